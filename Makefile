@@ -1,0 +1,24 @@
+# Two commands do all the set-up: `make run` and `make test`.
+PYTHON ?= python3.11
+CASE   ?= cases/quickstart.toml
+VENV   := .venv
+BIN    := $(VENV)/bin
+# what the gmsh wheel loads at import and Debian's slim images lack
+GMSH_LIBRARIES := libGLU.so.1 libGL.so.1 libXrender.so.1 libXcursor.so.1 libXft.so.2 libXinerama.so.1 libXfixes.so.3 libgomp.so.1
+GMSH_PACKAGES  := libglu1-mesa libgl1 libxrender1 libxcursor1 libxft2 libxinerama1 libxfixes3 libgomp1
+
+.PHONY: run test bench stability setup lint sweep clean
+run: setup ; @$(BIN)/emclutch run $(CASE)
+test: setup ; $(BIN)/python -m pytest tests/unit tests/physics tests/cases
+bench: setup ; $(BIN)/python -m pytest tests/benchmarks -s
+sweep: setup ; $(BIN)/emclutch sweep cases/current_to_torque.toml
+lint: setup ; $(BIN)/ruff check . && $(BIN)/mypy
+clean: ; rm -rf $(VENV) runs .pytest_cache .mypy_cache .ruff_cache; find . -name __pycache__ -prune -exec rm -rf {} +
+setup: $(VENV)/installed
+
+$(VENV)/installed: pyproject.toml constraints.txt
+	@PYTHON="$(PYTHON)" sh .ci/system-libraries "$(GMSH_LIBRARIES)" "$(GMSH_PACKAGES)"
+	@command -v $(PYTHON) >/dev/null || { echo "$(PYTHON) not found: apt-get install python3.11 python3.11-venv, or make PYTHON=python3.12"; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@touch $@

@@ -1,0 +1,26 @@
+"""The staggered loop between field and grains, and the effects that live in it."""
+
+from coupling.deposition import FillDeposition
+from coupling.effects import BackReaction, Effect, FixedDipoles, MagneticForce, WallImages
+from coupling.expected_load import impact_stiffness, magnetic_load, weight_load
+from coupling.field_source import CoilField, ImposedField
+from coupling.magnetised_grains import MagnetisedGrains, moments
+from coupling.staggered import Simulation, run_staggered
+
+__all__ = [
+    "BackReaction",
+    "CoilField",
+    "Effect",
+    "FillDeposition",
+    "FixedDipoles",
+    "ImposedField",
+    "MagneticForce",
+    "MagnetisedGrains",
+    "Simulation",
+    "WallImages",
+    "impact_stiffness",
+    "magnetic_load",
+    "moments",
+    "run_staggered",
+    "weight_load",
+]

@@ -1,0 +1,14 @@
+"""The physics of a scene as a list of small objects; what is not in the list does not exist.
+
+An effect has a `name`, may act at the start of a coupling window (`begin_window`) and may add to the held forces
+of a sub-cycle (`add_forces`, which returns its bookings for the ledgers). To add one: a new file here, a model in
+`emclutch.scene.effects`, a line in `emclutch.assembly`.
+"""
+
+from coupling.effects.back_reaction import BackReaction
+from coupling.effects.dipoles import FixedDipoles
+from coupling.effects.effect import Effect
+from coupling.effects.magnetic_force import MagneticForce, body_torque, gradient_force
+from coupling.effects.wall_images import WallImages
+
+__all__ = ["BackReaction", "Effect", "FixedDipoles", "MagneticForce", "WallImages", "body_torque", "gradient_force"]

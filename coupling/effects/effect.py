@@ -1,0 +1,23 @@
+"""What the staggered loop may ask of an effect."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from coupling.staggered import Simulation
+
+
+class Effect:
+    """Base of the effects: both calls do nothing unless an effect overrides them."""
+
+    name: str = ""
+
+    def begin_window(self, simulation: Simulation) -> None:
+        """Act once at the start of a coupling window."""
+
+    def add_forces(self, simulation: Simulation, force: np.ndarray) -> dict[str, float]:
+        """Add to the held forces (n, 3) [N]; return torques on the sector's grains by booking [N m]."""
+        return {}

@@ -1,0 +1,31 @@
+"""The force on a contact that the stiffness must bear, before a single grain has moved.
+
+Magnetised grains: in a long straight chain of touching dipoles along the field the two halves pull on each other with
+zeta(3) = 1.202 times the force of one touching pair, F_pair = (pi/6) mu_0 M^2 a^2 (exact for uniformly magnetised
+spheres, Edwards 2017). Sheared packings carry several times the mean on their force chains and walls, so the
+expected load is `PEAK` times the pair force.
+Weight: the column of grains above, rho g h d^2, times the same factor.
+Impact: a grain of mass m at speed v presses a spring k in by v sqrt(m/k): k = m v^2/delta^2.
+"""
+
+from __future__ import annotations
+
+from math import pi
+
+PEAK = 4.0  # largest over pair force; runs report the largest overlap they met, so that this can be judged
+MU_0 = 4e-7 * pi
+
+
+def magnetic_load(M: float, diameter: float) -> float:
+    """Expected peak force [N] of a contact between grains magnetised to M [A/m]."""
+    return PEAK * pi / 6.0 * MU_0 * M**2 * (0.5 * diameter) ** 2
+
+
+def weight_load(density: float, acceleration: float, height: float, diameter: float) -> float:
+    """Expected peak force [N] under a column of `height` [m] of grains of `density` [kg/m^3]."""
+    return PEAK * density * acceleration * height * diameter**2
+
+
+def impact_stiffness(mass: float, speed: float, overlap: float) -> float:
+    """Stiffness [N/m] at which a grain of `mass` [kg] hitting at `speed` [m/s] is pressed in by `overlap` [m]."""
+    return mass * speed**2 / overlap**2

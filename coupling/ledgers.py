@@ -1,0 +1,96 @@
+"""Conservation ledgers of a coupling window; every term comes from its own computation.
+
+Torque about z, whole device:  torque on rotor + disc + housing + field + dL/dt - gravity = residual
+
+- on the bodies: contact forces times levers, accumulated step by step by the DEM;
+- on the field (poles and coil): minus the magnetic torque on the grains, from m and B for the pairs of dipoles
+  (-sum m_i x B_j, see `coupling.dipoles`), from x x F for the gradient force and the images;
+- dL/dt: from positions and velocities at the window's ends, spins included.
+
+Energy of the grains:  work of walls + magnetic forces + gravity - dissipated - d(kinetic + elastic) = residual.
+"""
+
+from __future__ import annotations
+
+from time import perf_counter
+
+import numpy as np
+
+
+class Ledger:
+    """Adds up one window; `close` returns its row of the history (SI units, whole device)."""
+
+    def __init__(self, simulation):
+        self._simulation = simulation
+        self._begin = perf_counter()
+        self._part: tuple[str, float] | None = None
+        self._seconds = dict.fromkeys(("field", "magnetic", "contact"), 0.0)
+        self._bookings: dict[str, list[float]] = {}
+        self._steps: list = []
+        self._momentum = simulation.dem.grains.angular_momentum_z()
+
+    def clock(self, part: str | None) -> None:
+        """From now on time counts for `part` ("field", "magnetic", "contact"; None: for nothing)."""
+        now = perf_counter()
+        if self._part is not None:
+            self._seconds[self._part[0]] += now - self._part[1]
+        self._part = None if part is None else (part, now)
+
+    def book(self, torques: dict[str, float]) -> None:
+        """Magnetic torques on the sector's grains [N m], which hold during the next sub-cycle."""
+        for name, torque in torques.items():
+            self._bookings.setdefault(name, []).append(torque)
+
+    def add_steps(self, totals) -> None:
+        """Totals of a sub-cycle of the DEM."""
+        self._steps.append(totals)
+
+    def close(self) -> dict[str, float]:
+        """The window's row: torques [N m], energies [J], counts, wall-clock seconds."""
+        self.clock(None)
+        simulation = self._simulation
+        dem, n, steps = simulation.dem, simulation.n_sectors, self._steps
+        duration = sum(s.duration for s in steps)
+        row: dict[str, float] = {"time": dem.time}
+        residual = 0.0
+        for body in dem.bodies:
+            row[f"{body.name}_speed"] = body.speed
+            parts = {kind: sum(s.torque[body.name][kind] * s.duration for s in steps) / duration
+                     for kind in ("normal", "tangential")}
+            row[f"torque_{body.name}"] = parts["normal"] + parts["tangential"]
+            if body.name == "disc":
+                row |= {f"torque_disc_{kind}": value for kind, value in parts.items()}
+            residual += row[f"torque_{body.name}"]
+        if self._bookings:
+            booked = {name: n * float(np.mean(values)) for name, values in self._bookings.items()}
+            row["torque_field"] = -sum(booked.values())
+            row |= {f"torque_field_{name}": -value for name, value in booked.items() if len(booked) > 1}
+            residual += row["torque_field"]
+        row["angular_momentum"] = n * dem.grains.angular_momentum_z()
+        residual += (row["angular_momentum"] - n * self._momentum) / duration
+        row["torque_residual"] = residual
+        self._close_energy(row)
+        row["n_contacts"] = steps[-1].n_contacts
+        row["max_overlap"] = max(s.max_overlap for s in steps)
+        row["max_speed"] = max(s.max_speed for s in steps)
+        row["rebuilds"] = sum(s.rebuilds for s in steps)
+        row["steps"] = sum(s.steps for s in steps)
+        if simulation.magnetised is not None:
+            row |= {"wall_field": self._seconds["field"], "wall_magnetic": self._seconds["magnetic"]}
+        row["wall_contact"] = self._seconds["contact"]
+        row["wall_total"] = perf_counter() - self._begin
+        return row
+
+    def _close_energy(self, row: dict[str, float]) -> None:
+        steps = self._steps
+        row["kinetic_energy"] = steps[-1].kinetic_energy
+        row["elastic_energy"] = steps[-1].elastic_energy
+        row["work_walls"] = sum(sum(s.wall_work.values()) for s in steps)
+        if self._simulation.magnetised is not None:
+            row["work_magnetic"] = sum(s.external_work for s in steps)
+        if self._simulation.dem.gravity is not None:
+            row["work_gravity"] = sum(s.gravity_work for s in steps)
+        row["dissipated"] = sum(sum(s.dissipation.values()) for s in steps)
+        stored = sum(s.kinetic_change + s.elastic_change for s in steps)
+        row["energy_residual"] = (row["work_walls"] + row.get("work_magnetic", 0.0) + row.get("work_gravity", 0.0)
+                                  - row["dissipated"] - stored)

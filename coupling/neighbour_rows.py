@@ -1,0 +1,53 @@
+"""Full neighbour rows (every pair seen from both grains) out of the half list of `particles`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from particles import find_pairs
+
+
+@dataclass(frozen=True, slots=True)
+class NeighbourRows:
+    """CSR rows: grain i sees the grains `other[start[i]:start[i+1]]`, each turned about z by `shift` sectors.
+
+    `turn_cos[shift]`, `turn_sin[shift]` hold the turn's cosine and sine for shift 0, 1 and -1.
+    """
+
+    start: np.ndarray  # (n+1,) int64
+    other: np.ndarray  # (p,) int32
+    shift: np.ndarray  # (p,) int8: 0, 1 or -1
+    turn_cos: np.ndarray  # (3,) float64
+    turn_sin: np.ndarray  # (3,) float64
+
+
+def neighbour_rows(position: np.ndarray, reach: float, sector=None) -> NeighbourRows:
+    """All neighbours of all grains closer than `reach` [m]; positions (n, 3) [m]; cyclic images included.
+
+    The order within a row is fixed by the grains' order alone, so that sums over it are reproducible.
+    """
+    pairs = find_pairs(position, reach, sector)
+    n = len(position)
+    # stored as shift + 2: a sparse transpose moves the values, and none of them is zero
+    half = csr_array((pairs.shift.astype(np.int8) + np.int8(2), pairs.other, pairs.start), shape=(n, n))
+    back = half.T.tocsr()
+    rows = [(half.indptr, half.indices, half.data - np.int8(2)),
+            (back.indptr, back.indices, np.int8(2) - back.data)]
+    count = np.diff(rows[0][0]) + np.diff(rows[1][0])
+    start = np.zeros(n + 1, dtype=np.int64)
+    np.cumsum(count, out=start[1:])
+    other = np.empty(start[-1], dtype=np.int32)
+    shift = np.empty(start[-1], dtype=np.int8)
+    offset = start[:-1].copy()
+    for indptr, indices, data in rows:
+        length = np.diff(indptr)
+        slot = np.repeat(offset - indptr[:-1], length) + np.arange(indptr[-1])
+        other[slot] = indices
+        shift[slot] = data
+        offset = offset + length
+    angle = 0.0 if sector is None else sector.angle
+    turn = angle * np.array([0.0, 1.0, -1.0])
+    return NeighbourRows(start, other, shift, np.cos(turn), np.sin(turn))

@@ -1,0 +1,118 @@
+"""The staggered loop: coil -> field -> moments -> forces -> grains -> fill -> field, window by window.
+
+A coupling window holds the field; inside it the magnetic forces are evaluated every `steps_per_update` steps of the
+grains and held between (a window is `updates` such sub-cycles). What couples back is the fill: it goes into the
+permeability of the next window's field, inside the same Newton iteration, so that the loop is stable for any
+susceptibility of the powder (an explicit magnetisation source would diverge above chi of about 1.3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from coupling.effects.effect import Effect
+from coupling.ledgers import Ledger
+from coupling.magnetised_grains import MagnetisedGrains
+from coupling.neighbour_rows import NeighbourRows, neighbour_rows
+from particles import DEM
+
+
+@dataclass(slots=True)
+class Simulation:
+    """Everything that the loop moves.
+
+    Attributes
+    ----------
+    dem : DEM
+    effects : list of Effect
+        Exactly those of the scene, in the order in which they act.
+    magnetised : MagnetisedGrains or None
+        None when no effect needs the field.
+    source : CoilField, ImposedField or None
+    steps_per_update, updates : int
+        Grain steps between evaluations of the magnetic forces; such sub-cycles a window.
+    """
+
+    dem: DEM
+    effects: list[Effect]
+    magnetised: MagnetisedGrains | None
+    source: object | None
+    steps_per_update: int
+    updates: int
+    n_sectors: int = 1
+    fill: np.ndarray | None = None
+    window: int = 0
+    _rows: NeighbourRows | None = None
+    _rows_key: tuple = ()
+
+    def rows(self, cutoff: float) -> NeighbourRows:
+        """Neighbour rows out to `cutoff` [m]; valid until the grains are sorted anew, so one skin wider."""
+        key = (cutoff, self.dem.order_version)
+        if key != self._rows_key:
+            self._rows = neighbour_rows(self.dem.grains.position, cutoff + self.dem.skin, self.dem.sector)
+            self._rows_key = key
+        return self._rows
+
+    def rows_state(self) -> dict | None:
+        """The present rows for a checkpoint: their order fixes the order of sums, bit for bit."""
+        if self._rows is None or self._rows_key[1] != self.dem.order_version:
+            return None  # stale: they would be built anew in any case
+        return {"cutoff": self._rows_key[0], "start": self._rows.start, "other": self._rows.other,
+                "shift": self._rows.shift, "turn_cos": self._rows.turn_cos, "turn_sin": self._rows.turn_sin}
+
+    def restore_rows(self, state: dict | None) -> None:
+        """Take the rows of a checkpoint."""
+        if state is not None:
+            state = dict(state)
+            self._rows_key = (state.pop("cutoff"), self.dem.order_version)
+            self._rows = NeighbourRows(**state)
+
+
+def run_staggered(simulation: Simulation, end: float, callbacks: Iterable[Callable] = ()) -> None:
+    """March to the time `end` [s]; after every window each callback gets (simulation, row of the history).
+
+    A callback that returns True stops the run after this window (steady torque, interrupt).
+    """
+    dem = simulation.dem
+    last_step = round(end / dem.dt)
+    while dem.step_count < last_step:
+        ledger = Ledger(simulation)
+
+        # 1. coil and powder -> field
+        ledger.clock("field")
+        for effect in simulation.effects:
+            effect.begin_window(simulation)
+        if simulation.source is not None:
+            simulation.source.refresh(dem.time, simulation.fill)
+            simulation.magnetised.sampler = simulation.source.sampler
+
+        for _ in range(simulation.updates):
+            # 2. field -> moments -> held forces
+            ledger.clock("magnetic")
+            if simulation.magnetised is not None:
+                dem.external_force = magnetic_forces(simulation, ledger)
+
+            # 3. grains and shafts, many steps
+            ledger.clock("contact")
+            ledger.add_steps(dem.run(simulation.steps_per_update))
+
+        # 4. conservation, output, checkpoint, an early stop
+        simulation.window += 1
+        row = ledger.close()
+        # every callback is called, also after one has asked to stop
+        if any([callback(simulation, row) for callback in callbacks]):
+            return
+
+
+def magnetic_forces(simulation: Simulation, ledger: Ledger) -> np.ndarray:
+    """Moments and the sum of all magnetic effects' forces (n, 3) [N] at the present positions."""
+    simulation.magnetised.update(simulation.dem.grains)
+    force = np.zeros_like(simulation.dem.grains.position)
+    for effect in simulation.effects:
+        ledger.book(effect.add_forces(simulation, force))
+    return force
+
+

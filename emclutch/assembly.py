@@ -1,0 +1,101 @@
+"""From a plan to a simulation: packs the grains and puts exactly the scene's effects into the loop."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+
+from coupling import (
+    BackReaction,
+    CoilField,
+    FillDeposition,
+    FixedDipoles,
+    ImposedField,
+    MagneticForce,
+    MagnetisedGrains,
+    Simulation,
+    WallImages,
+)
+from emclutch.case import Case
+from emclutch.device import Device, current_course, grain_law
+from emclutch.plan import Plan
+from emclutch.scene.time_table import points_of
+from particles import DEM, Body, FreeShaft, Grains, PrescribedSpeed, pack
+
+
+def assemble(case: Case, device: Device, plan: Plan) -> Simulation:
+    """Pack the grains (seeded) and build the simulation; raises particles.PackingError when they do not fit."""
+    scene = case.scene
+    radius = 0.5 * scene.particles.diameter
+    walls = device.shape.walls()
+    region = device.boxes["box"] if "box" in device.boxes else list(device.boxes.values())
+    position = pack(region, walls, plan.count, radius, seed=scene.scene.seed, sector=plan.sector)
+    grains = Grains.create(position, radius, scene.particles.density)
+    return simulation_of(case, device, plan, grains)
+
+
+def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Simulation:
+    """The simulation around given grains (packed, or of a checkpoint)."""
+    scene, effects = case.scene, case.scene.effects
+    walls = device.shape.walls()
+    gravity = None
+    if effects.gravity is not None:
+        direction = np.asarray(effects.gravity.direction, dtype=float)
+        gravity = effects.gravity.acceleration * direction / np.linalg.norm(direction)
+    dem = DEM(grains, walls, shafts(scene, walls), plan.contact, dt=plan.dt, gravity=gravity, sector=plan.sector)
+    source = field_source(scene, device)
+    deposition = None
+    if effects.back_reaction is not None:
+        deposition = FillDeposition(device.mesh, scene.particles.diameter, scene.particles.sector or 2 * pi)
+        source.element_volume = deposition.volume
+    magnetised = None
+    if source is not None:
+        fill_at = None if deposition is None else (lambda position: deposition.at(position, source.fill))
+        magnetised = MagnetisedGrains(source.sampler, grain_law(scene), fill_at)
+    n_sectors = 1 if plan.sector is None else plan.sector.n_sectors
+    return Simulation(dem, effects_of(scene, walls, deposition), magnetised, source, plan.steps_per_update,
+                      plan.updates, n_sectors)
+
+
+def effects_of(scene, walls, deposition: FillDeposition | None) -> list:
+    """The effects of the scene, in the order in which they act; gravity lives in the grains' own step."""
+    effects, chosen = [], scene.effects
+    if chosen.back_reaction is not None:
+        effects.append(BackReaction(deposition))
+    if chosen.magnetic_force is not None:
+        effects.append(MagneticForce())
+    if chosen.dipoles is not None:
+        cutoff = chosen.dipoles.cutoff * scene.particles.diameter
+        effects.append(FixedDipoles(cutoff))
+        if chosen.wall_images is not None:
+            effects.append(WallImages(cutoff, walls))
+    return effects
+
+
+def field_source(scene, device: Device):
+    """Where the scene's field comes from; None when no effect needs one."""
+    if device.sampler is not None:
+        return ImposedField(device.sampler)
+    if device.problem is None:
+        return None
+    source = CoilField(device.problem, device.turns, current_course(scene), scene.field.newton_tolerance)
+    if scene.effects.back_reaction is not None:
+        source.fill_tolerance = scene.effects.back_reaction.tolerance
+    return source
+
+
+def shafts(scene, walls) -> list[Body]:
+    """One body for every name that a wall belongs to; housing stands still."""
+    bodies = []
+    for name in dict.fromkeys(wall.body for wall in walls):
+        motion = getattr(scene.motion, name, None)
+        if motion is None:
+            bodies.append(Body(name))
+        elif motion.free is not None:
+            free = motion.free
+            bodies.append(Body(name, FreeShaft(free.inertia, free.drive_torque, free.load_torque),
+                               speed=free.initial_speed))
+        else:
+            bodies.append(Body(name, PrescribedSpeed(*points_of(motion.speed))))
+    return bodies

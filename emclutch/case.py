@@ -1,0 +1,168 @@
+"""A case: a scene that was read, checked and found right, with the file that it came from."""
+
+from __future__ import annotations
+
+import copy
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Any
+
+import tomli_w
+from pydantic import Field, ValidationError, create_model
+
+from emclutch.faults import Fault, SceneError
+from emclutch.scene.consistency import Draft, faults_between_sections, warnings_of
+from emclutch.scene.fault_report import faults_from
+from emclutch.scene.model import Scene
+from emclutch.scene.section import Section
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A right scene.
+
+    Attributes
+    ----------
+    scene : the models, in SI
+    path : the file, or None for a scene made in Python
+    warnings : what is allowed and yet likely not meant
+    data : the scene as the user wrote it, with the values that were set since
+    """
+
+    scene: Scene
+    path: Path | None = None
+    warnings: tuple[str, ...] = ()
+    data: dict[str, Any] = field(default_factory=dict, repr=False)
+
+    @property
+    def name(self) -> str:
+        """Stem of the file's name, ``scene`` without a file."""
+        return "scene" if self.path is None else self.path.stem
+
+    def with_values(self, values: Mapping[str, Any]) -> Case:
+        """Return a new case with other values, e.g. ``{"coil.current": "0.8 A"}``; None removes a key or a table.
+
+        Raises
+        ------
+        SceneError
+            The scene is not right with them.
+        """
+        return case_from(self.data, values, self.path)
+
+    def resolved(self) -> dict[str, Any]:
+        """Return the whole scene in SI, defaults written out; it loads to an equal scene."""
+        whole = self.scene.model_dump(mode="json", exclude_none=True)
+        return {name: section for name, section in whole.items() if section or name != "materials"}
+
+    def toml(self) -> str:
+        """Return the resolved scene as the text of a scene file."""
+        return tomli_w.dumps(self.resolved())
+
+    def write_toml(self, path: str | Path) -> None:
+        """Write the resolved scene to a new file.
+
+        Raises
+        ------
+        FileExistsError
+            There is a file already; nothing is overwritten.
+        """
+        with open(path, "x", encoding="utf-8") as stream:
+            stream.write(self.toml())
+
+
+def load_case(path: str | Path, overrides: Mapping[str, Any] | None = None) -> Case:
+    """Read and check a scene file; `overrides` as in `Case.with_values`.
+
+    Raises
+    ------
+    SceneError
+        The file cannot be read, is not TOML, or the scene has faults: all of them at once.
+    """
+    path = Path(path)
+    data = read_toml(path)
+    if "study" in data:
+        raise SceneError([Fault("study", "", f"makes this file a study of many scenes; use: emclutch sweep {path}")],
+                         str(path))
+    return case_from(data, overrides or {}, path)
+
+
+def case_from(data: Mapping[str, Any], values: Mapping[str, Any] | None = None, path: Path | None = None) -> Case:
+    """Check a scene given as nested dictionaries, with dotted `values` set in a copy of it."""
+    changed = copy.deepcopy(dict(data))
+    source = "scene" if path is None else str(path)
+    faults = [fault for key, value in (values or {}).items() for fault in _set(changed, key, value)]
+    if faults:
+        raise SceneError(faults, source)
+    scene, faults = _validate(changed, Path() if path is None else path.parent)
+    if scene is None or faults:
+        raise SceneError(faults, source)
+    return Case(scene, path, tuple(warnings_of(scene)), changed)
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file.
+
+    Raises
+    ------
+    SceneError
+        It cannot be read, or it is not TOML; the fault has the line.
+    """
+    try:
+        with open(path, "rb") as stream:
+            return tomllib.load(stream)
+    except FileNotFoundError:
+        reason = "does not exist; check the path"
+    except IsADirectoryError:
+        reason = "is a folder; name the .toml file in it"
+    except OSError as error:
+        reason = f"cannot be read ({error.strerror}); check the path and its permissions"
+    except UnicodeDecodeError:
+        reason = "is not text in UTF-8; a scene is a TOML file"
+    except tomllib.TOMLDecodeError as error:
+        reason = f"is not TOML: {error}; correct that line, texts and values with a unit need quotes"
+    raise SceneError([Fault(str(path), "", reason)], str(path))
+
+
+def _set(data: dict[str, Any], key: str, value: Any) -> list[Fault]:
+    """Set a dotted key in place; tables on its way are made."""
+    *tables, name = key.split(".")
+    if not all((*tables, name)):
+        return [Fault(key, "", "is not a dotted key; write it as in 'coil.current'")]
+    for step in tables:
+        table = data.setdefault(step, {}) if value is not None else data.get(step, {})
+        if not isinstance(table, dict):
+            return [Fault(key, "", f"cannot be set: {step} is a value in this scene, not a table; set {step} itself")]
+        data = table
+    if value is None:
+        data.pop(name, None)
+    else:
+        data[name] = copy.deepcopy(value)
+    return []
+
+
+def _validate(data: dict[str, Any], folder: Path) -> tuple[Scene | None, list[Fault]]:
+    """Return the scene, or None, and every fault: those within the sections and those between the right ones."""
+    context = {"folder": folder}
+    try:
+        scene = Scene.model_validate(data, context=context)
+    except ValidationError as error:
+        faults = faults_from(error, Scene, data)
+        broken = frozenset(fault.key.split(".")[0].split("[")[0] for fault in faults)
+        right = {name: entry for name, entry in data.items() if name not in broken}
+        partial = _partial_scene().model_validate(right, context=context)
+        return None, faults + faults_between_sections(Draft(partial, data, broken))
+    return scene, faults_between_sections(Draft(scene, data, frozenset()))
+
+
+@lru_cache(maxsize=1)
+def _partial_scene() -> type[Section]:
+    """Return the scene's model with every section optional, to check what can be checked beside broken sections."""
+    sections: dict[str, Any] = {}
+    for name, info in Scene.model_fields.items():
+        if info.is_required():
+            mark = Field(discriminator=info.discriminator)
+            sections[name] = (Annotated[info.annotation, mark] | None, None)  # type: ignore[operator, name-defined]
+    return create_model("PartialScene", __base__=Scene, **sections)

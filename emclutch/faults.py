@@ -1,0 +1,61 @@
+"""What a user's mistake looks like: faults of a scene, all at once, each with key, entry and remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One thing that is wrong with a scene, a study or a command.
+
+    Attributes
+    ----------
+    key : dotted key, e.g. ``"geometry.gap"``; empty where the fault belongs to no key (an unreadable file)
+    value : the entry as the user gave it, ``repr``-like; empty where there is none (a missing key)
+    message : what is wrong, what is allowed and what to do; reads on from «key = value»
+    """
+
+    key: str
+    value: str
+    message: str
+
+    def __str__(self) -> str:
+        entry = f"{self.key} = {self.value}" if self.key and self.value else self.key
+        return f"{entry} {self.message}".strip()
+
+
+class SceneError(Exception):
+    """Bad input: carries every fault that was found. The command line answers it with exit code 2.
+
+    Attributes
+    ----------
+    faults : tuple of Fault
+    source : name of the file at fault, for the first line of the report
+    """
+
+    def __init__(self, faults: Iterable[Fault], source: str = "scene") -> None:
+        self.faults = tuple(faults)
+        self.source = source
+        super().__init__(self.report())
+
+    def report(self) -> str:
+        """All faults, a line each, under the name of the file."""
+        count = "1 fault" if len(self.faults) == 1 else f"{len(self.faults)} faults"
+        return "\n".join([f"{self.source}: {count}", *(f"  - {fault}" for fault in self.faults)])
+
+
+class RunError(Exception):
+    """A run that could not go on, with the reason and the remedy. The command line answers it with exit code 1."""
+
+
+def shown(value: object, limit: int = 60) -> str:
+    """Return an entry as a fault shows it: as in the TOML file, cut where it is long."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, dict):
+        text = "{" + ", ".join(str(key) for key in value) + "}"
+    else:
+        text = repr(value)
+    return text if len(text) <= limit else text[: limit - 4] + " ..."

@@ -1,0 +1,82 @@
+"""What a window's row holds beside the ledgers: coil, gap and dimensionless numbers."""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+
+import numpy as np
+
+from coupling import CoilField, Simulation
+from emclutch.device import Device
+from geometry import Clutch, ShearCell
+
+
+class Observables:
+    """Callback of the loop that adds current, field quantities, fill and inertial number to each row."""
+
+    def __init__(self, scene, device: Device):
+        self._scene = scene
+        self._device = device
+        self._seen_solution: object = None
+        self._field_row: dict[str, float] = {}
+
+    def __call__(self, simulation: Simulation, row: dict) -> None:
+        source = simulation.source
+        if isinstance(source, CoilField):
+            row["current"] = source.current(row["time"])
+            row["field_solves"] = 0
+            if source.solution is not self._seen_solution:
+                row["field_solves"] = 1
+                self._seen_solution = source.solution
+                self._field_row = self._field_quantities(source)
+            row.update(self._field_row)
+        box = self._shear_box()
+        if box is not None:
+            x = simulation.dem.grains.position
+            r = np.hypot(x[:, 0], x[:, 1])
+            inside = (r > box.r0) & (r < box.r1) & (x[:, 2] > box.z0) & (x[:, 2] < box.z1)
+            volume = simulation.n_sectors * simulation.dem.grains.volume[inside].sum()
+            row["solid_fraction_gap"] = float(volume / box.volume())
+            row["inertial_number"] = self.inertial_number(row["torque_disc"],
+                                                          row["rotor_speed"] - row["disc_speed"])
+
+    def inertial_number(self, torque: float, slip: float) -> float | None:
+        """Upper bound of I = shear rate d sqrt(rho/P) in the rim gap; None where no torque gives a pressure.
+
+        P = tau/mu_wall with tau the torque over the gap's mean cylinder: at most that pressure is missed when the
+        walls do not slip, so the true number is smaller.
+        """
+        box, scene = self._shear_box(), self._scene
+        radius = self._device.shear_radius
+        tau = abs(torque) / (2 * pi * radius**2 * (box.z1 - box.z0))
+        friction = scene.contact.friction_at_walls
+        if tau == 0.0 or friction == 0.0:
+            return None
+        rate = abs(slip) * radius / self._device.shear_gap
+        return rate * scene.particles.diameter * sqrt(scene.particles.density * friction / tau)
+
+    def _shear_box(self):
+        shape = self._device.shape
+        if not isinstance(shape, (Clutch, ShearCell)):
+            return None
+        boxes = shape.fill_boxes()
+        return boxes.get("rim", next(iter(boxes.values())))
+
+    def _field_quantities(self, source: CoilField) -> dict[str, float]:
+        solution = source.solution
+        return {
+            "flux_linkage": source.turns * solution.flux_linkage_per_turn,
+            "field_energy": solution.energy,
+            "gap_flux_density": pole_flux_density(self._device.shape, solution),
+            "field_iterations": len(solution.newton) - 1,
+            "field_residual": solution.newton[-1][0],
+        }
+
+
+def pole_flux_density(shape: Clutch, solution) -> float:
+    """Mean |B| [T] on the middle of the rim gap under the two pole faces, or of the face gap of a thin disc."""
+    midline = shape.gap_midline(201)
+    under = midline[np.abs(midline[:, 1]) > 0.5 * shape.ring_width]
+    if len(under) < 10:
+        under = shape.face_midline(201)
+    return float(np.linalg.norm(solution.B_along(under), axis=1).mean())

@@ -1,0 +1,236 @@
+"""Everything that is decided before the first step, with its reason: `emclutch check` prints it, `run` follows it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, floor
+
+import numpy as np
+
+from coupling import FillDeposition, impact_stiffness, magnetic_load, weight_load
+from emclutch.case import Case
+from emclutch.device import Device, build_device, grain_law, grains_in_device
+from emclutch.scene.time_table import largest
+from field import MagneticField
+from particles import CyclicSector, LinearContact, choose_time_step, stiffness_for_overlap
+
+# nanoseconds a grain and step for contacts, and a neighbour for dipoles; measured on two cores, for estimates only
+CONTACT_NS = 400.0
+PAIR_NS = 9.0
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """The numbers that a run starts from.
+
+    Attributes
+    ----------
+    count : int
+        Grains that are simulated (those of the sector).
+    sector : CyclicSector or None
+    contact : LinearContact
+    dt : float
+        Step of the grains [s].
+    steps_per_update, updates, windows : int
+        Steps between evaluations of the magnetic forces; evaluations a window; windows of the run.
+    peak_field : MagneticField or None
+        Solution at the largest current with the powder spread evenly.
+    M_max : float
+        Largest magnetisation of a grain to be expected [A/m].
+    reasons : dict of str to str
+        One line for each decision.
+    """
+
+    count: int
+    sector: CyclicSector | None
+    contact: LinearContact
+    dt: float
+    steps_per_update: int
+    updates: int
+    windows: int
+    peak_field: MagneticField | None
+    M_max: float
+    reasons: dict[str, str]
+
+    @property
+    def end(self) -> float:
+        """Time at the end of the last window [s]."""
+        return self.windows * self.updates * self.steps_per_update * self.dt
+
+
+def field_is_needed(scene) -> bool:
+    """Whether any effect of the scene samples the field."""
+    effects = scene.effects
+    return effects.magnetic_force is not None or effects.dipoles is not None
+
+
+def make_plan(case: Case, device: Device | None = None) -> tuple[Device, Plan]:
+    """Build the device (unless given) and decide stiffness, step, windows and numbers of the run.
+
+    Raises SceneError-independent ValueError with a remedy when the scene's own step is too long.
+    """
+    scene = case.scene
+    device = device or build_device(scene, field_needed=field_is_needed(scene))
+    particles = scene.particles
+    sector = None if particles.sector is None else CyclicSector(particles.sector)
+    whole = grains_in_device(scene, device.fill_volume)
+    count = max(1, round(whole / particles.n_sectors))
+    reasons = {"grains": f"{count} simulated of {whole:.0f} in the device, "
+                         f"solid fraction {whole * particles.grain_volume / device.fill_volume:.3f} of the "
+                         f"{particles.region if device.mesh is not None else 'space'} filled"}
+    field, M_max = expected_magnetisation(case, device, whole * particles.grain_volume)
+    speed = _largest_speed(scene, device)
+    contact = _contact(scene, device, M_max, speed, reasons)
+    mass = particles.density * particles.grain_volume
+    step = choose_time_step(contact, mass, 0.5 * particles.diameter, speed=speed,
+                            steps_per_contact=scene.time.steps_per_contact, dt=scene.time.step)
+    reasons["time step"] = step.reason
+    per_update, updates, windows = _windows(scene, step.dt, speed, M_max > 0.0 or field is not None, reasons)
+    plan = Plan(count, sector, contact, step.dt, per_update, updates, windows, field, M_max, reasons)
+    _estimates(scene, device, plan)
+    return device, plan
+
+
+def expected_magnetisation(case: Case, device: Device, powder_volume: float):
+    """Field at the largest current with the powder spread evenly over its boxes, and the grains' largest M there."""
+    scene = case.scene
+    law = grain_law(scene)
+    if device.sampler is not None:
+        H = scene.field.field_strength
+        return None, float(law.magnetisation(np.array([abs(H)]), np.zeros(1))[0])
+    if device.problem is None:
+        return None, 0.0
+    fill = None
+    phi = powder_volume / device.fill_volume
+    if scene.effects.back_reaction is not None:
+        fill = uniform_fill(device, phi)
+    peak = largest(scene.coil.current)
+    field = device.problem.solve(device.turns * peak, fill=fill, tolerance=scene.field.newton_tolerance)
+    points = _sample_points(device, scene.particles.diameter)
+    H = np.linalg.norm(field.sampler("powder").sample(points)[0], axis=1)
+    return field, float(law.magnetisation(H, np.full(len(H), phi if fill is not None else 0.0)).max())
+
+
+def uniform_fill(device: Device, phi: float) -> np.ndarray:
+    """Solid fraction `phi` on the powder's elements inside the filled boxes, 0 outside; (n powder elements,)."""
+    centroid = device.mesh.centroid()[device.mesh.regions["powder"]]
+    inside = np.zeros(len(centroid), dtype=bool)
+    for box in device.boxes.values():
+        inside |= ((centroid[:, 0] > box.r0) & (centroid[:, 0] < box.r1)
+                   & (centroid[:, 1] > box.z0) & (centroid[:, 1] < box.z1))
+    return np.where(inside, phi, 0.0)
+
+
+def deposition(scene, device: Device) -> FillDeposition:
+    """Deposition of the scene's grains on the device's powder elements."""
+    return FillDeposition(device.mesh, scene.particles.diameter, scene.particles.sector or 2 * np.pi)
+
+
+def _sample_points(device: Device, diameter: float) -> np.ndarray:
+    points = []
+    for box in device.boxes.values():
+        r = np.linspace(box.r0 + 0.5 * diameter, box.r1 - 0.5 * diameter, 9)
+        z = np.linspace(box.z0 + 0.5 * diameter, box.z1 - 0.5 * diameter, 121)
+        r, z = np.meshgrid(r, z)
+        points.append(np.column_stack([r.ravel(), np.zeros(r.size), z.ravel()]))
+    return np.concatenate(points)
+
+
+def _largest_speed(scene, device: Device) -> float:
+    """Largest speed [m/s] that a driven wall gives to grains, or that weight can."""
+    speeds = [0.0]
+    for motion in (scene.motion.rotor, scene.motion.disc):
+        speeds.append(abs(motion.free.initial_speed) if motion.free is not None else largest(motion.speed))
+    wall = max(speeds) * device.largest_radius
+    gravity = scene.effects.gravity
+    fall = 0.0 if gravity is None else float(np.sqrt(2 * gravity.acceleration * device.shear_gap))
+    return max(wall, fall)
+
+
+def _contact(scene, device: Device, M_max: float, speed: float, reasons: dict[str, str]) -> LinearContact:
+    particles, contact = scene.particles, scene.contact
+    d = particles.diameter
+    mass = particles.density * particles.grain_volume
+    loads = {f"grains magnetised to {M_max / 1e3:.3g} kA/m": magnetic_load(M_max, d)}
+    if scene.effects.gravity is not None:
+        height = device.shape.size[2] if hasattr(device.shape, "size") else 2.0 * device.largest_radius
+        loads["the weight of the bed"] = weight_load(particles.density, scene.effects.gravity.acceleration, height, d)
+    cause, force = max(loads.items(), key=lambda item: item[1])
+    by_impact = impact_stiffness(mass, speed, contact.max_overlap * d)
+    by_load = stiffness_for_overlap(force, d, contact.max_overlap) if force > 0.0 else 0.0
+    stiffness = max(by_impact, by_load)
+    if contact.stiffness is not None:
+        stiffness = contact.stiffness
+        expected = max(force / stiffness, speed * np.sqrt(mass / stiffness)) / d
+        reasons["stiffness"] = (f"k_n = {stiffness:.3g} N/m as asked; overlap to be expected {100 * expected:.2g} % "
+                                f"of the diameter")
+    elif stiffness == 0.0:
+        raise ValueError("nothing loads the contacts (no weight, no magnetism, no motion), so no stiffness follows; "
+                         "give contact.stiffness, e.g. '1000 N/m'")
+    else:
+        why = (f"{force:.3g} N from {cause}" if by_load >= by_impact
+               else f"impacts at {speed:.3g} m/s")
+        reasons["stiffness"] = (f"k_n = {stiffness:.3g} N/m: overlap at most {100 * contact.max_overlap:g} % of the "
+                                f"diameter under {why}")
+    return LinearContact.from_restitution(stiffness, contact.restitution, contact.friction,
+                                          wall_friction=contact.friction_at_walls)
+
+
+def _windows(scene, dt: float, speed: float, magnetic: bool, reasons: dict[str, str]) -> tuple[int, int, int]:
+    """Steps a force update, updates a window and windows of the run."""
+    d = scene.particles.diameter
+    end_steps = max(1, ceil(scene.time.end / dt))
+    per_update = 1
+    if magnetic:
+        asked = scene.effects.dipoles.update_every if scene.effects.dipoles is not None else None
+        travel = 0.01 * d / (speed * dt) if speed > 0.0 else np.inf
+        per_update = asked or max(1, floor(min(travel, 0.5 * scene.time.steps_per_contact)))
+        reasons["magnetic forces"] = (f"evaluated every {per_update} steps"
+                                      + (" as asked" if asked else ": half a contact, 1 % of a diameter of travel"))
+    if scene.time.window is not None:
+        steps = max(1, round(scene.time.window / dt))
+    else:
+        # a quarter of a diameter of shear, but enough windows for a mean with an error bar
+        travel = 0.25 * d / (speed * dt) if speed > 0.0 else np.inf
+        steps = max(1, floor(min(travel, end_steps / 200, 5000)))
+    if not magnetic:
+        per_update, updates = steps, 1
+    else:
+        updates = max(1, round(steps / per_update))
+    windows = max(1, ceil(end_steps / (per_update * updates)))
+    reasons["coupling window"] = (f"{per_update * updates} steps = {per_update * updates * dt:.3g} s, "
+                                  f"{windows} windows to t = {windows * per_update * updates * dt:.4g} s")
+    return per_update, updates, windows
+
+
+def _estimates(scene, device: Device, plan: Plan) -> None:
+    steps = plan.windows * plan.updates * plan.steps_per_update
+    pairs = 0.0
+    if scene.effects.dipoles is not None:
+        phi = plan.count * scene.particles.n_sectors * scene.particles.grain_volume / device.fill_volume
+        # neighbours within the cut-off and a skin, at the density of the filled space
+        pairs = phi * 8.0 * (scene.effects.dipoles.cutoff + 0.25) ** 3
+        pairs *= 2.0 if scene.effects.wall_images is not None else 1.0
+    seconds = steps * plan.count * (CONTACT_NS + pairs * PAIR_NS / plan.steps_per_update) * 1e-9
+    if device.problem is not None:
+        seconds += 5.0 + 0.3 * plan.windows * (scene.effects.back_reaction is not None)
+    memory = plan.count * (1500 + 9 * pairs) / 2**20 + 400
+    disk = scene.output.snapshots * plan.count * 160 / 2**20 + 2
+    if device.mesh is not None:
+        plan.reasons["mesh"] = (f"{len(device.mesh.triangles)} triangles, {device.problem.n_dofs} unknowns of order "
+                                f"{scene.field.order}; coil of {device.turns:.0f} turns")
+    plan.reasons["cost"] = (f"{steps} steps of {plan.count} grains: about {seconds / 60:.1f} min on two cores, "
+                            f"{memory:.0f} MiB of memory, {disk:.0f} MiB on disk")
+
+
+def plan(case: Case) -> dict[str, str]:
+    """The plan in words, label -> text, for `emclutch check`."""
+    device, made = make_plan(case)
+    if made.peak_field is not None:
+        midline = device.shape.gap_midline()
+        B = np.linalg.norm(made.peak_field.B_along(midline), axis=1)
+        made.reasons["field"] = (f"at the largest current, powder spread evenly: |B| in the rim gap up to "
+                                 f"{B.max():.3g} T, grains magnetised up to {made.M_max / 1e3:.3g} kA/m")
+    return made.reasons
+
+

@@ -1,0 +1,224 @@
+"""The grains as an engineer wants to see them: unrolled along the gap, and in the (r, z) plane.
+
+A cyclic sector of a thin gap is a narrow curved strip; unrolled, with R0 theta to the right, shear and
+chains are seen at once. Chains are the contacts, drawn as wide as their force.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+MM = 1e3
+WALL_COLOURS = {"disc": "#0b5fa5", "rotor": "#c4540a", "housing": "#6a6a6a"}
+
+
+def grains_picture(
+    path: str | Path,
+    position: np.ndarray,
+    radius: np.ndarray,
+    colour: np.ndarray,
+    *,
+    colour_label: str = "speed [m/s]",
+    walls: Sequence[Any] = (),
+    chains: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None,
+    across: str | None = None,
+    layer: tuple[float, float] | None = None,
+    sector_angle: float | None = None,
+    title: str | None = None,
+) -> Path:
+    """Draw the unrolled gap above the meridional projection.
+
+    Parameters
+    ----------
+    path : PNG to write.
+    position : (n, 3) [m]; z is the shaft's axis.
+    radius : (n,) [m].
+    colour : (n,) what the grains are coloured by.
+    walls : revolved walls with `body`, `start`, `end` (r, z) [m]; others are left out.
+    chains : start (k, 3), end (k, 3) [m] and force (k,) [N] of the contacts.
+    across : coordinate across the gap, up in the unrolled view: "r" (rim gap) or "z" (face gap); None
+        takes the one in which the grains spread less.
+    layer : limits of the other coordinate [m]: only grains whose centre is inside are drawn unrolled.
+        None takes a layer of two diameters in the middle, or all where that holds fewer than 20 grains.
+    sector_angle : of the cyclic sector [rad]; its faces are marked.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    position, radius, colour = np.asarray(position), np.asarray(radius), np.asarray(colour, dtype=np.float64)
+    r, theta, z = np.hypot(position[:, 0], position[:, 1]), _azimuth(position), position[:, 2]
+    if across is None:
+        across = "r" if np.ptp(r) <= np.ptp(z) else "z"
+    up, other = (r, z) if across == "r" else (z, r)
+    reference = float(np.median(r)) if len(r) else 1.0
+    if layer is None:
+        layer = _middle_layer(other, radius)
+    drawn = (other >= layer[0]) & (other <= layer[1])
+
+    figure = Figure(figsize=(11.0, 7.0), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    unrolled, plane = figure.subplots(2, 1)
+    limits = (float(np.min(colour)), float(np.max(colour))) if len(colour) else (0.0, 1.0)
+    if limits[0] == limits[1]:
+        limits = (limits[0] - 0.5, limits[0] + 0.5)
+    circles = _circles(unrolled, reference * theta[drawn], up[drawn], radius[drawn], colour[drawn], limits)
+    order = np.argsort(theta)  # the meridional view looks along the azimuth: near grains over far ones
+    _circles(plane, z[order], r[order], radius[order], colour[order], limits)
+    if chains is not None and len(chains[2]):
+        _draw_chains(unrolled, chains, across, layer, reference, sector_angle)
+
+    outlines = [wall for wall in walls if hasattr(wall, "start")]
+    for body in dict.fromkeys(wall.body for wall in outlines):
+        own = [wall for wall in outlines if wall.body == body]
+        _draw_meridional_walls(plane, own, body)
+        _draw_unrolled_walls(unrolled, own, body, across, layer)
+    _frame(plane, z, r, radius)
+    _frame(unrolled, reference * theta[drawn], up[drawn], radius[drawn])
+    if sector_angle is not None:
+        for face in (0.0, reference * sector_angle):
+            unrolled.axvline(MM * face, color="black", lw=0.8, ls="--")
+    between = "z" if across == "r" else "r"
+    unrolled.set_xlabel(f"R0·θ [mm], R0 = {MM * reference:.4g} mm")
+    unrolled.set_ylabel(f"{across} [mm]")
+    shown = (
+        f"unrolled: {np.count_nonzero(drawn)} of {len(r)} grains, "
+        f"{between} in {MM * layer[0]:.3g}…{MM * layer[1]:.3g} mm"
+    )
+    unrolled.set_title(f"{title}, {shown}" if title else shown, loc="left", fontsize=11)
+    plane.set_xlabel("z [mm]")
+    plane.set_ylabel("r [mm]")
+    plane.set_title(f"all {len(r)} grains in the (r, z) plane", loc="left", fontsize=11)
+    if outlines:
+        handles, labels = plane.get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
+    figure.colorbar(circles, ax=[unrolled, plane], label=colour_label, shrink=0.85, pad=0.01)
+    figure.savefig(path)
+    return Path(path)
+
+
+def _azimuth(position: np.ndarray) -> np.ndarray:
+    """Azimuth in [0, 2 pi): sectors start at 0. A grain just below the sector's first face stays there."""
+    theta = np.mod(np.arctan2(position[:, 1], position[:, 0]), 2.0 * np.pi)
+    if len(theta) and theta.max() > 1.9 * np.pi and np.median(theta) < 0.9 * np.pi:
+        theta = np.where(theta > 1.9 * np.pi, theta - 2.0 * np.pi, theta)
+    return theta
+
+
+def _middle_layer(other: np.ndarray, radius: np.ndarray) -> tuple[float, float]:
+    if not len(other):
+        return 0.0, 0.0
+    half = 2.0 * float(radius.max())
+    # Where most grains are: the middle of all of them is empty in a clutch with two faces.
+    counts, edges = np.histogram(other, bins=max(1, min(50, int(np.ptp(other) / half) or 1)))
+    best = int(np.argmax(counts))
+    middle = 0.5 * float(edges[best] + edges[best + 1])
+    low, high = middle - half, middle + half
+    if np.count_nonzero((other >= low) & (other <= high)) < min(20, len(other)):
+        return float(other.min()), float(other.max())
+    return low, high
+
+
+def _circles(
+    axis: Axes,
+    x: np.ndarray,
+    y: np.ndarray,
+    radius: np.ndarray,
+    colour: np.ndarray,
+    limits: tuple[float, float],
+) -> Any:
+    from matplotlib.collections import EllipseCollection
+
+    d = 2.0 * MM * radius
+    edge = 0.3 if len(x) < 3000 else 0.0
+    circles = EllipseCollection(
+        d,
+        d,
+        np.zeros_like(d),
+        units="xy",
+        offsets=MM * np.column_stack([x, y]),
+        offset_transform=axis.transData,
+        cmap="cividis",
+        edgecolors="black",
+        linewidths=edge,
+    )
+    circles.set_array(colour)
+    circles.set_clim(*limits)
+    axis.add_collection(circles)
+    return circles
+
+
+def _draw_chains(
+    axis: Axes,
+    chains: tuple[np.ndarray, np.ndarray, np.ndarray],
+    across: str,
+    layer: tuple[float, float],
+    reference: float,
+    sector_angle: float | None,
+) -> None:
+    from matplotlib.collections import LineCollection
+
+    start, end = np.asarray(chains[0]), np.asarray(chains[1])
+    force = np.abs(np.asarray(chains[2], dtype=np.float64))
+    ends, inside = [], np.ones(len(force), dtype=bool)
+    for point in (start, end):
+        r, z = np.hypot(point[:, 0], point[:, 1]), point[:, 2]
+        up, other = (r, z) if across == "r" else (z, r)
+        inside &= (other >= layer[0]) & (other <= layer[1])
+        ends.append([_azimuth(point), up])
+    # A contact through the sector's faces joins a grain with the image of another: keep the short way.
+    period = 2.0 * np.pi if sector_angle is None else sector_angle
+    ends[1][0] = ends[1][0] - period * np.round((ends[1][0] - ends[0][0]) / period)
+    a, b = (np.column_stack([reference * theta, up]) for theta, up in ends)
+    if not inside.any():
+        return
+    strongest = float(np.percentile(force[inside], 98)) or 1.0
+    width = 3.0 * np.minimum(force[inside] / strongest, 1.0)
+    axis.add_collection(
+        LineCollection(
+            list(MM * np.stack([a, b], axis=1)[inside]), colors="crimson", linewidths=width, alpha=0.85
+        )
+    )
+
+
+def _draw_meridional_walls(axis: Axes, walls: Sequence[Any], body: str) -> None:
+    colour = WALL_COLOURS.get(body, "#333333")
+    for number, wall in enumerate(walls):
+        (r0, z0), (r1, z1) = wall.start, wall.end
+        label = body if number == 0 else None
+        axis.plot(
+            [MM * z0, MM * z1],
+            [MM * r0, MM * r1],
+            color=colour,
+            lw=2.0,
+            label=label,
+            scalex=False,
+            scaley=False,
+        )
+
+
+def _draw_unrolled_walls(
+    axis: Axes, walls: Sequence[Any], body: str, across: str, layer: tuple[float, float]
+) -> None:
+    """A wall along the gap that passes through the layer is a horizontal line."""
+    for wall in walls:
+        up, other = (0, 1) if across == "r" else (1, 0)
+        low, high = sorted((wall.start[other], wall.end[other]))
+        level = abs(wall.start[up] - wall.end[up]) <= 1e-9 + 1e-6 * abs(wall.start[up])
+        if level and low < high and high >= layer[0] and low <= layer[1]:
+            axis.axhline(MM * wall.start[up], color=WALL_COLOURS.get(body, "#333333"), lw=2.0)
+
+
+def _frame(axis: Axes, x: np.ndarray, y: np.ndarray, radius: np.ndarray) -> None:
+    axis.set_aspect("equal")
+    if not len(x):
+        return
+    edge = 1.5 * float(radius.max())
+    axis.set_xlim(MM * (x.min() - edge), MM * (x.max() + edge))
+    axis.set_ylim(MM * (y.min() - edge), MM * (y.max() + edge))

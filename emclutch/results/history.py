@@ -1,0 +1,150 @@
+"""``history.csv``: one row a coupling window, written as it is computed.
+
+Column names carry no unit; `COLUMNS` says unit and meaning of each. A quantity that a scene does not
+have (its effect is off) has no column. A value that is undefined in one window is an empty cell.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+from emclutch.results.atomic_file import replace_text
+from emclutch.results.output_error import OutputError
+
+if TYPE_CHECKING:
+    import pandas
+
+COLUMNS: dict[str, tuple[str, str]] = {
+    "time": ("s", "end of the window"),
+    "current": ("A", "coil current"),
+    "rotor_speed": ("rad/s", "speed of the rotor (input shaft)"),
+    "disc_speed": ("rad/s", "speed of the disc (output shaft)"),
+    "torque_disc": ("N m", "torque of the grains on the disc about z, window mean, whole device"),
+    "torque_rotor": ("N m", "torque of the grains on the rotor about z, window mean, whole device"),
+    "torque_housing": ("N m", "torque of the grains on the housing about z, window mean, whole device"),
+    "torque_field": ("N m", "reaction of the field to the magnetic forces on the grains, about z"),
+    "torque_disc_normal": ("N m", "part of torque_disc from normal contact forces"),
+    "torque_disc_tangential": ("N m", "part of torque_disc from tangential contact forces"),
+    "angular_momentum": ("N m s", "of the grains about z, spin included, at the window's end"),
+    "torque_residual": ("N m", "balance of all torques and dL/dt: what is left, each computed independently"),
+    "kinetic_energy": ("J", "of the grains, spin included"),
+    "elastic_energy": ("J", "stored in the contacts"),
+    "field_energy": ("J", "magnetic field energy"),
+    "flux_linkage": ("Wb", "of the coil, all turns"),
+    "gap_flux_density": ("T", "mean |B| in the gap"),
+    "work_walls": ("J", "work of the walls on the grains in the window"),
+    "work_magnetic": ("J", "work of the magnetic forces on the grains in the window"),
+    "work_gravity": ("J", "work of gravity on the grains in the window"),
+    "dissipated": ("J", "energy turned into heat in the contacts in the window"),
+    "energy_residual": ("J", "balance of the energies: what is left, each term computed independently"),
+    "n_contacts": ("1", "contacts that carry force, at the window's end"),
+    "max_overlap": ("1", "largest overlap of the window over the grain's diameter"),
+    "max_speed": ("m/s", "largest speed of a grain in the window"),
+    "inertial_number": ("1", "shear rate times d sqrt(density/pressure) in the gap"),
+    "solid_fraction_gap": ("1", "solid fraction of the gap between the pole faces"),
+    "field_iterations": ("1", "Newton iterations of the field in the window"),
+    "field_residual": ("1", "relative residual of the last field solve"),
+    "field_solves": ("1", "field solves in the window"),
+    "rebuilds": ("1", "rebuilds of the neighbour list in the window"),
+    "steps": ("1", "time steps of the grains in the window"),
+    "wall_field": ("s", "wall-clock time for the field"),
+    "wall_magnetic": ("s", "wall-clock time for moments and magnetic forces"),
+    "wall_contact": ("s", "wall-clock time for contacts and motion"),
+    "wall_output": ("s", "wall-clock time for writing"),
+    "wall_total": ("s", "wall-clock time of the window"),
+}
+
+
+class HistoryWriter:
+    """Writes rows to a history file; every row is on disk when `append` returns.
+
+    The first row fixes the columns, in the order of `COLUMNS`.
+
+    Parameters
+    ----------
+    path : the file. A new run starts it anew.
+    resume_time : time of the checkpoint [s] that a run resumes from: the rows up to it are kept, later
+        ones and a last row that was cut off are removed.
+    """
+
+    def __init__(self, path: str | Path, *, resume_time: float | None = None) -> None:
+        self.path = Path(path)
+        self.columns: list[str] | None = None
+        if resume_time is not None and self.path.is_file():
+            self.columns = self._cut_back(resume_time)
+        self._file = self.path.open("a" if self.columns else "w", encoding="utf-8", newline="")
+        self._writer = csv.writer(self._file, lineterminator="\n")
+
+    def append(self, row: Mapping[str, Any]) -> None:
+        """Write one row; None leaves a cell empty.
+
+        Raises
+        ------
+        OutputError : an unknown column, columns other than those of the first row, a value that is not
+            a finite number.
+        """
+        if self.columns is None:
+            unknown = [name for name in row if name not in COLUMNS]
+            if unknown:
+                raise OutputError(f"no column {', '.join(unknown)} in a history; add it to COLUMNS")
+            self.columns = [name for name in COLUMNS if name in row]
+            self._writer.writerow(self.columns)
+        if row.keys() != set(self.columns):
+            changed = sorted(row.keys() ^ set(self.columns))
+            raise OutputError(f"{self.path}: columns changed within a run: {', '.join(changed)}")
+        self._writer.writerow([_cell(name, row[name], row) for name in self.columns])
+        self._file.flush()
+
+    def close(self) -> None:
+        self._file.close()
+
+    def __enter__(self) -> HistoryWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _cut_back(self, resume_time: float) -> list[str] | None:
+        text = self.path.read_text(encoding="utf-8")
+        complete = text[: text.rfind("\n") + 1]
+        rows = list(csv.reader(io.StringIO(complete)))
+        if not rows:
+            return None
+        header, kept = rows[0], [rows[0]]
+        at = header.index("time")
+        limit = resume_time + 1e-12 * abs(resume_time)  # round-off of a time that was added up anew
+        for row in rows[1:]:
+            if len(row) != len(header) or float(row[at]) > limit:
+                break
+            kept.append(row)
+        replace_text(self.path, "".join(",".join(row) + "\n" for row in kept))
+        return header
+
+
+def read_history(path: str | Path) -> pandas.DataFrame:
+    """A history as a table; ``attrs["units"]`` holds the unit of each column."""
+    import pandas
+
+    table = pandas.read_csv(path, float_precision="round_trip")
+    table.attrs["units"] = {name: COLUMNS[name][0] for name in table.columns if name in COLUMNS}
+    return table
+
+
+def _cell(name: str, value: Any, row: Mapping[str, Any]) -> str:
+    if value is None:
+        return ""
+    number = value.item() if hasattr(value, "item") else value
+    if not math.isfinite(number):
+        unit = COLUMNS[name][0]
+        raise OutputError(
+            f"{name} = {number} {unit} at t = {row.get('time')} s is no number: the run is broken"
+        )
+    return repr(number) if isinstance(number, float) else str(int(number))

@@ -1,0 +1,90 @@
+"""How far a run is: a bar with the time left on a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import sys
+import time
+from types import TracebackType
+from typing import TYPE_CHECKING, TextIO
+
+if TYPE_CHECKING:
+    from rich.progress import Progress as RichProgress
+
+LINE_EVERY_SECONDS = 5.0
+LINE_EVERY_FRACTION = 0.1
+
+
+class Progress:
+    """Shows the progress of one piece of work; use it in a ``with`` block and call `update`.
+
+    Parameters
+    ----------
+    text : what is being done.
+    stream : where to; stderr by default, so that standard output stays readable by machines.
+    """
+
+    def __init__(self, text: str = "", *, stream: TextIO | None = None) -> None:
+        self.stream = sys.stderr if stream is None else stream
+        self.text = text
+        self._bar: RichProgress | None = None
+        self._started = time.monotonic()
+        self._first = 0.0  # fraction that was done at the start, where a run resumes
+        self._seen = False
+        self._line_time, self._line_fraction = self._started, 0.0
+
+    def __enter__(self) -> Progress:
+        self._started = self._line_time = time.monotonic()
+        if self.stream.isatty():
+            from rich.console import Console
+            from rich.progress import BarColumn, Progress, TextColumn
+
+            self._bar = Progress(
+                TextColumn("{task.description}"),
+                BarColumn(),
+                TextColumn("{task.percentage:>3.0f} %  {task.fields[left]}"),
+                console=Console(file=self.stream),
+            )
+            self._bar.start()
+            self._task = self._bar.add_task(self.text, total=1.0, left="")
+        return self
+
+    def update(self, fraction: float, text: str | None = None) -> None:
+        """Report that `fraction` of the work is done; `text` says what is going on."""
+        if text is not None:
+            self.text = text
+        if not self._seen:
+            self._first, self._seen = fraction, True
+            self._line_fraction = fraction
+        left = self._left(fraction)
+        if self._bar is not None:
+            self._bar.update(self._task, completed=fraction, description=self.text, left=left)
+            return
+        now = time.monotonic()
+        due = now - self._line_time >= LINE_EVERY_SECONDS
+        # 1e-9: ten steps of 0.1 do not add up to 1
+        due = due or fraction - self._line_fraction >= LINE_EVERY_FRACTION - 1e-9
+        if due or (fraction >= 1.0 and self._line_fraction < 1.0):
+            print(f"{100.0 * fraction:3.0f} %  {self.text}  {left}".rstrip(), file=self.stream, flush=True)
+            self._line_time, self._line_fraction = now, fraction
+
+    def _left(self, fraction: float) -> str:
+        passed = time.monotonic() - self._started
+        done = fraction - self._first
+        if fraction >= 1.0:
+            return f"took {_duration(passed)}"
+        if done <= 0.0 or passed < 0.5:  # too early for an honest guess
+            return ""
+        return f"{_duration(passed * (1.0 - fraction) / done)} left"
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 60.0:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60.0)
+    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"

@@ -1,0 +1,98 @@
+"""Where a result came from: versions, commit, seed, mesh, threads and machine."""
+
+from __future__ import annotations
+
+import datetime
+import os
+import platform
+import subprocess
+import sys
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+PACKAGES = (
+    "emclutch numpy scipy numba scikit-fem gmsh meshio h5py pydantic pint typer rich pandas "
+    "matplotlib pyvista vtk"
+).split()
+
+
+def provenance(
+    *,
+    seed: int | None = None,
+    mesh_hash: str | None = None,
+    threads: int | None = None,
+    threading_layer: str | None = None,
+) -> dict[str, Any]:
+    """All that a reader needs to repeat a run; what cannot be found out is None.
+
+    Parameters
+    ----------
+    seed : of the random numbers.
+    mesh_hash : sha256 of the field's mesh.
+    threads, threading_layer : as used by the kernels; None asks numba's settings, if numba is loaded.
+    """
+    numba = sys.modules.get("numba")  # a run without compiled kernels need not load it for this
+    if numba is not None:
+        threads = numba.get_num_threads() if threads is None else threads
+        threading_layer = threading_layer or str(numba.config.THREADING_LAYER)
+    return {
+        "written": datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
+        "command": sys.argv,
+        "versions": {name: _version(name) for name in PACKAGES},
+        "python": platform.python_version(),
+        "commit": _commit(),
+        "seed": seed,
+        "mesh_hash": mesh_hash,
+        "threads": threads,
+        "threading_layer": threading_layer,
+        "machine": {
+            "cpu": _cpu_model(),
+            "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+            "memory_bytes": _memory_bytes(),
+            "platform": platform.platform(),
+        },
+    }
+
+
+def _version(package: str) -> str | None:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _commit() -> str | None:
+    """Commit of the checkout that these sources are tracked in, with «-modified» where they differ."""
+    here = Path(__file__).resolve()
+
+    def git(*arguments: str) -> str:
+        command = ["git", "-C", str(here.parent), *arguments]
+        return subprocess.run(command, capture_output=True, text=True, timeout=5, check=True).stdout.strip()
+
+    try:
+        # Installed below a user's own repository the sources are not tracked: its commit says nothing.
+        git("ls-files", "--error-unmatch", here.name)
+        commit = git("rev-parse", "HEAD")
+        top = git("rev-parse", "--show-toplevel")
+        changed = git("-C", top, "status", "--porcelain", "--untracked-files=no")
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return commit + ("-modified" if changed else "")
+
+
+def _cpu_model() -> str | None:
+    try:
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or None
+
+
+def _memory_bytes() -> int | None:
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):
+        return None

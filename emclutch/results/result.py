@@ -1,0 +1,74 @@
+"""What a run found, read back from its folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from emclutch.results.output_error import OutputError
+from emclutch.results.run_folder import RunFolder
+from emclutch.results.statistics import Estimate, steady_mean
+
+if TYPE_CHECKING:
+    import pandas
+
+    from emclutch.results.record import Record
+
+
+class Result:
+    """A run's history, torque, summary and record; everything is read when it is first asked for."""
+
+    def __init__(self, folder: RunFolder) -> None:
+        self.folder = folder
+        self._history: pandas.DataFrame | None = None
+        self._torque: Estimate | None = None
+
+    @property
+    def history(self) -> pandas.DataFrame:
+        """One row a coupling window; columns and units as of `history.COLUMNS`."""
+        if self._history is None:
+            from emclutch.results.history import read_history
+
+            self._history = read_history(self.folder.history)
+        return self._history
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """``summary.json``; empty where the run was cut off before it was written."""
+        return self.folder.read_summary()
+
+    @property
+    def torque(self) -> Estimate:
+        """Steady torque on the disc [N m] with its standard error.
+
+        From the history; the scene's ``average_from`` is taken from the summary where it has one.
+        """
+        if self._torque is None:
+            history = self.history
+            if "torque_disc" not in history:
+                raise OutputError(f"{self.folder.history} has no torque_disc: the scene has no disc")
+            average_from = self.summary.get("average_from")
+            self._torque = steady_mean(history["time"], history["torque_disc"], average_from=average_from)
+        return self._torque
+
+    def open_record(self) -> Record:
+        """The HDF5 record, for reading."""
+        from emclutch.results.record import Record
+
+        return Record.open(self.folder.record)
+
+    def __repr__(self) -> str:
+        return f"Result({str(self.folder.path)!r})"
+
+
+def load_result(folder: str | Path) -> Result:
+    """Result of the run in a folder.
+
+    Raises
+    ------
+    OutputError : the folder has no ``history.csv``.
+    """
+    run = RunFolder(folder)
+    if not run.history.is_file():
+        raise OutputError(f"{folder} has no {run.history.name}; name the folder of a run")
+    return Result(run)

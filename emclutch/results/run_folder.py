@@ -1,0 +1,185 @@
+"""The folder of one run: which file lies where, and that none is overwritten by accident."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from emclutch.results.atomic_file import replace_json, replace_text
+from emclutch.results.output_error import OutputError
+from emclutch.results.provenance import provenance
+
+LOGGERS = ("emclutch", "geometry", "field", "particles", "coupling")
+
+
+class RunFolder:
+    """Paths of a run's files.
+
+    ``RunFolder(path)`` names the files of an existing run; `create` makes the folder of a new one.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+
+    @classmethod
+    def create(cls, path: str | Path, case_toml_text: str, *, resume: bool = False) -> RunFolder:
+        """Make the folder with its ``case.toml``, or open one to resume from its checkpoint.
+
+        On resuming with another scene text the old one is kept as ``case-1.toml``, ``case-2.toml``, …
+
+        Raises
+        ------
+        OutputError : the folder holds files already and `resume` is False; there is nothing to resume;
+            it cannot be written.
+        """
+        folder = cls(path)
+        try:
+            if folder.path.exists() and not folder.path.is_dir():
+                raise OutputError(f"{folder.path} is a file; name a folder with --out")
+            if resume and not folder.checkpoint.is_file():
+                raise OutputError(
+                    f"nothing to resume in {folder.path}: it has no {folder.checkpoint.name}; "
+                    "start without --resume in a new folder, or name the right one with --out"
+                )
+            if not resume and folder.path.is_dir() and any(folder.path.iterdir()):
+                remedy = "continue it with --resume, or " if folder.checkpoint.is_file() else ""
+                raise OutputError(f"{folder.path} is not empty; {remedy}write elsewhere with --out")
+            folder.path.mkdir(parents=True, exist_ok=True)
+            if folder.case.is_file() and folder.case.read_text(encoding="utf-8") != case_toml_text:
+                number = 1
+                while (older := folder.path / f"case-{number}.toml").exists():
+                    number += 1
+                os.replace(folder.case, older)
+            replace_text(folder.case, case_toml_text)
+        except OSError as error:
+            raise OutputError(
+                f"cannot write to {folder.path}: {error.strerror or error}; "
+                "write elsewhere with --out, or make room or permissions there"
+            ) from error
+        return folder
+
+    @staticmethod
+    def next_path(case_stem: str, parent: str | Path = "runs") -> Path:
+        """First free ``runs/<case stem>-<nnn>`` after the highest number in use."""
+        used = [0]
+        if Path(parent).is_dir():
+            for entry in Path(parent).iterdir():
+                stem, _, number = entry.name.rpartition("-")
+                if stem == case_stem and number.isdigit():
+                    used.append(int(number))
+        return Path(parent) / f"{case_stem}-{max(used) + 1:03d}"
+
+    @property
+    def case(self) -> Path:
+        """The resolved scene."""
+        return self.path / "case.toml"
+
+    @property
+    def provenance(self) -> Path:
+        """Versions, commit, seed, mesh hash, threads, machine."""
+        return self.path / "provenance.json"
+
+    @property
+    def log(self) -> Path:
+        return self.path / "run.log"
+
+    @property
+    def history(self) -> Path:
+        """One row a coupling window."""
+        return self.path / "history.csv"
+
+    @property
+    def summary(self) -> Path:
+        return self.path / "summary.json"
+
+    @property
+    def record(self) -> Path:
+        """HDF5 record of grains and observables."""
+        return self.path / "run.h5"
+
+    @property
+    def checkpoint(self) -> Path:
+        """Complete state of the latest checkpoint."""
+        return self.path / "checkpoint.h5"
+
+    @property
+    def mesh(self) -> Path:
+        return self.path / "mesh.msh"
+
+    @property
+    def particles(self) -> Path:
+        """ParaView: grains in time. The numbered files of a series lie in a folder of its name."""
+        return self.path / "particles.pvd"
+
+    @property
+    def field(self) -> Path:
+        """ParaView: the field's cross-section in time."""
+        return self.path / "field.pvd"
+
+    @property
+    def walls(self) -> Path:
+        """ParaView: the walls that grains touch, in time."""
+        return self.path / "walls.pvd"
+
+    @property
+    def contacts(self) -> Path:
+        """ParaView: force chains in time."""
+        return self.path / "contacts.pvd"
+
+    @property
+    def section_picture(self) -> Path:
+        return self.path / "section.png"
+
+    @property
+    def torque_picture(self) -> Path:
+        return self.path / "torque.png"
+
+    @property
+    def grains_picture(self) -> Path:
+        return self.path / "grains.png"
+
+    def write_provenance(self, **known: Any) -> None:
+        """Write ``provenance.json``; keywords as of `provenance.provenance`. A resumed run adds an entry.
+
+        The first run's values stay at the top; later ones are listed under ``resumed``.
+        """
+        values = provenance(**known)
+        if self.provenance.is_file():
+            first = json.loads(self.provenance.read_text(encoding="utf-8"))
+            values = {**first, "resumed": [*first.get("resumed", []), values]}
+        replace_json(self.provenance, values)
+
+    def write_summary(self, values: dict[str, Any]) -> None:
+        """Replace ``summary.json`` in one step; numbers that are not finite become null."""
+        replace_json(self.summary, values)
+
+    def read_summary(self) -> dict[str, Any]:
+        """``summary.json``, or an empty dictionary where the run has not written one yet."""
+        if not self.summary.is_file():
+            return {}
+        return json.loads(self.summary.read_text(encoding="utf-8"))
+
+    @contextmanager
+    def logging(self, level: int = logging.INFO) -> Iterator[None]:
+        """Append the messages of the five packages' loggers to ``run.log`` inside a ``with`` block."""
+        handler = logging.FileHandler(self.log, encoding="utf-8")
+        handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(name)s: %(message)s"))
+        handler.setLevel(level)
+        before = {}
+        for name in LOGGERS:
+            logger = logging.getLogger(name)
+            before[name] = logger.level
+            logger.setLevel(min(level, logger.level) if logger.level else level)
+            logger.addHandler(handler)
+        try:
+            yield
+        finally:
+            for name in LOGGERS:
+                logging.getLogger(name).removeHandler(handler)
+                logging.getLogger(name).setLevel(before[name])
+            handler.close()

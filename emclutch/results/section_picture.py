@@ -1,0 +1,204 @@
+"""Cross-section with |B| in colour, flux lines, region outlines, and the gap with its grains enlarged."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+MM = 1e3
+
+
+def section_picture(
+    path: str | Path,
+    mesh: Any,
+    psi: np.ndarray,
+    B: np.ndarray,
+    *,
+    grains: np.ndarray | None = None,
+    zoom: tuple[float, float, float, float] | None = None,
+    title: str | None = None,
+    flux_lines: int = 24,
+) -> Path:
+    """Draw the field in the (r, z) half-plane: the axis lies at the bottom, r points up.
+
+    Parameters
+    ----------
+    path : PNG to write.
+    mesh : section with `points` (n, 2) r, z [m], `triangles` (k, 3) and `regions` by name.
+    psi : (n,) r A_phi [Wb] at the points; its equidistant contours carry equal flux.
+    B : (k,) magnitude or (k, 2) components of the flux density of each triangle [T].
+    grains : (m, 3) r, z, radius [m] of the grains to draw: those near one half-plane show a slice.
+    zoom : r0, r1, z0, z1 [m] of the enlarged part; None takes the powder where |B| is largest.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from matplotlib.tri import Triangulation
+
+    points, triangles = np.asarray(mesh.points), np.asarray(mesh.triangles)
+    magnitude = np.linalg.norm(B, axis=1) if np.ndim(B) == 2 else np.asarray(B)
+    region = np.empty(len(triangles), dtype=np.int64)
+    for number, elements in enumerate(mesh.regions.values()):
+        region[elements] = number
+    solid = [elements for name, elements in mesh.regions.items() if name != "air"]
+    device = points[triangles[np.concatenate(solid)]].reshape(-1, 2) if solid else points
+    (r0, z0), (r1, z1) = device.min(axis=0), device.max(axis=0)
+    if zoom is None and len(mesh.regions.get("powder", ())):
+        zoom = _gap_window(points, triangles, mesh.regions["powder"], magnitude, grains)
+
+    figure = Figure(figsize=(12.0, 5.6) if zoom else (8.0, 5.6), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(1, 2 if zoom else 1, squeeze=False, width_ratios=[1.35, 1.0] if zoom else [1.0])[0]
+    half_plane = Triangulation(MM * points[:, 1], MM * points[:, 0], triangles)
+    inside = device_mask(points, triangles, (r0, r1, z0, z1))
+    # The 99.5th percentile, not the largest: iron corners are singular and would darken all the rest.
+    top = float(np.percentile(magnitude[inside], 99.5)) or 1.0
+    levels = np.linspace(float(psi.min()), float(psi.max()), flux_lines + 2)[1:-1]
+    outline = _outline(triangles, region)
+    for axis in axes:
+        colours = axis.tripcolor(half_plane, magnitude, cmap="viridis", vmin=0.0, vmax=top, rasterized=True)
+        if np.ptp(psi) > 0.0:
+            axis.tricontour(half_plane, psi, levels=levels, colors="white", linewidths=0.6, alpha=0.9)
+        axis.set_aspect("equal")
+        axis.set_xlabel("z [mm]")
+    _lines(axes[0], points, outline, 0.7)
+    margin = 0.08 * max(r1 - r0, z1 - z0)
+    axes[0].set_xlim(MM * (z0 - margin), MM * (z1 + margin))
+    axes[0].set_ylim(MM * max(0.0, r0 - margin), MM * (r1 + margin))
+    axes[0].set_ylabel("r [mm]")
+    _region_names(axes[0], mesh, points, triangles, float((r1 - r0) * (z1 - z0)))
+    if title:
+        axes[0].set_title(title, loc="left", fontsize=11)
+    if zoom:
+        _draw_zoom(axes[1], axes[0], points, outline, zoom, grains)
+    figure.colorbar(colours, ax=axes, label="|B| [T]", extend="max", shrink=0.85, pad=0.01)
+    figure.savefig(path)
+    return Path(path)
+
+
+def device_mask(
+    points: np.ndarray, triangles: np.ndarray, box: tuple[float, float, float, float]
+) -> np.ndarray:
+    """Triangles whose centre lies in r0, r1, z0, z1 [m]."""
+    r, z = points[triangles].mean(axis=1).T
+    return (r >= box[0]) & (r <= box[1]) & (z >= box[2]) & (z <= box[3])
+
+
+def _draw_zoom(
+    axis: Axes,
+    whole: Axes,
+    points: np.ndarray,
+    outline: np.ndarray,
+    zoom: tuple[float, float, float, float],
+    grains: np.ndarray | None,
+) -> None:
+    from matplotlib.collections import EllipseCollection
+    from matplotlib.patches import Rectangle
+
+    r0, r1, z0, z1 = zoom
+    _lines(axis, points, outline, 1.2)
+    if grains is not None and len(grains):
+        r, z, radius = np.asarray(grains).T
+        d = 2.0 * MM * radius
+        axis.add_collection(
+            EllipseCollection(
+                d,
+                d,
+                np.zeros_like(d),
+                units="xy",
+                offsets=MM * np.column_stack([z, r]),
+                offset_transform=axis.transData,
+                facecolors="#d9d2c5",
+                edgecolors="black",
+                linewidths=0.5,
+            )
+        )
+    axis.set_xlim(MM * z0, MM * z1)
+    axis.set_ylim(MM * r0, MM * r1)
+    what = "slice through the grains" if grains is not None and len(grains) else "powder gap"
+    axis.set_title(f"{what}, enlarged", loc="left", fontsize=11)
+    frame = Rectangle((MM * z0, MM * r0), MM * (z1 - z0), MM * (r1 - r0), fill=False, ec="crimson", lw=1.2)
+    whole.add_patch(frame)
+    for spine in axis.spines.values():
+        spine.set_edgecolor("crimson")
+
+
+def _outline(triangles: np.ndarray, region: np.ndarray) -> np.ndarray:
+    """Edges (k, 2) between triangles of different regions."""
+    edges = np.sort(np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    owner = np.tile(region, 3)
+    order = np.lexsort((edges[:, 1], edges[:, 0]))
+    edges, owner = edges[order], owner[order]
+    same = (edges[1:] == edges[:-1]).all(axis=1)
+    return edges[1:][same & (owner[1:] != owner[:-1])]
+
+
+def _lines(axis: Axes, points: np.ndarray, edges: np.ndarray, width: float) -> None:
+    from matplotlib.collections import LineCollection
+
+    axis.add_collection(LineCollection(MM * points[edges][:, :, ::-1], colors="black", linewidths=width))
+
+
+def _region_names(
+    axis: Axes, mesh: Any, points: np.ndarray, triangles: np.ndarray, device_area: float
+) -> None:
+    """Name of each region inside its largest connected part, unless that is too small to hold it."""
+    from matplotlib.patheffects import withStroke
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    for name, elements in mesh.regions.items():
+        if name == "air" or not len(elements):
+            continue
+        corners = triangles[elements]
+        rows, columns = corners.ravel(), np.repeat(np.arange(len(corners)), 3)
+        of_point = coo_array((np.ones(rows.size), (rows, columns)), shape=(len(points), len(corners))).tocsr()
+        _, part = connected_components(of_point.T @ of_point, directed=False)
+        a, b, c = (points[corners[:, i]] for i in range(3))
+        area = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+        largest = part == np.argmax(np.bincount(part, weights=area))
+        if area[largest].sum() < 0.008 * device_area:
+            continue
+        centres = points[corners[largest]].mean(axis=1)
+        middle = np.average(centres, axis=0, weights=area[largest])
+        # The triangle nearest to the centroid: the centroid of an L or a U lies outside of it.
+        r, z = centres[np.argmin(((centres - middle) ** 2).sum(axis=1))]
+        width, height = np.ptp(points[corners[largest]][:, :, 1]), np.ptp(points[corners[largest]][:, :, 0])
+        axis.text(
+            MM * z,
+            MM * r,
+            name,
+            ha="center",
+            va="center",
+            fontsize=8,
+            rotation=90 if height > 2.5 * width else 0,
+            path_effects=[withStroke(linewidth=2.0, foreground="white")],
+        )
+
+
+def _gap_window(
+    points: np.ndarray,
+    triangles: np.ndarray,
+    powder: np.ndarray,
+    magnitude: np.ndarray,
+    grains: np.ndarray | None,
+) -> tuple[float, float, float, float]:
+    """A square around the strongest powder field, a few gaps wide; over the grains where there are any."""
+    corners = points[triangles[powder]]
+    if grains is not None and len(grains):
+        (r0, z0), (r1, z1) = grains[:, :2].min(axis=0), grains[:, :2].max(axis=0)
+        side = 1.15 * max(min(r1 - r0, z1 - z0) * 4.0, 12.0 * float(grains[:, 2].max()))
+        centres = grains[:, :2]
+        extent = max(r1 - r0, z1 - z0)
+    else:
+        centres = corners.mean(axis=1)
+        extent = float(np.ptp(corners.reshape(-1, 2), axis=0).max())
+        side = 0.3 * extent
+    weight = corners.mean(axis=1)[np.argmax(magnitude[powder])]
+    r, z = centres[np.argmin(((centres - weight) ** 2).sum(axis=1))]
+    half = 0.5 * min(side, 1.2 * extent)
+    return r - half, r + half, z - half, z + half

@@ -1,0 +1,130 @@
+"""Pictures of studies: torque against current, and what accuracy costs in time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+MARKERS = "osD^v<>Ph*"
+
+
+def torque_against_current_picture(path: str | Path, table: Any, *, title: str | None = None) -> Path:
+    """Draw the torque that each current transmits, with error bars.
+
+    Parameters
+    ----------
+    path : PNG to write.
+    table : columns `current` [A], `torque` [N m], and where known `standard_error` [N m] and
+        `converged`; points that are not converged are drawn hollow. Bars show ± 2 standard errors.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    current = _column(table, "current")
+    torque = _column(table, "torque")
+    error = _column(table, "standard_error") if "standard_error" in table else np.zeros_like(torque)
+    converged = (
+        np.asarray(table["converged"], dtype=bool) if "converged" in table else np.ones(len(torque), bool)
+    )
+    order = np.argsort(current, kind="stable")
+    figure = Figure(figsize=(7.0, 4.8), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    axis = figure.add_subplot()
+    axis.plot(current[order], torque[order], color="#0b5fa5", lw=0.8, alpha=0.5)
+    bars = 2.0 * np.nan_to_num(error)
+    for chosen, fill, label in (
+        (converged, "#0b5fa5", "± 2 standard errors"),
+        (~converged, "white", "not converged"),
+    ):
+        if chosen.any():
+            axis.errorbar(
+                current[chosen],
+                torque[chosen],
+                bars[chosen],
+                fmt="o",
+                ms=6,
+                mfc=fill,
+                color="#0b5fa5",
+                capsize=4,
+                lw=1.2,
+                label=label,
+            )
+    axis.axhline(0.0, color="black", lw=0.6)
+    axis.set_xlabel("coil current [A]")
+    axis.set_ylabel("torque on the disc [N m]")
+    axis.grid(alpha=0.25)
+    axis.legend(frameon=False)
+    if title:
+        axis.set_title(title, loc="left", fontsize=11)
+    figure.savefig(path)
+    return Path(path)
+
+
+def work_precision_picture(path: str | Path, table: Any, *, title: str | None = None) -> Path:
+    """Draw error against wall-clock time on logarithmic axes, one panel a knob, one line a quantity.
+
+    Parameters
+    ----------
+    path : PNG to write.
+    table : columns `knob`, `quantity`, `setting`, `seconds` and relative `error`. Rows without an error
+        (the reference itself) are left out; an error of exactly 0 is drawn at the panel's lower edge.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    knob, quantity = (np.asarray(table[name]).astype(str) for name in ("knob", "quantity"))
+    setting = np.asarray(table["setting"]).astype(str)
+    seconds, error = _column(table, "seconds"), _column(table, "error")
+    knobs, quantities = list(dict.fromkeys(knob)), list(dict.fromkeys(quantity))
+    figure = Figure(figsize=(max(6.5, 5.2 * len(knobs)), 4.8), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(1, max(1, len(knobs)), squeeze=False, sharey=True)[0]
+    positive = error[np.isfinite(error) & (error > 0.0)]
+    floor = 0.5 * float(positive.min()) if positive.size else 1e-12
+    for axis, name in zip(axes, knobs, strict=False):
+        for number, of in enumerate(quantities):
+            rows = np.flatnonzero((knob == name) & (quantity == of) & np.isfinite(error) & (seconds > 0.0))
+            if not rows.size:
+                continue
+            rows = rows[np.argsort(seconds[rows], kind="stable")]
+            axis.loglog(
+                seconds[rows],
+                np.maximum(np.abs(error[rows]), floor),
+                marker=MARKERS[number % len(MARKERS)],
+                color=f"C{number}",
+                lw=1.2,
+                ms=5,
+                label=of,
+            )
+        first = np.flatnonzero((knob == name) & np.isfinite(error))
+        for text in dict.fromkeys(setting[first]):
+            own = first[setting[first] == text]
+            x, y = seconds[own].mean(), error[own].max()
+            axis.annotate(
+                text,
+                (x, max(abs(y), floor)),
+                xytext=(4, 6),
+                textcoords="offset points",
+                fontsize=8,
+                color="#444444",
+            )
+        for goal in (0.1, 0.03, 0.01):
+            axis.axhline(goal, color="#999999", lw=0.7, ls=":")
+        axis.set_xlabel("wall-clock time [s]")
+        axis.set_title(name, loc="left", fontsize=11)
+        axis.grid(alpha=0.25, which="both")
+        axis.margins(x=0.15, y=0.12)
+        if axis.lines:
+            axis.legend(frameon=False, fontsize=9)
+    axes[0].set_ylabel("relative error")
+    if title:
+        figure.suptitle(title, fontsize=12)
+    figure.savefig(path)
+    return Path(path)
+
+
+def _column(table: Any, name: str) -> np.ndarray:
+    """Numbers of a column; None becomes nan, which is not drawn."""
+    return np.array([np.nan if value is None else value for value in table[name]], dtype=np.float64)

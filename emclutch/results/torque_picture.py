@@ -1,0 +1,111 @@
+"""Torques against time, with the steady part and its mean, and what drove them below."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from emclutch.results.statistics import Estimate
+
+COLOURS = {"disc": "#0b5fa5", "rotor": "#c4540a", "housing": "#6a6a6a"}
+RPM = 60.0 / (2.0 * np.pi)
+
+
+def torque_picture(
+    path: str | Path, history: Any, estimate: Estimate | None = None, *, title: str | None = None
+) -> Path:
+    """Draw the torques on the bodies, and current and speeds where they vary.
+
+    Parameters
+    ----------
+    path : PNG to write.
+    history : table with the columns of `history.COLUMNS` (pandas, or a dictionary of arrays).
+    estimate : of the disc's torque; its steady part is shaded and its mean drawn ± standard error.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    time = np.asarray(history["time"], dtype=np.float64)
+    drives = [
+        name
+        for name in ("current", "rotor_speed", "disc_speed")
+        if name in history and _varies(history[name])
+    ]
+    rows = 2 if drives else 1
+    figure = Figure(figsize=(9.0, 4.6 + 2.0 * (rows - 1)), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(rows, 1, sharex=True, squeeze=False, height_ratios=[2.4, 1.0][:rows])[:, 0]
+    axis = axes[0]
+    shown = [body for body in COLOURS if f"torque_{body}" in history]
+    unit, factor = _torque_unit([np.asarray(history[f"torque_{body}"], dtype=np.float64) for body in shown])
+    for body in shown:
+        torque = factor * np.asarray(history[f"torque_{body}"], dtype=np.float64)
+        if body == "housing" and not torque.any():
+            continue
+        axis.plot(time, torque, color=COLOURS[body], lw=1.0, label=f"on the {body}")
+    axis.axhline(0.0, color="black", lw=0.6)
+    if estimate is not None and estimate.mean is not None and estimate.start is not None:
+        axis.axvspan(estimate.start, time[-1], color="#0b5fa5", alpha=0.07, lw=0, label="steady part")
+        mean, error = factor * estimate.mean, estimate.standard_error
+        label = f"disc {mean:.3g}"
+        if error is not None:
+            label += f" ± {factor * error:.1g}"
+            axis.fill_between(
+                [estimate.start, time[-1]],
+                mean - factor * error,
+                mean + factor * error,
+                color="#0b5fa5",
+                alpha=0.35,
+                lw=0,
+                zorder=3,
+            )
+        label += f" {unit}" + ("" if estimate.converged else " (not converged)")
+        axis.plot(
+            [estimate.start, time[-1]], [mean, mean], color="black", lw=1.4, ls="--", label=label, zorder=4
+        )
+        if not estimate.converged:
+            axis.text(0.01, 0.02, estimate.reason, transform=axis.transAxes, fontsize=8, color="crimson")
+    axis.set_ylabel(f"torque [{unit}]")
+    axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=9)
+    axis.margins(x=0.0)
+    if title:
+        axis.set_title(title, loc="left", fontsize=11)
+    if drives:
+        _draw_drives(axes[1], time, history, drives)
+    axes[-1].set_xlabel("time [s]")
+    figure.savefig(path)
+    return Path(path)
+
+
+def _draw_drives(axis: Any, time: np.ndarray, history: Any, drives: list[str]) -> None:
+    speeds = [name for name in drives if name != "current"]
+    if "current" in drives:
+        axis.plot(time, np.asarray(history["current"]), color="#8a1c7c", lw=1.2, label="current")
+        axis.set_ylabel("current [A]")
+    right = axis.twinx() if "current" in drives and speeds else axis
+    for name in speeds:
+        body = name.removesuffix("_speed")
+        right.plot(
+            time, RPM * np.asarray(history[name]), color=COLOURS[body], lw=1.2, ls="-.", label=f"{body} speed"
+        )
+    if speeds:
+        right.set_ylabel("speed [rpm]")
+    handles, labels = axis.get_legend_handles_labels()
+    if right is not axis:
+        more = right.get_legend_handles_labels()
+        handles, labels = handles + more[0], labels + more[1]
+    axis.legend(handles, labels, loc="upper left", bbox_to_anchor=(1.08, 1.0), frameon=False, fontsize=9)
+
+
+def _varies(values: Any) -> bool:
+    array = np.asarray(values, dtype=np.float64)
+    return bool(array.size and np.ptp(array) > 1e-6 * np.max(np.abs(array)))
+
+
+def _torque_unit(torques: list[np.ndarray]) -> tuple[str, float]:
+    largest = max((float(np.max(np.abs(t), initial=0.0)) for t in torques), default=0.0)
+    if largest >= 0.1 or largest == 0.0:
+        return "N m", 1.0
+    return ("mN m", 1e3) if largest >= 1e-4 else ("µN m", 1e6)

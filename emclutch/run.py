@@ -1,0 +1,234 @@
+"""One scene from its file to a torque: plan, pack, march, write."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from coupling import CoilField, run_staggered
+from emclutch.assembly import assemble, simulation_of
+from emclutch.case import Case
+from emclutch.observables import Observables
+from emclutch.plan import make_plan
+from emclutch.results import Result, RunFolder, load_result, read_checkpoint, read_history, steady_mean
+from emclutch.snapshots import History, Snapshots, save_checkpoint
+from field import ConvergenceError, MagneticField, PointOutside
+from particles import DemError, Grains, PackingError
+
+log = logging.getLogger(__name__)
+CHECKPOINT_SECONDS = 60.0  # wall-clock between checkpoints; a crash costs no more than this
+
+
+class RunError(RuntimeError):
+    """The run failed for a reason of physics or numerics; the message says which and what to do."""
+
+
+class Interrupted(RunError):
+    """The user stopped the run; a checkpoint lies in its folder."""
+
+
+@dataclass(slots=True)
+class _Stop:
+    """Set by Ctrl-C; the loop ends after the window."""
+
+    asked: bool = False
+
+
+def run(case: Case, *, out: str | Path | None = None, threads: int | None = None, resume: bool = False,
+        progress=None) -> Result:
+    """Run a scene and return its result.
+
+    Parameters
+    ----------
+    case : Case
+    out : folder of the run; default: the scene's `output.folder`, or the next free runs/<case>-<nnn>.
+    threads : of the kernels; default: all cores. The result does not depend on it.
+    resume : continue from the checkpoint in `out`.
+    progress : object with update(fraction, text), or None.
+
+    Raises
+    ------
+    OutputError
+        The folder is in use or cannot be written.
+    RunError
+        A solver did not converge, grains do not fit, a contact failed; `Interrupted` after Ctrl-C.
+    """
+    begin = perf_counter()
+    use_threads(threads)
+    target = out or case.scene.output.folder or RunFolder.next_path(case.name)
+    case_text = case.toml()
+    folder = RunFolder.create(target, case_text, resume=resume)
+    with folder.logging():
+        try:
+            return _run(case, folder, case_text, resume, progress, begin)
+        except (ConvergenceError, PackingError, DemError, PointOutside, ValueError) as error:
+            log.error("%s", error)
+            raise RunError(f"{error}\n(log: {folder.log})") from error
+
+
+def _run(case, folder, case_text, resume, progress, begin) -> Result:
+    scene = case.scene
+    _say(progress, 0.0, "mesh and field")
+    device, plan = make_plan(case)
+    for label, reason in plan.reasons.items():
+        log.info("%s: %s", label, reason)
+    mesh_hash = device.mesh.hash() if device.mesh is not None else None
+    folder.write_provenance(seed=scene.scene.seed, mesh_hash=mesh_hash, threads=_threads())
+    _say(progress, 0.0, f"packing {plan.count} grains")
+    if resume:
+        simulation, resume_time = restore(case, device, plan, read_checkpoint(folder.checkpoint), case_text)
+    else:
+        simulation, resume_time = assemble(case, device, plan), None
+    snapshots = Snapshots(folder, simulation.dem.walls, plan.windows, scene.output.snapshots, scene.output.formats,
+                          case_text, resume_time)
+    stop, last_save = _Stop(), perf_counter()
+
+    def checkpoint(simulation, row) -> bool:
+        nonlocal last_save
+        done = simulation.window >= plan.windows
+        if scene.output.checkpoint and (stop.asked or done or perf_counter() - last_save > CHECKPOINT_SECONDS):
+            save_checkpoint(folder.checkpoint, simulation, case_text)
+            last_save = perf_counter()
+        return stop.asked
+
+    def report(simulation, row) -> None:
+        _say(progress, simulation.window / plan.windows,
+             f"t = {row['time'] * 1e3:.3g} ms  torque on the disc {row['torque_disc']:.3g} N m"
+             if "torque_disc" in row else f"t = {row['time'] * 1e3:.3g} ms")
+
+    with _interruptible(stop):
+        try:
+            run_staggered(simulation, plan.end,
+                          (Observables(scene, device), History(folder.history, resume_time), snapshots, checkpoint,
+                           report))
+        finally:
+            snapshots.close()
+    if stop.asked and simulation.window < plan.windows:
+        where = f"--out {folder.path} --resume"
+        raise Interrupted(f"stopped at t = {simulation.dem.time:.4g} s; "
+                          + (f"go on with: emclutch run {case.path} {where}" if scene.output.checkpoint
+                             else "no checkpoint was written (output.checkpoint = false)"))
+    summarise(case, folder, device, plan, simulation, perf_counter() - begin)
+    if scene.output.pictures:
+        _say(progress, 1.0, "pictures")
+        from emclutch.run_pictures import draw_run
+
+        draw_run(case, folder, device, simulation)
+    return load_result(folder.path)
+
+
+def restore(case, device, plan, state: dict, case_text: str):
+    """The simulation of a checkpoint and its time [s]; raises RunError when it belongs to another scene."""
+    if state["case"] != case_text:
+        raise RunError("the checkpoint belongs to another scene (its values differ); resume with the run's own "
+                       "case.toml, or start anew in another folder with --out")
+    dem_state = state["dem"]
+    simulation = simulation_of(case, device, plan, Grains.of_state(dem_state))
+    simulation.dem.restore(dem_state)
+    simulation.window = state["window"]
+    simulation.restore_rows(state["rows"])
+    saved = state["source"]
+    if saved is not None:
+        source = simulation.source
+        solution = MagneticField(device.problem, saved["psi"], saved["ampere_turns"], saved["fill"],
+                                 [tuple(x) for x in saved["newton"]])
+        source.set_solution(solution, saved["current"], saved["fill"])
+        source.largest_current, source.solves = saved["largest_current"], saved["solves"]
+    return simulation, simulation.dem.time
+
+
+def summarise(case, folder: RunFolder, device, plan, simulation, seconds: float) -> None:
+    """summary.json: the torque with its error, the device, the numerics, the cost."""
+    history = read_history(folder.history)
+    duration = np.diff(np.concatenate([[0.0], history["time"]]))
+    summary: dict = {"title": case.scene.scene.title, "effects": list(case.scene.effects.active)}
+    for body in ("disc", "rotor", "field"):
+        column = f"torque_{body}"
+        if column in history and (body != "field" or simulation.magnetised is not None):
+            estimate = steady_mean(history["time"].to_numpy(), history[column].to_numpy(), duration=duration,
+                                   average_from=case.scene.time.average_from)
+            summary["torque" if body == "disc" else column] = estimate.as_dict()
+    if simulation.dem.bodies and any(body.is_free for body in simulation.dem.bodies):
+        summary["lock_up_time"] = lock_up_time(history)
+    if isinstance(simulation.source, CoilField):
+        summary |= {"current": float(history["current"].iloc[-1]), "turns": device.turns,
+                    "gap_flux_density": float(history["gap_flux_density"].iloc[-1]),
+                    "flux_linkage": float(history["flux_linkage"].iloc[-1]),
+                    "field_solves": simulation.source.solves}
+    if "inertial_number" in history:
+        late = history["inertial_number"].iloc[len(history) // 2:].dropna()
+        summary["inertial_number"] = float(late.median()) if len(late) else None
+    throughput = float((history["work_walls"].abs() + history["dissipated"]).sum())
+    summary |= {
+        "grains": plan.count, "sectors": simulation.n_sectors, "dt": plan.dt, "time": float(history["time"].iloc[-1]),
+        "steps": int(history["steps"].sum()), "max_overlap": float(history["max_overlap"].max()),
+        "torque_residual_rms": float(np.sqrt((history["torque_residual"] ** 2).mean())),
+        "energy_residual": float(history["energy_residual"].sum() / throughput) if throughput else None,
+        "discretisation_error": None,
+        "discretisation_error_note": "not measured in a single run; emclutch accuracy measures it",
+        "seconds": {part: float(history[f"wall_{part}"].sum()) for part in ("field", "magnetic", "contact", "total")
+                    if f"wall_{part}" in history} | {"whole_run": seconds},
+        "plan": plan.reasons,
+    }
+    folder.write_summary(summary)
+
+
+def lock_up_time(history) -> float | None:
+    """Time [s] from which on the shafts' speeds stay within 1 % of the faster one; None if they do not."""
+    slip = (history["rotor_speed"] - history["disc_speed"]).abs()
+    fast = np.maximum(history["rotor_speed"].abs(), history["disc_speed"].abs())
+    slipping = np.flatnonzero((slip > 0.01 * fast).to_numpy() | (fast == 0.0).to_numpy())
+    if len(slipping) == 0:
+        return 0.0
+    if slipping[-1] == len(history) - 1:
+        return None
+    return float(history["time"].iloc[slipping[-1] + 1])
+
+
+def use_threads(threads: int | None) -> None:
+    """Set the number of threads of the compiled kernels; ValueError outside 1 .. the machine's cores."""
+    import numba
+
+    available = numba.config.NUMBA_NUM_THREADS
+    if threads is not None and not 1 <= threads <= available:
+        raise ValueError(f"threads = {threads}; allowed: 1 to {available}, the cores of this machine")
+    numba.set_num_threads(threads or min(available, os.cpu_count() or 1))
+
+
+def _threads() -> int:
+    import numba
+
+    return numba.get_num_threads()
+
+
+def _say(progress, fraction: float, text: str) -> None:
+    if progress is not None:
+        progress.update(fraction, text)
+
+
+class _interruptible:
+    """Ctrl-C asks the loop to stop after its window; a second one stops at once."""
+
+    def __init__(self, stop: _Stop):
+        self._stop = stop
+        self._former = None
+
+    def __enter__(self):
+        if threading.current_thread() is threading.main_thread():
+            self._former = signal.signal(signal.SIGINT, self._ask)
+
+    def _ask(self, number, frame):
+        if self._stop.asked:
+            raise KeyboardInterrupt
+        self._stop.asked = True
+
+    def __exit__(self, *error):
+        if self._former is not None:
+            signal.signal(signal.SIGINT, self._former)

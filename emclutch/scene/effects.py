@@ -1,0 +1,87 @@
+"""[effects.NAME]: a scene simulates exactly the effects whose table it has."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from emclutch.scene.section import Automatic, Choice, Section, Whole, refuse
+from emclutch.units import Acceleration, number
+
+PLANNED_EFFECTS = ("remanence", "coil_circuit", "eddy_currents", "rolling_friction", "twisting_friction", "cohesion",
+                   "fluid_drag", "heat")
+
+_Component = Annotated[float, number("-1", -1e6, 1e6)]
+
+
+class Gravity(Section):
+    """Weight of the grains."""
+
+    acceleration: Acceleration = Field(default=9.81, description="magnitude")
+    direction: tuple[_Component, _Component, _Component] = Field(
+        default=(0.0, 0.0, -1.0), description="x, y, z; its length does not matter")
+
+    @model_validator(mode="after")
+    def _points_somewhere(self) -> Self:
+        if not any(self.direction):
+            raise refuse("has no length; give x, y, z, e.g. [0, 0, -1]", key="direction")
+        return self
+
+    @property
+    def vector(self) -> tuple[float, float, float]:
+        """Acceleration of free fall [m/s^2]."""
+        x, y, z = self.direction
+        scale = self.acceleration / math.hypot(x, y, z)
+        return x * scale, y * scale, z * scale
+
+
+class MagneticForce(Section):
+    """Force mu_0 V (M . grad) H and torque mu_0 V M x H of the field on each grain."""
+
+
+class Dipoles(Section):
+    """Forces between the grains' moments within a cut-off."""
+
+    model: Annotated[str, Choice(("fixed",), planned=("mutual", "near_field"))] = Field(
+        default="fixed", description="fixed: a grain's moment follows from the field and the mean fill around it")
+    cutoff: Annotated[float, number("3", 1.1, 10.0)] = Field(default=3.0, description="reach, in grain diameters")
+    update_every: Annotated[Annotated[int, Whole(1, 10_000, "10")] | None, Automatic()] = Field(
+        default=None, description="steps between evaluations of the magnetic forces, which are held meanwhile")
+
+
+class Saturation(Section):
+    """Grains saturate; without it their law is linear."""
+
+
+class WallImages(Section):
+    """Images of the dipoles in the steel faces."""
+
+
+class BackReaction(Section):
+    """The powder's fill changes the field."""
+
+    tolerance: Annotated[float, number("0.02", 1e-6, 1.0)] = Field(
+        default=0.02, description="relative change of the fill that triggers a new solve")
+
+
+class Effects(Section):
+    """The effects of a scene; one without its table does not exist."""
+
+    gravity: Gravity | None = Field(default=None, description="weight of the grains")
+    magnetic_force: MagneticForce | None = Field(default=None, description="force of the field on each grain")
+    dipoles: Dipoles | None = Field(default=None, description="forces between magnetised grains")
+    saturation: Saturation | None = Field(default=None, description="grains saturate")
+    wall_images: WallImages | None = Field(default=None, description="images of the dipoles in steel faces")
+    back_reaction: BackReaction | None = Field(default=None, description="the powder's fill changes the field")
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """Names of the effects that this version has."""
+        return tuple(cls.model_fields)
+
+    @property
+    def active(self) -> tuple[str, ...]:
+        """Names of the effects that the scene has."""
+        return tuple(name for name in self.names() if getattr(self, name) is not None)

@@ -1,0 +1,114 @@
+"""A study: one case with many values. The points are every combination of the listed values."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field, PrivateAttr, ValidationError
+
+from emclutch.case import Case, load_case, read_toml
+from emclutch.faults import Fault, SceneError, shown
+from emclutch.scene.fault_report import faults_from, key_fault
+from emclutch.scene.model import Scene
+from emclutch.scene.section import Section
+
+
+def _flat(given: Any, prefix: str = "") -> Any:
+    """Turn nested tables into dotted keys: TOML reads an unquoted ``coil.current = [...]`` as tables."""
+    if not isinstance(given, dict):
+        return given
+    flat: dict[str, Any] = {}
+    for key, value in given.items():
+        if isinstance(value, dict) and value:
+            flat.update(_flat(value, f"{prefix}{key}."))
+        else:
+            flat[f"{prefix}{key}"] = value
+    return flat
+
+
+class Study(Section):
+    """[study] of a study file.
+
+    Attributes
+    ----------
+    path : the file that it was read from
+    """
+
+    case: str = Field(min_length=1, description="scene file, relative to the study's folder")
+    title: str = Field(default="", description="a line of text")
+    values: Annotated[dict[str, Any], BeforeValidator(_flat)] = Field(
+        description="dotted key = list of its values; every combination is a point")
+    set: Annotated[dict[str, Any], BeforeValidator(_flat)] = Field(
+        default={}, description="dotted key = value, for every point")
+    _path: Path = PrivateAttr(default=Path("study.toml"))
+
+    @property
+    def path(self) -> Path:
+        """The study's file."""
+        return self._path
+
+    @property
+    def case_path(self) -> Path:
+        """The scene's file."""
+        return self._path.parent / self.case
+
+    def points(self) -> list[dict[str, Any]]:
+        """Every combination of the values, the last key running fastest."""
+        return [dict(zip(self.values, point)) for point in itertools.product(*self.values.values())]
+
+    def cases(self) -> Iterator[tuple[dict[str, Any], Case]]:
+        """Yield each point's values with its checked case."""
+        base = load_case(self.case_path)
+        for point in self.points():
+            yield point, base.with_values({**self.set, **point})
+
+
+class _StudyFile(Section):
+    study: Study
+
+
+def load_study(path: str | Path) -> Study:
+    """Read a study file and check every point of it.
+
+    Raises
+    ------
+    SceneError
+        The file or one of its cases has faults. Those of the points come with the point's values.
+    """
+    path = Path(path)
+    data = read_toml(path)
+    if "study" not in data and "scene" in data:
+        raise SceneError([Fault("study", "", f"is missing: this file is one scene; use: emclutch run {path}")], str(path))
+    try:
+        study = _StudyFile.model_validate(data).study
+    except ValidationError as error:
+        raise SceneError(faults_from(error, _StudyFile, data), str(path)) from None
+    study._path = path
+    faults = [Fault(f"study.{table}.{key}", "", reason)
+              for table, entries in (("values", study.values), ("set", study.set))
+              for key in entries if (reason := key_fault(key, Scene))]
+    faults += [Fault(f"study.values.{key}", shown(values), "is not a list of values; write it in brackets, e.g. [1, 2]")
+               for key, values in study.values.items() if not isinstance(values, list) or not values]
+    if faults:
+        raise SceneError(faults, str(path))
+    _check_points(study)
+    return study
+
+
+def _check_points(study: Study) -> None:
+    """Check every point; a fault that all of them share is told once."""
+    base = load_case(study.case_path)
+    faults: dict[Fault, str] = {}
+    for point in study.points():
+        try:
+            base.with_values({**study.set, **point})
+        except SceneError as error:
+            where = ", ".join(f"{key} = {shown(value)}" for key, value in point.items())
+            for fault in error.faults:
+                faults.setdefault(fault, where)
+    if faults:
+        raise SceneError([Fault(fault.key, fault.value, f"{fault.message} (at {where})")
+                          for fault, where in faults.items()], str(study.path))

@@ -1,0 +1,59 @@
+"""An entry that may change in time: one value, or a table {times, values} that is linear between its points."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Self
+
+from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
+
+from emclutch.scene.section import Section, refuse
+from emclutch.units import Current, Instant, Speed
+
+
+class TimeTable(Section):
+    """Points of a piecewise linear course; its first and last value are held before and after."""
+
+    times: tuple[Instant, ...] = Field(min_length=1, description="increasing instants")
+    values: tuple[float, ...] = Field(min_length=1, description="value at each instant")
+
+    @model_validator(mode="after")
+    def _is_a_function_of_time(self) -> Self:
+        if len(self.times) != len(self.values):
+            raise refuse(f"has {len(self.times)} times and {len(self.values)} values; give as many of one as of the other")
+        if any(later <= earlier for earlier, later in zip(self.times, self.times[1:])):
+            raise refuse("must increase from each instant to the next; sort it and drop what is double", key="times")
+        return self
+
+
+class CurrentTable(TimeTable):
+    """Course of the coil current [A] in time [s]."""
+
+    values: tuple[Current, ...] = Field(min_length=1, description="current at each instant")
+
+
+class SpeedTable(TimeTable):
+    """Course of a shaft's speed [rad/s] in time [s]."""
+
+    values: tuple[Speed, ...] = Field(min_length=1, description="speed at each instant")
+
+
+def _value_or_table(given: Any) -> str:
+    return "table" if isinstance(given, (dict, BaseModel)) else "value"
+
+
+CurrentCourse = Annotated[
+    Annotated[Current, Tag("value")] | Annotated[CurrentTable, Tag("table")], Discriminator(_value_or_table)]
+SpeedCourse = Annotated[
+    Annotated[Speed, Tag("value")] | Annotated[SpeedTable, Tag("table")], Discriminator(_value_or_table)]
+
+
+def points_of(course: float | TimeTable) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the times [s] and the values [SI] of a course; a constant is one point at 0 s."""
+    if isinstance(course, TimeTable):
+        return course.times, course.values
+    return (0.0,), (course,)
+
+
+def largest(course: float | TimeTable) -> float:
+    """Return the largest magnitude that a course reaches."""
+    return max(abs(value) for value in points_of(course)[1])

@@ -1,0 +1,120 @@
+"""What a run writes while it runs: history, record, ParaView series and checkpoints, as callbacks of the loop."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from coupling import CoilField, Simulation
+from emclutch.results import HistoryWriter, PvdSeries, Record, RunFolder, write_checkpoint
+
+
+class Snapshots:
+    """Writes `count` frames evenly over the run (and the start), grains, walls, contacts and field.
+
+    Parameters
+    ----------
+    folder : RunFolder
+    walls : list of Wall
+    windows, count : int
+        Windows of the whole run; frames.
+    formats : tuple of str
+        "vtk", "hdf5".
+    resume_time : float or None
+        Later frames of an interrupted run are removed [s].
+    """
+
+    def __init__(self, folder: RunFolder, walls, windows: int, count: int, formats, case_text: str,
+                 resume_time: float | None):
+        self._walls = walls
+        self._at = {round(k * windows / count) for k in range(1, count + 1)} if count else set()
+        self._series = {}
+        if "vtk" in formats and count:
+            self._series = {name: PvdSeries(folder.path, name, resume_time=resume_time)
+                            for name in ("particles", "field", "walls", "contacts")}
+        self.record = None
+        if "hdf5" in formats:
+            self.record = Record.open(folder.record, "w" if resume_time is None else "a", case_text=case_text,
+                                      provenance_text=folder.provenance.read_text(), resume_time=resume_time)
+
+    def __call__(self, simulation: Simulation, row: dict) -> None:
+        if self.record is not None:
+            self.record.append_observables(row, step=simulation.dem.step_count)
+        if simulation.window in self._at:
+            self.write(simulation)
+
+    def write(self, simulation: Simulation) -> None:
+        """Write a frame of everything now."""
+        dem, grains = simulation.dem, simulation.dem.grains
+        contacts = dem.contacts()
+        arrays = {"radius": grains.radius, "velocity": grains.velocity, "angular_velocity": grains.angular_velocity,
+                  "particle_id": grains.particle_id, "force_contact": contacts.force_on_grains(grains.count),
+                  "n_contacts": contacts.number_on_grains(grains.count)}
+        if grains.magnetic_moment is not None:
+            arrays["magnetic_moment"] = grains.magnetic_moment
+        if dem.external_force is not None:
+            arrays["force_magnetic"] = dem.external_force
+        if self.record is not None:
+            self.record.append_grains(dem.step_count, dem.time, {"position": grains.position, **arrays})
+        if not self._series:
+            return
+        self._series["particles"].write_particles(dem.time, grains.position, arrays)
+        self._series["walls"].write_walls(dem.time, self._walls, angles={b.name: b.angle for b in dem.bodies},
+                                          speeds={b.name: b.speed for b in dem.bodies},
+                                          sector_angle=None if dem.sector is None else dem.sector.angle)
+        start, end, force = contacts.lines(grains.position, dem.sector)
+        self._series["contacts"].write_contacts(dem.time, start, end, force)
+        if isinstance(simulation.source, CoilField):
+            self._write_field(simulation)
+
+    def _write_field(self, simulation: Simulation) -> None:
+        source = simulation.source
+        solution, mesh = source.solution, source.problem.mesh
+        B = solution.flux_density()
+        mu_r = solution.relative_permeability()
+        names = sorted(mesh.regions)
+        region = np.zeros(len(mesh.triangles), dtype=np.int32)
+        for number, name in enumerate(names):
+            region[mesh.regions[name]] = number
+        cells = {"flux_density": B, "field_strength": B / (4e-7 * np.pi * mu_r[:, None]),
+                 "relative_permeability": mu_r, "region": region}
+        J = np.zeros(len(mesh.triangles))
+        J[mesh.regions["coil"]] = solution.ampere_turns / source.problem.coil_area
+        cells["current_density"] = J
+        if solution.fill is not None:
+            fill = np.zeros(len(mesh.triangles))
+            fill[mesh.regions["powder"]] = solution.fill
+            cells["solid_fraction"] = fill
+        r = mesh.points[:, 0]
+        A = np.divide(solution.point_psi, r, out=np.zeros_like(r), where=r > 0.0)
+        self._series["field"].write_field(simulation.dem.time, mesh.points, mesh.triangles, cell_arrays=cells,
+                                          point_arrays={"vector_potential": A}, region_names=names)
+
+    def close(self) -> None:
+        """Write what is still kept back."""
+        if self.record is not None:
+            self.record.close()
+
+
+class History:
+    """Callback that writes history.csv."""
+
+    def __init__(self, path: Path, resume_time: float | None):
+        self._writer = HistoryWriter(path, resume_time=resume_time)
+
+    def __call__(self, simulation: Simulation, row: dict) -> None:
+        self._writer.append(row)
+
+
+def save_checkpoint(path: Path, simulation: Simulation, case_text: str) -> None:
+    """Everything that a bit-exact continuation needs."""
+    state = {"case": case_text, "window": simulation.window, "dem": simulation.dem.state(),
+             "rows": simulation.rows_state(), "source": None}
+    source = simulation.source
+    if isinstance(source, CoilField) and source.solution is not None:
+        state["source"] = {"psi": source.solution.psi, "ampere_turns": source.solution.ampere_turns,
+                           "fill": source.fill, "newton": [list(map(float, x)) for x in source.solution.newton],
+                           "current": source.solved_current, "largest_current": source.largest_current,
+                           "solves": source.solves}
+    write_checkpoint(path, state)

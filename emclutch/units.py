@@ -1,0 +1,210 @@
+"""Quantities of a scene: text such as ``"1.2 mm"`` or a bare SI number becomes a float in SI, once, at the border.
+
+A field of a scene model is declared with one of the annotated types below (`Length`, `Speed`, ...). Each knows the
+physical quantity, its SI unit, the allowed range and an example, so that a wrong entry is answered in those terms.
+Below the scene models every quantity is a float in SI; no unit object leaves this file.
+
+pint reads the units. It is imported at the first text that has one (its registry takes 0.3 s to build).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import lru_cache
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic_core import PydanticCustomError, core_schema
+
+if TYPE_CHECKING:
+    from pint import UnitRegistry
+    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+
+_NUMBER_AND_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
+# The unit part: letters, digits as small exponents and the operators between them. Anything else never reaches pint.
+_UNIT_TEXT = re.compile(r"[A-Za-zµμΩ°%²³·*/^() \d.-]{0,40}")
+_ANGLE_UNITS = {"radian", "milliradian", "degree", "arcminute", "arcsecond", "turn", "revolutions_per_minute",
+                "revolutions_per_second"}
+_COMMON_UNITS = ("m", "mm", "um", "cm", "g", "kg", "mg", "s", "ms", "us", "min", "A", "mA", "V", "ohm", "mohm", "rpm",
+                 "rad/s", "deg/s", "rad", "deg", "turn", "N", "mN", "N m", "mN m", "N/m", "kN/m", "kg/m^3", "g/cm^3",
+                 "A/m", "kA/m", "MA/m", "T", "mT", "kg m^2", "g cm^2", "m/s^2", "%")
+
+
+@lru_cache(maxsize=1)
+def registry() -> UnitRegistry:
+    """Return the one unit registry of the program, built at the first call."""
+    from pint import UnitRegistry  # local: see the module's docstring
+
+    return UnitRegistry()
+
+
+@lru_cache(maxsize=1)
+def _names_of_dimensions() -> dict[Any, str]:
+    """Map a dimension to words, for «is a mass; a length is needed»."""
+    words = {"m": "a length", "kg": "a mass", "s": "a time", "A": "a current", "ohm": "a resistance", "V": "a voltage",
+             "rad": "an angle or a pure number", "rad/s": "an angular speed or a frequency", "N": "a force",
+             "N*m": "a torque or an energy", "A/m": "a field strength", "T": "a flux density", "N/m": "a stiffness",
+             "kg/m^3": "a density", "kg*m^2": "a moment of inertia", "m/s": "a speed", "m/s^2": "an acceleration",
+             "K": "a temperature", "m^2": "an area", "m^3": "a volume", "Pa": "a pressure", "W": "a power",
+             "H": "an inductance", "Wb": "a magnetic flux"}
+    return {registry().parse_units(unit).dimensionality: name for unit, name in words.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """What a float of the scene means: physical quantity, SI unit, allowed range and an example.
+
+    Attributes
+    ----------
+    name : words with their article, e.g. ``"a length"``
+    unit : SI unit of the stored float; empty for a pure number
+    example : an entry that is right, as a user would type it
+    minimum, maximum : bounds in SI; infinite where there is none
+    open_minimum : the minimum itself is not allowed
+    angular : the unit must contain an angle. Hz, 1/s and pure numbers have the same dimension as rad/s and rad, and
+        ``"50 Hz"`` read as 50 rad/s instead of 50 turns per second would be a silent factor of 2 pi.
+    """
+
+    name: str
+    unit: str
+    example: str
+    minimum: float = -math.inf
+    maximum: float = math.inf
+    open_minimum: bool = False
+    angular: bool = False
+
+    @property
+    def range_text(self) -> str:
+        """The allowed range in words and SI, e.g. ``"> 0 m, <= 10 m"``; empty where everything finite is allowed."""
+        unit = f" {self.unit}" if self.unit else ""
+        parts = []
+        if self.minimum > -math.inf:
+            parts.append(f"{'>' if self.open_minimum else '>='} {self.minimum:g}{unit}")
+        if self.maximum < math.inf:
+            parts.append(f"<= {self.maximum:g}{unit}")
+        return ", ".join(parts)
+
+    def read(self, given: object) -> float:
+        """Return the entry as a float in SI.
+
+        Raises
+        ------
+        ValueError
+            Not a number or a text with a unit, wrong dimension, out of range. The message follows on the key and the
+            entry, as in ``geometry.gap = '3 kg' is a mass; a length is needed, e.g. '1 mm'``.
+        """
+        if isinstance(given, str):
+            value = self._from_text(given)
+        elif isinstance(given, (int, float)) and not isinstance(given, bool):
+            value = float(given)
+        else:
+            raise ValueError(f"is not a number; {self._needed()}")
+        if not math.isfinite(value):
+            raise ValueError(f"is not finite; {self._needed()}")
+        below = value < self.minimum or (self.open_minimum and value == self.minimum)
+        if below or value > self.maximum:
+            raise ValueError(f"is out of range; allowed: {self.range_text}, e.g. {self.given_example}")
+        return value
+
+    def _from_text(self, text: str) -> float:
+        match = _NUMBER_AND_UNIT.fullmatch(text)
+        if match is None:
+            raise ValueError(f"is not a number with a unit; {self._needed()}")
+        number, unit_text = float(match[1]), match[2]
+        if not unit_text:
+            if self.unit:
+                raise ValueError(f"has no unit; write {self.given_example}, or without quotes a number in {self.unit}")
+            return number
+        unit = _parse_unit(unit_text)
+        if unit is None:
+            close = get_close_matches(unit_text, _COMMON_UNITS, n=1, cutoff=0.5)
+            hint = f"did you mean '{close[0]}'? " if close else ""
+            raise ValueError(f"has the unknown unit '{unit_text}'; {hint}{self._needed()}")
+        wanted = registry().parse_units(self.unit)
+        if unit.dimensionality != wanted.dimensionality:
+            what = _names_of_dimensions().get(unit.dimensionality, f"in {unit_text}")
+            raise ValueError(f"is {what}; {self._needed()}")
+        has_angle = bool(_ANGLE_UNITS & set(unit._units))
+        if self.angular and not has_angle:
+            raise ValueError(f"has no angle in its unit (turns or radians?); {self._needed()}")
+        if has_angle and not self.angular:
+            raise ValueError(f"is an angle; {self._needed()}")
+        return float(registry().Quantity(number, unit).to(wanted).magnitude)
+
+    def _needed(self) -> str:
+        return f"{self.name} is needed, e.g. {self.given_example}"
+
+    @property
+    def given_example(self) -> str:
+        """The example as it stands in a scene: with quotes where it has a unit."""
+        return f"'{self.example}'" if self.unit else self.example
+
+    def _validate(self, given: object) -> float:
+        try:
+            return self.read(given)
+        except ValueError as error:
+            raise PydanticCustomError("quantity", "{message}", {"message": str(error)}) from None
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_plain_validator_function(
+            self._validate, serialization=core_schema.plain_serializer_function_ser_schema(float))
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        number: dict[str, Any] = {"type": "number"}
+        if self.minimum > -math.inf:
+            number["exclusiveMinimum" if self.open_minimum else "minimum"] = self.minimum
+        if self.maximum < math.inf:
+            number["maximum"] = self.maximum
+        if not self.unit:
+            return {**number, "examples": [float(self.example)]}
+        number["description"] = f"{self.name} in {self.unit}"
+        text = {"type": "string", "description": f"{self.name} with its unit", "examples": [self.example]}
+        return {"anyOf": [text, number]}
+
+
+@lru_cache(maxsize=256)
+def _parse_unit(text: str) -> Any:
+    """Return pint's unit for a text, or None where there is none."""
+    if _UNIT_TEXT.fullmatch(text) is None:
+        return None
+    # Habits that pint does not know: "g/cm3", "rev/min", "N·m".
+    text = re.sub(r"([A-Za-z])(\d)", r"\1^\2", text).replace("·", "*")
+    text = re.sub(r"\brevs?\b", "turn", text)
+    try:
+        return registry().parse_units(text)
+    except Exception:  # pint answers nonsense with errors of many kinds, tokenizer and syntax errors included
+        return None
+
+
+def _positive(name: str, unit: str, example: str, maximum: float = math.inf, angular: bool = False) -> Quantity:
+    return Quantity(name, unit, example, minimum=0.0, maximum=maximum, open_minimum=True, angular=angular)
+
+
+# Upper bounds only catch slips of unit (a bare 20 for 20 mm): they lie far above any clutch.
+Length = Annotated[float, _positive("a length", "m", "1 mm", maximum=10.0)]
+LengthOrNone = Annotated[float, Quantity("a length", "m", "1 mm", 0.0, 10.0)]
+Angle = Annotated[float, _positive("an angle", "rad", "3 deg", maximum=2.0 * math.pi, angular=True)]
+Speed = Annotated[float, Quantity("an angular speed", "rad/s", "100 rpm", -1e5, 1e5, angular=True)]
+Torque = Annotated[float, Quantity("a torque", "N*m", "12 N m", -1e7, 1e7)]
+LoadTorque = Annotated[float, Quantity("a torque", "N*m", "2 N m", 0.0, 1e7)]
+Mass = Annotated[float, _positive("a mass", "kg", "20 g", maximum=1e3)]
+Current = Annotated[float, Quantity("a current", "A", "0.94 A", -1e5, 1e5)]
+Resistance = Annotated[float, _positive("a resistance", "ohm", "25.5 ohm", maximum=1e9)]
+Voltage = Annotated[float, _positive("a voltage", "V", "24 V", maximum=1e6)]
+FieldStrength = Annotated[float, Quantity("a field strength", "A/m", "100 kA/m", -1e8, 1e8)]
+Magnetisation = Annotated[float, _positive("a magnetisation", "A/m", "1.3 MA/m", maximum=1e8)]
+FluxDensity = Annotated[float, Quantity("a flux density", "T", "1.5 T", 0.0, 100.0)]
+CurveFieldStrength = Annotated[float, Quantity("a field strength", "A/m", "1 kA/m", 0.0, 1e9)]
+Stiffness = Annotated[float, _positive("a stiffness", "N/m", "10 kN/m", maximum=1e12)]
+Time = Annotated[float, _positive("a time", "s", "20 ms", maximum=1e5)]
+Instant = Annotated[float, Quantity("a time", "s", "20 ms", 0.0, 1e5)]
+Density = Annotated[float, _positive("a density", "kg/m^3", "7700 kg/m^3", maximum=3e4)]
+Inertia = Annotated[float, _positive("a moment of inertia", "kg*m^2", "2e-4 kg m^2", maximum=1e6)]
+Acceleration = Annotated[float, Quantity("an acceleration", "m/s^2", "9.81 m/s^2", 0.0, 1e6)]
+
+
+def number(example: str, minimum: float = -math.inf, maximum: float = math.inf, *, above: bool = False) -> Quantity:
+    """Return the quantity of a pure number within [minimum, maximum]; `above`: the minimum itself is excluded."""
+    return Quantity("a number", "", example, minimum, maximum, open_minimum=above)

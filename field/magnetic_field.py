@@ -1,0 +1,135 @@
+"""The solved field of a device: flux density, energies, flux linkage, and the sampler for grains."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .locate import PointOutside
+from .reluctivity import NU_0
+
+if TYPE_CHECKING:
+    from .axisymmetric import AxisymmetricProblem
+    from .sampler import RecoveredSampler
+
+
+class MagneticField:
+    """One solution psi = r A_phi of an `AxisymmetricProblem`.
+
+    Attributes
+    ----------
+    problem : AxisymmetricProblem
+    psi : ndarray (n_dofs,)
+        r A_phi [Wb/rad]; the first `n_points` entries belong to the mesh's points, and its level lines in
+        the section are flux lines (2 pi psi is the flux through the circle).
+    ampere_turns : float
+        N I of the coil [A].
+    fill : ndarray (n powder elements,) or None
+        Solid fraction the field was solved for.
+    newton : list of (relative residual, step length)
+        History of the iteration, the start first.
+    """
+
+    def __init__(self, problem: AxisymmetricProblem, psi: np.ndarray, ampere_turns: float,
+                 fill: np.ndarray | None, newton: list[tuple[float, float]]) -> None:
+        self.problem = problem
+        self.psi = psi
+        self.ampere_turns = ampere_turns
+        self.fill = None if fill is None else fill.copy()
+        self.newton = newton
+
+    def _B_at_quadrature(self) -> np.ndarray:
+        elements = self.problem.elements
+        gradient = elements.gradient(self.psi)
+        return np.hypot(gradient[:, 0], gradient[:, 1]) / elements.radius
+
+    def _volume_integral(self, density: np.ndarray) -> float:
+        elements = self.problem.elements
+        return float(2.0 * np.pi * (density * elements.radius * elements.weight).sum())
+
+    @property
+    def energy(self) -> float:
+        """Stored energy, integral of w(B) over the volume [J]."""
+        return self._volume_integral(self.problem.energy_density(self._B_at_quadrature(), self.fill))
+
+    @property
+    def coenergy(self) -> float:
+        """Co-energy, integral of H B - w over the volume [J]; equals the energy when all is linear."""
+        B = self._B_at_quadrature()
+        H, _ = self.problem.H_of_B(B, self.fill)
+        return self._volume_integral(H * B - self.problem.energy_density(B, self.fill))
+
+    @property
+    def flux_linkage_per_turn(self) -> float:
+        """Flux through a mean turn of the coil, 2 pi times the mean of psi over its section [Wb].
+
+        Times N it is the linkage, and N^2/(N I) times it the inductance.
+        """
+        return float(2.0 * np.pi * (self.problem.coil_load @ self.psi))
+
+    @property
+    def point_psi(self) -> np.ndarray:
+        """psi at the mesh's points, shape (n_points,) [Wb/rad]; its level lines are flux lines."""
+        return self.psi[:len(self.problem.mesh.points)]
+
+    def flux_density(self, points: np.ndarray | None = None) -> np.ndarray:
+        """B of the finite element solution itself (not recovered).
+
+        Parameters
+        ----------
+        points : ndarray (k, 2) or None
+            (r, z) [m]; None: the centroid of every element.
+
+        Returns
+        -------
+        ndarray (k, 2)
+            B_r, B_z [T].
+
+        Raises
+        ------
+        PointOutside
+            A point outside the mesh.
+        """
+        mesh = self.problem.mesh
+        if points is None:
+            points, element = mesh.centroid(), np.arange(len(mesh.triangles))
+        else:
+            points = np.ascontiguousarray(np.atleast_2d(np.asarray(points, dtype=float)))
+            element, _ = self.problem.locator.find(points)
+            if np.any(element < 0):
+                raise PointOutside(points[element < 0], "the mesh")
+        return self._flux_density_in(element, points)
+
+    def B_along(self, points: np.ndarray) -> np.ndarray:
+        """B_r, B_z [T], shape (k, 2), at the points (r, z) [m] of a polyline, shape (k, 2)."""
+        return self.flux_density(points)
+
+    def corner_flux_density(self) -> np.ndarray:
+        """B_r, B_z [T] of each element at its three corners, shape (n_elements, 3, 2), in `triangles`' order."""
+        mesh = self.problem.mesh
+        element = np.repeat(np.arange(len(mesh.triangles)), 3)
+        return self._flux_density_in(element, mesh.points[mesh.triangles.ravel()]).reshape(-1, 3, 2)
+
+    def _flux_density_in(self, element: np.ndarray, points: np.ndarray) -> np.ndarray:
+        mesh = self.problem.mesh
+        # B = grad psi/r is 0/0 on the axis, where it changes with r^2 only: take it a third of an
+        # element away from it.
+        corners = mesh.points[mesh.triangles[element], 0]
+        nearest = np.where(corners.min(axis=1) <= 1e-12 * corners.max(axis=1), corners.max(axis=1) / 3.0, 0.0)
+        r = np.maximum(points[:, 0], nearest)
+        gradient = self.problem.elements.gradient_at(self.psi, element, np.column_stack((r, points[:, 1])))
+        return np.column_stack((-gradient[:, 1], gradient[:, 0])) / r[:, None]
+
+    def relative_permeability(self) -> np.ndarray:
+        """mu_r = B/(mu_0 H) at the centroid of every element, shape (n_elements,) [-]."""
+        B = np.linalg.norm(self.flux_density(), axis=1)[:, None]
+        H, slope = self.problem.H_of_B(B, self.fill)
+        here = B > 0.0
+        return (NU_0 / np.where(here, H / np.where(here, B, 1.0), slope))[:, 0]
+
+    def sampler(self, region: str | None = None) -> RecoveredSampler:
+        """Recovered H and grad H inside a region, by default the powder's."""
+        from .sampler import RecoveredSampler
+
+        return RecoveredSampler(self, region or self.problem.powder_region)

@@ -1,0 +1,209 @@
+"""Saturating steels: H(B) as a monotone cubic spline, continued with the slope of vacuum.
+
+Two ways into the same spline: a measured table (`TableLaw`, monotone PCHIP of H over B, Fritsch and
+Carlson 1980) and a fitted permeability mu_r(B) (`PermeabilityLaw`, the form of Modelica's FluxTubes).
+Beyond the last point the material is saturated: M stays what it is and dH/dB = nu_0.  The energy
+density is the spline's own antiderivative, so energy and H agree to round-off, which the energy line
+search of Newton relies on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
+
+from .reluctivity import MU_0, NU_0
+
+# A published table rounds its figures: a last slope 2 % under mu_0 is a rounding, not a fault.
+_SLOPE_ROUNDING = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class HSpline:
+    """Piecewise cubic H(B) on [0, B_last] with its antiderivative, then slope nu_0.
+
+    Attributes
+    ----------
+    B : ndarray (m+1,)
+        Break points [T], from 0.
+    coefficients : ndarray (4, m)
+        Cubic of each interval in (B - B_i), highest power first [A/m].
+    energy : ndarray (m+1,)
+        Energy density at the break points [J/m^3].
+    """
+
+    B: np.ndarray
+    coefficients: np.ndarray
+    energy: np.ndarray
+    H_last: float
+
+    @classmethod
+    def through(cls, spline: CubicHermiteSpline) -> HSpline:
+        """Take over a scipy Hermite spline."""
+        energy = spline.antiderivative()(spline.x)
+        return cls(np.array(spline.x), np.array(spline.c), energy, float(spline(spline.x[-1])))
+
+    def _interval(self, B: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        index = np.searchsorted(self.B, B, side="right") - 1
+        np.clip(index, 0, self.B.size - 2, out=index)
+        t = np.minimum(B, self.B[-1]) - self.B[index]
+        return self.coefficients[:, index], t, np.maximum(B - self.B[-1], 0.0)
+
+    def H_of_B(self, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """H [A/m] and dH/dB [A/(m T)] at B >= 0 [T]."""
+        B = np.asarray(B, dtype=float)
+        (c3, c2, c1, c0), t, beyond = self._interval(B)
+        H = ((c3 * t + c2) * t + c1) * t + c0 + NU_0 * beyond
+        slope = (3.0 * c3 * t + 2.0 * c2) * t + c1
+        return H, np.where(beyond > 0.0, NU_0, slope)
+
+    def energy_density(self, B: np.ndarray) -> np.ndarray:
+        """Integral of H dB from 0 [J/m^3]."""
+        B = np.asarray(B, dtype=float)
+        index = np.clip(np.searchsorted(self.B, B, side="right") - 1, 0, self.B.size - 2)
+        (c3, c2, c1, c0), t, beyond = self._interval(B)
+        inside = self.energy[index] + t * (c0 + t * (c1 / 2.0 + t * (c2 / 3.0 + t * c3 / 4.0)))
+        return inside + beyond * (self.H_last + 0.5 * NU_0 * beyond)
+
+
+@dataclass(frozen=True, slots=True)
+class TableLaw:
+    """A measured magnetisation curve.
+
+    Parameters
+    ----------
+    H : ndarray (n,)
+        Field strength [A/m], strictly growing; the point (0, 0) is added where it is missing.
+    B : ndarray (n,)
+        Flux density [T], strictly growing.
+    name, source : str
+        For messages and tables.
+
+    Raises
+    ------
+    ValueError
+        Fewer than four points, a curve that does not grow, or one with dB/dH below mu_0 (no material:
+        usually M or mu_0 M was entered as B).
+    """
+
+    H: np.ndarray
+    B: np.ndarray
+    name: str = "table"
+    source: str = "a table of the user"
+    curve: HSpline = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        H = np.atleast_1d(np.asarray(self.H, dtype=float))
+        B = np.atleast_1d(np.asarray(self.B, dtype=float))
+        self._check_shape(H, B)
+        if H[0] > 0.0 and B[0] > 0.0:
+            H, B = np.concatenate(([0.0], H)), np.concatenate(([0.0], B))
+        self._check_curve(H, B)
+        object.__setattr__(self, "H", H)
+        object.__setattr__(self, "B", B)
+        object.__setattr__(self, "curve", HSpline.through(PchipInterpolator(B, H)))
+
+    def _check_shape(self, H: np.ndarray, B: np.ndarray) -> None:
+        if H.ndim != 1 or H.shape != B.shape:
+            raise ValueError(f"the table of {self.name!r} has {H.size} values of H and {B.size} of B; "
+                             "give one B [T] for each H [A/m]")
+        if not (np.all(np.isfinite(H)) and np.all(np.isfinite(B))):
+            raise ValueError(f"the table of {self.name!r} holds a value that is not a finite number")
+        if np.count_nonzero(H) < 3:
+            raise ValueError(f"the table of {self.name!r} has {np.count_nonzero(H)} points beside the "
+                             "origin; a curve needs at least 3, better 10 up to saturation")
+
+    def _check_curve(self, H: np.ndarray, B: np.ndarray) -> None:
+        if H[0] != 0.0 or B[0] != 0.0:
+            raise ValueError(f"the table of {self.name!r} starts at H = {H[0]:g} A/m, B = {B[0]:g} T; it must "
+                             "start at the origin (hysteresis is not modelled: give the virgin or mean curve)")
+        dH, dB = np.diff(H), np.diff(B)
+        for values, step, symbol, unit in ((H, dH, "H", "A/m"), (B, dB, "B", "T")):
+            if np.any(step <= 0.0):
+                i = int(np.argmax(step <= 0.0))
+                raise ValueError(f"the table of {self.name!r} is not monotone: {symbol} goes from "
+                                 f"{values[i]:g} to {values[i + 1]:g} {unit} (points {i + 1} and {i + 2}); "
+                                 "sort it and remove repeated points")
+        too_flat = dB < (1.0 - _SLOPE_ROUNDING) * MU_0 * dH
+        if np.any(too_flat):
+            i = int(np.argmax(too_flat))
+            raise ValueError(f"the table of {self.name!r} has dB/dH = {dB[i] / dH[i]:.3g} H/m between "
+                             f"H = {H[i]:g} and {H[i + 1]:g} A/m, below mu_0 = {MU_0:.4g} H/m: no material "
+                             "does that; check the units and that B, not M or mu_0 M, is given")
+
+    def H_of_B(self, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """See `Law.H_of_B`."""
+        return self.curve.H_of_B(B)
+
+    def energy_density(self, B: np.ndarray) -> np.ndarray:
+        """See `Law.energy_density`."""
+        return self.curve.energy_density(B)
+
+
+@dataclass(frozen=True, slots=True)
+class PermeabilityLaw:
+    """A fitted permeability, mu_r(B) = 1 + (mu_i - 1 + c_a b)/(1 + c_b b + b^n), b = B/B_m.
+
+    Source of the form: Modelica Standard Library, Magnetic.FluxTubes.Material.SoftMagnetic (Roschke).
+    The fitted magnetisation M = (1 - 1/mu_r) B/mu_0 falls again far in saturation, which no steel does:
+    from its maximum on M is held and the slope is nu_0.
+
+    Parameters
+    ----------
+    mu_i : float
+        Initial relative permeability [-].
+    B_m : float
+        Flux density that scales the fit [T].
+    c_a, c_b, n : float
+        Coefficients of the fit [-].
+    """
+
+    mu_i: float
+    B_m: float
+    c_a: float
+    c_b: float
+    n: float
+    name: str = "fitted permeability"
+    source: str = "a fit of the user"
+    curve: HSpline = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if not (self.mu_i > 1.0 and self.B_m > 0.0 and self.c_a >= 0.0 and self.c_b >= 0.0 and self.n > 1.0):
+            raise ValueError(f"the permeability of {self.name!r} needs mu_i > 1, B_m > 0 T, c_a >= 0, c_b >= 0 "
+                             f"and n > 1; got {self.mu_i}, {self.B_m}, {self.c_a}, {self.c_b}, {self.n}")
+        # Quadratic spacing: b = 0 is where mu_r rises fastest (DC01: from 5 to 1000 within 0.2 T).
+        B = self.saturation_B() * np.linspace(0.0, 1.0, 600) ** 2
+        H, slope = self._fit(B)
+        if np.any(slope <= 0.0):
+            at = B[int(np.argmax(slope <= 0.0))]
+            raise ValueError(f"the permeability of {self.name!r} makes H fall with B at {at:.3g} T; "
+                             "lower c_a or raise mu_i")
+        object.__setattr__(self, "curve", HSpline.through(CubicHermiteSpline(B, H, slope)))
+
+    def mu_r(self, B: np.ndarray) -> np.ndarray:
+        """The fit itself [-], B in T."""
+        b = np.asarray(B, dtype=float) / self.B_m
+        return 1.0 + (self.mu_i - 1.0 + self.c_a * b) / (1.0 + self.c_b * b + b**self.n)
+
+    def _fit(self, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        b = B / self.B_m
+        top, bottom = self.mu_i - 1.0 + self.c_a * b, 1.0 + self.c_b * b + b**self.n
+        mu_r = 1.0 + top / bottom
+        dmu_dB = (self.c_a - top / bottom * (self.c_b + self.n * b ** (self.n - 1.0))) / bottom / self.B_m
+        return B / (MU_0 * mu_r), (1.0 - B * dmu_dB / mu_r) / (MU_0 * mu_r)
+
+    def saturation_B(self) -> float:
+        """Flux density from which M is held: the maximum of the fitted M [T]."""
+        B = np.linspace(0.0, 20.0 * self.B_m, 200_001)
+        H, _ = self._fit(B)
+        return float(B[np.argmax(B / MU_0 - H)])
+
+    def H_of_B(self, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """See `Law.H_of_B`."""
+        return self.curve.H_of_B(B)
+
+    def energy_density(self, B: np.ndarray) -> np.ndarray:
+        """See `Law.energy_density`."""
+        return self.curve.energy_density(B)

@@ -1,0 +1,29 @@
+"""What the device looks like: parametric cross-sections, their meshes with named regions, and the walls of grains."""
+
+from geometry.annular_cell import ShearCell
+from geometry.box import Box
+from geometry.clutch import Clutch
+from geometry.drawing import draw_section
+from geometry.fault import Fault, GeometryError
+from geometry.meshing import mesh_clutch
+from geometry.section import SectionMesh
+from geometry.walls import AnnularBox, Plane, RevolvedWall, Wall, annulus, cone, cylinder, outline
+
+__all__ = [
+    "AnnularBox",
+    "Box",
+    "Clutch",
+    "Fault",
+    "GeometryError",
+    "Plane",
+    "RevolvedWall",
+    "SectionMesh",
+    "ShearCell",
+    "Wall",
+    "annulus",
+    "cone",
+    "cylinder",
+    "draw_section",
+    "mesh_clutch",
+    "outline",
+]

@@ -1,0 +1,76 @@
+"""A Couette shear cell: grains between two coaxial cylinders, floor and ceiling. It has no mesh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from geometry.fault import Fault, millimetres
+from geometry.walls import AnnularBox, RevolvedWall, annulus, cylinder
+
+
+@dataclass(frozen=True, slots=True)
+class ShearCell:
+    """Annulus inner_radius < r < outer_radius, |z| < height/2 [m].
+
+    The inner cylinder belongs to body ``disc``, the outer one to ``rotor``, floor and ceiling to ``housing``.
+    """
+
+    inner_radius: float
+    outer_radius: float
+    height: float
+
+    def faults(self, grain_diameter: float | None = None) -> list[Fault]:
+        """Every inconsistency; with a grain diameter [m], also a cell that no grain fits into."""
+        found = [
+            Fault(f"geometry.{name}", millimetres(value), f"{what} must be positive", "more than 0 mm",
+                  f"give `geometry.{name}` a positive length")
+            for name, value, what in (
+                ("inner_radius", self.inner_radius, "the inner cylinder's radius"),
+                ("outer_radius", self.outer_radius, "the outer cylinder's radius"),
+                ("height", self.height, "the cell's height"),
+            )
+            if not 0.0 < value < float("inf")
+        ]  # fmt: skip
+        if found:
+            return found
+        width = self.outer_radius - self.inner_radius
+        if width <= 0.0:
+            found.append(
+                Fault("geometry.outer_radius", millimetres(self.outer_radius),
+                      "the outer cylinder lies inside the inner one", f"more than {millimetres(self.inner_radius)}",
+                      "raise `geometry.outer_radius` or lower `geometry.inner_radius`")
+            )  # fmt: skip
+        if grain_diameter is not None:
+            if 0.0 < width < grain_diameter:
+                found.append(
+                    Fault("geometry.outer_radius", millimetres(self.outer_radius),
+                          f"the annulus of {millimetres(width)} is thinner than one grain "
+                          f"({millimetres(grain_diameter)}): no grain fits",
+                          f"at least {millimetres(self.inner_radius + grain_diameter)}",
+                          "raise `geometry.outer_radius` or lower `particles.diameter`")
+                )  # fmt: skip
+            if self.height < grain_diameter:
+                found.append(
+                    Fault("geometry.height", millimetres(self.height),
+                          f"the cell is lower than one grain ({millimetres(grain_diameter)}): no grain fits",
+                          f"at least {millimetres(grain_diameter)}",
+                          "raise `geometry.height` or lower `particles.diameter`")
+                )  # fmt: skip
+        return found
+
+    def walls(self) -> list[RevolvedWall]:
+        """The four walls; all corners are concave, so that no edge is owned."""
+        half = 0.5 * self.height
+        inner, outer = self.inner_radius, self.outer_radius
+        return [
+            cylinder("inner_cylinder", "disc", inner, -half, half),
+            cylinder("outer_cylinder", "rotor", outer, -half, half),
+            annulus("floor", "housing", -half, inner, outer),
+            annulus("ceiling", "housing", half, inner, outer),
+        ]
+
+    def fill_boxes(self) -> dict[str, AnnularBox]:
+        """The one space to fill, ``annulus``."""
+        return {
+            "annulus": AnnularBox(self.inner_radius, self.outer_radius, -0.5 * self.height, 0.5 * self.height)
+        }

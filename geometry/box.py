@@ -1,0 +1,59 @@
+"""A closed rectangular box for tests of grains and of loose packings. It has no mesh."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from geometry.fault import Fault, millimetres
+from geometry.walls import Plane
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """|x| < X/2, |y| < Y/2, 0 < z < Z for size = (X, Y, Z) [m]; its six planes belong to body ``housing``."""
+
+    size: tuple[float, float, float]
+
+    @property
+    def lower(self) -> np.ndarray:
+        """Lowest corner [m], shape (3,)."""
+        return np.array([-0.5 * self.size[0], -0.5 * self.size[1], 0.0])
+
+    @property
+    def upper(self) -> np.ndarray:
+        """Highest corner [m], shape (3,)."""
+        return np.array([0.5 * self.size[0], 0.5 * self.size[1], self.size[2]])
+
+    @property
+    def volume(self) -> float:
+        """Volume [m^3]."""
+        return math.prod(self.size)
+
+    def faults(self, grain_diameter: float | None = None) -> list[Fault]:
+        """Every inconsistency; with a grain diameter [m], also a side that is shorter than one grain."""
+        found = []
+        for axis, length in zip("xyz", self.size, strict=True):
+            if not 0.0 < length < math.inf:
+                reason, allowed = f"the {axis} side must be positive", "more than 0 mm"
+                remedy = "give `geometry.size` three positive lengths"
+            elif grain_diameter is not None and length < grain_diameter:
+                reason = f"the {axis} side is shorter than one grain ({millimetres(grain_diameter)}): no grain fits"
+                allowed = f"at least {millimetres(grain_diameter)}"
+                remedy = "raise `geometry.size` or lower `particles.diameter`"
+            else:
+                continue
+            found.append(Fault("geometry.size", millimetres(length), reason, allowed, remedy))
+        return found
+
+    def walls(self) -> list[Plane]:
+        """The six planes, normals inward."""
+        planes = []
+        for axis, letter in enumerate("xyz"):
+            inward = np.zeros(3)
+            inward[axis] = 1.0
+            planes.append(Plane(f"{letter}_low", "housing", self.lower, inward))
+            planes.append(Plane(f"{letter}_high", "housing", self.upper, -inward))
+        return planes

@@ -1,0 +1,228 @@
+"""The parametric magnetic particle clutch, as in the classic drawing, turned about the z axis.
+
+From the axis outwards: a **disc** (output) on its shaft, the **powder** chamber around rim and faces of the disc,
+the **rotor** (input), a steel shell that a non-magnetic **ring** divides into two poles, closed by two **covers**;
+a running clearance; the standing **housing** with the **coil**, open towards the rotor; air around all.
+The coil's flux cannot pass the ring: it goes rotor pole - gap - disc - gap - rotor pole, or, when the disc is thin
+and the covers are steel, cover - face gap - disc - face gap - cover. A thick disc («drum») and a thin one are the
+same family.
+
+Inside ``seal_radius`` a non-magnetic **seal** fills the space between disc and covers: without it steel covers
+would short the gap. The shaft stubs are regions of their own, as a clutch with steel covers needs non-magnetic ones.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from geometry.clutch_faults import find_faults
+from geometry.fault import Fault
+from geometry.walls import AnnularBox, Pair, RevolvedWall, outline
+
+
+@dataclass(frozen=True, slots=True)
+class Clutch:
+    """Sizes of a clutch [m]; the defaults are a drum form of the 12 N·m class. Symmetric about z = 0.
+
+    Attributes
+    ----------
+    disc_radius, disc_thickness
+        The disc (output): r < disc_radius, |z| < disc_thickness/2.
+    gap, face_gap
+        Radial gap at the rim and axial gap at both faces; both hold powder.
+    seal_radius
+        Inner radius of the powder chamber.
+    rotor_wall, ring_width, cover_thickness
+        Radial thickness of the rotor's shell, axial width of its non-magnetic ring (0: none), thickness of covers.
+    clearance
+        Radial running clearance between rotor and housing (air).
+    coil_width, coil_height, coil_radius
+        Axial and radial size of the winding; its inner radius (None: right at the housing's bore). With a greater
+        coil_radius the window below the winding is air.
+    yoke, housing_width
+        Radial thickness of the housing outside the coil; axial width of the housing (None: that of the rotor).
+    shaft_radius
+        Both shaft stubs.
+    air_factor
+        Radius of the air half-disc over that of the circle around the device.
+    cover_magnetic : bool
+        Steel covers: their faces mirror dipoles, and the ring may then be wider than the disc.
+    """
+
+    disc_radius: float = 44.5e-3
+    disc_thickness: float = 30e-3
+    gap: float = 1e-3
+    face_gap: float = 1e-3
+    seal_radius: float = 41e-3
+    rotor_wall: float = 6e-3
+    ring_width: float = 6e-3
+    cover_thickness: float = 4e-3
+    clearance: float = 0.3e-3
+    coil_width: float = 14e-3
+    coil_height: float = 14e-3
+    yoke: float = 8e-3
+    shaft_radius: float = 8e-3
+    housing_width: float | None = None
+    coil_radius: float | None = None
+    air_factor: float = 3.0
+    cover_magnetic: bool = False
+
+    @property
+    def bore_radius(self) -> float:
+        """Radius of the rotor's bore [m], the outer wall of the powder chamber."""
+        return self.disc_radius + self.gap
+
+    @property
+    def rotor_radius(self) -> float:
+        """Outer radius of the rotor [m]."""
+        return self.bore_radius + self.rotor_wall
+
+    @property
+    def housing_bore(self) -> float:
+        """Inner radius of the housing [m]."""
+        return self.rotor_radius + self.clearance
+
+    @property
+    def coil_inner_radius(self) -> float:
+        """Inner radius of the winding [m]: ``coil_radius``, or the housing's bore."""
+        # A radius that only rounding tells from the bore is the bore: no sliver of air for the mesher.
+        if self.coil_radius is None or math.isclose(self.coil_radius, self.housing_bore, rel_tol=1e-6):
+            return self.housing_bore
+        return self.coil_radius
+
+    @property
+    def coil_outer_radius(self) -> float:
+        """Outer radius of the winding [m]."""
+        return self.coil_inner_radius + self.coil_height
+
+    @property
+    def outer_radius(self) -> float:
+        """Outer radius of the housing [m]."""
+        return self.coil_outer_radius + self.yoke
+
+    @property
+    def cavity_length(self) -> float:
+        """Axial length of the powder chamber [m]."""
+        return self.disc_thickness + 2.0 * self.face_gap
+
+    @property
+    def rotor_length(self) -> float:
+        """Axial length of the rotor with its covers [m]."""
+        return self.cavity_length + 2.0 * self.cover_thickness
+
+    @property
+    def housing_length(self) -> float:
+        """Axial length of the housing [m]: ``housing_width``, or that of the rotor."""
+        return self.rotor_length if self.housing_width is None else self.housing_width
+
+    @property
+    def length(self) -> float:
+        """Axial length [m] over the shaft stubs, each as long as the shaft is thick."""
+        return max(self.rotor_length + 4.0 * self.shaft_radius, self.housing_length)
+
+    @property
+    def air_radius(self) -> float:
+        """Radius of the air half-disc [m]."""
+        return self.air_factor * math.hypot(self.outer_radius, 0.5 * self.length)
+
+    @property
+    def coil_area(self) -> float:
+        """Section of the winding [m^2]."""
+        return self.coil_width * self.coil_height
+
+    @property
+    def coil_mean_radius(self) -> float:
+        """Mean radius of the winding [m]: a mean turn is 2 pi times as long."""
+        return self.coil_inner_radius + 0.5 * self.coil_height
+
+    @property
+    def mean_gap_radius(self) -> float:
+        """Radius in the middle of the rim gap [m]."""
+        return self.disc_radius + 0.5 * self.gap
+
+    @property
+    def pole_length(self) -> float:
+        """Axial length [m] of each of the two steel pole faces that look at the rim."""
+        return max(0.0, 0.5 * (self.disc_thickness - self.ring_width))
+
+    @property
+    def powder_volume(self) -> float:
+        """Volume of the powder chamber [m^3]."""
+        return sum(box.volume() for box in self.fill_boxes().values())
+
+    def gap_midline(self, count: int = 101) -> np.ndarray:
+        """Points (r, z) [m] along the middle of the rim gap, over the disc's thickness; shape (count, 2)."""
+        z = np.linspace(-0.5, 0.5, count) * self.disc_thickness
+        return np.column_stack((np.full(count, self.mean_gap_radius), z))
+
+    def face_midline(self, count: int = 101) -> np.ndarray:
+        """Points (r, z) [m] along the middle of the face gap at z > 0, over the disc's face; shape (count, 2)."""
+        r = np.linspace(self.seal_radius, self.disc_radius, count)
+        return np.column_stack((r, np.full(count, 0.5 * (self.disc_thickness + self.face_gap))))
+
+    def faults(self, grain_diameter: float | None = None) -> list[Fault]:
+        """Every inconsistency of the sizes; with a grain diameter [m], also gaps that no grain fits into."""
+        return find_faults(self, grain_diameter)
+
+    def walls(self) -> list[RevolvedWall]:
+        """What grains touch: the rotor's chamber, from seal rim to seal rim, and the disc in it."""
+        face, half = 0.5 * self.disc_thickness, 0.5 * self.cavity_length
+        seal, bore, ring = self.seal_radius, self.bore_radius, min(0.5 * self.ring_width, half)
+        chamber: list[Pair] = [(seal, -face), (seal, -half), (bore, -half)]
+        names, steel = ["seal_rim_left", "cover_left"], [False, self.cover_magnetic]
+        if ring == 0.0:
+            names, steel = [*names, "bore"], [*steel, True]
+        else:
+            chamber += [(bore, -ring), (bore, ring)]
+            names += ["bore_left", "bore_ring", "bore_right"]
+            steel += [True, False, True]
+        chamber += [(bore, half), (seal, half), (seal, face)]
+        names, steel = [*names, "cover_right", "seal_rim_right"], [*steel, self.cover_magnetic, False]
+        disc: list[Pair] = [(seal, -face), (self.disc_radius, -face), (self.disc_radius, face), (seal, face)]
+        return outline(names, "rotor", chamber, magnetic=steel) + outline(
+            ["disc_face_left", "disc_rim", "disc_face_right"], "disc", disc, magnetic=True
+        )
+
+    def fill_boxes(self) -> dict[str, AnnularBox]:
+        """The powder chamber in three parts without overlap: ``rim`` (full length), ``face_left`` (z < 0), ``face_right``."""
+        face, half = 0.5 * self.disc_thickness, 0.5 * self.cavity_length
+        return {
+            "rim": AnnularBox(self.disc_radius, self.bore_radius, -half, half),
+            "face_left": AnnularBox(self.seal_radius, self.disc_radius, -half, -face),
+            "face_right": AnnularBox(self.seal_radius, self.disc_radius, face, half),
+        }
+
+    def section_polygons(self) -> dict[str, list[np.ndarray]]:
+        """Closed form of every region but ``air``: polygons (r, z) [m], shape (n, 2), counter-clockwise, disjoint."""
+        face, half, rotor = 0.5 * self.disc_thickness, 0.5 * self.cavity_length, 0.5 * self.rotor_length
+        ring, coil, housing = 0.5 * self.ring_width, 0.5 * self.coil_width, 0.5 * self.housing_length
+        tip = rotor + 2.0 * self.shaft_radius
+        disc, bore, shell = self.disc_radius, self.bore_radius, self.rotor_radius
+        seal, shaft = self.seal_radius, self.shaft_radius
+        inner, window, outer = self.housing_bore, self.coil_outer_radius, self.outer_radius
+        powder = [(seal, -half), (bore, -half), (bore, half), (seal, half),
+                  (seal, face), (disc, face), (disc, -face), (seal, -face)]  # fmt: skip
+        steel = [(inner, -housing), (outer, -housing), (outer, housing), (inner, housing),
+                 (inner, coil), (window, coil), (window, -coil), (inner, -coil)]  # fmt: skip
+        polygons = {
+            "disc": [_rectangle(0.0, disc, -face, face)],
+            "shaft_in": [_rectangle(0.0, shaft, -tip, -half)],
+            "shaft_out": [_rectangle(0.0, shaft, face, tip)],
+            "seal": [_rectangle(0.0, seal, -half, -face), _rectangle(shaft, seal, face, half)],
+            "powder": [np.array(powder)],
+            "cover": [_rectangle(shaft, bore, -rotor, -half), _rectangle(shaft, bore, half, rotor)],
+            "rotor": [_rectangle(bore, shell, -rotor, -ring), _rectangle(bore, shell, ring, rotor)],
+            "ring": [_rectangle(bore, shell, -ring, ring)],
+            "coil": [_rectangle(self.coil_inner_radius, window, -coil, coil)],
+            "housing": [np.array(steel)],
+        }
+        if self.ring_width == 0.0:
+            del polygons["ring"]
+        return polygons
+
+
+def _rectangle(r0: float, r1: float, z0: float, z1: float) -> np.ndarray:
+    return np.array([(r0, z0), (r1, z0), (r1, z1), (r0, z1)])

@@ -1,0 +1,114 @@
+"""The state of the grains: one structure of arrays.
+
+Velocities are those of the leapfrog: ``velocity`` and ``angular_velocity`` belong to the time half a step *before*
+``position`` (see `particles.step_kernel`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(slots=True)
+class Grains:
+    """Spheres, in the order in which they lie in memory.
+
+    Attributes
+    ----------
+    position, velocity : ndarray, shape (n, 3)
+        Centres [m] and their velocities [m/s], Cartesian, z along the shaft.
+    angular_velocity : ndarray, shape (n, 3)
+        Spin [rad/s].
+    radius, mass : ndarray, shape (n,)
+        [m] and [kg]; the inertia is that of a solid sphere, 2/5 m R^2.
+    particle_id : ndarray of int64, shape (n,)
+        Number of each grain; it stays with the grain when the arrays are sorted.
+    magnetic_moment : ndarray, shape (n, 3), or None
+        Dipole moment [A m^2]; None in a scene without magnetism.
+    """
+
+    position: np.ndarray
+    velocity: np.ndarray
+    angular_velocity: np.ndarray
+    radius: np.ndarray
+    mass: np.ndarray
+    particle_id: np.ndarray
+    magnetic_moment: np.ndarray | None = None
+
+    @classmethod
+    def create(
+        cls,
+        position: np.ndarray,
+        radius: float | np.ndarray,
+        density: float | np.ndarray,
+        *,
+        velocity: np.ndarray | None = None,
+        angular_velocity: np.ndarray | None = None,
+    ) -> Grains:
+        """Grains of ``radius`` [m] and ``density`` [kg/m^3] (scalars or shape (n,)), at rest unless told.
+
+        Raises
+        ------
+        ValueError
+            For a shape that does not fit, a value that is not finite, or a radius or density that is not positive.
+        """
+        where = np.array(position, dtype=np.float64, order="C").reshape(-1, 3)
+        count = len(where)
+        if count == 0:
+            raise ValueError("no grain was given: position is empty; raise the number of grains to 1 or more")
+        r = np.array(np.broadcast_to(np.asarray(radius, dtype=np.float64), (count,)))
+        rho = np.broadcast_to(np.asarray(density, dtype=np.float64), (count,))
+        for name, value, unit in (("radius", r, "m"), ("density", rho, "kg/m^3")):
+            bad = ~(np.isfinite(value) & (value > 0.0))
+            if bad.any():
+                raise ValueError(f"{name} of a grain must be positive, got {value[bad][0]:g} {unit}")
+        v, w = (
+            np.zeros((count, 3)) if given is None else np.array(given, dtype=np.float64, order="C").reshape(count, 3)
+            for given in (velocity, angular_velocity)
+        )
+        for name, value in (("position", where), ("velocity", v), ("angular_velocity", w)):
+            if not np.isfinite(value).all():
+                k = int(np.flatnonzero(~np.isfinite(value).all(axis=1))[0])
+                raise ValueError(f"{name} of grain {k} is not finite: {value[k]}")
+        return cls(where, v, w, r, rho * (4.0 / 3.0 * np.pi) * r**3, np.arange(count, dtype=np.int64))
+
+    @property
+    def count(self) -> int:
+        """Number of grains."""
+        return len(self.radius)
+
+    @property
+    def volume(self) -> np.ndarray:
+        """Volume of each grain [m^3], shape (n,)."""
+        return 4.0 / 3.0 * np.pi * self.radius**3
+
+    @property
+    def inertia(self) -> np.ndarray:
+        """Moment of inertia of each grain about its centre [kg m^2], shape (n,)."""
+        return 0.4 * self.mass * self.radius**2
+
+    def kinetic_energy(self) -> float:
+        """Translation and spin [J]."""
+        return 0.5 * float(
+            np.sum(self.mass[:, None] * self.velocity**2)
+            + np.sum(self.inertia[:, None] * self.angular_velocity**2)
+        )
+
+    def momentum(self) -> np.ndarray:
+        """Sum of m v [kg m/s], shape (3,)."""
+        return self.mass @ self.velocity
+
+    def angular_momentum_z(self) -> float:
+        """Orbital and spin angular momentum about the shaft axis [kg m^2/s]."""
+        x, v = self.position, self.velocity
+        orbital = self.mass @ (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0])
+        return float(orbital + self.inertia @ self.angular_velocity[:, 2])
+
+    def permute(self, order: np.ndarray) -> None:
+        """Put grain ``order[k]`` into place k in every array."""
+        for name in ("position", "velocity", "angular_velocity", "radius", "mass", "particle_id"):
+            setattr(self, name, np.ascontiguousarray(getattr(self, name)[order]))
+        if self.magnetic_moment is not None:
+            self.magnetic_moment = np.ascontiguousarray(self.magnetic_moment[order])

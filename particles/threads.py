@@ -1,0 +1,32 @@
+"""How many threads a compiled step uses, and by which layer.
+
+OpenMP first: its two fork-joins a step cost about 2 microseconds; tbb was slower than a single thread on rows of this
+size. Below a few hundred grains one thread is faster still. The result is the same, bit for bit, with any number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numba
+
+WORTH_SHARING = 500  # grains
+
+# read by numba when the first parallel kernel starts; an explicit NUMBA_THREADING_LAYER still wins
+if "omp" in numba.config.THREADING_LAYER_PRIORITY:
+    numba.config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]
+
+
+@contextmanager
+def threads_for(count: int) -> Iterator[None]:
+    """One thread inside, when there are too few grains to share."""
+    before = numba.get_num_threads()
+    if count >= WORTH_SHARING or before == 1:
+        yield
+        return
+    numba.set_num_threads(1)
+    try:
+        yield
+    finally:
+        numba.set_num_threads(before)
