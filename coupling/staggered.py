@@ -49,8 +49,8 @@ class Simulation:
     _rows_key: tuple = ()
 
     def rows(self, cutoff: float) -> NeighbourRows:
-        """Neighbour rows out to `cutoff` [m]; valid until the grains are sorted anew, so one skin wider."""
-        key = (cutoff, self.dem.order_version)
+        """Neighbour rows out to `cutoff` [m]; made anew with the contact list, and so one skin wider."""
+        key = (cutoff, self.dem.list_version)
         if key != self._rows_key:
             self._rows = neighbour_rows(self.dem.grains.position, cutoff + self.dem.skin, self.dem.sector)
             self._rows_key = key
@@ -58,7 +58,7 @@ class Simulation:
 
     def rows_state(self) -> dict | None:
         """The present rows for a checkpoint: their order fixes the order of sums, bit for bit."""
-        if self._rows is None or self._rows_key[1] != self.dem.order_version:
+        if self._rows is None or self._rows_key[1] != self.dem.list_version:
             return None  # stale: they would be built anew in any case
         return {"cutoff": self._rows_key[0], "start": self._rows.start, "other": self._rows.other,
                 "shift": self._rows.shift, "turn_cos": self._rows.turn_cos, "turn_sin": self._rows.turn_sin}
@@ -67,7 +67,7 @@ class Simulation:
         """Take the rows of a checkpoint."""
         if state is not None:
             state = dict(state)
-            self._rows_key = (state.pop("cutoff"), self.dem.order_version)
+            self._rows_key = (state.pop("cutoff"), self.dem.list_version)
             self._rows = NeighbourRows(**state)
 
 

@@ -45,10 +45,13 @@ def _image_rows(position, moment, radius, start, other, shift, turn_cos, turn_si
             if height[i, w] > 1e29:
                 continue
             for p in range(start[i] - 1, start[i + 1]):
-                if p < start[i]:  # the grain's own image
-                    j, c, s = i, 1.0, 0.0
-                else:
-                    j, c, s = other[p], turn_cos[shift[p]], turn_sin[shift[p]]
+                j = np.int64(i)  # the grain's own image first
+                c = 1.0
+                s = 0.0
+                if p >= start[i]:
+                    j = np.int64(other[p])
+                    c = turn_cos[shift[p]]
+                    s = turn_sin[shift[p]]
                 h = height[j, w]
                 if h > 1e29 or h * height[i, w] < 0.0:
                     continue

@@ -43,7 +43,7 @@ class Case:
         return "scene" if self.path is None else self.path.stem
 
     def with_values(self, values: Mapping[str, Any]) -> Case:
-        """Return a new case with other values, e.g. ``{"coil.current": "0.8 A"}``; None removes a key or a table.
+        """Return a new case with other values, e.g. ``{"coil.current": "0.8 A"}``; None removes a key.
 
         Raises
         ------
@@ -84,12 +84,16 @@ def load_case(path: str | Path, overrides: Mapping[str, Any] | None = None) -> C
     path = Path(path)
     data = read_toml(path)
     if "study" in data:
-        raise SceneError([Fault("study", "", f"makes this file a study of many scenes; use: emclutch sweep {path}")],
-                         str(path))
+        raise SceneError(
+            [Fault("study", "", f"makes this file a study of many scenes; use: emclutch sweep {path}")],
+            str(path),
+        )
     return case_from(data, overrides or {}, path)
 
 
-def case_from(data: Mapping[str, Any], values: Mapping[str, Any] | None = None, path: Path | None = None) -> Case:
+def case_from(
+    data: Mapping[str, Any], values: Mapping[str, Any] | None = None, path: Path | None = None
+) -> Case:
     """Check a scene given as nested dictionaries, with dotted `values` set in a copy of it."""
     changed = copy.deepcopy(dict(data))
     source = "scene" if path is None else str(path)
@@ -134,7 +138,11 @@ def _set(data: dict[str, Any], key: str, value: Any) -> list[Fault]:
     for step in tables:
         table = data.setdefault(step, {}) if value is not None else data.get(step, {})
         if not isinstance(table, dict):
-            return [Fault(key, "", f"cannot be set: {step} is a value in this scene, not a table; set {step} itself")]
+            return [
+                Fault(
+                    key, "", f"cannot be set: {step} is a value in this scene, not a table; set {step} itself"
+                )
+            ]
         data = table
     if value is None:
         data.pop(name, None)
@@ -144,7 +152,7 @@ def _set(data: dict[str, Any], key: str, value: Any) -> list[Fault]:
 
 
 def _validate(data: dict[str, Any], folder: Path) -> tuple[Scene | None, list[Fault]]:
-    """Return the scene, or None, and every fault: those within the sections and those between the right ones."""
+    """Return the scene, or None, and every fault: within the sections and between those that are right."""
     context = {"folder": folder}
     try:
         scene = Scene.model_validate(data, context=context)
@@ -159,10 +167,10 @@ def _validate(data: dict[str, Any], folder: Path) -> tuple[Scene | None, list[Fa
 
 @lru_cache(maxsize=1)
 def _partial_scene() -> type[Section]:
-    """Return the scene's model with every section optional, to check what can be checked beside broken sections."""
+    """Return the scene's model with every section optional, to check what is right beside what is broken."""
     sections: dict[str, Any] = {}
     for name, info in Scene.model_fields.items():
         if info.is_required():
-            mark = Field(discriminator=info.discriminator)
-            sections[name] = (Annotated[info.annotation, mark] | None, None)  # type: ignore[operator, name-defined]
+            marked: Any = Annotated[info.annotation, Field(discriminator=info.discriminator)]  # type: ignore
+            sections[name] = (marked | None, None)
     return create_model("PartialScene", __base__=Scene, **sections)

@@ -46,10 +46,6 @@ class SceneError(Exception):
         return "\n".join([f"{self.source}: {count}", *(f"  - {fault}" for fault in self.faults)])
 
 
-class RunError(Exception):
-    """A run that could not go on, with the reason and the remedy. The command line answers it with exit code 1."""
-
-
 def shown(value: object, limit: int = 60) -> str:
     """Return an entry as a fault shows it: as in the TOML file, cut where it is long."""
     if isinstance(value, bool):

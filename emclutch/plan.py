@@ -80,7 +80,7 @@ def make_plan(case: Case, device: Device | None = None) -> tuple[Device, Plan]:
                          f"{particles.region if device.mesh is not None else 'space'} filled"}
     field, M_max = expected_magnetisation(case, device, whole * particles.grain_volume)
     speed = _largest_speed(scene, device)
-    contact = _contact(scene, device, M_max, speed, reasons)
+    contact = _contact(scene, device, M_max, _impact_speed(scene, device, speed), reasons)
     mass = particles.density * particles.grain_volume
     step = choose_time_step(contact, mass, 0.5 * particles.diameter, speed=speed,
                             steps_per_contact=scene.time.steps_per_contact, dt=scene.time.step)
@@ -145,6 +145,16 @@ def _largest_speed(scene, device: Device) -> float:
     gravity = scene.effects.gravity
     fall = 0.0 if gravity is None else float(np.sqrt(2 * gravity.acceleration * device.shear_gap))
     return max(wall, fall)
+
+
+def _impact_speed(scene, device: Device, speed: float) -> float:
+    """Largest normal speed [m/s] of two grains to be expected: a sheared gap of g/d grains has v d/g between layers.
+
+    Twice that, for the fluctuations; never more than the speed itself, which holds for falling grains and boxes.
+    """
+    gravity = scene.effects.gravity
+    fall = 0.0 if gravity is None else float(np.sqrt(2 * gravity.acceleration * device.shear_gap))
+    return max(fall, speed * min(1.0, 2.0 * scene.particles.diameter / device.shear_gap))
 
 
 def _contact(scene, device: Device, M_max: float, speed: float, reasons: dict[str, str]) -> LinearContact:

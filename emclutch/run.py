@@ -17,7 +17,8 @@ from emclutch.assembly import assemble, simulation_of
 from emclutch.case import Case
 from emclutch.observables import Observables
 from emclutch.plan import make_plan
-from emclutch.results import Result, RunFolder, load_result, read_checkpoint, read_history, steady_mean
+from emclutch.results import Result, RunFolder, load_result, read_history, steady_mean
+from emclutch.results.checkpoint import read_checkpoint
 from emclutch.snapshots import History, Snapshots, save_checkpoint
 from field import ConvergenceError, MagneticField, PointOutside
 from particles import DemError, Grains, PackingError
@@ -130,7 +131,9 @@ def restore(case, device, plan, state: dict, case_text: str):
         raise RunError("the checkpoint belongs to another scene (its values differ); resume with the run's own "
                        "case.toml, or start anew in another folder with --out")
     dem_state = state["dem"]
-    simulation = simulation_of(case, device, plan, Grains.of_state(dem_state))
+    grains = Grains(*(dem_state[name] for name in ("position", "velocity", "angular_velocity", "radius", "mass",
+                                                   "particle_id")))
+    simulation = simulation_of(case, device, plan, grains)
     simulation.dem.restore(dem_state)
     simulation.window = state["window"]
     simulation.restore_rows(state["rows"])

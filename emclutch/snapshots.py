@@ -7,7 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from coupling import CoilField, Simulation
-from emclutch.results import HistoryWriter, PvdSeries, Record, RunFolder, write_checkpoint
+from emclutch.results import HistoryWriter, RunFolder
+from emclutch.results.checkpoint import write_checkpoint
+from emclutch.results.record import Record
+from emclutch.results.vtk_series import PvdSeries
+from particles import DEM
 
 
 class Snapshots:
@@ -47,10 +51,9 @@ class Snapshots:
     def write(self, simulation: Simulation) -> None:
         """Write a frame of everything now."""
         dem, grains = simulation.dem, simulation.dem.grains
-        contacts = dem.contacts()
         arrays = {"radius": grains.radius, "velocity": grains.velocity, "angular_velocity": grains.angular_velocity,
-                  "particle_id": grains.particle_id, "force_contact": contacts.force_on_grains(grains.count),
-                  "n_contacts": contacts.number_on_grains(grains.count)}
+                  "particle_id": grains.particle_id, "force_contact": dem.contact_force,
+                  "n_contacts": contacts_per_grain(dem)}
         if grains.magnetic_moment is not None:
             arrays["magnetic_moment"] = grains.magnetic_moment
         if dem.external_force is not None:
@@ -63,8 +66,7 @@ class Snapshots:
         self._series["walls"].write_walls(dem.time, self._walls, angles={b.name: b.angle for b in dem.bodies},
                                           speeds={b.name: b.speed for b in dem.bodies},
                                           sector_angle=None if dem.sector is None else dem.sector.angle)
-        start, end, force = contacts.lines(grains.position, dem.sector)
-        self._series["contacts"].write_contacts(dem.time, start, end, force)
+        self._series["contacts"].write_contacts(dem.time, *contact_lines(dem))
         if isinstance(simulation.source, CoilField):
             self._write_field(simulation)
 
@@ -95,6 +97,23 @@ class Snapshots:
         """Write what is still kept back."""
         if self.record is not None:
             self.record.close()
+
+
+def contacts_per_grain(dem: DEM) -> np.ndarray:
+    """Number of grains and walls that each grain touches, (n,) int64."""
+    table = dem.contacts()
+    return (np.bincount(table.i, minlength=dem.grains.count)
+            + np.bincount(table.j[table.j >= 0], minlength=dem.grains.count))
+
+
+def contact_lines(dem: DEM) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Force chains: centre of grain i (m, 3), its partner's centre or the point on the wall, and the force [N] on i."""
+    table, x = dem.contacts(), dem.grains.position
+    partner = x[np.maximum(table.j, 0)]
+    if dem.sector is not None:
+        partner = dem.sector.turn(partner, table.shift)
+    end = np.where((table.j >= 0)[:, None], partner, table.point)
+    return x[table.i], end, table.force
 
 
 class History:

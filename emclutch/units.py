@@ -1,8 +1,8 @@
-"""Quantities of a scene: text such as ``"1.2 mm"`` or a bare SI number becomes a float in SI, once, at the border.
+"""Quantities of a scene: text such as ``"1.2 mm"`` or a bare SI number becomes a float in SI, at the border.
 
-A field of a scene model is declared with one of the annotated types below (`Length`, `Speed`, ...). Each knows the
-physical quantity, its SI unit, the allowed range and an example, so that a wrong entry is answered in those terms.
-Below the scene models every quantity is a float in SI; no unit object leaves this file.
+A field of a scene model is declared with one of the annotated types below (`Length`, `Speed`, ...). Each
+knows the physical quantity, its SI unit, the allowed range and an example, so that a wrong entry is answered
+in those terms. Below the scene models every quantity is a float in SI; no unit object leaves this file.
 
 pint reads the units. It is imported at the first text that has one (its registry takes 0.3 s to build).
 """
@@ -23,13 +23,22 @@ if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 
 _NUMBER_AND_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
-# The unit part: letters, digits as small exponents and the operators between them. Anything else never reaches pint.
+# The unit part: letters, small exponents and the operators between them. Anything else never reaches pint.
 _UNIT_TEXT = re.compile(r"[A-Za-zµμΩ°%²³·*/^() \d.-]{0,40}")
-_ANGLE_UNITS = {"radian", "milliradian", "degree", "arcminute", "arcsecond", "turn", "revolutions_per_minute",
-                "revolutions_per_second"}
-_COMMON_UNITS = ("m", "mm", "um", "cm", "g", "kg", "mg", "s", "ms", "us", "min", "A", "mA", "V", "ohm", "mohm", "rpm",
-                 "rad/s", "deg/s", "rad", "deg", "turn", "N", "mN", "N m", "mN m", "N/m", "kN/m", "kg/m^3", "g/cm^3",
-                 "A/m", "kA/m", "MA/m", "T", "mT", "kg m^2", "g cm^2", "m/s^2", "%")
+_ANGLE_UNITS = {
+    "radian",
+    "milliradian",
+    "degree",
+    "arcminute",
+    "arcsecond",
+    "turn",
+    "revolutions_per_minute",
+    "revolutions_per_second",
+}
+_COMMON_UNITS = (
+    "m, mm, um, cm, g, kg, mg, s, ms, us, min, A, mA, V, ohm, mohm, rpm, rad/s, deg/s, rad, deg, turn, N, mN, N m, "
+    "mN m, N/m, kN/m, kg/m^3, g/cm^3, A/m, kA/m, MA/m, T, mT, kg m^2, g cm^2, m/s^2, %"
+).split(", ")
 
 
 @lru_cache(maxsize=1)
@@ -43,12 +52,32 @@ def registry() -> UnitRegistry:
 @lru_cache(maxsize=1)
 def _names_of_dimensions() -> dict[Any, str]:
     """Map a dimension to words, for «is a mass; a length is needed»."""
-    words = {"m": "a length", "kg": "a mass", "s": "a time", "A": "a current", "ohm": "a resistance", "V": "a voltage",
-             "rad": "an angle or a pure number", "rad/s": "an angular speed or a frequency", "N": "a force",
-             "N*m": "a torque or an energy", "A/m": "a field strength", "T": "a flux density", "N/m": "a stiffness",
-             "kg/m^3": "a density", "kg*m^2": "a moment of inertia", "m/s": "a speed", "m/s^2": "an acceleration",
-             "K": "a temperature", "m^2": "an area", "m^3": "a volume", "Pa": "a pressure", "W": "a power",
-             "H": "an inductance", "Wb": "a magnetic flux"}
+    words = {
+        "m": "a length",
+        "kg": "a mass",
+        "s": "a time",
+        "A": "a current",
+        "ohm": "a resistance",
+        "V": "a voltage",
+        "rad": "an angle or a pure number",
+        "rad/s": "an angular speed or a frequency",
+        "N": "a force",
+        "N*m": "a torque or an energy",
+        "A/m": "a field strength",
+        "T": "a flux density",
+        "N/m": "a stiffness",
+        "kg/m^3": "a density",
+        "kg*m^2": "a moment of inertia",
+        "m/s": "a speed",
+        "m/s^2": "an acceleration",
+        "K": "a temperature",
+        "m^2": "an area",
+        "m^3": "a volume",
+        "Pa": "a pressure",
+        "W": "a power",
+        "H": "an inductance",
+        "Wb": "a magnetic flux",
+    }
     return {registry().parse_units(unit).dimensionality: name for unit, name in words.items()}
 
 
@@ -63,8 +92,8 @@ class Quantity:
     example : an entry that is right, as a user would type it
     minimum, maximum : bounds in SI; infinite where there is none
     open_minimum : the minimum itself is not allowed
-    angular : the unit must contain an angle. Hz, 1/s and pure numbers have the same dimension as rad/s and rad, and
-        ``"50 Hz"`` read as 50 rad/s instead of 50 turns per second would be a silent factor of 2 pi.
+    angular : the unit must contain an angle. Hz, 1/s and pure numbers have the same dimension as rad/s and
+        rad, and ``"50 Hz"`` read as 50 rad/s instead of 50 turns per second would be a silent factor of 2 pi.
     """
 
     name: str
@@ -77,7 +106,7 @@ class Quantity:
 
     @property
     def range_text(self) -> str:
-        """The allowed range in words and SI, e.g. ``"> 0 m, <= 10 m"``; empty where everything finite is allowed."""
+        """The allowed range in SI, e.g. ``"> 0 m, <= 10 m"``; empty where everything finite is allowed."""
         unit = f" {self.unit}" if self.unit else ""
         parts = []
         if self.minimum > -math.inf:
@@ -92,8 +121,8 @@ class Quantity:
         Raises
         ------
         ValueError
-            Not a number or a text with a unit, wrong dimension, out of range. The message follows on the key and the
-            entry, as in ``geometry.gap = '3 kg' is a mass; a length is needed, e.g. '1 mm'``.
+            Not a number or a text with a unit, wrong dimension, out of range. The message follows on the
+            key and the entry, as in ``geometry.gap = '3 kg' is a mass; a length is needed, e.g. '1 mm'``.
         """
         if isinstance(given, str):
             value = self._from_text(given)
@@ -115,7 +144,9 @@ class Quantity:
         number, unit_text = float(match[1]), match[2]
         if not unit_text:
             if self.unit:
-                raise ValueError(f"has no unit; write {self.given_example}, or without quotes a number in {self.unit}")
+                raise ValueError(
+                    f"has no unit; write {self.given_example}, or without quotes a number in {self.unit}"
+                )
             return number
         unit = _parse_unit(unit_text)
         if unit is None:
@@ -147,9 +178,12 @@ class Quantity:
         except ValueError as error:
             raise PydanticCustomError("quantity", "{message}", {"message": str(error)}) from None
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
         return core_schema.no_info_plain_validator_function(
-            self._validate, serialization=core_schema.plain_serializer_function_ser_schema(float))
+            self._validate, serialization=core_schema.plain_serializer_function_ser_schema(float)
+        )
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         number: dict[str, Any] = {"type": "number"}
@@ -178,7 +212,9 @@ def _parse_unit(text: str) -> Any:
         return None
 
 
-def _positive(name: str, unit: str, example: str, maximum: float = math.inf, angular: bool = False) -> Quantity:
+def _positive(
+    name: str, unit: str, example: str, maximum: float = math.inf, angular: bool = False
+) -> Quantity:
     return Quantity(name, unit, example, minimum=0.0, maximum=maximum, open_minimum=True, angular=angular)
 
 
@@ -205,6 +241,8 @@ Inertia = Annotated[float, _positive("a moment of inertia", "kg*m^2", "2e-4 kg m
 Acceleration = Annotated[float, Quantity("an acceleration", "m/s^2", "9.81 m/s^2", 0.0, 1e6)]
 
 
-def number(example: str, minimum: float = -math.inf, maximum: float = math.inf, *, above: bool = False) -> Quantity:
-    """Return the quantity of a pure number within [minimum, maximum]; `above`: the minimum itself is excluded."""
+def number(
+    example: str, minimum: float = -math.inf, maximum: float = math.inf, *, above: bool = False
+) -> Quantity:
+    """Return the quantity of a pure number within [minimum, maximum]; `above`: the minimum is excluded."""
     return Quantity("a number", "", example, minimum, maximum, open_minimum=above)

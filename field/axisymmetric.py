@@ -22,7 +22,7 @@ from geometry.section import SectionMesh
 from .magnetic_field import MagneticField
 from .newton import SymmetricSolver, minimise
 from .powder_law import PowderLaw
-from .reluctivity import AIR, NU_0, Law
+from .reluctivity import AIR, Law
 from .section_elements import FixedPattern, SectionElements
 
 if TYPE_CHECKING:
@@ -141,8 +141,8 @@ class AxisymmetricProblem:
             raise ValueError(f"`ampere_turns` = {ampere_turns} A and `boundary_field` = {boundary_field} T "
                              "must be finite numbers")
         if ampere_turns != 0.0 and self.coil_area == 0.0:
-            raise ValueError(f"{ampere_turns:g} ampere-turns, but the mesh has no coil region {self.coil_region!r}; "
-                             f"it has {', '.join(sorted(self.mesh.regions))}")
+            raise ValueError(f"{ampere_turns:g} ampere-turns, but the mesh has no coil region "
+                             f"{self.coil_region!r}; it has {', '.join(sorted(self.mesh.regions))}")
         boundary = np.zeros(self.n_dofs)
         boundary[self._fixed] = 0.5 * boundary_field * self.elements.dof_points[self._fixed, 0] ** 2
         if ampere_turns == 0.0 and boundary_field == 0.0:
@@ -169,7 +169,8 @@ class AxisymmetricProblem:
             return None
         fill = np.ascontiguousarray(fill, dtype=float)
         if self.powder_law is None:
-            raise ValueError("a `fill` was given, but the problem has no `powder_law` to turn it into permeability")
+            raise ValueError("a `fill` was given, but the problem has no `powder_law` to turn it into "
+                             "permeability")
         if fill.shape != (self.powder_elements.size,):
             raise ValueError(f"`fill` has shape {fill.shape}; region {self.powder_region!r} has "
                              f"{self.powder_elements.size} elements")
@@ -180,7 +181,7 @@ class AxisymmetricProblem:
         return fill
 
     def _elements_by_law(self) -> list[tuple[Law | PowderLaw, np.ndarray]]:
-        """Elements that share a law, so that each law is evaluated once; the powder's keep the fill's order."""
+        """Elements that share a law, so that each is evaluated once; the powder's in the fill's order."""
         groups: dict[int, tuple[Law | PowderLaw, list[np.ndarray]]] = {}
         for region, elements in self.mesh.regions.items():
             law = self.law_of(region)
@@ -266,7 +267,8 @@ class _SectionEnergy:
 
 def _complete_laws(mesh: SectionMesh, laws: Mapping[str, Law], coil_region: str, powder_region: str,
                    powder_law: PowderLaw | None) -> dict[str, Law]:
-    complete: dict[str, Law] = {name: AIR for name in ("air", coil_region, powder_region) if name in mesh.regions}
+    without_iron = ("air", coil_region, powder_region)
+    complete: dict[str, Law] = {name: AIR for name in without_iron if name in mesh.regions}
     complete.update(laws)
     missing = sorted(set(mesh.regions) - set(complete))
     unknown = sorted(set(complete) - set(mesh.regions))

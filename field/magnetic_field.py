@@ -106,7 +106,7 @@ class MagneticField:
         return self.flux_density(points)
 
     def corner_flux_density(self) -> np.ndarray:
-        """B_r, B_z [T] of each element at its three corners, shape (n_elements, 3, 2), in `triangles`' order."""
+        """B_r, B_z [T] of each element at its corners in `triangles`' order, shape (n_elements, 3, 2)."""
         mesh = self.problem.mesh
         element = np.repeat(np.arange(len(mesh.triangles)), 3)
         return self._flux_density_in(element, mesh.points[mesh.triangles.ravel()]).reshape(-1, 3, 2)

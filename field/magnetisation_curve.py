@@ -117,8 +117,8 @@ class TableLaw:
 
     def _check_curve(self, H: np.ndarray, B: np.ndarray) -> None:
         if H[0] != 0.0 or B[0] != 0.0:
-            raise ValueError(f"the table of {self.name!r} starts at H = {H[0]:g} A/m, B = {B[0]:g} T; it must "
-                             "start at the origin (hysteresis is not modelled: give the virgin or mean curve)")
+            raise ValueError(f"the table of {self.name!r} starts at H = {H[0]:g} A/m, B = {B[0]:g} T; it "
+                             "must start at the origin (no hysteresis here: give the virgin or the mean curve)")
         dH, dB = np.diff(H), np.diff(B)
         for values, step, symbol, unit in ((H, dH, "H", "A/m"), (B, dB, "B", "T")):
             if np.any(step <= 0.0):
@@ -170,9 +170,10 @@ class PermeabilityLaw:
     curve: HSpline = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if not (self.mu_i > 1.0 and self.B_m > 0.0 and self.c_a >= 0.0 and self.c_b >= 0.0 and self.n > 1.0):
-            raise ValueError(f"the permeability of {self.name!r} needs mu_i > 1, B_m > 0 T, c_a >= 0, c_b >= 0 "
-                             f"and n > 1; got {self.mu_i}, {self.B_m}, {self.c_a}, {self.c_b}, {self.n}")
+        if not (self.mu_i > 1.0 and self.B_m > 0.0 and min(self.c_a, self.c_b) >= 0.0 and self.n > 1.0):
+            raise ValueError(f"the permeability of {self.name!r} needs mu_i > 1, B_m > 0 T, c_a >= 0, "
+                             "c_b >= 0 and n > 1; "
+                             f"got {self.mu_i}, {self.B_m}, {self.c_a}, {self.c_b}, {self.n}")
         # Quadratic spacing: b = 0 is where mu_r rises fastest (DC01: from 5 to 1000 within 0.2 T).
         B = self.saturation_B() * np.linspace(0.0, 1.0, 600) ** 2
         H, slope = self._fit(B)

@@ -32,7 +32,7 @@ _MATERIALS: dict[str, Callable[[], Law]] = {
     "air": lambda: AIR,
     "aluminium": lambda: LinearLaw(1.0, "aluminium", "mu_r - 1 = 2e-5, taken as 1"),
     "copper": lambda: LinearLaw(1.0, "copper", "mu_r - 1 = -1e-5, taken as 1"),
-    "stainless_304": lambda: LinearLaw(1.0, "stainless_304", "austenitic, annealed; mu_r below 1.02, taken as 1"),
+    "stainless_304": lambda: LinearLaw(1.0, "stainless_304", "austenitic, annealed: mu_r = 1"),
     "steel_1010": lambda: TableLaw(_STEEL_1010[:, 0], _STEEL_1010[:, 1], "steel_1010",
                                    "AISI 1010 low-carbon steel, the table of the FEMM distribution"),
     "steel_1008": lambda: PermeabilityLaw(200.0, 1.17, 8100.0, 2.59, 10.0, "steel_1008",

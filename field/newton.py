@@ -141,5 +141,5 @@ def minimise(energy: Energy, x: np.ndarray, scale: float, *, solver: SymmetricSo
         history.append((float(np.linalg.norm(residual)) / scale, length))
     if history[-1][0] <= tolerance:
         return x, history
-    raise ConvergenceError(history, "raise `max_iterations`, start from the field of a lower current, or check "
-                                    "the magnetisation curves for jumps")
+    raise ConvergenceError(history, "raise `max_iterations`, start from the field of a lower current, or "
+                                    "check the magnetisation curves for jumps")

@@ -63,7 +63,8 @@ class GrainLaw:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.chi) and self.chi > 0.0):
-            raise ValueError(f"`chi` = {self.chi} of the grains must be a finite number above 0 (iron: 100 to 5000)")
+            raise ValueError(f"`chi` = {self.chi} of the grains must be a finite number above 0 "
+                             "(iron: 100 to 5000)")
         if self.Ms is not None and not (math.isfinite(self.Ms) and self.Ms > 0.0):
             raise ValueError(f"`Ms` = {self.Ms} A/m of the grains must be above 0 (iron: 1.7e6 A/m), "
                              "or None for a linear material")
@@ -102,7 +103,10 @@ class GrainLaw:
         return -dM_dh * M * dN_B
 
     def magnetisation_work(self, B: np.ndarray, phi: np.ndarray | float) -> np.ndarray:
-        """See `ParticleLaw.magnetisation_work`: M B - mu_0 integral of h dM, h = N_B M + (Ms/chi) M/(Ms - M)."""
+        """See `ParticleLaw.magnetisation_work`.
+
+        M B - mu_0 integral of h dM, with h = N_B M + (Ms/chi) M/(Ms - M) from the quadratic.
+        """
         B = np.asarray(B, dtype=float)
         N_B = self.demagnetising_factors(phi)[1]
         M = self._root(NU_0 * B, N_B)[0]

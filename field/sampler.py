@@ -80,7 +80,8 @@ class RadialField:
         x, y = np.asarray(position, dtype=float)[:, :2].T
         r2 = x * x + y * y
         if np.any(r2 == 0.0):
-            raise PointOutside(np.column_stack((np.sqrt(r2), position[:, 2]))[r2 == 0.0], "a radial field (r > 0)")
+            on_axis = np.asarray(position, dtype=float)[r2 == 0.0]
+            raise PointOutside(on_axis[:, [0, 2]], "a radial field, which needs r > 0")
         a = self.H0 * self.R0
         H, grad = np.zeros((len(x), 3)), np.zeros((len(x), 3, 3))
         H[:, 0], H[:, 1] = a * x / r2, a * y / r2

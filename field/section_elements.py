@@ -63,7 +63,8 @@ class SectionElements:
     def boundary_dofs(self, name: str) -> np.ndarray:
         """Unknowns on a boundary that the mesh names."""
         if name not in self.mesh.boundaries:
-            raise ValueError(f"the mesh has no boundary {name!r}; it has {', '.join(sorted(self.mesh.boundaries))}")
+            raise ValueError(f"the mesh has no boundary {name!r}; "
+                             f"it has {', '.join(sorted(self.mesh.boundaries))}")
         pairs = np.sort(np.asarray(self.mesh.boundaries[name], dtype=np.int64), axis=1)
         key = self.skfem_mesh.p.shape[1]
         facets = np.sort(self.skfem_mesh.facets.astype(np.int64), axis=0)
@@ -93,7 +94,7 @@ class SectionElements:
                                 u[0] * slope[1] - v[0] * slope[0])) / determinant[:, None]
 
     def load(self, density: np.ndarray) -> np.ndarray:
-        """Integral of density * v dr dz for every shape function v; density (n_elements,) is constant in each."""
+        """Integral of density * v dr dz for every v; density (n_elements,), constant in each element."""
         local = (self.weight @ self.shape) * density[:, None]
         return np.bincount(self.element_dofs.ravel(), local.ravel(), self.n_dofs)
 

@@ -1,4 +1,4 @@
-"""What the device looks like: parametric cross-sections, their meshes with named regions, and the walls of grains."""
+"""What the device looks like: parametric cross-sections, meshes with named regions, walls of grains."""
 
 from geometry.annular_cell import ShearCell
 from geometry.box import Box

@@ -37,7 +37,8 @@ class ShearCell:
         if width <= 0.0:
             found.append(
                 Fault("geometry.outer_radius", millimetres(self.outer_radius),
-                      "the outer cylinder lies inside the inner one", f"more than {millimetres(self.inner_radius)}",
+                      "the outer cylinder lies inside the inner one",
+                      f"more than {millimetres(self.inner_radius)}",
                       "raise `geometry.outer_radius` or lower `geometry.inner_radius`")
             )  # fmt: skip
         if grain_diameter is not None:

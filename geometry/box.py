@@ -40,7 +40,8 @@ class Box:
                 reason, allowed = f"the {axis} side must be positive", "more than 0 mm"
                 remedy = "give `geometry.size` three positive lengths"
             elif grain_diameter is not None and length < grain_diameter:
-                reason = f"the {axis} side is shorter than one grain ({millimetres(grain_diameter)}): no grain fits"
+                grain = millimetres(grain_diameter)
+                reason = f"the {axis} side is shorter than one grain ({grain}): no grain fits"
                 allowed = f"at least {millimetres(grain_diameter)}"
                 remedy = "raise `geometry.size` or lower `particles.diameter`"
             else:

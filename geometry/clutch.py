@@ -1,14 +1,15 @@
 """The parametric magnetic particle clutch, as in the classic drawing, turned about the z axis.
 
-From the axis outwards: a **disc** (output) on its shaft, the **powder** chamber around rim and faces of the disc,
-the **rotor** (input), a steel shell that a non-magnetic **ring** divides into two poles, closed by two **covers**;
-a running clearance; the standing **housing** with the **coil**, open towards the rotor; air around all.
-The coil's flux cannot pass the ring: it goes rotor pole - gap - disc - gap - rotor pole, or, when the disc is thin
-and the covers are steel, cover - face gap - disc - face gap - cover. A thick disc («drum») and a thin one are the
-same family.
+From the axis outwards: a **disc** (output) on its shaft, the **powder** chamber around rim and faces of the
+disc, the **rotor** (input), a steel shell that a non-magnetic **ring** divides into two poles, closed by
+two **covers**; a running clearance; the standing **housing** with the **coil**, open towards the rotor; air
+around all. The coil's flux cannot pass the ring: it goes rotor pole - gap - disc - gap - rotor pole, or,
+when the disc is thin and the covers are steel, cover - face gap - disc - face gap - cover. A thick disc
+(«drum») and a thin one are the same family.
 
-Inside ``seal_radius`` a non-magnetic **seal** fills the space between disc and covers: without it steel covers
-would short the gap. The shaft stubs are regions of their own, as a clutch with steel covers needs non-magnetic ones.
+Inside ``seal_radius`` a non-magnetic **seal** fills the space between disc and covers: without it steel
+covers would short the gap. The shaft stubs are regions of their own, as a clutch with steel covers needs
+non-magnetic ones.
 """
 
 from __future__ import annotations
@@ -36,14 +37,15 @@ class Clutch:
     seal_radius
         Inner radius of the powder chamber.
     rotor_wall, ring_width, cover_thickness
-        Radial thickness of the rotor's shell, axial width of its non-magnetic ring (0: none), thickness of covers.
+        Radial thickness of the rotor's shell, axial width of its non-magnetic ring (0: none), thickness of
+        the covers.
     clearance
         Radial running clearance between rotor and housing (air).
     coil_width, coil_height, coil_radius
-        Axial and radial size of the winding; its inner radius (None: right at the housing's bore). With a greater
-        coil_radius the window below the winding is air.
+        Axial and radial size of the winding; its inner radius (None: right at the housing's bore). With a
+        greater coil_radius the window below the winding is air.
     yoke, housing_width
-        Radial thickness of the housing outside the coil; axial width of the housing (None: that of the rotor).
+        Radial thickness of the housing outside the coil; axial width of the housing (None: as the rotor).
     shaft_radius
         Both shaft stubs.
     air_factor
@@ -159,7 +161,7 @@ class Clutch:
         return np.column_stack((np.full(count, self.mean_gap_radius), z))
 
     def face_midline(self, count: int = 101) -> np.ndarray:
-        """Points (r, z) [m] along the middle of the face gap at z > 0, over the disc's face; shape (count, 2)."""
+        """Points (r, z) [m] along the middle of the face gap at z > 0; shape (count, 2)."""
         r = np.linspace(self.seal_radius, self.disc_radius, count)
         return np.column_stack((r, np.full(count, 0.5 * (self.disc_thickness + self.face_gap))))
 
@@ -187,7 +189,7 @@ class Clutch:
         )
 
     def fill_boxes(self) -> dict[str, AnnularBox]:
-        """The powder chamber in three parts without overlap: ``rim`` (full length), ``face_left`` (z < 0), ``face_right``."""
+        """Three disjoint parts of the chamber: ``rim`` (full length), ``face_left``, ``face_right``."""
         face, half = 0.5 * self.disc_thickness, 0.5 * self.cavity_length
         return {
             "rim": AnnularBox(self.disc_radius, self.bore_radius, -half, half),
@@ -196,7 +198,7 @@ class Clutch:
         }
 
     def section_polygons(self) -> dict[str, list[np.ndarray]]:
-        """Closed form of every region but ``air``: polygons (r, z) [m], shape (n, 2), counter-clockwise, disjoint."""
+        """Every region but ``air``: disjoint polygons (r, z) [m], shape (n, 2), counter-clockwise."""
         face, half, rotor = 0.5 * self.disc_thickness, 0.5 * self.cavity_length, 0.5 * self.rotor_length
         ring, coil, housing = 0.5 * self.ring_width, 0.5 * self.coil_width, 0.5 * self.housing_length
         tip = rotor + 2.0 * self.shaft_radius

@@ -1,8 +1,8 @@
 """Which sizes of a clutch contradict each other, and what to do about it.
 
-The layout stacks its parts radially, so most parts cannot overlap whatever their sizes. What can go wrong is listed
-here: sizes that are not lengths, seal and shaft against the disc, ring and coil against the axial lengths, a coil
-radius that reaches into the rotor, and gaps too thin for a grain or for a mesh.
+The layout stacks its parts radially, so most parts cannot overlap whatever their sizes. What can go wrong
+is listed here: sizes that are not lengths, seal and shaft against the disc, ring and coil against the axial
+lengths, a coil radius that reaches into the rotor, and gaps too thin for a grain or for a mesh.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ SLENDEREST = 2000.0
 AIR_FACTORS = (1.5, 20.0)
 
 _SIZES = (
-    "disc_radius", "disc_thickness", "gap", "face_gap", "seal_radius", "rotor_wall", "ring_width", "cover_thickness",
+    "disc_radius", "disc_thickness", "gap", "face_gap", "seal_radius", "rotor_wall", "ring_width",
+    "cover_thickness",
     "clearance", "coil_width", "coil_height", "yoke", "shaft_radius", "housing_width", "coil_radius",
 )  # fmt: skip
 
@@ -95,7 +96,7 @@ def _magnetic_path(clutch: Clutch, broken: set[str]) -> list[Fault]:
         if clutch.ring_width >= limit:
             what = "powder chamber" if clutch.cover_magnetic else "disc"
             found.append(_fault(
-                clutch, "ring_width", f"the non-magnetic ring is as wide as the {what}, it leaves the rotor no pole",
+                clutch, "ring_width", f"the non-magnetic ring is as wide as the {what} and leaves no pole",
                 f"0 mm to less than {millimetres(limit)}",
                 "lower `geometry.ring_width` or raise `geometry.disc_thickness`",
             ))  # fmt: skip
@@ -110,14 +111,13 @@ def _magnetic_path(clutch: Clutch, broken: set[str]) -> list[Fault]:
         ))  # fmt: skip
     elif clutch.coil_width >= clutch.rotor_length:
         found.append(_fault(
-            clutch, "coil_width", f"the coil's window is as wide as the rotor ({millimetres(clutch.rotor_length)}): "
-            "the housing's poles face no rotor",
+            clutch, "coil_width", "the coil is as wide as the rotor: the housing's poles face no rotor",
             f"less than {millimetres(clutch.rotor_length)}",
             "lower `geometry.coil_width` or raise `geometry.disc_thickness`",
         ))  # fmt: skip
     if "ring_width" not in broken and clutch.housing_length <= clutch.ring_width:
         found.append(_fault(
-            clutch, "housing_width", "the housing is no wider than the non-magnetic ring: its poles face no steel",
+            clutch, "housing_width", "the housing is no wider than the ring: its poles face no steel",
             f"more than `geometry.ring_width` ({millimetres(clutch.ring_width)})",
             "raise `geometry.housing_width` or lower `geometry.ring_width`",
         ))  # fmt: skip
@@ -125,24 +125,18 @@ def _magnetic_path(clutch: Clutch, broken: set[str]) -> list[Fault]:
 
 
 def _coil_radius(clutch: Clutch, broken: set[str]) -> list[Fault]:
-    if clutch.coil_radius is None or broken & {
-        "coil_radius",
-        "disc_radius",
-        "gap",
-        "rotor_wall",
-        "clearance",
-    }:
+    sizes = {"coil_radius", "disc_radius", "gap", "rotor_wall", "clearance"}
+    if clutch.coil_radius is None or broken & sizes:
         return []
     if clutch.coil_inner_radius >= clutch.housing_bore:
         return []
-    for limit, part in (
+    parts = (
         (clutch.disc_radius, "the disc"),
         (clutch.bore_radius, "the powder cavity"),
         (clutch.rotor_radius, "the rotor's shell"),
         (clutch.housing_bore, "the running clearance"),
-    ):
-        if clutch.coil_radius < limit:
-            break
+    )
+    limit, part = next(entry for entry in parts if clutch.coil_radius < entry[0])
     return [_fault(
         clutch, "coil_radius", f"the coil cuts {part}, which reaches to r = {millimetres(limit)}",
         f"at least {millimetres(clutch.housing_bore)}",
@@ -180,7 +174,7 @@ def _grain(clutch: Clutch, broken: set[str], diameter: float) -> list[Fault]:
         and 0.0 < clutch.disc_radius - clutch.seal_radius < diameter
     ):
         found.append(_fault(
-            clutch, "seal_radius", f"the chamber beside the disc is narrower than one grain ({millimetres(diameter)})",
+            clutch, "seal_radius", f"the chamber is lower than one grain ({millimetres(diameter)})",
             f"at most {millimetres(clutch.disc_radius - diameter)}",
             "lower `geometry.seal_radius` or `particles.diameter`",
         ))  # fmt: skip

@@ -1,7 +1,7 @@
 """A picture of the cross-section: regions in colour with their names, and the mesh around the gap.
 
-Drawn as engineers draw a shaft: z to the right, r upwards, the upper half only. Matplotlib's object interface with
-the Agg canvas is used: no display is needed and nobody's pyplot state is touched.
+Drawn as engineers draw a shaft: z to the right, r upwards, the upper half only. Matplotlib's object
+interface with the Agg canvas is used: no display is needed and nobody's pyplot state is touched.
 """
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ def _outline(triangles: np.ndarray) -> np.ndarray:
 def _write_names(
     panel: Axes, mesh: SectionMesh, triangulation: Triangulation, view: View, leaders: bool
 ) -> None:
-    """A name goes where it fits into its region, level or upright; with a leader line to the right otherwise."""
+    """A name goes where it fits into its region, level or upright; else to the right, with a leader line."""
     find = triangulation.get_trifinder()
     region_of = np.full(len(mesh.triangles) + 1, -1)
     for i, elements in enumerate(mesh.regions.values()):
@@ -147,6 +147,7 @@ def _write_names(
     width, height = panel.get_window_extent().size
     point = max((view[1] - view[0]) / width, (view[3] - view[2]) / height) * panel.figure.dpi / _INCH  # [mm]
     colours = _colours(mesh)
+    low, high = np.array(view[::2]), np.array(view[1::2])
     led: list[tuple[float, float, str]] = []
     for i, name in enumerate(mesh.regions):
         centres = mesh.centroid()[mesh.regions[name]][:, ::-1] * _MM
@@ -167,8 +168,10 @@ def _write_names(
             box = 0.5 * (text[::-1] if upright else text)
             grid = np.array([(x, y) for x in np.linspace(-1, 1, 9) for y in np.linspace(-1, 1, 9)]) * box
             corners = centres[order][:, None, :] + grid
-            fits = np.all(region_of[find(corners[..., 0], corners[..., 1])] == i, axis=1)
-            fits &= np.all((centres[order] - box > view[::2]) & (centres[order] + box < view[1::2]), axis=1)
+            fits = np.all(
+                region_of[np.asarray(find(corners[..., 0], corners[..., 1]), dtype=np.int64)] == i, axis=1
+            )
+            fits &= np.all((centres[order] - box > low) & (centres[order] + box < high), axis=1)
             if fits.any():
                 z, r = centres[order][np.argmax(fits)]
                 dark = name in ("powder", "shaft_out")
@@ -197,5 +200,5 @@ def _depth(points: np.ndarray, edges: np.ndarray, view: View) -> np.ndarray:
     to = points[:, None, :] - start
     t = np.clip((to * along).sum(2) / (along**2).sum(1), 0.0, 1.0)
     nearest = np.linalg.norm(to - t[..., None] * along, axis=2).min(axis=1)
-    frame = np.minimum(points - view[::2], np.asarray(view[1::2]) - points).min(axis=1)
+    frame = np.minimum(points - np.array(view[::2]), np.array(view[1::2]) - points).min(axis=1)
     return np.minimum(nearest, frame)

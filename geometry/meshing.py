@@ -1,11 +1,13 @@
 """Mesh of a clutch's cross-section by gmsh (OpenCASCADE kernel), with regions and boundaries by name.
 
-The parts of the section are cut out of the air's half-disc by one fragmentation, so that neighbours share their
-edges. Every surface goes into a physical group of its region's name, and the named groups are read back.
+The parts of the section are cut out of the air's half-disc by one fragmentation, so that neighbours share
+their edges. Every surface goes into a physical group of its region's name, and the named groups are read
+back.
 
-Element sizes: inside the gaps that of a whole number of rows of equilateral triangles, a quarter of it at the steel
-corners beside the gap (where the field strength is singular like d^(-1/3)), and from there h grows in proportion to
-the distance: in iron and coil up to a fraction of the device, in the air up to an eighth of its radius.
+Element sizes: inside the gaps that of a whole number of rows of equilateral triangles, a quarter of it at
+the steel corners beside the gap (where the field strength is singular like d^(-1/3)), and from there h
+grows in proportion to the distance: in iron and coil up to a fraction of the device, in the air up to an
+eighth of its radius.
 
 gmsh keeps one global state and is not safe to call from several threads at once.
 """
@@ -28,7 +30,7 @@ GROWTH = 0.45  # of the element size with distance: neighbours differ by less th
 ROW_HEIGHT = 0.5 * 3.0**0.5  # of an equilateral triangle over its side
 CORNER = 0.25  # element size at a steel corner over that of the gap
 
-# The CAD kernel's tolerance is 1e-7 of its own unit: drawn in metres, a clearance of 0.3 mm would be close to it.
+# The CAD kernel's tolerance is 1e-7 of its own unit: in metres, a clearance of 0.3 mm would be close to it.
 MILLIMETRE = 1e-3
 
 _OPTIONS = {

@@ -1,18 +1,18 @@
 """The walls that grains touch: planes, and surfaces of revolution about the shaft axis z.
 
-A `RevolvedWall` turns the straight segment start -> end of the (r, z) half-plane about the axis: a cylinder, an
-annulus or a cone in one. The point of such a surface that is closest to a sphere's centre lies in the centre's own
-half-plane, so that contact reduces to the distance from the point (r, z) to a segment.
+A `RevolvedWall` turns the straight segment start -> end of the (r, z) half-plane about the axis: a
+cylinder, an annulus or a cone in one. The point of such a surface that is closest to a sphere's centre lies
+in the centre's own half-plane, so that contact reduces to the distance from the point (r, z) to a segment.
 
-**Edges.** With t = (c - start)·(end - start)/|end - start|^2, a centre c with 0 < t < 1 touches the face. Otherwise
-the closest point is an end of the segment, an edge circle v that two segments of one body usually share. It must
-be touched once: only the wall that *owns* the end sees it, and only if
+**Edges.** With t = (c - start)·(end - start)/|end - start|^2, a centre c with 0 < t < 1 touches the face.
+Otherwise the closest point is an end of the segment, an edge circle v that two segments of one body usually
+share. It must be touched once: only the wall that *owns* the end sees it, and only if
 
     (c - v) · neighbour <= 0,
 
-neighbour being the unit vector that leaves v along the other segment, i.e. if the other segment is clamped at v
-as well. On a convex edge the force then turns continuously from one face over the edge into the other; in a
-concave corner both faces are touched and the edge never is; on a straight join there is one contact.
+neighbour being the unit vector that leaves v along the other segment, i.e. if the other segment is clamped
+at v as well. On a convex edge the force then turns continuously from one face over the edge into the other;
+in a concave corner both faces are touched and the edge never is; on a straight join there is one contact.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class RevolvedWall:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plane:
-    """An unbounded plane; ``normal`` (unit, shape (3,)) points to the grains' side of ``point`` [m], shape (3,)."""
+    """An unbounded plane through ``point`` [m]; ``normal`` (unit) points to the grains' side; shapes (3,)."""
 
     name: str
     body: str
@@ -117,7 +117,7 @@ def annulus(name: str, body: str, z: float, r0: float, r1: float, *, magnetic: b
 
 
 def cone(name: str, body: str, start: Pair, end: Pair, *, magnetic: bool = False) -> RevolvedWall:
-    """Frustum between the circles start and end (r, z) [m], with no edge of its own; an apex on the axis closes."""
+    """Frustum between the circles start and end (r, z) [m], without edges but an apex on the axis."""
     return _close_on_axis(RevolvedWall(name, body, start, end, magnetic))
 
 
@@ -138,7 +138,8 @@ def outline(
     body : str
         The body that all of them turn with.
     vertices : sequence of (r, z)
-        Corners [m] in order. A closed outline joins the last to the first; the ends of an open one belong to nobody.
+        Corners [m] in order. A closed outline joins the last to the first; the ends of an open one belong
+        to nobody.
 
     Raises
     ------

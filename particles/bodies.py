@@ -1,8 +1,8 @@
 """Bodies that walls belong to: rotor, disc, housing. Each turns about z, driven or free.
 
-A free shaft obeys J domega/dt = T_contact + T_drive + T_external - T_load, integrated by the same leapfrog as the
-grains. The load is dry friction: it opposes the rotation, never reverses it, and holds the shaft at rest while the
-other torques stay below it. One step is therefore a shrinkage, exact for a constant load:
+A free shaft obeys J domega/dt = T_contact + T_drive + T_external - T_load, integrated by the same leapfrog
+as the grains. The load is dry friction: it opposes the rotation, never reverses it, and holds the shaft at
+rest while the other torques stay below it. One step is therefore a shrinkage, exact for a constant load:
 
     omega* = omega + dt/J (T_contact + T_drive + T_external)
     omega  = sign(omega*) max(0, |omega*| - dt/J T_load).
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -27,8 +28,10 @@ class PrescribedSpeed:
         times = tuple(float(t) for t in self.times)
         speeds = tuple(float(w) for w in self.speeds)
         if not times or len(times) != len(speeds):
-            raise ValueError(f"a speed profile has {len(times)} times but {len(speeds)} speeds; give as many of each")
-        if not all(map(math.isfinite, times + speeds)) or any(b <= a for a, b in zip(times, times[1:], strict=False)):
+            raise ValueError(
+                f"a speed profile has {len(times)} times but {len(speeds)} speeds; give as many of each"
+            )
+        if not all(map(math.isfinite, times + speeds)) or any(b <= a for a, b in pairwise(times)):
             raise ValueError(f"times of a speed profile must be finite and increase, got {times} s")
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "speeds", speeds)
@@ -40,12 +43,13 @@ class PrescribedSpeed:
 
     def at(self, time: float | np.ndarray) -> np.ndarray:
         """Speed [rad/s] at ``time`` [s]."""
-        return np.interp(time, self.times, self.speeds)
+        return np.asarray(np.interp(time, self.times, self.speeds))
 
 
 @dataclass(frozen=True, slots=True)
 class FreeShaft:
-    """A shaft with ``inertia`` [kg m^2], a constant ``drive_torque`` [N m] and a brake-like ``load_torque`` [N m].
+    """A shaft with ``inertia`` [kg m^2], a constant ``drive_torque`` [N m] and a brake-like ``load_torque``
+    [N m].
 
     All three belong to the whole device, also where only a sector of it is simulated.
     """
@@ -59,7 +63,7 @@ class FreeShaft:
             raise ValueError(f"inertia of a free shaft = {self.inertia:g} kg m^2; allowed: more than 0")
         if not 0.0 <= self.load_torque < math.inf:
             raise ValueError(
-                f"load torque = {self.load_torque:g} N m; allowed: 0 or more (it always opposes the rotation); "
+                f"load torque = {self.load_torque:g} N m; allowed: 0 or more (it opposes the rotation); "
                 "use drive_torque for a torque with a sign"
             )
         if not math.isfinite(self.drive_torque):

@@ -5,14 +5,14 @@ Normal force on grain i, towards its partner along n (delta overlap, v_n closing
     F = -max(0, k_n delta + gamma_n v_n) n,        gamma_n = 2 zeta_n sqrt(k_n m_eff),
     1/m_eff = 1/m_i + 1/m_j,                       m_eff = m_i against a wall.
 
-**Restitution.** Because the force never pulls, an impact ends when the force vanishes, before the overlap does
-(Schwager & Poeschel, Granular Matter 9 (2007) 465, eq. 21). With s = sqrt(1 - zeta^2)
+**Restitution.** Because the force never pulls, an impact ends when the force vanishes, before the overlap
+does (Schwager & Poeschel, Granular Matter 9 (2007) 465). With s = sqrt(1 - zeta^2)
 
     e(zeta) = exp(-(zeta/s) (pi - atan2(2 zeta s, 1 - 2 zeta^2))),       zeta < 1,
 
-and its continuation beyond critical damping. `damping_ratio` solves this e(zeta) = e for zeta, so that the asked
-restitution is the one obtained (the common -ln e/sqrt(pi^2 + ln^2 e) would give 0.9020, 0.5503, 0.3249 for 0.9,
-0.5, 0.2). e = 0 needs infinite damping; 0.05 is the least that a time step resolves.
+and its continuation beyond critical damping. `damping_ratio` solves this e(zeta) = e for zeta, so that the
+asked restitution is the one obtained (the common -ln e/sqrt(pi^2 + ln^2 e) would give 0.9020, 0.5503,
+0.3249 for 0.9, 0.5, 0.2). e = 0 needs infinite damping; 0.05 is the least that a time step resolves.
 
 **Tangential.** A spring xi and a dashpot in parallel, in series with a slider that yields at mu |F_n|:
 
@@ -27,8 +27,8 @@ the return mapping of an implicit step. The slip then is parallel to the force a
 
     F.slip + gamma_t |dxi|^2/dt + k_t |dxi|^2/2 >= 0,
 
-whatever the incidence: friction creates no energy. Defaults k_t = 2/7 k_n (the tangential half period equals the
-normal one for solid spheres) and gamma_t = gamma_n/2.
+whatever the incidence: friction creates no energy. Defaults k_t = 2/7 k_n (the tangential half period
+equals the normal one for solid spheres) and gamma_t = gamma_n/2.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ class LinearContact:
 
 
 def restitution_of(zeta: float) -> float:
-    """Restitution e [-] of the clipped linear contact at the damping ratio ``zeta`` [-] (module docstring)."""
+    """Restitution e [-] of the clipped contact at the damping ratio ``zeta`` [-] (module docstring)."""
     if zeta < 1.0:
         s = math.sqrt(1.0 - zeta * zeta)
         return math.exp(-(zeta / s) * (math.pi - math.atan2(2.0 * zeta * s, 1.0 - 2.0 * zeta * zeta)))
@@ -123,12 +123,12 @@ def damping_ratio(restitution: float) -> float:
     """
     if not LEAST_RESTITUTION <= restitution <= 1.0:
         raise ValueError(
-            f"restitution = {restitution:g}; allowed: {LEAST_RESTITUTION:g} to 1 (a smaller one needs more damping "
-            "than a time step resolves)"
+            f"restitution = {restitution:g}; allowed: {LEAST_RESTITUTION:g} to 1 (a smaller one needs more "
+            "damping than a time step resolves)"
         )
     if restitution == 1.0:
         return 0.0
     from scipy.optimize import brentq
 
-    # e falls monotonically from 1 at zeta = 0 to 0.0246 at zeta = 3
+    # e falls monotonically from 1 at zeta = 0 to about 0.024 at zeta = 3
     return float(brentq(lambda zeta: restitution_of(zeta) - restitution, 0.0, 3.0, xtol=1e-15, rtol=1e-14))

@@ -1,8 +1,8 @@
 """Verlet list of the grains and of the walls near them, with the history of each contact beside its slot.
 
-A list made with a skin stays complete until a grain has moved by half the skin. When a new one is made the grains may
-have been sorted anew and wrapped through the faces of the sector; the history of every touching contact finds its new
-slot by the pair's two ids. Were grains turned by R^w, the pair (i, j, shift) becomes
+A list made with a skin stays complete until a grain has moved by half the skin. When a new one is made the
+grains may have been sorted anew and wrapped through the faces of the sector; the history of every touching
+contact finds its new slot by the pair's two ids. Were grains turned by R^w, the pair (i, j, shift) becomes
 
     (i', j', shift + w_i - w_j)   with xi' = R^w_i xi,
 
@@ -30,7 +30,8 @@ class ContactList:
     pairs : PairList
         Half list; `incoming_start` (n + 1,) and `incoming_slot` (p,) are its transpose.
     touching, history, reaction : ndarray, shapes (p,) uint8, (p, 3), (p, 6)
-        Whether the pair touches, its tangential spring [m] in the frame of i, and force [N] and torque [N m] on j.
+        Whether the pair touches, its tangential spring [m] in the frame of i, and force [N] and torque [N
+        m] on j.
     wall_start, wall_other : ndarray, shapes (n + 1,), (s,) int32
         Walls near each grain.
     wall_touching, wall_history, wall_force : ndarray, shapes (s,) uint8, (s, 3), (s, 3)
@@ -64,9 +65,14 @@ class ContactList:
 
     @classmethod
     def make(
-        cls, position: np.ndarray, radius: np.ndarray, skin: float, walls: np.ndarray, sector: CyclicSector | None
+        cls,
+        position: np.ndarray,
+        radius: np.ndarray,
+        skin: float,
+        walls: np.ndarray,
+        sector: CyclicSector | None,
     ) -> ContactList:
-        """The list at ``position`` (n, 3) [m] with ``skin`` [m]; ``walls`` are rows of `particles.wall_table`."""
+        """The list at ``position`` (n, 3) [m] with ``skin`` [m]; ``walls``: rows of a `WallTable`."""
         pairs = find_pairs(position, 2.0 * float(radius.max()) + skin, sector, radius + 0.5 * skin)
         start = np.zeros(len(position) + 1, dtype=np.int64)
         other = np.zeros(len(position), dtype=np.int32)
@@ -83,9 +89,11 @@ class ContactList:
     def take_history(
         self, old: ContactList, order: np.ndarray, wraps: np.ndarray | None, sector: CyclicSector | None
     ) -> None:
-        """Carry over from ``old``: grain ``order[k]`` of the old list is grain k here, turned by ``wraps`` (old order).
+        """Carry over from ``old``: grain ``order[k]`` of the old list is grain k here, turned by ``wraps``
+        (old order).
 
-        A contact of the last step that has no slot here has parted since, further than the skin: it is forgotten.
+        A contact of the last step that has no slot here has parted since, further than the skin: it is
+        forgotten.
         """
         n = len(order)
         rank = np.empty(n, dtype=np.int64)

@@ -1,7 +1,7 @@
 """Discrete element method: grains, walls on turning bodies, contact law; the loop around the compiled step.
 
-The step itself is `particles.step_kernel`. Here the Verlet list is renewed (sort by cells, wrap through the sector,
-carry the history), sums become `StepTotals`, and what went wrong is explained.
+The step itself is `particles.step_kernel`. Here the Verlet list is renewed (sort by cells, wrap through the
+sector, carry the history), sums become `StepTotals`, and what went wrong is explained.
 """
 
 from __future__ import annotations
@@ -25,7 +25,9 @@ from particles.threads import threads_for
 from particles.time_step import choose_time_step
 from particles.wall_table import outside, wall_table
 
-ROWS_PER_CHUNK = 256  # chunks must follow from the number of grains alone (same result with any number of threads)
+ROWS_PER_CHUNK = (
+    256  # chunks must follow from the number of grains alone (same result with any number of threads)
+)
 STEPS_PER_CALL = 512  # bounds the table of prescribed speeds
 
 
@@ -54,9 +56,12 @@ class DEM:
     Attributes
     ----------
     external_force : ndarray, shape (n, 3), or None
-        Force on each grain [N] in the present order, held until it is set again; sorted along with the grains.
-    time, step_count, order_version
-        Time [s] of the positions, steps done, and how often the grains have been put in another order.
+        Force on each grain [N] in the present order, held until it is set again; sorted along with the
+        grains.
+    time, step_count, order_version, list_version
+        Time [s] of the positions, steps done, how often the grains have been put in another order, and how
+        often the neighbour list was made (between two of them no grain moves by more than half the skin or
+        wraps).
 
     Raises
     ------
@@ -85,10 +90,13 @@ class DEM:
         self.gravity = None if gravity is None else np.array(gravity, dtype=float).reshape(3)
         self.skin = 0.5 * float(np.mean(grains.radius)) if skin is None else float(skin)
         if not 0.0 < self.skin < np.inf:
-            raise ValueError(f"skin = {self.skin * 1e3:g} mm; allowed: more than 0 (a quarter of a diameter is usual)")
+            raise ValueError(
+                f"skin = {self.skin * 1e3:g} mm; allowed: more than 0 (a quarter of a diameter is usual)"
+            )
         self.external_force: np.ndarray | None = None
         self.step_count = 0
         self.order_version = 0
+        self.list_version = 0
         self._table = wall_table(self.walls, self.bodies)
         self._law = contact.table()
         self._turn = None if sector is None else np.array([np.cos(sector.angle), np.sin(sector.angle)])
@@ -100,6 +108,7 @@ class DEM:
         self._chunk_sums = np.zeros((n_chunks, kernel.N_SUMS))
         self._body_chunks = np.zeros((n_chunks, n_bodies, 5))
         self._net = np.zeros((n, 6))
+        self._stale = True
         self._contacts: ContactList | None = None
         self._rebuild()
         self._elastic = stored_at_rest(grains, self._list, self._table.rows, sector, contact.stiffness_n)
@@ -173,8 +182,12 @@ class DEM:
                 arrays[name] = value.copy()
         arrays |= {f"list_{name}": value.copy() for name, value in self._list.arrays().items()}
         arrays["net"] = self._net.copy()
-        arrays["bodies"] = np.array([[b.angle, b.speed, b.external_torque] for b in self.bodies]).reshape(-1, 3)
-        arrays["counters"] = np.array([self.step_count, self.order_version, self._stale], dtype=np.int64)
+        arrays["bodies"] = np.array([[b.angle, b.speed, b.external_torque] for b in self.bodies]).reshape(
+            -1, 3
+        )
+        arrays["counters"] = np.array(
+            [self.step_count, self.order_version, self._stale, self.list_version], dtype=np.int64
+        )
         arrays["scalars"] = np.array([self._elastic, self.dt, self.skin])
         return arrays
 
@@ -189,7 +202,7 @@ class DEM:
         if len(state["radius"]) != self.grains.count or len(state["bodies"]) != len(self.bodies):
             raise ValueError(
                 f"the state has {len(state['radius'])} grains and {len(state['bodies'])} bodies, this DEM "
-                f"{self.grains.count} and {len(self.bodies)}; restore it into the scene that it was saved from"
+                f"{self.grains.count} and {len(self.bodies)}; restore it into the scene that it came from"
             )
         for name in ("position", "velocity", "angular_velocity", "radius", "mass", "particle_id"):
             setattr(self.grains, name, state[name].copy())
@@ -204,10 +217,11 @@ class DEM:
         for body, (angle, speed, torque) in zip(self.bodies, state["bodies"], strict=True):
             body.angle, body.speed, body.external_torque = float(angle), float(speed), float(torque)
         self.step_count, self.order_version = (int(v) for v in state["counters"][:2])
-        self._stale = bool(state["counters"][2])
+        self._stale, self.list_version = bool(state["counters"][2]), int(state["counters"][3])
         self._elastic, self.dt, self.skin = (float(v) for v in state["scalars"])
 
-    # -- inside ---------------------------------------------------------------------------------------------------
+    # -- inside
+    # ---------------------------------------------------------------------------------------------------
 
     def _advance(
         self, n_steps: int, angle: np.ndarray, speed: np.ndarray, totals: np.ndarray, body_totals: np.ndarray
@@ -231,8 +245,8 @@ class DEM:
             n_steps, self.dt, float(self.n_sectors), self._law, self._turn, self.gravity, external,
             (0.5 * self.skin) ** 2, self.overlap_limit, self._chunk,
             g.position, g.velocity, g.angular_velocity, g.radius, g.mass, c.reference,
-            c.pairs.start, c.pairs.other, None if self.sector is None else c.pairs.shift, c.touching, c.history,
-            c.reaction, c.incoming_start, c.incoming_slot,
+            c.pairs.start, c.pairs.other, None if self.sector is None else c.pairs.shift, c.touching,
+            c.history, c.reaction, c.incoming_start, c.incoming_slot,
             self._table.rows, self._table.body, c.wall_start, c.wall_other, c.wall_touching, c.wall_history,
             c.wall_force, speeds, data, angle, speed, self._net, self._chunk_sums, self._body_chunks,
             totals, body_totals,
@@ -261,6 +275,7 @@ class DEM:
         if self._contacts is not None:
             made.take_history(self._contacts, order, wraps, self.sector)
         self._contacts = made
+        self.list_version += 1
         self._stale = False
 
     def _refuse_escaped(self) -> None:
@@ -270,7 +285,7 @@ class DEM:
             k = gone[0]
             raise DemError(
                 f"it has left the device ({len(gone)} grains have)",
-                "the walls may have a slot, or the grain was pressed through one: raise the stiffness or shorten dt",
+                "the walls may have a slot, or it was pressed through one: raise the stiffness or shorten dt",
                 g.particle_id[k], g.position[k], self.time,
             )  # fmt: skip
 
@@ -279,8 +294,8 @@ class DEM:
         if answer == kernel.OVERLAP:
             k = int(totals[kernel.GRAIN])
             raise DemError(
-                f"it overlaps a neighbour or a wall by {100.0 * totals[kernel.MAX_OVERLAP]:.3g} % of the diameter "
-                f"(the limit is {100.0 * self.overlap_limit:.3g} %)",
+                f"it overlaps a neighbour or a wall by {100.0 * totals[kernel.MAX_OVERLAP]:.3g} % of the "
+                f"diameter (the limit is {100.0 * self.overlap_limit:.3g} %)",
                 f"raise the stiffness (k_n = {self.contact.stiffness_n:.3g} N/m is too soft for the load), "
                 f"or shorten dt = {self.dt:.3g} s if grains are fast",
                 g.particle_id[k], g.position[k], self.time,
@@ -295,7 +310,13 @@ class DEM:
         )  # fmt: skip
 
     def _summary(
-        self, steps: int, totals: np.ndarray, bodies: np.ndarray, kinetic: float, elastic: float, rebuilds: int
+        self,
+        steps: int,
+        totals: np.ndarray,
+        bodies: np.ndarray,
+        kinetic: float,
+        elastic: float,
+        rebuilds: int,
     ) -> StepTotals:
         ring = self.n_sectors
         share = ring / max(steps, 1)
@@ -309,11 +330,16 @@ class DEM:
             steps=steps,
             duration=steps * self.dt,
             torque={
-                name: {"normal": float(t[kernel.TORQUE_N]) * share, "tangential": float(t[kernel.TORQUE_T]) * share}
+                name: {
+                    "normal": float(t[kernel.TORQUE_N]) * share,
+                    "tangential": float(t[kernel.TORQUE_T]) * share,
+                }
                 for name, t in zip(names, bodies, strict=True)
             },
             force=dict(zip(names, force, strict=True)),
-            wall_work={name: ring * float(t[kernel.BODY_WORK]) for name, t in zip(names, bodies, strict=True)},
+            wall_work={
+                name: ring * float(t[kernel.BODY_WORK]) for name, t in zip(names, bodies, strict=True)
+            },
             shaft_work={
                 body.name: {"drive": float(t[kernel.DRIVE_WORK]), "load": float(t[kernel.LOAD_WORK])}
                 for body, t in zip(self.bodies, bodies, strict=True)

@@ -1,7 +1,7 @@
 """The state of the grains: one structure of arrays.
 
-Velocities are those of the leapfrog: ``velocity`` and ``angular_velocity`` belong to the time half a step *before*
-``position`` (see `particles.step_kernel`).
+Velocities are those of the leapfrog: ``velocity`` and ``angular_velocity`` belong to the time half a step
+*before* ``position`` (see `particles.step_kernel`).
 """
 
 from __future__ import annotations
@@ -52,7 +52,8 @@ class Grains:
         Raises
         ------
         ValueError
-            For a shape that does not fit, a value that is not finite, or a radius or density that is not positive.
+            For a shape that does not fit, a value that is not finite, or a radius or density that is not
+            positive.
         """
         where = np.array(position, dtype=np.float64, order="C").reshape(-1, 3)
         count = len(where)
@@ -65,7 +66,9 @@ class Grains:
             if bad.any():
                 raise ValueError(f"{name} of a grain must be positive, got {value[bad][0]:g} {unit}")
         v, w = (
-            np.zeros((count, 3)) if given is None else np.array(given, dtype=np.float64, order="C").reshape(count, 3)
+            np.zeros((count, 3))
+            if given is None
+            else np.array(given, dtype=np.float64, order="C").reshape(count, 3)
             for given in (velocity, angular_velocity)
         )
         for name, value in (("position", where), ("velocity", v), ("angular_velocity", w)):

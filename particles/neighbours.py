@@ -1,8 +1,9 @@
 """Pairs of grains within a cut-off, by a grid of cells.
 
-The list is a half list in compressed rows (CSR): row i holds its partners in ``other[start[i]:start[i+1]]``, every
-pair stands in one row only. In a cyclic sector, grains near the low face get a ghost, turned by +angle, that grains
-near the high face see: a pair across the faces is (i, j, shift = 1), its partner at R x_j.
+The list is a half list in compressed rows (CSR): row i holds its partners in
+``other[start[i]:start[i+1]]``, every pair stands in one row only. In a cyclic sector, grains near the low
+face get a ghost, turned by +angle, that grains near the high face see: a pair across the faces is (i, j,
+shift = 1), its partner at R x_j.
 
 Within a row partners stand in the order of the cells, x fastest: the list depends on the positions alone.
 """
@@ -80,8 +81,9 @@ def find_pairs(
     everywhere = position
     if sector is not None:
         sector.require_width(position, cutoff)
-        # the low face is the half-plane theta = 0: a ghost is needed where the distance y to it is within reach;
-        # the fifth is for partners that have drifted out of the high face since they were last wrapped
+        # the low face is the half-plane theta = 0: a ghost is needed where the distance y to it is within
+        # reach; the fifth is for partners that have drifted out of the high face since they were last
+        # wrapped
         ghost = np.flatnonzero((position[:, 1] < 1.2 * cutoff) & (position[:, 0] > 0.0))
         everywhere = np.concatenate([position, position[ghost] @ sector.rotation(1).T])
     order, cell_start, low, size, shape = _cells(everywhere, cutoff)
@@ -89,7 +91,9 @@ def find_pairs(
     capacity = 8 * n
     while True:
         other, shift = np.empty(capacity, dtype=np.int32), np.zeros(capacity, dtype=np.int8)
-        found = _collect(n, everywhere, near, cutoff, ghost, order, cell_start, low, size, shape, start, other, shift)
+        found = _collect(
+            n, everywhere, near, cutoff, ghost, order, cell_start, low, size, shape, start, other, shift
+        )
         if found <= capacity:
             return PairList(start, other[:found].copy(), shift[:found].copy())
         capacity = found
@@ -103,7 +107,9 @@ def cell_order(position: np.ndarray, size: float) -> np.ndarray:
     return np.argsort((cell[:, 2] * shape[1] + cell[:, 1]) * shape[0] + cell[:, 0], kind="stable")
 
 
-def _cells(position: np.ndarray, cutoff: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, float, np.ndarray]:
+def _cells(
+    position: np.ndarray, cutoff: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float, np.ndarray]:
     low, extent = position.min(axis=0), np.ptp(position, axis=0)
     size = cutoff * (1.0 + 1e-12)
     # few grains in a vast space: larger cells rather than more memory than the grains themselves need

@@ -1,10 +1,10 @@
 """Random packings without overlap: grains are thrown in at random and pushed apart.
 
-Each sweep visits the pairs in the order of the neighbour list and moves both partners apart by half their overlap
-(Gauss-Seidel on positions; no forces, no time), then pushes grains out of the walls. Grains start small and grow to
-full size, so that deep random overlaps open without tearing neighbours through walls. The same seed gives the same
-packing. Random close packing is at a solid fraction of 0.64; the method stalls somewhat below, and walls a few
-diameters apart lower what fits, hence the refusal above 0.60.
+Each sweep visits the pairs in the order of the neighbour list and moves both partners apart by half their
+overlap (Gauss-Seidel on positions; no forces, no time), then pushes grains out of the walls. Grains start
+small and grow to full size, so that deep random overlaps open without tearing neighbours through walls. The
+same seed gives the same packing. Random close packing is at a solid fraction of 0.64; the method stalls
+somewhat below, and walls a few diameters apart lower what fits, hence the refusal above 0.60.
 """
 
 from __future__ import annotations
@@ -43,7 +43,8 @@ def pack(
     Parameters
     ----------
     boxes
-        Where to throw grains in: rings (each gets its share by volume; within ``sector`` where there is one) or a box.
+        Where to throw grains in: rings (each gets its share by volume; within ``sector`` where there is
+        one) or a box.
     walls
         Kept clear of.
     radius : float or ndarray, shape (count,)
@@ -65,8 +66,8 @@ def pack(
     fraction = float(np.sum(4.0 / 3.0 * np.pi * size**3) / volumes.sum())
     if fraction > DENSEST:
         raise PackingError(
-            f"{count} grains would fill {fraction:.3f} of the space of {volumes.sum() * 1e9:.4g} mm^3; allowed: at "
-            f"most {DENSEST:.2f} (random close packing is 0.64); at this size at most "
+            f"{count} grains would fill {fraction:.3f} of the space of {volumes.sum() * 1e9:.4g} mm^3; "
+            f"allowed: at most {DENSEST:.2f} (random close packing is 0.64); at this size at most "
             f"{int(count * DENSEST / fraction)} grains fit: lower their number"
         )
     rng = np.random.default_rng(seed)
@@ -104,13 +105,15 @@ def _throw(rng: np.random.Generator, place: AnnularBox | Box, radius: np.ndarray
         ], axis=1)  # fmt: skip
     if thinnest < thickest:
         raise PackingError(
-            f"the space to fill is {thinnest * 1e3:.4g} mm thin, a grain is {thickest * 1e3:.4g} mm thick: none fits; "
-            "lower the diameter or widen the gap"
+            f"the space is {thinnest * 1e3:.4g} mm thin, a grain is {thickest * 1e3:.4g} mm thick: none "
+            "fits; lower the diameter or widen the gap"
         )
     return found
 
 
-def _push_apart(position: np.ndarray, radius: np.ndarray, walls: np.ndarray, sector: CyclicSector | None) -> np.ndarray:
+def _push_apart(
+    position: np.ndarray, radius: np.ndarray, walls: np.ndarray, sector: CyclicSector | None
+) -> np.ndarray:
     smallest = 2.0 * float(radius.min())
     skin = 0.3 * smallest
     turn = np.array([1.0, 0.0] if sector is None else [math.cos(sector.angle), math.sin(sector.angle)])
@@ -119,7 +122,9 @@ def _push_apart(position: np.ndarray, radius: np.ndarray, walls: np.ndarray, sec
         r = scale * radius
         reference = None
         for _ in range(sweeps):
-            moved = np.inf if reference is None else np.sqrt(np.max(np.sum((position - reference) ** 2, axis=1)))
+            moved = (
+                np.inf if reference is None else np.sqrt(np.max(np.sum((position - reference) ** 2, axis=1)))
+            )
             if moved > 0.5 * skin:
                 if sector is not None:
                     position = sector.turn(position, sector.wraps(position))
@@ -137,8 +142,8 @@ def _push_apart(position: np.ndarray, radius: np.ndarray, walls: np.ndarray, sec
     if not worst < TOLERANCE:
         raise PackingError(
             f"the grains cannot be pushed apart: an overlap of {100.0 * worst:.2g} % of the diameter is left "
-            f"(allowed: {100.0 * TOLERANCE:g} %); lower the number of grains, or take smaller ones where walls are "
-            "only a few diameters apart",
+            f"(allowed: {100.0 * TOLERANCE:g} %); lower the number of grains, or take smaller ones where "
+            "walls are only a few diameters apart",
             worst,
         )
     return position if sector is None else sector.turn(position, sector.wraps(position))
@@ -146,7 +151,7 @@ def _push_apart(position: np.ndarray, radius: np.ndarray, walls: np.ndarray, sec
 
 @njit(cache=True, error_model="numpy")
 def _sweep(start, other, shift, position, radius, turn, push):
-    """Push pairs apart by ``push`` of their overlap; returns the largest overlap met, as a share of the diameter."""
+    """Push pairs apart by ``push`` of their overlap; returns the largest met, as a share of the diameter."""
     worst = 0.0
     for i in range(radius.shape[0]):
         for k in range(start[i], start[i + 1]):

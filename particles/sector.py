@@ -1,8 +1,9 @@
 """Cyclic sector: a wedge of the machine whose two faces are one and the same under a turn about the axis.
 
-With R the rotation by ``angle`` about z, every grain at x stands for its n images R^k x. A grain that leaves through
-one face comes back through the other; whatever vector it carries (velocity, spin, moment, force, contact history)
-turns with it. A pair across the faces is kept as (i, j, shift): the partner of i is at R^shift x_j.
+With R the rotation by ``angle`` about z, every grain at x stands for its n images R^k x. A grain that
+leaves through one face comes back through the other; whatever vector it carries (velocity, spin, moment,
+force, contact history) turns with it. A pair across the faces is kept as (i, j, shift): the partner of i is
+at R^shift x_j.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 
 @dataclass(frozen=True, slots=True)
 class CyclicSector:
-    """Grains live in 0 <= theta < ``angle`` [rad] about z; ``angle`` divides the full turn, in two parts or more."""
+    """Grains live in 0 <= theta < ``angle`` [rad] about z; ``angle`` divides the full turn in two or more."""
 
     angle: float
 
@@ -29,8 +30,8 @@ class CyclicSector:
         if abs(parts - round(parts)) > 1e-6 * parts:
             nearest = 360.0 / round(parts)
             raise ValueError(
-                f"sector angle = {math.degrees(self.angle):g} degrees does not divide 360 degrees into equal parts; "
-                f"the nearest that does is {nearest:g} degrees"
+                f"sector angle = {math.degrees(self.angle):g} degrees does not divide 360 degrees into equal "
+                f"parts; the nearest that does is {nearest:g} degrees"
             )
         object.__setattr__(self, "angle", 2.0 * math.pi / round(parts))
 
@@ -68,7 +69,7 @@ class CyclicSector:
         chord = 2.0 * inner * math.sin(0.5 * self.angle)
         if chord < 2.0 * cutoff:
             raise ValueError(
-                f"the sector of {math.degrees(self.angle):g} degrees is {chord * 1e3:.4g} mm wide at the innermost "
-                f"grain (r = {inner * 1e3:.4g} mm); allowed: at least two cut-offs = {2e3 * cutoff:.4g} mm; "
-                "use a wider sector, smaller grains, or a shorter cut-off"
+                f"the sector of {math.degrees(self.angle):g} degrees is {chord * 1e3:.4g} mm wide at the "
+                f"innermost grain (r = {inner * 1e3:.4g} mm); allowed: at least two cut-offs = "
+                f"{2e3 * cutoff:.4g} mm; use a wider sector, smaller grains, or a shorter cut-off"
             )

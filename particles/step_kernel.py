@@ -4,22 +4,22 @@ Leapfrog, kick-drift, with velocities half a step behind positions:
 
     F = F(x(t), v(t - dt/2));   v(t + dt/2) = v(t - dt/2) + F dt/m;   x(t + dt) = x(t) + v(t + dt/2) dt,
 
-and the same for spins (2/5 m R^2). A step has two parallel stages, each over chunks of rows whose number follows from
-the number of grains alone:
+and the same for spins (2/5 m R^2). A step has two parallel stages, each over chunks of rows whose number
+follows from the number of grains alone:
 
-1. `_contact_rows`: row i of the half list sums its forces in registers and leaves the reaction on j in a buffer with
-   a place for every pair; its walls follow.
-2. `_gather_and_move`: every grain gathers the reactions on it through the transposed list, in a fixed order, and is
-   integrated. Sums over grains are kept by chunk and added in the order of the chunks.
+1. `_contact_rows`: row i of the half list sums its forces in registers and leaves the reaction on j in
+   a buffer with a place for every pair; its walls follow.
+2. `_gather_and_move`: every grain gathers the reactions on it through the transposed list, in a
+   fixed order, and is integrated. Sums over grains are kept by chunk and added in the order of the chunks.
 
-So nothing depends on the number of threads, bit for bit. Lever arms sum to the distance of centres, and the two
-torques are l_i n x F and l_j n x F: angular momentum is conserved to round-off.
+So nothing depends on the number of threads, bit for bit. Lever arms sum to the distance of centres, and the
+two torques are l_i n x F and l_j n x F: angular momentum is conserved to round-off.
 
-Parts that a scene has not (``turn``, ``gravity``, ``external``) are passed as None: numba prunes their branches, the
-compiled code does not contain them.
+Parts that a scene has not (``turn``, ``gravity``, ``external``) are passed as None: numba prunes their
+branches, the compiled code does not contain them.
 
-Everything compiled that shares `_wall_gap` or `_contact` stands in this file: numba's cache of a kernel does not
-notice when a function of another file changes.
+Everything compiled that shares `_wall_gap` or `_contact` stands in this file: numba's cache of a kernel
+does not notice when a function of another file changes.
 """
 
 from __future__ import annotations
@@ -72,8 +72,9 @@ def _wall_gap(wall, w, x, y, z):
 def _contact(law, kind, m_eff, dt, delta, nx, ny, nz, ux, uy, uz, spin_n, history, slot):
     """Force on grain i; n points from i to its partner, u is the velocity of i relative to it at the contact.
 
-    ``history[slot]`` is the spring xi [m] and is updated; ``law[kind]`` the parameters. Returns the force (3), the elastic energy [J], and the
-    energy lost in this step [J] to normal damping, tangential damping and sliding.
+    ``history[slot]`` is the spring xi [m] and is updated; ``law[kind]`` the parameters. Returns the force
+    (3), the elastic energy [J], and the energy lost in this step [J] to normal damping, tangential damping
+    and sliding.
     """
     k_n, k_t, mu = law[kind, 0], law[kind, 1], law[kind, 4]
     unit = 2.0 * np.sqrt(k_n * m_eff)
@@ -83,7 +84,8 @@ def _contact(law, kind, m_eff, dt, delta, nx, ny, nz, ux, uy, uz, spin_n, histor
         f_n = 0.0
     lost_n = (f_n - k_n * delta) * closing * dt
 
-    # the spring turns with the pair: into the new tangent plane, about n by the mean spin, at unchanged length
+    # the spring turns with the pair: into the new tangent plane, about n by the mean spin, at unchanged
+    # length
     xi_x, xi_y, xi_z = history[slot, 0], history[slot, 1], history[slot, 2]
     before = xi_x * xi_x + xi_y * xi_y + xi_z * xi_z
     if before > 0.0:
@@ -99,7 +101,11 @@ def _contact(law, kind, m_eff, dt, delta, nx, ny, nz, ux, uy, uz, spin_n, histor
     # trial: the whole sliding distance stretches spring and dashpot
     sx, sy, sz = (ux - closing * nx) * dt, (uy - closing * ny) * dt, (uz - closing * nz) * dt
     rate = law[kind, 3] * unit / dt
-    tx, ty, tz = k_t * xi_x + (k_t + rate) * sx, k_t * xi_y + (k_t + rate) * sy, k_t * xi_z + (k_t + rate) * sz
+    tx, ty, tz = (
+        k_t * xi_x + (k_t + rate) * sx,
+        k_t * xi_y + (k_t + rate) * sy,
+        k_t * xi_z + (k_t + rate) * sz,
+    )
     trial = np.sqrt(tx * tx + ty * ty + tz * tz)
     limit = mu * f_n
     lost_s = 0.0
@@ -123,7 +129,7 @@ def _contact_rows(
     wall, wall_body, body_speed, wall_start, wall_other, wall_touching, wall_history, wall_force,
     net, chunk, chunk_sums, body_chunks,
 ):  # fmt: skip
-    """Stage 1 for rows lo <= i < hi: own forces and torques into ``net`` (n, 6), reactions into ``reaction``."""
+    """Stage 1 for rows lo <= i < hi: own forces and torques go into ``net`` (n, 6)."""
     for b in range(body_chunks.shape[1]):
         for column in range(5):
             body_chunks[chunk, b, column] = 0.0
@@ -186,7 +192,8 @@ def _contact_rows(
             reaction[k, 3], reaction[k, 4], reaction[k, 5] = mx, my, mz
 
         first, last = wall_start[i], wall_start[i + 1]
-        # a grain that rolls from one face of a body onto the next keeps its spring: it is handed to the new slot
+        # a grain that rolls from one face of a body onto the next keeps its spring: it is handed to the new
+        # slot
         left = -1
         hx = hy = hz = 0.0
         for k in range(first, last):
@@ -240,7 +247,12 @@ def _contact_rows(
         net[i, 3], net[i, 4], net[i, 5] = tx, ty, tz
     sums = chunk_sums[chunk]
     sums[CONTACTS], sums[ELASTIC], sums[NORMAL_DAMPING] = contacts, elastic, lost_n
-    sums[TANGENTIAL_DAMPING], sums[SLIDING], sums[MAX_OVERLAP], sums[GRAIN] = lost_t, lost_s, deepest, deepest_at
+    sums[TANGENTIAL_DAMPING], sums[SLIDING], sums[MAX_OVERLAP], sums[GRAIN] = (
+        lost_t,
+        lost_s,
+        deepest,
+        deepest_at,
+    )
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
@@ -298,7 +310,7 @@ def _gather_and_move(
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _turn_bodies(dt, n_sectors, speeds, step, body_data, body_angle, body_speed, body_chunks, body_totals):
-    """Add the chunks in their order, and turn the shafts; ``body_data`` columns: free, inertia, drive, load."""
+    """Add the chunks in their order, turn the shafts; ``body_data``: free, inertia, drive, load."""
     for b in range(body_speed.shape[0]):
         torque = 0.0
         for column in range(5):
@@ -327,7 +339,7 @@ def _turn_bodies(dt, n_sectors, speeds, step, body_data, body_angle, body_speed,
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _verdict(chunk_sums, totals, travel_limit, overlap_limit):
-    """Add the chunks in their order; ``totals`` accumulates energies, keeps extremes, and the last contacts."""
+    """Add the chunks in their order: energies accumulate, extremes are kept, contacts are the last."""
     contacts = elastic = travel = fastest = 0.0
     for c in range(chunk_sums.shape[0]):
         row = chunk_sums[c]
@@ -387,7 +399,7 @@ def run_steps(
 
 @njit(cache=True, error_model="numpy")
 def near_walls(position, reach, wall, start, other):
-    """Fill the rows of walls within ``reach`` (n,) of each centre; returns their number (may exceed the space)."""
+    """Fill the rows of walls within ``reach`` (n,) of each centre; returns their number, whatever fits."""
     found = 0
     for i in range(position.shape[0]):
         start[i] = found
@@ -403,11 +415,13 @@ def near_walls(position, reach, wall, start, other):
 
 @njit(cache=True, error_model="numpy")
 def wall_overlaps(position, radius, wall, row, other):
-    """Overlap [m] and unit vector towards the wall of each (grain, wall) slot, shape (s, 4); not owned: -inf."""
+    """Overlap [m] and unit vector towards the wall of each slot, shape (s, 4); not owned: -inf."""
     result = np.empty((row.shape[0], 4))
     for k in range(row.shape[0]):
         i = row[k]
-        distance, nx, ny, nz, owned = _wall_gap(wall, other[k], position[i, 0], position[i, 1], position[i, 2])
+        distance, nx, ny, nz, owned = _wall_gap(
+            wall, other[k], position[i, 0], position[i, 1], position[i, 2]
+        )
         result[k, 0] = radius[i] - distance if owned else -np.inf
         result[k, 1], result[k, 2], result[k, 3] = nx, ny, nz
     return result

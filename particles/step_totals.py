@@ -2,11 +2,12 @@
 
 All energies, works, torques and forces are those of the whole device: a sector's times the number of sectors.
 
-**Bookkeeping.** `contact_work` is the work of the contact forces on the grains, taken with the mean of old and new
-velocity, so that kinetic_change = contact_work + gravity_work + external_work to round-off. Shafts put in
-sum(wall_work); what is neither passed on nor stored is lost: `dissipated` = sum(wall_work) - contact_work -
-elastic_change, exact by definition. `dissipation` splits the loss by mechanism, each computed on its own at the
-contact from the half step before the force; its sum agrees with `dissipated` to first order in dt.
+**Bookkeeping.** `contact_work` is the work of the contact forces on the grains, taken with the mean of old
+and new velocity, so that kinetic_change = contact_work + gravity_work + external_work to round-off. Shafts
+put in sum(wall_work); what is neither passed on nor stored is lost: `dissipated` = sum(wall_work) -
+contact_work - elastic_change, exact by definition. `dissipation` splits the loss by mechanism, each
+computed on its own at the contact from the half step before the force; its sum agrees with `dissipated` to
+first order in dt.
 """
 
 from __future__ import annotations
@@ -37,7 +38,8 @@ class StepTotals:
     contact_work, gravity_work, external_work : float
         Work on the grains [J].
     kinetic_energy, kinetic_change, elastic_energy, elastic_change : float
-        At the end, and against the beginning [J]; elastic energy belongs to the last evaluation of the forces.
+        At the end, and against the beginning [J]; elastic energy belongs to the last evaluation of the
+        forces.
     max_overlap : float
         Largest overlap, as a share of the (smaller) grain's diameter [-].
     n_contacts : int

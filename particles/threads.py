@@ -1,7 +1,8 @@
 """How many threads a compiled step uses, and by which layer.
 
-OpenMP first: its two fork-joins a step cost about 2 microseconds; tbb was slower than a single thread on rows of this
-size. Below a few hundred grains one thread is faster still. The result is the same, bit for bit, with any number.
+OpenMP first: its two fork-joins a step cost about 2 microseconds; tbb was slower than a single thread on
+rows of this size. Below a few hundred grains one thread is faster still. The result is the same, bit for
+bit, with any number.
 """
 
 from __future__ import annotations
@@ -14,8 +15,7 @@ import numba
 WORTH_SHARING = 500  # grains
 
 # read by numba when the first parallel kernel starts; an explicit NUMBA_THREADING_LAYER still wins
-if "omp" in numba.config.THREADING_LAYER_PRIORITY:
-    numba.config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]
+numba.config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]  # type: ignore[attr-defined]
 
 
 @contextmanager

@@ -1,7 +1,7 @@
 """The step of the grains, and the reason for it.
 
-Two limits: a binary contact, of duration pi sqrt(m_eff/k_n), is resolved by ``steps_per_contact`` steps; and no grain
-moves more than a tenth of its radius in a step, or it would tunnel into its neighbour.
+Two limits: a binary contact, of duration pi sqrt(m_eff/k_n), is resolved by ``steps_per_contact`` steps;
+and no grain moves more than a tenth of its radius in a step, or it would tunnel into its neighbour.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class TimeStep:
 
 
 def contact_time(contact: LinearContact, mass: float) -> float:
-    """Duration pi sqrt(m/(2 k_n)) [s] of an undamped impact of two grains of ``mass`` [kg], the shortest there is."""
+    """Duration pi sqrt(m/(2 k_n)) [s] of an undamped impact of two grains of ``mass`` [kg]."""
     return math.pi * math.sqrt(0.5 * mass / contact.stiffness_n)
 
 
@@ -70,10 +70,12 @@ def choose_time_step(
         if not 0.0 < dt <= longest:
             raise ValueError(
                 f"dt = {dt:g} s; allowed: more than 0 and at most {longest:.3g} s "
-                f"({'5 steps a contact' if longest < by_speed else 'a tenth of a radius a step'}); leave it out to "
-                "have it chosen"
+                f"({'5 steps a contact' if longest < by_speed else 'a tenth of a radius a step'}); leave it "
+                "out to have it chosen"
             )
-        return TimeStep(dt, f"dt = {dt:.3g} s as asked: {duration / dt:.3g} steps a contact of {duration:.3g} s")
+        return TimeStep(
+            dt, f"dt = {dt:.3g} s as asked: {duration / dt:.3g} steps a contact of {duration:.3g} s"
+        )
     if by_speed < by_contact:
         return TimeStep(
             by_speed,
@@ -88,7 +90,8 @@ def choose_time_step(
 
 
 def stiffness_for_overlap(force: float, diameter: float, overlap: float = 0.005) -> float:
-    """Normal stiffness k_n = F/(overlap d) [N/m] at which ``force`` [N] presses a contact in by ``overlap`` of d.
+    """Normal stiffness k_n = F/(overlap d) [N/m] at which ``force`` [N] presses a contact in by ``overlap``
+    of d.
 
     Raises
     ------
@@ -98,5 +101,7 @@ def stiffness_for_overlap(force: float, diameter: float, overlap: float = 0.005)
     if not (0.0 < force < math.inf and 0.0 < diameter < math.inf):
         raise ValueError(f"force = {force:g} N and diameter = {diameter * 1e3:g} mm must both be positive")
     if not 0.0 < overlap <= 0.05:
-        raise ValueError(f"overlap = {overlap:g} of the diameter; allowed: more than 0, at most 0.05 (0.005 is usual)")
+        raise ValueError(
+            f"overlap = {overlap:g} of the diameter; allowed: more than 0, at most 0.05 (0.005 is usual)"
+        )
     return force / (overlap * diameter)

@@ -34,7 +34,8 @@ def wall_table(walls: Sequence[Wall], bodies: Sequence[Body]) -> WallTable:
     Raises
     ------
     ValueError
-        For a body that does not exist or stands twice, or a plane that would have to swing with a turning body.
+        For a body that does not exist or stands twice, or a plane that would have to swing with a turning
+        body.
     """
     names = [body.name for body in bodies]
     if len(set(names)) != len(names):
@@ -49,8 +50,8 @@ def wall_table(walls: Sequence[Wall], bodies: Sequence[Body]) -> WallTable:
         index[k] = names.index(wall.body)
         if isinstance(wall, Plane) and bodies[index[k]].can_turn and abs(wall.normal[2]) < 1.0 - 1e-12:
             raise ValueError(
-                f"plane {wall.name!r} is not normal to the axis but its body {wall.body!r} turns: it would swing "
-                "round; put it on a body at rest, or use a wall of revolution"
+                f"plane {wall.name!r} is not normal to the axis but its body {wall.body!r} turns: it would "
+                "swing round; put it on a body at rest, or use a wall of revolution"
             )
     return WallTable(wall_rows(walls), index)
 

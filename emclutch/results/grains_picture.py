@@ -62,7 +62,7 @@ def grains_picture(
         layer = _middle_layer(other, radius)
     drawn = (other >= layer[0]) & (other <= layer[1])
 
-    figure = Figure(figsize=(11.0, 7.0), dpi=150, layout="constrained")
+    figure = Figure(figsize=(11.0, 7.0), dpi=150, layout="compressed")
     FigureCanvasAgg(figure)
     unrolled, plane = figure.subplots(2, 1)
     limits = (float(np.min(colour)), float(np.max(colour))) if len(colour) else (0.0, 1.0)

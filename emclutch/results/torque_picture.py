@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -49,9 +50,10 @@ def torque_picture(
     if estimate is not None and estimate.mean is not None and estimate.start is not None:
         axis.axvspan(estimate.start, time[-1], color="#0b5fa5", alpha=0.07, lw=0, label="steady part")
         mean, error = factor * estimate.mean, estimate.standard_error
-        label = f"disc {mean:.3g}"
+        digits = max(0, 1 - math.floor(math.log10(factor * error))) if error else 3
+        label = f"disc {mean:.{digits}f}"
         if error is not None:
-            label += f" ± {factor * error:.1g}"
+            label += f" ± {factor * error:.{digits}f}"
             axis.fill_between(
                 [estimate.start, time[-1]],
                 mean - factor * error,

@@ -13,5 +13,6 @@ from emclutch.scene.timing import Accuracy, Output, TimeSpan
 __all__ = [
     "Accuracy", "BoxGeometry", "ClutchGeometry", "Coil", "CoilField", "Contact", "CurrentTable", "Dipoles",
     "DrumGeometry", "Effects", "FreeShaft", "Gravity", "Header", "Motion", "Output", "Particles", "Scene",
-    "ShaftMotion", "ShearCellGeometry", "SpeedTable", "TimeSpan", "TimeTable", "UniformField", "largest", "points_of",
+    "ShaftMotion", "ShearCellGeometry", "SpeedTable", "TimeSpan", "TimeTable", "UniformField", "largest",
+    "points_of",
 ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""What the sections of a scene demand of each other. Each check is a small function that returns its faults."""
+"""What the sections of a scene demand of each other. Each check is a small function that yields faults."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _CONTACT_REACH = 1.3
 
 @dataclass(frozen=True, slots=True)
 class Draft:
-    """A scene whose sections are right one by one; sections that are not are None here and listed as broken."""
+    """A scene whose sections are right one by one; those that are not are left out and listed as broken."""
 
     scene: Any
     data: dict[str, Any]
@@ -47,7 +47,9 @@ def _shape(draft: Draft) -> Iterator[Fault]:
     particles = draft.scene.particles
     for fault in draft.scene.geometry.shape().faults(None if particles is None else particles.diameter):
         told = draft.fault(fault.key, f"cannot be: {fault.message}".replace("`", ""))
-        yield told if told.value else Fault(fault.key, fault.value, told.message)  # a default has no entry to show
+        yield (
+            told if told.value else Fault(fault.key, fault.value, told.message)
+        )  # a default has no entry to show
 
 
 def _materials(draft: Draft) -> Iterator[Fault]:
@@ -62,48 +64,76 @@ def _materials(draft: Draft) -> Iterator[Fault]:
             if name not in built_in and name not in own:
                 yield draft.fault(
                     f"geometry.materials.{region}",
-                    f"is no material; {did_you_mean(name, [*own, *built_in])}built in: {', '.join(built_in)}; "
-                    f"or define [materials.{name}]")
+                    f"is no material; {did_you_mean(name, [*own, *built_in])}"
+                    f"built in: {', '.join(built_in)}; "
+                    f"or define [materials.{name}]",
+                )
 
 
 def _field(draft: Draft) -> Iterator[Fault]:
     field, geometry = draft.scene.field, draft.scene.geometry
     if isinstance(field, CoilField) and not isinstance(geometry, ClutchGeometry):
-        yield draft.fault("field.source", f"needs a device with a coil, but geometry.kind = '{geometry.kind}'; "
-                          "take geometry.kind = 'clutch' or 'drum', or field.source = 'uniform'")
+        yield draft.fault(
+            "field.source",
+            f"needs a device with a coil, but geometry.kind = '{geometry.kind}'; "
+            "take geometry.kind = 'clutch' or 'drum', or field.source = 'uniform'",
+        )
     elif isinstance(field, CoilField) and draft.scene.coil is None and "coil" not in draft.broken:
-        yield Fault("coil", "", "is missing, but field.source = 'coil'; add [coil] with its current and turns")
-    if isinstance(field, UniformField) and field.direction == "radial" and not isinstance(geometry, ShearCellGeometry):
-        yield draft.fault("field.direction", "needs geometry.kind = 'shear_cell', whose mid radius is that of "
-                          "field_strength; take another direction, e.g. 'axial'")
+        yield Fault(
+            "coil", "", "is missing, but field.source = 'coil'; add [coil] with its current and turns"
+        )
+    if (
+        isinstance(field, UniformField)
+        and field.direction == "radial"
+        and not isinstance(geometry, ShearCellGeometry)
+    ):
+        yield draft.fault(
+            "field.direction",
+            "needs geometry.kind = 'shear_cell', whose mid radius is that of "
+            "field_strength; take another direction, e.g. 'axial'",
+        )
 
 
 def _region(draft: Draft) -> Iterator[Fault]:
     particles, geometry = draft.scene.particles, draft.scene.geometry
     if particles.region != "cavity" and not isinstance(geometry, ClutchGeometry):
-        yield draft.fault("particles.region", f"exists in a clutch or drum only; remove it: a {geometry.kind} "
-                          "is filled as a whole")
+        yield draft.fault(
+            "particles.region",
+            f"exists in a clutch or drum only; remove it: a {geometry.kind} is filled as a whole",
+        )
 
 
 def _sector_in_geometry(draft: Draft) -> Iterator[Fault]:
     if draft.scene.particles.sector is not None and isinstance(draft.scene.geometry, BoxGeometry):
-        yield draft.fault("particles.sector", "needs a shape with an axis; remove it, or take another geometry.kind "
-                          "than 'box'")
+        yield draft.fault(
+            "particles.sector",
+            "needs a shape with an axis; remove it, or take another geometry.kind than 'box'",
+        )
 
 
 def _sector_in_gravity(draft: Draft) -> Iterator[Fault]:
     gravity = draft.scene.effects.gravity
     if draft.scene.particles.sector is not None and gravity is not None and any(gravity.direction[:2]):
-        yield Fault("effects.gravity.direction", shown(list(gravity.direction)),
-                    "turns from sector to sector; with particles.sector it must lie along the axis: take [0, 0, -1], "
-                    "or remove particles.sector or [effects.gravity]")
+        yield Fault(
+            "effects.gravity.direction",
+            shown(list(gravity.direction)),
+            "turns from sector to sector; with particles.sector it must lie along the axis: take [0, 0, -1], "
+            "or remove particles.sector or [effects.gravity]",
+        )
 
 
 def _sector_in_field(draft: Draft) -> Iterator[Fault]:
     field = draft.scene.field
-    if draft.scene.particles.sector is not None and isinstance(field, UniformField) and field.direction in ("x", "y"):
-        yield draft.fault("field.direction", "turns from sector to sector; with particles.sector take 'axial' or "
-                          "'radial', or remove particles.sector")
+    if (
+        draft.scene.particles.sector is not None
+        and isinstance(field, UniformField)
+        and field.direction in ("x", "y")
+    ):
+        yield draft.fault(
+            "field.direction",
+            "turns from sector to sector; with particles.sector take 'axial' or "
+            "'radial', or remove particles.sector",
+        )
 
 
 def _fill(draft: Draft) -> Iterator[Fault]:
@@ -119,18 +149,27 @@ def _fill(draft: Draft) -> Iterator[Fault]:
         "count": f"{int(most / particles.grain_volume / particles.n_sectors)}",
     }
     if fill.solid_fraction > LARGEST_SOLID_FRACTION * (1.0 + 1e-9):
-        yield draft.fault(f"particles.{key}", f"fills {fill.solid_fraction:.2f} of the region ({1e6 * fill.volume:.4g} "
-                          f"cm^3), more than can be packed; allowed: at most {limits[key]}; lower it, or enlarge the "
-                          "region")
+        yield draft.fault(
+            f"particles.{key}",
+            f"fills {fill.solid_fraction:.2f} of the region ({1e6 * fill.volume:.4g} "
+            f"cm^3), more than can be packed; allowed: at most {limits[key]}; lower it, or enlarge the "
+            "region",
+        )
     if fill.count < 1:
-        yield draft.fault(f"particles.{key}", "is less than one grain; raise it, widen particles.sector, or lower "
-                          "particles.diameter")
+        yield draft.fault(
+            f"particles.{key}",
+            "is less than one grain; raise it, widen particles.sector, or lower particles.diameter",
+        )
 
 
 def _sector_width(draft: Draft) -> Iterator[Fault]:
     """Neither its own image nor one partner through both faces may be in a grain's reach."""
     particles, shape = draft.scene.particles, draft.scene.shape()
-    if particles.sector is None or isinstance(draft.scene.geometry, BoxGeometry) or shape.faults(particles.diameter):
+    if (
+        particles.sector is None
+        or isinstance(draft.scene.geometry, BoxGeometry)
+        or shape.faults(particles.diameter)
+    ):
         return
     dipoles = draft.scene.effects.dipoles
     reach = particles.diameter * (_CONTACT_REACH if dipoles is None else max(dipoles.cutoff, _CONTACT_REACH))
@@ -140,9 +179,12 @@ def _sector_width(draft: Draft) -> Iterator[Fault]:
         narrowest = 2.0 * math.asin(min(1.0, reach / radius))
         wider = 360.0 / max(1, math.floor(2.0 * math.pi / narrowest))
         shorter = "" if dipoles is None else ", or lower effects.dipoles.cutoff"
-        yield draft.fault("particles.sector", f"is {1e3 * chord:.4g} mm wide at r = {1e3 * radius:.4g} mm, less than two "
-                          f"reaches of a grain ({2e3 * reach:.4g} mm); allowed: at least '{wider:.10g} deg'; widen it, "
-                          f"lower particles.diameter{shorter}")
+        yield draft.fault(
+            "particles.sector",
+            f"is {1e3 * chord:.4g} mm wide at r = {1e3 * radius:.4g} mm, less than two "
+            f"reaches of a grain ({2e3 * reach:.4g} mm); allowed: at least '{wider:.10g} deg'; widen it, "
+            f"lower particles.diameter{shorter}",
+        )
 
 
 def _needs_of_effects(draft: Draft) -> Iterator[Fault]:
@@ -150,31 +192,49 @@ def _needs_of_effects(draft: Draft) -> Iterator[Fault]:
     magnetic = effects.magnetic_force is not None or effects.dipoles is not None
     for name in ("magnetic_force", "dipoles", "back_reaction"):
         if getattr(effects, name) is not None and not has_field:
-            yield Fault(f"effects.{name}", "", "needs a field; add [field] with source = 'coil' or 'uniform', "
-                        "or remove the effect's table")
+            yield Fault(
+                f"effects.{name}",
+                "",
+                "needs a field; add [field] with source = 'coil' or 'uniform', or remove the effect's table",
+            )
     for name in ("saturation", "back_reaction"):
         if getattr(effects, name) is not None and not magnetic:
-            yield Fault(f"effects.{name}", "", "needs magnetised grains; add [effects.dipoles] or "
-                        "[effects.magnetic_force], or remove the effect's table")
+            yield Fault(
+                f"effects.{name}",
+                "",
+                "needs magnetised grains; add [effects.dipoles] or "
+                "[effects.magnetic_force], or remove the effect's table",
+            )
     if effects.wall_images is not None and effects.dipoles is None:
-        yield Fault("effects.wall_images", "", "needs dipoles to mirror; add [effects.dipoles], or remove its table")
+        yield Fault(
+            "effects.wall_images", "", "needs dipoles to mirror; add [effects.dipoles], or remove its table"
+        )
     if effects.back_reaction is not None and isinstance(draft.scene.field, UniformField):
-        yield Fault("effects.back_reaction", "", "needs a field that is solved, and field.source = 'uniform' is "
-                    "prescribed; take field.source = 'coil', or remove its table")
+        yield Fault(
+            "effects.back_reaction",
+            "",
+            "needs a field that is solved, and field.source = 'uniform' is "
+            "prescribed; take field.source = 'coil', or remove its table",
+        )
 
 
 def _motion(draft: Draft) -> Iterator[Fault]:
     if isinstance(draft.scene.geometry, BoxGeometry):
         for shaft in ("rotor", "disc"):
             if shaft in draft.data.get("motion", {}):
-                yield Fault(f"motion.{shaft}", "", "has nothing to turn in a box; remove the table, or take another "
-                            "geometry.kind")
+                yield Fault(
+                    f"motion.{shaft}",
+                    "",
+                    "has nothing to turn in a box; remove the table, or take another geometry.kind",
+                )
 
 
 def _accuracy(draft: Draft) -> Iterator[Fault]:
     end, start = draft.scene.accuracy.time_end, draft.scene.time.average_from
     if end is not None and start is not None and end <= start:
-        yield draft.fault("accuracy.time_end", f"is not after time.average_from = {start:g} s; raise it, or lower that")
+        yield draft.fault(
+            "accuracy.time_end", f"is not after time.average_from = {start:g} s; raise it, or lower that"
+        )
 
 
 CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
@@ -198,8 +258,10 @@ def warnings_of(scene: Any) -> Iterator[str]:
     effects = scene.effects
     magnetic = effects.magnetic_force is not None or effects.dipoles is not None
     if effects.magnetic_force is not None and effects.dipoles is None:
-        yield ("[effects.dipoles] is missing: without the forces between magnetised grains the powder forms no chains, "
-               "and the torque will be near nothing")
+        yield (
+            "[effects.dipoles] is missing: without the forces between magnetised grains the powder forms no "
+            "chains, and the torque will be near nothing"
+        )
     if magnetic and effects.saturation is None:
         yield "[effects.saturation] is missing: the grains are linear and magnetise without limit"
     if scene.coil is not None and not isinstance(scene.field, CoilField):
@@ -207,7 +269,8 @@ def warnings_of(scene: Any) -> Iterator[str]:
     if scene.field is not None and not magnetic:
         yield "[field] moves no grain: that needs [effects.dipoles] or [effects.magnetic_force]"
     if effects.wall_images is not None and not isinstance(scene.geometry, ClutchGeometry):
-        yield f"[effects.wall_images] has no effect: geometry.kind = '{scene.geometry.kind}' has no steel faces"
+        kind = scene.geometry.kind
+        yield f"[effects.wall_images] has no effect: geometry.kind = '{kind}' has no steel faces"
     if scene.coil is not None and None not in (scene.coil.resistance, scene.coil.voltage):
         drop = largest(scene.coil.current) * scene.coil.resistance
         if drop > 1.01 * scene.coil.voltage:  # rounded data of a type plate agree within a percent

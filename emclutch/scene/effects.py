@@ -10,8 +10,16 @@ from pydantic import Field, model_validator
 from emclutch.scene.section import Automatic, Choice, Section, Whole, refuse
 from emclutch.units import Acceleration, number
 
-PLANNED_EFFECTS = ("remanence", "coil_circuit", "eddy_currents", "rolling_friction", "twisting_friction", "cohesion",
-                   "fluid_drag", "heat")
+PLANNED_EFFECTS = (
+    "remanence",
+    "coil_circuit",
+    "eddy_currents",
+    "rolling_friction",
+    "twisting_friction",
+    "cohesion",
+    "fluid_drag",
+    "heat",
+)
 
 _Component = Annotated[float, number("-1", -1e6, 1e6)]
 
@@ -21,7 +29,8 @@ class Gravity(Section):
 
     acceleration: Acceleration = Field(default=9.81, description="magnitude")
     direction: tuple[_Component, _Component, _Component] = Field(
-        default=(0.0, 0.0, -1.0), description="x, y, z; its length does not matter")
+        default=(0.0, 0.0, -1.0), description="x, y, z; its length does not matter"
+    )
 
     @model_validator(mode="after")
     def _points_somewhere(self) -> Self:
@@ -45,10 +54,15 @@ class Dipoles(Section):
     """Forces between the grains' moments within a cut-off."""
 
     model: Annotated[str, Choice(("fixed",), planned=("mutual", "near_field"))] = Field(
-        default="fixed", description="fixed: a grain's moment follows from the field and the mean fill around it")
-    cutoff: Annotated[float, number("3", 1.1, 10.0)] = Field(default=3.0, description="reach, in grain diameters")
+        default="fixed",
+        description="fixed: a grain's moment follows from the field and the mean fill around it",
+    )
+    cutoff: Annotated[float, number("3", 1.1, 10.0)] = Field(
+        default=3.0, description="reach, in grain diameters"
+    )
     update_every: Annotated[Annotated[int, Whole(1, 10_000, "10")] | None, Automatic()] = Field(
-        default=None, description="steps between evaluations of the magnetic forces, which are held meanwhile")
+        default=None, description="steps between evaluations of the magnetic forces, which are held meanwhile"
+    )
 
 
 class Saturation(Section):
@@ -63,7 +77,8 @@ class BackReaction(Section):
     """The powder's fill changes the field."""
 
     tolerance: Annotated[float, number("0.02", 1e-6, 1.0)] = Field(
-        default=0.02, description="relative change of the fill that triggers a new solve")
+        default=0.02, description="relative change of the fill that triggers a new solve"
+    )
 
 
 class Effects(Section):
@@ -74,7 +89,9 @@ class Effects(Section):
     dipoles: Dipoles | None = Field(default=None, description="forces between magnetised grains")
     saturation: Saturation | None = Field(default=None, description="grains saturate")
     wall_images: WallImages | None = Field(default=None, description="images of the dipoles in steel faces")
-    back_reaction: BackReaction | None = Field(default=None, description="the powder's fill changes the field")
+    back_reaction: BackReaction | None = Field(
+        default=None, description="the powder's fill changes the field"
+    )
 
     @classmethod
     def names(cls) -> tuple[str, ...]:

@@ -54,14 +54,18 @@ def _fault(details: ErrorDetails, root: type[Section], data: dict[str, Any]) -> 
     if kind == "missing":
         entry = entry_at(data, path)
         if isinstance(entry, list):
-            return Fault(dotted(path), shown(entry), "has too few entries; three numbers are needed, e.g. [1, 2, 3]")
+            return Fault(
+                dotted(path), shown(entry), "has too few entries; three numbers are needed, e.g. [1, 2, 3]"
+            )
         return Fault(dotted(path), "", _missing(path, root, data))
     if kind == "extra_forbidden":
         return Fault(dotted(path), value, _unknown_key(path, root, data))
     if kind == "rule":
         path = (*path, context["key"]) if context["key"] else path
         entry = entry_at(data, path)
-        return Fault(dotted(path), "" if entry is None or isinstance(entry, dict) else shown(entry), context["message"])
+        return Fault(
+            dotted(path), "" if entry is None or isinstance(entry, dict) else shown(entry), context["message"]
+        )
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         return _wrong_tag(path, str(context["discriminator"]).strip("'"), given, root, data)
     if kind in ("quantity", "choice", "whole"):
@@ -106,8 +110,10 @@ def _unknown_key(path: Path, root: type[Section], data: dict[str, Any]) -> str:
     allowed = _keys_at(path[:-1], root, data)
     hint = did_you_mean(name, allowed)
     if not hint:
-        elsewhere = list(dict.fromkeys(other for other in _all_keys(root) if other.rsplit(".", 1)[-1] == name))
-        if elsewhere == [dotted(path)]:  # a member of the section's union has it, but not the one that is named
+        elsewhere = list(
+            dict.fromkeys(other for other in _all_keys(root) if other.rsplit(".", 1)[-1] == name)
+        )
+        if dotted(path) in elsewhere:  # a member of the section's union has it, but not the one that is named
             tag = next(key for key in ("kind", "law", "source") if key in allowed)
             hint = f"with {tag} = {shown(entry_at(data, (*path[:-1], tag)))}; remove it, or change {tag}; "
             return f"is not a key {hint}{_listed(root, path[:-1], data)}"
@@ -123,7 +129,9 @@ def _listed(root: type[Section], path: Path, data: dict[str, Any]) -> str:
 def _wrong_tag(path: Path, tag: str, given: Any, root: type[Section], data: dict[str, Any]) -> Fault:
     """Answer for a section whose model follows from one of its keys (kind, law, source)."""
     if not isinstance(given, dict):
-        return Fault(dotted(path), shown(given), f"is not a table; write [{dotted(path)}] with its keys below")
+        return Fault(
+            dotted(path), shown(given), f"is not a table; write [{dotted(path)}] with its keys below"
+        )
     names = tuple(_tags(path, tag, root))
     key = dotted((*path, tag))
     if tag not in given:
@@ -135,6 +143,7 @@ def _wrong_tag(path: Path, tag: str, given: Any, root: type[Section], data: dict
 def _plain(kind: str, message: str, context: dict[str, Any], path: Path) -> str:
     """Say one of pydantic's own errors in our words."""
     words = {
+        "model_type": f"is not a table; write [{dotted(path)}] with its keys below",
         "model_attributes_type": f"is not a table; write [{dotted(path)}] with its keys below",
         "dict_type": f"is not a table; write [{dotted(path)}] with its keys below",
         "bool_type": "is not a truth value; write true or false, without quotes",
@@ -149,7 +158,7 @@ def _plain(kind: str, message: str, context: dict[str, Any], path: Path) -> str:
     return words.get(kind, f"is refused: {message[:1].lower()}{message[1:]}")
 
 
-# --- the models, asked for their keys ---------------------------------------------------------------------------------
+# --- the models, asked for their keys ------------------------------------------------------------
 
 
 def _members(annotation: Any) -> Iterator[Any]:
@@ -188,7 +197,7 @@ def _matches(section: type[Section], data: Any) -> bool:
 
 
 def _annotations_at(path: Sequence[str | int], root: type[Section], data: Any) -> list[Any]:
-    """Return the annotations that the models have for a path; several where a union is not settled by the entry."""
+    """Return the annotations of a path in the models; several where the entry does not settle a union."""
     found: list[Any] = [root]
     for step in path:
         members = [member for annotation in found for member in _members(annotation)]

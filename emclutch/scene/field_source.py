@@ -15,18 +15,25 @@ class CoilField(Section):
 
     source: Literal["coil"]
     order: Annotated[int, Whole(1, 3, "2")] = Field(default=2, description="polynomial order of the elements")
-    gap_layers: Annotated[int, Whole(3, 40, "4")] = Field(default=4, description="element layers across a gap")
-    size_factor: Annotated[float, number("1", 0.1, 10.0)] = Field(default=1.0, description="scales the mesh size")
+    gap_layers: Annotated[int, Whole(3, 40, "4")] = Field(
+        default=4, description="element layers across a gap"
+    )
+    size_factor: Annotated[float, number("1", 0.1, 10.0)] = Field(
+        default=1.0, description="scales the mesh size"
+    )
     newton_tolerance: Annotated[float, number("1e-8", 1e-14, 1e-2)] = Field(
-        default=1e-8, description="relative residual at which Newton stops")
+        default=1e-8, description="relative residual at which Newton stops"
+    )
 
 
 class UniformField(Section):
-    """A prescribed field, for tests of grains: uniform, or radial with H_r = H0 R0/r and R0 in the gap's middle."""
+    """A prescribed field for tests of grains: uniform, or radial, H_r = H0 R0/r, R0 in mid gap."""
 
     source: Literal["uniform"]
     field_strength: FieldStrength = Field(description="H0")
-    direction: Annotated[str, Choice(("x", "y", "z", "axial", "radial"))] = Field(description="of H; axial is z")
+    direction: Annotated[str, Choice(("x", "y", "z", "axial", "radial"))] = Field(
+        description="of H; axial is z"
+    )
 
 
 FieldSource = Annotated[CoilField | UniformField, Field(discriminator="source")]

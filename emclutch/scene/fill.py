@@ -10,7 +10,11 @@ from emclutch.scene.grains import Particles
 if TYPE_CHECKING:
     from geometry import AnnularBox, Box, Clutch, ShearCell
 
-_REGIONS = {"cavity": ("rim", "face_left", "face_right"), "rim": ("rim",), "faces": ("face_left", "face_right")}
+_REGIONS = {
+    "cavity": ("rim", "face_left", "face_right"),
+    "rim": ("rim",),
+    "faces": ("face_left", "face_right"),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +48,7 @@ def boxes_to_fill(shape: Clutch | ShearCell | Box, region: str) -> list[AnnularB
 
 
 def fill_of(shape: Clutch | ShearCell | Box, particles: Particles) -> Fill:
-    """Work out the amount of powder; the count is rounded to whole grains, mass and fraction follow from it."""
+    """Work out the amount of powder; the count is whole, mass and fraction follow from it."""
     from geometry import Box
 
     boxes = boxes_to_fill(shape, particles.region)

@@ -1,4 +1,4 @@
-"""[geometry]: what the device looks like. One model a kind; the shapes themselves are in the package `geometry`."""
+"""[geometry]: what the device looks like. One model a kind; the shapes are in the package `geometry`."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class DrumMaterials(ClutchMaterials):
 
 
 class ClutchGeometry(Section):
-    """A disc in the cavity of a rotor inside a housing with a coil; steel covers lead the flux through the faces."""
+    """A disc in a rotor's cavity, in a housing with a coil; steel covers lead the flux to the faces."""
 
     kind: Literal["clutch"]
     disc_radius: Length = Field(description="outer radius of the disc")
@@ -48,22 +48,30 @@ class ClutchGeometry(Section):
     face_gap: Length = Field(description="axial gap between each face of the disc and the rotor's cover")
     seal_radius: Length = Field(description="inner radius of the powder's cavity")
     rotor_wall: Length = Field(description="radial thickness of the rotor's shell")
-    ring_width: LengthOrNone = Field(description="axial width of the non-magnetic ring in the rotor's shell; 0: none")
+    ring_width: LengthOrNone = Field(
+        description="axial width of the non-magnetic ring in the rotor's shell; 0: none"
+    )
     cover_thickness: Length = Field(description="axial thickness of the rotor's covers")
     clearance: Length = Field(description="radial air gap between rotor and housing")
     coil_width: Length = Field(description="axial width of the coil's window")
     coil_height: Length = Field(description="radial height of the coil's window")
     yoke: Length = Field(description="radial thickness of the housing outside the coil")
     shaft_radius: Length = Field(description="radius of both shafts")
-    housing_width: Length | None = Field(default=None, description="axial width of the housing; default: the rotor's")
-    coil_radius: Length | None = Field(default=None, description="inner radius of the coil; default: the housing's bore")
-    air_factor: Annotated[float, number("3", 1.5, 20.0)] = Field(default=3.0, description="air box / device size")
+    housing_width: Length | None = Field(
+        default=None, description="axial width of the housing; default: the rotor's"
+    )
+    coil_radius: Length | None = Field(
+        default=None, description="inner radius of the coil; default: the housing's bore"
+    )
+    air_factor: Annotated[float, number("3", 1.5, 20.0)] = Field(
+        default=3.0, description="air box / device size"
+    )
     materials: ClutchMaterials = ClutchMaterials()
 
     def shape(self, cover_magnetic: bool | None = None) -> Clutch:
         """Return the shape for meshing, walls and volumes.
 
-        `cover_magnetic`: the covers mirror dipoles; by default they do unless their built-in material carries no flux.
+        `cover_magnetic`: the covers mirror dipoles; default: unless their built-in material carries no flux.
         """
         from geometry.clutch import Clutch  # local: the schema itself needs no shapes
 
@@ -81,7 +89,7 @@ class DrumGeometry(ClutchGeometry):
 
 
 class ShearCellGeometry(Section):
-    """The annulus between two cylinders: body `disc` inside, body `rotor` outside, floor and ceiling at rest."""
+    """The annulus between two cylinders: body `disc` inside, `rotor` outside, floor and ceiling at rest."""
 
     kind: Literal["shear_cell"]
     inner_radius: Length = Field(description="radius of the inner cylinder")
@@ -114,4 +122,5 @@ class BoxGeometry(Section):
 
 
 Geometry = Annotated[
-    ClutchGeometry | DrumGeometry | ShearCellGeometry | BoxGeometry, Field(discriminator="kind")]
+    ClutchGeometry | DrumGeometry | ShearCellGeometry | BoxGeometry, Field(discriminator="kind")
+]

@@ -27,11 +27,13 @@ class Header(Section):
 
     title: str = Field(min_length=1, description="a line of text")
     description: str = Field(default="", description="what is asked, and what to expect")
-    seed: Annotated[int, Whole(0, 2**63 - 1, "1")] = Field(default=1, description="of the packing's random numbers")
+    seed: Annotated[int, Whole(0, 2**63 - 1, "1")] = Field(
+        default=1, description="of the packing's random numbers"
+    )
 
 
 class Scene(Section):
-    """A scene of an electromagnetic particle clutch. Lengths and so on: text with a unit, or a bare SI number."""
+    """A scene of an electromagnetic particle clutch. Quantities: text with a unit, or a bare SI number."""
 
     scene: Header
     geometry: Geometry
@@ -51,5 +53,7 @@ class Scene(Section):
         if isinstance(self.geometry, ClutchGeometry):
             cover = self.materials.get(self.geometry.materials.cover)
             if cover is not None:  # below a permeability of ten, a face mirrors hardly anything
-                return self.geometry.shape(not isinstance(cover, LinearMaterial) or cover.relative_permeability >= 10.0)
+                return self.geometry.shape(
+                    not isinstance(cover, LinearMaterial) or cover.relative_permeability >= 10.0
+                )
         return self.geometry.shape()

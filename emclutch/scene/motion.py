@@ -23,7 +23,9 @@ class FreeShaft(Section):
 class ShaftMotion(Section):
     """A prescribed speed, or a free shaft."""
 
-    speed: SpeedCourse | None = Field(default=None, description="speed about +z, one value or a table in time")
+    speed: SpeedCourse | None = Field(
+        default=None, description="speed about +z, one value or a table in time"
+    )
     free: FreeShaft | None = Field(default=None, description="let torques drive the shaft instead")
 
     @model_validator(mode="after")
@@ -31,8 +33,10 @@ class ShaftMotion(Section):
         if self.speed is not None and self.free is not None:
             raise refuse("stands beside free; keep the speed, or let the shaft be free", key="speed")
         if self.speed is None and self.free is None:
-            raise refuse("is missing; give speed, e.g. '100 rpm' (0 holds the shaft), or free = {inertia = ...}",
-                         key="speed")
+            raise refuse(
+                "is missing; give speed, e.g. '100 rpm' (0 holds the shaft), or free = {inertia = ...}",
+                key="speed",
+            )
         return self
 
 

@@ -35,9 +35,12 @@ class Choice:
             return given
         raise PydanticCustomError("choice", "{message}", {"message": self.refusal(given)})
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
         return core_schema.no_info_plain_validator_function(
-            self._validate, serialization=core_schema.plain_serializer_function_ser_schema(str))
+            self._validate, serialization=core_schema.plain_serializer_function_ser_schema(str)
+        )
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         return {"type": "string", "enum": list(self.available)}
@@ -60,7 +63,9 @@ class Whole:
             return given
         raise PydanticCustomError("whole", "{message}", {"message": message})
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
         return core_schema.no_info_plain_validator_function(self._validate)
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
@@ -70,9 +75,12 @@ class Whole:
 class Automatic:
     """Lets ``"auto"`` stand in for an optional entry; it is stored as None, and the program chooses."""
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
         return core_schema.no_info_before_validator_function(
-            lambda given: None if given == "auto" else given, handler(source))
+            lambda given: None if given == "auto" else given, handler(source)
+        )
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         return {"anyOf": [{"const": "auto"}, handler(schema)]}
@@ -93,5 +101,5 @@ def not_one_of(given: object, available: tuple[str, ...], planned: tuple[str, ..
 
 
 def refuse(message: str, key: str = "") -> PydanticCustomError:
-    """Return the error of a rule that ties several keys of one section; `key` names the one to blame, if any."""
+    """Return the error of a rule between keys of one section; `key` names the one to blame, if any."""
     return PydanticCustomError("rule", "{message}", {"message": message, "key": key})

@@ -40,9 +40,11 @@ class Study(Section):
     case: str = Field(min_length=1, description="scene file, relative to the study's folder")
     title: str = Field(default="", description="a line of text")
     values: Annotated[dict[str, Any], BeforeValidator(_flat)] = Field(
-        description="dotted key = list of its values; every combination is a point")
+        description="dotted key = list of its values; every combination is a point"
+    )
     set: Annotated[dict[str, Any], BeforeValidator(_flat)] = Field(
-        default={}, description="dotted key = value, for every point")
+        default={}, description="dotted key = value, for every point"
+    )
     _path: Path = PrivateAttr(default=Path("study.toml"))
 
     @property
@@ -57,7 +59,7 @@ class Study(Section):
 
     def points(self) -> list[dict[str, Any]]:
         """Every combination of the values, the last key running fastest."""
-        return [dict(zip(self.values, point)) for point in itertools.product(*self.values.values())]
+        return [dict(zip(self.values, point, strict=True)) for point in itertools.product(*self.values.values())]
 
     def cases(self) -> Iterator[tuple[dict[str, Any], Case]]:
         """Yield each point's values with its checked case."""
@@ -81,17 +83,27 @@ def load_study(path: str | Path) -> Study:
     path = Path(path)
     data = read_toml(path)
     if "study" not in data and "scene" in data:
-        raise SceneError([Fault("study", "", f"is missing: this file is one scene; use: emclutch run {path}")], str(path))
+        raise SceneError(
+            [Fault("study", "", f"is missing: this file is one scene; use: emclutch run {path}")], str(path)
+        )
     try:
         study = _StudyFile.model_validate(data).study
     except ValidationError as error:
         raise SceneError(faults_from(error, _StudyFile, data), str(path)) from None
     study._path = path
-    faults = [Fault(f"study.{table}.{key}", "", reason)
-              for table, entries in (("values", study.values), ("set", study.set))
-              for key in entries if (reason := key_fault(key, Scene))]
-    faults += [Fault(f"study.values.{key}", shown(values), "is not a list of values; write it in brackets, e.g. [1, 2]")
-               for key, values in study.values.items() if not isinstance(values, list) or not values]
+    faults = [
+        Fault(f"study.{table}.{key}", "", reason)
+        for table, entries in (("values", study.values), ("set", study.set))
+        for key in entries
+        if (reason := key_fault(key, Scene))
+    ]
+    faults += [
+        Fault(
+            f"study.values.{key}", shown(values), "is not a list of values; write it in brackets, e.g. [1, 2]"
+        )
+        for key, values in study.values.items()
+        if not isinstance(values, list) or not values
+    ]
     if faults:
         raise SceneError(faults, str(path))
     _check_points(study)
@@ -110,5 +122,10 @@ def _check_points(study: Study) -> None:
             for fault in error.faults:
                 faults.setdefault(fault, where)
     if faults:
-        raise SceneError([Fault(fault.key, fault.value, f"{fault.message} (at {where})")
-                          for fault, where in faults.items()], str(study.path))
+        raise SceneError(
+            [
+                Fault(fault.key, fault.value, f"{fault.message} (at {where})")
+                for fault, where in faults.items()
+            ],
+            str(study.path),
+        )

@@ -1,7 +1,8 @@
-"""An entry that may change in time: one value, or a table {times, values} that is linear between its points."""
+"""An entry that may change in time: one value, or a table {times, values}, linear between points."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
@@ -19,9 +20,14 @@ class TimeTable(Section):
     @model_validator(mode="after")
     def _is_a_function_of_time(self) -> Self:
         if len(self.times) != len(self.values):
-            raise refuse(f"has {len(self.times)} times and {len(self.values)} values; give as many of one as of the other")
-        if any(later <= earlier for earlier, later in zip(self.times, self.times[1:])):
-            raise refuse("must increase from each instant to the next; sort it and drop what is double", key="times")
+            raise refuse(
+                f"has {len(self.times)} times and {len(self.values)} values; "
+                "give as many of one as of the other"
+            )
+        if any(later <= earlier for earlier, later in pairwise(self.times)):
+            raise refuse(
+                "must increase from each instant to the next; sort it and drop what is double", key="times"
+            )
         return self
 
 
@@ -42,9 +48,11 @@ def _value_or_table(given: Any) -> str:
 
 
 CurrentCourse = Annotated[
-    Annotated[Current, Tag("value")] | Annotated[CurrentTable, Tag("table")], Discriminator(_value_or_table)]
+    Annotated[Current, Tag("value")] | Annotated[CurrentTable, Tag("table")], Discriminator(_value_or_table)
+]
 SpeedCourse = Annotated[
-    Annotated[Speed, Tag("value")] | Annotated[SpeedTable, Tag("table")], Discriminator(_value_or_table)]
+    Annotated[Speed, Tag("value")] | Annotated[SpeedTable, Tag("table")], Discriminator(_value_or_table)
+]
 
 
 def points_of(course: float | TimeTable) -> tuple[tuple[float, ...], tuple[float, ...]]:

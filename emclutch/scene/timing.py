@@ -17,18 +17,25 @@ class TimeSpan(Section):
     window: Annotated[Time | None, Automatic()] = Field(default=None, description="coupling window, or auto")
     step: Annotated[Time | None, Automatic()] = Field(default=None, description="step of the grains, or auto")
     steps_per_contact: Annotated[float, number("20", 10.0, 200.0)] = Field(
-        default=20.0, description="steps in the duration of a contact, where the step is automatic")
-    average_from: Instant | None = Field(default=None, description="start of the steady part; default: found in the run")
+        default=20.0, description="steps in the duration of a contact, where the step is automatic"
+    )
+    average_from: Instant | None = Field(
+        default=None, description="start of the steady part; default: found in the run"
+    )
 
     @model_validator(mode="after")
     def _nests(self) -> Self:
         if self.average_from is not None and self.average_from >= self.end:
-            raise refuse(f"is not before time.end = {self.end:g} s; lower it, or raise the end", key="average_from")
+            raise refuse(
+                f"is not before time.end = {self.end:g} s; lower it, or raise the end", key="average_from"
+            )
         if self.window is not None and self.window > self.end:
             raise refuse(f"is longer than time.end = {self.end:g} s; lower it, or take 'auto'", key="window")
         limit = self.end if self.window is None else self.window
         if self.step is not None and self.step > limit:
-            raise refuse(f"is longer than the window or the end ({limit:g} s); lower it, or take 'auto'", key="step")
+            raise refuse(
+                f"is longer than the window or the end ({limit:g} s); lower it, or take 'auto'", key="step"
+            )
         return self
 
 
@@ -36,9 +43,11 @@ class Accuracy(Section):
     """The settings that `emclutch accuracy` tries, coarse first; the last one is the reference."""
 
     mesh: tuple[Annotated[float, number("1", 0.1, 10.0)], ...] = Field(
-        default=(2.0, 1.4, 1.0, 0.7, 0.5), min_length=2, description="values of field.size_factor")
+        default=(2.0, 1.4, 1.0, 0.7, 0.5), min_length=2, description="values of field.size_factor"
+    )
     contact_step: tuple[Annotated[float, number("20", 10.0, 200.0)], ...] = Field(
-        default=(10.0, 14.0, 20.0, 28.0, 40.0), min_length=2, description="values of time.steps_per_contact")
+        default=(10.0, 14.0, 20.0, 28.0, 40.0), min_length=2, description="values of time.steps_per_contact"
+    )
     time_end: Time | None = Field(default=None, description="end of these runs; default: time.end")
 
     @model_validator(mode="after")
@@ -53,8 +62,12 @@ class Accuracy(Section):
 class Output(Section):
     """What a run writes."""
 
-    folder: str | None = Field(default=None, min_length=1, description="folder of the run; --out wins over it")
-    snapshots: Annotated[int, Whole(0, 100_000, "20")] = Field(default=20, description="number of VTK snapshots")
+    folder: str | None = Field(
+        default=None, min_length=1, description="folder of the run; --out wins over it"
+    )
+    snapshots: Annotated[int, Whole(0, 100_000, "20")] = Field(
+        default=20, description="number of VTK snapshots"
+    )
     formats: tuple[Annotated[str, Choice(("vtk", "hdf5"), planned=("vtkhdf",))], ...] = ("vtk", "hdf5")
     pictures: StrictBool = Field(default=True, description="PNG plots")
     checkpoint: StrictBool = Field(default=True, description="checkpoints, so that a run can be resumed")

@@ -3,6 +3,8 @@
 The oracle is the contact rule of `geometry.walls` in a few lines of numpy, in the half-plane of the centre.
 """
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -29,7 +31,7 @@ def contacts(walls, centre, radius):
 
 
 def around_corner(corner, distance, count=2001):
-    """Centres at a distance from the convex corner: along the face z = const, round the edge, along the rim."""
+    """Centres at a distance from the convex corner: along the face, round the edge, along the rim."""
     r, z = corner
     along = np.linspace(2.0, 0.0, count)[:, None] * distance
     face = np.array([r, z + distance]) - along * [1.0, 0.0]
@@ -74,7 +76,7 @@ def test_the_middle_of_a_disc_is_touched_on_the_axis_too():
 
 
 def test_the_walls_of_a_clutch_hold_a_grain_everywhere_on_the_chamber():
-    """A grain pressed a little against any point of the chamber's faces or edges is touched there, never doubly."""
+    """A grain pressed a little against any face or edge of the chamber is touched there, never doubly."""
     clutch = Clutch()
     radius = 0.1e-3
     inset = 0.99 * radius
@@ -83,7 +85,7 @@ def test_the_walls_of_a_clutch_hold_a_grain_everywhere_on_the_chamber():
         [(clutch.seal_radius + inset, -half), (bore, -half), (bore, half), (clutch.seal_radius + inset, half)]
     )
     # Right in a corner two walls are touched; elsewhere one.
-    for a, b in zip(path, path[1:], strict=False):
+    for a, b in pairwise(path):
         for s in np.linspace(0.01, 0.99, 501):
             assert len(contacts(clutch.walls(), a + s * (b - a), radius)) == 1
     for corner in path:

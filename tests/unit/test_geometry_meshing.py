@@ -1,4 +1,4 @@
-"""The mesh of a clutch: closed-form areas and volumes, names, layers across the gaps, and gmsh left as it was."""
+"""The mesh of a clutch: closed-form areas and volumes, names, layers across gaps, gmsh left as it was."""
 
 import signal
 import subprocess

@@ -1,0 +1,36 @@
+"""`emclutch mesh`: the scene's mesh as .msh and a picture of its section with the regions named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from emclutch.case import Case
+from emclutch.results import OutputError, RunFolder
+from geometry import Clutch, draw_section, mesh_clutch
+
+
+def mesh_case(case: Case, out: str | Path | None = None) -> tuple[Path, Path, int]:
+    """Write mesh.msh and mesh.png of a clutch into the folder `out` (default: the next runs/<case>-mesh-<nnn>).
+
+    Returns both paths and the number of triangles. Raises OutputError when a file is there already, ValueError for a
+    geometry that has no mesh (box, shear cell).
+    """
+    shape = case.scene.geometry.shape()
+    if not isinstance(shape, Clutch):
+        raise ValueError(f"geometry.kind = {case.scene.geometry.kind!r} has no field and so no mesh; "
+                         "clutch and drum have one")
+    folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-mesh")
+    files = folder / "mesh.msh", folder / "mesh.png"
+    for file in files:
+        if file.exists():
+            raise OutputError(f"{file} exists; name another folder with --out")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        source = case.scene.field
+        layers, size = (4, 1.0) if source is None else (source.gap_layers, source.size_factor)
+        mesh = mesh_clutch(shape, gap_layers=layers, size_factor=size, path=files[0])
+        draw_section(mesh, files[1], title=case.scene.scene.title)
+    except OSError as error:
+        raise OutputError(f"cannot write to {folder}: {error.strerror or error}; name another folder with --out"
+                          ) from error
+    return *files, len(mesh.triangles)

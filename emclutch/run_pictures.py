@@ -1,0 +1,31 @@
+"""The pictures of a finished run: section with |B| and flux lines, torque against time, grains with their chains."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from coupling import CoilField
+from emclutch.results import RunFolder, load_result
+from emclutch.results.pictures import grains_picture, section_picture, torque_picture
+from emclutch.snapshots import contact_lines
+
+
+def draw_run(case, folder: RunFolder, device, simulation) -> None:
+    """Write section.png (with a solved field), torque.png and grains.png into the run's folder."""
+    title = case.scene.scene.title
+    grains, dem = simulation.dem.grains, simulation.dem
+    source = simulation.source
+    if isinstance(source, CoilField):
+        x = grains.position
+        r, theta = np.hypot(x[:, 0], x[:, 1]), np.arctan2(x[:, 1], x[:, 0])
+        middle = 0.0 if dem.sector is None else 0.5 * dem.sector.angle
+        slice_ = np.abs(r * (theta - middle)) < grains.radius  # one layer of grains around a half-plane
+        section_picture(folder.section_picture, source.problem.mesh, source.solution.point_psi,
+                        source.solution.flux_density(), title=title,
+                        grains=np.column_stack([r, x[:, 2], grains.radius])[slice_])
+    result = load_result(folder.path)
+    torque_picture(folder.torque_picture, result.history, result.torque, title=title)
+    start, end, force = contact_lines(dem)
+    grains_picture(folder.grains_picture, grains.position, grains.radius, np.linalg.norm(grains.velocity, axis=1),
+                   walls=dem.walls, chains=(start, end, np.linalg.norm(force, axis=1)), title=title,
+                   sector_angle=None if dem.sector is None else dem.sector.angle)
