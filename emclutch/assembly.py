@@ -21,7 +21,7 @@ from emclutch.case import Case
 from emclutch.device import Device, current_course, grain_law
 from emclutch.plan import Plan
 from emclutch.scene.time_table import points_of
-from particles import DEM, Body, FreeShaft, Grains, PrescribedSpeed, pack
+from particles import DEM, Body, FreeShaft, Grains, PrescribedSpeed, RollingFriction, pack
 
 
 def assemble(case: Case, device: Device, plan: Plan) -> Simulation:
@@ -43,7 +43,11 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
     if effects.gravity is not None:
         direction = np.asarray(effects.gravity.direction, dtype=float)
         gravity = effects.gravity.acceleration * direction / np.linalg.norm(direction)
-    dem = DEM(grains, walls, shafts(scene, walls), plan.contact, dt=plan.dt, gravity=gravity, sector=plan.sector)
+    rolling = None
+    if effects.rolling_friction is not None:
+        rolling = RollingFriction(effects.rolling_friction.coefficient, effects.rolling_friction.wall_coefficient)
+    dem = DEM(grains, walls, shafts(scene, walls), plan.contact, dt=plan.dt, gravity=gravity, sector=plan.sector,
+              rolling=rolling)
     source = field_source(scene, device)
     deposition = None
     if effects.back_reaction is not None:
@@ -59,7 +63,7 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
 
 
 def effects_of(scene, walls, deposition: FillDeposition | None) -> list:
-    """The effects of the scene, in the order in which they act; gravity lives in the grains' own step."""
+    """The effects of the scene, in the order in which they act; gravity and rolling live in the grains' own step."""
     effects, chosen = [], scene.effects
     if chosen.back_reaction is not None:
         effects.append(BackReaction(deposition))

@@ -1,12 +1,13 @@
 """The command line: each command reads its input, calls one function of the package and says what came of it.
 
 Exit codes: 0 done, 1 the run failed, 2 bad input. A user's mistake never ends in a traceback, and no command
-overwrites anything. The working functions are imported by the command that needs them, so that `--help`, `check` and
+overwrites anything. The working functions are imported by the command that needs them, so that `--help` and
 `schema` start at once.
 """
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import sys
@@ -14,20 +15,20 @@ import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
 from emclutch.case import Case, load_case
-from emclutch.faults import Fault, RunError, SceneError
+from emclutch.faults import Fault, SceneError, shown
+from emclutch.progress import progress_report
 
-_PACKAGES = {"emclutch", "geometry", "field", "particles", "coupling"}
-BAD_INPUT, FAILED = 2, 1
+FAILED, BAD_INPUT = 1, 2
+_PACKAGES = ("emclutch", "geometry", "field", "particles", "coupling")
 
 app = typer.Typer(
-    name="emclutch",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -35,123 +36,25 @@ app = typer.Typer(
 )
 
 CaseFile = Annotated[Path, typer.Argument(metavar="CASE", help="scene file (.toml)")]
+StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="study file (.toml)")]
+RunPath = Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run")]
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="new folder for the results")]
+NewFile = Annotated[
+    Path | None, typer.Option("--out", metavar="FILE", help="new file; default: the terminal")
+]
+NewPicture = Annotated[Path | None, typer.Option("--out", metavar="FILE", help="new picture (.png)")]
 Sets = Annotated[
-    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="set a key, e.g. coil.current='0.8 A'")
+    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="set a key: coil.current='0.8 A'")
 ]
 Resume = Annotated[bool, typer.Option("--resume", help="go on from the last checkpoint")]
-Threads = Annotated[
-    int | None, typer.Option("--threads", min=1, help="number of threads; results do not depend on it")
-]
-AsJson = Annotated[bool, typer.Option("--json", help="print the summary as JSON and nothing else")]
+Threads = Annotated[int | None, typer.Option("--threads", help="threads; results do not depend on them")]
+DryRun = Annotated[bool, typer.Option("--dry-run", help="stop after the plan; nothing is written")]
+AsJson = Annotated[bool, typer.Option("--json", help="print JSON and nothing else")]
 
 
 def main() -> None:
     """Entry point of the console script."""
-    app()
-
-
-@contextmanager
-def _explained() -> Iterator[None]:
-    """Turn what a user can mend into a message and an exit code; a defect of the program keeps its traceback."""
-    from emclutch.results.output_error import OutputError
-
-    try:
-        yield
-    except SceneError as error:
-        _stop(error.report(), BAD_INPUT)
-    except OutputError as error:
-        _stop(f"output: {error}", BAD_INPUT)
-    except RunError as error:
-        _stop(f"the run failed: {error}", FAILED)
-    except OSError as error:
-        name = f"{error.filename}: " if error.filename else ""
-        _stop(
-            f"{name}{error.strerror or error}; check the path and its permissions, or write elsewhere with --out",
-            BAD_INPUT,
-        )
-    except KeyboardInterrupt:
-        _stop("interrupted; continue with --resume and --out where a checkpoint was written", FAILED)
-    except Exception as error:
-        # Errors that the packages define themselves say what to do (ConvergenceError, PackingError, ...).
-        if type(error).__module__.partition(".")[0] not in _PACKAGES:
-            raise
-        _stop(f"the run failed: {error}", FAILED)
-
-
-def _stop(message: str, code: int) -> None:
-    typer.echo(message, err=True)
-    raise typer.Exit(code)
-
-
-def _assignments(sets: list[str] | None) -> dict[str, Any]:
-    """Read ``key=value`` pairs; a value is read as TOML (numbers, lists, true), otherwise as text."""
-    values: dict[str, Any] = {}
-    for text in sets or ():
-        key, equals, value = (part.strip() for part in text.partition("="))
-        if not equals or not key:
-            raise SceneError(
-                [Fault("--set", repr(text), "is not KEY=VALUE; write it as in --set coil.current='0.8 A'")],
-                "command line",
-            )
-        try:
-            values[key] = tomllib.loads(f"value = {value}")["value"]
-        except tomllib.TOMLDecodeError:
-            values[key] = value
-    return values
-
-
-def _load(path: Path, sets: list[str] | None = None) -> Case:
-    case = load_case(path, _assignments(sets))
-    for warning in case.warnings:
-        typer.echo(f"warning: {warning}", err=True)
-    return case
-
-
-def _print_result(result: Any, as_json: bool) -> None:
-    """Print what a working function returned: a dictionary, or an object with `summary`."""
-    summary = getattr(result, "summary", result)
-    if as_json:
-        typer.echo(json.dumps(summary, indent=2, default=str))
-
-
-def _print_plan(case: Case) -> None:
-    console = Console()
-    console.print(f"[bold]{case.scene.scene.title}[/bold]: OK", highlight=False)
-    effects = Table("effect", "")
-    for name in case.scene.effects.names():
-        effects.add_row(name, "on" if name in case.scene.effects.active else "off")
-    console.print(effects)
-    from emclutch.plan import plan  # local: it meshes nothing, but it needs the packages of the physics
-
-    rows = Table("from the scene follows", "", show_lines=False)
-    for label, text in plan(case).items():
-        rows.add_row(label, str(text))
-    console.print(rows)
-
-
-@app.command()
-def check(case: CaseFile, sets: Sets = None, as_json: AsJson = False) -> None:
-    """Validate a scene, and say what follows from it."""
-    with _explained():
-        read = _load(case, sets)
-        if as_json:
-            from emclutch.plan import plan
-
-            typer.echo(
-                json.dumps(
-                    {
-                        "title": read.scene.scene.title,
-                        "effects": read.scene.effects.active,
-                        "warnings": read.warnings,
-                        "plan": plan(read),
-                    },
-                    indent=2,
-                    default=str,
-                )
-            )
-        else:
-            _print_plan(read)
+    app(prog_name="emclutch")
 
 
 @app.command()
@@ -161,48 +64,65 @@ def run(
     sets: Sets = None,
     resume: Resume = False,
     threads: Threads = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="stop after the plan")] = False,
+    dry_run: DryRun = False,
     as_json: AsJson = False,
 ) -> None:
     """Simulate one scene."""
     with _explained():
         read = _load(case, sets)
         if dry_run:
-            _print_plan(read)
+            _tell_plan(read, as_json)
             return
-        from emclutch.run import run_case
+        _check_threads(threads)
+        from emclutch.run import run as run_scene
 
-        _print_result(run_case(read, out=out, threads=threads, resume=resume, progress=not as_json), as_json)
+        with progress_report(quiet=as_json) as progress:
+            result = run_scene(read, out=out, threads=threads, resume=resume, progress=progress)
+        if as_json:
+            _print_json(result.summary)
+        else:
+            typer.echo(torque_line(result.summary.get("torque")))
+            typer.echo(f"results and pictures: {result.folder.path}")
+
+
+@app.command()
+def check(case: CaseFile, sets: Sets = None, as_json: AsJson = False) -> None:
+    """Validate a scene, and say what follows from it."""
+    with _explained():
+        _tell_plan(_load(case, sets), as_json)
 
 
 @app.command()
 def sweep(
-    study: Annotated[Path, typer.Argument(metavar="STUDY", help="study file (.toml)")],
+    study: StudyFile,
     out: Out = None,
     resume: Resume = False,
     threads: Threads = None,
-    as_json: AsJson = False,
 ) -> None:
-    """Simulate every point of a parameter study."""
+    """Simulate every point of a parameter study, one after the other."""
     with _explained():
         from emclutch.scene.study import load_study
 
         read = load_study(study)
-        from emclutch.sweep import run_study
+        _check_threads(threads)
+        from emclutch.sweep import sweep as sweep_study
 
-        _print_result(run_study(read, out=out, threads=threads, resume=resume, progress=not as_json), as_json)
+        with progress_report() as progress:
+            folder = sweep_study(read, out=out, threads=threads, resume=resume, progress=progress)
+        typer.echo(f"results and pictures: {folder}")
 
 
 @app.command()
-def accuracy(
-    case: CaseFile, out: Out = None, sets: Sets = None, threads: Threads = None, as_json: AsJson = False
-) -> None:
+def accuracy(case: CaseFile, out: Out = None, sets: Sets = None, threads: Threads = None) -> None:
     """Measure what accuracy costs in time."""
     with _explained():
         read = _load(case, sets)
-        from emclutch.accuracy import run_accuracy
+        _check_threads(threads)
+        from emclutch.accuracy import accuracy as measure_accuracy
 
-        _print_result(run_accuracy(read, out=out, threads=threads, progress=not as_json), as_json)
+        with progress_report() as progress:
+            folder = measure_accuracy(read, out=out, threads=threads, progress=progress)
+        typer.echo(f"results and pictures: {folder}")
 
 
 @app.command()
@@ -210,22 +130,27 @@ def mesh(case: CaseFile, out: Out = None, sets: Sets = None) -> None:
     """Write the mesh of the cross-section (.msh) and its picture with the regions named."""
     with _explained():
         read = _load(case, sets)
-        from emclutch.mesh_command import write_mesh
+        from emclutch.mesh_command import mesh_case
 
-        for path in write_mesh(read, out=out):
-            typer.echo(str(path))
+        with _bad_input_for("geometry.kind"):
+            mesh_file, picture, triangles = mesh_case(read, out=out)
+        typer.echo(f"{mesh_file}\n{picture}\n{triangles} triangles")
 
 
 @app.command()
-def plot(
-    folder: Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run")], out: Out = None
-) -> None:
-    """Draw the pictures of a run that is there."""
+def plot(folder: RunPath, out: NewPicture = None) -> None:
+    """Draw the torque of a run against time again, in a new file."""
     with _explained():
-        from emclutch.plot_command import plot_run
+        from emclutch.results import OutputError, load_result
+        from emclutch.results.torque_picture import torque_picture
 
-        for path in plot_run(folder, out=out):
-            typer.echo(str(path))
+        result = load_result(folder)
+        if out is None:
+            numbered = (folder / f"torque-{number}.png" for number in itertools.count(1))
+            out = next(path for path in numbered if not path.exists())
+        if out.exists():
+            raise OutputError(f"{out} exists; name another file with --out")
+        typer.echo(str(torque_picture(out, result.history, result.torque)))
 
 
 @app.command()
@@ -241,19 +166,15 @@ def materials() -> None:
 
 
 @app.command()
-def schema(
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="new file; default: the terminal")
-    ] = None,
-) -> None:
+def schema(out: NewFile = None) -> None:
     """Write the JSON schema of a scene, with which editors complete and check."""
     from emclutch.scene.model import Scene
 
     text = json.dumps(Scene.model_json_schema(), indent=2)
+    if out is None:
+        typer.echo(text)
+        return
     with _explained():
-        if out is None:
-            typer.echo(text)
-            return
         with open(out, "x", encoding="utf-8") as stream:
             stream.write(text + "\n")
         typer.echo(str(out))
@@ -264,21 +185,22 @@ def doctor() -> None:
     """Tell whether this machine has what the program needs."""
     from importlib import import_module, metadata
 
-    good = sys.version_info >= (3, 11)
-    table = Table("", "found", "")
-    table.add_row("python", sys.version.split()[0], "ok" if good else "3.11 or newer is needed")
-    modules = {
-        "numpy": "numpy",
-        "scipy": "scipy",
-        "numba": "numba",
-        "scikit-fem": "skfem",
-        "gmsh": "gmsh",
-        "h5py": "h5py",
-        "pydantic": "pydantic",
-        "pint": "pint",
-        "pandas": "pandas",
-        "matplotlib": "matplotlib",
-        "pyvista": "pyvista",
+    table, good = Table("", "found", ""), True
+    table.add_row("python", sys.version.split()[0], "ok")
+    modules = {"scikit-fem": "skfem"} | {
+        name: name
+        for name in (
+            "numpy",
+            "scipy",
+            "numba",
+            "gmsh",
+            "h5py",
+            "pydantic",
+            "pint",
+            "pandas",
+            "matplotlib",
+            "pyvista",
+        )
     }
     for name, module in modules.items():
         try:
@@ -288,11 +210,117 @@ def doctor() -> None:
             good = False
             table.add_row(name, "-", str(error))
     table.add_row("cores", str(os.cpu_count()), "ok")
-    here_writable = os.access(".", os.W_OK)
-    table.add_row("this folder", str(Path.cwd()), "ok" if here_writable else "not writable: use --out")
+    table.add_row("this folder", str(Path.cwd()), "ok" if os.access(".", os.W_OK) else "read-only: use --out")
     Console().print(table)
     if not good:
-        _stop("something is missing: pip install emclutch; for shared libraries see the README", FAILED)
+        _stop(
+            "something is missing: make setup installs it; gmsh's shared libraries are in the README", FAILED
+        )
+
+
+def torque_line(torque: dict[str, Any] | None) -> str:
+    """Say a run's torque with its error, and where it is not converged, why."""
+    if not torque or torque.get("mean") is None:
+        return "torque on the disc: none" + (f" ({torque['reason']})" if torque else "")
+    error = torque.get("standard_error")
+    text = f"torque on the disc: {torque['mean']:.4g}"
+    text += f" +- {error:.2g} N m" if error is not None else " N m, error unknown"
+    return text if torque.get("converged") else f"{text}; not converged: {torque.get('reason')}"
+
+
+def _load(path: Path, sets: list[str] | None = None) -> Case:
+    case = load_case(path, _assignments(sets))
+    for warning in case.warnings:
+        typer.echo(f"warning: {warning}", err=True)
+    return case
+
+
+def _assignments(sets: list[str] | None) -> dict[str, Any]:
+    """Read ``key=value`` pairs; a value is read as TOML (numbers, lists, true), otherwise as text."""
+    values: dict[str, Any] = {}
+    for text in sets or ():
+        key, equals, value = (part.strip() for part in text.partition("="))
+        if not equals or not key:
+            message = "is not KEY=VALUE; write it as in --set coil.current='0.8 A'"
+            raise SceneError([Fault("--set", shown(text), message)], "command line")
+        try:
+            values[key] = tomllib.loads(f"value = {value}")["value"]
+        except tomllib.TOMLDecodeError:
+            values[key] = value
+    return values
+
+
+def _check_threads(threads: int | None) -> None:
+    cores = os.cpu_count() or 1
+    if threads is not None and not 1 <= threads <= cores:
+        message = (
+            f"is out of range; allowed: 1 to {cores}, the cores of this machine; lower it or leave it out"
+        )
+        raise SceneError([Fault("--threads", str(threads), message)], "command line")
+
+
+def _tell_plan(case: Case, as_json: bool) -> None:
+    from emclutch.plan import plan  # local: it needs the packages of the physics
+
+    with _bad_input_for("scene"):
+        decisions = plan(case)
+    active = case.scene.effects.active
+    if as_json:
+        title = case.scene.scene.title
+        _print_json({"title": title, "effects": active, "warnings": case.warnings, "plan": decisions})
+        return
+    console = Console()
+    console.print(f"{case.scene.scene.title}: OK", highlight=False, markup=False)
+    effects = Table("effect", "")
+    for name in case.scene.effects.names():
+        effects.add_row(name, "on" if name in active else "off")
+    console.print(effects)
+    rows = Table("what follows", "")
+    for label, text in decisions.items():
+        rows.add_row(label, text)
+    console.print(rows)
+
+
+def _print_json(values: Any) -> None:
+    typer.echo(json.dumps(values, indent=2, default=str))
+
+
+@contextmanager
+def _explained() -> Iterator[None]:
+    """Turn what a user can mend into a message and an exit code; a defect keeps its traceback."""
+    from emclutch.results.output_error import OutputError
+
+    try:
+        yield
+    except SceneError as error:
+        _stop(error.report(), BAD_INPUT)
+    except OutputError as error:
+        _stop(f"output: {error}", BAD_INPUT)
+    except OSError as error:
+        name = f"{error.filename}: " if error.filename else ""
+        reason = error.strerror or error
+        _stop(f"{name}{reason}; check the path and its permissions, or write elsewhere with --out", BAD_INPUT)
+    except KeyboardInterrupt:
+        _stop("interrupted", FAILED)
+    except Exception as error:
+        # Errors that the packages define say what to do: RunError, ConvergenceError, PackingError, ...
+        if type(error).__module__.partition(".")[0] not in _PACKAGES:
+            raise
+        _stop(f"the run failed: {error}", FAILED)
+
+
+@contextmanager
+def _bad_input_for(key: str) -> Iterator[None]:
+    """Take a ValueError for a fault of the scene: the planning functions raise it with a remedy."""
+    try:
+        yield
+    except ValueError as error:
+        raise SceneError([Fault(key, "", f"cannot be: {error}")], "scene") from error
+
+
+def _stop(message: str, code: int) -> NoReturn:
+    typer.echo(message, err=True)
+    raise typer.Exit(code)
 
 
 if __name__ == "__main__":

@@ -36,8 +36,8 @@ _ANGLE_UNITS = {
     "revolutions_per_second",
 }
 _COMMON_UNITS = (
-    "m, mm, um, cm, g, kg, mg, s, ms, us, min, A, mA, V, ohm, mohm, rpm, rad/s, deg/s, rad, deg, turn, N, mN, N m, "
-    "mN m, N/m, kN/m, kg/m^3, g/cm^3, A/m, kA/m, MA/m, T, mT, kg m^2, g cm^2, m/s^2, %"
+    "m, mm, um, cm, g, kg, mg, s, ms, us, min, A, mA, V, ohm, mohm, rpm, rad/s, deg/s, rad, deg, turn, N, mN, "
+    "N m, mN m, N/m, kN/m, kg/m^3, g/cm^3, A/m, kA/m, MA/m, T, mT, kg m^2, g cm^2, m/s^2, %"
 ).split(", ")
 
 

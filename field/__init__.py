@@ -16,6 +16,7 @@ from .sampler import FieldSampler, RadialField, RecoveredSampler, UniformField
 __all__ = [
     "AIR", "MU_0", "NU_0", "AxisymmetricProblem", "ConvergenceError", "FieldSampler", "FroehlichLaw",
     "GrainLaw", "Law", "LinearLaw", "MagneticField", "ParticleLaw", "PermeabilityLaw", "PointOutside",
-    "PowderLaw", "RadialField", "RecoveredSampler", "TableLaw", "ThesisLaw", "UniformField", "loop_field", "material", "material_names",
+    "PowderLaw", "RadialField", "RecoveredSampler",
+    "TableLaw", "ThesisLaw", "UniformField", "loop_field", "material", "material_names",
     "rectangular_coil_field", "solenoid_axis_field",
 ]

@@ -118,7 +118,7 @@ class TableLaw:
     def _check_curve(self, H: np.ndarray, B: np.ndarray) -> None:
         if H[0] != 0.0 or B[0] != 0.0:
             raise ValueError(f"the table of {self.name!r} starts at H = {H[0]:g} A/m, B = {B[0]:g} T; it "
-                             "must start at the origin (no hysteresis here: give the virgin or the mean curve)")
+                             "must start at the origin (no hysteresis here: give the virgin curve)")
         dH, dB = np.diff(H), np.diff(B)
         for values, step, symbol, unit in ((H, dH, "H", "A/m"), (B, dB, "B", "T")):
             if np.any(step <= 0.0):

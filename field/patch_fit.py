@@ -76,7 +76,8 @@ class PatchFit:
         while waiting.size and degree > 1:
             # a region of one or two element layers carries no higher degree, however many rings
             degree -= 1
-            waiting = self._fit(waiting, (patch[waiting] @ holds).tocsr(), samples, degree, derivatives, parts)
+            stencil = (patch[waiting] @ holds).tocsr()
+            waiting = self._fit(waiting, stencil, samples, degree, derivatives, parts)
         if waiting.size:
             r, z = self._points[waiting[0]]
             raise ValueError(f"the field's derivatives cannot be recovered at r = {r:.6g} m, z = {z:.6g} m: "

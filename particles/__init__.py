@@ -8,6 +8,7 @@ from particles.faults import DemError, PackingError, ParticleError
 from particles.grains import Grains
 from particles.neighbours import PairList, find_pairs
 from particles.packing import pack
+from particles.rolling_friction import RollingFriction
 from particles.sector import CyclicSector
 from particles.step_totals import StepTotals
 from particles.time_step import TimeStep, choose_time_step, contact_time, stiffness_for_overlap
@@ -25,6 +26,7 @@ __all__ = [
     "PairList",
     "ParticleError",
     "PrescribedSpeed",
+    "RollingFriction",
     "StepTotals",
     "TimeStep",
     "choose_time_step",

@@ -19,6 +19,7 @@ from particles.contact_table import ContactTable, contact_table, stored_at_rest
 from particles.faults import DemError
 from particles.grains import Grains
 from particles.neighbours import cell_order
+from particles.rolling_friction import RollingFriction
 from particles.sector import CyclicSector
 from particles.step_totals import StepTotals
 from particles.threads import threads_for
@@ -48,6 +49,8 @@ class DEM:
         Acceleration [m/s^2]; None leaves it out of the compiled step.
     sector : CyclicSector, optional
         Simulate one wedge of the ring.
+    rolling : RollingFriction, optional
+        Rolling resistance; None leaves it out of the compiled step.
     skin : float, optional
         Of the Verlet list [m]; a quarter of the mean diameter by default.
     overlap_limit : float
@@ -81,6 +84,7 @@ class DEM:
         dt: float,
         gravity: np.ndarray | Sequence[float] | None = None,
         sector: CyclicSector | None = None,
+        rolling: RollingFriction | None = None,
         skin: float | None = None,
         overlap_limit: float = 0.1,
     ) -> None:
@@ -99,6 +103,7 @@ class DEM:
         self.list_version = 0
         self._table = wall_table(self.walls, self.bodies)
         self._law = contact.table()
+        self._rolling = None if rolling is None else rolling.table()
         self._turn = None if sector is None else np.array([np.cos(sector.angle), np.sin(sector.angle)])
         # a device that does not hold its grains at the start (a bare disc, a belt) cannot lose them either
         self._encloses = not outside(grains.position, self.walls, 0.0).any()
@@ -242,7 +247,7 @@ class DEM:
             if external.shape != (g.count, 3):
                 raise ValueError(f"external_force has shape {external.shape}; it must be ({g.count}, 3)")
         return kernel.run_steps(
-            n_steps, self.dt, float(self.n_sectors), self._law, self._turn, self.gravity, external,
+            n_steps, self.dt, float(self.n_sectors), self._law, self._rolling, self._turn, self.gravity, external,
             (0.5 * self.skin) ** 2, self.overlap_limit, self._chunk,
             g.position, g.velocity, g.angular_velocity, g.radius, g.mass, c.reference,
             c.pairs.start, c.pairs.other, None if self.sector is None else c.pairs.shift, c.touching,
@@ -349,6 +354,7 @@ class DEM:
                 "normal_damping": float(work[kernel.NORMAL_DAMPING]),
                 "tangential_damping": float(work[kernel.TANGENTIAL_DAMPING]),
                 "sliding": float(work[kernel.SLIDING]),
+                **({} if self._rolling is None else {"rolling": float(work[kernel.ROLLING])}),
             },
             contact_work=float(work[kernel.CONTACT_WORK]),
             gravity_work=float(work[kernel.GRAVITY_WORK]),

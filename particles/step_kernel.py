@@ -15,7 +15,7 @@ follows from the number of grains alone:
 So nothing depends on the number of threads, bit for bit. Lever arms sum to the distance of centres, and the
 two torques are l_i n x F and l_j n x F: angular momentum is conserved to round-off.
 
-Parts that a scene has not (``turn``, ``gravity``, ``external``) are passed as None: numba prunes their
+Parts that a scene has not (``turn``, ``gravity``, ``external``, ``rolling``) are passed as None: numba prunes their
 branches, the compiled code does not contain them.
 
 Everything compiled that shares `_wall_gap` or `_contact` stands in this file: numba's cache of a kernel
@@ -30,9 +30,9 @@ from numba import njit, prange
 # what the kernel answers
 DONE, REBUILD, NOT_FINITE, OVERLAP = 0, 1, 2, 3
 # columns of a chunk's sums; GRAIN is the row at which the largest overlap was met
-CONTACTS, ELASTIC, NORMAL_DAMPING, TANGENTIAL_DAMPING, SLIDING, MAX_OVERLAP, GRAIN = range(7)
-CONTACT_WORK, GRAVITY_WORK, EXTERNAL_WORK, MAX_TRAVEL, MAX_SPEED = range(7, 12)
-N_SUMS = 12
+CONTACTS, ELASTIC, NORMAL_DAMPING, TANGENTIAL_DAMPING, SLIDING, ROLLING, MAX_OVERLAP, GRAIN = range(8)
+CONTACT_WORK, GRAVITY_WORK, EXTERNAL_WORK, MAX_TRAVEL, MAX_SPEED = range(8, 13)
+N_SUMS = 13
 # columns of a body's sums; the first five are kept by chunk
 TORQUE_N, TORQUE_T, FORCE_X, FORCE_Y, FORCE_Z, BODY_WORK, DRIVE_WORK, LOAD_WORK = range(8)
 N_BODY_SUMS = 8
@@ -123,8 +123,24 @@ def _contact(law, kind, m_eff, dt, delta, nx, ny, nz, ux, uy, uz, spin_n, histor
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _rolling_torque(friction, arm, inertia, dt, f_n, nx, ny, nz, px, py, pz):
+    """Rolling resistance on grain i (`particles.rolling_friction`); p is its spin relative to the partner's.
+
+    Returns the torque (3) and the energy that it takes in this step.
+    """
+    along = px * nx + py * ny + pz * nz
+    px, py, pz = px - along * nx, py - along * ny, pz - along * nz
+    rate = np.sqrt(px * px + py * py + pz * pz)
+    if rate == 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    torque = min(friction * arm * f_n, 0.2 * inertia / dt * rate)
+    share = -torque / rate
+    return share * px, share * py, share * pz, torque * rate * dt
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _contact_rows(
-    lo, hi, dt, law, turn, position, velocity, spin, radius, mass,
+    lo, hi, dt, law, rolling, turn, position, velocity, spin, radius, mass,
     pair_start, pair_other, pair_shift, pair_touching, pair_history, reaction,
     wall, wall_body, body_speed, wall_start, wall_other, wall_touching, wall_history, wall_force,
     net, chunk, chunk_sums, body_chunks,
@@ -134,6 +150,7 @@ def _contact_rows(
         for column in range(5):
             body_chunks[chunk, b, column] = 0.0
     contacts, elastic, lost_n, lost_t, lost_s, deepest, deepest_at = 0, 0.0, 0.0, 0.0, 0.0, 0.0, -1
+    lost_r = 0.0
     for i in range(lo, hi):
         x, y, z = position[i, 0], position[i, 1], position[i, 2]
         vx, vy, vz = velocity[i, 0], velocity[i, 1], velocity[i, 2]
@@ -167,7 +184,7 @@ def _contact_rows(
             li = d * ri / reach
             lj = d - li
             ax, ay, az = li * wx + lj * qx, li * wy + lj * qy, li * wz + lj * qz
-            gx, gy, gz, _, e, a, b, c = _contact(
+            gx, gy, gz, f_n, e, a, b, c = _contact(
                 law, 0, mi * mass[j] / (mi + mass[j]), dt, reach - d, nx, ny, nz,
                 vx - ux + ay * nz - az * ny, vy - uy + az * nx - ax * nz, vz - uz + ax * ny - ay * nx,
                 0.5 * ((wx + qx) * nx + (wy + qy) * ny + (wz + qz) * nz), pair_history, k,
@@ -184,6 +201,15 @@ def _contact_rows(
             fx, fy, fz = fx + gx, fy + gy, fz + gz
             tx, ty, tz = tx + li * mx, ty + li * my, tz + li * mz
             mx, my, mz = lj * mx, lj * my, lj * mz
+            if rolling is not None:
+                own, others = mi * ri * ri, mass[j] * radius[j] * radius[j]
+                hx, hy, hz, a = _rolling_torque(
+                    rolling[0], ri * radius[j] / reach, 0.4 * own * others / (own + others), dt, f_n, nx, ny, nz,
+                    wx - qx, wy - qy, wz - qz,
+                )  # fmt: skip
+                lost_r += a
+                tx, ty, tz = tx + hx, ty + hy, tz + hz
+                mx, my, mz = mx - hx, my - hy, mz - hz
             if turn is not None:
                 if pair_shift[k] != 0:  # the reaction goes back through the face
                     gx, gy = turn[0] * gx + turn[1] * gy, turn[0] * gy - turn[1] * gx
@@ -236,6 +262,13 @@ def _contact_rows(
             tx += distance * (ny * gz - nz * gy)
             ty += distance * (nz * gx - nx * gz)
             tz += distance * (nx * gy - ny * gx)
+            if rolling is not None:
+                rx, ry, rz, a = _rolling_torque(
+                    rolling[1], ri, 0.4 * mi * ri * ri, dt, f_n, nx, ny, nz, wx, wy, wz - omega
+                )
+                lost_r += a
+                tx, ty, tz = tx + rx, ty + ry, tz + rz
+                body_chunks[chunk, body, TORQUE_T] -= rz
             normal = f_n * (px * ny - py * nx)
             body_chunks[chunk, body, TORQUE_N] += normal
             body_chunks[chunk, body, TORQUE_T] -= px * gy - py * gx + normal
@@ -247,9 +280,10 @@ def _contact_rows(
         net[i, 3], net[i, 4], net[i, 5] = tx, ty, tz
     sums = chunk_sums[chunk]
     sums[CONTACTS], sums[ELASTIC], sums[NORMAL_DAMPING] = contacts, elastic, lost_n
-    sums[TANGENTIAL_DAMPING], sums[SLIDING], sums[MAX_OVERLAP], sums[GRAIN] = (
+    sums[TANGENTIAL_DAMPING], sums[SLIDING], sums[ROLLING], sums[MAX_OVERLAP], sums[GRAIN] = (
         lost_t,
         lost_s,
+        lost_r,
         deepest,
         deepest_at,
     )
@@ -363,7 +397,7 @@ def _verdict(chunk_sums, totals, travel_limit, overlap_limit):
 
 @njit(parallel=True, cache=True, error_model="numpy", fastmath={"contract"})
 def run_steps(
-    n_steps, dt, n_sectors, law, turn, gravity, external, travel_limit, overlap_limit, chunk,
+    n_steps, dt, n_sectors, law, rolling, turn, gravity, external, travel_limit, overlap_limit, chunk,
     position, velocity, spin, radius, mass, reference,
     pair_start, pair_other, pair_shift, pair_touching, pair_history, reaction, in_start, in_slot,
     wall, wall_body, wall_start, wall_other, wall_touching, wall_history, wall_force,
@@ -380,7 +414,7 @@ def run_steps(
                 body_speed[b] = speeds[step, b]
         for c in prange(n_chunks):
             _contact_rows(
-                chunk[c], chunk[c + 1], dt, law, turn, position, velocity, spin, radius, mass,
+                chunk[c], chunk[c + 1], dt, law, rolling, turn, position, velocity, spin, radius, mass,
                 pair_start, pair_other, pair_shift, pair_touching, pair_history, reaction,
                 wall, wall_body, body_speed, wall_start, wall_other, wall_touching, wall_history, wall_force,
                 net, c, chunk_sums, body_chunks,

@@ -34,7 +34,7 @@ class StepTotals:
     shaft_work : dict of body -> {"drive", "load"}
         For free shafts: work put in by drive and external torque, and taken by the load [J].
     dissipation : dict
-        "normal_damping", "tangential_damping", "sliding" [J].
+        "normal_damping", "tangential_damping", "sliding", with rolling friction also "rolling" [J].
     contact_work, gravity_work, external_work : float
         Work on the grains [J].
     kinetic_energy, kinetic_change, elastic_energy, elastic_change : float

@@ -46,7 +46,8 @@ def grains_picture(
     across : coordinate across the gap, up in the unrolled view: "r" (rim gap) or "z" (face gap); None
         takes the one in which the grains spread less.
     layer : limits of the other coordinate [m]: only grains whose centre is inside are drawn unrolled.
-        None takes a layer of two diameters in the middle, or all where that holds fewer than 20 grains.
+        None takes the layer of two diameters that carries most (without chains: holds most grains), or
+        all where that holds fewer than 20 grains.
     sector_angle : of the cyclic sector [rad]; its faces are marked.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -55,14 +56,14 @@ def grains_picture(
     position, radius, colour = np.asarray(position), np.asarray(radius), np.asarray(colour, dtype=np.float64)
     r, theta, z = np.hypot(position[:, 0], position[:, 1]), _azimuth(position), position[:, 2]
     if across is None:
-        across = "r" if np.ptp(r) <= np.ptp(z) else "z"
+        across = "z" if len(r) and np.ptp(z) < np.ptp(r) else "r"
     up, other = (r, z) if across == "r" else (z, r)
     reference = float(np.median(r)) if len(r) else 1.0
     if layer is None:
-        layer = _middle_layer(other, radius)
+        layer = _loaded_layer(other, radius, chains, across)
     drawn = (other >= layer[0]) & (other <= layer[1])
 
-    figure = Figure(figsize=(11.0, 7.0), dpi=150, layout="compressed")
+    figure = Figure(figsize=(11.0, 7.0), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     unrolled, plane = figure.subplots(2, 1)
     limits = (float(np.min(colour)), float(np.max(colour))) if len(colour) else (0.0, 1.0)
@@ -111,13 +112,24 @@ def _azimuth(position: np.ndarray) -> np.ndarray:
     return theta
 
 
-def _middle_layer(other: np.ndarray, radius: np.ndarray) -> tuple[float, float]:
+def _loaded_layer(
+    other: np.ndarray,
+    radius: np.ndarray,
+    chains: tuple[np.ndarray, np.ndarray, np.ndarray] | None,
+    across: str,
+) -> tuple[float, float]:
+    """Limits of the layer whose contacts carry most in sum; without contacts, of that with most grains."""
     if not len(other):
         return 0.0, 0.0
     half = 2.0 * float(radius.max())
-    # Where most grains are: the middle of all of them is empty in a clutch with two faces.
-    counts, edges = np.histogram(other, bins=max(1, min(50, int(np.ptp(other) / half) or 1)))
-    best = int(np.argmax(counts))
+    where, weight = other, np.ones(len(other))
+    if chains is not None and np.any(chains[2]):
+        start = np.asarray(chains[0])
+        where = start[:, 2] if across == "r" else np.hypot(start[:, 0], start[:, 1])
+        weight = np.abs(chains[2])
+    bins = max(1, min(50, int(np.ptp(other) / half)))
+    load, edges = np.histogram(where, bins=bins, range=(other.min(), other.max()), weights=weight)
+    best = int(np.argmax(load))
     middle = 0.5 * float(edges[best] + edges[best + 1])
     low, high = middle - half, middle + half
     if np.count_nonzero((other >= low) & (other <= high)) < min(20, len(other)):

@@ -9,10 +9,12 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.output_error import OutputError
@@ -136,9 +138,22 @@ def read_history(path: str | Path) -> pandas.DataFrame:
     """A history as a table; ``attrs["units"]`` holds the unit of each column."""
     import pandas
 
-    table = pandas.read_csv(path, float_precision="round_trip")
+    # Not read_csv: only its newest default returns each float exactly, and the option for it is deprecated.
+    text = Path(path).read_text(encoding="utf-8")
+    complete = text[: text.rfind("\n") + 1]  # a run that was killed may have left half a row
+    header, *rows = list(csv.reader(io.StringIO(complete))) or [[]]
+    cells = zip(*rows, strict=True) if rows else ([] for _ in header)
+    table = pandas.DataFrame({name: _numbers(column) for name, column in zip(header, cells, strict=True)})
     table.attrs["units"] = {name: COLUMNS[name][0] for name in table.columns if name in COLUMNS}
     return table
+
+
+def _numbers(cells: Sequence[str]) -> np.ndarray:
+    """Integers where all cells are; otherwise floats, with nan (pandas' mark) for an empty cell."""
+    try:
+        return np.array([int(cell) for cell in cells], dtype=np.int64)
+    except ValueError:
+        return np.array([float(cell) if cell else np.nan for cell in cells])
 
 
 def _cell(name: str, value: Any, row: Mapping[str, Any]) -> str:

@@ -116,7 +116,7 @@ def work_precision_picture(path: str | Path, table: Any, *, title: str | None = 
         axis.set_title(name, loc="left", fontsize=11)
         axis.grid(alpha=0.25, which="both")
         axis.margins(x=0.15, y=0.12)
-        if axis.lines:
+        if first.size:
             axis.legend(frameon=False, fontsize=9)
     axes[0].set_ylabel("relative error")
     if title:

@@ -48,7 +48,7 @@ def torque_picture(
         axis.plot(time, torque, color=COLOURS[body], lw=1.0, label=f"on the {body}")
     axis.axhline(0.0, color="black", lw=0.6)
     if estimate is not None and estimate.mean is not None and estimate.start is not None:
-        axis.axvspan(estimate.start, time[-1], color="#0b5fa5", alpha=0.07, lw=0, label="steady part")
+        axis.axvspan(estimate.start, time[-1], color="#0b5fa5", alpha=0.07, lw=0, label="averaged part")
         mean, error = factor * estimate.mean, estimate.standard_error
         digits = max(0, 1 - math.floor(math.log10(factor * error))) if error else 3
         label = f"disc {mean:.{digits}f}"

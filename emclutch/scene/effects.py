@@ -81,6 +81,17 @@ class BackReaction(Section):
     )
 
 
+class RollingFriction(Section):
+    """Resistance of rough, angular grains to rolling; perfect spheres roll on smooth walls as in a bearing."""
+
+    coefficient: Annotated[float, number("0.2", 0.0, 10.0)] = Field(
+        default=0.2, description="couple over (effective radius times normal force), between grains"
+    )
+    wall_coefficient: Annotated[float, number("0.2", 0.0, 10.0)] | None = Field(
+        default=None, description="at walls; default: as between grains"
+    )
+
+
 class Effects(Section):
     """The effects of a scene; one without its table does not exist."""
 
@@ -92,6 +103,8 @@ class Effects(Section):
     back_reaction: BackReaction | None = Field(
         default=None, description="the powder's fill changes the field"
     )
+
+    rolling_friction: RollingFriction | None = Field(default=None, description="grains resist rolling")
 
     @classmethod
     def names(cls) -> tuple[str, ...]:

@@ -59,7 +59,8 @@ class Study(Section):
 
     def points(self) -> list[dict[str, Any]]:
         """Every combination of the values, the last key running fastest."""
-        return [dict(zip(self.values, point, strict=True)) for point in itertools.product(*self.values.values())]
+        combinations = itertools.product(*self.values.values())
+        return [dict(zip(self.values, point, strict=True)) for point in combinations]
 
     def cases(self) -> Iterator[tuple[dict[str, Any], Case]]:
         """Yield each point's values with its checked case."""

@@ -47,11 +47,32 @@ def _grid(r_lines, z_lines, regions, *, jiggle=0.0, seed=0):
     if r[0] == 0.0:
         boundaries["axis"] = edges(number[0, :])
     return SectionMesh(np.column_stack((grid_r.ravel(), grid_z.ravel())), triangles.astype(np.int64),
-                       {name: np.flatnonzero(owner == k) for k, name in enumerate(names) if np.any(owner == k)},
-                       boundaries)
+                       {names[k]: np.flatnonzero(owner == k) for k in np.unique(owner)}, boundaries)
+
+
+def _graded(step, inside, reach, growth=1.35):
+    """Lines `step` apart in `inside` = (a, b), growing geometrically towards `reach` = (low, high)."""
+    n = round((inside[1] - inside[0]) / step)
+    lines = list(np.linspace(*inside, n + 1))
+    for sign, edge, end in ((1, inside[1], reach[1]), (-1, inside[0], reach[0])):
+        x, h = edge, step
+        while sign * (end - x) > 1e-9:
+            h *= growth
+            x = x + sign * h
+            # a last cell that would be a sliver is joined to the one before
+            if sign * (end - x) < h:
+                x = end
+            lines.append(x)
+    return np.unique(np.round(lines, 9))
 
 
 @pytest.fixture(scope="session")
 def section_grid():
-    """The grid builder."""
+    """The grid builder: section_grid(r_lines, z_lines, regions, jiggle=0)."""
     return _grid
+
+
+@pytest.fixture(scope="session")
+def graded():
+    """Lines for it: graded(step, inside, reach)."""
+    return _graded

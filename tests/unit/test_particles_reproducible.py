@@ -80,7 +80,7 @@ def test_a_part_that_is_off_is_absent():
     assert _same(never, once) == []
     assert "external_force" not in once.state()
     gravity_but_no_force = (numba.types.float64[::1], numba.types.none)
-    assert any(signature[5:7] == gravity_but_no_force for signature in run_steps.signatures)
+    assert any(signature[6:8] == gravity_but_no_force for signature in run_steps.signatures)
 
 
 def test_external_force_follows_its_grain_when_grains_are_sorted():

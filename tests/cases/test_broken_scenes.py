@@ -1,0 +1,179 @@
+"""Bad input: exit code 2, a message with the key and the remedy, no traceback, and nothing is written."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import tomli_w
+from typer.testing import CliRunner
+
+from emclutch.case import load_case, read_toml
+from emclutch.command_line import app
+
+BROKEN = Path(__file__).parent / "broken"
+GOOD = BROKEN / "good.toml"
+BOX = {"kind": "box", "size": ["10 mm", "10 mm", "10 mm"]}
+UNIFORM = {"source": "uniform", "field_strength": "100 kA/m", "direction": "axial"}
+
+# name: (values set in the good scene, None removes a key; key in the message; fragment of the remedy)
+EDITS = {
+    "unknown key": ({"geometry.gpa": "1 mm"}, "geometry.gpa", "did you mean 'gap'?"),
+    "unknown section": ({"partikles": {}}, "partikles", "did you mean 'particles'?"),
+    "key of another section": ({"geometry.diameter": "1 mm"}, "geometry.diameter", "did you mean particles.diameter?"),
+    "missing key": ({"geometry.gap": None}, "geometry.gap", "a length is needed, e.g. gap = '1 mm'"),
+    "missing section": ({"time": None}, "time", "add the section [time]"),
+    "a section that is a number": ({"particles": 3}, "particles", "write [particles]"),
+    "wrong dimension": ({"geometry.gap": "3 kg"}, "geometry.gap = '3 kg'", "is a mass; a length is needed, e.g. '1 mm'"),
+    "unknown unit": ({"geometry.gap": "1 mn"}, "geometry.gap", "did you mean 'mN'? a length is needed"),
+    "no unit in a text": ({"geometry.gap": "1"}, "geometry.gap", "has no unit"),
+    "frequency as speed": ({"motion.rotor.speed": "50 Hz"}, "motion.rotor.speed", "e.g. '100 rpm'"),
+    "not a number": ({"particles.diameter": float("nan")}, "particles.diameter", "is not finite"),
+    "negative size": ({"geometry.gap": "-1 mm"}, "geometry.gap = '-1 mm'", "allowed: > 0 m"),
+    "truth value as a number": ({"coil.current": True}, "coil.current = true", "a current is needed"),
+    "restitution of nothing": ({"contact.restitution": 0}, "contact.restitution", "allowed: > 0, <= 1"),
+    "planned contact method": ({"contact.method": "dvi"}, "contact.method", "planned but not in this version"),
+    "planned geometry": ({"geometry.kind": "centrifugal"}, "geometry.kind", "available: clutch, drum"),
+    "planned effect": ({"effects.heat": {}}, "effects.heat", "remove its table"),
+    "planned dipole model": ({"effects.dipoles.model": "mutual"}, "effects.dipoles.model", "available: fixed"),
+    "misspelt kind": ({"geometry.kind": "clucth"}, "geometry.kind", "did you mean 'clutch'?"),
+    "unknown material": ({"geometry.materials.disc": "steel_101"}, "geometry.materials.disc", "did you mean 'steel_1010'?"),
+    "gap below a grain": ({"geometry.gap": "0.1 mm"}, "geometry.gap = '0.1 mm'", "raise geometry.gap"),
+    "coil in the cavity": ({"geometry.coil_radius": "20 mm"}, "geometry.coil_radius", "raise geometry.coil_radius"),
+    "impossible fill": ({"particles.mass": "3 kg"}, "particles.mass", "allowed: at most"),
+    "less than a grain": ({"particles.mass": "1 ug"}, "particles.mass", "less than one grain; raise it"),
+    "two amounts": ({"particles.count": 10}, "particles.count", "keep exactly one of"),
+    "sector that does not divide": ({"particles.sector": "7 deg"}, "particles.sector", "take 360 deg / n"),
+    "sector within the cut-off": ({"particles.sector": "0.5 deg"}, "particles.sector", "allowed: at least"),
+    "gravity across a sector": ({"effects.gravity.direction": [1, 0, 0]}, "effects.gravity.direction", "take [0, 0, -1]"),
+    "two ways to the turns": ({"coil.turns": 500}, "coil.turns", "keep one of them"),
+    "coil missing": ({"coil": None}, "coil is missing", "add [coil]"),
+    "effect without its field": ({"field": None}, "effects.dipoles", "add [field]"),
+    "images without dipoles": ({"effects.dipoles": None, "effects.wall_images": {}}, "effects.wall_images",
+                               "add [effects.dipoles]"),
+    "back reaction on a prescribed field": ({"field": UNIFORM, "effects.back_reaction": {}}, "effects.back_reaction",
+                                            "take field.source = 'coil'"),
+    "coil field in a box": ({"geometry": BOX, "motion": None}, "field.source", "field.source = 'uniform'"),
+    "shaft in a box": ({"geometry": BOX, "field": UNIFORM}, "motion.rotor", "remove the table"),
+    "table that goes back": ({"coil.current": {"times": [0, 0], "values": [0, 1]}}, "coil.current.times", "must increase"),
+    "window beyond the end": ({"time.window": "1 s"}, "time.window", "take 'auto'"),
+    "text for a switch": ({"output.pictures": "no"}, "output.pictures", "write true or false"),
+    "curve that is not there": ({"materials.mine": {"law": "table", "file": "none.csv"}}, "materials.mine.file",
+                                "relative to the scene's folder"),
+}  # fmt: skip
+FILES = {
+    "not_toml": ("check", "not_toml.toml", "line 7"),
+    "not_utf8": ("check", "not_utf8.toml", "UTF-8"),
+    "missing_sections": ("check", "geometry", "add the section [geometry]"),
+    "no_such_file": ("check", "no_such_file.toml", "check the path"),
+    "study_of_nothing": ("sweep", "no_such_scene.toml", "check the path"),
+    "study_with_faults": ("sweep", "study.values.coil.curent", "did you mean coil.current?"),
+    "good": ("sweep", "study", "use: emclutch run"),
+}
+
+
+def refused(arguments: list[str], *fragments: str) -> str:
+    """Run the command line; it must refuse with exit code 2 and every fragment in its message."""
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 2, result.output
+    assert "Traceback" not in result.output
+    for fragment in fragments:
+        assert fragment in result.output
+    return result.output
+
+
+def test_the_scene_without_edits_is_right():
+    assert load_case(GOOD).warnings == ()
+
+
+@pytest.mark.parametrize("name", EDITS)
+def test_edited_scene_is_refused(name, tmp_path):
+    values, key, remedy = EDITS[name]
+    scene = tmp_path / "scene.toml"
+    data = edited(values)
+    scene.write_text(tomli_w.dumps(data), encoding="utf-8")
+    refused(["check", str(scene)], key, remedy)
+    assert [path.name for path in tmp_path.iterdir()] == ["scene.toml"]
+
+
+def edited(values: dict) -> dict:
+    """The good scene with dotted keys set or removed, without the package's own checks."""
+    data = read_toml(GOOD)
+    for key, value in values.items():
+        *tables, name = key.split(".")
+        table = data
+        for step in tables:
+            table = table.setdefault(step, {})
+        if value is None:
+            table.pop(name)
+        else:
+            table[name] = value
+    return data
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_file_is_refused(name):
+    command, key, remedy = FILES[name]
+    refused([command, str(BROKEN / f"{name}.toml")], key, remedy)
+
+
+def test_all_faults_are_told_at_once():
+    output = refused(["run", str(BROKEN / "many_faults.toml")])
+    for key in (
+        "scene.titel",
+        "geometry.height",
+        "particle",
+        "contact.friction",
+        "effects.back_reactoin",
+        "time.end",
+    ):
+        assert f"- {key} " in output
+    assert "- scene.title is missing" in output and "- particles is missing" in output
+
+
+def test_faults_between_sections_come_with_those_within():
+    output = refused(["check", str(GOOD), "--set", "contact.friction=-1", "--set", "geometry.gap=0.1 mm"])
+    assert "contact.friction" in output and "geometry.gap" in output
+
+
+@pytest.mark.parametrize("setting", ["coil.current", "=3", "scene.title.x=3", "coil..current=1"])
+def test_wrong_setting_is_refused(setting):
+    refused(["check", str(GOOD), "--set", setting], setting.split("=")[0])
+
+
+def test_threads_out_of_range_are_refused():
+    refused(["run", str(GOOD), "--threads", "0"], "--threads = 0", "allowed: 1 to")
+
+
+def test_a_folder_with_files_is_not_written_to(tmp_path):
+    (tmp_path / "mine.txt").write_text("mine")
+    refused(["run", str(GOOD), "--out", str(tmp_path)], str(tmp_path), "--out")
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_unwritable_output_is_refused(tmp_path):
+    (tmp_path / "file").write_text("")
+    for command in ("run", "mesh"):
+        refused([command, str(GOOD), "--out", str(tmp_path / "file" / "run")], "file", "--out")
+
+
+def test_nothing_to_resume_is_refused(tmp_path):
+    refused(["run", str(GOOD), "--out", str(tmp_path / "new"), "--resume"], "nothing to resume", "--out")
+    assert not (tmp_path / "new").exists()
+
+
+def test_schema_overwrites_nothing(tmp_path):
+    (tmp_path / "schema.json").write_text("mine")
+    refused(["schema", "--out", str(tmp_path / "schema.json")], "schema.json")
+    assert (tmp_path / "schema.json").read_text() == "mine"
+
+
+def test_the_installed_program_answers_alike(tmp_path):
+    """One run as a process of its own: the exit code and both streams are what a shell sees."""
+    command = [sys.executable, "-m", "emclutch.command_line", "check", str(tmp_path / "none.toml")]
+    root = Path(__file__).parents[2]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=root, check=False)
+    assert done.returncode == 2
+    assert done.stdout == "" and "does not exist" in done.stderr and "Traceback" not in done.stderr

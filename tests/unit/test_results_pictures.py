@@ -1,0 +1,110 @@
+"""Every picture is drawn without a display, also from the emptiest data that a run can give."""
+
+import math
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from emclutch.results import pictures, steady_mean
+
+
+def is_picture(path):
+    return path.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+
+
+@pytest.fixture
+def mesh():
+    """A square of 2 x 20 x 20 triangles with a powder strip, a disc below and air above."""
+    from matplotlib.tri import Triangulation
+
+    r, z = (a.ravel() for a in np.meshgrid(np.linspace(0.01, 0.05, 21), np.linspace(-0.02, 0.02, 21)))
+    triangles = Triangulation(r, z).triangles.astype(np.int64)
+    centre = r[triangles].mean(axis=1)
+    parts = {"disc": centre < 0.03, "powder": (centre >= 0.03) & (centre < 0.034), "air": centre >= 0.034}
+    return SimpleNamespace(
+        points=np.column_stack([r, z]),
+        triangles=triangles,
+        regions={name: np.flatnonzero(part) for name, part in parts.items()},
+        boundaries={},
+    )
+
+
+@pytest.mark.parametrize("strength", [0.0, 1.0])
+@pytest.mark.parametrize("with_grains", [False, True])
+def test_section(tmp_path, mesh, strength, with_grains):
+    psi = strength * 0.5 * mesh.points[:, 0] ** 2  # uniform axial field
+    B = np.tile([0.0, strength], (len(mesh.triangles), 1))
+    grains = np.column_stack([np.full(9, 0.032), np.linspace(-0.01, 0.01, 9), np.full(9, 5e-4)])
+    path = pictures.section_picture(tmp_path / "s.png", mesh, psi, B, grains=grains if with_grains else None)
+    assert is_picture(path)
+
+
+@pytest.mark.parametrize("count", [1, 5, 300])
+def test_torque(tmp_path, count):
+    time = 1e-3 * np.arange(1, count + 1)
+    torque = 1e-2 + 1e-3 * np.random.default_rng(0).standard_normal(count)
+    history = {
+        "time": time,
+        "torque_disc": torque,
+        "torque_rotor": -torque,
+        "current": time,
+        "rotor_speed": time,
+    }
+    assert is_picture(pictures.torque_picture(tmp_path / "t.png", history, steady_mean(time, torque)))
+    without = {"time": time, "torque_disc": np.zeros(count)}
+    assert is_picture(
+        pictures.torque_picture(tmp_path / "t0.png", without, steady_mean(time, np.zeros(count)))
+    )
+
+
+def test_torque_against_current(tmp_path):
+    table = {
+        "current": [1.0, 0.0],
+        "torque": [3.0, 0.1],
+        "standard_error": [0.1, None],
+        "converged": [True, False],
+    }
+    assert is_picture(pictures.torque_against_current_picture(tmp_path / "c.png", table))
+    assert is_picture(
+        pictures.torque_against_current_picture(tmp_path / "d.png", {"current": [1], "torque": [2]})
+    )
+
+
+def test_work_precision(tmp_path):
+    table = {
+        "knob": ["mesh", "mesh", "mesh", "step"],
+        "quantity": ["gap B", "gap B", "torque", "torque"],
+        "setting": ["4", "2", "4", "1/20"],
+        "seconds": [0.1, 0.4, 0.1, 2.0],
+        "error": [0.1, 0.0, 0.2, None],
+    }
+    assert is_picture(pictures.work_precision_picture(tmp_path / "w.png", table))
+
+
+@pytest.mark.parametrize("count", [0, 1, 200])
+def test_grains(tmp_path, count):
+    rng = np.random.default_rng(0)
+    theta, r = rng.uniform(0.0, math.pi / 18, count), rng.uniform(0.044, 0.045, count)
+    position = np.column_stack([r * np.cos(theta), r * np.sin(theta), rng.uniform(-1e-3, 1e-3, count)])
+    walls = [SimpleNamespace(name="bore", body="rotor", start=(0.0451, -0.01), end=(0.0451, 0.01))]
+    chains = (position[:-1], position[1:], np.ones(max(0, count - 1))) if count else None
+    path = pictures.grains_picture(
+        tmp_path / "g.png",
+        position,
+        np.full(count, 1e-4),
+        r,
+        walls=walls,
+        chains=chains,
+        sector_angle=math.pi / 18,
+    )
+    assert is_picture(path)
+
+
+def test_results_import_without_heavy_packages():
+    heavy = "{'matplotlib', 'pandas', 'vtkmodules', 'pyvista', 'rich', 'h5py'}"
+    code = f"import sys, emclutch.results, emclutch.results.pictures; print({heavy} & set(sys.modules))"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert found.strip() == "set()"

@@ -1,0 +1,112 @@
+"""The error bar of a mean: correct coverage, and refusal where the data do not carry it."""
+
+import numpy as np
+import pytest
+
+from emclutch.results.statistics import Estimate, correlation_samples, steady_mean
+
+
+def autoregressive(phi, count, seeds, level=10.0):
+    """Stationary AR(1) series (seeds, count) with unit innovations."""
+    rng = np.random.default_rng(7)
+    y = np.empty((seeds, count))
+    y[:, 0] = rng.standard_normal(seeds) / np.sqrt(1.0 - phi**2)
+    for i in range(1, count):
+        y[:, i] = phi * y[:, i - 1] + rng.standard_normal(seeds)
+    return y + level
+
+
+@pytest.mark.parametrize(("phi", "count"), [(0.0, 300), (0.8, 1000), (0.9, 2000), (0.95, 1500)])
+def test_interval_of_95_percent_covers_the_true_mean_of_an_autoregressive_process(phi, count):
+    time = 1e-3 * np.arange(1, count + 1)
+    estimates = [steady_mean(time, y) for y in autoregressive(phi, count, 250)]
+    converged = [e for e in estimates if e.converged]
+    assert len(converged) > 0.9 * len(estimates)
+    covered = np.mean([lo <= 10.0 <= hi for lo, hi in (e.interval() for e in converged)])
+    assert 0.88 <= covered <= 0.99
+    # variance of the mean of an AR(1) process for n >> 1: 1/((1 - phi)^2 n)
+    known = 1.0 / ((1.0 - phi) * np.sqrt(count))
+    assert np.mean([e.standard_error for e in converged]) == pytest.approx(known, rel=0.15)
+
+
+def test_correlation_time_of_an_autoregressive_process():
+    found = np.mean([correlation_samples(y) for y in autoregressive(0.8, 4000, 20)])
+    assert found == pytest.approx((1 + 0.8) / (1 - 0.8), rel=0.1)
+
+
+def test_transient_is_cut_off():
+    time = 1e-3 * np.arange(1, 2001)
+    signal = autoregressive(0.5, 2000, 1)[0] - 300.0 * np.exp(-time / 0.05)
+    estimate = steady_mean(time, signal)
+    assert estimate.converged and 0.1 < estimate.start < 0.7
+    assert abs(estimate.mean - 10.0) < 5.0 * estimate.standard_error
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.05, 0.3])
+def test_ramp_is_not_converged(noise):
+    time = np.arange(1.0, 401.0)
+    signal = time / 400.0 + noise * np.random.default_rng(1).standard_normal(400)
+    estimate = steady_mean(time, signal)
+    assert not estimate.converged and estimate.reason.startswith("not converged: ")
+
+
+def test_noisy_ramp_after_a_chosen_start_is_not_converged():
+    time = np.arange(1.0, 2001.0)
+    signal = time / 2000.0 + 3.0 * np.random.default_rng(1).standard_normal(2000)
+    estimate = steady_mean(time, signal, average_from=0.0)
+    assert not estimate.converged and "drifts" in estimate.reason
+
+
+def test_constant_signal_has_no_error():
+    estimate = steady_mean(np.arange(1.0, 101.0), np.full(100, 0.1))
+    assert (estimate.mean, estimate.standard_error, estimate.converged) == (0.1, 0.0, True)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 5, 19])
+def test_short_series_says_so_without_nan(count):
+    estimate = steady_mean(np.arange(1.0, count + 1.0), np.arange(count) % 2)
+    assert not estimate.converged and f"{count} samples, 20 needed; run longer" in estimate.reason
+    assert estimate.standard_error is None and estimate.interval() is None
+    assert (estimate.mean is None) == (count == 0)
+
+
+def test_too_few_uncorrelated_batches_are_counted():
+    y = autoregressive(0.98, 400, 1)[0]
+    estimate = steady_mean(np.arange(1.0, 401.0), y, average_from=0.0)
+    assert not estimate.converged
+    assert f"{estimate.batches} uncorrelated batches, 10 needed; run longer" in estimate.reason
+
+
+def test_unequal_windows_give_the_time_average():
+    rng = np.random.default_rng(3)
+    fine = autoregressive(0.8, 6000, 1)[0]
+    ends = np.unique(rng.choice(np.arange(1, 6000), 1500, replace=False))
+    ends = np.append(ends, 6000)
+    starts = np.insert(ends[:-1], 0, 0)
+    means = np.array([fine[a:b].mean() for a, b in zip(starts, ends, strict=True)])
+    uneven = steady_mean(1e-3 * ends, means, average_from=0.0, duration=1e-3 * (ends - starts))
+    even = steady_mean(1e-3 * np.arange(1, 6001), fine, average_from=0.0)
+    assert uneven.mean == pytest.approx(even.mean, rel=1e-12)
+    assert uneven.converged
+    assert uneven.standard_error == pytest.approx(even.standard_error, rel=0.15)
+
+
+def test_windows_before_average_from_do_not_count():
+    time = np.arange(1.0, 201.0)
+    signal = np.where(time <= 100.0, 1e6, np.random.default_rng(0).standard_normal(200))
+    estimate = steady_mean(time, signal, average_from=100.0)
+    assert estimate.start == 100.0 and abs(estimate.mean) < 0.5
+
+
+def test_wrong_series_are_refused():
+    with pytest.raises(ValueError, match="not finite"):
+        steady_mean(np.arange(3.0), np.array([1.0, np.nan, 2.0]))
+    with pytest.raises(ValueError, match="time must increase"):
+        steady_mean(np.array([0.0, 2.0, 1.0]), np.ones(3))
+    with pytest.raises(ValueError, match="equally long"):
+        steady_mean(np.arange(3.0), np.ones(2))
+
+
+def test_estimate_survives_json():
+    estimate = steady_mean(np.arange(1.0, 101.0), np.random.default_rng(0).standard_normal(100))
+    assert Estimate.from_dict(estimate.as_dict()) == estimate

@@ -1,0 +1,155 @@
+"""Series for ParaView, re-opened with vtk's own readers: times, arrays, units, shapes."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from emclutch.results.vtk_series import PvdSeries, read_pvd
+
+
+def opened(path):
+    """The data set of a file, read by vtk."""
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataReader, vtkXMLUnstructuredGridReader
+
+    reader = vtkXMLPolyDataReader() if path.suffix == ".vtp" else vtkXMLUnstructuredGridReader()
+    reader.SetFileName(str(path))
+    reader.Update()
+    assert reader.GetErrorCode() == 0
+    return reader.GetOutput()
+
+
+def array(attributes, name):
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    return vtk_to_numpy(attributes.GetArray(name))
+
+
+def texts(data, name):
+    strings = data.GetFieldData().GetAbstractArray(name)
+    return [strings.GetValue(i) for i in range(strings.GetNumberOfValues())]
+
+
+def points(data):
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    return vtk_to_numpy(data.GetPoints().GetData())
+
+
+def test_grains_come_back_exactly_with_times_and_units(tmp_path):
+    from vtkmodules.vtkCommonCore import vtkDataArray
+
+    rng = np.random.default_rng(0)
+    series = PvdSeries(tmp_path, "particles")
+    for i in range(3):
+        position, velocity = rng.random((50, 3)), rng.random((50, 3))
+        arrays = {"radius": np.full(50, 1e-4), "velocity": velocity, "particle_id": np.arange(50)}
+        series.write_particles(0.1 * i, position, arrays)
+    assert [time for time, _ in read_pvd(tmp_path / "particles.pvd")] == [0.0, 0.1, 0.2]
+    assert [file.name for _, file in read_pvd(tmp_path / "particles.pvd")][2] == "particles_000002.vtp"
+    data = opened(read_pvd(tmp_path / "particles.pvd")[2][1])
+    assert np.array_equal(points(data), position)
+    assert np.array_equal(array(data.GetPointData(), "velocity"), velocity)
+    assert np.array_equal(array(data.GetPointData(), "diameter"), np.full(50, 2e-4))
+    assert array(data.GetPointData(), "particle_id").tolist() == list(range(50))
+    assert data.GetNumberOfVerts() == 50
+    assert array(data.GetFieldData(), "TimeValue")[0] == 0.2
+    assert "velocity=m/s" in texts(data, "UNITS_LABEL")
+    key = vtkDataArray.UNITS_LABEL()
+    assert data.GetPointData().GetArray("velocity").GetInformation().Get(key) == "m/s"
+
+
+@pytest.mark.parametrize("count", [0, 1, 60_000])  # none, one, several compressed blocks of 1 MiB
+def test_any_number_of_grains(tmp_path, count):
+    position = np.random.default_rng(0).random((count, 3))
+    path = PvdSeries(tmp_path, "particles").write_particles(0.0, position, {"radius": np.ones(count)})
+    data = opened(path)
+    assert data.GetNumberOfPoints() == count
+    assert count == 0 or np.array_equal(points(data), position)
+
+
+def test_field_lies_in_the_half_plane_of_the_device(tmp_path):
+    section = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 2.0]])
+    path = PvdSeries(tmp_path, "field").write_field(
+        0.5,
+        section,
+        np.array([[0, 1, 2]]),
+        point_arrays={"flux_density": np.array([[1.0, 2.0]] * 3), "vector_potential": np.arange(3.0)},
+        cell_arrays={"region": np.array([1])},
+        region_names=["air", "disc"],
+    )
+    data = opened(path)
+    assert points(data).tolist() == [[0, 0, 0], [1, 0, 0], [0, 0, 2]]
+    assert array(data.GetPointData(), "flux_density")[0].tolist() == [1.0, 0.0, 2.0]
+    assert array(data.GetCellData(), "region").tolist() == [1]
+    assert texts(data, "region_names") == ["air", "disc"]
+
+
+def rim(body="rotor", radius=2.0):
+    return SimpleNamespace(name=f"{body}_rim", body=body, start=(radius, -1.0), end=(radius, 1.0))
+
+
+def plane(point, normal):
+    return SimpleNamespace(
+        name="plane", body="housing", point=np.array(point), normal=np.array(normal, dtype=float)
+    )
+
+
+def test_ring_turns_with_its_body(tmp_path):
+    series = PvdSeries(tmp_path, "walls")
+    still = opened(series.write_walls(0.0, [rim()]))
+    turned = opened(series.write_walls(1.0, [rim()], angles={"rotor": 0.3}, speeds={"rotor": 5.0}))
+    x, y, z = points(still).T
+    expected = np.column_stack(
+        [x * math.cos(0.3) - y * math.sin(0.3), x * math.sin(0.3) + y * math.cos(0.3), z]
+    )
+    assert np.allclose(points(turned), expected, atol=1e-12)
+    assert np.allclose(np.linalg.norm(array(turned.GetPointData(), "velocity"), axis=1), 10.0)
+    a, b = (array(data.GetCellData(), "material_angle") for data in (still, turned))
+    assert np.allclose(a, b)
+    assert texts(turned, "body_names") == ["rotor"]
+
+
+def test_sector_of_a_ring_stays_over_its_grains(tmp_path):
+    angle = math.pi / 6
+    path = PvdSeries(tmp_path, "walls").write_walls(0.0, [rim()], angles={"rotor": 1.0}, sector_angle=angle)
+    data = opened(path)
+    theta = np.arctan2(points(data)[:, 1], points(data)[:, 0])
+    assert theta.min() == pytest.approx(0.0) and theta.max() == pytest.approx(angle)
+    first = array(data.GetCellData(), "material_angle")[0]
+    assert first == pytest.approx(2.0 * math.pi - 1.0 + 0.5 * angle / data.GetNumberOfPolys())
+
+
+def test_planes_of_a_box_meet_at_its_corners(tmp_path):
+    normals = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)]
+    planes = [plane(-np.array(n) * np.array([0.5, 1.0, 2.0]), n) for n in normals]
+    data = opened(PvdSeries(tmp_path, "walls").write_walls(0.0, planes))
+    assert data.GetNumberOfPolys() == 6 and data.GetNumberOfPoints() == 24
+    assert np.allclose(np.unique(np.abs(points(data)), axis=0), [[0.5, 1.0, 2.0]])
+
+
+def test_single_plane_is_a_square(tmp_path):
+    data = opened(PvdSeries(tmp_path, "walls").write_walls(0.0, [plane((0, 0, 0), (0, 0, 1))]))
+    assert data.GetNumberOfPoints() == 4 and np.allclose(points(data)[:, 2], 0.0)
+
+
+def test_contacts_are_lines_with_forces(tmp_path):
+    start, end = np.zeros((2, 3)), np.array([[1.0, 0, 0], [0, 2.0, 0]])
+    force = np.array([[-3.0, 1.0, 0.0], [0.0, 0.0, 4.0]])
+    data = opened(PvdSeries(tmp_path, "contacts").write_contacts(0.0, start, end, force))
+    assert data.GetNumberOfLines() == 2
+    assert array(data.GetCellData(), "force_normal").tolist() == [3.0, 0.0]
+    assert np.array_equal(array(data.GetCellData(), "force"), force)
+
+
+def test_series_resumes_after_its_checkpoint(tmp_path):
+    series = PvdSeries(tmp_path, "particles")
+    for i in range(4):
+        series.write_particles(0.1 * i, np.full((1, 3), i, float), {})
+    series = PvdSeries(tmp_path, "particles", resume_time=0.1)
+    assert [time for time, _ in read_pvd(series.path)] == [0.0, 0.1]
+    assert len(list((tmp_path / "particles").iterdir())) == 2
+    series.write_particles(0.2, np.full((1, 3), 9.0), {})
+    time, file = read_pvd(series.path)[-1]
+    assert (time, file.name) == (0.2, "particles_000002.vtp") and points(opened(file))[0, 0] == 9.0
