@@ -1,0 +1,201 @@
+"""What accuracy costs in time: each knob of a scene is turned, and error against the finest stands beside seconds.
+
+A knob is one small object: a name, the settings from coarse to fine, how a setting changes the case, and the
+quantities it moves. To add one: a class here, a line in `KNOBS`, and its ladder in `emclutch.scene.timing`.
+All settings are timed in one session on one machine, after a short run that compiles every kernel.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import Protocol
+
+import numpy as np
+
+from coupling import FillDeposition
+from emclutch.case import Case
+from emclutch.device import build_device
+from emclutch.observables import pole_flux_density
+from emclutch.plan import field_is_needed, make_plan
+from emclutch.results import OutputError, RunFolder
+from emclutch.results.atomic_file import replace_text
+from emclutch.results.study_pictures import work_precision_picture
+from emclutch.run import run, use_threads
+from emclutch.scene.time_table import largest
+from particles import pack
+
+log = logging.getLogger(__name__)
+WARM_UP_WINDOWS = 0.02  # share of the run that compiles the kernels before anything is timed
+
+
+@dataclass(slots=True)
+class Measurement:
+    """Values of a setting, quantity -> number or array, with the seconds each took and its statistical error."""
+
+    values: dict[str, float | np.ndarray]
+    seconds: dict[str, float]
+    noise: dict[str, float] = field(default_factory=dict)
+
+
+class Knob(Protocol):
+    """One setting of a scene that trades time for accuracy."""
+
+    name: str
+
+    def settings(self, case: Case) -> tuple[float, ...]:
+        """From coarse to fine; the last is the reference."""
+
+    def turned(self, case: Case, setting: float) -> Case:
+        """The case at a setting."""
+
+    def measure(self, case: Case, points: np.ndarray | None, folder: Path) -> Measurement:
+        """Values and seconds of a turned case; `points` (n, 3) [m] are the grains' places."""
+
+
+class FieldMesh:
+    """Mesh size of the field: gap B, H and grad H at the grains, torque."""
+
+    name = "field mesh"
+
+    def settings(self, case: Case) -> tuple[float, ...]:
+        return case.scene.accuracy.mesh if case.scene.coil is not None and field_is_needed(case.scene) else ()
+
+    def turned(self, case: Case, setting: float) -> Case:
+        return case.with_values({"field.size_factor": setting})
+
+    def measure(self, case: Case, points: np.ndarray | None, folder: Path) -> Measurement:
+        values, seconds = field_at(case, points)
+        torque = run_torque(case, folder)
+        return Measurement(values | torque.values, dict.fromkeys(values, seconds) | torque.seconds, torque.noise)
+
+
+class ContactStep:
+    """Step of the grains, as steps in the duration of a contact: torque."""
+
+    name = "contact step"
+
+    def settings(self, case: Case) -> tuple[float, ...]:
+        return case.scene.accuracy.contact_step if case.scene.time.step is None else ()
+
+    def turned(self, case: Case, setting: float) -> Case:
+        return case.with_values({"time.steps_per_contact": setting})
+
+    def measure(self, case: Case, points: np.ndarray | None, folder: Path) -> Measurement:
+        return run_torque(case, folder)
+
+
+KNOBS: tuple[Knob, ...] = (FieldMesh(), ContactStep())
+
+
+def field_at(case: Case, points: np.ndarray) -> tuple[dict[str, float | np.ndarray], float]:
+    """Gap B [T], H [A/m] and grad H [A/m^2] at `points`, filled with grains there; and the seconds it took."""
+    scene = case.scene
+    begin = perf_counter()
+    device = build_device(scene, field_needed=True)
+    fill = None
+    if scene.effects.back_reaction is not None:
+        deposition = FillDeposition(device.mesh, scene.particles.diameter, scene.particles.sector or 2 * np.pi)
+        fill = deposition.fill(points, np.full(len(points), scene.particles.grain_volume))
+    solution = device.problem.solve(device.turns * largest(scene.coil.current), fill=fill,
+                                    tolerance=scene.field.newton_tolerance)
+    H, grad_H = solution.sampler("powder").sample(points)
+    seconds = perf_counter() - begin
+    return {"gap B": pole_flux_density(device.shape, solution), "H at grains": H, "grad H at grains": grad_H}, seconds
+
+
+def run_torque(case: Case, folder: Path) -> Measurement:
+    """The disc's mean torque [N m] of a whole run without snapshots and pictures."""
+    result = run(case, out=folder)
+    if result.torque.mean is None:
+        return Measurement({}, {})
+    return Measurement({"torque": result.torque.mean}, {"torque": result.summary["seconds"]["total"]},
+                       {"torque": result.torque.standard_error or 0.0})
+
+
+def accuracy(case: Case, *, out: str | Path | None = None, threads: int | None = None, progress=None) -> Path:
+    """Turn every knob of a case; write accuracy.csv and accuracy.png and return their folder.
+
+    The table has a row a knob, setting and quantity: value, relative error against the knob's finest setting (RMS
+    over points for fields), its statistical error where there is one, and wall-clock seconds.
+    """
+    use_threads(threads)
+    folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-accuracy", "studies")
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise OutputError(f"{folder} is in use; write elsewhere with --out")
+    quiet = {"output.snapshots": 0, "output.pictures": False, "output.checkpoint": False, "output.formats": []}
+    if case.scene.accuracy.time_end is not None:
+        quiet["time.end"] = case.scene.accuracy.time_end
+    base = case.with_values(quiet)
+    todo = [(knob, setting) for knob in KNOBS for setting in knob.settings(base)]
+    _say(progress, 0.0, "a short run compiles the kernels")
+    run(base.with_values({"time.end": WARM_UP_WINDOWS * base.scene.time.end}), out=folder / "warm-up")
+    points = packed_points(base)
+    if base.scene.coil is not None and field_is_needed(base.scene):
+        field_at(base, points)
+    measured: dict[tuple[str, float], Measurement] = {}
+    for number, (knob, setting) in enumerate(todo):
+        _say(progress, number / len(todo), f"{knob.name} = {setting:g}")
+        target = folder / f"{knob.name.replace(' ', '-')}-{setting:g}"
+        measured[knob.name, setting] = knob.measure(knob.turned(base, setting), points, target)
+    table = price_table(measured)
+    replace_text(folder / "accuracy.csv", table.to_csv(index=False))
+    work_precision_picture(folder / "accuracy.png", table, title=case.scene.scene.title)
+    _say(progress, 1.0, "done")
+    show(table)
+    return folder
+
+
+def price_table(measured: dict[tuple[str, float], Measurement]):
+    """DataFrame knob, setting, quantity, value, error, noise, seconds; the last setting of a knob is its reference."""
+    import pandas
+
+    rows = []
+    last = {name: measured[name, setting] for name, setting in measured}
+    for (name, setting), found in measured.items():
+        reference = last[name]
+        for quantity, value in found.values.items():
+            truth = reference.values.get(quantity)
+            error = None if found is reference or truth is None else relative_error(value, truth)
+            scale = abs(truth) if isinstance(truth, float) and truth else 1.0
+            noise = np.hypot(found.noise[quantity], reference.noise[quantity]) / scale if quantity in found.noise else None
+            rows.append({"knob": name, "setting": setting, "quantity": quantity,
+                         "value": float(value) if np.ndim(value) == 0 else float(np.sqrt(np.mean(np.square(value)))),
+                         "error": error, "noise": noise, "seconds": found.seconds[quantity]})
+    return pandas.DataFrame(rows)
+
+
+def relative_error(value, truth) -> float:
+    """RMS of the difference over RMS of the truth [-]."""
+    difference = np.sqrt(np.mean(np.square(np.asarray(value) - np.asarray(truth))))
+    size = np.sqrt(np.mean(np.square(np.asarray(truth))))
+    return float(difference / size) if size > 0.0 else float(difference)
+
+
+def packed_points(case: Case) -> np.ndarray:
+    """Centres of the packed grains (n, 3) [m]; the same for every setting of the knobs."""
+    device, plan = make_plan(case)
+    region = device.boxes["box"] if "box" in device.boxes else list(device.boxes.values())
+    return pack(region, device.shape.walls(), plan.count, 0.5 * case.scene.particles.diameter,
+                seed=case.scene.scene.seed, sector=plan.sector)
+
+
+def show(table) -> None:
+    """Print the table to the terminal."""
+    from rich.console import Console
+    from rich.table import Table
+
+    shown = Table("knob", "setting", "quantity", "value", "error", "noise", "seconds", title="what accuracy costs")
+    for row in table.itertuples():
+        error = "reference" if np.isnan(row.error) else f"{row.error:.2e}"
+        noise = "" if row.noise is None or np.isnan(row.noise) else f"{row.noise:.1e}"
+        shown.add_row(row.knob, f"{row.setting:g}", row.quantity, f"{row.value:.5g}", error, noise,
+                      f"{row.seconds:.2f}")
+    Console().print(shown)
+
+
+def _say(progress, fraction: float, text: str) -> None:
+    if progress is not None:
+        progress.update(fraction, text)
