@@ -54,7 +54,8 @@ class Ledger:
         row: dict[str, float] = {"time": dem.time}
         residual = 0.0
         for body in dem.bodies:
-            row[f"{body.name}_speed"] = body.speed
+            if body.name != "housing":  # it stands
+                row[f"{body.name}_speed"] = body.speed
             parts = {kind: sum(s.torque[body.name][kind] * s.duration for s in steps) / duration
                      for kind in ("normal", "tangential")}
             row[f"torque_{body.name}"] = parts["normal"] + parts["tangential"]

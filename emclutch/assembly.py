@@ -29,8 +29,7 @@ def assemble(case: Case, device: Device, plan: Plan) -> Simulation:
     scene = case.scene
     radius = 0.5 * scene.particles.diameter
     walls = device.shape.walls()
-    region = device.boxes["box"] if "box" in device.boxes else list(device.boxes.values())
-    position = pack(region, walls, plan.count, radius, seed=scene.scene.seed, sector=plan.sector)
+    position = pack(device.boxes, walls, plan.count, radius, seed=scene.scene.seed, sector=plan.sector)
     grains = Grains.create(position, radius, scene.particles.density)
     return simulation_of(case, device, plan, grains)
 
@@ -41,8 +40,7 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
     walls = device.shape.walls()
     gravity = None
     if effects.gravity is not None:
-        direction = np.asarray(effects.gravity.direction, dtype=float)
-        gravity = effects.gravity.acceleration * direction / np.linalg.norm(direction)
+        gravity = np.asarray(effects.gravity.vector, dtype=float)
     rolling = None
     if effects.rolling_friction is not None:
         rolling = RollingFriction(effects.rolling_friction.coefficient, effects.rolling_friction.wall_coefficient)

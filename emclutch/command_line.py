@@ -13,7 +13,7 @@ import os
 import sys
 import tomllib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -23,7 +23,6 @@ from rich.table import Table
 
 from emclutch.case import Case, load_case
 from emclutch.faults import Fault, SceneError, shown
-from emclutch.progress import progress_report
 
 FAILED, BAD_INPUT = 1, 2
 _PACKAGES = ("emclutch", "geometry", "field", "particles", "coupling")
@@ -74,9 +73,11 @@ def run(
             _tell_plan(read, as_json)
             return
         _check_threads(threads)
-        from emclutch.run import run as run_scene
+        from emclutch.run_case import run as run_scene
 
-        with progress_report(quiet=as_json) as progress:
+        from emclutch.results import Progress
+
+        with nullcontext() if as_json else Progress() as progress:
             result = run_scene(read, out=out, threads=threads, resume=resume, progress=progress)
         if as_json:
             _print_json(result.summary)
@@ -105,9 +106,10 @@ def sweep(
 
         read = load_study(study)
         _check_threads(threads)
-        from emclutch.sweep import sweep as sweep_study
+        from emclutch.results import Progress
+        from emclutch.run_study import sweep as sweep_study
 
-        with progress_report() as progress:
+        with Progress() as progress:
             folder = sweep_study(read, out=out, threads=threads, resume=resume, progress=progress)
         typer.echo(f"results and pictures: {folder}")
 
@@ -118,9 +120,10 @@ def accuracy(case: CaseFile, out: Out = None, sets: Sets = None, threads: Thread
     with _explained():
         read = _load(case, sets)
         _check_threads(threads)
-        from emclutch.accuracy import accuracy as measure_accuracy
+        from emclutch.price_tag import accuracy as measure_accuracy
+        from emclutch.results import Progress
 
-        with progress_report() as progress:
+        with Progress() as progress:
             folder = measure_accuracy(read, out=out, threads=threads, progress=progress)
         typer.echo(f"results and pictures: {folder}")
 

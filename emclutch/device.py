@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from emclutch.scene.fill import Fill, boxes_to_fill, fill_of
 from emclutch.scene.materials import FroehlichMaterial, LinearMaterial
 from emclutch.scene.model import Scene
 from emclutch.scene.time_table import points_of
@@ -31,8 +32,10 @@ class Device:
     Attributes
     ----------
     shape : Clutch, ShearCell or Box
-    boxes : dict of str to AnnularBox, or {"box": Box}
-        Where the powder is filled in.
+    boxes : list of AnnularBox, or the Box
+        Where the powder is filled in, as `particles.pack` takes it.
+    fill : Fill
+        Amount of powder.
     mesh : SectionMesh or None
         None where no field has to be solved.
     problem : AxisymmetricProblem or None
@@ -42,16 +45,12 @@ class Device:
     """
 
     shape: Clutch | ShearCell | Box
-    boxes: dict[str, AnnularBox | Box]
+    boxes: list[AnnularBox] | Box
+    fill: Fill
     mesh: SectionMesh | None
     problem: AxisymmetricProblem | None
     turns: float | None
     sampler: UniformField | RadialField | None
-
-    @property
-    def fill_volume(self) -> float:
-        """Volume of the boxes that are filled with powder, full turn [m^3]."""
-        return sum(box.volume() for box in self.boxes.values())
 
     @property
     def shear_radius(self) -> float:
@@ -81,29 +80,20 @@ class Device:
 
 def build_device(scene: Scene, *, field_needed: bool, mesh_path=None) -> Device:
     """Shape, mesh and materials of a scene; no mesh is made when no effect needs the field."""
-    geometry, source = scene.geometry, scene.field
-    shape = geometry.shape()
-    boxes = fill_boxes(shape, scene.particles.region)
+    source = scene.field
+    shape = scene.shape()
+    boxes = boxes_to_fill(shape, scene.particles.region) or shape
+    fill = fill_of(shape, scene.particles)
     if not field_needed:
-        return Device(shape, boxes, None, None, None, None)
+        return Device(shape, boxes, fill, None, None, None, None)
     if source.source == "uniform":
-        return Device(shape, boxes, None, None, None, _imposed(source, shape))
+        return Device(shape, boxes, fill, None, None, None, _imposed(source, shape))
     mesh = mesh_clutch(shape, gap_layers=source.gap_layers, size_factor=source.size_factor, path=mesh_path)
     laws = region_laws(scene, mesh)
     powder = PowderLaw(grain_law(scene)) if scene.effects.back_reaction is not None else None
     problem = AxisymmetricProblem(mesh, laws, powder_law=powder, order=source.order)
     turns = scene.coil.turns_in(shape.coil_area, shape.coil_mean_radius)
-    return Device(shape, boxes, mesh, problem, turns, None)
-
-
-def fill_boxes(shape, region: str) -> dict[str, AnnularBox | Box]:
-    """The parts of the device that `particles.region` names."""
-    if isinstance(shape, Box):
-        return {"box": shape}
-    boxes = shape.fill_boxes()
-    if isinstance(shape, Clutch) and region != "cavity":
-        boxes = {name: box for name, box in boxes.items() if name.startswith("face" if region == "faces" else "rim")}
-    return boxes
+    return Device(shape, boxes, fill, mesh, problem, turns, None)
 
 
 def grain_law(scene: Scene) -> GrainLaw:
@@ -145,15 +135,3 @@ def _imposed(source, shape):
         return RadialField(H0, middle)
     axis = {"x": 0, "y": 1, "z": 2, "axial": 2}[source.direction]
     return UniformField(H0 * np.eye(3)[axis])
-
-
-def grains_in_device(scene: Scene, fill_volume: float) -> float:
-    """Number of grains of the whole device that mass, solid fraction or count ask for."""
-    particles = scene.particles
-    if particles.count is not None:
-        return float(particles.count * particles.n_sectors)
-    if particles.mass is not None:
-        return particles.mass / (particles.density * particles.grain_volume)
-    return particles.solid_fraction * fill_volume / particles.grain_volume
-
-

@@ -15,7 +15,6 @@ def lazy_attributes(module: str, places: dict[str, str]):
         place, _, attribute = places[name].partition(":")
         found = import_module(place)
         value = getattr(found, attribute) if attribute else found
-        # after importing emclutch.run the submodule sits on the package's name: the function takes its place
         setattr(sys.modules[module], name, value)
         return value
 

@@ -15,7 +15,7 @@ def mesh_case(case: Case, out: str | Path | None = None) -> tuple[Path, Path, in
     Returns both paths and the number of triangles. Raises OutputError when a file is there already, ValueError for a
     geometry that has no mesh (box, shear cell).
     """
-    shape = case.scene.geometry.shape()
+    shape = case.scene.shape()
     if not isinstance(shape, Clutch):
         raise ValueError(f"geometry.kind = {case.scene.geometry.kind!r} has no field and so no mesh; "
                          "clutch and drum have one")

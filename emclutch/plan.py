@@ -7,11 +7,12 @@ from math import ceil, floor
 
 import numpy as np
 
-from coupling import FillDeposition, impact_stiffness, magnetic_load, weight_load
+from coupling import impact_stiffness, magnetic_load, weight_load
 from emclutch.case import Case
-from emclutch.device import Device, build_device, grain_law, grains_in_device
+from emclutch.device import Device, build_device, grain_law
 from emclutch.scene.time_table import largest
 from field import MagneticField
+from geometry import Clutch
 from particles import CyclicSector, LinearContact, choose_time_step, stiffness_for_overlap
 
 # nanoseconds a grain and step for contacts, and a neighbour for dipoles; measured on two cores, for estimates only
@@ -67,18 +68,17 @@ def field_is_needed(scene) -> bool:
 def make_plan(case: Case, device: Device | None = None) -> tuple[Device, Plan]:
     """Build the device (unless given) and decide stiffness, step, windows and numbers of the run.
 
-    Raises SceneError-independent ValueError with a remedy when the scene's own step is too long.
+    Raises ValueError with a remedy when the scene's own step is too long, or no stiffness follows from it.
     """
     scene = case.scene
     device = device or build_device(scene, field_needed=field_is_needed(scene))
     particles = scene.particles
     sector = None if particles.sector is None else CyclicSector(particles.sector)
-    whole = grains_in_device(scene, device.fill_volume)
-    count = max(1, round(whole / particles.n_sectors))
-    reasons = {"grains": f"{count} simulated of {whole:.0f} in the device, "
-                         f"solid fraction {whole * particles.grain_volume / device.fill_volume:.3f} of the "
-                         f"{particles.region if device.mesh is not None else 'space'} filled"}
-    field, M_max = expected_magnetisation(case, device, whole * particles.grain_volume)
+    fill = device.fill
+    where = particles.region if isinstance(device.shape, Clutch) else "space"
+    reasons = {"grains": f"{fill.count} simulated of {fill.count * particles.n_sectors} in the device "
+                         f"({fill.mass * 1e3:.3g} g), solid fraction {fill.solid_fraction:.3f} of the {where} filled"}
+    field, M_max = expected_magnetisation(case, device)
     speed = _largest_speed(scene, device)
     contact = _contact(scene, device, M_max, _impact_speed(scene, device, speed), reasons)
     mass = particles.density * particles.grain_volume
@@ -86,12 +86,12 @@ def make_plan(case: Case, device: Device | None = None) -> tuple[Device, Plan]:
                             steps_per_contact=scene.time.steps_per_contact, dt=scene.time.step)
     reasons["time step"] = step.reason
     per_update, updates, windows = _windows(scene, step.dt, speed, M_max > 0.0 or field is not None, reasons)
-    plan = Plan(count, sector, contact, step.dt, per_update, updates, windows, field, M_max, reasons)
+    plan = Plan(fill.count, sector, contact, step.dt, per_update, updates, windows, field, M_max, reasons)
     _estimates(scene, device, plan)
     return device, plan
 
 
-def expected_magnetisation(case: Case, device: Device, powder_volume: float):
+def expected_magnetisation(case: Case, device: Device) -> tuple[MagneticField | None, float]:
     """Field at the largest current with the powder spread evenly over its boxes, and the grains' largest M there."""
     scene = case.scene
     law = grain_law(scene)
@@ -101,7 +101,7 @@ def expected_magnetisation(case: Case, device: Device, powder_volume: float):
     if device.problem is None:
         return None, 0.0
     fill = None
-    phi = powder_volume / device.fill_volume
+    phi = device.fill.solid_fraction
     if scene.effects.back_reaction is not None:
         fill = uniform_fill(device, phi)
     peak = largest(scene.coil.current)
@@ -115,20 +115,15 @@ def uniform_fill(device: Device, phi: float) -> np.ndarray:
     """Solid fraction `phi` on the powder's elements inside the filled boxes, 0 outside; (n powder elements,)."""
     centroid = device.mesh.centroid()[device.mesh.regions["powder"]]
     inside = np.zeros(len(centroid), dtype=bool)
-    for box in device.boxes.values():
+    for box in device.boxes:
         inside |= ((centroid[:, 0] > box.r0) & (centroid[:, 0] < box.r1)
                    & (centroid[:, 1] > box.z0) & (centroid[:, 1] < box.z1))
     return np.where(inside, phi, 0.0)
 
 
-def deposition(scene, device: Device) -> FillDeposition:
-    """Deposition of the scene's grains on the device's powder elements."""
-    return FillDeposition(device.mesh, scene.particles.diameter, scene.particles.sector or 2 * np.pi)
-
-
 def _sample_points(device: Device, diameter: float) -> np.ndarray:
     points = []
-    for box in device.boxes.values():
+    for box in device.boxes:
         r = np.linspace(box.r0 + 0.5 * diameter, box.r1 - 0.5 * diameter, 9)
         z = np.linspace(box.z0 + 0.5 * diameter, box.z1 - 0.5 * diameter, 121)
         r, z = np.meshgrid(r, z)
@@ -217,9 +212,8 @@ def _estimates(scene, device: Device, plan: Plan) -> None:
     steps = plan.windows * plan.updates * plan.steps_per_update
     pairs = 0.0
     if scene.effects.dipoles is not None:
-        phi = plan.count * scene.particles.n_sectors * scene.particles.grain_volume / device.fill_volume
         # neighbours within the cut-off and a skin, at the density of the filled space
-        pairs = phi * 8.0 * (scene.effects.dipoles.cutoff + 0.25) ** 3
+        pairs = device.fill.solid_fraction * 8.0 * (scene.effects.dipoles.cutoff + 0.25) ** 3
         pairs *= 2.0 if scene.effects.wall_images is not None else 1.0
     seconds = steps * plan.count * (CONTACT_NS + pairs * PAIR_NS / plan.steps_per_update) * 1e-9
     if device.problem is not None:

@@ -93,8 +93,13 @@ class Snapshots:
         self._series["field"].write_field(simulation.dem.time, mesh.points, mesh.triangles, cell_arrays=cells,
                                           point_arrays={"vector_potential": A}, region_names=names)
 
+    def flush(self) -> None:
+        """Write the rows that are kept back."""
+        if self.record is not None:
+            self.record.flush()
+
     def close(self) -> None:
-        """Write what is still kept back."""
+        """Write what is still kept back, and close."""
         if self.record is not None:
             self.record.close()
 
@@ -124,6 +129,10 @@ class History:
 
     def __call__(self, simulation: Simulation, row: dict) -> None:
         self._writer.append(row)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._writer.close()
 
 
 def save_checkpoint(path: Path, simulation: Simulation, case_text: str) -> None:

@@ -23,8 +23,11 @@ if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 
 _NUMBER_AND_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
-# The unit part: letters, small exponents and the operators between them. Anything else never reaches pint.
-_UNIT_TEXT = re.compile(r"[A-Za-zµμΩ°%²³·*/^() \d.-]{0,40}")
+# A unit: names, each with an exponent of one digit at most, and the operators between them. Nothing else
+# reaches pint, which would compute 9**9**9.
+_NAME = r"\(*[A-Za-zµμΩ°%]+(?:(?:\^|\*\*)?-?\d|[²³])?\)*"
+_UNIT_TEXT = re.compile(rf"(?:1\s*/\s*)?{_NAME}(?:\s*[*/·\s]\s*{_NAME})*")
+_LONGEST_UNIT = 40
 _ANGLE_UNITS = {
     "radian",
     "milliradian",
@@ -36,8 +39,8 @@ _ANGLE_UNITS = {
     "revolutions_per_second",
 }
 _COMMON_UNITS = (
-    "m, mm, um, cm, g, kg, mg, s, ms, us, min, A, mA, V, ohm, mohm, rpm, rad/s, deg/s, rad, deg, turn, N, mN, "
-    "N m, mN m, N/m, kN/m, kg/m^3, g/cm^3, A/m, kA/m, MA/m, T, mT, kg m^2, g cm^2, m/s^2, %"
+    "m, mm, um, cm, g, kg, mg, s, ms, us, min, A, mA, V, ohm, mohm, rpm, rad/s, deg/s, rad, deg, turn, N, "
+    "mN, N m, mN m, N/m, kN/m, kg/m^3, g/cm^3, A/m, kA/m, MA/m, T, mT, kg m^2, g cm^2, m/s^2, %"
 ).split(", ")
 
 
@@ -149,11 +152,12 @@ class Quantity:
                 )
             return number
         unit = _parse_unit(unit_text)
+        wanted = registry().parse_units(self.unit)
         if unit is None:
-            close = get_close_matches(unit_text, _COMMON_UNITS, n=1, cutoff=0.5)
+            fitting = [u for u in _COMMON_UNITS if _parse_unit(u).dimensionality == wanted.dimensionality]
+            close = get_close_matches(unit_text, fitting, n=1, cutoff=0.5)
             hint = f"did you mean '{close[0]}'? " if close else ""
             raise ValueError(f"has the unknown unit '{unit_text}'; {hint}{self._needed()}")
-        wanted = registry().parse_units(self.unit)
         if unit.dimensionality != wanted.dimensionality:
             what = _names_of_dimensions().get(unit.dimensionality, f"in {unit_text}")
             raise ValueError(f"is {what}; {self._needed()}")
@@ -201,10 +205,10 @@ class Quantity:
 @lru_cache(maxsize=256)
 def _parse_unit(text: str) -> Any:
     """Return pint's unit for a text, or None where there is none."""
-    if _UNIT_TEXT.fullmatch(text) is None:
+    if len(text) > _LONGEST_UNIT or _UNIT_TEXT.fullmatch(text) is None:
         return None
     # Habits that pint does not know: "g/cm3", "rev/min", "N·m".
-    text = re.sub(r"([A-Za-z])(\d)", r"\1^\2", text).replace("·", "*")
+    text = re.sub(r"([A-Za-z])(-?\d)", r"\1^\2", text).replace("·", "*")
     text = re.sub(r"\brevs?\b", "turn", text)
     try:
         return registry().parse_units(text)

@@ -2,7 +2,6 @@
 
 from .axisymmetric import AxisymmetricProblem
 from .froehlich import FroehlichLaw
-from .froehlich import FroehlichLaw
 from .locate import PointOutside
 from .loop import loop_field, rectangular_coil_field, solenoid_axis_field
 from .magnetic_field import MagneticField
@@ -16,7 +15,6 @@ from .sampler import FieldSampler, RadialField, RecoveredSampler, UniformField
 __all__ = [
     "AIR", "MU_0", "NU_0", "AxisymmetricProblem", "ConvergenceError", "FieldSampler", "FroehlichLaw",
     "GrainLaw", "Law", "LinearLaw", "MagneticField", "ParticleLaw", "PermeabilityLaw", "PointOutside",
-    "PowderLaw", "RadialField", "RecoveredSampler",
-    "TableLaw", "ThesisLaw", "UniformField", "loop_field", "material", "material_names",
-    "rectangular_coil_field", "solenoid_axis_field",
+    "PowderLaw", "RadialField", "RecoveredSampler", "TableLaw", "ThesisLaw", "UniformField",
+    "loop_field", "material", "material_names", "rectangular_coil_field", "solenoid_axis_field",
 ]

@@ -20,7 +20,7 @@ import scipy.sparse as sp
 from geometry.section import SectionMesh
 
 from .magnetic_field import MagneticField
-from .newton import SymmetricSolver, minimise
+from .newton import SymmetricSolver, minimise, norm, scalar_product
 from .powder_law import PowderLaw
 from .reluctivity import AIR, Law
 from .section_elements import FixedPattern, SectionElements
@@ -149,9 +149,9 @@ class AxisymmetricProblem:
             return MagneticField(self, boundary, 0.0, fill, [(0.0, 0.0)])
 
         energy = _SectionEnergy(self, fill, ampere_turns * self.coil_load, boundary)
-        scale = float(np.linalg.norm(energy.source[self._free]))
+        scale = norm(energy.source[self._free])
         if boundary_field != 0.0:
-            scale += float(np.linalg.norm(energy.gradient(np.zeros(self._free.size))))
+            scale += norm(energy.gradient(np.zeros(self._free.size)))
         if guess is None:
             start, first = np.zeros(self._free.size), energy.chord_matrix
         else:
@@ -236,7 +236,7 @@ class _SectionEnergy:
         _, B = self._flux(x)
         w = self._problem.energy_density(B, self._fill)
         stored = float((w * self._elements.radius * self._elements.weight).sum())
-        work = float(self.source @ self.whole(x))
+        work = scalar_product(self.source, self.whole(x))
         return stored - work, stored + abs(work)
 
     def gradient(self, x: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .locate import PointOutside
+from .newton import scalar_product
 from .reluctivity import NU_0
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ class MagneticField:
 
         Times N it is the linkage, and N^2/(N I) times it the inductance.
         """
-        return float(2.0 * np.pi * (self.problem.coil_load @ self.psi))
+        return 2.0 * np.pi * scalar_product(self.problem.coil_load, self.psi)
 
     @property
     def point_psi(self) -> np.ndarray:
@@ -113,13 +114,13 @@ class MagneticField:
 
     def _flux_density_in(self, element: np.ndarray, points: np.ndarray) -> np.ndarray:
         mesh = self.problem.mesh
-        # B = grad psi/r is 0/0 on the axis, where it changes with r^2 only: take it a third of an
-        # element away from it.
+        # B = grad psi/r is 0/0 on the axis, where B_z is even in r and B_r odd: take them a third of an
+        # element away from it, B_r in proportion.
         corners = mesh.points[mesh.triangles[element], 0]
         nearest = np.where(corners.min(axis=1) <= 1e-12 * corners.max(axis=1), corners.max(axis=1) / 3.0, 0.0)
         r = np.maximum(points[:, 0], nearest)
         gradient = self.problem.elements.gradient_at(self.psi, element, np.column_stack((r, points[:, 1])))
-        return np.column_stack((-gradient[:, 1], gradient[:, 0])) / r[:, None]
+        return np.column_stack((-gradient[:, 1] * points[:, 0] / r, gradient[:, 0])) / r[:, None]
 
     def relative_permeability(self) -> np.ndarray:
         """mu_r = B/(mu_0 H) at the centroid of every element, shape (n_elements,) [-]."""

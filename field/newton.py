@@ -7,6 +7,7 @@ and with W as the merit function the iteration converges from any start (Dennis 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Protocol
 
@@ -17,6 +18,16 @@ from scipy.sparse.linalg import splu
 # Sufficient decrease of the line search; the textbook's value (Dennis and Schnabel).
 _ARMIJO = 1e-4
 _MAX_HALVINGS = 30
+
+
+def scalar_product(a: np.ndarray, b: np.ndarray) -> float:
+    """Sum of a b in an order that does not depend on the number of threads, as that of BLAS' dot does."""
+    return float((a * b).sum())
+
+
+def norm(a: np.ndarray) -> float:
+    """Euclidean norm, see `scalar_product`."""
+    return math.sqrt(scalar_product(a, a))
 
 
 class ConvergenceError(RuntimeError):
@@ -113,7 +124,7 @@ def minimise(energy: Energy, x: np.ndarray, scale: float, *, solver: SymmetricSo
         Tolerance not reached, or no downhill step found.
     """
     residual = energy.gradient(x)
-    history = [(float(np.linalg.norm(residual)) / scale, 0.0)]
+    history = [(norm(residual) / scale, 0.0)]
     value, magnitude = energy.value(x)
     for iteration in range(max_iterations):
         if history[-1][0] <= tolerance:
@@ -121,7 +132,7 @@ def minimise(energy: Energy, x: np.ndarray, scale: float, *, solver: SymmetricSo
         use_first = iteration == 0 and first_matrix is not None
         matrix = first_matrix() if use_first and first_matrix is not None else energy.hessian(x)
         step = solver.solve(matrix, -residual)
-        slope = float(residual @ step)
+        slope = scalar_product(residual, step)
         if not np.isfinite(slope) or slope >= 0.0:
             raise ConvergenceError(history, "the tangent is not positive definite: H of one of the materials "
                                             "does not grow with B, or an element of the mesh is degenerate")
@@ -138,7 +149,7 @@ def minimise(energy: Energy, x: np.ndarray, scale: float, *, solver: SymmetricSo
                                             "tolerance is below what round-off allows, raise it")
         x, value = trial, new_value
         residual = energy.gradient(x)
-        history.append((float(np.linalg.norm(residual)) / scale, length))
+        history.append((norm(residual) / scale, length))
     if history[-1][0] <= tolerance:
         return x, history
     raise ConvergenceError(history, "raise `max_iterations`, start from the field of a lower current, or "

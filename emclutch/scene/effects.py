@@ -14,7 +14,6 @@ PLANNED_EFFECTS = (
     "remanence",
     "coil_circuit",
     "eddy_currents",
-    "rolling_friction",
     "twisting_friction",
     "cohesion",
     "fluid_drag",
@@ -82,7 +81,7 @@ class BackReaction(Section):
 
 
 class RollingFriction(Section):
-    """Resistance of rough, angular grains to rolling; perfect spheres roll on smooth walls as in a bearing."""
+    """Resistance of rough, angular grains to rolling; perfect spheres roll on smooth walls like a bearing."""
 
     coefficient: Annotated[float, number("0.2", 0.0, 10.0)] = Field(
         default=0.2, description="couple over (effective radius times normal force), between grains"

@@ -22,45 +22,55 @@ UNIFORM = {"source": "uniform", "field_strength": "100 kA/m", "direction": "axia
 EDITS = {
     "unknown key": ({"geometry.gpa": "1 mm"}, "geometry.gpa", "did you mean 'gap'?"),
     "unknown section": ({"partikles": {}}, "partikles", "did you mean 'particles'?"),
-    "key of another section": ({"geometry.diameter": "1 mm"}, "geometry.diameter", "did you mean particles.diameter?"),
+    "key of another section": ({"geometry.diameter": "1 mm"}, "geometry.diameter",
+        "did you mean particles.diameter?"),
     "missing key": ({"geometry.gap": None}, "geometry.gap", "a length is needed, e.g. gap = '1 mm'"),
     "missing section": ({"time": None}, "time", "add the section [time]"),
     "a section that is a number": ({"particles": 3}, "particles", "write [particles]"),
-    "wrong dimension": ({"geometry.gap": "3 kg"}, "geometry.gap = '3 kg'", "is a mass; a length is needed, e.g. '1 mm'"),
-    "unknown unit": ({"geometry.gap": "1 mn"}, "geometry.gap", "did you mean 'mN'? a length is needed"),
+    "wrong dimension": ({"geometry.gap": "3 kg"}, "geometry.gap = '3 kg'",
+        "is a mass; a length is needed, e.g. '1 mm'"),
+    "unknown unit": ({"geometry.gap": "1 mmm"}, "geometry.gap", "did you mean 'mm'? a length is needed"),
     "no unit in a text": ({"geometry.gap": "1"}, "geometry.gap", "has no unit"),
     "frequency as speed": ({"motion.rotor.speed": "50 Hz"}, "motion.rotor.speed", "e.g. '100 rpm'"),
     "not a number": ({"particles.diameter": float("nan")}, "particles.diameter", "is not finite"),
     "negative size": ({"geometry.gap": "-1 mm"}, "geometry.gap = '-1 mm'", "allowed: > 0 m"),
     "truth value as a number": ({"coil.current": True}, "coil.current = true", "a current is needed"),
     "restitution of nothing": ({"contact.restitution": 0}, "contact.restitution", "allowed: > 0, <= 1"),
-    "planned contact method": ({"contact.method": "dvi"}, "contact.method", "planned but not in this version"),
+    "planned contact method": ({"contact.method": "dvi"}, "contact.method",
+        "planned but not in this version"),
     "planned geometry": ({"geometry.kind": "centrifugal"}, "geometry.kind", "available: clutch, drum"),
     "planned effect": ({"effects.heat": {}}, "effects.heat", "remove its table"),
-    "planned dipole model": ({"effects.dipoles.model": "mutual"}, "effects.dipoles.model", "available: fixed"),
+    "planned dipole model": ({"effects.dipoles.model": "mutual"}, "effects.dipoles.model",
+        "available: fixed"),
     "misspelt kind": ({"geometry.kind": "clucth"}, "geometry.kind", "did you mean 'clutch'?"),
-    "unknown material": ({"geometry.materials.disc": "steel_101"}, "geometry.materials.disc", "did you mean 'steel_1010'?"),
+    "unknown material": ({"geometry.materials.disc": "steel_101"}, "geometry.materials.disc",
+        "did you mean 'steel_1010'?"),
     "gap below a grain": ({"geometry.gap": "0.1 mm"}, "geometry.gap = '0.1 mm'", "raise geometry.gap"),
-    "coil in the cavity": ({"geometry.coil_radius": "20 mm"}, "geometry.coil_radius", "raise geometry.coil_radius"),
+    "coil in the cavity": ({"geometry.coil_radius": "20 mm"}, "geometry.coil_radius",
+        "raise geometry.coil_radius"),
     "impossible fill": ({"particles.mass": "3 kg"}, "particles.mass", "allowed: at most"),
     "less than a grain": ({"particles.mass": "1 ug"}, "particles.mass", "less than one grain; raise it"),
     "two amounts": ({"particles.count": 10}, "particles.count", "keep exactly one of"),
     "sector that does not divide": ({"particles.sector": "7 deg"}, "particles.sector", "take 360 deg / n"),
     "sector within the cut-off": ({"particles.sector": "0.5 deg"}, "particles.sector", "allowed: at least"),
-    "gravity across a sector": ({"effects.gravity.direction": [1, 0, 0]}, "effects.gravity.direction", "take [0, 0, -1]"),
+    "gravity across a sector": ({"effects.gravity.direction": [1, 0, 0]}, "effects.gravity.direction",
+        "take [0, 0, -1]"),
     "two ways to the turns": ({"coil.turns": 500}, "coil.turns", "keep one of them"),
     "coil missing": ({"coil": None}, "coil is missing", "add [coil]"),
     "effect without its field": ({"field": None}, "effects.dipoles", "add [field]"),
     "images without dipoles": ({"effects.dipoles": None, "effects.wall_images": {}}, "effects.wall_images",
                                "add [effects.dipoles]"),
-    "back reaction on a prescribed field": ({"field": UNIFORM, "effects.back_reaction": {}}, "effects.back_reaction",
+    "back reaction on a prescribed field": ({"field": UNIFORM, "effects.back_reaction": {}},
+        "effects.back_reaction",
                                             "take field.source = 'coil'"),
     "coil field in a box": ({"geometry": BOX, "motion": None}, "field.source", "field.source = 'uniform'"),
     "shaft in a box": ({"geometry": BOX, "field": UNIFORM}, "motion.rotor", "remove the table"),
-    "table that goes back": ({"coil.current": {"times": [0, 0], "values": [0, 1]}}, "coil.current.times", "must increase"),
+    "table that goes back": ({"coil.current": {"times": [0, 0], "values": [0, 1]}}, "coil.current.times",
+        "must increase"),
     "window beyond the end": ({"time.window": "1 s"}, "time.window", "take 'auto'"),
     "text for a switch": ({"output.pictures": "no"}, "output.pictures", "write true or false"),
-    "curve that is not there": ({"materials.mine": {"law": "table", "file": "none.csv"}}, "materials.mine.file",
+    "curve that is not there": ({"materials.mine": {"law": "table", "file": "none.csv"}},
+        "materials.mine.file",
                                 "relative to the scene's folder"),
 }  # fmt: skip
 FILES = {
@@ -161,6 +171,18 @@ def test_unwritable_output_is_refused(tmp_path):
 
 def test_nothing_to_resume_is_refused(tmp_path):
     refused(["run", str(GOOD), "--out", str(tmp_path / "new"), "--resume"], "nothing to resume", "--out")
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_folder_without_a_run_is_not_plotted(tmp_path):
+    refused(["plot", str(tmp_path)], "history.csv", "name the folder of a run")
+
+
+def test_a_box_has_no_mesh(tmp_path):
+    scene = tmp_path / "scene.toml"
+    scene.write_text(tomli_w.dumps(edited({"geometry": BOX, "field": UNIFORM, "coil": None, "motion": None,
+                                           "particles.sector": None, "particles.mass": "1 g"})))  # fmt: skip
+    refused(["mesh", str(scene), "--out", str(tmp_path / "new")], "geometry.kind", "clutch and drum")
     assert not (tmp_path / "new").exists()
 
 

@@ -37,7 +37,7 @@ def solved(section_grid, graded):
 def points():
     """1500 points in r 33 to 35 mm, |z| < 10 mm, in all directions: r, z, Cartesian."""
     random = np.random.default_rng(1)
-    r, z, angle = random.uniform(33e-3, 35e-3, 1500), random.uniform(-10e-3, 10e-3, 1500), random.uniform(0, 6, 1500)
+    r, z, angle = random.uniform((33e-3, -10e-3, 0.0), (35e-3, 10e-3, 6.0), (1500, 3)).T
     return r, z, np.column_stack((r * np.cos(angle), r * np.sin(angle), z))
 
 
@@ -78,28 +78,30 @@ def test_energy_is_half_linkage_times_current(solved):
         assert field.coenergy == pytest.approx(field.energy, rel=1e-12)
 
 
-def test_flux_linkage_is_the_flux_through_the_mean_turn(solved):
-    """Against the energy of the exact field: mutual flux of loops is what A_phi of the coil says; 2nd opinion by
-    virtual refinement: linkage converges at fourth order."""
+def test_flux_linkage_converges(solved):
+    """The energy's error is the square of the field's: fourth order, spoiled somewhat by the graded air."""
     linkage = np.array([field.flux_linkage_per_turn for field in solved.values()])
     assert abs(linkage[1] - linkage[2]) < 0.15 * abs(linkage[0] - linkage[1])
 
 
 def test_field_on_the_axis(solved):
+    # the cells at the axis are 5 mm wide here, and B_z = (dpsi/dr)/r in them is only second order
     z = np.array([0.0, 4e-3, 9e-3])
     B = solved[0.5e-3].B_along(np.column_stack((np.zeros(3), z)))
     _, H_z = rectangular_coil_field(R_COIL, Z_COIL, NI, np.zeros(3), z)
-    assert np.allclose(B[:, 1], MU_0 * H_z, rtol=2e-3) and np.abs(B[:, 0]).max() < 2e-3 * np.abs(B[:, 1]).max()
+    assert np.allclose(B[:, 1], MU_0 * H_z, rtol=1e-2)
+    assert not B[:, 0].any()
 
 
 def test_current_sheet_solenoid(section_grid, graded):
-    r = np.unique(np.concatenate((graded(0.5e-3, (17e-3, 20e-3), (0.0, 0.6)), [20.1e-3])))
-    z = graded(1e-3, (0.0, 52e-3), (0.0, 0.6))
+    r = np.unique(np.concatenate((graded(1e-3, (0.0, 20e-3), (0.0, 0.6)), [20.1e-3])))
+    z = graded(2e-3, (0.0, 110e-3), (0.0, 0.6))
     mesh = section_grid(r, np.concatenate((-z, z)), {"coil": (20e-3, 20.1e-3, -50e-3, 50e-3)})
     field = AxisymmetricProblem(mesh, {}).solve(1000.0)
     z = np.array([0.0, 0.025, 0.1])
     B = field.B_along(np.column_stack((np.full(3, 1e-4), z)))[:, 1]
-    assert np.allclose(B / MU_0, solenoid_axis_field(20.05e-3, 0.1, 1000.0, z), rtol=3e-3)
+    # B on the axis is only second order in the cells there
+    assert np.allclose(B / MU_0, solenoid_axis_field(20.05e-3, 0.1, 1000.0, z), rtol=5e-3)
 
 
 def test_sampling_outside_the_region_names_the_point(solved):

@@ -1,7 +1,7 @@
 """A saturable core with a powder-filled ring gap: circuit estimate, Newton's order, saturation, symmetry.
 
-The core is a pot: disc (r < 20 mm) and housing (to 45 mm) closed by two end plates, the coil between them; the
-flux runs up the disc, out through the gap ring between disc and plate on either side, and back down the housing.
+The core is a pot: disc (r < 20 mm) and housing (to 45 mm) with two end plates, the coil between them; the
+flux runs along the disc, out through the ring gap to one plate, along the housing and back through the other.
 """
 
 import numpy as np
@@ -25,9 +25,7 @@ HALF = 10e-3  # half width of the coil window; the plates are 8 mm thick
 @pytest.fixture(scope="module")
 def pot(section_grid, graded):
     """Two face-to-face pole rings around the disc, powder in the ring gaps."""
-    r = np.unique(np.concatenate((
-        graded(GAP / 4, (R_DISC, R_BORE), (0.0, 0.15)), [12e-3, 38e-3, 45e-3])))
-    r = r[np.concatenate(([True], np.diff(r) > 1e-4))] if np.any(np.diff(r) < 5e-5) else r
+    r = np.concatenate((graded(GAP / 4, (R_DISC, R_BORE), (0.0, 0.15)), [38e-3, 45e-3]))
     z = np.unique(np.concatenate((graded(1e-3, (0.0, 18e-3), (0.0, 0.15)), [HALF])))
     regions = {
         "disc": (0.0, R_DISC, -18e-3, 18e-3),
@@ -35,8 +33,7 @@ def pot(section_grid, graded):
         "coil": (R_BORE, 38e-3, -HALF, HALF),
         "powder": (R_DISC, R_BORE, -18e-3, 18e-3),
     }
-    return section_grid(np.unique(np.concatenate((r, [R_DISC, R_BORE, 38e-3, 45e-3]))),
-                        np.concatenate((-z, z)), regions)
+    return section_grid(r, np.concatenate((-z, z)), regions)
 
 
 def problem(pot, steel, grains=None):
@@ -62,13 +59,14 @@ def test_newton_is_quadratic_on_saturated_steel(pot):
     case = problem(pot, material("steel_1010"), GrainLaw(273.0, 1.5e6))
     field = case.solve(3000.0, fill=np.full(case.powder_elements.size, 0.4), tolerance=1e-10)
     residual = np.array([r for r, _ in field.newton])
-    fast = [np.log(c / b) / np.log(b / a) for a, b, c in zip(residual, residual[1:], residual[2:], strict=False)
-            if 1e-12 < c and b < 1e-2]
+    fast = [np.log(c / b) / np.log(b / a)
+            for a, b, c in zip(residual, residual[1:], residual[2:], strict=False) if 1e-12 < c and b < 1e-2]
     assert len(residual) < 15 and max(fast) > 1.7, residual
     assert all(step == 1.0 for _, step in field.newton[-3:])
 
 
-@pytest.mark.parametrize("steel", ["steel_1010", "stainless_430", "vacofer_s2", "team_steel", "dc01", "steel_1008"])
+@pytest.mark.parametrize("steel", [
+    "steel_1010", "stainless_430", "vacofer_s2", "team_steel", "dc01", "steel_1008"])
 def test_cold_start_converges_up_to_full_saturation(pot, steel):
     case = problem(pot, material(steel), GrainLaw(999.0, 1.7e6))
     fill = np.full(case.powder_elements.size, 0.5)
@@ -90,8 +88,8 @@ def test_uneven_fill_and_warm_start(pot):
 def test_coenergy_grows_by_linkage_times_current(pot):
     """dW'/d(NI) = flux linkage per turn, at a current where the steel saturates."""
     case = problem(pot, material("steel_1010"))
-    up, middle, down = (case.solve(NI) for NI in (2020.0, 2000.0, 1980.0))
-    assert (up.coenergy - down.coenergy) / 40.0 == pytest.approx(middle.flux_linkage_per_turn, rel=1e-5)
+    up, middle, down = (case.solve(NI) for NI in (2005.0, 2000.0, 1995.0))
+    assert (up.coenergy - down.coenergy) / 10.0 == pytest.approx(middle.flux_linkage_per_turn, rel=1e-5)
     assert middle.energy + middle.coenergy == pytest.approx(2000.0 * middle.flux_linkage_per_turn, rel=1e-7)
     assert middle.coenergy > middle.energy
 
@@ -118,7 +116,7 @@ def test_mirror_symmetry(pot):
 
 
 def test_flux_is_conserved(pot):
-    """div B = 0 by construction: psi is one-valued, and the flux through closed circles adds up to nothing."""
+    """div B = 0 by construction: psi is one-valued, so the flux out of every closed ring is nothing."""
     field = problem(pot, material("steel_1010")).solve(1500.0)
     corners = field.point_psi[pot.triangles]
     edges = np.diff(np.column_stack((corners, corners[:, 0])), axis=1)
@@ -149,7 +147,7 @@ def test_wrong_regions_are_explained(pot):
     with pytest.raises(ValueError, match="no magnetic law for region"):
         AxisymmetricProblem(pot, {"disc": material("steel_1010")})
     with pytest.raises(ValueError, match="no such region"):
-        AxisymmetricProblem(pot, {"disc": material("air"), "housing": material("air"), "hub": material("air")})
+        AxisymmetricProblem(pot, dict.fromkeys(("disc", "housing", "hub"), material("air")))
     with pytest.raises(ValueError, match="order"):
         AxisymmetricProblem(pot, {"disc": material("air"), "housing": material("air")}, order=4)
     with pytest.raises(ValueError, match="axis"):

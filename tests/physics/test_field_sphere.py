@@ -9,7 +9,8 @@ from geometry.section import SectionMesh
 
 def sphere_section(n_angle, radius, box):
     """Half-disc of `n_angle` cells from pole to pole with shells out to a sphere of radius `box`."""
-    shells = np.concatenate((np.linspace(0, 1, n_angle // 3 + 1), np.geomspace(1, box / radius, n_angle)[1:])) * radius
+    inner, outer = np.linspace(0, radius, n_angle // 3 + 1), np.geomspace(radius, box, n_angle)
+    shells = np.concatenate((inner, outer[1:]))
     angle = np.linspace(0.0, np.pi, n_angle + 1)
     rho, theta = np.meshgrid(shells[1:], angle, indexing="ij")
     r = rho * np.sin(theta)

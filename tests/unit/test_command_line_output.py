@@ -7,7 +7,6 @@ import json
 from typer.testing import CliRunner
 
 from emclutch.command_line import _assignments, app, torque_line
-from emclutch.progress import progress_report
 
 
 def test_settings_are_toml_or_text():
@@ -19,8 +18,12 @@ def test_settings_are_toml_or_text():
         "a.b=c=d",
     ]
     assert _assignments(given) == {
-        "coil.current": "0.8 A", "particles.count": 12, "output.formats": ["vtk"], "output.pictures": False, "a.b": "c=d",
-    }  # fmt: skip
+        "coil.current": "0.8 A",
+        "particles.count": 12,
+        "output.formats": ["vtk"],
+        "output.pictures": False,
+        "a.b": "c=d",
+    }
 
 
 def test_every_command_has_help():
@@ -51,13 +54,3 @@ def test_torque_comes_with_its_error():
         "not converged: too short"
     )
     assert torque_line(None) == "torque on the disc: none"
-
-
-def test_progress_off_a_terminal_is_plain_lines(capsys):
-    with progress_report() as progress:
-        progress.update(0.0, "mesh")
-        progress.update(0.0, "packing")
-        progress.update(1.0, "pictures")
-    assert capsys.readouterr().err.splitlines() == ["  0 %  mesh", "  0 %  packing", "100 %  pictures"]
-    with progress_report(quiet=True) as progress:
-        assert progress is None

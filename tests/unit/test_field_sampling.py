@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from field import PointOutside, RadialField, UniformField
 from field.locate import TriangleLocator
@@ -35,7 +36,8 @@ def test_located_element_holds_the_point(random_triangulation):
 
 def test_point_outside_is_found_out(random_triangulation):
     points, triangles, _ = random_triangulation
-    where = np.array([[0.0299, 0.0], [0.0341, 0.0], [0.032, 0.5], [-1.0, 0.0], [np.nan, 0.0], [0.034 + 1e-9, 0.0]])
+    where = np.array([[0.0299, 0.0], [0.0341, 0.0], [0.032, 0.5], [-1.0, 0.0], [np.nan, 0.0],
+                      [0.034 + 1e-9, 0.0]])
     element, _ = TriangleLocator(points, triangles).find(where)
     assert np.all(element[:-1] == -1)
     assert element[-1] >= 0, "round-off beyond a wall is not outside"
@@ -47,7 +49,6 @@ def test_patch_fit_reproduces_polynomials(random_triangulation):
     x, y = (centroids - (0.032, 0.0)).T * 1e3
     fit = PatchFit(points, triangles, edges)
     derivatives = ((0, 0), (1, 0), (0, 2))
-    import scipy.sparse as sp
     values = 1 + 2 * x - y + 0.3 * x * y + 0.5 * y**2
     out = fit.operator(sp.identity(len(triangles), format="csr"), centroids, 2, derivatives) @ values
     nodes = (np.concatenate((points, points[edges].mean(axis=1))) - (0.032, 0.0)).T * 1e3

@@ -1,4 +1,4 @@
-"""A case: resolving is loading's inverse, values make new cases, and derived numbers follow from the scene."""
+"""A case: resolving is loading's inverse, values make new cases, derived numbers follow from the scene."""
 
 from __future__ import annotations
 
@@ -146,8 +146,8 @@ def test_schema_is_json_and_describes_quantities():
 
 def test_reading_the_schema_needs_no_heavy_package():
     """`import emclutch` stays quick: neither pint nor the packages of the physics are imported by it."""
-    code = ("import sys, emclutch.case; "
-            "print([name for name in ('pint', 'gmsh', 'numba', 'matplotlib', 'scipy') if name in sys.modules])")  # fmt: skip
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True,
-                          cwd=Path(__file__).parents[2])  # fmt: skip
+    heavy = ["pint", "gmsh", "numba", "matplotlib", "scipy"]
+    code = f"import sys, emclutch; print([name for name in {heavy} if name in sys.modules])"
+    root = Path(__file__).parents[2]
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=root)
     assert done.stdout.strip() == "[]"

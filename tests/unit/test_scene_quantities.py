@@ -1,4 +1,4 @@
-"""Quantities: text with a unit or a bare SI number becomes SI; everything else is refused in the user's words."""
+"""Quantities: text with a unit or a bare SI number becomes SI; all else is refused in the user's words."""
 
 from __future__ import annotations
 
@@ -10,21 +10,29 @@ from pydantic import TypeAdapter, ValidationError
 from emclutch import units
 
 RIGHT = [
-    (units.Length, "1.2 mm", 1.2e-3), (units.Length, 0.5, 0.5), (units.Length, "50 µm", 50e-6), (units.Length, ".5e1 cm", 0.05),
-    (units.Speed, "1500 rpm", 50 * math.pi), (units.Speed, "-1 turn/s", -2 * math.pi), (units.Speed, "60 rev/min", 2 * math.pi),
+    (units.Length, "1.2 mm", 1.2e-3), (units.Length, 0.5, 0.5), (units.Length, "50 µm", 50e-6),
+    (units.Length, ".5e1 cm", 0.05),
+    (units.Speed, "1500 rpm", 50 * math.pi), (units.Speed, "-1 turn/s", -2 * math.pi),
+    (units.Speed, "60 rev/min", 2 * math.pi),
     (units.Angle, "3 deg", math.pi / 60), (units.Angle, "3°", math.pi / 60), (units.Current, "940 mA", 0.94),
     (units.Resistance, "25.5 ohm", 25.5), (units.Mass, "20 g", 0.02), (units.FieldStrength, "100 kA/m", 1e5),
     (units.Magnetisation, "1.3 MA/m", 1.3e6), (units.Torque, "12 N m", 12.0), (units.Torque, "12 N·m", 12.0),
     (units.Time, "20 ms", 0.02), (units.Density, "7.7 g/cm3", 7700.0), (units.Inertia, "2 kg m^2", 2.0),
+    (units.Speed, "3 rad s-1", 3.0), (units.FieldStrength, "2 kA*m^-1", 2e3),
+    (units.Density, "1 kg/(m m²)", 1.0),
     (units.Stiffness, "3 N/mm", 3000.0), (units.Voltage, "24 V", 24.0),
 ]  # fmt: skip
 WRONG = [
     (units.Length, "3 kg", "is a mass; a length is needed, e.g. '1 mm'"), (units.Length, "3", "has no unit"),
     (units.Length, "1 mn", "unknown unit"), (units.Length, "wide", "is not a number with a unit"),
-    (units.Length, 0, "allowed: > 0 m"), (units.Length, "20 m", "<= 10 m"), (units.Length, True, "is not a number"),
-    (units.Length, [1], "is not a number"), (units.Length, math.inf, "is not finite"), (units.Length, "1e999 m", "not finite"),
-    (units.Speed, "50 Hz", "no angle"), (units.Angle, "0.1 m", "is a length"), (units.Angle, "10 %", "no angle"),
-    (units.Time, "1 V", "is a voltage"), (units.Length, "1 m**9**9**9", "unit"), (units.Length, "1 __import__('os')", "unit"),
+    (units.Length, 0, "allowed: > 0 m"), (units.Length, "20 m", "<= 10 m"),
+    (units.Length, True, "is not a number"),
+    (units.Length, [1], "is not a number"), (units.Length, math.inf, "is not finite"),
+    (units.Length, "1e999 m", "not finite"),
+    (units.Speed, "50 Hz", "no angle"), (units.Angle, "0.1 m", "is a length"),
+    (units.Angle, "10 %", "no angle"),
+    (units.Time, "1 V", "is a voltage"), (units.Length, "1 m**9**9**9", "unit"),
+    (units.Length, "1 __import__('os')", "unit"),
     (units.Current, "1 A/m", "is a field strength"), (units.Mass, "5 N", "is a force"),
 ]  # fmt: skip
 

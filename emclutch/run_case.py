@@ -81,7 +81,8 @@ def _run(case, folder, case_text, resume, progress, begin) -> Result:
     for label, reason in plan.reasons.items():
         log.info("%s: %s", label, reason)
     mesh_hash = device.mesh.hash() if device.mesh is not None else None
-    folder.write_provenance(seed=scene.scene.seed, mesh_hash=mesh_hash, threads=_threads())
+    folder.write_provenance(seed=scene.scene.seed, mesh_hash=mesh_hash, threads=_threads(),
+                            threading_layer=_threading_layer())
     _say(progress, 0.0, f"packing {plan.count} grains")
     if resume:
         simulation, resume_time = restore(case, device, plan, read_checkpoint(folder.checkpoint), case_text)
@@ -89,12 +90,14 @@ def _run(case, folder, case_text, resume, progress, begin) -> Result:
         simulation, resume_time = assemble(case, device, plan), None
     snapshots = Snapshots(folder, simulation.dem.walls, plan.windows, scene.output.snapshots, scene.output.formats,
                           case_text, resume_time)
+    history = History(folder.history, resume_time)
     stop, last_save = _Stop(), perf_counter()
 
     def checkpoint(simulation, row) -> bool:
         nonlocal last_save
         done = simulation.window >= plan.windows
         if scene.output.checkpoint and (stop.asked or done or perf_counter() - last_save > CHECKPOINT_SECONDS):
+            snapshots.flush()
             save_checkpoint(folder.checkpoint, simulation, case_text)
             last_save = perf_counter()
         return stop.asked
@@ -107,9 +110,9 @@ def _run(case, folder, case_text, resume, progress, begin) -> Result:
     with _interruptible(stop):
         try:
             run_staggered(simulation, plan.end,
-                          (Observables(scene, device), History(folder.history, resume_time), snapshots, checkpoint,
-                           report))
+                          (Observables(scene, device), history, snapshots, report, checkpoint))
         finally:
+            history.close()
             snapshots.close()
     if stop.asked and simulation.window < plan.windows:
         where = f"--out {folder.path} --resume"
@@ -131,7 +134,8 @@ def restore(case, device, plan, state: dict, case_text: str):
         raise RunError("the checkpoint belongs to another scene (its values differ); resume with the run's own "
                        "case.toml, or start anew in another folder with --out")
     dem_state = state["dem"]
-    grains = Grains(*(dem_state[name] for name in ("position", "velocity", "angular_velocity", "radius", "mass",
+    # copies: the DEM wraps and sorts what it is given
+    grains = Grains(*(dem_state[name].copy() for name in ("position", "velocity", "angular_velocity", "radius", "mass",
                                                    "particle_id")))
     simulation = simulation_of(case, device, plan, grains)
     simulation.dem.restore(dem_state)
@@ -209,6 +213,16 @@ def _threads() -> int:
     import numba
 
     return numba.get_num_threads()
+
+
+def _threading_layer() -> str:
+    """The layer that numba will use or uses, e.g. "omp"."""
+    import numba
+
+    try:
+        return numba.threading_layer()
+    except ValueError:  # no parallel kernel has run yet: the first choice that this machine can load
+        return numba.config.THREADING_LAYER_PRIORITY[0]
 
 
 def _say(progress, fraction: float, text: str) -> None:

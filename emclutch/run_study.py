@@ -7,7 +7,7 @@ from pathlib import Path
 from emclutch.results import OutputError, Result, RunFolder, load_result
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.study_pictures import torque_against_current_picture
-from emclutch.run import run
+from emclutch.run_case import run
 from emclutch.scene.study import Study, load_study
 
 

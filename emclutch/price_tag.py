@@ -23,7 +23,8 @@ from emclutch.plan import field_is_needed, make_plan
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.study_pictures import work_precision_picture
-from emclutch.run import run, use_threads
+from emclutch.run_case import run, use_threads
+from emclutch.scene.field_source import CoilField
 from emclutch.scene.time_table import largest
 from particles import pack
 
@@ -61,7 +62,7 @@ class FieldMesh:
     name = "field mesh"
 
     def settings(self, case: Case) -> tuple[float, ...]:
-        return case.scene.accuracy.mesh if case.scene.coil is not None and field_is_needed(case.scene) else ()
+        return case.scene.accuracy.mesh if has_solved_field(case) else ()
 
     def turned(self, case: Case, setting: float) -> Case:
         return case.with_values({"field.size_factor": setting})
@@ -88,6 +89,11 @@ class ContactStep:
 
 
 KNOBS: tuple[Knob, ...] = (FieldMesh(), ContactStep())
+
+
+def has_solved_field(case: Case) -> bool:
+    """Whether the case solves for the field of a coil."""
+    return isinstance(case.scene.field, CoilField) and field_is_needed(case.scene)
 
 
 def field_at(case: Case, points: np.ndarray) -> tuple[dict[str, float | np.ndarray], float]:
@@ -133,7 +139,7 @@ def accuracy(case: Case, *, out: str | Path | None = None, threads: int | None =
     _say(progress, 0.0, "a short run compiles the kernels")
     run(base.with_values({"time.end": WARM_UP_WINDOWS * base.scene.time.end}), out=folder / "warm-up")
     points = packed_points(base)
-    if base.scene.coil is not None and field_is_needed(base.scene):
+    if has_solved_field(base):
         field_at(base, points)
     measured: dict[tuple[str, float], Measurement] = {}
     for number, (knob, setting) in enumerate(todo):
@@ -177,8 +183,7 @@ def relative_error(value, truth) -> float:
 def packed_points(case: Case) -> np.ndarray:
     """Centres of the packed grains (n, 3) [m]; the same for every setting of the knobs."""
     device, plan = make_plan(case)
-    region = device.boxes["box"] if "box" in device.boxes else list(device.boxes.values())
-    return pack(region, device.shape.walls(), plan.count, 0.5 * case.scene.particles.diameter,
+    return pack(device.boxes, device.shape.walls(), plan.count, 0.5 * case.scene.particles.diameter,
                 seed=case.scene.scene.seed, sector=plan.sector)
 
 

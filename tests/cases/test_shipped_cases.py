@@ -1,0 +1,65 @@
+"""Every shipped scene runs at toy size, end to end, and gives one number that is right for it."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+import emclutch
+
+CASES = Path(__file__).resolve().parents[2] / "cases"
+TOY = {"time.end": "0.3 ms", "output.snapshots": 2}
+
+
+def files(result):
+    return {path.name for path in result.folder.path.iterdir()}
+
+
+def test_quickstart_at_toy_size(tmp_path):
+    result = emclutch.run(emclutch.load_case(CASES / "quickstart.toml").with_values(TOY), out=tmp_path / "run")
+    assert {"case.toml", "provenance.json", "run.log", "history.csv", "summary.json", "run.h5", "checkpoint.h5",
+            "particles.pvd", "field.pvd", "walls.pvd", "contacts.pvd", "section.png", "torque.png",
+            "grains.png"} <= files(result)
+    # magnetic circuit: two gaps of 1 mm in series, B = mu_0 mu_powder N I/(2 g), ideal steel, at most
+    assert 0.2 < result.summary["gap_flux_density"] < 4e-7 * math.pi * 3.0 * 500 / 2e-3
+    assert result.history["torque_disc"].iloc[-1] > 0.0  # the rotor drags the disc along
+    assert not result.torque.converged  # 0.3 ms are no steady torque, and it says so
+    assert "run longer" in result.torque.reason
+
+
+def test_powder_clutch_at_toy_size(tmp_path):
+    toy = {**TOY, "time.end": "0.2 ms", "particles.sector": "2 deg", "output.snapshots": 0}
+    case = emclutch.load_case(CASES / "powder_clutch.toml").with_values(toy)
+    result = emclutch.run(case, out=tmp_path / "run")
+    # turns from 25.5 ohm in a window of 14 mm x 14 mm at a mean radius of 58.8 mm, fill 0.6, 1.72e-8 ohm m
+    turns = math.sqrt(25.5 * 0.6 * 14e-3**2 / (1.72e-8 * 2 * math.pi * 58.8e-3))
+    assert result.summary["turns"] == pytest.approx(turns, rel=1e-3)
+    assert result.summary["grains"] * 180 == pytest.approx(20e-3 / (7700 * math.pi / 6 * 0.2e-3**3), rel=1e-3)
+
+
+def test_current_to_torque_at_toy_size(tmp_path):
+    study = emclutch.load_study(CASES / "current_to_torque.toml")
+    toy = {"time.end": "0.1 ms", "particles.sector": "2 deg", "output.snapshots": 0, "output.pictures": False,
+           "field.size_factor": 2.0}
+    small = study.model_copy(update={"set": toy, "values": {"coil.current": ["0 A", "0.94 A"]}})
+    small._path = study.path
+    folder = emclutch.sweep(small, out=tmp_path / "study")
+    table = (folder / "torque_vs_current.csv").read_text().splitlines()
+    assert len(table) == 3
+    assert (folder / "torque_vs_current.png").stat().st_size > 10_000
+    # nothing is repeated on resuming a study that is done
+    before = (folder / "point-000" / "history.csv").stat().st_mtime_ns
+    emclutch.sweep(small, out=tmp_path / "study", resume=True)
+    assert (folder / "point-000" / "history.csv").stat().st_mtime_ns == before
+
+
+@pytest.mark.parametrize("path", sorted(CASES.rglob("*.toml")), ids=lambda path: path.stem)
+def test_every_case_is_valid_and_has_a_header(path):
+    text = path.read_text()
+    for word in ("# Run:", "# Expect:", "# Takes:"):
+        assert word in text.split("\n[")[0]
+    if "[study]" in text:
+        assert emclutch.load_study(path).points()
+    else:
+        case = emclutch.load_case(path)
+        assert not case.warnings

@@ -1,0 +1,145 @@
+"""Laws of whole runs: balances, effects that are off, threads, resuming."""
+
+import numpy as np
+import pytest
+
+import emclutch
+from emclutch.case import case_from
+
+CELL = {
+    "scene": {"title": "sheared annulus", "seed": 3},
+    "geometry": {"kind": "shear_cell", "inner_radius": 10e-3, "outer_radius": 11.2e-3, "height": 2e-3},
+    "field": {"source": "uniform", "field_strength": "150 kA/m", "direction": "radial"},
+    "particles": {"diameter": "0.3 mm", "solid_fraction": 0.35, "sector": "20 deg"},
+    "motion": {"rotor": {"speed": "300 rpm"}, "disc": {"speed": 0.0}},
+    "effects": {"magnetic_force": {}, "dipoles": {"cutoff": 2.5}, "saturation": {}},
+    "time": {"end": "1 ms"},
+    "output": {"snapshots": 0, "pictures": False, "formats": []},
+}
+
+
+def run(tmp_path, name, values=None, **options):
+    return emclutch.run(case_from(CELL, values), out=tmp_path / name, **options)
+
+
+def state(tmp_path, name):
+    from emclutch.results.checkpoint import read_checkpoint
+
+    return read_checkpoint(tmp_path / name / "checkpoint.h5")["dem"]
+
+
+def same(a, b):
+    return all(np.array_equal(a[key], b[key]) for key in ("position", "velocity", "angular_velocity", "particle_id"))
+
+
+def test_torque_balance_with_every_term_computed_on_its_own(tmp_path):
+    """disc + rotor + housing (contacts) + field (m x B of the pairs) + dL/dt (state) = 0.
+
+    The forces are held between evaluations, so the field's torque is known to the travel in that time.
+    """
+    history = run(tmp_path, "held", {"effects.dipoles.update_every": 1}).history
+    terms = history[["torque_disc", "torque_rotor", "torque_housing", "torque_field"]]
+    assert history["torque_field"].abs().mean() > 10 * history["torque_residual"].abs().mean()
+    assert history["torque_residual"].abs().max() < 1e-3 * terms.abs().sum(axis=1).max()
+    every_step, held = history["torque_residual"].abs().mean(), []
+    for n in (4, 16):
+        other = run(tmp_path, f"held-{n}", {"effects.dipoles.update_every": n}).history
+        held.append(other["torque_residual"].abs().mean())
+    assert every_step < held[0] < held[1]  # what is left is the holding, and it goes with it
+
+
+def test_energy_balance_of_a_run(tmp_path):
+    """walls + magnetic work = dissipation by mechanism + stored; the split converges with the step."""
+    left = []
+    for steps in (20, 80):
+        history = run(tmp_path, f"steps-{steps}", {"time.steps_per_contact": steps}).history
+        throughput = (history["work_walls"].abs() + history["dissipated"]).sum()
+        left.append(abs(history["energy_residual"].sum()) / throughput)
+    assert left[0] < 0.02
+    assert left[1] < 0.5 * left[0]
+
+
+def test_an_effect_switched_off_leaves_the_trajectory_bitwise_unchanged(tmp_path):
+    """Without magnetic effects a scene with a field is the scene without one; with them it is another."""
+    off = {"effects.magnetic_force": None, "effects.dipoles": None, "effects.saturation": None,
+           "time.step": 5e-7, "time.window": 5e-5, "contact.stiffness": 3000.0, "time.end": "0.5 ms"}
+    run(tmp_path, "field without effects", off)
+    run(tmp_path, "no field", {**off, "field": None})
+    assert same(state(tmp_path, "field without effects"), state(tmp_path, "no field"))
+    run(tmp_path, "magnetic", {key: value for key, value in off.items() if not key.startswith("effects")})
+    assert not same(state(tmp_path, "magnetic"), state(tmp_path, "no field"))
+
+
+def test_what_is_off_is_not_there(tmp_path):
+    """No held force, no moment, no field, no rolling table is allocated when no effect asks for it."""
+    from emclutch.assembly import assemble
+    from emclutch.plan import make_plan
+
+    off = {"effects.magnetic_force": None, "effects.dipoles": None, "effects.saturation": None, "field": None}
+    case = case_from(CELL, off)
+    simulation = assemble(case, *make_plan(case))
+    assert simulation.effects == []
+    assert simulation.magnetised is None
+    assert simulation.source is None
+    assert simulation.dem.external_force is None
+    assert simulation.dem.gravity is None
+    assert simulation.dem.grains.magnetic_moment is None
+    assert simulation.dem._rolling is None
+
+
+def test_one_and_two_threads_give_the_same_bits(tmp_path):
+    import numba
+
+    if numba.config.NUMBA_NUM_THREADS < 2:
+        pytest.fail("this machine has one core; the test needs two to say anything")
+    many = {"particles.sector": "60 deg", "effects.rolling_friction": {}, "effects.wall_images": {}}
+    run(tmp_path, "one", many, threads=1)
+    run(tmp_path, "two", many, threads=2)
+    assert len(state(tmp_path, "one")["radius"]) > 600  # enough to be shared among threads
+    assert same(state(tmp_path, "one"), state(tmp_path, "two"))
+
+
+def test_an_interrupted_run_resumes_bit_for_bit(tmp_path):
+    """Stopped in the middle by Ctrl-C and resumed: same state, same history."""
+    import signal
+
+    from emclutch.run_case import Interrupted
+
+    run(tmp_path, "whole")
+
+    class Impatient:
+        pressed = False
+
+        def update(self, fraction, text):
+            if fraction > 0.4 and not self.pressed:
+                self.pressed = True
+                signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(Interrupted, match="--resume"):
+        run(tmp_path, "parts", progress=Impatient())
+    resumed = run(tmp_path, "parts", resume=True)
+    assert same(state(tmp_path, "whole"), state(tmp_path, "parts"))
+    whole = (tmp_path / "whole" / "history.csv").read_text().splitlines()
+    parts = (tmp_path / "parts" / "history.csv").read_text().splitlines()
+    clockless = [line.rsplit(",", 3)[0] for line in whole]
+    assert clockless == [line.rsplit(",", 3)[0] for line in parts]
+    assert resumed.summary["time"] == pytest.approx(1e-3, rel=0.05)
+
+
+def test_pair_forces_make_the_torque(tmp_path):
+    """With the field's force alone the cell transmits almost nothing; with dipoles and images it grips."""
+    longer = {"time.end": "3 ms", "effects.rolling_friction": {}}
+    alone = run(tmp_path, "alone", {**longer, "effects.dipoles": None}).history["torque_disc"]
+    pairs = run(tmp_path, "pairs", {**longer, "effects.wall_images": {}}).history["torque_disc"]
+    late = len(pairs) // 2
+    assert pairs[late:].mean() > 5 * abs(alone[len(alone) // 2:].mean())
+
+
+def test_free_disc_locks_up_with_the_rotor(tmp_path):
+    """A light free disc is carried along until both turn together; the time of that is in the summary."""
+    values = {"motion.disc": {"free": {"inertia": 5e-9}}, "effects.rolling_friction": {}, "effects.wall_images": {},
+              "time.end": "6 ms"}
+    result = run(tmp_path, "free", values)
+    speed = result.history["disc_speed"]
+    assert speed.iloc[-1] == pytest.approx(result.history["rotor_speed"].iloc[-1], rel=0.02)
+    assert 0.0 < result.summary["lock_up_time"] < 6e-3

@@ -1,0 +1,59 @@
+"""Imports run one way, the face is light, and nothing may hide the sibling packages."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+MAY_IMPORT = {
+    "geometry": {"geometry"},
+    "field": {"field", "geometry"},
+    "particles": {"particles", "geometry"},
+    "coupling": {"coupling", "field", "particles", "geometry"},
+    "emclutch": {"emclutch", "coupling", "field", "particles", "geometry"},
+}
+SOURCES = [path for package in MAY_IMPORT for path in sorted((ROOT / package).rglob("*.py"))]
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_imports_run_one_way(path):
+    """geometry <- field, geometry <- particles, both <- coupling, all <- emclutch; field and particles never meet."""
+    allowed = MAY_IMPORT[path.relative_to(ROOT).parts[0]]
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            names = [node.module or ""]
+        for name in names:
+            package = name.partition(".")[0]
+            assert package not in MAY_IMPORT or package in allowed, f"{path.name} imports {name}"
+
+
+def test_the_face_imports_nothing_heavy():
+    code = ("import sys, emclutch; heavy = {'gmsh', 'pyvista', 'vtk', 'matplotlib', 'skfem', 'numba', 'pandas', 'pint'};"
+            "print(*sorted(heavy & set(sys.modules)))")
+    found = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == ""
+
+
+def test_a_file_that_hides_a_sibling_is_named(tmp_path):
+    (tmp_path / "field.py").write_text("")
+    code = "import sys; sys.path.insert(0, '.'); import emclutch"
+    environment = {"PYTHONPATH": str(ROOT), "PATH": ""}
+    found = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, env=environment)
+    assert found.returncode != 0
+    assert "ImportError" in found.stderr
+    assert str(tmp_path / "field.py") in found.stderr
+    assert "rename" in found.stderr
+
+
+def test_the_face_offers_what_it_lists():
+    import emclutch
+
+    for name in emclutch.__all__:
+        assert getattr(emclutch, name) is not None
+    assert callable(emclutch.run)
