@@ -26,10 +26,8 @@ from numba import njit, prange
 from coupling.neighbour_rows import NeighbourRows
 
 
-
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def _dipole_rows(position, moment, radius, start, other, shift, turn_cos, turn_sin, cutoff, force, torque,
-                 energy):
+def _dipole_rows(position, moment, radius, start, other, shift, turn_cos, turn_sin, cutoff, force, torque, energy):
     """One grain a row: force [N], z-component of m x B of its neighbours [N m], half of its pair energies [J]."""
     mu_0_4pi = 1e-7
     inner = 0.9 * cutoff
@@ -107,6 +105,18 @@ def add_dipole_forces(position, moment, radius, rows: NeighbourRows, cutoff: flo
     """
     n = position.shape[0]
     torque, energy = np.empty(n), np.empty(n)
-    _dipole_rows(position, moment, radius, rows.start, rows.other, rows.shift, rows.turn_cos,
-                 rows.turn_sin, cutoff, force, torque, energy)
+    _dipole_rows(
+        position,
+        moment,
+        radius,
+        rows.start,
+        rows.other,
+        rows.shift,
+        rows.turn_cos,
+        rows.turn_sin,
+        cutoff,
+        force,
+        torque,
+        energy,
+    )
     return -float(torque.sum()), float(energy.sum())

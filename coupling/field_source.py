@@ -8,16 +8,16 @@ from time import perf_counter
 
 import numpy as np
 
-from field import AxisymmetricProblem, MagneticField
+from field import AxisymmetricProblem, FieldSampler, MagneticField
 
 
 @dataclass(slots=True)
 class ImposedField:
     """A field that nothing in the scene changes; `sampler` has sample(position) -> H, grad H."""
 
-    sampler: object
+    sampler: FieldSampler
 
-    def refresh(self, time: float, fill=None) -> bool:
+    def refresh(self, time: float, fill: np.ndarray | None = None) -> bool:
         """Nothing to solve."""
         return False
 
@@ -47,7 +47,7 @@ class CoilField:
     fill_tolerance: float = 0.05
     element_volume: np.ndarray | None = None
     solution: MagneticField | None = None
-    sampler: object = None
+    sampler: FieldSampler | None = None
     fill: np.ndarray | None = None
     solved_current: float = np.nan
     largest_current: float = 0.0
@@ -79,8 +79,11 @@ class CoilField:
             return False
         begin = perf_counter()
         guess = self.solution if self.solution is not None and self.solved_current != 0.0 else None
-        self.set_solution(self.problem.solve(self.turns * current, fill=fill, guess=guess,
-                                             tolerance=self.newton_tolerance), current, fill)
+        self.set_solution(
+            self.problem.solve(self.turns * current, fill=fill, guess=guess, tolerance=self.newton_tolerance),
+            current,
+            fill,
+        )
         self.solves += 1
         self.seconds += perf_counter() - begin
         return True

@@ -56,8 +56,10 @@ class Ledger:
         for body in dem.bodies:
             if body.name != "housing":  # it stands
                 row[f"{body.name}_speed"] = body.speed
-            parts = {kind: sum(s.torque[body.name][kind] * s.duration for s in steps) / duration
-                     for kind in ("normal", "tangential")}
+            parts = {
+                kind: sum(s.torque[body.name][kind] * s.duration for s in steps) / duration
+                for kind in ("normal", "tangential")
+            }
             row[f"torque_{body.name}"] = parts["normal"] + parts["tangential"]
             if body.name == "disc":
                 row |= {f"torque_disc_{kind}": value for kind, value in parts.items()}
@@ -93,5 +95,10 @@ class Ledger:
             row["work_gravity"] = sum(s.gravity_work for s in steps)
         row["dissipated"] = sum(sum(s.dissipation.values()) for s in steps)
         stored = sum(s.kinetic_change + s.elastic_change for s in steps)
-        row["energy_residual"] = (row["work_walls"] + row.get("work_magnetic", 0.0) + row.get("work_gravity", 0.0)
-                                  - row["dissipated"] - stored)
+        row["energy_residual"] = (
+            row["work_walls"]
+            + row.get("work_magnetic", 0.0)
+            + row.get("work_gravity", 0.0)
+            - row["dissipated"]
+            - stored
+        )

@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from field import FieldSampler, ParticleLaw
+
 
 @dataclass(slots=True)
 class MagnetisedGrains:
@@ -19,22 +21,25 @@ class MagnetisedGrains:
 
     Attributes
     ----------
-    sampler : object with sample(position (n, 3)) -> (H (n, 3) [A/m], grad_H (n, 3, 3) [A/m^2])
-    law : object with magnetisation(H, phi) -> M [A/m]
+    sampler : FieldSampler
+        None until the first solve.
+    law : ParticleLaw
     fill_at : callable (n, 3) -> (n,) solid fraction that is part of H, or None: none is
     """
 
-    sampler: object
-    law: object
+    sampler: FieldSampler | None
+    law: ParticleLaw
     fill_at: Callable[[np.ndarray], np.ndarray] | None = None
     H: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     grad_H: np.ndarray = field(default_factory=lambda: np.zeros((0, 3, 3)))
 
     def update(self, grains) -> None:
         """Sample the field at the grains and set `grains.magnetic_moment` [A m^2]."""
+        assert self.sampler is not None  # the loop refreshes the source first
         self.H, self.grad_H = self.sampler.sample(grains.position)
-        grains.magnetic_moment = moments(self.law, self.H, self.fill_at and self.fill_at(grains.position),
-                                         grains.volume)
+        grains.magnetic_moment = moments(
+            self.law, self.H, self.fill_at and self.fill_at(grains.position), grains.volume
+        )
 
 
 def moments(law, H, fill, volume) -> np.ndarray:

@@ -34,8 +34,7 @@ def neighbour_rows(position: np.ndarray, reach: float, sector=None) -> Neighbour
     # stored as shift + 2: a sparse transpose moves the values, and none of them is zero
     half = csr_array((pairs.shift.astype(np.int8) + np.int8(2), pairs.other, pairs.start), shape=(n, n))
     back = half.T.tocsr()
-    rows = [(half.indptr, half.indices, half.data - np.int8(2)),
-            (back.indptr, back.indices, np.int8(2) - back.data)]
+    rows = [(half.indptr, half.indices, half.data - np.int8(2)), (back.indptr, back.indices, np.int8(2) - back.data)]
     count = np.diff(rows[0][0]) + np.diff(rows[1][0])
     start = np.zeros(n + 1, dtype=np.int64)
     np.cumsum(count, out=start[1:])

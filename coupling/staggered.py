@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from coupling.effects.effect import Effect
+from coupling.field_source import CoilField, ImposedField
 from coupling.ledgers import Ledger
 from coupling.magnetised_grains import MagnetisedGrains
 from coupling.neighbour_rows import NeighbourRows, neighbour_rows
@@ -39,7 +40,7 @@ class Simulation:
     dem: DEM
     effects: list[Effect]
     magnetised: MagnetisedGrains | None
-    source: object | None
+    source: CoilField | ImposedField | None
     steps_per_update: int
     updates: int
     n_sectors: int = 1
@@ -51,7 +52,7 @@ class Simulation:
     def rows(self, cutoff: float) -> NeighbourRows:
         """Neighbour rows out to `cutoff` [m]; made anew with the contact list, and so one skin wider."""
         key = (cutoff, self.dem.list_version)
-        if key != self._rows_key:
+        if self._rows is None or key != self._rows_key:
             self._rows = neighbour_rows(self.dem.grains.position, cutoff + self.dem.skin, self.dem.sector)
             self._rows_key = key
         return self._rows
@@ -60,8 +61,14 @@ class Simulation:
         """The present rows for a checkpoint: their order fixes the order of sums, bit for bit."""
         if self._rows is None or self._rows_key[1] != self.dem.list_version:
             return None  # stale: they would be built anew in any case
-        return {"cutoff": self._rows_key[0], "start": self._rows.start, "other": self._rows.other,
-                "shift": self._rows.shift, "turn_cos": self._rows.turn_cos, "turn_sin": self._rows.turn_sin}
+        return {
+            "cutoff": self._rows_key[0],
+            "start": self._rows.start,
+            "other": self._rows.other,
+            "shift": self._rows.shift,
+            "turn_cos": self._rows.turn_cos,
+            "turn_sin": self._rows.turn_sin,
+        }
 
     def restore_rows(self, state: dict | None) -> None:
         """Take the rows of a checkpoint."""
@@ -85,7 +92,7 @@ def run_staggered(simulation: Simulation, end: float, callbacks: Iterable[Callab
         ledger.clock("field")
         for effect in simulation.effects:
             effect.begin_window(simulation)
-        if simulation.source is not None:
+        if simulation.source is not None and simulation.magnetised is not None:
             simulation.source.refresh(dem.time, simulation.fill)
             simulation.magnetised.sampler = simulation.source.sampler
 
@@ -93,7 +100,7 @@ def run_staggered(simulation: Simulation, end: float, callbacks: Iterable[Callab
             # 2. field -> moments -> held forces
             ledger.clock("magnetic")
             if simulation.magnetised is not None:
-                dem.external_force = magnetic_forces(simulation, ledger)
+                dem.external_force = magnetic_forces(simulation, simulation.magnetised, ledger)
 
             # 3. grains and shafts, many steps
             ledger.clock("contact")
@@ -107,12 +114,10 @@ def run_staggered(simulation: Simulation, end: float, callbacks: Iterable[Callab
             return
 
 
-def magnetic_forces(simulation: Simulation, ledger: Ledger) -> np.ndarray:
+def magnetic_forces(simulation: Simulation, magnetised: MagnetisedGrains, ledger: Ledger) -> np.ndarray:
     """Moments and the sum of all magnetic effects' forces (n, 3) [N] at the present positions."""
-    simulation.magnetised.update(simulation.dem.grains)
+    magnetised.update(simulation.dem.grains)
     force = np.zeros_like(simulation.dem.grains.position)
     for effect in simulation.effects:
         ledger.book(effect.add_forces(simulation, force))
     return force
-
-

@@ -22,8 +22,9 @@ from geometry import RevolvedWall
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def _image_rows(position, moment, radius, start, other, shift, turn_cos, turn_sin, walls, reflection, cutoff,
-                height, force, torque):
+def _image_rows(
+    position, moment, radius, start, other, shift, turn_cos, turn_sin, walls, reflection, cutoff, height, force, torque
+):
     """One grain a row; walls (w, 5): r0, z0, tangent r, z, length; height (n, w) is scratch and result."""
     n = position.shape[0]
     n_walls = walls.shape[0]
@@ -40,7 +41,7 @@ def _image_rows(position, moment, radius, start, other, shift, turn_cos, turn_si
     for i in prange(n):
         xi, yi, zi = position[i, 0], position[i, 1], position[i, 2]
         ax, ay, az = moment[i, 0], moment[i, 1], moment[i, 2]
-        fx = fy = fz = tz = 0.0
+        fx = fy = fz = 0.0
         for w in range(n_walls):
             if height[i, w] > 1e29:
                 continue
@@ -113,8 +114,9 @@ def magnetic_wall_table(walls) -> np.ndarray:
     return np.array(rows, dtype=float).reshape(-1, 5)
 
 
-def add_image_forces(position, moment, radius, rows: NeighbourRows, walls: np.ndarray, reflection: float,
-                     cutoff: float, force) -> float:
+def add_image_forces(
+    position, moment, radius, rows: NeighbourRows, walls: np.ndarray, reflection: float, cutoff: float, force
+) -> float:
     """Add the forces [N] of all images within `cutoff` [m] to `force` (n, 3), in place.
 
     `walls` is `magnetic_wall_table(...)`, `reflection` is k [-]; other arguments as in `add_dipole_forces`.
@@ -122,6 +124,20 @@ def add_image_forces(position, moment, radius, rows: NeighbourRows, walls: np.nd
     """
     n = position.shape[0]
     torque = np.empty(n)
-    _image_rows(position, moment, radius, rows.start, rows.other, rows.shift, rows.turn_cos, rows.turn_sin, walls,
-                reflection, cutoff, np.empty((n, len(walls))), force, torque)
+    _image_rows(
+        position,
+        moment,
+        radius,
+        rows.start,
+        rows.other,
+        rows.shift,
+        rows.turn_cos,
+        rows.turn_sin,
+        walls,
+        reflection,
+        cutoff,
+        np.empty((n, len(walls))),
+        force,
+        torque,
+    )
     return float(torque.sum())

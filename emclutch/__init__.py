@@ -13,12 +13,33 @@ from emclutch.faults import SceneError  # noqa: E402
 from emclutch.lazily import lazy_attributes  # noqa: E402
 
 __version__ = "0.1.0"
-__all__ = ["Case", "SceneError", "accuracy", "coupling", "field", "geometry", "load_case", "load_result", "load_study",
-           "particles", "run", "sweep"]
+__all__ = [
+    "Case",
+    "SceneError",
+    "accuracy",
+    "coupling",
+    "field",
+    "geometry",
+    "load_case",
+    "load_result",
+    "load_study",
+    "particles",
+    "run",
+    "sweep",
+]
 
 # what imports numba, gmsh or matplotlib is imported when it is first asked for: `import emclutch` stays quick
-__getattr__, __dir__ = lazy_attributes(__name__, {
-    "run": "emclutch.run_case:run", "sweep": "emclutch.run_study:sweep", "accuracy": "emclutch.price_tag:accuracy",
-    "load_result": "emclutch.results:load_result", "load_study": "emclutch.scene.study:load_study",
-    "geometry": "geometry", "field": "field", "particles": "particles", "coupling": "coupling",
-})
+__getattr__, __dir__ = lazy_attributes(
+    __name__,
+    {
+        "run": "emclutch.run_case:run",
+        "sweep": "emclutch.run_study:sweep",
+        "accuracy": "emclutch.price_tag:accuracy",
+        "load_result": "emclutch.results:load_result",
+        "load_study": "emclutch.scene.study:load_study",
+        "geometry": "geometry",
+        "field": "field",
+        "particles": "particles",
+        "coupling": "coupling",
+    },
+)

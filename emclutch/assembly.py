@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from math import pi
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from coupling import (
     BackReaction,
     CoilField,
+    Effect,
     FillDeposition,
     FixedDipoles,
     ImposedField,
@@ -18,8 +20,9 @@ from coupling import (
     WallImages,
 )
 from emclutch.case import Case
-from emclutch.device import Device, current_course, grain_law
+from emclutch.device import CoilDevice, Device, grain_law
 from emclutch.plan import Plan
+from emclutch.scene.model import Scene
 from emclutch.scene.time_table import points_of
 from particles import DEM, Body, FreeShaft, Grains, PrescribedSpeed, RollingFriction, pack
 
@@ -44,26 +47,35 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
     rolling = None
     if effects.rolling_friction is not None:
         rolling = RollingFriction(effects.rolling_friction.coefficient, effects.rolling_friction.wall_coefficient)
-    dem = DEM(grains, walls, shafts(scene, walls), plan.contact, dt=plan.dt, gravity=gravity, sector=plan.sector,
-              rolling=rolling)
+    dem = DEM(
+        grains,
+        walls,
+        shafts(scene, walls),
+        plan.contact,
+        dt=plan.dt,
+        gravity=gravity,
+        sector=plan.sector,
+        rolling=rolling,
+    )
     source = field_source(scene, device)
     deposition = None
-    if effects.back_reaction is not None:
-        deposition = FillDeposition(device.mesh, scene.particles.diameter, scene.particles.sector or 2 * pi)
+    fill_at = None
+    if effects.back_reaction is not None and device.coil is not None and isinstance(source, CoilField):
+        deposition = deposition_of(scene, device.coil)
         source.element_volume = deposition.volume
-    magnetised = None
-    if source is not None:
-        fill_at = None if deposition is None else (lambda position: deposition.at(position, source.fill))
-        magnetised = MagnetisedGrains(source.sampler, grain_law(scene), fill_at)
+        fill_at = partial(_fill_at, deposition, source)
+    magnetised = None if source is None else MagnetisedGrains(source.sampler, grain_law(scene), fill_at)
     n_sectors = 1 if plan.sector is None else plan.sector.n_sectors
-    return Simulation(dem, effects_of(scene, walls, deposition), magnetised, source, plan.steps_per_update,
-                      plan.updates, n_sectors)
+    return Simulation(
+        dem, effects_of(scene, walls, deposition), magnetised, source, plan.steps_per_update, plan.updates, n_sectors
+    )
 
 
-def effects_of(scene, walls, deposition: FillDeposition | None) -> list:
+def effects_of(scene: Scene, walls, deposition: FillDeposition | None) -> list[Effect]:
     """The effects of the scene, in the order in which they act; gravity and rolling live in the grains' own step."""
-    effects, chosen = [], scene.effects
-    if chosen.back_reaction is not None:
+    effects: list[Effect] = []
+    chosen = scene.effects
+    if deposition is not None:
         effects.append(BackReaction(deposition))
     if chosen.magnetic_force is not None:
         effects.append(MagneticForce())
@@ -75,13 +87,24 @@ def effects_of(scene, walls, deposition: FillDeposition | None) -> list:
     return effects
 
 
-def field_source(scene, device: Device):
+def deposition_of(scene: Scene, coil: CoilDevice) -> FillDeposition:
+    """Deposition of the scene's grains on the powder's elements."""
+    return FillDeposition(coil.mesh, scene.particles.diameter, scene.particles.sector or 2 * pi)
+
+
+def _fill_at(deposition: FillDeposition, source: CoilField, position: np.ndarray) -> np.ndarray:
+    """Solid fraction around the grains that the present field was solved with."""
+    assert source.fill is not None  # set by the window's first solve
+    return deposition.at(position, source.fill)
+
+
+def field_source(scene: Scene, device: Device) -> CoilField | ImposedField | None:
     """Where the scene's field comes from; None when no effect needs one."""
-    if device.sampler is not None:
-        return ImposedField(device.sampler)
-    if device.problem is None:
+    if device.imposed is not None:
+        return ImposedField(device.imposed)
+    if device.coil is None:
         return None
-    source = CoilField(device.problem, device.turns, current_course(scene), scene.field.newton_tolerance)
+    source = CoilField(device.coil.problem, device.coil.turns, device.coil.current, device.coil.newton_tolerance)
     if scene.effects.back_reaction is not None:
         source.fill_tolerance = scene.effects.back_reaction.tolerance
     return source
@@ -96,8 +119,9 @@ def shafts(scene, walls) -> list[Body]:
             bodies.append(Body(name))
         elif motion.free is not None:
             free = motion.free
-            bodies.append(Body(name, FreeShaft(free.inertia, free.drive_torque, free.load_torque),
-                               speed=free.initial_speed))
+            bodies.append(
+                Body(name, FreeShaft(free.inertia, free.drive_torque, free.load_torque), speed=free.initial_speed)
+            )
         else:
             bodies.append(Body(name, PrescribedSpeed(*points_of(motion.speed))))
     return bodies

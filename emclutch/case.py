@@ -91,9 +91,7 @@ def load_case(path: str | Path, overrides: Mapping[str, Any] | None = None) -> C
     return case_from(data, overrides or {}, path)
 
 
-def case_from(
-    data: Mapping[str, Any], values: Mapping[str, Any] | None = None, path: Path | None = None
-) -> Case:
+def case_from(data: Mapping[str, Any], values: Mapping[str, Any] | None = None, path: Path | None = None) -> Case:
     """Check a scene given as nested dictionaries, with dotted `values` set in a copy of it."""
     changed = copy.deepcopy(dict(data))
     source = "scene" if path is None else str(path)
@@ -138,11 +136,7 @@ def _set(data: dict[str, Any], key: str, value: Any) -> list[Fault]:
     for step in tables:
         table = data.setdefault(step, {}) if value is not None else data.get(step, {})
         if not isinstance(table, dict):
-            return [
-                Fault(
-                    key, "", f"cannot be set: {step} is a value in this scene, not a table; set {step} itself"
-                )
-            ]
+            return [Fault(key, "", f"cannot be set: {step} is a value in this scene, not a table; set {step} itself")]
         data = table
     if value is None:
         data.pop(name, None)

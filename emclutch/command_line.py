@@ -38,13 +38,9 @@ CaseFile = Annotated[Path, typer.Argument(metavar="CASE", help="scene file (.tom
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="study file (.toml)")]
 RunPath = Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run")]
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="new folder for the results")]
-NewFile = Annotated[
-    Path | None, typer.Option("--out", metavar="FILE", help="new file; default: the terminal")
-]
+NewFile = Annotated[Path | None, typer.Option("--out", metavar="FILE", help="new file; default: the terminal")]
 NewPicture = Annotated[Path | None, typer.Option("--out", metavar="FILE", help="new picture (.png)")]
-Sets = Annotated[
-    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="set a key: coil.current='0.8 A'")
-]
+Sets = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="set a key: coil.current='0.8 A'")]
 Resume = Annotated[bool, typer.Option("--resume", help="go on from the last checkpoint")]
 Threads = Annotated[int | None, typer.Option("--threads", help="threads; results do not depend on them")]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="stop after the plan; nothing is written")]
@@ -73,9 +69,8 @@ def run(
             _tell_plan(read, as_json)
             return
         _check_threads(threads)
-        from emclutch.run_case import run as run_scene
-
         from emclutch.results import Progress
+        from emclutch.run_case import run as run_scene
 
         with nullcontext() if as_json else Progress() as progress:
             result = run_scene(read, out=out, threads=threads, resume=resume, progress=progress)
@@ -216,9 +211,7 @@ def doctor() -> None:
     table.add_row("this folder", str(Path.cwd()), "ok" if os.access(".", os.W_OK) else "read-only: use --out")
     Console().print(table)
     if not good:
-        _stop(
-            "something is missing: make setup installs it; gmsh's shared libraries are in the README", FAILED
-        )
+        _stop("something is missing: make setup installs it; gmsh's shared libraries are in the README", FAILED)
 
 
 def torque_line(torque: dict[str, Any] | None) -> str:
@@ -256,9 +249,7 @@ def _assignments(sets: list[str] | None) -> dict[str, Any]:
 def _check_threads(threads: int | None) -> None:
     cores = os.cpu_count() or 1
     if threads is not None and not 1 <= threads <= cores:
-        message = (
-            f"is out of range; allowed: 1 to {cores}, the cores of this machine; lower it or leave it out"
-        )
+        message = f"is out of range; allowed: 1 to {cores}, the cores of this machine; lower it or leave it out"
         raise SceneError([Fault("--threads", str(threads), message)], "command line")
 
 

@@ -6,7 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from emclutch.scene.field_source import CoilField as CoilFieldSection
+from emclutch.scene.field_source import UniformField as UniformFieldSection
 from emclutch.scene.fill import Fill, boxes_to_fill, fill_of
+from emclutch.scene.geometry import ClutchGeometry
 from emclutch.scene.materials import FroehlichMaterial, LinearMaterial
 from emclutch.scene.model import Scene
 from emclutch.scene.time_table import points_of
@@ -15,6 +18,7 @@ from field import (
     FroehlichLaw,
     GrainLaw,
     LinearLaw,
+    MagneticField,
     PowderLaw,
     RadialField,
     TableLaw,
@@ -23,6 +27,54 @@ from field import (
     material,
 )
 from geometry import AnnularBox, Box, Clutch, SectionMesh, ShearCell, mesh_clutch
+
+
+@dataclass(frozen=True, slots=True)
+class CoilDevice:
+    """A device whose field a coil makes: what the solves need.
+
+    Attributes
+    ----------
+    shape : Clutch
+    mesh : SectionMesh
+    problem : AxisymmetricProblem
+    turns : float
+    times, currents : tuple of float
+        Course of the current, [s] and [A]; linear between, held beyond.
+    newton_tolerance : float
+    powder_boxes : list of AnnularBox
+        What is filled with powder.
+    """
+
+    shape: Clutch
+    mesh: SectionMesh
+    problem: AxisymmetricProblem
+    turns: float
+    times: tuple[float, ...]
+    currents: tuple[float, ...]
+    newton_tolerance: float
+    powder_boxes: list[AnnularBox]
+
+    def current(self, time: float) -> float:
+        """I [A] at a time [s]."""
+        return float(np.interp(time, self.times, self.currents))
+
+    @property
+    def largest_current(self) -> float:
+        """Largest |I| of the course [A]."""
+        return max(abs(current) for current in self.currents)
+
+    def solve_at_peak(self, fill: np.ndarray | None) -> MagneticField:
+        """The field at the largest current for a fill (n powder elements,) [-]."""
+        return self.problem.solve(self.turns * self.largest_current, fill=fill, tolerance=self.newton_tolerance)
+
+    def uniform_fill(self, phi: float) -> np.ndarray:
+        """Solid fraction `phi` on the powder's elements inside the filled boxes, 0 outside; (n powder elements,)."""
+        r, z = self.mesh.centroid()[self.mesh.regions["powder"]].T
+        inside = np.zeros(len(r), dtype=bool)
+        for box in self.powder_boxes:
+            inside |= (r > box.r0) & (r < box.r1) & (z > box.z0) & (z < box.z1)
+        return np.where(inside, phi, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,21 +88,17 @@ class Device:
         Where the powder is filled in, as `particles.pack` takes it.
     fill : Fill
         Amount of powder.
-    mesh : SectionMesh or None
+    coil : CoilDevice or None
         None where no field has to be solved.
-    problem : AxisymmetricProblem or None
-    turns : float or None
-    sampler : object or None
-        Imposed field of a scene without a coil.
+    imposed : UniformField, RadialField or None
+        Field of a scene without a coil.
     """
 
     shape: Clutch | ShearCell | Box
     boxes: list[AnnularBox] | Box
     fill: Fill
-    mesh: SectionMesh | None
-    problem: AxisymmetricProblem | None
-    turns: float | None
-    sampler: UniformField | RadialField | None
+    coil: CoilDevice | None = None
+    imposed: UniformField | RadialField | None = None
 
     @property
     def shear_radius(self) -> float:
@@ -78,22 +126,34 @@ class Device:
         return self.shape.outer_radius if isinstance(self.shape, ShearCell) else self.shape.bore_radius
 
 
-def build_device(scene: Scene, *, field_needed: bool, mesh_path=None) -> Device:
+def field_is_needed(scene: Scene) -> bool:
+    """Whether any effect of the scene samples the field."""
+    return scene.effects.magnetic_force is not None or scene.effects.dipoles is not None
+
+
+def build_device(scene: Scene) -> Device:
     """Shape, mesh and materials of a scene; no mesh is made when no effect needs the field."""
-    source = scene.field
     shape = scene.shape()
-    boxes = boxes_to_fill(shape, scene.particles.region) or shape
+    boxes = shape if isinstance(shape, Box) else boxes_to_fill(shape, scene.particles.region)
     fill = fill_of(shape, scene.particles)
-    if not field_needed:
-        return Device(shape, boxes, fill, None, None, None, None)
-    if source.source == "uniform":
-        return Device(shape, boxes, fill, None, None, None, _imposed(source, shape))
-    mesh = mesh_clutch(shape, gap_layers=source.gap_layers, size_factor=source.size_factor, path=mesh_path)
-    laws = region_laws(scene, mesh)
+    if not field_is_needed(scene):
+        return Device(shape, boxes, fill)
+    if isinstance(scene.field, UniformFieldSection):
+        return Device(shape, boxes, fill, imposed=imposed_field(scene.field, shape))
+    return Device(shape, boxes, fill, coil=build_coil_device(scene))
+
+
+def build_coil_device(scene: Scene) -> CoilDevice:
+    """Mesh, materials and coil of a clutch."""
+    shape, source, coil = scene.shape(), scene.field, scene.coil
+    assert isinstance(shape, Clutch) and isinstance(source, CoilFieldSection) and coil is not None  # by the schema
+    mesh = mesh_clutch(shape, gap_layers=source.gap_layers, size_factor=source.size_factor)
     powder = PowderLaw(grain_law(scene)) if scene.effects.back_reaction is not None else None
-    problem = AxisymmetricProblem(mesh, laws, powder_law=powder, order=source.order)
-    turns = scene.coil.turns_in(shape.coil_area, shape.coil_mean_radius)
-    return Device(shape, boxes, fill, mesh, problem, turns, None)
+    problem = AxisymmetricProblem(mesh, region_laws(scene, mesh), powder_law=powder, order=source.order)
+    turns = coil.turns_in(shape.coil_area, shape.coil_mean_radius)
+    times, currents = points_of(coil.current)
+    boxes = boxes_to_fill(shape, scene.particles.region)
+    return CoilDevice(shape, mesh, problem, turns, times, currents, source.newton_tolerance, boxes)
 
 
 def grain_law(scene: Scene) -> GrainLaw:
@@ -105,6 +165,7 @@ def grain_law(scene: Scene) -> GrainLaw:
 
 def region_laws(scene: Scene, mesh: SectionMesh) -> dict:
     """Magnetic law of each region of the mesh, by the scene's names of materials."""
+    assert isinstance(scene.geometry, ClutchGeometry)  # only a clutch has a mesh
     names = scene.geometry.materials.model_dump()
     names["shaft_in"] = names["shaft_out"] = names.pop("shaft")
     return {region: magnetic_law(scene, names[region]) for region in mesh.regions if region in names}
@@ -122,13 +183,8 @@ def magnetic_law(scene: Scene, name: str):
     return TableLaw(np.array(own.H), np.array(own.B), name, "the scene")
 
 
-def current_course(scene: Scene):
-    """I(t) [A] of the coil as a function of time [s]."""
-    times, values = points_of(scene.coil.current)
-    return lambda time: float(np.interp(time, times, values))
-
-
-def _imposed(source, shape):
+def imposed_field(source: UniformFieldSection, shape) -> UniformField | RadialField:
+    """The field of a scene without a coil."""
     H0 = source.field_strength
     if source.direction == "radial":
         middle = 0.5 * (shape.inner_radius + shape.outer_radius)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from emclutch.case import Case
 from emclutch.results import OutputError, RunFolder
+from emclutch.scene.field_source import CoilField
 from geometry import Clutch, draw_section, mesh_clutch
 
 
@@ -17,8 +18,9 @@ def mesh_case(case: Case, out: str | Path | None = None) -> tuple[Path, Path, in
     """
     shape = case.scene.shape()
     if not isinstance(shape, Clutch):
-        raise ValueError(f"geometry.kind = {case.scene.geometry.kind!r} has no field and so no mesh; "
-                         "clutch and drum have one")
+        raise ValueError(
+            f"geometry.kind = {case.scene.geometry.kind!r} has no field and so no mesh; clutch and drum have one"
+        )
     folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-mesh")
     files = folder / "mesh.msh", folder / "mesh.png"
     for file in files:
@@ -27,10 +29,11 @@ def mesh_case(case: Case, out: str | Path | None = None) -> tuple[Path, Path, in
     try:
         folder.mkdir(parents=True, exist_ok=True)
         source = case.scene.field
-        layers, size = (4, 1.0) if source is None else (source.gap_layers, source.size_factor)
+        layers, size = (source.gap_layers, source.size_factor) if isinstance(source, CoilField) else (4, 1.0)
         mesh = mesh_clutch(shape, gap_layers=layers, size_factor=size, path=files[0])
         draw_section(mesh, files[1], title=case.scene.scene.title)
     except OSError as error:
-        raise OutputError(f"cannot write to {folder}: {error.strerror or error}; name another folder with --out"
-                          ) from error
+        raise OutputError(
+            f"cannot write to {folder}: {error.strerror or error}; name another folder with --out"
+        ) from error
     return *files, len(mesh.triangles)

@@ -8,6 +8,7 @@ import numpy as np
 
 from coupling import CoilField, Simulation
 from emclutch.device import Device
+from field import MagneticField
 from geometry import Clutch, ShearCell
 
 
@@ -25,10 +26,10 @@ class Observables:
         if isinstance(source, CoilField):
             row["current"] = source.current(row["time"])
             row["field_solves"] = 0
-            if source.solution is not self._seen_solution:
+            if source.solution is not None and source.solution is not self._seen_solution:
                 row["field_solves"] = 1
                 self._seen_solution = source.solution
-                self._field_row = self._field_quantities(source)
+                self._field_row = self._field_quantities(source, source.solution)
             row.update(self._field_row)
         box = self._shear_box()
         if box is not None:
@@ -37,8 +38,7 @@ class Observables:
             inside = (r > box.r0) & (r < box.r1) & (x[:, 2] > box.z0) & (x[:, 2] < box.z1)
             volume = simulation.n_sectors * simulation.dem.grains.volume[inside].sum()
             row["solid_fraction_gap"] = float(volume / box.volume())
-            row["inertial_number"] = self.inertial_number(row["torque_disc"],
-                                                          row["rotor_speed"] - row["disc_speed"])
+            row["inertial_number"] = self.inertial_number(row["torque_disc"], row["rotor_speed"] - row["disc_speed"])
 
     def inertial_number(self, torque: float, slip: float) -> float | None:
         """Upper bound of I = shear rate d sqrt(rho/P) in the rim gap; None where no torque gives a pressure.
@@ -62,8 +62,8 @@ class Observables:
         boxes = shape.fill_boxes()
         return boxes.get("rim", next(iter(boxes.values())))
 
-    def _field_quantities(self, source: CoilField) -> dict[str, float]:
-        solution = source.solution
+    def _field_quantities(self, source: CoilField, solution: MagneticField) -> dict[str, float]:
+        assert isinstance(self._device.shape, Clutch)
         return {
             "flux_linkage": source.turns * solution.flux_linkage_per_turn,
             "field_energy": solution.energy,
@@ -73,7 +73,7 @@ class Observables:
         }
 
 
-def pole_flux_density(shape: Clutch, solution) -> float:
+def pole_flux_density(shape: Clutch, solution: MagneticField) -> float:
     """Mean |B| [T] on the middle of the rim gap under the two pole faces, or of the face gap of a thin disc."""
     midline = shape.gap_midline(201)
     under = midline[np.abs(midline[:, 1]) > 0.5 * shape.ring_width]

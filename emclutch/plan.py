@@ -10,9 +10,10 @@ import numpy as np
 from coupling import impact_stiffness, magnetic_load, weight_load
 from emclutch.case import Case
 from emclutch.device import Device, build_device, grain_law
+from emclutch.scene.field_source import CoilField
 from emclutch.scene.time_table import largest
 from field import MagneticField
-from geometry import Clutch
+from geometry import AnnularBox, Box, Clutch, ShearCell
 from particles import CyclicSector, LinearContact, choose_time_step, stiffness_for_overlap
 
 # nanoseconds a grain and step for contacts, and a neighbour for dipoles; measured on two cores, for estimates only
@@ -59,31 +60,33 @@ class Plan:
         return self.windows * self.updates * self.steps_per_update * self.dt
 
 
-def field_is_needed(scene) -> bool:
-    """Whether any effect of the scene samples the field."""
-    effects = scene.effects
-    return effects.magnetic_force is not None or effects.dipoles is not None
-
-
 def make_plan(case: Case, device: Device | None = None) -> tuple[Device, Plan]:
     """Build the device (unless given) and decide stiffness, step, windows and numbers of the run.
 
     Raises ValueError with a remedy when the scene's own step is too long, or no stiffness follows from it.
     """
     scene = case.scene
-    device = device or build_device(scene, field_needed=field_is_needed(scene))
+    device = device or build_device(scene)
     particles = scene.particles
     sector = None if particles.sector is None else CyclicSector(particles.sector)
     fill = device.fill
     where = particles.region if isinstance(device.shape, Clutch) else "space"
-    reasons = {"grains": f"{fill.count} simulated of {fill.count * particles.n_sectors} in the device "
-                         f"({fill.mass * 1e3:.3g} g), solid fraction {fill.solid_fraction:.3f} of the {where} filled"}
+    reasons = {
+        "grains": f"{fill.count} simulated of {fill.count * particles.n_sectors} in the device "
+        f"({fill.mass * 1e3:.3g} g), solid fraction {fill.solid_fraction:.3f} of the {where} filled"
+    }
     field, M_max = expected_magnetisation(case, device)
     speed = _largest_speed(scene, device)
     contact = _contact(scene, device, M_max, _impact_speed(scene, device, speed), reasons)
     mass = particles.density * particles.grain_volume
-    step = choose_time_step(contact, mass, 0.5 * particles.diameter, speed=speed,
-                            steps_per_contact=scene.time.steps_per_contact, dt=scene.time.step)
+    step = choose_time_step(
+        contact,
+        mass,
+        0.5 * particles.diameter,
+        speed=speed,
+        steps_per_contact=scene.time.steps_per_contact,
+        dt=scene.time.step,
+    )
     reasons["time step"] = step.reason
     per_update, updates, windows = _windows(scene, step.dt, speed, M_max > 0.0 or field is not None, reasons)
     plan = Plan(fill.count, sector, contact, step.dt, per_update, updates, windows, field, M_max, reasons)
@@ -95,35 +98,29 @@ def expected_magnetisation(case: Case, device: Device) -> tuple[MagneticField | 
     """Field at the largest current with the powder spread evenly over its boxes, and the grains' largest M there."""
     scene = case.scene
     law = grain_law(scene)
-    if device.sampler is not None:
-        H = scene.field.field_strength
-        return None, float(law.magnetisation(np.array([abs(H)]), np.zeros(1))[0])
-    if device.problem is None:
+    if device.imposed is not None:
+        H = device.imposed.sample(_corners(device))[0]
+        strength = np.linalg.norm(H, axis=1).max(keepdims=True)
+        return None, float(law.magnetisation(strength, np.zeros(1))[0])
+    if device.coil is None:
         return None, 0.0
-    fill = None
     phi = device.fill.solid_fraction
-    if scene.effects.back_reaction is not None:
-        fill = uniform_fill(device, phi)
-    peak = largest(scene.coil.current)
-    field = device.problem.solve(device.turns * peak, fill=fill, tolerance=scene.field.newton_tolerance)
-    points = _sample_points(device, scene.particles.diameter)
-    H = np.linalg.norm(field.sampler("powder").sample(points)[0], axis=1)
-    return field, float(law.magnetisation(H, np.full(len(H), phi if fill is not None else 0.0)).max())
+    coupled = scene.effects.back_reaction is not None
+    field = device.coil.solve_at_peak(device.coil.uniform_fill(phi) if coupled else None)
+    points = _sample_points(device.coil.powder_boxes, scene.particles.diameter)
+    strength = np.linalg.norm(field.sampler("powder").sample(points)[0], axis=1)
+    return field, float(law.magnetisation(strength, np.full(len(strength), phi if coupled else 0.0)).max())
 
 
-def uniform_fill(device: Device, phi: float) -> np.ndarray:
-    """Solid fraction `phi` on the powder's elements inside the filled boxes, 0 outside; (n powder elements,)."""
-    centroid = device.mesh.centroid()[device.mesh.regions["powder"]]
-    inside = np.zeros(len(centroid), dtype=bool)
-    for box in device.boxes:
-        inside |= ((centroid[:, 0] > box.r0) & (centroid[:, 0] < box.r1)
-                   & (centroid[:, 1] > box.z0) & (centroid[:, 1] < box.z1))
-    return np.where(inside, phi, 0.0)
+def _corners(device: Device) -> np.ndarray:
+    """Where an imposed field is strongest: at the smallest radius that grains reach, (1, 3) [m]."""
+    radius = device.shape.inner_radius if isinstance(device.shape, ShearCell) else 0.0
+    return np.array([[radius, 0.0, 0.0]])
 
 
-def _sample_points(device: Device, diameter: float) -> np.ndarray:
+def _sample_points(boxes: list[AnnularBox], diameter: float) -> np.ndarray:
     points = []
-    for box in device.boxes:
+    for box in boxes:
         r = np.linspace(box.r0 + 0.5 * diameter, box.r1 - 0.5 * diameter, 9)
         z = np.linspace(box.z0 + 0.5 * diameter, box.z1 - 0.5 * diameter, 121)
         r, z = np.meshgrid(r, z)
@@ -158,7 +155,7 @@ def _contact(scene, device: Device, M_max: float, speed: float, reasons: dict[st
     mass = particles.density * particles.grain_volume
     loads = {f"grains magnetised to {M_max / 1e3:.3g} kA/m": magnetic_load(M_max, d)}
     if scene.effects.gravity is not None:
-        height = device.shape.size[2] if hasattr(device.shape, "size") else 2.0 * device.largest_radius
+        height = device.shape.size[2] if isinstance(device.shape, Box) else 2.0 * device.largest_radius
         loads["the weight of the bed"] = weight_load(particles.density, scene.effects.gravity.acceleration, height, d)
     cause, force = max(loads.items(), key=lambda item: item[1])
     by_impact = impact_stiffness(mass, speed, contact.max_overlap * d)
@@ -167,18 +164,22 @@ def _contact(scene, device: Device, M_max: float, speed: float, reasons: dict[st
     if contact.stiffness is not None:
         stiffness = contact.stiffness
         expected = max(force / stiffness, speed * np.sqrt(mass / stiffness)) / d
-        reasons["stiffness"] = (f"k_n = {stiffness:.3g} N/m as asked; overlap to be expected {100 * expected:.2g} % "
-                                f"of the diameter")
+        reasons["stiffness"] = (
+            f"k_n = {stiffness:.3g} N/m as asked; overlap to be expected {100 * expected:.2g} % of the diameter"
+        )
     elif stiffness == 0.0:
-        raise ValueError("nothing loads the contacts (no weight, no magnetism, no motion), so no stiffness follows; "
-                         "give contact.stiffness, e.g. '1000 N/m'")
+        raise ValueError(
+            "nothing loads the contacts (no weight, no magnetism, no motion), so no stiffness follows; "
+            "give contact.stiffness, e.g. '1000 N/m'"
+        )
     else:
-        why = (f"{force:.3g} N from {cause}" if by_load >= by_impact
-               else f"impacts at {speed:.3g} m/s")
-        reasons["stiffness"] = (f"k_n = {stiffness:.3g} N/m: overlap at most {100 * contact.max_overlap:g} % of the "
-                                f"diameter under {why}")
-    return LinearContact.from_restitution(stiffness, contact.restitution, contact.friction,
-                                          wall_friction=contact.friction_at_walls)
+        why = f"{force:.3g} N from {cause}" if by_load >= by_impact else f"impacts at {speed:.3g} m/s"
+        reasons["stiffness"] = (
+            f"k_n = {stiffness:.3g} N/m: overlap at most {100 * contact.max_overlap:g} % of the diameter under {why}"
+        )
+    return LinearContact.from_restitution(
+        stiffness, contact.restitution, contact.friction, wall_friction=contact.friction_at_walls
+    )
 
 
 def _windows(scene, dt: float, speed: float, magnetic: bool, reasons: dict[str, str]) -> tuple[int, int, int]:
@@ -190,8 +191,9 @@ def _windows(scene, dt: float, speed: float, magnetic: bool, reasons: dict[str, 
         asked = scene.effects.dipoles.update_every if scene.effects.dipoles is not None else None
         travel = 0.01 * d / (speed * dt) if speed > 0.0 else np.inf
         per_update = asked or max(1, floor(min(travel, 0.5 * scene.time.steps_per_contact)))
-        reasons["magnetic forces"] = (f"evaluated every {per_update} steps"
-                                      + (" as asked" if asked else ": half a contact, 1 % of a diameter of travel"))
+        reasons["magnetic forces"] = f"evaluated every {per_update} steps" + (
+            " as asked" if asked else ": half a contact, 1 % of a diameter of travel"
+        )
     if scene.time.window is not None:
         steps = max(1, round(scene.time.window / dt))
     else:
@@ -203,8 +205,10 @@ def _windows(scene, dt: float, speed: float, magnetic: bool, reasons: dict[str, 
     else:
         updates = max(1, round(steps / per_update))
     windows = max(1, ceil(end_steps / (per_update * updates)))
-    reasons["coupling window"] = (f"{per_update * updates} steps = {per_update * updates * dt:.3g} s, "
-                                  f"{windows} windows to t = {windows * per_update * updates * dt:.4g} s")
+    reasons["coupling window"] = (
+        f"{per_update * updates} steps = {per_update * updates * dt:.3g} s, "
+        f"{windows} windows to t = {windows * per_update * updates * dt:.4g} s"
+    )
     return per_update, updates, windows
 
 
@@ -216,25 +220,29 @@ def _estimates(scene, device: Device, plan: Plan) -> None:
         pairs = device.fill.solid_fraction * 8.0 * (scene.effects.dipoles.cutoff + 0.25) ** 3
         pairs *= 2.0 if scene.effects.wall_images is not None else 1.0
     seconds = steps * plan.count * (CONTACT_NS + pairs * PAIR_NS / plan.steps_per_update) * 1e-9
-    if device.problem is not None:
+    if device.coil is not None:
         seconds += 5.0 + 0.3 * plan.windows * (scene.effects.back_reaction is not None)
     memory = plan.count * (1500 + 9 * pairs) / 2**20 + 400
     disk = scene.output.snapshots * plan.count * 160 / 2**20 + 2
-    if device.mesh is not None:
-        plan.reasons["mesh"] = (f"{len(device.mesh.triangles)} triangles, {device.problem.n_dofs} unknowns of order "
-                                f"{scene.field.order}; coil of {device.turns:.0f} turns")
-    plan.reasons["cost"] = (f"{steps} steps of {plan.count} grains: about {seconds / 60:.1f} min on two cores, "
-                            f"{memory:.0f} MiB of memory, {disk:.0f} MiB on disk")
+    if device.coil is not None and isinstance(scene.field, CoilField):
+        plan.reasons["mesh"] = (
+            f"{len(device.coil.mesh.triangles)} triangles, {device.coil.problem.n_dofs} unknowns of order "
+            f"{scene.field.order}; coil of {device.coil.turns:.0f} turns"
+        )
+    plan.reasons["cost"] = (
+        f"{steps} steps of {plan.count} grains: about {seconds / 60:.1f} min on two cores, "
+        f"{memory:.0f} MiB of memory, {disk:.0f} MiB on disk"
+    )
 
 
 def plan(case: Case) -> dict[str, str]:
     """The plan in words, label -> text, for `emclutch check`."""
     device, made = make_plan(case)
-    if made.peak_field is not None:
-        midline = device.shape.gap_midline()
+    if made.peak_field is not None and device.coil is not None:
+        midline = device.coil.shape.gap_midline()
         B = np.linalg.norm(made.peak_field.B_along(midline), axis=1)
-        made.reasons["field"] = (f"at the largest current, powder spread evenly: |B| in the rim gap up to "
-                                 f"{B.max():.3g} T, grains magnetised up to {made.M_max / 1e3:.3g} kA/m")
+        made.reasons["field"] = (
+            f"at the largest current, powder spread evenly: |B| in the rim gap up to "
+            f"{B.max():.3g} T, grains magnetised up to {made.M_max / 1e3:.3g} kA/m"
+        )
     return made.reasons
-
-

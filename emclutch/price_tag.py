@@ -15,17 +15,16 @@ from typing import Protocol
 
 import numpy as np
 
-from coupling import FillDeposition
+from emclutch.assembly import deposition_of
 from emclutch.case import Case
-from emclutch.device import build_device
+from emclutch.device import build_coil_device, field_is_needed
 from emclutch.observables import pole_flux_density
-from emclutch.plan import field_is_needed, make_plan
+from emclutch.plan import make_plan
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.study_pictures import work_precision_picture
 from emclutch.run_case import run, use_threads
 from emclutch.scene.field_source import CoilField
-from emclutch.scene.time_table import largest
 from particles import pack
 
 log = logging.getLogger(__name__)
@@ -52,7 +51,7 @@ class Knob(Protocol):
     def turned(self, case: Case, setting: float) -> Case:
         """The case at a setting."""
 
-    def measure(self, case: Case, points: np.ndarray | None, folder: Path) -> Measurement:
+    def measure(self, case: Case, points: np.ndarray, folder: Path) -> Measurement:
         """Values and seconds of a turned case; `points` (n, 3) [m] are the grains' places."""
 
 
@@ -67,7 +66,7 @@ class FieldMesh:
     def turned(self, case: Case, setting: float) -> Case:
         return case.with_values({"field.size_factor": setting})
 
-    def measure(self, case: Case, points: np.ndarray | None, folder: Path) -> Measurement:
+    def measure(self, case: Case, points: np.ndarray, folder: Path) -> Measurement:
         values, seconds = field_at(case, points)
         torque = run_torque(case, folder)
         return Measurement(values | torque.values, dict.fromkeys(values, seconds) | torque.seconds, torque.noise)
@@ -84,7 +83,7 @@ class ContactStep:
     def turned(self, case: Case, setting: float) -> Case:
         return case.with_values({"time.steps_per_contact": setting})
 
-    def measure(self, case: Case, points: np.ndarray | None, folder: Path) -> Measurement:
+    def measure(self, case: Case, points: np.ndarray, folder: Path) -> Measurement:
         return run_torque(case, folder)
 
 
@@ -100,16 +99,14 @@ def field_at(case: Case, points: np.ndarray) -> tuple[dict[str, float | np.ndarr
     """Gap B [T], H [A/m] and grad H [A/m^2] at `points`, filled with grains there; and the seconds it took."""
     scene = case.scene
     begin = perf_counter()
-    device = build_device(scene, field_needed=True)
+    coil = build_coil_device(scene)
     fill = None
     if scene.effects.back_reaction is not None:
-        deposition = FillDeposition(device.mesh, scene.particles.diameter, scene.particles.sector or 2 * np.pi)
-        fill = deposition.fill(points, np.full(len(points), scene.particles.grain_volume))
-    solution = device.problem.solve(device.turns * largest(scene.coil.current), fill=fill,
-                                    tolerance=scene.field.newton_tolerance)
+        fill = deposition_of(scene, coil).fill(points, np.full(len(points), scene.particles.grain_volume))
+    solution = coil.solve_at_peak(fill)
     H, grad_H = solution.sampler("powder").sample(points)
     seconds = perf_counter() - begin
-    return {"gap B": pole_flux_density(device.shape, solution), "H at grains": H, "grad H at grains": grad_H}, seconds
+    return {"gap B": pole_flux_density(coil.shape, solution), "H at grains": H, "grad H at grains": grad_H}, seconds
 
 
 def run_torque(case: Case, folder: Path) -> Measurement:
@@ -117,8 +114,11 @@ def run_torque(case: Case, folder: Path) -> Measurement:
     result = run(case, out=folder)
     if result.torque.mean is None:
         return Measurement({}, {})
-    return Measurement({"torque": result.torque.mean}, {"torque": result.summary["seconds"]["total"]},
-                       {"torque": result.torque.standard_error or 0.0})
+    return Measurement(
+        {"torque": result.torque.mean},
+        {"torque": result.summary["seconds"]["total"]},
+        {"torque": result.torque.standard_error or 0.0},
+    )
 
 
 def accuracy(case: Case, *, out: str | Path | None = None, threads: int | None = None, progress=None) -> Path:
@@ -166,10 +166,20 @@ def price_table(measured: dict[tuple[str, float], Measurement]):
             truth = reference.values.get(quantity)
             error = None if found is reference or truth is None else relative_error(value, truth)
             scale = abs(truth) if isinstance(truth, float) and truth else 1.0
-            noise = np.hypot(found.noise[quantity], reference.noise[quantity]) / scale if quantity in found.noise else None
-            rows.append({"knob": name, "setting": setting, "quantity": quantity,
-                         "value": float(value) if np.ndim(value) == 0 else float(np.sqrt(np.mean(np.square(value)))),
-                         "error": error, "noise": noise, "seconds": found.seconds[quantity]})
+            noise = (
+                np.hypot(found.noise[quantity], reference.noise[quantity]) / scale if quantity in found.noise else None
+            )
+            rows.append(
+                {
+                    "knob": name,
+                    "setting": setting,
+                    "quantity": quantity,
+                    "value": float(value) if np.ndim(value) == 0 else float(np.sqrt(np.mean(np.square(value)))),
+                    "error": error,
+                    "noise": noise,
+                    "seconds": found.seconds[quantity],
+                }
+            )
     return pandas.DataFrame(rows)
 
 
@@ -183,8 +193,14 @@ def relative_error(value, truth) -> float:
 def packed_points(case: Case) -> np.ndarray:
     """Centres of the packed grains (n, 3) [m]; the same for every setting of the knobs."""
     device, plan = make_plan(case)
-    return pack(device.boxes, device.shape.walls(), plan.count, 0.5 * case.scene.particles.diameter,
-                seed=case.scene.scene.seed, sector=plan.sector)
+    return pack(
+        device.boxes,
+        device.shape.walls(),
+        plan.count,
+        0.5 * case.scene.particles.diameter,
+        seed=case.scene.scene.seed,
+        sector=plan.sector,
+    )
 
 
 def show(table) -> None:
@@ -196,8 +212,9 @@ def show(table) -> None:
     for row in table.itertuples():
         error = "reference" if np.isnan(row.error) else f"{row.error:.2e}"
         noise = "" if row.noise is None or np.isnan(row.noise) else f"{row.noise:.1e}"
-        shown.add_row(row.knob, f"{row.setting:g}", row.quantity, f"{row.value:.5g}", error, noise,
-                      f"{row.seconds:.2f}")
+        shown.add_row(
+            row.knob, f"{row.setting:g}", row.quantity, f"{row.value:.5g}", error, noise, f"{row.seconds:.2f}"
+        )
     Console().print(shown)
 
 

@@ -9,6 +9,7 @@ import threading
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -42,8 +43,9 @@ class _Stop:
     asked: bool = False
 
 
-def run(case: Case, *, out: str | Path | None = None, threads: int | None = None, resume: bool = False,
-        progress=None) -> Result:
+def run(
+    case: Case, *, out: str | Path | None = None, threads: int | None = None, resume: bool = False, progress=None
+) -> Result:
     """Run a scene and return its result.
 
     Parameters
@@ -80,16 +82,18 @@ def _run(case, folder, case_text, resume, progress, begin) -> Result:
     device, plan = make_plan(case)
     for label, reason in plan.reasons.items():
         log.info("%s: %s", label, reason)
-    mesh_hash = device.mesh.hash() if device.mesh is not None else None
-    folder.write_provenance(seed=scene.scene.seed, mesh_hash=mesh_hash, threads=_threads(),
-                            threading_layer=_threading_layer())
+    mesh_hash = None if device.coil is None else device.coil.mesh.hash()
+    folder.write_provenance(
+        seed=scene.scene.seed, mesh_hash=mesh_hash, threads=_threads(), threading_layer=_threading_layer()
+    )
     _say(progress, 0.0, f"packing {plan.count} grains")
     if resume:
         simulation, resume_time = restore(case, device, plan, read_checkpoint(folder.checkpoint), case_text)
     else:
         simulation, resume_time = assemble(case, device, plan), None
-    snapshots = Snapshots(folder, simulation.dem.walls, plan.windows, scene.output.snapshots, scene.output.formats,
-                          case_text, resume_time)
+    snapshots = Snapshots(
+        folder, simulation.dem.walls, plan.windows, scene.output.snapshots, scene.output.formats, case_text, resume_time
+    )
     history = History(folder.history, resume_time)
     stop, last_save = _Stop(), perf_counter()
 
@@ -103,22 +107,30 @@ def _run(case, folder, case_text, resume, progress, begin) -> Result:
         return stop.asked
 
     def report(simulation, row) -> None:
-        _say(progress, simulation.window / plan.windows,
-             f"t = {row['time'] * 1e3:.3g} ms  torque on the disc {row['torque_disc']:.3g} N m"
-             if "torque_disc" in row else f"t = {row['time'] * 1e3:.3g} ms")
+        _say(
+            progress,
+            simulation.window / plan.windows,
+            f"t = {row['time'] * 1e3:.3g} ms  torque on the disc {row['torque_disc']:.3g} N m"
+            if "torque_disc" in row
+            else f"t = {row['time'] * 1e3:.3g} ms",
+        )
 
     with _interruptible(stop):
         try:
-            run_staggered(simulation, plan.end,
-                          (Observables(scene, device), history, snapshots, report, checkpoint))
+            run_staggered(simulation, plan.end, (Observables(scene, device), history, snapshots, report, checkpoint))
         finally:
             history.close()
             snapshots.close()
     if stop.asked and simulation.window < plan.windows:
         where = f"--out {folder.path} --resume"
-        raise Interrupted(f"stopped at t = {simulation.dem.time:.4g} s; "
-                          + (f"go on with: emclutch run {case.path} {where}" if scene.output.checkpoint
-                             else "no checkpoint was written (output.checkpoint = false)"))
+        raise Interrupted(
+            f"stopped at t = {simulation.dem.time:.4g} s; "
+            + (
+                f"go on with: emclutch run {case.path} {where}"
+                if scene.output.checkpoint
+                else "no checkpoint was written (output.checkpoint = false)"
+            )
+        )
     summarise(case, folder, device, plan, simulation, perf_counter() - begin)
     if scene.output.pictures:
         _say(progress, 1.0, "pictures")
@@ -131,21 +143,28 @@ def _run(case, folder, case_text, resume, progress, begin) -> Result:
 def restore(case, device, plan, state: dict, case_text: str):
     """The simulation of a checkpoint and its time [s]; raises RunError when it belongs to another scene."""
     if state["case"] != case_text:
-        raise RunError("the checkpoint belongs to another scene (its values differ); resume with the run's own "
-                       "case.toml, or start anew in another folder with --out")
+        raise RunError(
+            "the checkpoint belongs to another scene (its values differ); resume with the run's own "
+            "case.toml, or start anew in another folder with --out"
+        )
     dem_state = state["dem"]
     # copies: the DEM wraps and sorts what it is given
-    grains = Grains(*(dem_state[name].copy() for name in ("position", "velocity", "angular_velocity", "radius", "mass",
-                                                   "particle_id")))
+    grains = Grains(
+        *(
+            dem_state[name].copy()
+            for name in ("position", "velocity", "angular_velocity", "radius", "mass", "particle_id")
+        )
+    )
     simulation = simulation_of(case, device, plan, grains)
     simulation.dem.restore(dem_state)
     simulation.window = state["window"]
     simulation.restore_rows(state["rows"])
     saved = state["source"]
-    if saved is not None:
-        source = simulation.source
-        solution = MagneticField(device.problem, saved["psi"], saved["ampere_turns"], saved["fill"],
-                                 [tuple(x) for x in saved["newton"]])
+    source = simulation.source
+    if saved is not None and isinstance(source, CoilField):
+        solution = MagneticField(
+            source.problem, saved["psi"], saved["ampere_turns"], saved["fill"], [tuple(x) for x in saved["newton"]]
+        )
         source.set_solution(solution, saved["current"], saved["fill"])
         source.largest_current, source.solves = saved["largest_current"], saved["solves"]
     return simulation, simulation.dem.time
@@ -159,29 +178,44 @@ def summarise(case, folder: RunFolder, device, plan, simulation, seconds: float)
     for body in ("disc", "rotor", "field"):
         column = f"torque_{body}"
         if column in history and (body != "field" or simulation.magnetised is not None):
-            estimate = steady_mean(history["time"].to_numpy(), history[column].to_numpy(), duration=duration,
-                                   average_from=case.scene.time.average_from)
+            estimate = steady_mean(
+                history["time"].to_numpy(),
+                history[column].to_numpy(),
+                duration=duration,
+                average_from=case.scene.time.average_from,
+            )
             summary["torque" if body == "disc" else column] = estimate.as_dict()
     if simulation.dem.bodies and any(body.is_free for body in simulation.dem.bodies):
         summary["lock_up_time"] = lock_up_time(history)
     if isinstance(simulation.source, CoilField):
-        summary |= {"current": float(history["current"].iloc[-1]), "turns": device.turns,
-                    "gap_flux_density": float(history["gap_flux_density"].iloc[-1]),
-                    "flux_linkage": float(history["flux_linkage"].iloc[-1]),
-                    "field_solves": simulation.source.solves}
+        summary |= {
+            "current": float(history["current"].iloc[-1]),
+            "turns": simulation.source.turns,
+            "gap_flux_density": float(history["gap_flux_density"].iloc[-1]),
+            "flux_linkage": float(history["flux_linkage"].iloc[-1]),
+            "field_solves": simulation.source.solves,
+        }
     if "inertial_number" in history:
-        late = history["inertial_number"].iloc[len(history) // 2:].dropna()
+        late = history["inertial_number"].iloc[len(history) // 2 :].dropna()
         summary["inertial_number"] = float(late.median()) if len(late) else None
     throughput = float((history["work_walls"].abs() + history["dissipated"]).sum())
     summary |= {
-        "grains": plan.count, "sectors": simulation.n_sectors, "dt": plan.dt, "time": float(history["time"].iloc[-1]),
-        "steps": int(history["steps"].sum()), "max_overlap": float(history["max_overlap"].max()),
+        "grains": plan.count,
+        "sectors": simulation.n_sectors,
+        "dt": plan.dt,
+        "time": float(history["time"].iloc[-1]),
+        "steps": int(history["steps"].sum()),
+        "max_overlap": float(history["max_overlap"].max()),
         "torque_residual_rms": float(np.sqrt((history["torque_residual"] ** 2).mean())),
         "energy_residual": float(history["energy_residual"].sum() / throughput) if throughput else None,
         "discretisation_error": None,
         "discretisation_error_note": "not measured in a single run; emclutch accuracy measures it",
-        "seconds": {part: float(history[f"wall_{part}"].sum()) for part in ("field", "magnetic", "contact", "total")
-                    if f"wall_{part}" in history} | {"whole_run": seconds},
+        "seconds": {
+            part: float(history[f"wall_{part}"].sum())
+            for part in ("field", "magnetic", "contact", "total")
+            if f"wall_{part}" in history
+        }
+        | {"whole_run": seconds},
         "plan": plan.reasons,
     }
     folder.write_summary(summary)
@@ -203,7 +237,7 @@ def use_threads(threads: int | None) -> None:
     """Set the number of threads of the compiled kernels; ValueError outside 1 .. the machine's cores."""
     import numba
 
-    available = numba.config.NUMBA_NUM_THREADS
+    available: int = getattr(numba.config, "NUMBA_NUM_THREADS")  # noqa: B009 (numba's stubs hide it)
     if threads is not None and not 1 <= threads <= available:
         raise ValueError(f"threads = {threads}; allowed: 1 to {available}, the cores of this machine")
     numba.set_num_threads(threads or min(available, os.cpu_count() or 1))
@@ -222,7 +256,7 @@ def _threading_layer() -> str:
     try:
         return numba.threading_layer()
     except ValueError:  # no parallel kernel has run yet: the first choice that this machine can load
-        return numba.config.THREADING_LAYER_PRIORITY[0]
+        return str(getattr(numba.config, "THREADING_LAYER_PRIORITY")[0])  # noqa: B009
 
 
 def _say(progress, fraction: float, text: str) -> None:
@@ -235,7 +269,7 @@ class _interruptible:
 
     def __init__(self, stop: _Stop):
         self._stop = stop
-        self._former = None
+        self._former: Any = None
 
     def __enter__(self):
         if threading.current_thread() is threading.main_thread():

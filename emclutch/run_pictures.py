@@ -15,17 +15,29 @@ def draw_run(case, folder: RunFolder, device, simulation) -> None:
     title = case.scene.scene.title
     grains, dem = simulation.dem.grains, simulation.dem
     source = simulation.source
-    if isinstance(source, CoilField):
+    if isinstance(source, CoilField) and source.solution is not None:
         x = grains.position
         r, theta = np.hypot(x[:, 0], x[:, 1]), np.arctan2(x[:, 1], x[:, 0])
         middle = 0.0 if dem.sector is None else 0.5 * dem.sector.angle
         slice_ = np.abs(r * (theta - middle)) < grains.radius  # one layer of grains around a half-plane
-        section_picture(folder.section_picture, source.problem.mesh, source.solution.point_psi,
-                        source.solution.flux_density(), title=title,
-                        grains=np.column_stack([r, x[:, 2], grains.radius])[slice_])
+        section_picture(
+            folder.section_picture,
+            source.problem.mesh,
+            source.solution.point_psi,
+            source.solution.flux_density(),
+            title=title,
+            grains=np.column_stack([r, x[:, 2], grains.radius])[slice_],
+        )
     result = load_result(folder.path)
     torque_picture(folder.torque_picture, result.history, result.torque, title=title)
     start, end, force = contact_lines(dem)
-    grains_picture(folder.grains_picture, grains.position, grains.radius, np.linalg.norm(grains.velocity, axis=1),
-                   walls=dem.walls, chains=(start, end, np.linalg.norm(force, axis=1)), title=title,
-                   sector_angle=None if dem.sector is None else dem.sector.angle)
+    grains_picture(
+        folder.grains_picture,
+        grains.position,
+        grains.radius,
+        np.linalg.norm(grains.velocity, axis=1),
+        walls=dem.walls,
+        chains=(start, end, np.linalg.norm(force, axis=1)),
+        title=title,
+        sector_angle=None if dem.sector is None else dem.sector.angle,
+    )

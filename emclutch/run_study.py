@@ -11,8 +11,14 @@ from emclutch.run_case import run
 from emclutch.scene.study import Study, load_study
 
 
-def sweep(study: Study | str | Path, *, out: str | Path | None = None, threads: int | None = None,
-          resume: bool = False, progress=None) -> Path:
+def sweep(
+    study: Study | str | Path,
+    *,
+    out: str | Path | None = None,
+    threads: int | None = None,
+    resume: bool = False,
+    progress=None,
+) -> Path:
     """Run every point of a study, one after the other, and return the study's folder.
 
     The folder holds point-000, point-001, ... (each a whole run), `study.csv` with a row a point, and for a sweep
@@ -41,8 +47,9 @@ def sweep(study: Study | str | Path, *, out: str | Path | None = None, threads: 
             result = load_result(target.path)
         else:
             part = None if progress is None else _Part(progress, number, len(points))
-            result = run(case, out=target.path, threads=threads, progress=part,
-                         resume=resume and target.checkpoint.is_file())
+            result = run(
+                case, out=target.path, threads=threads, progress=part, resume=resume and target.checkpoint.is_file()
+            )
         rows.append(_row(values, result))
         _write_tables(folder, study, rows)
     return folder
@@ -53,11 +60,18 @@ def _row(values: dict, result: Result) -> dict:
     row = dict(values)
     if "current" in summary:
         row["current"] = summary["current"]
-    row |= {"torque": torque.mean, "standard_error": torque.standard_error, "converged": torque.converged,
-            "torque_rotor": summary.get("torque_rotor", {}).get("mean"),
-            "gap_flux_density": summary.get("gap_flux_density"), "max_overlap": summary["max_overlap"],
-            "inertial_number": summary.get("inertial_number"), "seconds": summary["seconds"]["whole_run"],
-            "reason": torque.reason, "folder": result.folder.path.name}
+    row |= {
+        "torque": torque.mean,
+        "standard_error": torque.standard_error,
+        "converged": torque.converged,
+        "torque_rotor": summary.get("torque_rotor", {}).get("mean"),
+        "gap_flux_density": summary.get("gap_flux_density"),
+        "max_overlap": summary["max_overlap"],
+        "inertial_number": summary.get("inertial_number"),
+        "seconds": summary["seconds"]["whole_run"],
+        "reason": torque.reason,
+        "folder": result.folder.path.name,
+    }
     return row
 
 
@@ -79,5 +93,6 @@ class _Part:
         self._progress, self._number, self._total = progress, number, total
 
     def update(self, fraction: float, text: str) -> None:
-        self._progress.update((self._number + fraction) / self._total,
-                              f"point {self._number + 1} of {self._total}: {text}")
+        self._progress.update(
+            (self._number + fraction) / self._total, f"point {self._number + 1} of {self._total}: {text}"
+        )

@@ -18,5 +18,7 @@ def check_siblings() -> None:
         if where is None:
             raise ImportError(f"emclutch needs its package {name!r} in {ours}, which is missing; install emclutch anew")
         if ours not in (where.resolve(), where.resolve().parent):
-            raise ImportError(f"{where} hides emclutch's package {name!r} in {ours}; rename or move that file, or "
-                              "start Python in another folder")
+            raise ImportError(
+                f"{where} hides emclutch's package {name!r} in {ours}; rename or move that file, or "
+                "start Python in another folder"
+            )

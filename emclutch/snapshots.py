@@ -29,18 +29,26 @@ class Snapshots:
         Later frames of an interrupted run are removed [s].
     """
 
-    def __init__(self, folder: RunFolder, walls, windows: int, count: int, formats, case_text: str,
-                 resume_time: float | None):
+    def __init__(
+        self, folder: RunFolder, walls, windows: int, count: int, formats, case_text: str, resume_time: float | None
+    ):
         self._walls = walls
         self._at = {round(k * windows / count) for k in range(1, count + 1)} if count else set()
         self._series = {}
         if "vtk" in formats and count:
-            self._series = {name: PvdSeries(folder.path, name, resume_time=resume_time)
-                            for name in ("particles", "field", "walls", "contacts")}
+            self._series = {
+                name: PvdSeries(folder.path, name, resume_time=resume_time)
+                for name in ("particles", "field", "walls", "contacts")
+            }
         self.record = None
         if "hdf5" in formats:
-            self.record = Record.open(folder.record, "w" if resume_time is None else "a", case_text=case_text,
-                                      provenance_text=folder.provenance.read_text(), resume_time=resume_time)
+            self.record = Record.open(
+                folder.record,
+                "w" if resume_time is None else "a",
+                case_text=case_text,
+                provenance_text=folder.provenance.read_text(),
+                resume_time=resume_time,
+            )
 
     def __call__(self, simulation: Simulation, row: dict) -> None:
         if self.record is not None:
@@ -51,9 +59,14 @@ class Snapshots:
     def write(self, simulation: Simulation) -> None:
         """Write a frame of everything now."""
         dem, grains = simulation.dem, simulation.dem.grains
-        arrays = {"radius": grains.radius, "velocity": grains.velocity, "angular_velocity": grains.angular_velocity,
-                  "particle_id": grains.particle_id, "force_contact": dem.contact_force,
-                  "n_contacts": contacts_per_grain(dem)}
+        arrays = {
+            "radius": grains.radius,
+            "velocity": grains.velocity,
+            "angular_velocity": grains.angular_velocity,
+            "particle_id": grains.particle_id,
+            "force_contact": dem.contact_force,
+            "n_contacts": contacts_per_grain(dem),
+        }
         if grains.magnetic_moment is not None:
             arrays["magnetic_moment"] = grains.magnetic_moment
         if dem.external_force is not None:
@@ -63,15 +76,19 @@ class Snapshots:
         if not self._series:
             return
         self._series["particles"].write_particles(dem.time, grains.position, arrays)
-        self._series["walls"].write_walls(dem.time, self._walls, angles={b.name: b.angle for b in dem.bodies},
-                                          speeds={b.name: b.speed for b in dem.bodies},
-                                          sector_angle=None if dem.sector is None else dem.sector.angle)
+        self._series["walls"].write_walls(
+            dem.time,
+            self._walls,
+            angles={b.name: b.angle for b in dem.bodies},
+            speeds={b.name: b.speed for b in dem.bodies},
+            sector_angle=None if dem.sector is None else dem.sector.angle,
+        )
         self._series["contacts"].write_contacts(dem.time, *contact_lines(dem))
         if isinstance(simulation.source, CoilField):
-            self._write_field(simulation)
+            self._write_field(dem.time, simulation.source)
 
-    def _write_field(self, simulation: Simulation) -> None:
-        source = simulation.source
+    def _write_field(self, time: float, source: CoilField) -> None:
+        assert source.solution is not None
         solution, mesh = source.solution, source.problem.mesh
         B = solution.flux_density()
         mu_r = solution.relative_permeability()
@@ -79,8 +96,12 @@ class Snapshots:
         region = np.zeros(len(mesh.triangles), dtype=np.int32)
         for number, name in enumerate(names):
             region[mesh.regions[name]] = number
-        cells = {"flux_density": B, "field_strength": B / (4e-7 * np.pi * mu_r[:, None]),
-                 "relative_permeability": mu_r, "region": region}
+        cells = {
+            "flux_density": B,
+            "field_strength": B / (4e-7 * np.pi * mu_r[:, None]),
+            "relative_permeability": mu_r,
+            "region": region,
+        }
         J = np.zeros(len(mesh.triangles))
         J[mesh.regions["coil"]] = solution.ampere_turns / source.problem.coil_area
         cells["current_density"] = J
@@ -90,8 +111,14 @@ class Snapshots:
             cells["solid_fraction"] = fill
         r = mesh.points[:, 0]
         A = np.divide(solution.point_psi, r, out=np.zeros_like(r), where=r > 0.0)
-        self._series["field"].write_field(simulation.dem.time, mesh.points, mesh.triangles, cell_arrays=cells,
-                                          point_arrays={"vector_potential": A}, region_names=names)
+        self._series["field"].write_field(
+            time,
+            mesh.points,
+            mesh.triangles,
+            cell_arrays=cells,
+            point_arrays={"vector_potential": A},
+            region_names=names,
+        )
 
     def flush(self) -> None:
         """Write the rows that are kept back."""
@@ -107,8 +134,9 @@ class Snapshots:
 def contacts_per_grain(dem: DEM) -> np.ndarray:
     """Number of grains and walls that each grain touches, (n,) int64."""
     table = dem.contacts()
-    return (np.bincount(table.i, minlength=dem.grains.count)
-            + np.bincount(table.j[table.j >= 0], minlength=dem.grains.count))
+    return np.bincount(table.i, minlength=dem.grains.count) + np.bincount(
+        table.j[table.j >= 0], minlength=dem.grains.count
+    )
 
 
 def contact_lines(dem: DEM) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -137,12 +165,22 @@ class History:
 
 def save_checkpoint(path: Path, simulation: Simulation, case_text: str) -> None:
     """Everything that a bit-exact continuation needs."""
-    state = {"case": case_text, "window": simulation.window, "dem": simulation.dem.state(),
-             "rows": simulation.rows_state(), "source": None}
+    state = {
+        "case": case_text,
+        "window": simulation.window,
+        "dem": simulation.dem.state(),
+        "rows": simulation.rows_state(),
+        "source": None,
+    }
     source = simulation.source
     if isinstance(source, CoilField) and source.solution is not None:
-        state["source"] = {"psi": source.solution.psi, "ampere_turns": source.solution.ampere_turns,
-                           "fill": source.fill, "newton": [list(map(float, x)) for x in source.solution.newton],
-                           "current": source.solved_current, "largest_current": source.largest_current,
-                           "solves": source.solves}
+        state["source"] = {
+            "psi": source.solution.psi,
+            "ampere_turns": source.solution.ampere_turns,
+            "fill": source.fill,
+            "newton": [list(map(float, x)) for x in source.solution.newton],
+            "current": source.solved_current,
+            "largest_current": source.largest_current,
+            "solves": source.solves,
+        }
     write_checkpoint(path, state)

@@ -147,9 +147,7 @@ class Quantity:
         number, unit_text = float(match[1]), match[2]
         if not unit_text:
             if self.unit:
-                raise ValueError(
-                    f"has no unit; write {self.given_example}, or without quotes a number in {self.unit}"
-                )
+                raise ValueError(f"has no unit; write {self.given_example}, or without quotes a number in {self.unit}")
             return number
         unit = _parse_unit(unit_text)
         wanted = registry().parse_units(self.unit)
@@ -182,9 +180,7 @@ class Quantity:
         except ValueError as error:
             raise PydanticCustomError("quantity", "{message}", {"message": str(error)}) from None
 
-    def __get_pydantic_core_schema__(
-        self, source: Any, handler: GetCoreSchemaHandler
-    ) -> core_schema.CoreSchema:
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         return core_schema.no_info_plain_validator_function(
             self._validate, serialization=core_schema.plain_serializer_function_ser_schema(float)
         )
@@ -216,9 +212,7 @@ def _parse_unit(text: str) -> Any:
         return None
 
 
-def _positive(
-    name: str, unit: str, example: str, maximum: float = math.inf, angular: bool = False
-) -> Quantity:
+def _positive(name: str, unit: str, example: str, maximum: float = math.inf, angular: bool = False) -> Quantity:
     return Quantity(name, unit, example, minimum=0.0, maximum=maximum, open_minimum=True, angular=angular)
 
 
@@ -245,8 +239,6 @@ Inertia = Annotated[float, _positive("a moment of inertia", "kg*m^2", "2e-4 kg m
 Acceleration = Annotated[float, Quantity("an acceleration", "m/s^2", "9.81 m/s^2", 0.0, 1e6)]
 
 
-def number(
-    example: str, minimum: float = -math.inf, maximum: float = math.inf, *, above: bool = False
-) -> Quantity:
+def number(example: str, minimum: float = -math.inf, maximum: float = math.inf, *, above: bool = False) -> Quantity:
     """Return the quantity of a pure number within [minimum, maximum]; `above`: the minimum is excluded."""
     return Quantity("a number", "", example, minimum, maximum, open_minimum=above)

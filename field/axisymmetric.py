@@ -54,8 +54,16 @@ class AxisymmetricProblem:
         A region without a law, a law without a region, a mesh without coil or outer boundary.
     """
 
-    def __init__(self, mesh: SectionMesh, laws: Mapping[str, Law], *, coil_region: str = "coil",
-                 powder_region: str = "powder", powder_law: PowderLaw | None = None, order: int = 2) -> None:
+    def __init__(
+        self,
+        mesh: SectionMesh,
+        laws: Mapping[str, Law],
+        *,
+        coil_region: str = "coil",
+        powder_region: str = "powder",
+        powder_law: PowderLaw | None = None,
+        order: int = 2,
+    ) -> None:
         self.mesh = mesh
         self.laws = _complete_laws(mesh, laws, coil_region, powder_region, powder_law)
         self.coil_region = coil_region
@@ -72,8 +80,9 @@ class AxisymmetricProblem:
             in_coil[mesh.regions[coil_region]] = 1.0
         self.coil_area = float((self.elements.weight.sum(axis=1) * in_coil).sum())
         # integral of v over the coil per area: load of one ampere-turn, and mean of psi over the coil
-        self.coil_load = self.elements.load(in_coil / self.coil_area) if self.coil_area > 0.0 else (
-            np.zeros(self.elements.n_dofs))
+        self.coil_load = (
+            self.elements.load(in_coil / self.coil_area) if self.coil_area > 0.0 else (np.zeros(self.elements.n_dofs))
+        )
         self._by_law = self._elements_by_law()
         self._recoveries: dict[str, RegionRecovery] = {}
 
@@ -100,8 +109,9 @@ class AxisymmetricProblem:
             from .recovery import RegionRecovery
 
             if region not in self.mesh.regions:
-                raise ValueError(f"the mesh has no region {region!r} to sample; it has "
-                                 f"{', '.join(sorted(self.mesh.regions))}")
+                raise ValueError(
+                    f"the mesh has no region {region!r} to sample; it has {', '.join(sorted(self.mesh.regions))}"
+                )
             self._recoveries[region] = RegionRecovery(self.elements, self.mesh.regions[region])
         return self._recoveries[region]
 
@@ -111,9 +121,16 @@ class AxisymmetricProblem:
             return self.powder_law
         return self.laws[region]
 
-    def solve(self, ampere_turns: float, fill: np.ndarray | None = None,
-              guess: MagneticField | np.ndarray | None = None, *, tolerance: float = 1e-8,
-              max_iterations: int = 30, boundary_field: float = 0.0) -> MagneticField:
+    def solve(
+        self,
+        ampere_turns: float,
+        fill: np.ndarray | None = None,
+        guess: MagneticField | np.ndarray | None = None,
+        *,
+        tolerance: float = 1e-8,
+        max_iterations: int = 30,
+        boundary_field: float = 0.0,
+    ) -> MagneticField:
         """The field of a coil current and a powder fill.
 
         Parameters
@@ -138,11 +155,14 @@ class AxisymmetricProblem:
         """
         fill = self._checked_fill(fill)
         if not np.isfinite(ampere_turns) or not np.isfinite(boundary_field):
-            raise ValueError(f"`ampere_turns` = {ampere_turns} A and `boundary_field` = {boundary_field} T "
-                             "must be finite numbers")
+            raise ValueError(
+                f"`ampere_turns` = {ampere_turns} A and `boundary_field` = {boundary_field} T must be finite numbers"
+            )
         if ampere_turns != 0.0 and self.coil_area == 0.0:
-            raise ValueError(f"{ampere_turns:g} ampere-turns, but the mesh has no coil region "
-                             f"{self.coil_region!r}; it has {', '.join(sorted(self.mesh.regions))}")
+            raise ValueError(
+                f"{ampere_turns:g} ampere-turns, but the mesh has no coil region "
+                f"{self.coil_region!r}; it has {', '.join(sorted(self.mesh.regions))}"
+            )
         boundary = np.zeros(self.n_dofs)
         boundary[self._fixed] = 0.5 * boundary_field * self.elements.dof_points[self._fixed, 0] ** 2
         if ampere_turns == 0.0 and boundary_field == 0.0:
@@ -157,11 +177,19 @@ class AxisymmetricProblem:
         else:
             psi = guess.psi if isinstance(guess, MagneticField) else np.asarray(guess, dtype=float)
             if psi.shape != (self.n_dofs,):
-                raise ValueError(f"`guess` has {psi.size} unknowns, the mesh {self.n_dofs}: "
-                                 "start from a field of the same problem")
+                raise ValueError(
+                    f"`guess` has {psi.size} unknowns, the mesh {self.n_dofs}: start from a field of the same problem"
+                )
             start, first = psi[self._free], None
-        x, history = minimise(energy, start, scale, solver=self._solver, tolerance=tolerance,
-                              max_iterations=max_iterations, first_matrix=first)
+        x, history = minimise(
+            energy,
+            start,
+            scale,
+            solver=self._solver,
+            tolerance=tolerance,
+            max_iterations=max_iterations,
+            first_matrix=first,
+        )
         return MagneticField(self, energy.whole(x), float(ampere_turns), fill, history)
 
     def _checked_fill(self, fill: np.ndarray | None) -> np.ndarray | None:
@@ -169,15 +197,16 @@ class AxisymmetricProblem:
             return None
         fill = np.ascontiguousarray(fill, dtype=float)
         if self.powder_law is None:
-            raise ValueError("a `fill` was given, but the problem has no `powder_law` to turn it into "
-                             "permeability")
+            raise ValueError("a `fill` was given, but the problem has no `powder_law` to turn it into permeability")
         if fill.shape != (self.powder_elements.size,):
-            raise ValueError(f"`fill` has shape {fill.shape}; region {self.powder_region!r} has "
-                             f"{self.powder_elements.size} elements")
+            raise ValueError(
+                f"`fill` has shape {fill.shape}; region {self.powder_region!r} has {self.powder_elements.size} elements"
+            )
         if not np.all((fill >= 0.0) & (fill < 1.0)):
             worst = fill[int(np.argmax(np.where(np.isfinite(fill), np.abs(fill - 0.5), np.inf)))]
-            raise ValueError(f"`fill` holds {worst:g}; a solid fraction is at least 0 and below 1 "
-                             "(random packing: 0.55 to 0.64)")
+            raise ValueError(
+                f"`fill` holds {worst:g}; a solid fraction is at least 0 and below 1 (random packing: 0.55 to 0.64)"
+            )
         return fill
 
     def _elements_by_law(self) -> list[tuple[Law | PowderLaw, np.ndarray]]:
@@ -213,8 +242,9 @@ class AxisymmetricProblem:
 class _SectionEnergy:
     """W(psi) = integral of r w(|grad psi|/r) - J psi over the section, of the free unknowns."""
 
-    def __init__(self, problem: AxisymmetricProblem, fill: np.ndarray | None, source: np.ndarray,
-                 boundary: np.ndarray) -> None:
+    def __init__(
+        self, problem: AxisymmetricProblem, fill: np.ndarray | None, source: np.ndarray, boundary: np.ndarray
+    ) -> None:
         self._problem = problem
         self._elements = problem.elements
         self._fill = fill
@@ -260,28 +290,34 @@ class _SectionEnergy:
         B = np.full_like(self._elements.radius, _START_B)
         H, _ = self._problem.H_of_B(B, self._fill)
         nothing = np.zeros_like(B)
-        blocks = self._elements.stiffness_blocks(H / B / self._elements.radius, nothing,
-                                                 np.zeros((len(B), 2, B.shape[1])))
+        blocks = self._elements.stiffness_blocks(
+            H / B / self._elements.radius, nothing, np.zeros((len(B), 2, B.shape[1]))
+        )
         return self._problem._pattern.matrix(blocks)
 
 
-def _complete_laws(mesh: SectionMesh, laws: Mapping[str, Law], coil_region: str, powder_region: str,
-                   powder_law: PowderLaw | None) -> dict[str, Law]:
+def _complete_laws(
+    mesh: SectionMesh, laws: Mapping[str, Law], coil_region: str, powder_region: str, powder_law: PowderLaw | None
+) -> dict[str, Law]:
     without_iron = ("air", coil_region, powder_region)
     complete: dict[str, Law] = {name: AIR for name in without_iron if name in mesh.regions}
     complete.update(laws)
     missing = sorted(set(mesh.regions) - set(complete))
     unknown = sorted(set(complete) - set(mesh.regions))
     if missing:
-        raise ValueError(f"no magnetic law for region(s) {', '.join(missing)} of the mesh; "
-                         "give each a material, `air` for non-magnetic ones")
+        raise ValueError(
+            f"no magnetic law for region(s) {', '.join(missing)} of the mesh; "
+            "give each a material, `air` for non-magnetic ones"
+        )
     if unknown:
-        raise ValueError(f"a magnetic law for {', '.join(unknown)}, but the mesh has no such region; "
-                         f"it has {', '.join(sorted(mesh.regions))}")
+        raise ValueError(
+            f"a magnetic law for {', '.join(unknown)}, but the mesh has no such region; "
+            f"it has {', '.join(sorted(mesh.regions))}"
+        )
     if powder_law is not None and powder_region in laws:
         raise ValueError(f"region {powder_region!r} has both a law and a `powder_law`; give one of them")
     if powder_law is not None and powder_region not in mesh.regions:
-        raise ValueError(f"a `powder_law`, but the mesh has no region {powder_region!r}; "
-                         f"it has {', '.join(sorted(mesh.regions))}")
+        raise ValueError(
+            f"a `powder_law`, but the mesh has no region {powder_region!r}; it has {', '.join(sorted(mesh.regions))}"
+        )
     return complete
-

@@ -23,8 +23,10 @@ class PointOutside(ValueError):
     def __init__(self, points: np.ndarray, where: str) -> None:
         shown = ", ".join(f"(r = {r * 1e3:.4f}, z = {z * 1e3:.4f}) mm" for r, z in points[:3])
         more = f" and {len(points) - 3} more" if len(points) > 3 else ""
-        super().__init__(f"{len(points)} point(s) outside {where}: {shown}{more}; a grain there has left its "
-                         "chamber (lower the time step) or its walls and the mesh disagree")
+        super().__init__(
+            f"{len(points)} point(s) outside {where}: {shown}{more}; a grain there has left its "
+            "chamber (lower the time step) or its walls and the mesh disagree"
+        )
         self.points = points
 
 
@@ -73,8 +75,18 @@ class TriangleLocator:
         """
         element = np.empty(len(points), dtype=np.int64)
         barycentric = np.empty((len(points), 3))
-        _find(points, self.corners, self.start, self.items, self.origin, self.inverse_size, self.shape,
-              _MARGIN, element, barycentric)
+        _find(
+            points,
+            self.corners,
+            self.start,
+            self.items,
+            self.origin,
+            self.inverse_size,
+            self.shape,
+            _MARGIN,
+            element,
+            barycentric,
+        )
         return element, barycentric
 
 

@@ -43,8 +43,14 @@ def loop_field(R: float, current: float, r: np.ndarray, z: np.ndarray) -> tuple[
     return H_r, H_z
 
 
-def rectangular_coil_field(r_range: tuple[float, float], z_range: tuple[float, float], ampere_turns: float,
-                           r: np.ndarray, z: np.ndarray, n: int = 24) -> tuple[np.ndarray, np.ndarray]:
+def rectangular_coil_field(
+    r_range: tuple[float, float],
+    z_range: tuple[float, float],
+    ampere_turns: float,
+    r: np.ndarray,
+    z: np.ndarray,
+    n: int = 24,
+) -> tuple[np.ndarray, np.ndarray]:
     """H of a coil of rectangular section with uniform current density, by n x n Gauss-Legendre loops.
 
     Converges exponentially with n at points outside the section.

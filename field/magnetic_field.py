@@ -32,8 +32,14 @@ class MagneticField:
         History of the iteration, the start first.
     """
 
-    def __init__(self, problem: AxisymmetricProblem, psi: np.ndarray, ampere_turns: float,
-                 fill: np.ndarray | None, newton: list[tuple[float, float]]) -> None:
+    def __init__(
+        self,
+        problem: AxisymmetricProblem,
+        psi: np.ndarray,
+        ampere_turns: float,
+        fill: np.ndarray | None,
+        newton: list[tuple[float, float]],
+    ) -> None:
         self.problem = problem
         self.psi = psi
         self.ampere_turns = ampere_turns
@@ -72,7 +78,7 @@ class MagneticField:
     @property
     def point_psi(self) -> np.ndarray:
         """psi at the mesh's points, shape (n_points,) [Wb/rad]; its level lines are flux lines."""
-        return self.psi[:len(self.problem.mesh.points)]
+        return self.psi[: len(self.problem.mesh.points)]
 
     def flux_density(self, points: np.ndarray | None = None) -> np.ndarray:
         """B of the finite element solution itself (not recovered).

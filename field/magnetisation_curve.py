@@ -107,31 +107,41 @@ class TableLaw:
 
     def _check_shape(self, H: np.ndarray, B: np.ndarray) -> None:
         if H.ndim != 1 or H.shape != B.shape:
-            raise ValueError(f"the table of {self.name!r} has {H.size} values of H and {B.size} of B; "
-                             "give one B [T] for each H [A/m]")
+            raise ValueError(
+                f"the table of {self.name!r} has {H.size} values of H and {B.size} of B; "
+                "give one B [T] for each H [A/m]"
+            )
         if not (np.all(np.isfinite(H)) and np.all(np.isfinite(B))):
             raise ValueError(f"the table of {self.name!r} holds a value that is not a finite number")
         if np.count_nonzero(H) < 3:
-            raise ValueError(f"the table of {self.name!r} has {np.count_nonzero(H)} points beside the "
-                             "origin; a curve needs at least 3, better 10 up to saturation")
+            raise ValueError(
+                f"the table of {self.name!r} has {np.count_nonzero(H)} points beside the "
+                "origin; a curve needs at least 3, better 10 up to saturation"
+            )
 
     def _check_curve(self, H: np.ndarray, B: np.ndarray) -> None:
         if H[0] != 0.0 or B[0] != 0.0:
-            raise ValueError(f"the table of {self.name!r} starts at H = {H[0]:g} A/m, B = {B[0]:g} T; it "
-                             "must start at the origin (no hysteresis here: give the virgin curve)")
+            raise ValueError(
+                f"the table of {self.name!r} starts at H = {H[0]:g} A/m, B = {B[0]:g} T; it "
+                "must start at the origin (no hysteresis here: give the virgin curve)"
+            )
         dH, dB = np.diff(H), np.diff(B)
         for values, step, symbol, unit in ((H, dH, "H", "A/m"), (B, dB, "B", "T")):
             if np.any(step <= 0.0):
                 i = int(np.argmax(step <= 0.0))
-                raise ValueError(f"the table of {self.name!r} is not monotone: {symbol} goes from "
-                                 f"{values[i]:g} to {values[i + 1]:g} {unit} (points {i + 1} and {i + 2}); "
-                                 "sort it and remove repeated points")
+                raise ValueError(
+                    f"the table of {self.name!r} is not monotone: {symbol} goes from "
+                    f"{values[i]:g} to {values[i + 1]:g} {unit} (points {i + 1} and {i + 2}); "
+                    "sort it and remove repeated points"
+                )
         too_flat = dB < (1.0 - _SLOPE_ROUNDING) * MU_0 * dH
         if np.any(too_flat):
             i = int(np.argmax(too_flat))
-            raise ValueError(f"the table of {self.name!r} has dB/dH = {dB[i] / dH[i]:.3g} H/m between "
-                             f"H = {H[i]:g} and {H[i + 1]:g} A/m, below mu_0 = {MU_0:.4g} H/m: no material "
-                             "does that; check the units and that B, not M or mu_0 M, is given")
+            raise ValueError(
+                f"the table of {self.name!r} has dB/dH = {dB[i] / dH[i]:.3g} H/m between "
+                f"H = {H[i]:g} and {H[i + 1]:g} A/m, below mu_0 = {MU_0:.4g} H/m: no material "
+                "does that; check the units and that B, not M or mu_0 M, is given"
+            )
 
     def H_of_B(self, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """See `Law.H_of_B`."""
@@ -171,16 +181,19 @@ class PermeabilityLaw:
 
     def __post_init__(self) -> None:
         if not (self.mu_i > 1.0 and self.B_m > 0.0 and min(self.c_a, self.c_b) >= 0.0 and self.n > 1.0):
-            raise ValueError(f"the permeability of {self.name!r} needs mu_i > 1, B_m > 0 T, c_a >= 0, "
-                             "c_b >= 0 and n > 1; "
-                             f"got {self.mu_i}, {self.B_m}, {self.c_a}, {self.c_b}, {self.n}")
+            raise ValueError(
+                f"the permeability of {self.name!r} needs mu_i > 1, B_m > 0 T, c_a >= 0, "
+                "c_b >= 0 and n > 1; "
+                f"got {self.mu_i}, {self.B_m}, {self.c_a}, {self.c_b}, {self.n}"
+            )
         # Quadratic spacing: b = 0 is where mu_r rises fastest (DC01: from 5 to 1000 within 0.2 T).
         B = self.saturation_B() * np.linspace(0.0, 1.0, 600) ** 2
         H, slope = self._fit(B)
         if np.any(slope <= 0.0):
             at = B[int(np.argmax(slope <= 0.0))]
-            raise ValueError(f"the permeability of {self.name!r} makes H fall with B at {at:.3g} T; "
-                             "lower c_a or raise mu_i")
+            raise ValueError(
+                f"the permeability of {self.name!r} makes H fall with B at {at:.3g} T; lower c_a or raise mu_i"
+            )
         object.__setattr__(self, "curve", HSpline.through(CubicHermiteSpline(B, H, slope)))
 
     def mu_r(self, B: np.ndarray) -> np.ndarray:

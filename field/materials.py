@@ -11,20 +11,77 @@ from .magnetisation_curve import PermeabilityLaw, TableLaw
 from .reluctivity import AIR, Law, LinearLaw
 
 # H [A/m], B [T]
-_STEEL_1010 = np.array([
-    (0.0, 0.0), (238.7, 0.2003), (318.3, 0.3204), (358.1, 0.40045), (437.7, 0.50055), (477.5, 0.5606),
-    (636.6, 0.7908), (795.8, 0.9310), (1114.1, 1.1014), (1273.2, 1.2016), (1591.5, 1.302), (2228.2, 1.4028),
-    (3183.1, 1.524), (4774.6, 1.626), (6366.2, 1.698), (7957.7, 1.73), (15915.5, 1.87), (47746.5, 2.04),
-    (63662.0, 2.07), (79577.5, 2.095), (159155.0, 2.2), (318310.0, 2.4), (1909860.0, 4.4)])
+_STEEL_1010 = np.array(
+    [
+        (0.0, 0.0),
+        (238.7, 0.2003),
+        (318.3, 0.3204),
+        (358.1, 0.40045),
+        (437.7, 0.50055),
+        (477.5, 0.5606),
+        (636.6, 0.7908),
+        (795.8, 0.9310),
+        (1114.1, 1.1014),
+        (1273.2, 1.2016),
+        (1591.5, 1.302),
+        (2228.2, 1.4028),
+        (3183.1, 1.524),
+        (4774.6, 1.626),
+        (6366.2, 1.698),
+        (7957.7, 1.73),
+        (15915.5, 1.87),
+        (47746.5, 2.04),
+        (63662.0, 2.07),
+        (79577.5, 2.095),
+        (159155.0, 2.2),
+        (318310.0, 2.4),
+        (1909860.0, 4.4),
+    ]
+)
 
 # B [T], H [A/m]
-_TEAM_STEEL = np.array([
-    (0.0, 0.0), (0.01, 27.0), (0.025, 58.0), (0.05, 100.0), (0.1, 153.0), (0.15, 185.0), (0.2, 205.0),
-    (0.3, 233.0), (0.4, 255.0), (0.5, 285.0), (0.6, 320.0), (0.7, 355.0), (0.8, 405.0), (0.9, 470.0),
-    (1.0, 555.0), (1.1, 673.0), (1.2, 836.0), (1.3, 1065.0), (1.35, 1220.0), (1.4, 1420.0), (1.45, 1720.0),
-    (1.5, 2130.0), (1.55, 2670.0), (1.6, 3480.0), (1.65, 4500.0), (1.7, 5950.0), (1.75, 7650.0),
-    (1.8, 10100.0), (1.85, 13000.0), (1.9, 15900.0), (1.95, 21100.0), (2.0, 26300.0), (2.05, 32900.0),
-    (2.1, 42700.0), (2.15, 61700.0), (2.2, 84300.0), (2.25, 110000.0), (2.3, 135000.0)])
+_TEAM_STEEL = np.array(
+    [
+        (0.0, 0.0),
+        (0.01, 27.0),
+        (0.025, 58.0),
+        (0.05, 100.0),
+        (0.1, 153.0),
+        (0.15, 185.0),
+        (0.2, 205.0),
+        (0.3, 233.0),
+        (0.4, 255.0),
+        (0.5, 285.0),
+        (0.6, 320.0),
+        (0.7, 355.0),
+        (0.8, 405.0),
+        (0.9, 470.0),
+        (1.0, 555.0),
+        (1.1, 673.0),
+        (1.2, 836.0),
+        (1.3, 1065.0),
+        (1.35, 1220.0),
+        (1.4, 1420.0),
+        (1.45, 1720.0),
+        (1.5, 2130.0),
+        (1.55, 2670.0),
+        (1.6, 3480.0),
+        (1.65, 4500.0),
+        (1.7, 5950.0),
+        (1.75, 7650.0),
+        (1.8, 10100.0),
+        (1.85, 13000.0),
+        (1.9, 15900.0),
+        (1.95, 21100.0),
+        (2.0, 26300.0),
+        (2.05, 32900.0),
+        (2.1, 42700.0),
+        (2.15, 61700.0),
+        (2.2, 84300.0),
+        (2.25, 110000.0),
+        (2.3, 135000.0),
+    ]
+)
 
 _FLUX_TUBES = "Modelica Standard Library, Magnetic.FluxTubes.Material.SoftMagnetic"
 
@@ -33,17 +90,23 @@ _MATERIALS: dict[str, Callable[[], Law]] = {
     "aluminium": lambda: LinearLaw(1.0, "aluminium", "mu_r - 1 = 2e-5, taken as 1"),
     "copper": lambda: LinearLaw(1.0, "copper", "mu_r - 1 = -1e-5, taken as 1"),
     "stainless_304": lambda: LinearLaw(1.0, "stainless_304", "austenitic, annealed: mu_r = 1"),
-    "steel_1010": lambda: TableLaw(_STEEL_1010[:, 0], _STEEL_1010[:, 1], "steel_1010",
-                                   "AISI 1010 low-carbon steel, the table of the FEMM distribution"),
-    "steel_1008": lambda: PermeabilityLaw(200.0, 1.17, 8100.0, 2.59, 10.0, "steel_1008",
-                                          f"AISI 1008, {_FLUX_TUBES}"),
-    "stainless_430": lambda: PermeabilityLaw(274.0, 1.1, 970.0, 1.2, 8.3, "stainless_430",
-                                             f"X6Cr17 (ferritic, AISI 430), {_FLUX_TUBES}"),
+    "steel_1010": lambda: TableLaw(
+        _STEEL_1010[:, 0],
+        _STEEL_1010[:, 1],
+        "steel_1010",
+        "AISI 1010 low-carbon steel, the table of the FEMM distribution",
+    ),
+    "steel_1008": lambda: PermeabilityLaw(200.0, 1.17, 8100.0, 2.59, 10.0, "steel_1008", f"AISI 1008, {_FLUX_TUBES}"),
+    "stainless_430": lambda: PermeabilityLaw(
+        274.0, 1.1, 970.0, 1.2, 8.3, "stainless_430", f"X6Cr17 (ferritic, AISI 430), {_FLUX_TUBES}"
+    ),
     "dc01": lambda: PermeabilityLaw(5.0, 1.1, 6450.0, 3.65, 7.7, "dc01", f"DC01 sheet, {_FLUX_TUBES}"),
-    "vacofer_s2": lambda: PermeabilityLaw(2666.0, 1.15, 187000.0, 4.24, 19.0, "vacofer_s2",
-                                          f"Vacofer S2 pure iron, {_FLUX_TUBES}"),
-    "team_steel": lambda: TableLaw(_TEAM_STEEL[:, 1], _TEAM_STEEL[:, 0], "team_steel",
-                                   "TEAM workshop problems 13 and 20"),
+    "vacofer_s2": lambda: PermeabilityLaw(
+        2666.0, 1.15, 187000.0, 4.24, 19.0, "vacofer_s2", f"Vacofer S2 pure iron, {_FLUX_TUBES}"
+    ),
+    "team_steel": lambda: TableLaw(
+        _TEAM_STEEL[:, 1], _TEAM_STEEL[:, 0], "team_steel", "TEAM workshop problems 13 and 20"
+    ),
 }
 
 
@@ -62,6 +125,8 @@ def material(name: str) -> Law:
         Unknown name; the message lists the known ones.
     """
     if name not in _MATERIALS:
-        raise ValueError(f"material {name!r} is not known; choose one of {', '.join(material_names())}, "
-                         "or give a table of H [A/m] and B [T]")
+        raise ValueError(
+            f"material {name!r} is not known; choose one of {', '.join(material_names())}, "
+            "or give a table of H [A/m] and B [T]"
+        )
     return _MATERIALS[name]()

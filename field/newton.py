@@ -41,8 +41,10 @@ class ConvergenceError(RuntimeError):
 
     def __init__(self, history: list[tuple[float, float]], remedy: str) -> None:
         last = history[-1][0] if history else float("nan")
-        super().__init__(f"the field did not converge: relative residual {last:.2e} after "
-                         f"{max(len(history) - 1, 0)} Newton steps; {remedy}")
+        super().__init__(
+            f"the field did not converge: relative residual {last:.2e} after "
+            f"{max(len(history) - 1, 0)} Newton steps; {remedy}"
+        )
         self.history = history
         self.remedy = remedy
 
@@ -88,16 +90,24 @@ class SymmetricSolver:
 
     def _remember_pattern(self, matrix: sp.csc_matrix, order: np.ndarray) -> None:
         # the entries' own positions travel through the permutation and say where each one goes
-        numbered = sp.csc_matrix((np.arange(1.0, matrix.nnz + 1.0), matrix.indices, matrix.indptr),
-                                 shape=matrix.shape)[order][:, order].tocsc()
+        numbered = sp.csc_matrix((np.arange(1.0, matrix.nnz + 1.0), matrix.indices, matrix.indptr), shape=matrix.shape)[
+            order
+        ][:, order].tocsc()
         numbered.sort_indices()
         self._gather = numbered.data.astype(np.int64) - 1
         self._pattern = (numbered.indices, numbered.indptr)
 
 
-def minimise(energy: Energy, x: np.ndarray, scale: float, *, solver: SymmetricSolver, tolerance: float,
-             max_iterations: int, first_matrix: Callable[[], sp.csc_matrix] | None = None,
-             ) -> tuple[np.ndarray, list[tuple[float, float]]]:
+def minimise(
+    energy: Energy,
+    x: np.ndarray,
+    scale: float,
+    *,
+    solver: SymmetricSolver,
+    tolerance: float,
+    max_iterations: int,
+    first_matrix: Callable[[], sp.csc_matrix] | None = None,
+) -> tuple[np.ndarray, list[tuple[float, float]]]:
     """Newton with an Armijo line search on the energy.
 
     Parameters
@@ -134,8 +144,11 @@ def minimise(energy: Energy, x: np.ndarray, scale: float, *, solver: SymmetricSo
         step = solver.solve(matrix, -residual)
         slope = scalar_product(residual, step)
         if not np.isfinite(slope) or slope >= 0.0:
-            raise ConvergenceError(history, "the tangent is not positive definite: H of one of the materials "
-                                            "does not grow with B, or an element of the mesh is degenerate")
+            raise ConvergenceError(
+                history,
+                "the tangent is not positive definite: H of one of the materials "
+                "does not grow with B, or an element of the mesh is degenerate",
+            )
         length = 1.0
         for _ in range(_MAX_HALVINGS):
             trial = x + length * step
@@ -145,12 +158,17 @@ def minimise(energy: Energy, x: np.ndarray, scale: float, *, solver: SymmetricSo
                 break
             length *= 0.5
         else:
-            raise ConvergenceError(history, "no step along the Newton direction lowers the energy; the "
-                                            "tolerance is below what round-off allows, raise it")
+            raise ConvergenceError(
+                history,
+                "no step along the Newton direction lowers the energy; the "
+                "tolerance is below what round-off allows, raise it",
+            )
         x, value = trial, new_value
         residual = energy.gradient(x)
         history.append((norm(residual) / scale, length))
     if history[-1][0] <= tolerance:
         return x, history
-    raise ConvergenceError(history, "raise `max_iterations`, start from the field of a lower current, or "
-                                    "check the magnetisation curves for jumps")
+    raise ConvergenceError(
+        history,
+        "raise `max_iterations`, start from the field of a lower current, or check the magnetisation curves for jumps",
+    )

@@ -34,14 +34,16 @@ class PatchFit:
         self._points = points
         self._targets = np.concatenate((points, points[edge_ends].mean(axis=1)))
         element = np.repeat(np.arange(len(corner)), 3)
-        self._touches = sp.csr_matrix((np.ones(element.size), (corner.ravel(), element)),
-                                      shape=(len(points), len(corner)))
+        self._touches = sp.csr_matrix(
+            (np.ones(element.size), (corner.ravel(), element)), shape=(len(points), len(corner))
+        )
         order = np.argsort(edge_ends.ravel(), kind="stable")
         self._edge_of = np.repeat(np.arange(len(edge_ends)), 2)[order]
         self._edge_start = np.searchsorted(edge_ends.ravel()[order], np.arange(len(points) + 1))
 
-    def operator(self, holds: sp.csr_matrix, samples: np.ndarray, degree: int,
-                 derivatives: tuple[tuple[int, int], ...]) -> sp.csr_matrix:
+    def operator(
+        self, holds: sp.csr_matrix, samples: np.ndarray, degree: int, derivatives: tuple[tuple[int, int], ...]
+    ) -> sp.csr_matrix:
         """From sample values to derivatives at vertices and edge middles.
 
         Parameters
@@ -65,10 +67,14 @@ class PatchFit:
         patch = (ring @ self._touches).tocsr()  # two rings of elements
         for _ in range(2, _MAX_RINGS + 1):
             stencil = (patch[waiting] @ holds).tocsr()
-            waiting = np.concatenate([
-                self._fit(waiting[low:low + _CHUNK], stencil[low:low + _CHUNK], samples, degree, derivatives,
-                          parts)
-                for low in range(0, waiting.size, _CHUNK)])
+            waiting = np.concatenate(
+                [
+                    self._fit(
+                        waiting[low : low + _CHUNK], stencil[low : low + _CHUNK], samples, degree, derivatives, parts
+                    )
+                    for low in range(0, waiting.size, _CHUNK)
+                ]
+            )
             if waiting.size == 0:
                 break
             patch = (ring @ patch).tocsr()
@@ -80,15 +86,22 @@ class PatchFit:
             waiting = self._fit(waiting, stencil, samples, degree, derivatives, parts)
         if waiting.size:
             r, z = self._points[waiting[0]]
-            raise ValueError(f"the field's derivatives cannot be recovered at r = {r:.6g} m, z = {z:.6g} m: "
-                             "too few elements in this region; refine its mesh")
+            raise ValueError(
+                f"the field's derivatives cannot be recovered at r = {r:.6g} m, z = {z:.6g} m: "
+                "too few elements in this region; refine its mesh"
+            )
         row, column, value = (np.concatenate(part) for part in zip(*parts, strict=True))
-        return sp.csr_matrix((value, (row, column)),
-                             shape=(len(derivatives) * len(self._targets), holds.shape[1]))
+        return sp.csr_matrix((value, (row, column)), shape=(len(derivatives) * len(self._targets), holds.shape[1]))
 
-    def _fit(self, vertices: np.ndarray, stencil: sp.csr_matrix, samples: np.ndarray, degree: int,
-             derivatives: tuple[tuple[int, int], ...],
-             parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> np.ndarray:
+    def _fit(
+        self,
+        vertices: np.ndarray,
+        stencil: sp.csr_matrix,
+        samples: np.ndarray,
+        degree: int,
+        derivatives: tuple[tuple[int, int], ...],
+        parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]],
+    ) -> np.ndarray:
         """Fit at these vertices, append the operator's entries to `parts`, return the ones left undone."""
         powers = [(i, n - i) for n in range(degree + 1) for i in range(n + 1)]
         count = np.diff(stencil.indptr)
@@ -126,8 +139,7 @@ class PatchFit:
         kept = mask[polynomial]
         columns = column[polynomial][kept]
         for d, (d_r, d_z) in enumerate(derivatives):
-            row = np.stack([_power(where[:, 0], i, d_r) * _power(where[:, 1], j, d_z) for i, j in powers],
-                           axis=1)
+            row = np.stack([_power(where[:, 0], i, d_r) * _power(where[:, 1], j, d_z) for i, j in powers], axis=1)
             row *= (weight / (scale[polynomial, 0] ** d_r * scale[polynomial, 1] ** d_z))[:, None]
             entries = np.einsum("tc,tcm->tm", row, inverse[polynomial])
             rows = np.broadcast_to((d * len(self._targets) + target)[:, None], entries.shape)

@@ -63,11 +63,11 @@ class GrainLaw:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.chi) and self.chi > 0.0):
-            raise ValueError(f"`chi` = {self.chi} of the grains must be a finite number above 0 "
-                             "(iron: 100 to 5000)")
+            raise ValueError(f"`chi` = {self.chi} of the grains must be a finite number above 0 (iron: 100 to 5000)")
         if self.Ms is not None and not (math.isfinite(self.Ms) and self.Ms > 0.0):
-            raise ValueError(f"`Ms` = {self.Ms} A/m of the grains must be above 0 (iron: 1.7e6 A/m), "
-                             "or None for a linear material")
+            raise ValueError(
+                f"`Ms` = {self.Ms} A/m of the grains must be above 0 (iron: 1.7e6 A/m), or None for a linear material"
+            )
 
     @staticmethod
     def demagnetising_factors(phi: np.ndarray | float) -> tuple[np.ndarray, np.ndarray, float]:
@@ -114,8 +114,7 @@ class GrainLaw:
             return 0.5 * M * B
         m = M / self.Ms
         # small m: m + log(1 - m) cancels, its series does not
-        log_part = np.where(m < 1e-3, m**2 * (0.5 + m * (1.0 / 3.0 + m * (0.25 + m * 0.2))),
-                            -(m + np.log1p(-m)))
+        log_part = np.where(m < 1e-3, m**2 * (0.5 + m * (1.0 / 3.0 + m * (0.25 + m * 0.2))), -(m + np.log1p(-m)))
         return M * B - MU_0 * (0.5 * N_B * M**2 + self.Ms**2 / self.chi * log_part)
 
     def chi_eff(self, phi: np.ndarray | float, H: np.ndarray) -> np.ndarray:

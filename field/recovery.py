@@ -59,10 +59,8 @@ class RegionRecovery:
         self._patches = PatchFit(points, corner, edge_ends)
         dofs = elements.element_dofs[region]
         owner = np.repeat(np.arange(len(dofs)), dofs.shape[1])
-        holds = sp.csr_matrix((np.ones(dofs.size), (owner, dofs.ravel())),
-                              shape=(len(dofs), elements.n_dofs))
-        self._psi_operator = self._patches.operator(holds, elements.dof_points, elements.order + 2,
-                                                    _PSI_DERIVATIVES)
+        holds = sp.csr_matrix((np.ones(dofs.size), (owner, dofs.ravel())), shape=(len(dofs), elements.n_dofs))
+        self._psi_operator = self._patches.operator(holds, elements.dof_points, elements.order + 2, _PSI_DERIVATIVES)
 
     def derivatives(self, psi: np.ndarray) -> np.ndarray:
         """psi_r, psi_z, psi_rr, psi_rz, psi_zz at the nodes, shape (5, n_nodes)."""

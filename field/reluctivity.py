@@ -68,8 +68,10 @@ class LinearLaw:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.mu_r) and self.mu_r >= 1.0):
-            raise ValueError(f"`mu_r` = {self.mu_r} of {self.name!r} must be a finite number of at least 1; "
-                             "use 1 for air and non-magnetic metals")
+            raise ValueError(
+                f"`mu_r` = {self.mu_r} of {self.name!r} must be a finite number of at least 1; "
+                "use 1 for air and non-magnetic metals"
+            )
 
     def H_of_B(self, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """See `Law.H_of_B`."""

@@ -157,8 +157,7 @@ def _nodal_values(field: MagneticField, region: str, recovery: RegionRecovery) -
 def _interpolate(position, section, element, barycentric, connectivity, nodal, H, grad):
     for k in range(position.shape[0]):
         a, b, c = barycentric[k, 0], barycentric[k, 1], barycentric[k, 2]
-        shape = (a * (2.0 * a - 1.0), b * (2.0 * b - 1.0), c * (2.0 * c - 1.0),
-                 4.0 * a * b, 4.0 * b * c, 4.0 * c * a)
+        shape = (a * (2.0 * a - 1.0), b * (2.0 * b - 1.0), c * (2.0 * c - 1.0), 4.0 * a * b, 4.0 * b * c, 4.0 * c * a)
         e = element[k]
         h_r = h_z = rr = rz = zr = zz = 0.0
         for i in range(6):

@@ -42,8 +42,7 @@ class SectionElements:
         element = (skfem.ElementTriP1, skfem.ElementTriP2, skfem.ElementTriP3)[order - 1]()
         self.mesh = mesh
         self.order = order
-        self.skfem_mesh = skfem.MeshTri(np.ascontiguousarray(mesh.points.T),
-                                        np.ascontiguousarray(mesh.triangles.T))
+        self.skfem_mesh = skfem.MeshTri(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.triangles.T))
         quadrature = skfem.quadrature.get_quadrature(element, QUADRATURE_ORDER[order])
         basis = skfem.CellBasis(self.skfem_mesh, element, quadrature=quadrature)
         self.n_dofs = int(basis.N)
@@ -52,8 +51,7 @@ class SectionElements:
         self.shape = np.array([np.asarray(b[0])[0] for b in basis.basis]).T.copy()  # (n_quadrature, n_basis)
         grad = np.array([b[0].grad for b in basis.basis])  # (n_basis, 2, n_elements, n_quadrature)
         n_elements, n_quadrature = basis.dx.shape
-        self.gradients = np.ascontiguousarray(
-            grad.transpose(2, 1, 3, 0).reshape(n_elements, 2 * n_quadrature, -1))
+        self.gradients = np.ascontiguousarray(grad.transpose(2, 1, 3, 0).reshape(n_elements, 2 * n_quadrature, -1))
         self.radius = np.ascontiguousarray(np.asarray(basis.global_coordinates())[0])
         self.weight = np.ascontiguousarray(basis.dx)
         self.n_quadrature = n_quadrature
@@ -63,8 +61,7 @@ class SectionElements:
     def boundary_dofs(self, name: str) -> np.ndarray:
         """Unknowns on a boundary that the mesh names."""
         if name not in self.mesh.boundaries:
-            raise ValueError(f"the mesh has no boundary {name!r}; "
-                             f"it has {', '.join(sorted(self.mesh.boundaries))}")
+            raise ValueError(f"the mesh has no boundary {name!r}; it has {', '.join(sorted(self.mesh.boundaries))}")
         pairs = np.sort(np.asarray(self.mesh.boundaries[name], dtype=np.int64), axis=1)
         key = self.skfem_mesh.p.shape[1]
         facets = np.sort(self.skfem_mesh.facets.astype(np.int64), axis=0)
@@ -90,8 +87,10 @@ class SectionElements:
         slope = np.zeros((2, len(element)))
         for i, dof in enumerate(self.element_dofs[element].T):
             slope += self._element.lbasis(local, i)[1] * psi[dof]
-        return np.column_stack((v[1] * slope[0] - u[1] * slope[1],
-                                u[0] * slope[1] - v[0] * slope[0])) / determinant[:, None]
+        return (
+            np.column_stack((v[1] * slope[0] - u[1] * slope[1], u[0] * slope[1] - v[0] * slope[0]))
+            / determinant[:, None]
+        )
 
     def load(self, density: np.ndarray) -> np.ndarray:
         """Integral of density * v dr dz for every v; density (n_elements,), constant in each element."""
@@ -123,8 +122,10 @@ class SectionElements:
         g_r, g_z = self.gradients[:, :q], self.gradients[:, q:]
         d_r, d_z = direction[:, 0], direction[:, 1]
         off = (c * d_r * d_z)[:, :, None]
-        turned = np.concatenate(((a + c * d_r * d_r)[:, :, None] * g_r + off * g_z,
-                                 off * g_r + (a + c * d_z * d_z)[:, :, None] * g_z), axis=1)
+        turned = np.concatenate(
+            ((a + c * d_r * d_r)[:, :, None] * g_r + off * g_z, off * g_r + (a + c * d_z * d_z)[:, :, None] * g_z),
+            axis=1,
+        )
         return self.gradients.transpose(0, 2, 1) @ turned
 
 

@@ -72,6 +72,4 @@ class ShearCell:
 
     def fill_boxes(self) -> dict[str, AnnularBox]:
         """The one space to fill, ``annulus``."""
-        return {
-            "annulus": AnnularBox(self.inner_radius, self.outer_radius, -0.5 * self.height, 0.5 * self.height)
-        }
+        return {"annulus": AnnularBox(self.inner_radius, self.outer_radius, -0.5 * self.height, 0.5 * self.height)}

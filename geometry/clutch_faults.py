@@ -51,16 +51,12 @@ def _sizes(clutch: Clutch) -> list[Fault]:
         if value is None or 0.0 < value < math.inf or (name == "ring_width" and value == 0.0):
             continue
         allowed = "0 mm (no ring) or more" if name == "ring_width" else "more than 0 mm"
-        found.append(
-            _fault(clutch, name, "it is not a positive length", allowed, f"correct `geometry.{name}`")
-        )
+        found.append(_fault(clutch, name, "it is not a positive length", allowed, f"correct `geometry.{name}`"))
     low, high = AIR_FACTORS
     if not low <= clutch.air_factor <= high:
         reason = "the air must enclose the device with some room, and not dwarf it"
         remedy = "3 is a good choice for `geometry.air_factor`"
-        found.append(
-            Fault("geometry.air_factor", f"{clutch.air_factor:g}", reason, f"{low:g} to {high:g}", remedy)
-        )
+        found.append(Fault("geometry.air_factor", f"{clutch.air_factor:g}", reason, f"{low:g} to {high:g}", remedy))
     return found
 
 
@@ -169,10 +165,7 @@ def _grain(clutch: Clutch, broken: set[str], diameter: float) -> list[Fault]:
                 f"at least {millimetres(diameter)}",
                 f"raise `geometry.{name}` or lower `particles.diameter`",
             ))  # fmt: skip
-    if (
-        not broken & {"seal_radius", "disc_radius"}
-        and 0.0 < clutch.disc_radius - clutch.seal_radius < diameter
-    ):
+    if not broken & {"seal_radius", "disc_radius"} and 0.0 < clutch.disc_radius - clutch.seal_radius < diameter:
         found.append(_fault(
             clutch, "seal_radius", f"the chamber is lower than one grain ({millimetres(diameter)})",
             f"at most {millimetres(clutch.disc_radius - diameter)}",

@@ -93,9 +93,7 @@ def _gap_view(mesh: SectionMesh) -> View | None:
     """The corner of disc, rim gap and face gap at z > 0, some gaps wide."""
     if not {"disc_rim", "rotor_bore"} <= mesh.boundaries.keys():
         return None
-    rim, bore = (
-        mesh.points[mesh.boundaries[name]].reshape(-1, 2) * _MM for name in ("disc_rim", "rotor_bore")
-    )
+    rim, bore = (mesh.points[mesh.boundaries[name]].reshape(-1, 2) * _MM for name in ("disc_rim", "rotor_bore"))
     r, z = rim[:, 0].mean(), rim[:, 1].max()
     reach = max(bore[:, 0].mean() - r, bore[:, 1].max() - z)
     return z - 3.5 * reach, z + 2.5 * reach, r - 3.5 * reach, r + 3.5 * reach
@@ -108,9 +106,7 @@ def _paint(panel: Axes, mesh: SectionMesh, triangulation: Triangulation, with_me
     number = np.empty(len(mesh.triangles))
     for i, elements in enumerate(mesh.regions.values()):
         number[elements] = i
-    lines: dict[str, Any] = (
-        {"edgecolors": "#00000060", "linewidth": 0.5} if with_mesh else {"edgecolors": "face"}
-    )
+    lines: dict[str, Any] = {"edgecolors": "#00000060", "linewidth": 0.5} if with_mesh else {"edgecolors": "face"}
     panel.tripcolor(
         triangulation,
         facecolors=number,
@@ -136,9 +132,7 @@ def _outline(triangles: np.ndarray) -> np.ndarray:
     return edges[first[uses == 1]]
 
 
-def _write_names(
-    panel: Axes, mesh: SectionMesh, triangulation: Triangulation, view: View, leaders: bool
-) -> None:
+def _write_names(panel: Axes, mesh: SectionMesh, triangulation: Triangulation, view: View, leaders: bool) -> None:
     """A name goes where it fits into its region, level or upright; else to the right, with a leader line."""
     find = triangulation.get_trifinder()
     region_of = np.full(len(mesh.triangles) + 1, -1)
@@ -157,9 +151,7 @@ def _write_names(
         centres = centres[inside & (centres[:, 1] > view[2]) & (centres[:, 1] < view[3])]
         if len(centres) == 0:
             continue
-        depth = _depth(
-            centres, mesh.points[_outline(mesh.triangles[mesh.regions[name]])][..., ::-1] * _MM, view
-        )
+        depth = _depth(centres, mesh.points[_outline(mesh.triangles[mesh.regions[name]])][..., ::-1] * _MM, view)
         # Along a strip many points are equally deep: the name goes to the middle of it.
         middle = np.linalg.norm(centres - centres.mean(axis=0), axis=1)
         order = np.argsort(0.1 * middle - depth, kind="stable")
@@ -168,9 +160,7 @@ def _write_names(
             box = 0.5 * (text[::-1] if upright else text)
             grid = np.array([(x, y) for x in np.linspace(-1, 1, 9) for y in np.linspace(-1, 1, 9)]) * box
             corners = centres[order][:, None, :] + grid
-            fits = np.all(
-                region_of[np.asarray(find(corners[..., 0], corners[..., 1]), dtype=np.int64)] == i, axis=1
-            )
+            fits = np.all(region_of[np.asarray(find(corners[..., 0], corners[..., 1]), dtype=np.int64)] == i, axis=1)
             fits &= np.all((centres[order] - box > low) & (centres[order] + box < high), axis=1)
             if fits.any():
                 z, r = centres[order][np.argmax(fits)]

@@ -76,9 +76,7 @@ def mesh_clutch(
     if faults:
         raise GeometryError(faults)
     if gap_layers < MINIMUM_LAYERS:
-        raise ValueError(
-            f"`gap_layers` = {gap_layers}: allowed are {MINIMUM_LAYERS} or more; raise `gap_layers`"
-        )
+        raise ValueError(f"`gap_layers` = {gap_layers}: allowed are {MINIMUM_LAYERS} or more; raise `gap_layers`")
     if not 0.1 <= size_factor <= 4.0:
         raise ValueError(f"`size_factor` = {size_factor:g}: allowed are 0.1 to 4; the default is 1")
     target = None if path is None else _writable(Path(path))

@@ -104,9 +104,7 @@ class AnnularBox:
         return 0.5 * angle * (self.r1**2 - self.r0**2) * (self.z1 - self.z0)
 
 
-def cylinder(
-    name: str, body: str, radius: float, z0: float, z1: float, *, magnetic: bool = False
-) -> RevolvedWall:
+def cylinder(name: str, body: str, radius: float, z0: float, z1: float, *, magnetic: bool = False) -> RevolvedWall:
     """Cylinder r = radius from z0 to z1 [m], with no edge of its own."""
     return RevolvedWall(name, body, (radius, z0), (radius, z1), magnetic)
 
@@ -154,10 +152,7 @@ def outline(
     steel = [magnetic] * count if isinstance(magnetic, bool) else list(magnetic)
     if len(names) != count or len(steel) != count:
         raise ValueError(f"{count} segments, but {len(names)} names and {len(steel)} magnetic flags")
-    walls = [
-        RevolvedWall(names[k], body, corners[k], corners[(k + 1) % len(corners)], steel[k])
-        for k in range(count)
-    ]
+    walls = [RevolvedWall(names[k], body, corners[k], corners[(k + 1) % len(corners)], steel[k]) for k in range(count)]
     owned = []
     for k, wall in enumerate(walls):
         if k + 1 < count or closed:

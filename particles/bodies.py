@@ -28,9 +28,7 @@ class PrescribedSpeed:
         times = tuple(float(t) for t in self.times)
         speeds = tuple(float(w) for w in self.speeds)
         if not times or len(times) != len(speeds):
-            raise ValueError(
-                f"a speed profile has {len(times)} times but {len(speeds)} speeds; give as many of each"
-            )
+            raise ValueError(f"a speed profile has {len(times)} times but {len(speeds)} speeds; give as many of each")
         if not all(map(math.isfinite, times + speeds)) or any(b <= a for a, b in pairwise(times)):
             raise ValueError(f"times of a speed profile must be finite and increase, got {times} s")
         object.__setattr__(self, "times", times)

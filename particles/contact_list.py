@@ -164,9 +164,7 @@ def _carry_pairs(
 
 
 @njit(cache=True, error_model="numpy")
-def _carry_walls(
-    rank, wraps, angle, start, other, touching, history, new_start, new_other, new_touching, new_history
-):
+def _carry_walls(rank, wraps, angle, start, other, touching, history, new_start, new_other, new_touching, new_history):
     for old_i in range(rank.shape[0]):
         for k in range(start[old_i], start[old_i + 1]):
             if touching[k] == 0:

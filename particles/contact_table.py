@@ -77,8 +77,6 @@ def stored_at_rest(
     i, j = contacts.pairs.rows(), contacts.pairs.other
     there = x[j] if sector is None else sector.turn(x[j], contacts.pairs.shift)
     pairs = radius[i] + radius[j] - np.linalg.norm(there - x[i], axis=1)
-    at_walls = wall_overlaps(x, radius, walls, contacts.wall_rows(), contacts.wall_other.astype(np.int64))[
-        :, 0
-    ]
+    at_walls = wall_overlaps(x, radius, walls, contacts.wall_rows(), contacts.wall_other.astype(np.int64))[:, 0]
     depth = np.maximum(np.concatenate([pairs, at_walls]), 0.0)
     return 0.5 * stiffness_n * float(depth @ depth)

@@ -26,9 +26,7 @@ from particles.threads import threads_for
 from particles.time_step import choose_time_step
 from particles.wall_table import outside, wall_table
 
-ROWS_PER_CHUNK = (
-    256  # chunks must follow from the number of grains alone (same result with any number of threads)
-)
+ROWS_PER_CHUNK = 256  # chunks must follow from the number of grains alone (same result with any number of threads)
 STEPS_PER_CALL = 512  # bounds the table of prescribed speeds
 
 
@@ -94,9 +92,7 @@ class DEM:
         self.gravity = None if gravity is None else np.array(gravity, dtype=float).reshape(3)
         self.skin = 0.5 * float(np.mean(grains.radius)) if skin is None else float(skin)
         if not 0.0 < self.skin < np.inf:
-            raise ValueError(
-                f"skin = {self.skin * 1e3:g} mm; allowed: more than 0 (a quarter of a diameter is usual)"
-            )
+            raise ValueError(f"skin = {self.skin * 1e3:g} mm; allowed: more than 0 (a quarter of a diameter is usual)")
         self.external_force: np.ndarray | None = None
         self.step_count = 0
         self.order_version = 0
@@ -187,9 +183,7 @@ class DEM:
                 arrays[name] = value.copy()
         arrays |= {f"list_{name}": value.copy() for name, value in self._list.arrays().items()}
         arrays["net"] = self._net.copy()
-        arrays["bodies"] = np.array([[b.angle, b.speed, b.external_torque] for b in self.bodies]).reshape(
-            -1, 3
-        )
+        arrays["bodies"] = np.array([[b.angle, b.speed, b.external_torque] for b in self.bodies]).reshape(-1, 3)
         arrays["counters"] = np.array(
             [self.step_count, self.order_version, self._stale, self.list_version], dtype=np.int64
         )
@@ -342,9 +336,7 @@ class DEM:
                 for name, t in zip(names, bodies, strict=True)
             },
             force=dict(zip(names, force, strict=True)),
-            wall_work={
-                name: ring * float(t[kernel.BODY_WORK]) for name, t in zip(names, bodies, strict=True)
-            },
+            wall_work={name: ring * float(t[kernel.BODY_WORK]) for name, t in zip(names, bodies, strict=True)},
             shaft_work={
                 body.name: {"drive": float(t[kernel.DRIVE_WORK]), "load": float(t[kernel.LOAD_WORK])}
                 for body, t in zip(self.bodies, bodies, strict=True)

@@ -66,9 +66,7 @@ class Grains:
             if bad.any():
                 raise ValueError(f"{name} of a grain must be positive, got {value[bad][0]:g} {unit}")
         v, w = (
-            np.zeros((count, 3))
-            if given is None
-            else np.array(given, dtype=np.float64, order="C").reshape(count, 3)
+            np.zeros((count, 3)) if given is None else np.array(given, dtype=np.float64, order="C").reshape(count, 3)
             for given in (velocity, angular_velocity)
         )
         for name, value in (("position", where), ("velocity", v), ("angular_velocity", w)):
@@ -95,8 +93,7 @@ class Grains:
     def kinetic_energy(self) -> float:
         """Translation and spin [J]."""
         return 0.5 * float(
-            np.sum(self.mass[:, None] * self.velocity**2)
-            + np.sum(self.inertia[:, None] * self.angular_velocity**2)
+            np.sum(self.mass[:, None] * self.velocity**2) + np.sum(self.inertia[:, None] * self.angular_velocity**2)
         )
 
     def momentum(self) -> np.ndarray:

@@ -91,9 +91,7 @@ def find_pairs(
     capacity = 8 * n
     while True:
         other, shift = np.empty(capacity, dtype=np.int32), np.zeros(capacity, dtype=np.int8)
-        found = _collect(
-            n, everywhere, near, cutoff, ghost, order, cell_start, low, size, shape, start, other, shift
-        )
+        found = _collect(n, everywhere, near, cutoff, ghost, order, cell_start, low, size, shape, start, other, shift)
         if found <= capacity:
             return PairList(start, other[:found].copy(), shift[:found].copy())
         capacity = found
@@ -107,9 +105,7 @@ def cell_order(position: np.ndarray, size: float) -> np.ndarray:
     return np.argsort((cell[:, 2] * shape[1] + cell[:, 1]) * shape[0] + cell[:, 0], kind="stable")
 
 
-def _cells(
-    position: np.ndarray, cutoff: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, float, np.ndarray]:
+def _cells(position: np.ndarray, cutoff: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, float, np.ndarray]:
     low, extent = position.min(axis=0), np.ptp(position, axis=0)
     size = cutoff * (1.0 + 1e-12)
     # few grains in a vast space: larger cells rather than more memory than the grains themselves need

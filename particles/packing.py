@@ -111,9 +111,7 @@ def _throw(rng: np.random.Generator, place: AnnularBox | Box, radius: np.ndarray
     return found
 
 
-def _push_apart(
-    position: np.ndarray, radius: np.ndarray, walls: np.ndarray, sector: CyclicSector | None
-) -> np.ndarray:
+def _push_apart(position: np.ndarray, radius: np.ndarray, walls: np.ndarray, sector: CyclicSector | None) -> np.ndarray:
     smallest = 2.0 * float(radius.min())
     skin = 0.3 * smallest
     turn = np.array([1.0, 0.0] if sector is None else [math.cos(sector.angle), math.sin(sector.angle)])
@@ -122,9 +120,7 @@ def _push_apart(
         r = scale * radius
         reference = None
         for _ in range(sweeps):
-            moved = (
-                np.inf if reference is None else np.sqrt(np.max(np.sum((position - reference) ** 2, axis=1)))
-            )
+            moved = np.inf if reference is None else np.sqrt(np.max(np.sum((position - reference) ** 2, axis=1)))
             if moved > 0.5 * skin:
                 if sector is not None:
                     position = sector.turn(position, sector.wraps(position))

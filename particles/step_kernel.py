@@ -323,9 +323,7 @@ def _gather_and_move(
         # the mean of old and new velocity closes the balance of kinetic energy exactly
         half = 0.5 * dt
         vx, vy, vz = vx + bx, vy + by, vz + bz
-        contact_work += half * (
-            fx * vx + fy * vy + fz * vz + tx * (wx + ox) + ty * (wy + oy) + tz * (wz + oz)
-        )
+        contact_work += half * (fx * vx + fy * vy + fz * vz + tx * (wx + ox) + ty * (wy + oy) + tz * (wz + oz))
         if gravity is not None:
             gravity_work += half * m * (gravity[0] * vx + gravity[1] * vy + gravity[2] * vz)
         if external is not None:
@@ -453,9 +451,7 @@ def wall_overlaps(position, radius, wall, row, other):
     result = np.empty((row.shape[0], 4))
     for k in range(row.shape[0]):
         i = row[k]
-        distance, nx, ny, nz, owned = _wall_gap(
-            wall, other[k], position[i, 0], position[i, 1], position[i, 2]
-        )
+        distance, nx, ny, nz, owned = _wall_gap(wall, other[k], position[i, 0], position[i, 1], position[i, 2])
         result[k, 0] = radius[i] - distance if owned else -np.inf
         result[k, 1], result[k, 2], result[k, 3] = nx, ny, nz
     return result

@@ -73,9 +73,7 @@ def choose_time_step(
                 f"({'5 steps a contact' if longest < by_speed else 'a tenth of a radius a step'}); leave it "
                 "out to have it chosen"
             )
-        return TimeStep(
-            dt, f"dt = {dt:.3g} s as asked: {duration / dt:.3g} steps a contact of {duration:.3g} s"
-        )
+        return TimeStep(dt, f"dt = {dt:.3g} s as asked: {duration / dt:.3g} steps a contact of {duration:.3g} s")
     if by_speed < by_contact:
         return TimeStep(
             by_speed,
@@ -101,7 +99,5 @@ def stiffness_for_overlap(force: float, diameter: float, overlap: float = 0.005)
     if not (0.0 < force < math.inf and 0.0 < diameter < math.inf):
         raise ValueError(f"force = {force:g} N and diameter = {diameter * 1e3:g} mm must both be positive")
     if not 0.0 < overlap <= 0.05:
-        raise ValueError(
-            f"overlap = {overlap:g} of the diameter; allowed: more than 0, at most 0.05 (0.005 is usual)"
-        )
+        raise ValueError(f"overlap = {overlap:g} of the diameter; allowed: more than 0, at most 0.05 (0.005 is usual)")
     return force / (overlap * diameter)

@@ -16,6 +16,7 @@ class FixedDipoles(Effect):
 
     def add_forces(self, simulation, force):
         grains = simulation.dem.grains
-        reaction, _energy = add_dipole_forces(grains.position, grains.magnetic_moment, grains.radius,
-                                              simulation.rows(self.cutoff), self.cutoff, force)
+        reaction, _energy = add_dipole_forces(
+            grains.position, grains.magnetic_moment, grains.radius, simulation.rows(self.cutoff), self.cutoff, force
+        )
         return {"dipoles": reaction}

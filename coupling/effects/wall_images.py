@@ -18,6 +18,14 @@ class WallImages(Effect):
 
     def add_forces(self, simulation, force):
         grains = simulation.dem.grains
-        torque = add_image_forces(grains.position, grains.magnetic_moment, grains.radius,
-                                  simulation.rows(self.cutoff), self.walls, self.reflection, self.cutoff, force)
+        torque = add_image_forces(
+            grains.position,
+            grains.magnetic_moment,
+            grains.radius,
+            simulation.rows(self.cutoff),
+            self.walls,
+            self.reflection,
+            self.cutoff,
+            force,
+        )
         return {"images": torque}

@@ -50,8 +50,7 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
             version = int(file.attrs.get("version", 0))
             if version != VERSION:
                 raise OutputError(
-                    f"{path} has layout {version}, this program reads {VERSION}; "
-                    "resume with the program that wrote it"
+                    f"{path} has layout {version}, this program reads {VERSION}; resume with the program that wrote it"
                 )
             return _read(file["state"])
     except OSError as error:

@@ -193,9 +193,7 @@ def _draw_chains(
     strongest = float(np.percentile(force[inside], 98)) or 1.0
     width = 3.0 * np.minimum(force[inside] / strongest, 1.0)
     axis.add_collection(
-        LineCollection(
-            list(MM * np.stack([a, b], axis=1)[inside]), colors="crimson", linewidths=width, alpha=0.85
-        )
+        LineCollection(list(MM * np.stack([a, b], axis=1)[inside]), colors="crimson", linewidths=width, alpha=0.85)
     )
 
 
@@ -215,9 +213,7 @@ def _draw_meridional_walls(axis: Axes, walls: Sequence[Any], body: str) -> None:
         )
 
 
-def _draw_unrolled_walls(
-    axis: Axes, walls: Sequence[Any], body: str, across: str, layer: tuple[float, float]
-) -> None:
+def _draw_unrolled_walls(axis: Axes, walls: Sequence[Any], body: str, across: str, layer: tuple[float, float]) -> None:
     """A wall along the gap that passes through the layer is a horizontal line."""
     for wall in walls:
         up, other = (0, 1) if across == "r" else (1, 0)

@@ -162,7 +162,5 @@ def _cell(name: str, value: Any, row: Mapping[str, Any]) -> str:
     number = value.item() if hasattr(value, "item") else value
     if not math.isfinite(number):
         unit = COLUMNS[name][0]
-        raise OutputError(
-            f"{name} = {number} {unit} at t = {row.get('time')} s is no number: the run is broken"
-        )
+        raise OutputError(f"{name} = {number} {unit} at t = {row.get('time')} s is no number: the run is broken")
     return repr(number) if isinstance(number, float) else str(int(number))

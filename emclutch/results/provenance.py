@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 PACKAGES = (
-    "emclutch numpy scipy numba scikit-fem gmsh meshio h5py pydantic pint typer rich pandas "
-    "matplotlib pyvista vtk"
+    "emclutch numpy scipy numba scikit-fem gmsh meshio h5py pydantic pint typer rich pandas matplotlib pyvista vtk"
 ).split()
 
 

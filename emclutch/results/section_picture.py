@@ -80,9 +80,7 @@ def section_picture(
     return Path(path)
 
 
-def device_mask(
-    points: np.ndarray, triangles: np.ndarray, box: tuple[float, float, float, float]
-) -> np.ndarray:
+def device_mask(points: np.ndarray, triangles: np.ndarray, box: tuple[float, float, float, float]) -> np.ndarray:
     """Triangles whose centre lies in r0, r1, z0, z1 [m]."""
     r, z = points[triangles].mean(axis=1).T
     return (r >= box[0]) & (r <= box[1]) & (z >= box[2]) & (z <= box[3])
@@ -143,9 +141,7 @@ def _lines(axis: Axes, points: np.ndarray, edges: np.ndarray, width: float) -> N
     axis.add_collection(LineCollection(MM * points[edges][:, :, ::-1], colors="black", linewidths=width))
 
 
-def _region_names(
-    axis: Axes, mesh: Any, points: np.ndarray, triangles: np.ndarray, device_area: float
-) -> None:
+def _region_names(axis: Axes, mesh: Any, points: np.ndarray, triangles: np.ndarray, device_area: float) -> None:
     """Name of each region inside its largest connected part, unless that is too small to hold it."""
     from matplotlib.patheffects import withStroke
     from scipy.sparse import coo_array

@@ -25,9 +25,7 @@ def torque_against_current_picture(path: str | Path, table: Any, *, title: str |
     current = _column(table, "current")
     torque = _column(table, "torque")
     error = _column(table, "standard_error") if "standard_error" in table else np.zeros_like(torque)
-    converged = (
-        np.asarray(table["converged"], dtype=bool) if "converged" in table else np.ones(len(torque), bool)
-    )
+    converged = np.asarray(table["converged"], dtype=bool) if "converged" in table else np.ones(len(torque), bool)
     order = np.argsort(current, kind="stable")
     figure = Figure(figsize=(7.0, 4.8), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)

@@ -29,11 +29,7 @@ def torque_picture(
     from matplotlib.figure import Figure
 
     time = np.asarray(history["time"], dtype=np.float64)
-    drives = [
-        name
-        for name in ("current", "rotor_speed", "disc_speed")
-        if name in history and _varies(history[name])
-    ]
+    drives = [name for name in ("current", "rotor_speed", "disc_speed") if name in history and _varies(history[name])]
     rows = 2 if drives else 1
     figure = Figure(figsize=(9.0, 4.6 + 2.0 * (rows - 1)), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
@@ -64,9 +60,7 @@ def torque_picture(
                 zorder=3,
             )
         label += f" {unit}" + ("" if estimate.converged else " (not converged)")
-        axis.plot(
-            [estimate.start, time[-1]], [mean, mean], color="black", lw=1.4, ls="--", label=label, zorder=4
-        )
+        axis.plot([estimate.start, time[-1]], [mean, mean], color="black", lw=1.4, ls="--", label=label, zorder=4)
         if not estimate.converged:
             axis.text(0.01, 0.02, estimate.reason, transform=axis.transAxes, fontsize=8, color="crimson")
     axis.set_ylabel(f"torque [{unit}]")
@@ -89,9 +83,7 @@ def _draw_drives(axis: Any, time: np.ndarray, history: Any, drives: list[str]) -
     right = axis.twinx() if "current" in drives and speeds else axis
     for name in speeds:
         body = name.removesuffix("_speed")
-        right.plot(
-            time, RPM * np.asarray(history[name]), color=COLOURS[body], lw=1.2, ls="-.", label=f"{body} speed"
-        )
+        right.plot(time, RPM * np.asarray(history[name]), color=COLOURS[body], lw=1.2, ls="-.", label=f"{body} speed")
     if speeds:
         right.set_ylabel("speed [rpm]")
     handles, labels = axis.get_legend_handles_labels()

@@ -125,9 +125,7 @@ class PvdSeries:
                     continue
                 cells, material = [np.arange(len(corners))], np.zeros(1)
             else:
-                corners, quads, material = revolved_surface(
-                    wall.start, wall.end, angle=sector_angle, turned=turned
-                )
+                corners, quads, material = revolved_surface(wall.start, wall.end, angle=sector_angle, turned=turned)
                 cells = list(quads)
             points.append(corners)
             polygons += [cell + count for cell in cells]
@@ -207,8 +205,7 @@ class PvdSeries:
         ]
         lines.append("<Collection>")
         lines += [
-            f'<DataSet timestep="{time!r}" group="" part="0" file={quoteattr(file)}/>'
-            for time, file in self.entries
+            f'<DataSet timestep="{time!r}" group="" part="0" file={quoteattr(file)}/>' for time, file in self.entries
         ]
         lines += ["</Collection>", "</VTKFile>", ""]
         replace_text(self.path, "\n".join(lines))
@@ -235,11 +232,7 @@ def _meridional(arrays: Mapping[str, np.ndarray] | None) -> dict[str, np.ndarray
 def _reach(walls: Sequence[Any]) -> float:
     """Half the edge of an unbounded plane's square: twice the size of what the walls enclose [m]."""
     points = [np.asarray(wall.point, dtype=np.float64) for wall in walls if hasattr(wall, "normal")]
-    points += [
-        np.array([math.hypot(*wall.start), 0.0, wall.start[1]])
-        for wall in walls
-        if not hasattr(wall, "normal")
-    ]
+    points += [np.array([math.hypot(*wall.start), 0.0, wall.start[1]]) for wall in walls if not hasattr(wall, "normal")]
     if not points:
         return 1.0
     spread = float(np.ptp(np.array(points), axis=0).max())

@@ -59,11 +59,7 @@ def write_poly_data(
     n = len(points)
     body = _Appended()
     n_vertices = n if vertices else 0
-    segments = (
-        np.zeros((0, 2), dtype=np.int64)
-        if lines is None
-        else np.asarray(lines, dtype=np.int64).reshape(-1, 2)
-    )
+    segments = np.zeros((0, 2), dtype=np.int64) if lines is None else np.asarray(lines, dtype=np.int64).reshape(-1, 2)
     polys = [np.asarray(polygon, dtype=np.int64) for polygon in polygons]
     xml = [
         f'<Piece NumberOfPoints="{n}" NumberOfVerts="{n_vertices}" NumberOfLines="{len(segments)}" '

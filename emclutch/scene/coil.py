@@ -19,9 +19,7 @@ class Coil(Section):
     """The winding: its turns are given, or follow from its resistance and the window that it fills."""
 
     current: CurrentCourse = Field(description="current, one value or a table in time")
-    turns: Annotated[float, number("1000", 0.0, 1e7, above=True)] | None = Field(
-        default=None, description="turns"
-    )
+    turns: Annotated[float, number("1000", 0.0, 1e7, above=True)] | None = Field(default=None, description="turns")
     resistance: Resistance | None = Field(default=None, description="resistance at 20 degrees C")
     fill_factor: Annotated[float, number("0.6", 0.0, 1.0, above=True)] | None = Field(
         default=None, description="copper's share of the window, with resistance; default 0.6"
@@ -31,9 +29,7 @@ class Coil(Section):
     @model_validator(mode="after")
     def _has_one_way_to_the_turns(self) -> Self:
         if self.turns is not None and self.resistance is not None:
-            raise refuse(
-                "stands beside coil.resistance, which gives the turns too; keep one of them", key="turns"
-            )
+            raise refuse("stands beside coil.resistance, which gives the turns too; keep one of them", key="turns")
         if self.turns is None and self.resistance is None:
             raise refuse("is missing; give turns, e.g. 1000, or resistance, e.g. '25.5 ohm'", key="turns")
         if self.turns is not None and self.fill_factor is not None:
@@ -53,6 +49,4 @@ class Coil(Section):
             return self.turns
         assert self.resistance is not None  # by the model's rule
         fill = 0.6 if self.fill_factor is None else self.fill_factor
-        return math.sqrt(
-            self.resistance * fill * window_area / (COPPER_RESISTIVITY * 2.0 * math.pi * mean_radius)
-        )
+        return math.sqrt(self.resistance * fill * window_area / (COPPER_RESISTIVITY * 2.0 * math.pi * mean_radius))

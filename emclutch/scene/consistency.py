@@ -47,9 +47,7 @@ def _shape(draft: Draft) -> Iterator[Fault]:
     particles = draft.scene.particles
     for fault in draft.scene.geometry.shape().faults(None if particles is None else particles.diameter):
         told = draft.fault(fault.key, f"cannot be: {fault.message}".replace("`", ""))
-        yield (
-            told if told.value else Fault(fault.key, fault.value, told.message)
-        )  # a default has no entry to show
+        yield (told if told.value else Fault(fault.key, fault.value, told.message))  # a default has no entry to show
 
 
 def _materials(draft: Draft) -> Iterator[Fault]:
@@ -79,14 +77,8 @@ def _field(draft: Draft) -> Iterator[Fault]:
             "take geometry.kind = 'clutch' or 'drum', or field.source = 'uniform'",
         )
     elif isinstance(field, CoilField) and draft.scene.coil is None and "coil" not in draft.broken:
-        yield Fault(
-            "coil", "", "is missing, but field.source = 'coil'; add [coil] with its current and turns"
-        )
-    if (
-        isinstance(field, UniformField)
-        and field.direction == "radial"
-        and not isinstance(geometry, ShearCellGeometry)
-    ):
+        yield Fault("coil", "", "is missing, but field.source = 'coil'; add [coil] with its current and turns")
+    if isinstance(field, UniformField) and field.direction == "radial" and not isinstance(geometry, ShearCellGeometry):
         yield draft.fault(
             "field.direction",
             "needs geometry.kind = 'shear_cell', whose mid radius is that of "
@@ -124,15 +116,10 @@ def _sector_in_gravity(draft: Draft) -> Iterator[Fault]:
 
 def _sector_in_field(draft: Draft) -> Iterator[Fault]:
     field = draft.scene.field
-    if (
-        draft.scene.particles.sector is not None
-        and isinstance(field, UniformField)
-        and field.direction in ("x", "y")
-    ):
+    if draft.scene.particles.sector is not None and isinstance(field, UniformField) and field.direction in ("x", "y"):
         yield draft.fault(
             "field.direction",
-            "turns from sector to sector; with particles.sector take 'axial' or "
-            "'radial', or remove particles.sector",
+            "turns from sector to sector; with particles.sector take 'axial' or 'radial', or remove particles.sector",
         )
 
 
@@ -165,11 +152,7 @@ def _fill(draft: Draft) -> Iterator[Fault]:
 def _sector_width(draft: Draft) -> Iterator[Fault]:
     """Neither its own image nor one partner through both faces may be in a grain's reach."""
     particles, shape = draft.scene.particles, draft.scene.shape()
-    if (
-        particles.sector is None
-        or isinstance(draft.scene.geometry, BoxGeometry)
-        or shape.faults(particles.diameter)
-    ):
+    if particles.sector is None or isinstance(draft.scene.geometry, BoxGeometry) or shape.faults(particles.diameter):
         return
     dipoles = draft.scene.effects.dipoles
     reach = particles.diameter * (_CONTACT_REACH if dipoles is None else max(dipoles.cutoff, _CONTACT_REACH))
@@ -206,9 +189,7 @@ def _needs_of_effects(draft: Draft) -> Iterator[Fault]:
                 "[effects.magnetic_force], or remove the effect's table",
             )
     if effects.wall_images is not None and effects.dipoles is None:
-        yield Fault(
-            "effects.wall_images", "", "needs dipoles to mirror; add [effects.dipoles], or remove its table"
-        )
+        yield Fault("effects.wall_images", "", "needs dipoles to mirror; add [effects.dipoles], or remove its table")
     if effects.back_reaction is not None and isinstance(draft.scene.field, UniformField):
         yield Fault(
             "effects.back_reaction",
@@ -232,9 +213,7 @@ def _motion(draft: Draft) -> Iterator[Fault]:
 def _accuracy(draft: Draft) -> Iterator[Fault]:
     end, start = draft.scene.accuracy.time_end, draft.scene.time.average_from
     if end is not None and start is not None and end <= start:
-        yield draft.fault(
-            "accuracy.time_end", f"is not after time.average_from = {start:g} s; raise it, or lower that"
-        )
+        yield draft.fault("accuracy.time_end", f"is not after time.average_from = {start:g} s; raise it, or lower that")
 
 
 CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (

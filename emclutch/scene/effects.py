@@ -56,9 +56,7 @@ class Dipoles(Section):
         default="fixed",
         description="fixed: a grain's moment follows from the field and the mean fill around it",
     )
-    cutoff: Annotated[float, number("3", 1.1, 10.0)] = Field(
-        default=3.0, description="reach, in grain diameters"
-    )
+    cutoff: Annotated[float, number("3", 1.1, 10.0)] = Field(default=3.0, description="reach, in grain diameters")
     update_every: Annotated[Annotated[int, Whole(1, 10_000, "10")] | None, Automatic()] = Field(
         default=None, description="steps between evaluations of the magnetic forces, which are held meanwhile"
     )
@@ -99,9 +97,7 @@ class Effects(Section):
     dipoles: Dipoles | None = Field(default=None, description="forces between magnetised grains")
     saturation: Saturation | None = Field(default=None, description="grains saturate")
     wall_images: WallImages | None = Field(default=None, description="images of the dipoles in steel faces")
-    back_reaction: BackReaction | None = Field(
-        default=None, description="the powder's fill changes the field"
-    )
+    back_reaction: BackReaction | None = Field(default=None, description="the powder's fill changes the field")
 
     rolling_friction: RollingFriction | None = Field(default=None, description="grains resist rolling")
 

@@ -54,18 +54,14 @@ def _fault(details: ErrorDetails, root: type[Section], data: dict[str, Any]) -> 
     if kind == "missing":
         entry = entry_at(data, path)
         if isinstance(entry, list):
-            return Fault(
-                dotted(path), shown(entry), "has too few entries; three numbers are needed, e.g. [1, 2, 3]"
-            )
+            return Fault(dotted(path), shown(entry), "has too few entries; three numbers are needed, e.g. [1, 2, 3]")
         return Fault(dotted(path), "", _missing(path, root, data))
     if kind == "extra_forbidden":
         return Fault(dotted(path), value, _unknown_key(path, root, data))
     if kind == "rule":
         path = (*path, context["key"]) if context["key"] else path
         entry = entry_at(data, path)
-        return Fault(
-            dotted(path), "" if entry is None or isinstance(entry, dict) else shown(entry), context["message"]
-        )
+        return Fault(dotted(path), "" if entry is None or isinstance(entry, dict) else shown(entry), context["message"])
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         return _wrong_tag(path, str(context["discriminator"]).strip("'"), given, root, data)
     if kind in ("quantity", "choice", "whole"):
@@ -110,9 +106,7 @@ def _unknown_key(path: Path, root: type[Section], data: dict[str, Any]) -> str:
     allowed = _keys_at(path[:-1], root, data)
     hint = did_you_mean(name, allowed)
     if not hint:
-        elsewhere = list(
-            dict.fromkeys(other for other in _all_keys(root) if other.rsplit(".", 1)[-1] == name)
-        )
+        elsewhere = list(dict.fromkeys(other for other in _all_keys(root) if other.rsplit(".", 1)[-1] == name))
         if dotted(path) in elsewhere:  # a member of the section's union has it, but not the one that is named
             tag = next(key for key in ("kind", "law", "source") if key in allowed)
             hint = f"with {tag} = {shown(entry_at(data, (*path[:-1], tag)))}; remove it, or change {tag}; "
@@ -129,9 +123,7 @@ def _listed(root: type[Section], path: Path, data: dict[str, Any]) -> str:
 def _wrong_tag(path: Path, tag: str, given: Any, root: type[Section], data: dict[str, Any]) -> Fault:
     """Answer for a section whose model follows from one of its keys (kind, law, source)."""
     if not isinstance(given, dict):
-        return Fault(
-            dotted(path), shown(given), f"is not a table; write [{dotted(path)}] with its keys below"
-        )
+        return Fault(dotted(path), shown(given), f"is not a table; write [{dotted(path)}] with its keys below")
     names = tuple(_tags(path, tag, root))
     key = dotted((*path, tag))
     if tag not in given:

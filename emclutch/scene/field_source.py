@@ -15,12 +15,8 @@ class CoilField(Section):
 
     source: Literal["coil"]
     order: Annotated[int, Whole(1, 3, "2")] = Field(default=2, description="polynomial order of the elements")
-    gap_layers: Annotated[int, Whole(3, 40, "4")] = Field(
-        default=4, description="element layers across a gap"
-    )
-    size_factor: Annotated[float, number("1", 0.1, 10.0)] = Field(
-        default=1.0, description="scales the mesh size"
-    )
+    gap_layers: Annotated[int, Whole(3, 40, "4")] = Field(default=4, description="element layers across a gap")
+    size_factor: Annotated[float, number("1", 0.1, 10.0)] = Field(default=1.0, description="scales the mesh size")
     newton_tolerance: Annotated[float, number("1e-8", 1e-14, 1e-2)] = Field(
         default=1e-8, description="relative residual at which Newton stops"
     )
@@ -31,9 +27,7 @@ class UniformField(Section):
 
     source: Literal["uniform"]
     field_strength: FieldStrength = Field(description="H0")
-    direction: Annotated[str, Choice(("x", "y", "z", "axial", "radial"))] = Field(
-        description="of H; axial is z"
-    )
+    direction: Annotated[str, Choice(("x", "y", "z", "axial", "radial"))] = Field(description="of H; axial is z")
 
 
 FieldSource = Annotated[CoilField | UniformField, Field(discriminator="source")]

@@ -48,24 +48,18 @@ class ClutchGeometry(Section):
     face_gap: Length = Field(description="axial gap between each face of the disc and the rotor's cover")
     seal_radius: Length = Field(description="inner radius of the powder's cavity")
     rotor_wall: Length = Field(description="radial thickness of the rotor's shell")
-    ring_width: LengthOrNone = Field(
-        description="axial width of the non-magnetic ring in the rotor's shell; 0: none"
-    )
+    ring_width: LengthOrNone = Field(description="axial width of the non-magnetic ring in the rotor's shell; 0: none")
     cover_thickness: Length = Field(description="axial thickness of the rotor's covers")
     clearance: Length = Field(description="radial air gap between rotor and housing")
     coil_width: Length = Field(description="axial width of the coil's window")
     coil_height: Length = Field(description="radial height of the coil's window")
     yoke: Length = Field(description="radial thickness of the housing outside the coil")
     shaft_radius: Length = Field(description="radius of both shafts")
-    housing_width: Length | None = Field(
-        default=None, description="axial width of the housing; default: the rotor's"
-    )
+    housing_width: Length | None = Field(default=None, description="axial width of the housing; default: the rotor's")
     coil_radius: Length | None = Field(
         default=None, description="inner radius of the coil; default: the housing's bore"
     )
-    air_factor: Annotated[float, number("3", 1.5, 20.0)] = Field(
-        default=3.0, description="air box / device size"
-    )
+    air_factor: Annotated[float, number("3", 1.5, 20.0)] = Field(default=3.0, description="air box / device size")
     materials: ClutchMaterials = ClutchMaterials()
 
     def shape(self, cover_magnetic: bool | None = None) -> Clutch:
@@ -121,6 +115,4 @@ class BoxGeometry(Section):
         return Box(self.size)
 
 
-Geometry = Annotated[
-    ClutchGeometry | DrumGeometry | ShearCellGeometry | BoxGeometry, Field(discriminator="kind")
-]
+Geometry = Annotated[ClutchGeometry | DrumGeometry | ShearCellGeometry | BoxGeometry, Field(discriminator="kind")]

@@ -18,9 +18,7 @@ class Particles(Section):
     """Equal spheres; their amount: mass or solid fraction of the whole device, or the simulated count."""
 
     diameter: Length = Field(description="diameter of a grain")
-    mass: Mass | None = Field(
-        default=None, description="mass of powder in the whole device, not only in the sector"
-    )
+    mass: Mass | None = Field(default=None, description="mass of powder in the whole device, not only in the sector")
     solid_fraction: Annotated[float, number("0.4", 0.0, 1.0, above=True)] | None = Field(
         default=None, description="volume of grains / volume of the region; at most 0.60 can be packed"
     )
@@ -31,15 +29,11 @@ class Particles(Section):
     region: Annotated[str, Choice(("cavity", "rim", "faces"))] = Field(
         default="cavity", description="where a clutch is filled: rim gap, both face gaps or all of them"
     )
-    sector: Angle | None = Field(
-        default=None, description="cyclic sector that stands for the ring; divides 360 deg"
-    )
+    sector: Angle | None = Field(default=None, description="cyclic sector that stands for the ring; divides 360 deg")
     susceptibility: Annotated[float, number("200", 0.0, 1e6, above=True)] = Field(
         default=200.0, description="initial susceptibility of the grain's material"
     )
-    saturation: Magnetisation = Field(
-        default=1.3e6, description="saturation magnetisation of the grain's material"
-    )
+    saturation: Magnetisation = Field(default=1.3e6, description="saturation magnetisation of the grain's material")
     law: Annotated[str, Choice(("sphere", "thesis"))] = Field(
         default="sphere",
         description="sphere: demagnetised, in the Lorentz field of its neighbours; thesis: M = chi H",
@@ -49,9 +43,7 @@ class Particles(Section):
     def _has_one_amount(self) -> Self:
         given = [key for key in ("mass", "solid_fraction", "count") if getattr(self, key) is not None]
         if not given:
-            raise refuse(
-                "is missing; give one of mass, solid_fraction, count, e.g. mass = '20 g'", key="mass"
-            )
+            raise refuse("is missing; give one of mass, solid_fraction, count, e.g. mass = '20 g'", key="mass")
         if len(given) > 1:
             raise refuse(
                 f"stands beside {' and '.join(given[:-1])}; keep exactly one of mass, solid_fraction, count",
@@ -85,19 +77,13 @@ _Friction = Annotated[float, number("0.3", 0.0, 10.0)]
 class Contact(Section):
     """Linear spring and dashpot with Coulomb friction; stiffness follows from the overlap that is allowed."""
 
-    method: Annotated[str, Choice(("dem",), planned=("dvi",))] = Field(
-        default="dem", description="contact method"
-    )
+    method: Annotated[str, Choice(("dem",), planned=("dvi",))] = Field(default="dem", description="contact method")
     friction: _Friction = Field(default=0.3, description="between grains")
-    wall_friction: _Friction | None = Field(
-        default=None, description="between grain and wall; default: friction"
-    )
+    wall_friction: _Friction | None = Field(default=None, description="between grain and wall; default: friction")
     restitution: Annotated[float, number("0.5", 0.0, 1.0, above=True)] = Field(
         default=0.5, description="speed after / before a head-on collision"
     )
-    stiffness: Stiffness | None = Field(
-        default=None, description="normal stiffness; default: from max_overlap"
-    )
+    stiffness: Stiffness | None = Field(default=None, description="normal stiffness; default: from max_overlap")
     max_overlap: Annotated[float, number("0.005", 1e-5, 0.05)] = Field(
         default=0.005, description="overlap / diameter allowed under the largest load to be expected"
     )

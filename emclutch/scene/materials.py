@@ -53,9 +53,7 @@ class TableMaterial(Section):
     @model_validator(mode="after")
     def _is_a_curve(self) -> Self:
         if len(self.H) != len(self.B):
-            raise refuse(
-                f"has {len(self.H)} values of H and {len(self.B)} of B; give as many of one as of the other"
-            )
+            raise refuse(f"has {len(self.H)} values of H and {len(self.B)} of B; give as many of one as of the other")
         for key, values in (("H", self.H), ("B", self.B)):
             if values[0] != 0.0 or any(later <= earlier for earlier, later in pairwise(values)):
                 raise refuse("must start at 0 and increase from each point to the next", key=key)
@@ -72,16 +70,12 @@ def _columns(path: Path) -> tuple[list[float], list[float]]:
             rows = [row for row in csv.reader(stream) if row and not row[0].lstrip().startswith("#")]
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is not text"
-        raise refuse(
-            f"cannot be read ({reason}); a path is relative to the scene's folder", key="file"
-        ) from None
+        raise refuse(f"cannot be read ({reason}); a path is relative to the scene's folder", key="file") from None
     try:
         start = 0 if _is_number(rows[0][0]) else 1
         points = [(float(row[0]), float(row[1])) for row in rows[start:]]
     except (IndexError, ValueError):
-        raise refuse(
-            "is not a table of two columns, H in A/m and B in T, with commas between", key="file"
-        ) from None
+        raise refuse("is not a table of two columns, H in A/m and B in T, with commas between", key="file") from None
     return [H for H, _ in points], [B for _, B in points]
 
 

@@ -27,9 +27,7 @@ class Header(Section):
 
     title: str = Field(min_length=1, description="a line of text")
     description: str = Field(default="", description="what is asked, and what to expect")
-    seed: Annotated[int, Whole(0, 2**63 - 1, "1")] = Field(
-        default=1, description="of the packing's random numbers"
-    )
+    seed: Annotated[int, Whole(0, 2**63 - 1, "1")] = Field(default=1, description="of the packing's random numbers")
 
 
 class Scene(Section):
@@ -53,7 +51,5 @@ class Scene(Section):
         if isinstance(self.geometry, ClutchGeometry):
             cover = self.materials.get(self.geometry.materials.cover)
             if cover is not None:  # below a permeability of ten, a face mirrors hardly anything
-                return self.geometry.shape(
-                    not isinstance(cover, LinearMaterial) or cover.relative_permeability >= 10.0
-                )
+                return self.geometry.shape(not isinstance(cover, LinearMaterial) or cover.relative_permeability >= 10.0)
         return self.geometry.shape()

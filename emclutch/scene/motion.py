@@ -23,9 +23,7 @@ class FreeShaft(Section):
 class ShaftMotion(Section):
     """A prescribed speed, or a free shaft."""
 
-    speed: SpeedCourse | None = Field(
-        default=None, description="speed about +z, one value or a table in time"
-    )
+    speed: SpeedCourse | None = Field(default=None, description="speed about +z, one value or a table in time")
     free: FreeShaft | None = Field(default=None, description="let torques drive the shaft instead")
 
     @model_validator(mode="after")

@@ -99,9 +99,7 @@ def load_study(path: str | Path) -> Study:
         if (reason := key_fault(key, Scene))
     ]
     faults += [
-        Fault(
-            f"study.values.{key}", shown(values), "is not a list of values; write it in brackets, e.g. [1, 2]"
-        )
+        Fault(f"study.values.{key}", shown(values), "is not a list of values; write it in brackets, e.g. [1, 2]")
         for key, values in study.values.items()
         if not isinstance(values, list) or not values
     ]
@@ -124,9 +122,6 @@ def _check_points(study: Study) -> None:
                 faults.setdefault(fault, where)
     if faults:
         raise SceneError(
-            [
-                Fault(fault.key, fault.value, f"{fault.message} (at {where})")
-                for fault, where in faults.items()
-            ],
+            [Fault(fault.key, fault.value, f"{fault.message} (at {where})") for fault, where in faults.items()],
             str(study.path),
         )

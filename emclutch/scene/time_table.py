@@ -21,13 +21,10 @@ class TimeTable(Section):
     def _is_a_function_of_time(self) -> Self:
         if len(self.times) != len(self.values):
             raise refuse(
-                f"has {len(self.times)} times and {len(self.values)} values; "
-                "give as many of one as of the other"
+                f"has {len(self.times)} times and {len(self.values)} values; give as many of one as of the other"
             )
         if any(later <= earlier for earlier, later in pairwise(self.times)):
-            raise refuse(
-                "must increase from each instant to the next; sort it and drop what is double", key="times"
-            )
+            raise refuse("must increase from each instant to the next; sort it and drop what is double", key="times")
         return self
 
 

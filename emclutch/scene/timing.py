@@ -26,16 +26,12 @@ class TimeSpan(Section):
     @model_validator(mode="after")
     def _nests(self) -> Self:
         if self.average_from is not None and self.average_from >= self.end:
-            raise refuse(
-                f"is not before time.end = {self.end:g} s; lower it, or raise the end", key="average_from"
-            )
+            raise refuse(f"is not before time.end = {self.end:g} s; lower it, or raise the end", key="average_from")
         if self.window is not None and self.window > self.end:
             raise refuse(f"is longer than time.end = {self.end:g} s; lower it, or take 'auto'", key="window")
         limit = self.end if self.window is None else self.window
         if self.step is not None and self.step > limit:
-            raise refuse(
-                f"is longer than the window or the end ({limit:g} s); lower it, or take 'auto'", key="step"
-            )
+            raise refuse(f"is longer than the window or the end ({limit:g} s); lower it, or take 'auto'", key="step")
         return self
 
 
@@ -62,12 +58,8 @@ class Accuracy(Section):
 class Output(Section):
     """What a run writes."""
 
-    folder: str | None = Field(
-        default=None, min_length=1, description="folder of the run; --out wins over it"
-    )
-    snapshots: Annotated[int, Whole(0, 100_000, "20")] = Field(
-        default=20, description="number of VTK snapshots"
-    )
+    folder: str | None = Field(default=None, min_length=1, description="folder of the run; --out wins over it")
+    snapshots: Annotated[int, Whole(0, 100_000, "20")] = Field(default=20, description="number of VTK snapshots")
     formats: tuple[Annotated[str, Choice(("vtk", "hdf5"), planned=("vtkhdf",))], ...] = ("vtk", "hdf5")
     pictures: StrictBool = Field(default=True, description="PNG plots")
     checkpoint: StrictBool = Field(default=True, description="checkpoints, so that a run can be resumed")

@@ -17,9 +17,22 @@ def files(result):
 
 def test_quickstart_at_toy_size(tmp_path):
     result = emclutch.run(emclutch.load_case(CASES / "quickstart.toml").with_values(TOY), out=tmp_path / "run")
-    assert {"case.toml", "provenance.json", "run.log", "history.csv", "summary.json", "run.h5", "checkpoint.h5",
-            "particles.pvd", "field.pvd", "walls.pvd", "contacts.pvd", "section.png", "torque.png",
-            "grains.png"} <= files(result)
+    assert {
+        "case.toml",
+        "provenance.json",
+        "run.log",
+        "history.csv",
+        "summary.json",
+        "run.h5",
+        "checkpoint.h5",
+        "particles.pvd",
+        "field.pvd",
+        "walls.pvd",
+        "contacts.pvd",
+        "section.png",
+        "torque.png",
+        "grains.png",
+    } <= files(result)
     # magnetic circuit: two gaps of 1 mm in series, B = mu_0 mu_powder N I/(2 g), ideal steel, at most
     assert 0.2 < result.summary["gap_flux_density"] < 4e-7 * math.pi * 3.0 * 500 / 2e-3
     assert result.history["torque_disc"].iloc[-1] > 0.0  # the rotor drags the disc along
@@ -39,8 +52,13 @@ def test_powder_clutch_at_toy_size(tmp_path):
 
 def test_current_to_torque_at_toy_size(tmp_path):
     study = emclutch.load_study(CASES / "current_to_torque.toml")
-    toy = {"time.end": "0.1 ms", "particles.sector": "2 deg", "output.snapshots": 0, "output.pictures": False,
-           "field.size_factor": 2.0}
+    toy = {
+        "time.end": "0.1 ms",
+        "particles.sector": "2 deg",
+        "output.snapshots": 0,
+        "output.pictures": False,
+        "field.size_factor": 2.0,
+    }
     small = study.model_copy(update={"set": toy, "values": {"coil.current": ["0 A", "0.94 A"]}})
     small._path = study.path
     folder = emclutch.sweep(small, out=tmp_path / "study")

@@ -46,8 +46,12 @@ def _grid(r_lines, z_lines, regions, *, jiggle=0.0, seed=0):
     boundaries = {"outer": outer}
     if r[0] == 0.0:
         boundaries["axis"] = edges(number[0, :])
-    return SectionMesh(np.column_stack((grid_r.ravel(), grid_z.ravel())), triangles.astype(np.int64),
-                       {names[k]: np.flatnonzero(owner == k) for k in np.unique(owner)}, boundaries)
+    return SectionMesh(
+        np.column_stack((grid_r.ravel(), grid_z.ravel())),
+        triangles.astype(np.int64),
+        {names[k]: np.flatnonzero(owner == k) for k in np.unique(owner)},
+        boundaries,
+    )
 
 
 def _graded(step, inside, reach, growth=1.35):

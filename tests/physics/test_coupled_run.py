@@ -61,8 +61,15 @@ def test_energy_balance_of_a_run(tmp_path):
 
 def test_an_effect_switched_off_leaves_the_trajectory_bitwise_unchanged(tmp_path):
     """Without magnetic effects a scene with a field is the scene without one; with them it is another."""
-    off = {"effects.magnetic_force": None, "effects.dipoles": None, "effects.saturation": None,
-           "time.step": 5e-7, "time.window": 5e-5, "contact.stiffness": 3000.0, "time.end": "0.5 ms"}
+    off = {
+        "effects.magnetic_force": None,
+        "effects.dipoles": None,
+        "effects.saturation": None,
+        "time.step": 5e-7,
+        "time.window": 5e-5,
+        "contact.stiffness": 3000.0,
+        "time.end": "0.5 ms",
+    }
     run(tmp_path, "field without effects", off)
     run(tmp_path, "no field", {**off, "field": None})
     assert same(state(tmp_path, "field without effects"), state(tmp_path, "no field"))
@@ -132,13 +139,17 @@ def test_pair_forces_make_the_torque(tmp_path):
     alone = run(tmp_path, "alone", {**longer, "effects.dipoles": None}).history["torque_disc"]
     pairs = run(tmp_path, "pairs", {**longer, "effects.wall_images": {}}).history["torque_disc"]
     late = len(pairs) // 2
-    assert pairs[late:].mean() > 5 * abs(alone[len(alone) // 2:].mean())
+    assert pairs[late:].mean() > 5 * abs(alone[len(alone) // 2 :].mean())
 
 
 def test_a_free_disc_is_carried_along(tmp_path):
     """A light free disc comes up to the rotor's speed, but for what floor and ceiling of the cell brake."""
-    values = {"motion.disc": {"free": {"inertia": 5e-9}}, "effects.rolling_friction": {}, "effects.wall_images": {},
-              "time.end": "6 ms"}
+    values = {
+        "motion.disc": {"free": {"inertia": 5e-9}},
+        "effects.rolling_friction": {},
+        "effects.wall_images": {},
+        "time.end": "6 ms",
+    }
     result = run(tmp_path, "free", values)
     speed = result.history["disc_speed"]
     assert speed.iloc[0] < 0.5 * speed.iloc[-1]

@@ -48,8 +48,9 @@ def test_forces_are_the_gradient_of_the_energy_also_in_the_switched_shell():
             moved = [position.copy(), position.copy()]
             moved[0][i, axis] += step
             moved[1][i, axis] -= step
-            slope = (pair_forces(moved[0], moment, radius, cutoff)[2]
-                     - pair_forces(moved[1], moment, radius, cutoff)[2]) / (2 * step)
+            slope = (
+                pair_forces(moved[0], moment, radius, cutoff)[2] - pair_forces(moved[1], moment, radius, cutoff)[2]
+            ) / (2 * step)
             assert force[i, axis] == pytest.approx(-slope, rel=2e-5, abs=1e-6 * np.abs(force).max())
 
 
@@ -75,8 +76,9 @@ def test_against_a_dense_sum_and_magpylib():
         for axis in range(3):
             shift = np.zeros(3)
             shift[axis] = step
-            slope = (moment[i] @ others.getB(position[i] + shift)
-                     - moment[i] @ others.getB(position[i] - shift)) / (2 * step)
+            slope = (moment[i] @ others.getB(position[i] + shift) - moment[i] @ others.getB(position[i] - shift)) / (
+                2 * step
+            )
             assert force[i, axis] == pytest.approx(slope, rel=1e-5, abs=1e-6 * np.abs(force[i]).max())
 
 
@@ -115,8 +117,9 @@ def test_saturated_touching_spheres_attract_with_the_exact_force():
     """F = (pi/6) mu_0 Ms^2 a^2 at contact (Edwards 2017)."""
     a, Ms = 0.1e-3, 1.3e6
     m = Ms * 4 / 3 * np.pi * a**3
-    force, _, _ = pair_forces(np.array([[0.0, 0, 0], [2 * a, 0, 0]]), np.array([[m, 0, 0], [m, 0, 0]]),
-                              np.full(2, a), 1e-3)
+    force, _, _ = pair_forces(
+        np.array([[0.0, 0, 0], [2 * a, 0, 0]]), np.array([[m, 0, 0], [m, 0, 0]]), np.full(2, a), 1e-3
+    )
     assert force[0, 0] == pytest.approx(np.pi / 6 * MU_0 * Ms**2 * a**2, rel=1e-12)
 
 

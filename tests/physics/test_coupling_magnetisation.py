@@ -45,7 +45,7 @@ def test_hoop_terms_of_a_moment_across_the_radial_field():
     position = np.array([[r * np.cos(angle), r * np.sin(angle), 0.01]])
     e_r = np.array([np.cos(angle), np.sin(angle), 0.0])
     e_phi = np.array([-np.sin(angle), np.cos(angle), 0.0])
-    H, grad = RadialField(1e5, 0.04).sample(position)
+    _, grad = RadialField(1e5, 0.04).sample(position)
     force = gradient_force((2e-6 * e_r + 3e-6 * e_phi)[None], grad)[0]
     assert force @ e_phi == pytest.approx(MU_0 * 3e-6 * 1e5 / r, rel=1e-12)
     assert force @ e_r == pytest.approx(-MU_0 * 2e-6 * 1e5 / r, rel=1e-12)

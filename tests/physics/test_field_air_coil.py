@@ -13,10 +13,14 @@ def exact(r, z):
     """H (2, n) and its derivatives (2, 2, n) by central differences, good to 1e-9."""
     H = np.array(rectangular_coil_field(R_COIL, Z_COIL, NI, r, z))
     d = 2e-6
-    along_r = (np.array(rectangular_coil_field(R_COIL, Z_COIL, NI, r + d, z))
-               - rectangular_coil_field(R_COIL, Z_COIL, NI, r - d, z)) / (2 * d)
-    along_z = (np.array(rectangular_coil_field(R_COIL, Z_COIL, NI, r, z + d))
-               - rectangular_coil_field(R_COIL, Z_COIL, NI, r, z - d)) / (2 * d)
+    along_r = (
+        np.array(rectangular_coil_field(R_COIL, Z_COIL, NI, r + d, z))
+        - rectangular_coil_field(R_COIL, Z_COIL, NI, r - d, z)
+    ) / (2 * d)
+    along_z = (
+        np.array(rectangular_coil_field(R_COIL, Z_COIL, NI, r, z + d))
+        - rectangular_coil_field(R_COIL, Z_COIL, NI, r, z - d)
+    ) / (2 * d)
     return H, np.stack((along_r, along_z), axis=1)
 
 
@@ -27,8 +31,12 @@ def solved(section_grid, graded):
     for step in (2e-3, 1e-3, 0.5e-3):
         r = graded(step, (18e-3, 40e-3), (0.0, BOX))
         z = graded(step, (0.0, 12e-3), (0.0, BOX))
-        mesh = section_grid(r, np.concatenate((-z, z)), {
-            "coil": (*R_COIL, *Z_COIL), "powder": (32e-3, 36e-3, -12e-3, 12e-3)}, jiggle=0.15)
+        mesh = section_grid(
+            r,
+            np.concatenate((-z, z)),
+            {"coil": (*R_COIL, *Z_COIL), "powder": (32e-3, 36e-3, -12e-3, 12e-3)},
+            jiggle=0.15,
+        )
         fields[step] = AxisymmetricProblem(mesh, {}).solve(NI)
     return fields
 
@@ -53,8 +61,10 @@ def errors(field, points):
     H_exact = np.column_stack((c * H_r, s * H_r, H_z))
     grad_exact = turn @ local @ turn.transpose(0, 2, 1)
     H, grad = field.sampler().sample(position)
-    return (np.linalg.norm(H - H_exact) / np.linalg.norm(H_exact),
-            np.linalg.norm(grad - grad_exact) / np.linalg.norm(grad_exact))
+    return (
+        np.linalg.norm(H - H_exact) / np.linalg.norm(H_exact),
+        np.linalg.norm(grad - grad_exact) / np.linalg.norm(grad_exact),
+    )
 
 
 def test_recovered_H_and_gradient_converge(solved, points):

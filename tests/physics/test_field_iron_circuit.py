@@ -37,8 +37,9 @@ def pot(section_grid, graded):
 
 
 def problem(pot, steel, grains=None):
-    return AxisymmetricProblem(pot, {"disc": steel, "housing": steel},
-                               powder_law=PowderLaw(grains) if grains is not None else None)
+    return AxisymmetricProblem(
+        pot, {"disc": steel, "housing": steel}, powder_law=PowderLaw(grains) if grains is not None else None
+    )
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.45])
@@ -59,14 +60,16 @@ def test_newton_is_quadratic_on_saturated_steel(pot):
     case = problem(pot, material("steel_1010"), GrainLaw(273.0, 1.5e6))
     field = case.solve(3000.0, fill=np.full(case.powder_elements.size, 0.4), tolerance=1e-10)
     residual = np.array([r for r, _ in field.newton])
-    fast = [np.log(c / b) / np.log(b / a)
-            for a, b, c in zip(residual, residual[1:], residual[2:], strict=False) if 1e-12 < c and b < 1e-2]
+    fast = [
+        np.log(c / b) / np.log(b / a)
+        for a, b, c in zip(residual, residual[1:], residual[2:], strict=False)
+        if 1e-12 < c and b < 1e-2
+    ]
     assert len(residual) < 15 and max(fast) > 1.7, residual
     assert all(step == 1.0 for _, step in field.newton[-3:])
 
 
-@pytest.mark.parametrize("steel", [
-    "steel_1010", "stainless_430", "vacofer_s2", "team_steel", "dc01", "steel_1008"])
+@pytest.mark.parametrize("steel", ["steel_1010", "stainless_430", "vacofer_s2", "team_steel", "dc01", "steel_1008"])
 def test_cold_start_converges_up_to_full_saturation(pot, steel):
     case = problem(pot, material(steel), GrainLaw(999.0, 1.7e6))
     fill = np.full(case.powder_elements.size, 0.5)
@@ -129,12 +132,15 @@ def test_failed_solve_says_so(pot):
     assert len(caught.value.history) == 3 and caught.value.remedy
 
 
-@pytest.mark.parametrize(("keywords", "words"), [
-    ({"ampere_turns": np.nan}, "ampere_turns"),
-    ({"ampere_turns": 1.0, "fill": np.full(3, 0.1)}, "elements"),
-    ({"ampere_turns": 1.0, "fill": 1.2}, "solid fraction"),
-    ({"ampere_turns": 1.0, "guess": np.zeros(3)}, "guess"),
-])
+@pytest.mark.parametrize(
+    ("keywords", "words"),
+    [
+        ({"ampere_turns": np.nan}, "ampere_turns"),
+        ({"ampere_turns": 1.0, "fill": np.full(3, 0.1)}, "elements"),
+        ({"ampere_turns": 1.0, "fill": 1.2}, "solid fraction"),
+        ({"ampere_turns": 1.0, "guess": np.zeros(3)}, "guess"),
+    ],
+)
 def test_bad_input_is_explained(pot, keywords, words):
     case = problem(pot, material("steel_1010"), GrainLaw(99.0))
     if isinstance(keywords.get("fill"), float):

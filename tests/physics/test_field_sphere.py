@@ -21,9 +21,12 @@ def sphere_section(n_angle, radius, box):
     a, b, c, d = (x.ravel() for x in (number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]))
     triangles = np.concatenate((core, np.column_stack((a, c, b)), np.column_stack((a, d, c))))
     inside = np.linalg.norm(points[triangles].mean(axis=1), axis=1) < radius
-    return SectionMesh(points, triangles.astype(np.int64),
-                       {"sphere": np.flatnonzero(inside), "air": np.flatnonzero(~inside)},
-                       {"outer": np.column_stack((number[-1, :-1], number[-1, 1:]))})
+    return SectionMesh(
+        points,
+        triangles.astype(np.int64),
+        {"sphere": np.flatnonzero(inside), "air": np.flatnonzero(~inside)},
+        {"outer": np.column_stack((number[-1, :-1], number[-1, 1:]))},
+    )
 
 
 @pytest.mark.parametrize("mu_r", [2.0, 10.0, 1000.0])

@@ -20,9 +20,7 @@ def contacts(walls, centre, radius):
         if 0.0 < t < 1.0:
             nearest = start + t * along
         else:
-            nearest, neighbour = (
-                (start, wall.start_neighbour) if t <= 0.0 else (start + along, wall.end_neighbour)
-            )
+            nearest, neighbour = (start, wall.start_neighbour) if t <= 0.0 else (start + along, wall.end_neighbour)
             if neighbour is None or (centre - nearest) @ neighbour > 0.0:
                 continue
         if np.linalg.norm(centre - nearest) < radius:
@@ -60,9 +58,7 @@ def test_in_a_concave_corner_both_faces_are_touched_and_the_edge_is_not(reverse)
     walls = outline("bowl", "rotor", vertices[::-1] if reverse else vertices)
     for r, z in np.random.default_rng(1).uniform(0.001, 0.099, (200, 2)):
         touched = contacts(walls, np.array([10.0 - r, z]), 0.1)
-        assert sorted(map(tuple, np.round(touched, 12))) == sorted(
-            [(round(-r, 12), 0.0), (0.0, round(z, 12))]
-        )
+        assert sorted(map(tuple, np.round(touched, 12))) == sorted([(round(-r, 12), 0.0), (0.0, round(z, 12))])
 
 
 def test_a_straight_join_is_one_contact_everywhere():

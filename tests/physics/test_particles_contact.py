@@ -38,12 +38,8 @@ def test_restitution_on_a_wall(e):
 @pytest.mark.parametrize("e", [0.9, 0.5])
 def test_restitution_of_two_unequal_grains(e):
     law = LinearContact.from_restitution(1e4, e, 0.3)
-    grains = Grains.create(
-        [[0, 0, 0], [3.01e-3, 0, 0]], [1e-3, 2e-3], 2500.0, velocity=[[0.3, 0, 0], [-0.2, 0, 0]]
-    )
-    dem = DEM(
-        grains, [], [], law, dt=choose_time_step(law, grains.mass, grains.radius, steps_per_contact=1000).dt
-    )
+    grains = Grains.create([[0, 0, 0], [3.01e-3, 0, 0]], [1e-3, 2e-3], 2500.0, velocity=[[0.3, 0, 0], [-0.2, 0, 0]])
+    dem = DEM(grains, [], [], law, dt=choose_time_step(law, grains.mass, grains.radius, steps_per_contact=1000).dt)
     dem.run(5000)
     order = np.argsort(dem.grains.particle_id)
     v = dem.grains.velocity[order, 0]
@@ -79,9 +75,7 @@ def test_oblique_impact_in_gross_sliding():
 def test_friction_creates_no_energy(friction, e):
     """One sphere for each incidence from 0 to 89 degrees, three initial spins each."""
     law, r = LinearContact.from_restitution(1e4, e, friction), 1e-3
-    angle, spin = (
-        a.ravel() for a in np.meshgrid(np.radians(np.arange(0.0, 90.0, 1.0)), [-500.0, 0.0, 500.0])
-    )
+    angle, spin = (a.ravel() for a in np.meshgrid(np.radians(np.arange(0.0, 90.0, 1.0)), [-500.0, 0.0, 500.0]))
     n = len(angle)
     position = np.stack([np.arange(n) * 4.0 * r, np.zeros(n), np.full(n, 1.01 * r)], axis=1)
     velocity = np.stack([np.zeros(n), np.sin(angle), -np.cos(angle)], axis=1)
@@ -94,9 +88,7 @@ def test_friction_creates_no_energy(friction, e):
     dem.run(int(3.0e-3 / dt))
     g = dem.grains
     order = np.argsort(g.particle_id)
-    after = (
-        0.5 * mass * np.sum(g.velocity**2, axis=1) + 0.5 * inertia * np.sum(g.angular_velocity**2, axis=1)
-    )[order]
+    after = (0.5 * mass * np.sum(g.velocity**2, axis=1) + 0.5 * inertia * np.sum(g.angular_velocity**2, axis=1))[order]
     assert (g.velocity[order, 2] > 0.0).all() and len(dem.contacts().i) == 0
     # the phase of the impact in its first step leaves an error of second order in dt, of either sign
     assert (after <= before * (1.0 + 1e-3)).all()
@@ -134,9 +126,7 @@ def test_belt_picks_a_sphere_up_to_two_sevenths():
     totals = dem.run(int(0.15 / dt))
     assert dem.grains.velocity[0, 1] == pytest.approx(2.0 * belt / 7.0, rel=2e-3)
     # torque on the belt is minus the change of angular momentum of the sphere
-    assert totals.torque["rotor"]["tangential"] * totals.duration == pytest.approx(
-        -dem.grains.angular_momentum_z()
-    )
+    assert totals.torque["rotor"]["tangential"] * totals.duration == pytest.approx(-dem.grains.angular_momentum_z())
     assert totals.wall_work["rotor"] == pytest.approx(
         totals.contact_work + totals.dissipated + totals.elastic_change, rel=1e-12
     )
@@ -199,9 +189,7 @@ def test_rolling_over_a_convex_edge_keeps_one_contact_and_a_continuous_force():
     """A sphere rolls outward on a disc's face, over its edge, down its rim: one contact, handed on."""
     walls = outline("disc", "disc", [(0.0, 0.01), (0.03, 0.01), (0.03, -0.01), (0.0, -0.01)])
     law, r = LinearContact.from_restitution(1e5, 0.3, 5.0), 5e-3
-    grains = _sphere(
-        [0.0295, 0.0, 0.01 + r], r, 2500.0, velocity=[0.05, 0.0, 0.0], angular_velocity=[0.0, 10.0, 0.0]
-    )
+    grains = _sphere([0.0295, 0.0, 0.01 + r], r, 2500.0, velocity=[0.05, 0.0, 0.0], angular_velocity=[0.0, 10.0, 0.0])
     weight = grains.mass[0] * G
     grains.position[0, 2] -= weight / law.stiffness_n
     dt = choose_time_step(law, grains.mass, grains.radius).dt
@@ -227,9 +215,7 @@ def test_force_is_the_same_all_round_an_edge():
     rows = wall_rows(outline("disc", "disc", [(0.0, 0.01), (0.03, 0.01), (0.03, -0.01), (0.0, -0.01)]))
     r, depth = 5e-3, 1e-4
     turn = np.linspace(0.0, 0.5 * np.pi, 181)
-    arc = np.stack(
-        [0.03 + (r - depth) * np.sin(turn), np.zeros(181), 0.01 + (r - depth) * np.cos(turn)], axis=1
-    )
+    arc = np.stack([0.03 + (r - depth) * np.sin(turn), np.zeros(181), 0.01 + (r - depth) * np.cos(turn)], axis=1)
     face = arc[0] - np.linspace(5e-3, 0.0, 50)[:, None] * [1.0, 0.0, 0.0]
     rim = arc[-1] - np.linspace(0.0, 5e-3, 50)[:, None] * [0.0, 0.0, 1.0]
     centres = np.concatenate([face, arc, rim])

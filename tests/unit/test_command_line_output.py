@@ -28,9 +28,7 @@ def test_settings_are_toml_or_text():
 
 def test_every_command_has_help():
     names = [command.name or command.callback.__name__ for command in app.registered_commands]
-    assert {"run", "check", "sweep", "accuracy", "mesh", "plot", "materials", "schema", "doctor"} <= set(
-        names
-    )
+    assert {"run", "check", "sweep", "accuracy", "mesh", "plot", "materials", "schema", "doctor"} <= set(names)
     for name in names:
         result = CliRunner().invoke(app, [name, "--help"])
         assert result.exit_code == 0
@@ -50,7 +48,5 @@ def test_materials_are_listed_with_their_source():
 def test_torque_comes_with_its_error():
     good = {"mean": 1.2345, "standard_error": 0.0123, "converged": True, "reason": ""}
     assert torque_line(good) == "torque on the disc: 1.234 +- 0.012 N m"
-    assert torque_line({**good, "converged": False, "reason": "too short"}).endswith(
-        "not converged: too short"
-    )
+    assert torque_line({**good, "converged": False, "reason": "too short"}).endswith("not converged: too short")
     assert torque_line(None) == "torque on the disc: none"

@@ -26,8 +26,7 @@ def test_steel_1010_passes_through_its_table():
     assert np.allclose(material("steel_1010").H_of_B(B)[0], H, rtol=1e-12)
 
 
-@pytest.mark.parametrize("name", [
-    "steel_1010", "stainless_430", "vacofer_s2", "team_steel", "dc01", "steel_1008"])
+@pytest.mark.parametrize("name", ["steel_1010", "stainless_430", "vacofer_s2", "team_steel", "dc01", "steel_1008"])
 def test_saturated_steel_has_the_slope_of_vacuum(name):
     law = material(name)
     assert np.allclose(law.H_of_B(np.array([8.0, 20.0]))[1], NU_0)
@@ -50,15 +49,18 @@ def test_air_is_linear():
     assert H[0] == pytest.approx(1 / MU_0) and slope[0] == pytest.approx(1 / MU_0)
 
 
-@pytest.mark.parametrize(("H", "B", "words"), [
-    ([0, 100, 90, 300], [0, 0.1, 0.2, 0.3], "not monotone: H"),
-    ([0, 100, 200, 300], [0, 0.1, 0.1, 0.3], "not monotone: B"),
-    ([0, 100, 200, 1e6], [0, 0.1, 0.2, 0.3], "below mu_0"),
-    ([0, 100, 200], [0, 0.1, 0.2], "at least 3"),
-    ([0, 100, 200, 300], [0, 0.1, 0.2], "one B"),
-    ([10, 100, 200, 300], [0, 0.1, 0.2, 0.3], "origin"),
-    ([0, 100, np.nan, 300], [0, 0.1, 0.2, 0.3], "finite"),
-])
+@pytest.mark.parametrize(
+    ("H", "B", "words"),
+    [
+        ([0, 100, 90, 300], [0, 0.1, 0.2, 0.3], "not monotone: H"),
+        ([0, 100, 200, 300], [0, 0.1, 0.1, 0.3], "not monotone: B"),
+        ([0, 100, 200, 1e6], [0, 0.1, 0.2, 0.3], "below mu_0"),
+        ([0, 100, 200], [0, 0.1, 0.2], "at least 3"),
+        ([0, 100, 200, 300], [0, 0.1, 0.2], "one B"),
+        ([10, 100, 200, 300], [0, 0.1, 0.2, 0.3], "origin"),
+        ([0, 100, np.nan, 300], [0, 0.1, 0.2, 0.3], "finite"),
+    ],
+)
 def test_faulty_table_is_explained(H, B, words):
     with pytest.raises(ValueError, match=words):
         TableLaw(np.array(H), np.array(B), "mine")

@@ -20,8 +20,7 @@ def test_linear_grains_are_maxwell_garnett(phi, mu):
     assert float(GrainLaw(99.0, 1.7e6).chi_eff(phi, np.array(1e-3))) == pytest.approx(chi_eff, rel=1e-6)
 
 
-@pytest.mark.parametrize(("H0", "M"), [
-    (1e4, 29908.576), (1e5, 298910.868), (5e5, 1467739.04), (2e6, 1697985.04)])
+@pytest.mark.parametrize(("H0", "M"), [(1e4, 29908.576), (1e5, 298910.868), (5e5, 1467739.04), (2e6, 1697985.04)])
 def test_single_saturating_sphere(H0, M):
     assert float(GrainLaw(999.0, 1.7e6).magnetisation(np.array(H0), 0.0)) == pytest.approx(M, rel=1e-8)
 

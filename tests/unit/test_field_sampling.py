@@ -16,8 +16,9 @@ def random_triangulation():
     r, z = np.meshgrid(np.linspace(0.03, 0.034, 9), np.linspace(-0.003, 0.003, 7), indexing="ij")
     inner = np.zeros(r.shape)
     inner[1:-1, 1:-1] = 1e-4
-    points = np.column_stack(((r + inner * random.uniform(-1, 1, r.shape)).ravel(),
-                              (z + inner * random.uniform(-1, 1, r.shape)).ravel()))
+    points = np.column_stack(
+        ((r + inner * random.uniform(-1, 1, r.shape)).ravel(), (z + inner * random.uniform(-1, 1, r.shape)).ravel())
+    )
     number = np.arange(63).reshape(9, 7)
     a, b, c, d = (x.ravel() for x in (number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]))
     triangles = np.concatenate((np.column_stack((a, b, c)), np.column_stack((a, c, d))))
@@ -36,8 +37,7 @@ def test_located_element_holds_the_point(random_triangulation):
 
 def test_point_outside_is_found_out(random_triangulation):
     points, triangles, _ = random_triangulation
-    where = np.array([[0.0299, 0.0], [0.0341, 0.0], [0.032, 0.5], [-1.0, 0.0], [np.nan, 0.0],
-                      [0.034 + 1e-9, 0.0]])
+    where = np.array([[0.0299, 0.0], [0.0341, 0.0], [0.032, 0.5], [-1.0, 0.0], [np.nan, 0.0], [0.034 + 1e-9, 0.0]])
     element, _ = TriangleLocator(points, triangles).find(where)
     assert np.all(element[:-1] == -1)
     assert element[-1] >= 0, "round-off beyond a wall is not outside"
@@ -52,8 +52,11 @@ def test_patch_fit_reproduces_polynomials(random_triangulation):
     values = 1 + 2 * x - y + 0.3 * x * y + 0.5 * y**2
     out = fit.operator(sp.identity(len(triangles), format="csr"), centroids, 2, derivatives) @ values
     nodes = (np.concatenate((points, points[edges].mean(axis=1))) - (0.032, 0.0)).T * 1e3
-    exact = [1 + 2 * nodes[0] - nodes[1] + 0.3 * nodes[0] * nodes[1] + 0.5 * nodes[1] ** 2,
-             (2 + 0.3 * nodes[1]) * 1e3, np.full(nodes.shape[1], 1.0) * 1e6]
+    exact = [
+        1 + 2 * nodes[0] - nodes[1] + 0.3 * nodes[0] * nodes[1] + 0.5 * nodes[1] ** 2,
+        (2 + 0.3 * nodes[1]) * 1e3,
+        np.full(nodes.shape[1], 1.0) * 1e6,
+    ]
     for found, wanted in zip(out.reshape(3, -1), exact, strict=True):
         assert np.allclose(found, wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
 

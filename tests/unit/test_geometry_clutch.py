@@ -117,9 +117,7 @@ def test_bad_sizes_are_refused_with_key_value_range_and_remedy(changes, key, rea
 
 def test_all_faults_are_reported_at_once_and_before_meshing():
     broken = replace(Clutch(), gap=-1e-3, coil_width=50e-3, seal_radius=5e-3)
-    assert {fault.key for fault in broken.faults()} == {
-        f"geometry.{k}" for k in ("gap", "coil_width", "seal_radius")
-    }
+    assert {fault.key for fault in broken.faults()} == {f"geometry.{k}" for k in ("gap", "coil_width", "seal_radius")}
     with pytest.raises(GeometryError, match=r"(?s)geometry.gap.*geometry.seal_radius.*geometry.coil_width"):
         mesh_clutch(broken)
 

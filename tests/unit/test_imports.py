@@ -34,8 +34,10 @@ def test_imports_run_one_way(path):
 
 
 def test_the_face_imports_nothing_heavy():
-    code = ("import sys, emclutch; heavy = {'gmsh', 'pyvista', 'vtk', 'matplotlib', 'skfem', 'numba', 'pandas', 'pint'};"
-            "print(*sorted(heavy & set(sys.modules)))")
+    code = (
+        "import sys, emclutch; heavy = {'gmsh', 'pyvista', 'vtk', 'matplotlib', 'skfem', 'numba', 'pandas', 'pint'};"
+        "print(*sorted(heavy & set(sys.modules)))"
+    )
     found = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert found.stdout.strip() == ""
 

@@ -68,9 +68,7 @@ def test_bad_grains_are_refused(radius, density):
 
 
 def test_mass_inertia_and_angular_momentum():
-    grains = Grains.create(
-        [[2.0, 0.0, 0.0]], 0.5, 10.0, velocity=[[0.0, 3.0, 0.0]], angular_velocity=[[0, 0, 4.0]]
-    )
+    grains = Grains.create([[2.0, 0.0, 0.0]], 0.5, 10.0, velocity=[[0.0, 3.0, 0.0]], angular_velocity=[[0, 0, 4.0]])
     mass = 10.0 * math.pi / 6.0
     assert grains.mass[0] == pytest.approx(mass)
     assert grains.angular_momentum_z() == pytest.approx(mass * 6.0 + 0.1 * mass * 4.0)

@@ -35,9 +35,7 @@ def test_defaults_of_the_tangential_part():
     assert law.damping_t == pytest.approx(0.5 * law.damping_n)
 
 
-@pytest.mark.parametrize(
-    "change", [{"stiffness_n": 0.0}, {"friction": -1.0}, {"wall_friction": float("nan")}]
-)
+@pytest.mark.parametrize("change", [{"stiffness_n": 0.0}, {"friction": -1.0}, {"wall_friction": float("nan")}])
 def test_bad_parameters_are_refused(change):
     values = dict(stiffness_n=1.0, stiffness_t=1.0, damping_n=0.1, damping_t=0.1, friction=0.1) | change
     with pytest.raises(ValueError, match="allowed"):

@@ -64,9 +64,7 @@ def test_provenance_and_summary_are_json_without_nan(tmp_path):
     assert (found["seed"], found["mesh_hash"], found["threads"]) == (3, "ab", 2)
     assert found["resumed"][0]["seed"] == 4 and found["versions"]["numpy"] == np.__version__
     assert found["machine"]["cores"] >= 1 and found["python"]
-    folder.write_summary(
-        {"a": np.float64("nan"), "b": np.arange(2), "c": [float("inf"), np.int64(2)], "d": True}
-    )
+    folder.write_summary({"a": np.float64("nan"), "b": np.arange(2), "c": [float("inf"), np.int64(2)], "d": True})
     assert "NaN" not in folder.summary.read_text()
     assert folder.read_summary() == {"a": None, "b": [0, 1], "c": [None, 2], "d": True}
 
@@ -178,9 +176,7 @@ def same(a, b):
     if isinstance(a, (list, tuple)):
         return type(a) is type(b) and len(a) == len(b) and all(map(same, a, b))
     if isinstance(a, np.ndarray):
-        return (
-            type(b) is np.ndarray and (a.dtype, a.shape) == (b.dtype, b.shape) and a.tobytes() == b.tobytes()
-        )
+        return type(b) is np.ndarray and (a.dtype, a.shape) == (b.dtype, b.shape) and a.tobytes() == b.tobytes()
     if isinstance(a, float):
         return type(a) is type(b) and np.float64(a).tobytes() == np.float64(b).tobytes()
     return type(a) is type(b) and a == b
@@ -194,9 +190,7 @@ def test_checkpoint_returns_every_bit(tmp_path):
             "empty": np.zeros((0, 3)),
         },
         "odd": np.array([np.nan, -0.0, np.inf, 5e-324]),
-        "types": {
-            k: np.arange(3).astype(k) for k in ("bool", "int8", "int32", "uint64", "float32", "complex128")
-        },
+        "types": {k: np.arange(3).astype(k) for k in ("bool", "int8", "int32", "uint64", "float32", "complex128")},
         "point": np.array(3.5),
         "numbers": [True, False, 2, -(2**70), 0.1, float("-inf"), float("nan"), np.int32(4), np.float32(0.1)],
         "texts": ("", "Größe", b"\x00\x01", "a/b"),

@@ -55,9 +55,7 @@ def test_torque(tmp_path, count):
     }
     assert is_picture(pictures.torque_picture(tmp_path / "t.png", history, steady_mean(time, torque)))
     without = {"time": time, "torque_disc": np.zeros(count)}
-    assert is_picture(
-        pictures.torque_picture(tmp_path / "t0.png", without, steady_mean(time, np.zeros(count)))
-    )
+    assert is_picture(pictures.torque_picture(tmp_path / "t0.png", without, steady_mean(time, np.zeros(count))))
 
 
 def test_torque_against_current(tmp_path):
@@ -68,9 +66,7 @@ def test_torque_against_current(tmp_path):
         "converged": [True, False],
     }
     assert is_picture(pictures.torque_against_current_picture(tmp_path / "c.png", table))
-    assert is_picture(
-        pictures.torque_against_current_picture(tmp_path / "d.png", {"current": [1], "torque": [2]})
-    )
+    assert is_picture(pictures.torque_against_current_picture(tmp_path / "d.png", {"current": [1], "torque": [2]}))
 
 
 def test_work_precision(tmp_path):

@@ -91,9 +91,7 @@ def rim(body="rotor", radius=2.0):
 
 
 def plane(point, normal):
-    return SimpleNamespace(
-        name="plane", body="housing", point=np.array(point), normal=np.array(normal, dtype=float)
-    )
+    return SimpleNamespace(name="plane", body="housing", point=np.array(point), normal=np.array(normal, dtype=float))
 
 
 def test_ring_turns_with_its_body(tmp_path):
@@ -101,9 +99,7 @@ def test_ring_turns_with_its_body(tmp_path):
     still = opened(series.write_walls(0.0, [rim()]))
     turned = opened(series.write_walls(1.0, [rim()], angles={"rotor": 0.3}, speeds={"rotor": 5.0}))
     x, y, z = points(still).T
-    expected = np.column_stack(
-        [x * math.cos(0.3) - y * math.sin(0.3), x * math.sin(0.3) + y * math.cos(0.3), z]
-    )
+    expected = np.column_stack([x * math.cos(0.3) - y * math.sin(0.3), x * math.sin(0.3) + y * math.cos(0.3), z])
     assert np.allclose(points(turned), expected, atol=1e-12)
     assert np.allclose(np.linalg.norm(array(turned.GetPointData(), "velocity"), axis=1), 10.0)
     a, b = (array(data.GetCellData(), "material_angle") for data in (still, turned))

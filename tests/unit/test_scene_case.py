@@ -46,9 +46,7 @@ def test_a_scene_is_frozen(good):
 
 
 def test_values_make_a_new_case(good):
-    other = good.with_values(
-        {"coil.current": "0.8 A", "effects.gravity": None, "effects.back_reaction.tolerance": 0.1}
-    )
+    other = good.with_values({"coil.current": "0.8 A", "effects.gravity": None, "effects.back_reaction.tolerance": 0.1})
     assert points_of(other.scene.coil.current) == ((0.0,), (0.8,))
     assert other.scene.effects.active == ("magnetic_force", "dipoles", "saturation", "back_reaction")
     assert points_of(good.scene.coil.current) == ((0.0, 0.02), (0.0, 0.94))
@@ -76,10 +74,7 @@ def test_turns_follow_from_resistance_and_window(good):
     turns = good.scene.coil.turns_in(area, radius)
     wire_section = 0.6 * area / turns
     assert rho * turns * 2 * math.pi * radius / wire_section == pytest.approx(25.5, rel=1e-12)
-    assert (
-        good.with_values({"coil.resistance": None, "coil.turns": 700}).scene.coil.turns_in(area, radius)
-        == 700
-    )
+    assert good.with_values({"coil.resistance": None, "coil.turns": 700}).scene.coil.turns_in(area, radius) == 700
 
 
 def test_mass_is_that_of_the_whole_device(good):
