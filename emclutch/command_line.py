@@ -152,6 +152,22 @@ def plot(folder: RunPath, out: NewPicture = None) -> None:
 
 
 @app.command()
+def report(folder: RunPath, out: NewFile = None) -> None:
+    """Write a run as a page of Markdown."""
+    with _explained():
+        from emclutch.results import load_result
+        from emclutch.run_report import report as page_of
+
+        text = page_of(load_result(folder))
+        if out is None:
+            typer.echo(text)
+            return
+        with open(out, "x", encoding="utf-8") as stream:
+            stream.write(text)
+        typer.echo(str(out))
+
+
+@app.command()
 def materials() -> None:
     """List the built-in magnetic materials."""
     from field.materials import material, material_names
@@ -221,7 +237,7 @@ def torque_line(torque: dict[str, Any] | None) -> str:
     error = torque.get("standard_error")
     text = f"torque on the disc: {torque['mean']:.4g}"
     text += f" +- {error:.2g} N m" if error is not None else " N m, error unknown"
-    return text if torque.get("converged") else f"{text}; not converged: {torque.get('reason')}"
+    return text if torque.get("converged") else f"{text}; {torque.get('reason')}"
 
 
 def _load(path: Path, sets: list[str] | None = None) -> Case:

@@ -48,5 +48,7 @@ def test_materials_are_listed_with_their_source():
 def test_torque_comes_with_its_error():
     good = {"mean": 1.2345, "standard_error": 0.0123, "converged": True, "reason": ""}
     assert torque_line(good) == "torque on the disc: 1.234 +- 0.012 N m"
-    assert torque_line({**good, "converged": False, "reason": "too short"}).endswith("not converged: too short")
+    assert torque_line({**good, "converged": False, "reason": "not converged: too short"}).endswith(
+        "not converged: too short"
+    )
     assert torque_line(None) == "torque on the disc: none"

@@ -1,0 +1,39 @@
+"""`emclutch report`: a run as a page of Markdown, from its summary."""
+
+from __future__ import annotations
+
+from emclutch.results import COLUMNS, Result
+
+
+def report(result: Result) -> str:
+    """Markdown of a run: torque with its error, device, numerics, balances, cost."""
+    summary, torque = result.summary, result.torque
+    lines = [f"# {summary.get('title', result.folder.path.name)}", ""]
+    error = "unknown" if torque.standard_error is None else f"{torque.standard_error:.2g} N m"
+    mean = "none" if torque.mean is None else f"{torque.mean:.4g} N m"
+    lines += [f"**Torque on the disc: {mean}, standard error {error}** ({torque.reason}).", ""]
+    rows = [("effects", ", ".join(summary["effects"]) or "none")]
+    for key, label, unit in (
+        ("current", "current at the end", "A"),
+        ("turns", "turns of the coil", ""),
+        ("gap_flux_density", "mean |B| under the poles", "T"),
+        ("flux_linkage", "flux linkage", "Wb"),
+        ("lock_up_time", "lock-up time", "s"),
+        ("inertial_number", "inertial number (upper bound)", ""),
+        ("grains", "grains simulated", ""),
+        ("sectors", "sectors in the ring", ""),
+        ("dt", "step of the grains", "s"),
+        ("time", "simulated time", "s"),
+        ("max_overlap", "largest overlap over diameter", ""),
+        ("torque_residual_rms", "torque balance, RMS of what is left", "N m"),
+        ("energy_residual", "energy balance, what is left over throughput", ""),
+    ):
+        if summary.get(key) is not None:
+            rows.append((label, f"{summary[key]:.5g} {unit}".strip()))
+    rows += [(f"wall-clock: {part.replace('_', ' ')}", f"{value:.1f} s") for part, value in summary["seconds"].items()]
+    lines += ["| | |", "|---|---|", *(f"| {label} | {text} |" for label, text in rows), "", "## Decisions", ""]
+    lines += [f"- {label}: {text}" for label, text in summary["plan"].items()]
+    pictures = [name for name in ("section.png", "torque.png", "grains.png") if (result.folder.path / name).is_file()]
+    lines += ["", *(f"![{name}]({name})" for name in pictures), "", "## Columns of history.csv", ""]
+    lines += [f"- `{name}` [{COLUMNS[name][0]}]: {COLUMNS[name][1]}" for name in result.history.columns]
+    return "\n".join(lines) + "\n"
