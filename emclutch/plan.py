@@ -17,7 +17,7 @@ from geometry import AnnularBox, Box, Clutch, ShearCell
 from particles import CyclicSector, LinearContact, choose_time_step, stiffness_for_overlap
 
 # nanoseconds a grain and step for contacts, and a neighbour for dipoles; measured on two cores, for estimates only
-CONTACT_NS = 400.0
+CONTACT_NS = 95.0
 PAIR_NS = 9.0
 
 
@@ -221,7 +221,7 @@ def _estimates(scene, device: Device, plan: Plan) -> None:
         pairs *= 2.0 if scene.effects.wall_images is not None else 1.0
     seconds = steps * plan.count * (CONTACT_NS + pairs * PAIR_NS / plan.steps_per_update) * 1e-9
     if device.coil is not None:
-        seconds += 5.0 + 0.3 * plan.windows * (scene.effects.back_reaction is not None)
+        seconds += 5.0  # mesh, cold solve, and the few warm ones
     memory = plan.count * (1500 + 9 * pairs) / 2**20 + 400
     disk = scene.output.snapshots * plan.count * 160 / 2**20 + 2
     if device.coil is not None and isinstance(scene.field, CoilField):
