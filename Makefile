@@ -11,6 +11,7 @@ GMSH_PACKAGES  := libglu1-mesa libgl1 libxrender1 libxcursor1 libxft2 libxineram
 run: setup ; @$(BIN)/emclutch run $(CASE)
 test: setup ; $(BIN)/python -m pytest tests/unit tests/physics tests/cases
 bench: setup ; $(BIN)/python -m pytest tests/benchmarks -s
+stability: setup ; $(BIN)/python -m pytest tests/physics/test_hard_cases.py -v
 sweep: setup ; $(BIN)/emclutch sweep cases/current_to_torque.toml
 lint: setup ; $(BIN)/ruff check . && $(BIN)/mypy
 clean: ; rm -rf $(VENV) runs .pytest_cache .mypy_cache .ruff_cache; find . -name __pycache__ -prune -exec rm -rf {} +

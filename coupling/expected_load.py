@@ -5,7 +5,6 @@ zeta(3) = 1.202 times the force of one touching pair, F_pair = (pi/6) mu_0 M^2 a
 spheres, Edwards 2017). Sheared packings carry several times the mean on their force chains and walls, so the
 expected load is `PEAK` times the pair force.
 Weight: the column of grains above, rho g h d^2, times the same factor.
-Impact: a grain of mass m at speed v presses a spring k in by v sqrt(m/k): k = m v^2/delta^2.
 """
 
 from __future__ import annotations
@@ -24,8 +23,3 @@ def magnetic_load(M: float, diameter: float) -> float:
 def weight_load(density: float, acceleration: float, height: float, diameter: float) -> float:
     """Expected peak force [N] under a column of `height` [m] of grains of `density` [kg/m^3]."""
     return PEAK * density * acceleration * height * diameter**2
-
-
-def impact_stiffness(mass: float, speed: float, overlap: float) -> float:
-    """Stiffness [N/m] at which a grain of `mass` [kg] hitting at `speed` [m/s] is pressed in by `overlap` [m]."""
-    return mass * speed**2 / overlap**2

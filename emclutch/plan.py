@@ -7,7 +7,7 @@ from math import ceil, floor
 
 import numpy as np
 
-from coupling import impact_stiffness, magnetic_load, weight_load
+from coupling import magnetic_load, weight_load
 from emclutch.case import Case
 from emclutch.device import Device, build_device, grain_law
 from emclutch.scene.field_source import CoilField
@@ -158,24 +158,25 @@ def _contact(scene, device: Device, M_max: float, speed: float, reasons: dict[st
         height = device.shape.size[2] if isinstance(device.shape, Box) else 2.0 * device.largest_radius
         loads["the weight of the bed"] = weight_load(particles.density, scene.effects.gravity.acceleration, height, d)
     cause, force = max(loads.items(), key=lambda item: item[1])
-    by_impact = impact_stiffness(mass, speed, contact.max_overlap * d)
-    by_load = stiffness_for_overlap(force, d, contact.max_overlap) if force > 0.0 else 0.0
-    stiffness = max(by_impact, by_load)
+    loaded = f"{force:.3g} N from {cause}" if force > 0.0 else ""
+    hit = f"impacts at {speed:.3g} m/s" if speed > 0.0 else ""
+    why = " and ".join(filter(None, (loaded, hit)))
     if contact.stiffness is not None:
         stiffness = contact.stiffness
-        expected = max(force / stiffness, speed * np.sqrt(mass / stiffness)) / d
+        expected = (force / stiffness + speed * np.sqrt(mass / stiffness)) / d
         reasons["stiffness"] = (
             f"k_n = {stiffness:.3g} N/m as asked; overlap to be expected {100 * expected:.2g} % of the diameter"
+            + (f" under {why}" if why else "")
         )
-    elif stiffness == 0.0:
+    elif not why:
         raise ValueError(
             "nothing loads the contacts (no weight, no magnetism, no motion), so no stiffness follows; "
             "give contact.stiffness, e.g. '1000 N/m'"
         )
     else:
-        why = f"{force:.3g} N from {cause}" if by_load >= by_impact else f"impacts at {speed:.3g} m/s"
+        stiffness = stiffness_for_overlap(force, d, contact.max_overlap, mass=mass, speed=speed)
         reasons["stiffness"] = (
-            f"k_n = {stiffness:.3g} N/m: overlap at most {100 * contact.max_overlap:g} % of the diameter under {why}"
+            f"k_n = {stiffness:.3g} N/m: overlap {100 * contact.max_overlap:g} % of the diameter under {why}"
         )
     return LinearContact.from_restitution(
         stiffness, contact.restitution, contact.friction, wall_friction=contact.friction_at_walls

@@ -206,6 +206,7 @@ def summarise(case, folder: RunFolder, device, plan, simulation, seconds: float)
         "time": float(history["time"].iloc[-1]),
         "steps": int(history["steps"].sum()),
         "max_overlap": float(history["max_overlap"].max()),
+        "typical_overlap": float(history["max_overlap"].iloc[len(history) // 2 :].median()),
         "torque_residual_rms": float(np.sqrt((history["torque_residual"] ** 2).mean())),
         "energy_residual": float(history["energy_residual"].sum() / throughput) if throughput else None,
         "discretisation_error": None,

@@ -24,7 +24,8 @@ def report(result: Result) -> str:
         ("sectors", "sectors in the ring", ""),
         ("dt", "step of the grains", "s"),
         ("time", "simulated time", "s"),
-        ("max_overlap", "largest overlap over diameter", ""),
+        ("max_overlap", "largest overlap over diameter, at any time", ""),
+        ("typical_overlap", "the same, median over the windows of the second half", ""),
         ("torque_residual_rms", "torque balance, RMS of what is left", "N m"),
         ("energy_residual", "energy balance, what is left over throughput", ""),
     ):

@@ -66,7 +66,7 @@ def _row(values: dict, result: Result) -> dict:
         "converged": torque.converged,
         "torque_rotor": summary.get("torque_rotor", {}).get("mean"),
         "gap_flux_density": summary.get("gap_flux_density"),
-        "max_overlap": summary["max_overlap"],
+        "typical_overlap": summary["typical_overlap"],
         "inertial_number": summary.get("inertial_number"),
         "seconds": summary["seconds"]["whole_run"],
         "reason": torque.reason,

@@ -87,17 +87,30 @@ def choose_time_step(
     )
 
 
-def stiffness_for_overlap(force: float, diameter: float, overlap: float = 0.005) -> float:
-    """Normal stiffness k_n = F/(overlap d) [N/m] at which ``force`` [N] presses a contact in by ``overlap``
-    of d.
+def stiffness_for_overlap(
+    force: float, diameter: float, overlap: float = 0.005, *, mass: float = 0.0, speed: float = 0.0
+) -> float:
+    """Normal stiffness k_n [N/m] at which a contact that is pressed and hit is no deeper than ``overlap`` of d.
+
+    The two add up: F/k + v sqrt(m/k) = overlap d, with ``force`` F [N] and an impact of ``mass`` m [kg] at ``speed`` v
+    [m/s] (depth of an undamped impact on a wall).
 
     Raises
     ------
     ValueError
-        If a number is not positive, or the overlap is above 5 % of the diameter.
+        If neither force nor impact is positive, a number is negative, or the overlap is above 5 % of the diameter.
     """
-    if not (0.0 < force < math.inf and 0.0 < diameter < math.inf):
-        raise ValueError(f"force = {force:g} N and diameter = {diameter * 1e3:g} mm must both be positive")
+    impact = speed * math.sqrt(mass)
+    if not (0.0 <= force < math.inf and 0.0 <= impact < math.inf and 0.0 < diameter < math.inf):
+        raise ValueError(
+            f"force = {force:g} N, speed = {speed:g} m/s and diameter = {diameter * 1e3:g} mm must be finite and not "
+            "negative"
+        )
+    if force == 0.0 and impact == 0.0:
+        raise ValueError("neither a force nor an impact presses the contact, so no stiffness follows; give one")
     if not 0.0 < overlap <= 0.05:
         raise ValueError(f"overlap = {overlap:g} of the diameter; allowed: more than 0, at most 0.05 (0.005 is usual)")
-    return force / (overlap * diameter)
+    depth = overlap * diameter
+    # F s^2 + v sqrt(m) s = depth with s = 1/sqrt(k): the positive root, in the form that does not cancel
+    s = 2.0 * depth / (impact + math.sqrt(impact * impact + 4.0 * force * depth))
+    return 1.0 / (s * s)

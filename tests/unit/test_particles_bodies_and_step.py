@@ -57,6 +57,9 @@ def test_a_step_too_long_is_refused():
 
 def test_stiffness_from_overlap():
     assert stiffness_for_overlap(0.01, 1e-4) == pytest.approx(0.01 / (0.005 * 1e-4))
+    # pressed and hit: the depths of both add up to what is allowed
+    k = stiffness_for_overlap(0.01, 1e-4, mass=4e-9, speed=0.5)
+    assert 0.01 / k + 0.5 * (4e-9 / k) ** 0.5 == pytest.approx(0.005 * 1e-4)
     with pytest.raises(ValueError, match=r"overlap = 0\.2"):
         stiffness_for_overlap(0.01, 1e-4, 0.2)
 
