@@ -1,0 +1,47 @@
+"""`accuracy`: the table holds every knob, setting and quantity, and its errors are errors."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas
+import pytest
+
+import emclutch
+from emclutch.price_tag import Measurement, price_table, relative_error
+
+CASES = Path(__file__).resolve().parents[2] / "cases"
+
+
+def test_price_tag_of_the_quickstart_at_toy_size(tmp_path):
+    toy = {"time.end": "0.2 ms", "accuracy.mesh": [2.0, 0.7], "accuracy.contact_step": [10.0, 20.0]}
+    folder = emclutch.accuracy(emclutch.load_case(CASES / "quickstart.toml").with_values(toy), out=tmp_path / "price")
+    table = pandas.read_csv(folder / "accuracy.csv")
+    assert (folder / "accuracy.png").stat().st_size > 10_000
+    quantities = set(table[table.knob == "field mesh"].quantity)
+    assert quantities == {"gap B", "H at grains", "grad H at grains", "torque"}
+    assert set(table[table.knob == "contact step"].quantity) == {"torque"}
+    finest = table[table.setting.isin([0.7]) & (table.knob == "field mesh")]
+    assert finest.error.isna().all()  # the reference has no error of its own
+    coarse = table[(table.setting == 2.0) & (table.quantity == "H at grains")]
+    assert 1e-6 < coarse.error.item() < 0.2
+    assert (table.seconds > 0).all()
+
+
+def test_errors_are_against_the_last_setting_of_their_knob():
+    measured = {
+        ("mesh", 2.0): Measurement({"B": 1.1, "H": np.array([1.0, 2.0])}, {"B": 1.0, "H": 1.0}, {"B": 0.03}),
+        ("mesh", 1.0): Measurement({"B": 1.0, "H": np.array([1.0, 2.2])}, {"B": 3.0, "H": 3.0}, {"B": 0.04}),
+        ("step", 10.0): Measurement({"B": 2.0}, {"B": 1.0}),
+        ("step", 20.0): Measurement({"B": 4.0}, {"B": 2.0}),
+    }
+    table = price_table(measured).set_index(["knob", "setting", "quantity"])
+    assert table.error["mesh", 2.0, "B"] == pytest.approx(0.1)
+    assert table.noise["mesh", 2.0, "B"] == pytest.approx(0.05)
+    assert table.error["mesh", 2.0, "H"] == pytest.approx(np.sqrt(0.02) / np.sqrt((1 + 2.2**2) / 2))
+    assert table.error["step", 10.0, "B"] == pytest.approx(0.5)
+    assert np.isnan(table.error["step", 20.0, "B"])
+
+
+def test_error_of_nothing_is_absolute():
+    assert relative_error(0.0, 0.0) == 0.0
+    assert relative_error(3.0, 0.0) == 3.0
