@@ -29,7 +29,8 @@ def draw_run(case, folder: RunFolder, device, simulation) -> None:
             grains=np.column_stack([r, x[:, 2], grains.radius])[slice_],
         )
     result = load_result(folder.path)
-    torque_picture(folder.torque_picture, result.history, result.torque, title=title)
+    if "torque_disc" in result.history:  # a box has no disc
+        torque_picture(folder.torque_picture, result.history, result.torque, title=title)
     start, end, force = contact_lines(dem)
     grains_picture(
         folder.grains_picture,

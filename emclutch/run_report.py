@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from emclutch.results import COLUMNS, Result
+from emclutch.results import COLUMNS, OutputError, Result
 
 
 def report(result: Result) -> str:
     """Markdown of a run: torque with its error, device, numerics, balances, cost."""
-    summary, torque = result.summary, result.torque
-    lines = [f"# {summary.get('title', result.folder.path.name)}", ""]
-    error = "unknown" if torque.standard_error is None else f"{torque.standard_error:.2g} N m"
-    mean = "none" if torque.mean is None else f"{torque.mean:.4g} N m"
-    lines += [f"**Torque on the disc: {mean}, standard error {error}** ({torque.reason}).", ""]
+    summary = result.summary
+    if not summary:
+        raise OutputError(
+            f"{result.folder.path} has no summary.json: the run is not finished; continue it with --resume"
+        )
+    lines = [f"# {summary['title']}", ""]
+    if "torque_disc" in result.history:
+        torque = result.torque
+        error = "unknown" if torque.standard_error is None else f"{torque.standard_error:.2g} N m"
+        mean = "none" if torque.mean is None else f"{torque.mean:.4g} N m"
+        lines += [f"**Torque on the disc: {mean}, standard error {error}** ({torque.reason}).", ""]
     rows = [("effects", ", ".join(summary["effects"]) or "none")]
     for key, label, unit in (
         ("current", "current at the end", "A"),

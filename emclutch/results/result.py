@@ -41,14 +41,16 @@ class Result:
     def torque(self) -> Estimate:
         """Steady torque on the disc [N m] with its standard error.
 
-        From the history; the scene's ``average_from`` is taken from the summary where it has one.
+        The summary's; of a run that was cut off before it was written, from the history as far as it goes.
         """
+        written = self.summary.get("torque")
+        if self._torque is None and written is not None:
+            self._torque = Estimate.from_dict(written)
         if self._torque is None:
             history = self.history
             if "torque_disc" not in history:
                 raise OutputError(f"{self.folder.history} has no torque_disc: the scene has no disc")
-            average_from = self.summary.get("average_from")
-            self._torque = steady_mean(history["time"], history["torque_disc"], average_from=average_from)
+            self._torque = steady_mean(history["time"], history["torque_disc"])
         return self._torque
 
     def open_record(self) -> Record:

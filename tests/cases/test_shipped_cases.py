@@ -3,6 +3,7 @@
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import emclutch
@@ -48,6 +49,19 @@ def test_powder_clutch_at_toy_size(tmp_path):
     turns = math.sqrt(25.5 * 0.6 * 14e-3**2 / (1.72e-8 * 2 * math.pi * 58.8e-3))
     assert result.summary["turns"] == pytest.approx(turns, rel=1e-3)
     assert result.summary["grains"] * 180 == pytest.approx(20e-3 / (7700 * math.pi / 6 * 0.2e-3**3), rel=1e-3)
+
+
+def test_a_locked_disc_carries_its_load_torque(tmp_path):
+    """lock_up.toml in full: held by its load at first, then locked: the powder's torque is the load, no more."""
+    case = emclutch.load_case(CASES / "lock_up.toml").with_values({"output.snapshots": 0})
+    result = emclutch.run(case, out=tmp_path / "run")
+    history = result.history
+    assert (history.loc[history["time"] < 1e-3, "disc_speed"] == 0.0).all()  # no current: dry friction holds it
+    assert 2e-3 < result.summary["lock_up_time"] < 9e-3
+    assert result.torque.mean == pytest.approx(0.02, rel=0.05)
+    slipping = history[(history["time"] > 3e-3) & (history["time"] < 4.5e-3)]
+    inertia_torque = 1e-5 * np.gradient(slipping["disc_speed"], slipping["time"]).mean()
+    assert slipping["torque_disc"].mean() - 0.02 == pytest.approx(inertia_torque, rel=0.05)  # J domega/dt = T - load
 
 
 def test_current_to_torque_at_toy_size(tmp_path):

@@ -227,10 +227,12 @@ def test_result_reads_the_folder(tmp_path):
     with HistoryWriter(folder.history) as history:
         for i in range(1, 201):
             history.append({"time": 0.01 * i, "torque_disc": 5.0 + rng.standard_normal()})
-    folder.write_summary({"average_from": 0.5})
+    cut_off = load_result(folder.path)  # no summary yet: the torque is that of the history
+    assert len(cut_off.history) == 200 and abs(cut_off.torque.mean - 5.0) < 0.4
+    estimate = steady_mean(cut_off.history["time"], cut_off.history["torque_disc"], average_from=0.5)
+    folder.write_summary({"torque": estimate.as_dict()})
     result = load_result(folder.path)
-    assert len(result.history) == 200 and result.torque.start == pytest.approx(0.5)
-    assert abs(result.torque.mean - 5.0) < 0.4 and result.summary["average_from"] == 0.5
+    assert result.torque == estimate and result.torque.start == pytest.approx(0.5)
     with pytest.raises(OutputError, match=r"run\.h5 does not exist"):
         result.open_record()
 
