@@ -19,6 +19,7 @@ from emclutch.results import (
 )
 from emclutch.results.checkpoint import read_checkpoint, write_checkpoint
 from emclutch.results.record import Record
+from emclutch.results.statistics import steady_mean
 
 
 def test_folder_with_files_is_not_overwritten(tmp_path):
