@@ -29,12 +29,12 @@ class ContactList:
     ----------
     pairs : PairList
         Half list; `incoming_start` (n + 1,) and `incoming_slot` (p,) are its transpose.
-    touching, history, reaction : ndarray, shapes (p,) uint8, (p, 3), (p, 6)
+    touching, history, reaction : ndarray, shapes (p,) uint8, (p, 3 or 6), (p, 6)
         Whether the pair touches, its tangential spring [m] in the frame of i, and force [N] and torque [N
         m] on j.
     wall_start, wall_other : ndarray, shapes (n + 1,), (s,) int32
         Walls near each grain.
-    wall_touching, wall_history, wall_force : ndarray, shapes (s,) uint8, (s, 3), (s, 3)
+    wall_touching, wall_history, wall_force : ndarray, shapes (s,) uint8, (s, 3 or 6), (s, 3)
         The same for walls; the force [N] is that on the grain.
     reference : ndarray, shape (n, 3)
         Positions [m] at which the list was made.
@@ -44,6 +44,7 @@ class ContactList:
     wall_start: np.ndarray
     wall_other: np.ndarray
     reference: np.ndarray
+    springs: int = 3
     incoming_start: np.ndarray = field(init=False)
     incoming_slot: np.ndarray = field(init=False)
     touching: np.ndarray = field(init=False)
@@ -56,11 +57,11 @@ class ContactList:
     def __post_init__(self) -> None:
         self.incoming_start, self.incoming_slot = self.pairs.incoming()
         self.touching = np.zeros(self.pairs.count, dtype=np.uint8)
-        self.history = np.zeros((self.pairs.count, 3))
+        self.history = np.zeros((self.pairs.count, self.springs))
         self.reaction = np.zeros((self.pairs.count, 6))
         slots = len(self.wall_other)
         self.wall_touching = np.zeros(slots, dtype=np.uint8)
-        self.wall_history = np.zeros((slots, 3))
+        self.wall_history = np.zeros((slots, self.springs))
         self.wall_force = np.zeros((slots, 3))
 
     @classmethod
@@ -71,8 +72,12 @@ class ContactList:
         skin: float,
         walls: np.ndarray,
         sector: CyclicSector | None,
+        springs: int = 3,
     ) -> ContactList:
-        """The list at ``position`` (n, 3) [m] with ``skin`` [m]; ``walls``: rows of a `WallTable`."""
+        """The list at ``position`` (n, 3) [m] with ``skin`` [m]; ``walls``: rows of a `WallTable`.
+
+        ``springs`` is 3 for the tangential spring, 6 with the rolling angle beside it.
+        """
         pairs = find_pairs(position, 2.0 * float(radius.max()) + skin, sector, radius + 0.5 * skin)
         start = np.zeros(len(position) + 1, dtype=np.int64)
         other = np.zeros(len(position), dtype=np.int32)
@@ -80,7 +85,7 @@ class ContactList:
         if found > len(other):
             other = np.zeros(found, dtype=np.int32)
             near_walls(position, radius + 0.5 * skin, walls, start, other)
-        return cls(pairs, start, other[:found].copy(), position.copy())
+        return cls(pairs, start, other[:found].copy(), position.copy(), springs)
 
     def wall_rows(self) -> np.ndarray:
         """The grain of each wall slot, int64, shape (s,)."""
@@ -123,8 +128,9 @@ class ContactList:
     @classmethod
     def from_arrays(cls, state: dict[str, np.ndarray]) -> ContactList:
         """The inverse of `arrays`."""
+        springs = state["pair_history"].shape[1]
         pairs = PairList(*(state[f"pair_{name}"].copy() for name in ("start", "other", "shift")))
-        made = cls(pairs, state["wall_start"].copy(), state["wall_other"].copy(), state["reference"].copy())
+        made = cls(pairs, state["wall_start"].copy(), state["wall_other"].copy(), state["reference"].copy(), springs)
         made.touching, made.history = state["pair_touching"].copy(), state["pair_history"].copy()
         made.reaction, made.wall_force = state["pair_reaction"].copy(), state["wall_force"].copy()
         made.wall_touching, made.wall_history = state["wall_touching"].copy(), state["wall_history"].copy()
@@ -154,13 +160,14 @@ def _carry_pairs(
                         break
             if slot < 0:
                 continue
-            x, y = history[k, 0], history[k, 1]
-            if turns != 0:
-                c, s = np.cos(turns * angle), np.sin(turns * angle)
-                x, y = c * x - s * y, s * x + c * y
+            c, t = np.cos(turns * angle), np.sin(turns * angle)
             new_touching[slot] = 1
-            new_history[slot, 0], new_history[slot, 1] = sign * x, sign * y
-            new_history[slot, 2] = sign * history[k, 2]
+            for first in range(0, history.shape[1], 3):
+                x, y = history[k, first], history[k, first + 1]
+                if turns != 0:
+                    x, y = c * x - t * y, t * x + c * y
+                new_history[slot, first], new_history[slot, first + 1] = sign * x, sign * y
+                new_history[slot, first + 2] = sign * history[k, first + 2]
 
 
 @njit(cache=True, error_model="numpy")
@@ -176,9 +183,11 @@ def _carry_walls(rank, wraps, angle, start, other, touching, history, new_start,
                     slot = q
             if slot < 0:
                 continue
-            x, y = history[k, 0], history[k, 1]
-            if wraps[old_i] != 0:
-                c, s = np.cos(wraps[old_i] * angle), np.sin(wraps[old_i] * angle)
-                x, y = c * x - s * y, s * x + c * y
+            c, t = np.cos(wraps[old_i] * angle), np.sin(wraps[old_i] * angle)
             new_touching[slot] = 1
-            new_history[slot, 0], new_history[slot, 1], new_history[slot, 2] = x, y, history[k, 2]
+            for first in range(0, history.shape[1], 3):
+                x, y = history[k, first], history[k, first + 1]
+                if wraps[old_i] != 0:
+                    x, y = c * x - t * y, t * x + c * y
+                new_history[slot, first], new_history[slot, first + 1] = x, y
+                new_history[slot, first + 2] = history[k, first + 2]

@@ -270,7 +270,9 @@ class DEM:
             if self.external_force is not None:
                 self.external_force = np.ascontiguousarray(self.external_force[order])
             self.order_version += 1
-        made = ContactList.make(g.position, g.radius, self.skin, self._table.rows, self.sector)
+        made = ContactList.make(
+            g.position, g.radius, self.skin, self._table.rows, self.sector, 3 if self._rolling is None else 6
+        )
         if self._contacts is not None:
             made.take_history(self._contacts, order, wraps, self.sector)
         self._contacts = made

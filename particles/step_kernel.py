@@ -69,6 +69,25 @@ def _wall_gap(wall, w, x, y, z):
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _turned(history, slot, first, nx, ny, nz, phi):
+    """The spring in columns ``first`` .. first + 2 of ``history[slot]``, turned with its pair.
+
+    Into the new tangent plane, about n by the mean spin ``phi`` of this step, at unchanged length.
+    """
+    x, y, z = history[slot, first], history[slot, first + 1], history[slot, first + 2]
+    before = x * x + y * y + z * z
+    if before > 0.0:
+        along = x * nx + y * ny + z * nz
+        x, y, z = x - along * nx, y - along * ny, z - along * nz
+        cx, cy, cz = ny * z - nz * y, nz * x - nx * z, nx * y - ny * x
+        x, y, z = x + phi * cx, y + phi * cy, z + phi * cz
+        after = x * x + y * y + z * z
+        scale = np.sqrt(before / after) if after > 0.0 else 0.0
+        x, y, z = x * scale, y * scale, z * scale
+    return x, y, z
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _contact(law, kind, m_eff, dt, delta, nx, ny, nz, ux, uy, uz, spin_n, history, slot):
     """Force on grain i; n points from i to its partner, u is the velocity of i relative to it at the contact.
 
@@ -84,19 +103,7 @@ def _contact(law, kind, m_eff, dt, delta, nx, ny, nz, ux, uy, uz, spin_n, histor
         f_n = 0.0
     lost_n = (f_n - k_n * delta) * closing * dt
 
-    # the spring turns with the pair: into the new tangent plane, about n by the mean spin, at unchanged
-    # length
-    xi_x, xi_y, xi_z = history[slot, 0], history[slot, 1], history[slot, 2]
-    before = xi_x * xi_x + xi_y * xi_y + xi_z * xi_z
-    if before > 0.0:
-        along = xi_x * nx + xi_y * ny + xi_z * nz
-        xi_x, xi_y, xi_z = xi_x - along * nx, xi_y - along * ny, xi_z - along * nz
-        phi = spin_n * dt
-        cx, cy, cz = ny * xi_z - nz * xi_y, nz * xi_x - nx * xi_z, nx * xi_y - ny * xi_x
-        xi_x, xi_y, xi_z = xi_x + phi * cx, xi_y + phi * cy, xi_z + phi * cz
-        after = xi_x * xi_x + xi_y * xi_y + xi_z * xi_z
-        scale = np.sqrt(before / after) if after > 0.0 else 0.0
-        xi_x, xi_y, xi_z = xi_x * scale, xi_y * scale, xi_z * scale
+    xi_x, xi_y, xi_z = _turned(history, slot, 0, nx, ny, nz, spin_n * dt)
 
     # trial: the whole sliding distance stretches spring and dashpot
     sx, sy, sz = (ux - closing * nx) * dt, (uy - closing * ny) * dt, (uz - closing * nz) * dt
@@ -123,19 +130,31 @@ def _contact(law, kind, m_eff, dt, delta, nx, ny, nz, ux, uy, uz, spin_n, histor
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _rolling_torque(friction, arm, inertia, dt, f_n, nx, ny, nz, px, py, pz):
+def _rolling_torque(friction, arm, inertia, law, kind, dt, f_n, nx, ny, nz, px, py, pz, spin_n, history, slot):
     """Rolling resistance on grain i (`particles.rolling_friction`); p is its spin relative to the partner's.
 
-    Returns the torque (3) and the energy that it takes in this step.
+    ``history[slot, 3:]`` is the rolling angle theta [rad] and is updated. Returns the torque (3), the elastic
+    energy [J] and the energy lost in this step [J].
     """
+    k = law[kind, 1] * arm * arm
+    rate = 2.0 * law[kind, 2] * np.sqrt(k * inertia) / dt
+    x, y, z = _turned(history, slot, 3, nx, ny, nz, spin_n * dt)
     along = px * nx + py * ny + pz * nz
-    px, py, pz = px - along * nx, py - along * ny, pz - along * nz
-    rate = np.sqrt(px * px + py * py + pz * pz)
-    if rate == 0.0:
-        return 0.0, 0.0, 0.0, 0.0
-    torque = min(friction * arm * f_n, 0.2 * inertia / dt * rate)
-    share = -torque / rate
-    return share * px, share * py, share * pz, torque * rate * dt
+    sx, sy, sz = (px - along * nx) * dt, (py - along * ny) * dt, (pz - along * nz) * dt
+    tx, ty, tz = k * x + (k + rate) * sx, k * y + (k + rate) * sy, k * z + (k + rate) * sz
+    trial = np.sqrt(tx * tx + ty * ty + tz * tz)
+    limit = friction * arm * f_n
+    lost = 0.0
+    if trial > limit:
+        share = limit / trial
+        slip = (1.0 - share) / (k + rate)
+        sx, sy, sz = sx - slip * tx, sy - slip * ty, sz - slip * tz
+        tx, ty, tz = tx * share, ty * share, tz * share
+        lost = limit * slip * trial
+    x, y, z = x + sx, y + sy, z + sz
+    history[slot, 3], history[slot, 4], history[slot, 5] = x, y, z
+    lost += rate * (sx * sx + sy * sy + sz * sz)
+    return -tx, -ty, -tz, 0.5 * k * (x * x + y * y + z * z), lost
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
@@ -169,7 +188,7 @@ def _contact_rows(
             if d2 >= reach * reach:
                 if pair_touching[k] != 0:
                     pair_touching[k] = 0
-                    pair_history[k, 0] = pair_history[k, 1] = pair_history[k, 2] = 0.0
+                    pair_history[k, :] = 0.0
                 continue
             pair_touching[k] = 1
             d = np.sqrt(d2)
@@ -203,10 +222,13 @@ def _contact_rows(
             mx, my, mz = lj * mx, lj * my, lj * mz
             if rolling is not None:
                 own, others = mi * ri * ri, mass[j] * radius[j] * radius[j]
-                hx, hy, hz, a = _rolling_torque(
-                    rolling[0], ri * radius[j] / reach, 0.4 * own * others / (own + others), dt, f_n, nx, ny, nz,
-                    wx - qx, wy - qy, wz - qz,
+                hx, hy, hz, e, a = _rolling_torque(
+                    rolling[0], ri * radius[j] / reach, 0.4 * own * others / (own + others),
+                    law, 0, dt, f_n, nx, ny, nz, wx - qx, wy - qy, wz - qz,
+                    0.5 * ((wx + qx) * nx + (wy + qy) * ny + (wz + qz) * nz),
+                    pair_history, k,
                 )  # fmt: skip
+                elastic += e
                 lost_r += a
                 tx, ty, tz = tx + hx, ty + hy, tz + hz
                 mx, my, mz = mx - hx, my - hy, mz - hz
@@ -221,15 +243,14 @@ def _contact_rows(
         # a grain that rolls from one face of a body onto the next keeps its spring: it is handed to the new
         # slot
         left = -1
-        hx = hy = hz = 0.0
+        from_slot = -1
         for k in range(first, last):
             if wall_touching[k] != 0:
                 distance, nx, ny, nz, owned = _wall_gap(wall, wall_other[k], x, y, z)
                 if distance >= ri or not owned:
                     left = wall_body[wall_other[k]]
-                    hx, hy, hz = wall_history[k, 0], wall_history[k, 1], wall_history[k, 2]
+                    from_slot = k
                     wall_touching[k] = 0
-                    wall_history[k, 0] = wall_history[k, 1] = wall_history[k, 2] = 0.0
                     wall_force[k, 0] = wall_force[k, 1] = wall_force[k, 2] = 0.0
         for k in range(first, last):
             distance, nx, ny, nz, owned = _wall_gap(wall, wall_other[k], x, y, z)
@@ -238,8 +259,9 @@ def _contact_rows(
             body = wall_body[wall_other[k]]
             if wall_touching[k] == 0:
                 wall_touching[k] = 1
+                wall_history[k, :] = 0.0
                 if left == body:
-                    wall_history[k, 0], wall_history[k, 1], wall_history[k, 2] = hx, hy, hz
+                    wall_history[k, :] = wall_history[from_slot, :]
                     left = -1
             px, py = x + distance * nx, y + distance * ny
             omega = body_speed[body]
@@ -263,9 +285,11 @@ def _contact_rows(
             ty += distance * (nz * gx - nx * gz)
             tz += distance * (nx * gy - ny * gx)
             if rolling is not None:
-                rx, ry, rz, a = _rolling_torque(
-                    rolling[1], ri, 0.4 * mi * ri * ri, dt, f_n, nx, ny, nz, wx, wy, wz - omega
-                )
+                rx, ry, rz, e, a = _rolling_torque(
+                    rolling[1], ri, 0.4 * mi * ri * ri, law, 1, dt, f_n, nx, ny, nz, wx, wy, wz - omega,
+                    0.5 * (wx * nx + wy * ny + (wz + omega) * nz), wall_history, k,
+                )  # fmt: skip
+                elastic += e
                 lost_r += a
                 tx, ty, tz = tx + rx, ty + ry, tz + rz
                 body_chunks[chunk, body, TORQUE_T] -= rz
