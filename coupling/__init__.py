@@ -2,7 +2,7 @@
 
 from coupling.deposition import FillDeposition
 from coupling.effects import BackReaction, Effect, FixedDipoles, MagneticForce, WallImages
-from coupling.expected_load import magnetic_load, weight_load
+from coupling.expected_load import magnetic_load, snap_in_overlap, weight_load
 from coupling.field_source import CoilField, ImposedField
 from coupling.magnetised_grains import MagnetisedGrains, moments
 from coupling.staggered import Simulation, run_staggered
@@ -21,5 +21,6 @@ __all__ = [
     "magnetic_load",
     "moments",
     "run_staggered",
+    "snap_in_overlap",
     "weight_load",
 ]

@@ -9,7 +9,7 @@ Weight: the column of grains above, rho g h d^2, times the same factor.
 
 from __future__ import annotations
 
-from math import pi
+from math import pi, sqrt
 
 PEAK = 6.0  # largest over pair force: 4 gave overlaps of 0.75 % where 0.5 % was allowed (12 N m class, 100 rpm)
 MU_0 = 4e-7 * pi
@@ -18,6 +18,16 @@ MU_0 = 4e-7 * pi
 def magnetic_load(M: float, diameter: float) -> float:
     """Expected peak force [N] of a contact between grains magnetised to M [A/m]."""
     return PEAK * pi / 6.0 * MU_0 * M**2 * (0.5 * diameter) ** 2
+
+
+def snap_in_overlap(M: float, diameter: float, stiffness: float) -> float:
+    """Overlap over diameter of two free grains magnetised to M [A/m] that attract each other from afar.
+
+    They bring the energy F_pair d/3 of two coaxial dipoles in contact to a spring k: depth = sqrt(2 F_pair d/(3 k)),
+    without damping. A packing settles below it; it shows when the coil is switched on.
+    """
+    pair = magnetic_load(M, diameter) / PEAK
+    return sqrt(2.0 * pair / (3.0 * stiffness * diameter))
 
 
 def weight_load(density: float, acceleration: float, height: float, diameter: float) -> float:

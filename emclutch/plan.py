@@ -7,7 +7,7 @@ from math import ceil, floor
 
 import numpy as np
 
-from coupling import magnetic_load, weight_load
+from coupling import magnetic_load, snap_in_overlap, weight_load
 from emclutch.case import Case
 from emclutch.device import Device, build_device, grain_law
 from emclutch.scene.field_source import CoilField
@@ -178,6 +178,9 @@ def _contact(scene, device: Device, M_max: float, speed: float, reasons: dict[st
         reasons["stiffness"] = (
             f"k_n = {stiffness:.3g} N/m: overlap {100 * contact.max_overlap:g} % of the diameter under {why}"
         )
+    if M_max > 0.0:
+        snap = snap_in_overlap(M_max, d, stiffness)
+        reasons["stiffness"] += f"; grains that snap together from afar press in by {100 * snap:.2g} % for an instant"
     return LinearContact.from_restitution(
         stiffness, contact.restitution, contact.friction, wall_friction=contact.friction_at_walls
     )
