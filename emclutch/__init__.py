@@ -15,6 +15,8 @@ from emclutch.lazily import lazy_attributes  # noqa: E402
 __version__ = "0.1.0"
 __all__ = [
     "Case",
+    "OutputError",
+    "RunError",
     "SceneError",
     "accuracy",
     "coupling",
@@ -35,6 +37,8 @@ __getattr__, __dir__ = lazy_attributes(
         "run": "emclutch.run_case:run",
         "sweep": "emclutch.run_study:sweep",
         "accuracy": "emclutch.price_tag:accuracy",
+        "OutputError": "emclutch.results:OutputError",
+        "RunError": "emclutch.run_case:RunError",
         "load_result": "emclutch.results:load_result",
         "load_study": "emclutch.scene.study:load_study",
         "geometry": "geometry",

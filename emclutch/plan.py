@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import os
+from dataclasses import dataclass, replace
 from math import ceil, floor
 
 import numpy as np
@@ -53,6 +54,11 @@ class Plan:
     peak_field: MagneticField | None
     M_max: float
     reasons: dict[str, str]
+
+    def continued(self, steps_per_update: int, updates: int, end: float) -> Plan:
+        """The plan of a run that goes on with the windows it began with, to the time `end` [s]."""
+        windows = max(1, ceil(end / (steps_per_update * updates * self.dt) - 1e-9))
+        return replace(self, steps_per_update=steps_per_update, updates=updates, windows=windows)
 
     @property
     def end(self) -> float:
@@ -234,19 +240,38 @@ def _estimates(scene, device: Device, plan: Plan) -> None:
             f"{scene.field.order}; coil of {device.coil.turns:.0f} turns"
         )
     plan.reasons["cost"] = (
-        f"{steps} steps of {plan.count} grains: about {seconds / 60:.1f} min on two cores, "
+        f"{steps} steps of {plan.count} grains: about {spoken(seconds)} on two cores, "
         f"{memory:.0f} MiB of memory, {disk:.0f} MiB on disk"
     )
+    available = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**20
+    if memory > available:
+        plan.reasons["cost"] += f"; WARNING: this machine has {available:.0f} MiB of memory; take a narrower sector"
+    elif seconds > 86400.0:
+        plan.reasons["cost"] += "; WARNING: more than a day; are all lengths and times in the units that were meant?"
+
+
+def spoken(seconds: float) -> str:
+    """A duration in the unit that one would say it in."""
+    for limit, unit, size in ((90.0, "s", 1.0), (5400.0, "min", 60.0), (172800.0, "h", 3600.0)):
+        if seconds < limit:
+            return f"{seconds / size:.0f} {unit}"
+    return f"{seconds / 86400.0:.0f} days"
+
+
+def scene_fills_faces(case: Case) -> bool:
+    """Whether the powder is in the face gaps only."""
+    return case.scene.particles.region == "faces"
 
 
 def plan(case: Case) -> dict[str, str]:
     """The plan in words, label -> text, for `emclutch check`."""
     device, made = make_plan(case)
     if made.peak_field is not None and device.coil is not None:
-        midline = device.coil.shape.gap_midline()
+        faces = scene_fills_faces(case)
+        midline = device.coil.shape.face_midline() if faces else device.coil.shape.gap_midline()
         B = np.linalg.norm(made.peak_field.B_along(midline), axis=1)
         made.reasons["field"] = (
-            f"at the largest current, powder spread evenly: |B| in the rim gap up to "
+            f"at the largest current, powder spread evenly: |B| in the {'face' if faces else 'rim'} gap up to "
             f"{B.max():.3g} T, grains magnetised up to {made.M_max / 1e3:.3g} kA/m"
         )
     return made.reasons

@@ -6,7 +6,8 @@ import logging
 import os
 import signal
 import threading
-from dataclasses import dataclass
+import tomllib
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -18,13 +19,16 @@ from emclutch.assembly import assemble, simulation_of
 from emclutch.case import Case
 from emclutch.observables import Observables
 from emclutch.plan import make_plan
-from emclutch.results import Result, RunFolder, load_result, read_history, steady_mean
+from emclutch.results import OutputError, Result, RunFolder, load_result, read_history, steady_mean
 from emclutch.results.checkpoint import read_checkpoint
+from emclutch.results.statistics import Estimate
 from emclutch.snapshots import History, Snapshots, save_checkpoint
 from field import ConvergenceError, MagneticField, PointOutside
 from particles import DemError, Grains, PackingError
 
 log = logging.getLogger(__name__)
+MAY_CHANGE = ("time.end", "time.average_from", "output.", "accuracy.", "scene.title", "scene.description")
+LEAST_STRAIN = 5.0  # shear of the gap, slip times radius over width; packings forget their making in a few
 CHECKPOINT_SECONDS = 60.0  # wall-clock between checkpoints; a crash costs no more than this
 
 
@@ -67,6 +71,8 @@ def run(
     use_threads(threads)
     target = out or case.scene.output.folder or RunFolder.next_path(case.name)
     case_text = case.toml()
+    if resume and RunFolder(target).checkpoint.is_file():  # compared before anything in the folder is touched
+        refuse_other_scene(read_checkpoint(RunFolder(target).checkpoint)["case"], case_text, target)
     folder = RunFolder.create(target, case_text, resume=resume)
     with folder.logging():
         try:
@@ -88,9 +94,13 @@ def _run(case, folder, case_text, resume, progress, begin) -> Result:
     )
     _say(progress, 0.0, f"packing {plan.count} grains")
     if resume:
-        simulation, resume_time = restore(case, device, plan, read_checkpoint(folder.checkpoint), case_text)
+        state = read_checkpoint(folder.checkpoint)
+        plan = plan.continued(state["steps_per_update"], state["updates"], scene.time.end)
+        simulation, resume_time = restore(case, device, plan, state)
+        log.info("resumed at t = %g s, window %d of %d", resume_time, simulation.window, plan.windows)
     else:
         simulation, resume_time = assemble(case, device, plan), None
+        log.info("started: %d windows", plan.windows)
     snapshots = Snapshots(
         folder, simulation.dem.walls, plan.windows, scene.output.snapshots, scene.output.formats, case_text, resume_time
     )
@@ -122,11 +132,11 @@ def _run(case, folder, case_text, resume, progress, begin) -> Result:
             history.close()
             snapshots.close()
     if stop.asked and simulation.window < plan.windows:
-        where = f"--out {folder.path} --resume"
+        log.info("stopped by the user at t = %g s", simulation.dem.time)
         raise Interrupted(
             f"stopped at t = {simulation.dem.time:.4g} s; "
             + (
-                f"go on with: emclutch run {case.path} {where}"
+                f"go on with: emclutch run {folder.path} --resume"
                 if scene.output.checkpoint
                 else "no checkpoint was written (output.checkpoint = false)"
             )
@@ -140,13 +150,31 @@ def _run(case, folder, case_text, resume, progress, begin) -> Result:
     return load_result(folder.path)
 
 
-def restore(case, device, plan, state: dict, case_text: str):
-    """The simulation of a checkpoint and its time [s]; raises RunError when it belongs to another scene."""
-    if state["case"] != case_text:
-        raise RunError(
-            "the checkpoint belongs to another scene (its values differ); resume with the run's own "
-            "case.toml, or start anew in another folder with --out"
+def refuse_other_scene(old_text: str, new_text: str, target: str | Path) -> None:
+    """OutputError unless two scenes differ at most in what a continued run may change: its end and its output."""
+    old, new = (_flat(tomllib.loads(text)) for text in (old_text, new_text))
+    differing = [
+        f"{key}: {old.get(key, 'absent')} -> {new.get(key, 'absent')}"
+        for key in sorted({*old, *new})
+        if old.get(key) != new.get(key) and not key.startswith(MAY_CHANGE)
+    ]
+    if differing:
+        raise OutputError(
+            f"the checkpoint in {target} belongs to another scene ({'; '.join(differing)}); continue it with "
+            f"emclutch run {target} --resume, or start anew in another folder with --out"
         )
+
+
+def _flat(table: dict, prefix: str = "") -> dict:
+    """Nested tables as dotted keys."""
+    flat: dict = {}
+    for key, value in table.items():
+        flat |= _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
+    return flat
+
+
+def restore(case, device, plan, state: dict):
+    """The simulation of a checkpoint and its time [s]."""
     dem_state = state["dem"]
     # copies: the DEM wraps and sorts what it is given
     grains = Grains(
@@ -175,16 +203,12 @@ def summarise(case, folder: RunFolder, device, plan, simulation, seconds: float)
     history = read_history(folder.history)
     duration = np.diff(np.concatenate([[0.0], history["time"]]))
     summary: dict = {"title": case.scene.scene.title, "effects": list(case.scene.effects.active)}
-    for body in ("disc", "rotor", "field"):
+    for body in ("rotor", "field"):
         column = f"torque_{body}"
         if column in history and (body != "field" or simulation.magnetised is not None):
-            estimate = steady_mean(
-                history["time"].to_numpy(),
-                history[column].to_numpy(),
-                duration=duration,
-                average_from=case.scene.time.average_from,
-            )
-            summary["torque" if body == "disc" else column] = estimate.as_dict()
+            summary[column] = _estimate(case, history, column, duration).as_dict()
+    if "torque_disc" in history:
+        summary["torque"] = disc_torque(case, device, history, duration).as_dict()
     if simulation.dem.bodies and any(body.is_free for body in simulation.dem.bodies):
         summary["lock_up_time"] = lock_up_time(history)
     if isinstance(simulation.source, CoilField):
@@ -208,7 +232,7 @@ def summarise(case, folder: RunFolder, device, plan, simulation, seconds: float)
         "max_overlap": float(history["max_overlap"].max()),
         "typical_overlap": float(history["max_overlap"].iloc[len(history) // 2 :].median()),
         "torque_residual_rms": float(np.sqrt((history["torque_residual"] ** 2).mean())),
-        "energy_residual": float(history["energy_residual"].sum() / throughput) if throughput else None,
+        "energy_residual_relative": float(history["energy_residual"].sum() / throughput) if throughput else None,
         "discretisation_error": None,
         "discretisation_error_note": "not measured in a single run; emclutch accuracy measures it",
         "seconds": {
@@ -220,6 +244,50 @@ def summarise(case, folder: RunFolder, device, plan, simulation, seconds: float)
         "plan": plan.reasons,
     }
     folder.write_summary(summary)
+
+
+def _estimate(case, history, column: str, duration) -> Estimate:
+    return steady_mean(
+        history["time"].to_numpy(),
+        history[column].to_numpy(),
+        duration=duration,
+        average_from=case.scene.time.average_from,
+    )
+
+
+def disc_torque(case, device, history, duration) -> Estimate:
+    """The disc's steady torque; beside the statistics, two laws of mechanics must say that it is steady.
+
+    What goes into the powder must come out: rotor + disc + housing + field must vanish to 5 % of the torque (the
+    powder's angular momentum no longer changes). And between slipping shafts the gap must have been sheared by
+    `LEAST_STRAIN` since the averaging began, or the packing has not forgotten how it was made.
+    """
+    found = _estimate(case, history, "torque_disc", duration)
+    if not found.converged or found.mean is None or found.start is None:
+        return found
+    late = history["time"].to_numpy() > found.start
+    weight = duration[late]
+    columns = [name for name in ("torque_disc", "torque_rotor", "torque_housing", "torque_field") if name in history]
+    imbalance = float(np.average(history[columns].sum(axis=1)[late], weights=weight))
+    run_time = float(history["time"].iloc[-1])
+    noise = 3.0 * (found.standard_error or 0.0)
+    if abs(imbalance) > 0.05 * abs(found.mean) + noise:
+        reason = (
+            f"not converged: {imbalance:.2g} N m more goes into the powder than comes out of it, which still speeds "
+            f"up; run longer (about {run_time:.2g} s more)"
+        )
+        return replace(found, converged=False, reason=reason)
+    slip = (history["rotor_speed"] - history["disc_speed"]).abs().to_numpy() if "rotor_speed" in history else None
+    if slip is not None and device.shear_gap > 0.0:
+        strain = float((slip * duration)[late].sum()) * device.shear_radius / device.shear_gap
+        slips = slip[late].min() > 0.01 * max(float(history["rotor_speed"].abs().max()), 1e-300)
+        if slips and strain < LEAST_STRAIN:
+            reason = (
+                f"not converged: the gap was sheared by {strain:.2g} only while averaging, {LEAST_STRAIN:g} needed; "
+                f"run longer (about {run_time * (LEAST_STRAIN / max(strain, 0.1) - 1.0):.2g} s more)"
+            )
+            return replace(found, converged=False, reason=reason)
+    return found
 
 
 def lock_up_time(history) -> float | None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from emclutch.results import OutputError, Result, RunFolder, load_result
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.study_pictures import torque_against_current_picture
-from emclutch.run_case import run
+from emclutch.run_case import Interrupted, run
 from emclutch.scene.study import Study, load_study
 
 
@@ -47,9 +47,12 @@ def sweep(
             result = load_result(target.path)
         else:
             part = None if progress is None else _Part(progress, number, len(points))
-            result = run(
-                case, out=target.path, threads=threads, progress=part, resume=resume and target.checkpoint.is_file()
-            )
+            resumed = resume and target.checkpoint.is_file()
+            try:
+                result = run(case, out=target.path, threads=threads, progress=part, resume=resumed)
+            except Interrupted as stopped:
+                hint = f"go on with: emclutch sweep {study.path} --out {folder} --resume"
+                raise Interrupted(f"stopped at point {number + 1} of {len(points)}; {hint}") from stopped
         rows.append(_row(values, result))
         _write_tables(folder, study, rows)
     return folder

@@ -168,6 +168,8 @@ def save_checkpoint(path: Path, simulation: Simulation, case_text: str) -> None:
     state = {
         "case": case_text,
         "window": simulation.window,
+        "steps_per_update": simulation.steps_per_update,
+        "updates": simulation.updates,
         "dem": simulation.dem.state(),
         "rows": simulation.rows_state(),
         "source": None,
