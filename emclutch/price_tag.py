@@ -18,6 +18,7 @@ import numpy as np
 from emclutch.assembly import deposition_of
 from emclutch.case import Case
 from emclutch.device import build_coil_device, field_is_needed
+from emclutch.faults import Fault, SceneError, shown
 from emclutch.observables import pole_flux_density
 from emclutch.plan import make_plan
 from emclutch.results import OutputError, RunFolder
@@ -126,7 +127,10 @@ def accuracy(case: Case, *, out: str | Path | None = None, threads: int | None =
 
     The table has a row a knob, setting and quantity: value, relative error against the knob's finest setting (RMS
     over points for fields), its statistical error where there is one, and wall-clock seconds.
+
+    Raises SceneError, before anything runs, for a scene without a disc or without anything to vary.
     """
+    _refuse_what_has_no_price(case)
     use_threads(threads)
     folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-accuracy", "studies")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
@@ -152,6 +156,18 @@ def accuracy(case: Case, *, out: str | Path | None = None, threads: int | None =
     _say(progress, 1.0, "done")
     show(table)
     return folder
+
+
+def _refuse_what_has_no_price(case: Case) -> None:
+    """Raise SceneError for a scene without the torque to compare, or without a knob to turn."""
+    source = "scene" if case.path is None else str(case.path)
+    kind = case.scene.geometry.kind
+    if kind == "box":
+        message = "has no disc, and accuracy is measured by the disc's torque; take a clutch, a drum or a shear_cell"
+        raise SceneError([Fault("geometry.kind", shown(kind), message)], source)
+    if not any(knob.settings(case) for knob in KNOBS):
+        message = "leaves nothing to vary: the step is fixed and no field is solved; take 'auto'"
+        raise SceneError([Fault("time.step", shown(case.scene.time.step), message)], source)
 
 
 def price_table(measured: dict[tuple[str, float], Measurement]):

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+from urllib.parse import quote
+
 from emclutch.results import COLUMNS, OutputError, Result
 
 
-def report(result: Result) -> str:
-    """Markdown of a run: torque with its error, device, numerics, balances, cost."""
+def report(result: Result, page_folder: Path | None = None) -> str:
+    """Markdown of a run: torque with its error, device, numerics, balances, cost.
+
+    `page_folder` is where the page will lie, from which its links count; default: the run's folder.
+    """
     summary = result.summary
     if not summary:
         raise OutputError(
@@ -22,7 +29,7 @@ def report(result: Result) -> str:
     for key, label, unit in (
         ("current", "current at the end", "A"),
         ("turns", "turns of the coil", ""),
-        ("gap_flux_density", "mean |B| under the poles", "T"),
+        ("gap_flux_density", "mean flux density under the poles", "T"),
         ("flux_linkage", "flux linkage", "Wb"),
         ("lock_up_time", "lock-up time", "s"),
         ("inertial_number", "inertial number (upper bound)", ""),
@@ -40,7 +47,15 @@ def report(result: Result) -> str:
     rows += [(f"wall-clock: {part.replace('_', ' ')}", f"{value:.1f} s") for part, value in summary["seconds"].items()]
     lines += ["| | |", "|---|---|", *(f"| {label} | {text} |" for label, text in rows), "", "## Decisions", ""]
     lines += [f"- {label}: {text}" for label, text in summary["plan"].items()]
-    pictures = [name for name in ("section.png", "torque.png", "grains.png") if (result.folder.path / name).is_file()]
-    lines += ["", *(f"![{name}]({name})" for name in pictures), "", "## Columns of history.csv", ""]
+    home = result.folder.path.resolve()
+    way = Path(os.path.relpath(home, (page_folder or home).resolve()))
+    pictures = [name for name in ("section.png", "torque.png", "grains.png") if (home / name).is_file()]
+    lines += [
+        "",
+        *(f"![{name}]({quote((way / name).as_posix())})" for name in pictures),
+        "",
+        "## Columns of history.csv",
+        "",
+    ]
     lines += [f"- `{name}` [{COLUMNS[name][0]}]: {COLUMNS[name][1]}" for name in result.history.columns]
     return "\n".join(lines) + "\n"

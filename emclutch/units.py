@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 
 _NUMBER_AND_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
+_DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+(?:[eE][+-]?\d+)?(?:\s*[^\d\s,].*)?")
 # A unit: names, each with an exponent of one digit at most, and the operators between them. Nothing else
 # reaches pint, which would compute 9**9**9.
 _NAME = r"\(*[A-Za-zµμΩ°%]+(?:(?:\^|\*\*)?-?\d|[²³])?\)*"
@@ -143,7 +144,12 @@ class Quantity:
     def _from_text(self, text: str) -> float:
         match = _NUMBER_AND_UNIT.fullmatch(text)
         if match is None:
-            raise ValueError(f"is not a number with a unit; {self._needed()}")
+            if _DECIMAL_COMMA.fullmatch(text):
+                point = text.strip().replace(",", ".")
+                entry = f"'{point}'" if self.unit else point
+                raise ValueError(f"has a decimal comma; decimals follow a point: {entry}")
+            what = "a number with a unit" if self.unit else "a number"
+            raise ValueError(f"is not {what}; {self._needed()}")
         number, unit_text = float(match[1]), match[2]
         if not unit_text:
             if self.unit:
@@ -155,18 +161,20 @@ class Quantity:
             fitting = [u for u in _COMMON_UNITS if _parse_unit(u).dimensionality == wanted.dimensionality]
             close = get_close_matches(unit_text, fitting, n=1, cutoff=0.5)
             hint = f"did you mean '{close[0]}'? " if close else ""
-            raise ValueError(f"has the unknown unit '{unit_text}'; {hint}{self._needed()}")
+            raise ValueError(f"has the unknown unit '{unit_text}'; {hint}{self._needed(unit_given=True)}")
         if unit.dimensionality != wanted.dimensionality:
             what = _names_of_dimensions().get(unit.dimensionality, f"in {unit_text}")
-            raise ValueError(f"is {what}; {self._needed()}")
+            raise ValueError(f"is {what}; {self._needed(unit_given=True)}")
         has_angle = bool(_ANGLE_UNITS & set(unit._units))
         if self.angular and not has_angle:
             raise ValueError(f"has no angle in its unit (turns or radians?); {self._needed()}")
         if has_angle and not self.angular:
-            raise ValueError(f"is an angle; {self._needed()}")
+            raise ValueError(f"is an angle; {self._needed(unit_given=True)}")
         return float(registry().Quantity(number, unit).to(wanted).magnitude)
 
-    def _needed(self) -> str:
+    def _needed(self, unit_given: bool = False) -> str:
+        if unit_given and not self.unit:
+            return f"{self.name} is needed; write it without a unit, e.g. {self.given_example}"
         return f"{self.name} is needed, e.g. {self.given_example}"
 
     @property

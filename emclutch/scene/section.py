@@ -13,6 +13,11 @@ if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 
 
+# Between 0.67, a short key with two letters swapped ("gpa"), and 0.62, names that only share letters ("sphere" and
+# "shear_cell"): a wrong guess is worse than none.
+_CLOSE = 0.65
+
+
 class Section(BaseModel):
     """A table of the scene file."""
 
@@ -54,7 +59,8 @@ class Whole:
 
     def _validate(self, given: object) -> int:
         if isinstance(given, bool) or not isinstance(given, int):
-            message = f"is not a whole number; allowed: {self.minimum} to {self.maximum}, e.g. {self.example}"
+            bare = "write it without a unit and without quotes; " if isinstance(given, str) else ""
+            message = f"is not a whole number; {bare}allowed: {self.minimum} to {self.maximum}, e.g. {self.example}"
         elif not self.minimum <= given <= self.maximum:
             message = f"is out of range; allowed: {self.minimum} to {self.maximum}, e.g. {self.example}"
         else:
@@ -82,7 +88,7 @@ class Automatic:
 
 def did_you_mean(given: object, names: tuple[str, ...] | list[str]) -> str:
     """Return «did you mean 'gap'? » (with its trailing blank), or nothing where no name is close."""
-    close = get_close_matches(str(given), names, n=1, cutoff=0.6)
+    close = get_close_matches(str(given), names, n=1, cutoff=_CLOSE)
     return f"did you mean '{close[0]}'? " if close else ""
 
 

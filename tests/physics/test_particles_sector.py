@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 
 from geometry.annular_cell import ShearCell
-from particles import DEM, Body, CyclicSector, Grains, LinearContact, PrescribedSpeed, choose_time_step, pack
+from particles import (
+    DEM,
+    Body,
+    CyclicSector,
+    Grains,
+    LinearContact,
+    PrescribedSpeed,
+    RollingFriction,
+    choose_time_step,
+    pack,
+)
 
 PARTS = 6
 SECTOR = CyclicSector(2.0 * math.pi / PARTS)
@@ -37,17 +47,18 @@ def _ring(wedge):
     return Grains.create(x, RADIUS, 7850.0, velocity=v, angular_velocity=w)
 
 
-def _dem(grains, sector, law, speed=60.0):
+def _dem(grains, sector, law, speed=60.0, rolling=None):
     bodies = [Body("disc"), Body("rotor", PrescribedSpeed.constant(speed)), Body("housing")]
     dt = choose_time_step(law, grains.mass, grains.radius).dt
-    return DEM(grains, CELL.walls(), bodies, law, dt=dt, sector=sector)
+    return DEM(grains, CELL.walls(), bodies, law, dt=dt, sector=sector, rolling=rolling)
 
 
-def test_ring_of_copies_follows_the_sector():
+@pytest.mark.parametrize("rolling", [None, RollingFriction(0.2)], ids=["rolls", "rolling friction"])
+def test_ring_of_copies_follows_the_sector(rolling):
     """Same trajectories to the growth of round-off, same torque, with contacts carried through the faces."""
     wedge = _wedge()
-    ring = _dem(_ring(wedge), None, _law())
-    part = _dem(wedge, SECTOR, _law())
+    ring = _dem(_ring(wedge), None, _law(), rolling=rolling)
+    part = _dem(wedge, SECTOR, _law(), rolling=rolling)
     first, n = part.grains.angular_momentum_z(), part.grains.count
     total_ring, total_part = ring.run(300), part.run(300)
     assert total_part.rebuilds >= 3 and total_part.n_contacts > n
