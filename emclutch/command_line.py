@@ -1,6 +1,6 @@
 """The command line: each command reads its input, calls one function of the package and says what came of it.
 
-Exit codes: 0 done, 1 the run failed, 2 bad input. A user's mistake never ends in a traceback, and no command
+Exit codes: 0 done, 1 the run failed, 2 bad input, 130 stopped by Ctrl-C. A user's mistake never ends in a traceback, and no command
 overwrites anything. The working functions are imported by the command that needs them, so that `--help` and
 `schema` start at once.
 """
@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 import json
 import os
+import shutil
 import sys
 import tomllib
 from collections.abc import Iterator
@@ -21,10 +22,11 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from emclutch.case import Case, load_case
+from emclutch import __version__
+from emclutch.case import Case, load_case, read_toml
 from emclutch.faults import Fault, SceneError, shown
 
-FAILED, BAD_INPUT = 1, 2
+FAILED, BAD_INPUT, STOPPED = 1, 2, 130  # 130: 128 + SIGINT, as shells count it
 _PACKAGES = ("emclutch", "geometry", "field", "particles", "coupling")
 
 app = typer.Typer(
@@ -34,16 +36,27 @@ app = typer.Typer(
     help="Torque of electromagnetic particle clutches and brakes: field, grains and their coupling.",
 )
 
+RunSource = Annotated[
+    Path, typer.Argument(metavar="CASE", help="scene file (.toml); with --resume the folder of a run")
+]
 CaseFile = Annotated[Path, typer.Argument(metavar="CASE", help="scene file (.toml)")]
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="study file (.toml)")]
 RunPath = Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run")]
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="new folder for the results")]
 NewFile = Annotated[Path | None, typer.Option("--out", metavar="FILE", help="new file; default: the terminal")]
 NewPicture = Annotated[Path | None, typer.Option("--out", metavar="FILE", help="new picture (.png)")]
-Sets = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="set a key: coil.current='0.8 A'")]
+Sets = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="set a key: coil.current='0.8 A'; KEY=none removes it; effects.NAME=off or on removes or adds an effect",
+    ),
+]
 Resume = Annotated[bool, typer.Option("--resume", help="go on from the last checkpoint")]
 Threads = Annotated[int | None, typer.Option("--threads", help="threads; results do not depend on them")]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="stop after the plan; nothing is written")]
+AsMarkdown = Annotated[bool, typer.Option("--markdown", help="a page of all keys for people to read")]
 AsJson = Annotated[bool, typer.Option("--json", help="print JSON and nothing else")]
 
 
@@ -52,9 +65,24 @@ def main() -> None:
     app(prog_name="emclutch")
 
 
+def _print_version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"emclutch {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="print the version and stop")
+    ] = False,
+) -> None:
+    """Options of the program itself."""
+
+
 @app.command()
 def run(
-    case: CaseFile,
+    case: RunSource,
     out: Out = None,
     sets: Sets = None,
     resume: Resume = False,
@@ -64,11 +92,16 @@ def run(
 ) -> None:
     """Simulate one scene."""
     with _explained():
+        _check_threads(threads)
+        if resume and case.is_dir():
+            case, out = _run_to_resume(case, out)
         read = _load(case, sets)
+        if resume and out is None and read.scene.output.folder is None:
+            message = f"needs a run; name the run's folder: emclutch run FOLDER --resume, not the scene {case}"
+            raise SceneError([Fault("--resume", "", message)], "command line")
         if dry_run:
             _tell_plan(read, as_json)
             return
-        _check_threads(threads)
         from emclutch.results import Progress
         from emclutch.run_case import run as run_scene
 
@@ -99,8 +132,11 @@ def sweep(
     with _explained():
         from emclutch.scene.study import load_study
 
-        read = load_study(study)
         _check_threads(threads)
+        if resume and out is None:
+            message = "needs a study that was begun; name the study's folder with --out"
+            raise SceneError([Fault("--resume", "", message)], "command line")
+        read = load_study(study)
         from emclutch.results import Progress
         from emclutch.run_study import sweep as sweep_study
 
@@ -113,8 +149,8 @@ def sweep(
 def accuracy(case: CaseFile, out: Out = None, sets: Sets = None, threads: Threads = None) -> None:
     """Measure what accuracy costs in time."""
     with _explained():
-        read = _load(case, sets)
         _check_threads(threads)
+        read = _load(case, sets)
         from emclutch.price_tag import accuracy as measure_accuracy
         from emclutch.results import Progress
 
@@ -130,7 +166,7 @@ def mesh(case: CaseFile, out: Out = None, sets: Sets = None) -> None:
         read = _load(case, sets)
         from emclutch.mesh_command import mesh_case
 
-        with _bad_input_for("geometry.kind"):
+        with _bad_input_for(case):
             mesh_file, picture, triangles = mesh_case(read, out=out)
         typer.echo(f"{mesh_file}\n{picture}\n{triangles} triangles")
 
@@ -158,7 +194,7 @@ def report(folder: RunPath, out: NewFile = None) -> None:
         from emclutch.results import load_result
         from emclutch.run_report import report as page_of
 
-        text = page_of(load_result(folder))
+        text = page_of(load_result(folder), Path.cwd() if out is None else out.parent)
         if out is None:
             typer.echo(text)
             return
@@ -170,21 +206,31 @@ def report(folder: RunPath, out: NewFile = None) -> None:
 @app.command()
 def materials() -> None:
     """List the built-in magnetic materials."""
-    from field.materials import material, material_names
+    import numpy as np
 
-    table = Table("name", "law", "source")
+    from field.materials import material, material_names
+    from field.reluctivity import MU_0
+
+    table = Table("", "largest mu_r", *(f"B at {H} kA/m [T]" for H in (1, 10, 100)), "law", "source")
+    table.columns[0].no_wrap = True
+    B = np.linspace(0.0, 4.0, 20_001)  # 4 T: beyond every law's B at 100 kA/m
     for name in material_names():
         law = material(name)
-        table.add_row(name, type(law).__name__, str(getattr(law, "source", "")))
+        H, _ = law.H_of_B(B)
+        largest = np.max(B[1:] / (MU_0 * H[1:]))
+        fluxes = np.interp([1e3, 1e4, 1e5], H, B)
+        table.add_row(name, f"{largest:.4g}", *(f"{flux:.3g}" for flux in fluxes), type(law).__name__, law.source)
     Console().print(table)
 
 
 @app.command()
-def schema(out: NewFile = None) -> None:
+def schema(out: NewFile = None, markdown: AsMarkdown = False) -> None:
     """Write the JSON schema of a scene, with which editors complete and check."""
     from emclutch.scene.model import Scene
+    from emclutch.scene.reference import scene_reference
 
-    text = json.dumps(Scene.model_json_schema(), indent=2)
+    text = scene_reference() if markdown else json.dumps(Scene.model_json_schema(), indent=2)
+    text = text.rstrip("\n")
     if out is None:
         typer.echo(text)
         return
@@ -200,6 +246,7 @@ def doctor() -> None:
     from importlib import import_module, metadata
 
     table, good = Table("", "found", ""), True
+    table.add_row("emclutch", __version__, "ok")
     table.add_row("python", sys.version.split()[0], "ok")
     modules = {"scikit-fem": "skfem"} | {
         name: name
@@ -224,10 +271,16 @@ def doctor() -> None:
             good = False
             table.add_row(name, "-", str(error))
     table.add_row("cores", str(os.cpu_count()), "ok")
+    table.add_row("threads of the kernels", str(_most_threads() if good else "-"), "ok" if good else "not known")
+    table.add_row("memory", _gigabytes(_memory()), "ok")
+    table.add_row("free disk here", _gigabytes(shutil.disk_usage(".").free), "ok")
     table.add_row("this folder", str(Path.cwd()), "ok" if os.access(".", os.W_OK) else "read-only: use --out")
     Console().print(table)
     if not good:
-        _stop("something is missing: make setup installs it; gmsh's shared libraries are in the README", FAILED)
+        _stop(
+            "something is missing; run `make setup`, which installs it; gmsh's shared libraries are in the README",
+            FAILED,
+        )
 
 
 def torque_line(torque: dict[str, Any] | None) -> str:
@@ -241,20 +294,41 @@ def torque_line(torque: dict[str, Any] | None) -> str:
 
 
 def _load(path: Path, sets: list[str] | None = None) -> Case:
-    case = load_case(path, _assignments(sets))
+    values = _assignments(sets)
+    if any(value == {} for value in values.values()):
+        # an effect that is switched on keeps the entries that it has, in the file or by other settings
+        effects = read_toml(path).get("effects", {})
+        adding = {key: {} for key, value in values.items() if value == {}}
+        kept = {key for key in adding if isinstance(effects, dict) and key.removeprefix("effects.") in effects}
+        others = {key: value for key, value in values.items() if key not in adding}
+        values = {key: {} for key in adding if key not in kept} | others
+    case = load_case(path, values)
     for warning in case.warnings:
         typer.echo(f"warning: {warning}", err=True)
     return case
 
 
 def _assignments(sets: list[str] | None) -> dict[str, Any]:
-    """Read ``key=value`` pairs; a value is read as TOML (numbers, lists, true), otherwise as text."""
+    """Read ``key=value`` pairs; a value is read as TOML (numbers, lists, true), otherwise as text.
+
+    A bare ``none`` is None, which removes the key. For ``effects.NAME`` a bare ``off`` is None too, ``on`` an empty
+    table.
+    """
     values: dict[str, Any] = {}
     for text in sets or ():
         key, equals, value = (part.strip() for part in text.partition("="))
         if not equals or not key:
             message = "is not KEY=VALUE; write it as in --set coil.current='0.8 A'"
             raise SceneError([Fault("--set", shown(text), message)], "command line")
+        is_effect = key.startswith("effects.") and key.count(".") == 1
+        if value == "none" or (is_effect and value == "off"):
+            if reason := _unknown(key):
+                raise SceneError([Fault(key, value, reason)], "command line")
+            values[key] = None
+            continue
+        if is_effect and value == "on":
+            values[key] = {}
+            continue
         try:
             values[key] = tomllib.loads(f"value = {value}")["value"]
         except tomllib.TOMLDecodeError:
@@ -263,16 +337,54 @@ def _assignments(sets: list[str] | None) -> dict[str, Any]:
 
 
 def _check_threads(threads: int | None) -> None:
-    cores = os.cpu_count() or 1
-    if threads is not None and not 1 <= threads <= cores:
-        message = f"is out of range; allowed: 1 to {cores}, the cores of this machine; lower it or leave it out"
-        raise SceneError([Fault("--threads", str(threads), message)], "command line")
+    if threads is not None and not 1 <= threads <= (most := _most_threads()):
+        message = f"is out of range; allowed: 1 to {most} (this machine's cores, or NUMBA_NUM_THREADS where it is set)"
+        raise SceneError([Fault("--threads", str(threads), f"{message}; change it or leave it out")], "command line")
+
+
+def _most_threads() -> int:
+    """The largest number of threads that the compiled kernels take."""
+    import numba
+
+    return int(getattr(numba.config, "NUMBA_NUM_THREADS"))  # noqa: B009 (numba's stubs hide it)
+
+
+def _run_to_resume(folder: Path, out: Path | None) -> tuple[Path, Path]:
+    """The scene and the folder of a run that is to go on."""
+    if out is not None and out.resolve() != folder.resolve():
+        message = f"is another folder than the run's, {folder}; leave --out away"
+        raise SceneError([Fault("--out", str(out), message)], "command line")
+    scene = folder / "case.toml"
+    if not scene.is_file():
+        message = "has no case.toml and so no run to resume; name the folder of a run"
+        raise SceneError([Fault(str(folder), "", message)], "command line")
+    return scene, folder
+
+
+def _unknown(key: str) -> str:
+    """Say why a key cannot be removed; empty where a scene may have it."""
+    from emclutch.scene.fault_report import key_fault
+    from emclutch.scene.model import Scene
+
+    return key_fault(key, Scene)
+
+
+def _memory() -> int | None:
+    """Memory of the machine [bytes]; None where the system does not tell."""
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):
+        return None
+
+
+def _gigabytes(size: int | None) -> str:
+    return "not known" if size is None else f"{size / 1e9:.0f} GB"
 
 
 def _tell_plan(case: Case, as_json: bool) -> None:
     from emclutch.plan import plan  # local: it needs the packages of the physics
 
-    with _bad_input_for("scene"):
+    with _bad_input_for(case.path):
         decisions = plan(case)
     active = case.scene.effects.active
     if as_json:
@@ -311,21 +423,25 @@ def _explained() -> Iterator[None]:
         reason = error.strerror or error
         _stop(f"{name}{reason}; check the path and its permissions, or write elsewhere with --out", BAD_INPUT)
     except KeyboardInterrupt:
-        _stop("interrupted", FAILED)
+        _stop("interrupted", STOPPED)
     except Exception as error:
         # Errors that the packages define say what to do: RunError, ConvergenceError, PackingError, ...
         if type(error).__module__.partition(".")[0] not in _PACKAGES:
             raise
+        from emclutch.run_case import Interrupted  # local: it needs the packages of the physics
+
+        if isinstance(error, Interrupted):
+            _stop(str(error), STOPPED)
         _stop(f"the run failed: {error}", FAILED)
 
 
 @contextmanager
-def _bad_input_for(key: str) -> Iterator[None]:
+def _bad_input_for(file: Path | None) -> Iterator[None]:
     """Take a ValueError for a fault of the scene: the planning functions raise it with a remedy."""
     try:
         yield
     except ValueError as error:
-        raise SceneError([Fault(key, "", f"cannot be: {error}")], "scene") from error
+        raise SceneError([Fault("", "", str(error))], "scene" if file is None else str(file)) from error
 
 
 def _stop(message: str, code: int) -> NoReturn:

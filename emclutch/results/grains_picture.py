@@ -84,9 +84,7 @@ def grains_picture(
     circles = _circles(unrolled, reference * theta[drawn], up[drawn], radius[drawn], colour[drawn], limits)
     order = np.argsort(theta)  # the meridional view looks along the azimuth: near grains over far ones
     _circles(plane, z[order], r[order], radius[order], colour[order], limits)
-    has_chains = chains is not None and len(chains[2]) > 0
-    if chains is not None and has_chains:
-        _draw_chains(unrolled, chains, across, layer, reference, sector_angle)
+    has_chains = chains is not None and _draw_chains(unrolled, chains, across, layer, reference, sector_angle)
 
     for body in dict.fromkeys(wall.body for wall in outlines):
         own = [wall for wall in outlines if wall.body == body]
@@ -136,8 +134,10 @@ def _across(r: np.ndarray, z: np.ndarray, walls: Sequence[Any]) -> str:
                     continue
                 found = True
                 bottom, top = sorted((disc.start[up], rotor.start[up]))
-                inside |= (coordinate[up] >= bottom) & (coordinate[up] <= top) & (
-                    (coordinate[along] >= low) & (coordinate[along] <= high)
+                inside |= (
+                    (coordinate[up] >= bottom)
+                    & (coordinate[up] <= top)
+                    & ((coordinate[along] >= low) & (coordinate[along] <= high))
                 )
         if found:
             enclosed[name] = np.count_nonzero(inside)
@@ -184,6 +184,8 @@ def _lay_out(figure: Figure, views: Sequence[tuple[float, float, float, float]],
     def axes_at(x: float, y: float, w: float, h: float) -> Axes:
         return figure.add_axes((x / width, y / total, w / width, h / total))
 
+    from matplotlib.ticker import MaxNLocator
+
     (w0, h0), (w1, h1) = panels
     first = axes_at(left, bottom + content[1] - h0, w0, h0)
     second = axes_at(left + slots[0] + gap_across, bottom, w1, h1) if beside else axes_at(left, bottom, w1, h1)
@@ -191,6 +193,9 @@ def _lay_out(figure: Figure, views: Sequence[tuple[float, float, float, float]],
         axis.set_xlim(MM * x0, MM * x1)
         axis.set_ylim(MM * y0, MM * y1)
         axis.set_aspect("equal", adjustable="box")
+        axis.xaxis.set_major_locator(
+            MaxNLocator(max(3, int(1.7 * axis.get_position().width * width)), steps=[1, 2, 2.5, 5, 10])
+        )
     end = left + (content[0] - slots[1] + w1 if beside else max(w0, w1))
     bar = min(content[1], 5.0)
     return first, second, axes_at(end + 0.2, bottom + 0.5 * (content[1] - bar), 0.2, bar)
@@ -265,7 +270,8 @@ def _draw_chains(
     layer: tuple[float, float],
     reference: float,
     sector_angle: float | None,
-) -> None:
+) -> bool:
+    """Draw the contacts inside the layer; False where there are none."""
     from matplotlib.collections import LineCollection
 
     start, end = np.asarray(chains[0]), np.asarray(chains[1])
@@ -281,12 +287,13 @@ def _draw_chains(
     ends[1][0] = ends[1][0] - period * np.round((ends[1][0] - ends[0][0]) / period)
     a, b = (np.column_stack([reference * theta, up]) for theta, up in ends)
     if not inside.any():
-        return
+        return False
     strongest = float(np.percentile(force[inside], 98)) or 1.0
     width = 3.0 * np.minimum(force[inside] / strongest, 1.0)
     axis.add_collection(
         LineCollection(list(MM * np.stack([a, b], axis=1)[inside]), colors="crimson", linewidths=width, alpha=0.85)
     )
+    return True
 
 
 def _draw_meridional_walls(axis: Axes, walls: Sequence[Any], body: str) -> None:

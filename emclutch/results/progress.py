@@ -12,6 +12,9 @@ if TYPE_CHECKING:
 
 LINE_EVERY_SECONDS = 5.0
 LINE_EVERY_FRACTION = 0.1
+# The first windows compile kernels: they say nothing about the rest, and the time left is guessed without them.
+FIRST_STEPS, FIRST_FRACTION = 2, 0.01
+LEAST_DONE = 0.03  # below, no time left is shown
 
 
 class Progress:
@@ -30,6 +33,8 @@ class Progress:
         self._started = time.monotonic()
         self._first = 0.0  # fraction that was done at the start, where a run resumes
         self._seen = False
+        self._steps, self._latest = 0, 0.0  # updates that brought the work forward, and the last of them
+        self._clock: tuple[float, float] | None = None  # time and fraction since which the rate is measured
         self._line_time, self._line_fraction = self._started, 0.0
 
     def __enter__(self) -> Progress:
@@ -54,7 +59,9 @@ class Progress:
             self.text = text
         if not self._seen:
             self._first, self._seen = fraction, True
-            self._line_fraction = fraction
+            self._line_fraction = self._latest = fraction
+        if fraction > self._latest:
+            self._steps, self._latest = self._steps + 1, fraction
         left = self._left(fraction)
         if self._bar is not None:
             self._bar.update(self._task, completed=fraction, description=self.text, left=left)
@@ -68,13 +75,18 @@ class Progress:
             self._line_time, self._line_fraction = now, fraction
 
     def _left(self, fraction: float) -> str:
-        passed = time.monotonic() - self._started
-        done = fraction - self._first
+        now = time.monotonic()
         if fraction >= 1.0:
-            return f"took {_duration(passed)}"
-        if done <= 0.0 or passed < 0.5:  # too early for an honest guess
+            return f"took {_duration(now - self._started)}"
+        done = (fraction - self._first) / (1.0 - self._first)
+        if self._clock is None:
+            if self._steps >= FIRST_STEPS and done >= FIRST_FRACTION:
+                self._clock = now, fraction
             return ""
-        return f"{_duration(passed * (1.0 - fraction) / done)} left"
+        passed, advanced = now - self._clock[0], fraction - self._clock[1]
+        if done < LEAST_DONE or advanced <= 0.0 or passed < 0.5:  # too early for an honest guess
+            return ""
+        return f"{_duration(passed * (1.0 - fraction) / advanced)} left"
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +10,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 MM = 1e3
 
@@ -50,9 +52,15 @@ def section_picture(
     if zoom is None and len(mesh.regions.get("powder", ())):
         zoom = _gap_window(points, triangles, mesh.regions["powder"], magnitude, grains)
 
-    figure = Figure(figsize=(12.0, 5.6) if zoom else (8.0, 5.6), dpi=150, layout="constrained")
+    margin = 0.08 * max(r1 - r0, z1 - z0)
+    bottom = max(0.0, r0 - margin)
+    # Panels of one height, each as wide as what it shows: else an equal aspect leaves a narrow device in a blank slot.
+    widths = [(z1 - z0 + 2.0 * margin) / (r1 + margin - bottom)]
+    if zoom:
+        widths.append((zoom[3] - zoom[2]) / (zoom[1] - zoom[0]))
+    figure = Figure(dpi=150)
     FigureCanvasAgg(figure)
-    axes = figure.subplots(1, 2 if zoom else 1, squeeze=False, width_ratios=[1.35, 1.0] if zoom else [1.0])[0]
+    axes, colour_bar = _lay_out(figure, widths, title)
     half_plane = Triangulation(MM * points[:, 1], MM * points[:, 0], triangles)
     inside = device_mask(points, triangles, (r0, r1, z0, z1))
     # The 99.5th percentile, not the largest: iron corners are singular and would darken all the rest.
@@ -66,18 +74,39 @@ def section_picture(
         axis.set_aspect("equal")
         axis.set_xlabel("z [mm]")
     _lines(axes[0], points, outline, 0.7)
-    margin = 0.08 * max(r1 - r0, z1 - z0)
     axes[0].set_xlim(MM * (z0 - margin), MM * (z1 + margin))
-    axes[0].set_ylim(MM * max(0.0, r0 - margin), MM * (r1 + margin))
+    axes[0].set_ylim(MM * bottom, MM * (r1 + margin))
     axes[0].set_ylabel("r [mm]")
     _region_names(axes[0], mesh, points, triangles, float((r1 - r0) * (z1 - z0)))
-    if title:
-        axes[0].set_title(title, loc="left", fontsize=11)
+    if np.ptp(psi) > 0.0:
+        axes[0].set_title("white: flux lines,\nequal flux between them", loc="left", fontsize=10)
     if zoom:
         _draw_zoom(axes[1], axes[0], points, outline, zoom, grains)
-    figure.colorbar(colours, ax=axes, label="|B| [T]", extend="max", shrink=0.85, pad=0.01)
+    figure.colorbar(colours, cax=colour_bar, label="|B| [T]", extend="max")
     figure.savefig(path)
     return Path(path)
+
+
+def _lay_out(figure: Figure, widths: list[float], title: str | None) -> tuple[list[Axes], Axes]:
+    """Panels of one height (`widths` are relative to it), and the colour bar's axes; the figure is as wide as they.
+
+    Placed by hand, in inches: with equal aspects matplotlib's constrained layout does not always converge.
+    """
+    left, between, right, bottom = 0.7, 0.75, 1.15, 0.6
+    high = float(np.clip(10.0 / sum(widths), 2.6, 5.0))
+    panels = [min(high * w, 8.0) for w in widths]
+    width = left + sum(panels) + between * (len(panels) - 1) + right
+    lines = textwrap.wrap(title or "", int(11.5 * (width - 0.4)))  # 11.5 letters an inch at 11 pt
+    height = bottom + high + 0.55 + 0.2 * len(lines)
+    figure.set_size_inches(width, height)
+    if lines:
+        figure.text(0.15 / width, 1.0 - 0.1 / height, "\n".join(lines), va="top", fontsize=11, fontweight="bold")
+    axes, x = [], left
+    for panel in panels:
+        axes.append(figure.add_axes((x / width, bottom / height, panel / width, high / height)))
+        x += panel + between
+    bar = (x - between + 0.2) / width
+    return axes, figure.add_axes((bar, (bottom + 0.05 * high) / height, 0.2 / width, 0.9 * high / height))
 
 
 def device_mask(points: np.ndarray, triangles: np.ndarray, box: tuple[float, float, float, float]) -> np.ndarray:
@@ -118,7 +147,7 @@ def _draw_zoom(
     axis.set_xlim(MM * z0, MM * z1)
     axis.set_ylim(MM * r0, MM * r1)
     what = "slice through the grains" if grains is not None and len(grains) else "powder gap"
-    axis.set_title(f"{what}, enlarged", loc="left", fontsize=11)
+    axis.set_title(f"{what}, enlarged", loc="left", fontsize=10)
     frame = Rectangle((MM * z0, MM * r0), MM * (z1 - z0), MM * (r1 - r0), fill=False, ec="crimson", lw=1.2)
     whole.add_patch(frame)
     for spine in axis.spines.values():

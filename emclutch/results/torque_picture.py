@@ -29,6 +29,8 @@ def torque_picture(
     from matplotlib.figure import Figure
 
     time = np.asarray(history["time"], dtype=np.float64)
+    time_unit, time_factor = ("ms", 1e3) if np.max(time, initial=0.0) < 1.0 else ("s", 1.0)
+    time = time_factor * time
     drives = [name for name in ("current", "rotor_speed", "disc_speed") if name in history and _varies(history[name])]
     rows = 2 if drives else 1
     figure = Figure(figsize=(9.0, 4.6 + 2.0 * (rows - 1)), dpi=150, layout="constrained")
@@ -44,14 +46,15 @@ def torque_picture(
         axis.plot(time, torque, color=COLOURS[body], lw=1.0, label=f"on the {body}")
     axis.axhline(0.0, color="black", lw=0.6)
     if estimate is not None and estimate.mean is not None and estimate.start is not None:
-        axis.axvspan(estimate.start, time[-1], color="#0b5fa5", alpha=0.07, lw=0, label="averaged part")
+        start = time_factor * estimate.start
+        axis.axvspan(start, time[-1], color="#0b5fa5", alpha=0.07, lw=0, label="averaged part")
         mean, error = factor * estimate.mean, estimate.standard_error
         digits = max(0, 1 - math.floor(math.log10(factor * error))) if error else 3
         label = f"disc {mean:.{digits}f}"
         if error is not None:
             label += f" ± {factor * error:.{digits}f}"
             axis.fill_between(
-                [estimate.start, time[-1]],
+                [start, time[-1]],
                 mean - factor * error,
                 mean + factor * error,
                 color="#0b5fa5",
@@ -60,7 +63,7 @@ def torque_picture(
                 zorder=3,
             )
         label += f" {unit}" + ("" if estimate.converged else " (not converged)")
-        axis.plot([estimate.start, time[-1]], [mean, mean], color="black", lw=1.4, ls="--", label=label, zorder=4)
+        axis.plot([start, time[-1]], [mean, mean], color="black", lw=1.4, ls="--", label=label, zorder=4)
         if not estimate.converged:
             axis.text(0.01, 0.02, estimate.reason, transform=axis.transAxes, fontsize=8, color="crimson")
     axis.set_ylabel(f"torque [{unit}]")
@@ -70,7 +73,7 @@ def torque_picture(
         axis.set_title(title, loc="left", fontsize=11)
     if drives:
         _draw_drives(axes[1], time, history, drives)
-    axes[-1].set_xlabel("time [s]")
+    axes[-1].set_xlabel(f"time [{time_unit}]")
     figure.savefig(path)
     return Path(path)
 

@@ -248,6 +248,22 @@ def test_progress_writes_plain_lines_where_there_is_no_terminal():
     assert lines[0].startswith(" 10 %  window 10") and lines[-1].startswith("100 %  window 100  took")
 
 
+def test_progress_does_not_extrapolate_compilation(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("emclutch.results.progress.time.monotonic", lambda: now[0])
+    stream = io.StringIO()
+    with Progress("coupling", stream=stream) as progress:
+        progress.update(0.0)
+        for i in range(1, 1001):
+            now[0] += 20.0 if i == 1 else 0.05  # the first window compiles
+            progress.update(i / 1000.0)
+    lines = stream.getvalue().splitlines()
+    assert "left" not in lines[0]  # below 3 %
+    first = next(line for line in lines if "left" in line)
+    assert first.endswith(("44 s left", "45 s left"))  # 900 windows of 0.05 s
+    assert lines[-1].endswith("took 1 min")
+
+
 def test_progress_draws_a_bar_on_a_terminal():
     class Terminal(io.StringIO):
         def isatty(self):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from emclutch.results import pictures, steady_mean
+from emclutch.results.grains_picture import _across
 
 
 def is_picture(path):
@@ -78,6 +79,8 @@ def test_work_precision(tmp_path):
         "error": [0.1, 0.0, 0.2, None],
     }
     assert is_picture(pictures.work_precision_picture(tmp_path / "w.png", table))
+    table["noise"] = [None, None, 0.3, 0.3]
+    assert is_picture(pictures.work_precision_picture(tmp_path / "n.png", table, title="with noise"))
 
 
 @pytest.mark.parametrize("count", [0, 1, 200])
@@ -96,6 +99,29 @@ def test_grains(tmp_path, count):
         chains=chains,
         sector_angle=math.pi / 18,
     )
+    assert is_picture(path)
+
+
+@pytest.mark.parametrize(("across", "expected"), [("cylinders", "r"), ("faces", "z")])
+def test_the_gap_is_where_disc_and_rotor_enclose_the_grains(across, expected):
+    # A cell as wide as high, whose grains spread less along the other coordinate.
+    rng = np.random.default_rng(0)
+    r, z = rng.uniform(0.0202, 0.0218, 50), rng.uniform(-8e-4, 8e-4, 50)
+    if across == "cylinders":
+        ends = {"disc": ((0.02, -1e-3), (0.02, 1e-3)), "rotor": ((0.022, -1e-3), (0.022, 1e-3))}
+        z *= 0.5
+    else:
+        ends = {"disc": ((0.02, -1e-3), (0.022, -1e-3)), "rotor": ((0.02, 1e-3), (0.022, 1e-3))}
+        r = 0.021 + 0.5 * (r - 0.021)
+    walls = [SimpleNamespace(body=body, start=start, end=end) for body, (start, end) in ends.items()]
+    assert _across(r, z, walls) == expected
+
+
+def test_grains_around_the_whole_turn_are_cut_to_a_readable_strip(tmp_path):
+    theta = np.linspace(0.0, 2.0 * math.pi, 500, endpoint=False)
+    position = np.column_stack([0.05 * np.cos(theta), 0.05 * np.sin(theta), np.zeros(500)])
+    title = "a long title that has to be wrapped because it does not fit on one line " * 3
+    path = pictures.grains_picture(tmp_path / "g.png", position, np.full(500, 1e-4), theta, title=title)
     assert is_picture(path)
 
 
