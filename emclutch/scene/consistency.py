@@ -13,6 +13,7 @@ from emclutch.scene.field_source import CoilField, UniformField
 from emclutch.scene.fill import fill_of
 from emclutch.scene.geometry import BoxGeometry, ClutchGeometry, ShearCellGeometry
 from emclutch.scene.grains import LARGEST_SOLID_FRACTION
+from emclutch.scene.motion import HELD
 from emclutch.scene.section import did_you_mean
 from emclutch.scene.time_table import largest
 
@@ -202,7 +203,8 @@ def _needs_of_effects(draft: Draft) -> Iterator[Fault]:
 def _motion(draft: Draft) -> Iterator[Fault]:
     if isinstance(draft.scene.geometry, BoxGeometry):
         for shaft in ("rotor", "disc"):
-            if shaft in draft.data.get("motion", {}):
+            # a resolved scene has its defaults written out: a held shaft is no motion
+            if getattr(draft.scene.motion, shaft) != HELD:
                 yield Fault(
                     f"motion.{shaft}",
                     "",

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numba
 import pytest
 import tomli_w
 from typer.testing import CliRunner
@@ -157,6 +158,37 @@ def test_threads_out_of_range_are_refused():
     refused(["run", str(GOOD), "--threads", "0"], "--threads = 0", "allowed: 1 to")
 
 
+def test_one_limit_of_threads_also_before_a_plan():
+    most = numba.config.NUMBA_NUM_THREADS
+    refused(["run", str(GOOD), "--threads", str(most + 1), "--dry-run"], "--threads", f"allowed: 1 to {most}")
+
+
+def test_resume_needs_a_folder(tmp_path):
+    refused(["run", str(GOOD), "--resume"], "emclutch run FOLDER --resume")
+    refused(["sweep", str(BROKEN / "good.toml"), "--resume"], "name the study's folder with --out")
+    refused(["run", str(tmp_path), "--resume"], str(tmp_path), "no case.toml")
+
+
+def test_a_removed_key_must_exist():
+    refused(["check", str(GOOD), "--set", "effects.gravtiy=off"], "effects.gravtiy", "effects.gravity")
+
+
+@pytest.mark.parametrize(
+    ("key", "entry", "remedy"),
+    [
+        ("geometry.gap", "1,0 mm", "decimals follow a point: '1.0 mm'"),
+        ("contact.friction", "0.3 mm", "write it without a unit, e.g. 0.3"),
+        ("particles.count", "12 pcs", "write it without a unit"),
+    ],
+)
+def test_habits_of_writing_are_told(key, entry, remedy):
+    refused(["check", str(GOOD), "--set", f"{key}={entry}"], key, remedy)
+
+
+def test_far_names_are_not_suggested():
+    assert "did you mean" not in refused(["check", str(GOOD), "--set", "geometry.kind=sphere"], "geometry.kind")
+
+
 def test_a_folder_with_files_is_not_written_to(tmp_path):
     (tmp_path / "mine.txt").write_text("mine")
     refused(["run", str(GOOD), "--out", str(tmp_path)], str(tmp_path), "--out")
@@ -182,7 +214,9 @@ def test_a_box_has_no_mesh(tmp_path):
     scene = tmp_path / "scene.toml"
     scene.write_text(tomli_w.dumps(edited({"geometry": BOX, "field": UNIFORM, "coil": None, "motion": None,
                                            "particles.sector": None, "particles.mass": "1 g"})))  # fmt: skip
-    refused(["mesh", str(scene), "--out", str(tmp_path / "new")], "geometry.kind", "clutch and drum")
+    output = refused(["mesh", str(scene), "--out", str(tmp_path / "new")], str(scene), "clutch and drum")
+    assert output.count("geometry.kind") == 1
+    refused(["accuracy", str(scene), "--out", str(tmp_path / "new")], "geometry.kind = 'box'", "has no disc")
     assert not (tmp_path / "new").exists()
 
 

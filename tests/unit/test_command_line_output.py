@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
+import pytest
+import typer
 from typer.testing import CliRunner
 
-from emclutch.command_line import _assignments, app, torque_line
+from emclutch import __version__
+from emclutch.command_line import _assignments, _explained, _load, app, torque_line
+from emclutch.run_case import Interrupted
+from emclutch.scene.reference import scene_reference
+
+GOOD = Path(__file__).parents[1] / "cases" / "broken" / "good.toml"
 
 
 def test_settings_are_toml_or_text():
@@ -52,3 +60,32 @@ def test_torque_comes_with_its_error():
         "not converged: too short"
     )
     assert torque_line(None) == "torque on the disc: none"
+
+
+def test_none_and_off_remove_and_on_adds():
+    given = ["effects.gravity=off", "effects.dipoles=on", "coil.voltage=none", "scene.title='none'"]
+    assert _assignments(given) == {
+        "effects.gravity": None, "effects.dipoles": {}, "coil.voltage": None, "scene.title": "none",
+    }  # fmt: skip
+
+
+def test_an_effect_that_is_on_keeps_its_entries(tmp_path):
+    text = GOOD.read_text().replace("[effects.dipoles]", "[effects.dipoles]\ncutoff = 4.5", 1)
+    (tmp_path / "scene.toml").write_text(text)
+    kept = _load(tmp_path / "scene.toml", ["effects.dipoles=on", "effects.wall_images=on"]).scene.effects
+    assert kept.dipoles.cutoff == 4.5 and kept.wall_images is not None
+
+
+def test_version_is_told():
+    assert CliRunner().invoke(app, ["--version"]).output == f"emclutch {__version__}\n"
+
+
+def test_ctrl_c_is_no_failure(capsys):
+    with pytest.raises(typer.Exit) as stopped, _explained():
+        raise Interrupted("stopped at t = 1 s")
+    assert stopped.value.exit_code == 130 and capsys.readouterr().err == "stopped at t = 1 s\n"
+
+
+def test_the_page_of_keys_is_what_the_models_say():
+    page = Path(__file__).parents[2] / "docs" / "scene.md"
+    assert page.read_text(encoding="utf-8") == scene_reference(), "emclutch schema --markdown > docs/scene.md"

@@ -146,3 +146,18 @@ def test_reading_the_schema_needs_no_heavy_package():
     root = Path(__file__).parents[2]
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=root)
     assert done.stdout.strip() == "[]"
+
+
+def test_a_resolved_box_loads_again():
+    """Its case.toml in a run's folder has the defaults of both shafts written out."""
+    import tomllib
+
+    box = {
+        "scene": {"title": "box"},
+        "geometry": {"kind": "box", "size": [0.01, 0.01, 0.02]},
+        "particles": {"diameter": 1e-3, "count": 10},
+        "effects": {"gravity": {}},
+        "time": {"end": 0.01},
+    }
+    case = case_from(box)
+    assert case_from(tomllib.loads(case.toml())).resolved() == case.resolved()
