@@ -1,8 +1,8 @@
 """The command line: each command reads its input, calls one function of the package and says what came of it.
 
-Exit codes: 0 done, 1 the run failed, 2 bad input, 130 stopped by Ctrl-C. A user's mistake never ends in a traceback, and no command
-overwrites anything. The working functions are imported by the command that needs them, so that `--help` and
-`schema` start at once.
+Exit codes: 0 done, 1 the run failed, 2 bad input, 130 stopped by Ctrl-C. A user's mistake never ends in a
+traceback, and no command overwrites anything. The working functions are imported by the command that needs them, so
+that `--help` and `schema` start at once.
 """
 
 from __future__ import annotations
@@ -211,16 +211,18 @@ def materials() -> None:
     from field.materials import material, material_names
     from field.reluctivity import MU_0
 
-    table = Table("", "largest mu_r", *(f"B at {H} kA/m [T]" for H in (1, 10, 100)), "law", "source")
-    table.columns[0].no_wrap = True
+    table = Table("", "largest mu_r", *(f"B({H} kA/m)" for H in (1, 10, 100)))
+    sources = []
     B = np.linspace(0.0, 4.0, 20_001)  # 4 T: beyond every law's B at 100 kA/m
     for name in material_names():
         law = material(name)
+        sources.append(f"{name}: {type(law).__name__}; {law.source}")
         H, _ = law.H_of_B(B)
         largest = np.max(B[1:] / (MU_0 * H[1:]))
         fluxes = np.interp([1e3, 1e4, 1e5], H, B)
-        table.add_row(name, f"{largest:.4g}", *(f"{flux:.3g}" for flux in fluxes), type(law).__name__, law.source)
+        table.add_row(name, f"{largest:.0f}", *(f"{flux:.3g} T" for flux in fluxes))
     Console().print(table)
+    typer.echo("\n".join(["laws and their sources:", *sources]))
 
 
 @app.command()
@@ -298,7 +300,7 @@ def _load(path: Path, sets: list[str] | None = None) -> Case:
     if any(value == {} for value in values.values()):
         # an effect that is switched on keeps the entries that it has, in the file or by other settings
         effects = read_toml(path).get("effects", {})
-        adding = {key: {} for key, value in values.items() if value == {}}
+        adding: dict[str, Any] = {key: {} for key, value in values.items() if value == {}}
         kept = {key for key in adding if isinstance(effects, dict) and key.removeprefix("effects.") in effects}
         others = {key: value for key, value in values.items() if key not in adding}
         values = {key: {} for key in adding if key not in kept} | others
@@ -337,7 +339,10 @@ def _assignments(sets: list[str] | None) -> dict[str, Any]:
 
 
 def _check_threads(threads: int | None) -> None:
-    if threads is not None and not 1 <= threads <= (most := _most_threads()):
+    if threads is None:
+        return
+    most = _most_threads()
+    if not 1 <= threads <= most:
         message = f"is out of range; allowed: 1 to {most} (this machine's cores, or NUMBA_NUM_THREADS where it is set)"
         raise SceneError([Fault("--threads", str(threads), f"{message}; change it or leave it out")], "command line")
 

@@ -142,12 +142,12 @@ class Quantity:
         return value
 
     def _from_text(self, text: str) -> float:
+        if _DECIMAL_COMMA.fullmatch(text):
+            point = text.strip().replace(",", ".")
+            entry = f"'{point}'" if self.unit else point
+            raise ValueError(f"has a decimal comma; decimals follow a point: {entry}")
         match = _NUMBER_AND_UNIT.fullmatch(text)
         if match is None:
-            if _DECIMAL_COMMA.fullmatch(text):
-                point = text.strip().replace(",", ".")
-                entry = f"'{point}'" if self.unit else point
-                raise ValueError(f"has a decimal comma; decimals follow a point: {entry}")
             what = "a number with a unit" if self.unit else "a number"
             raise ValueError(f"is not {what}; {self._needed()}")
         number, unit_text = float(match[1]), match[2]

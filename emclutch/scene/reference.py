@@ -43,7 +43,8 @@ def _sections(path: str, field: FieldInfo) -> Iterator[str]:
         tags = [(key, _tag(entry)) for key, entry in model.model_fields.items() if _tag(entry)]
         choice = "".join(f", {key} = {json.dumps(tag)}" for key, tag in tags)
         yield f"## `[{path}]`{choice}\n"
-        yield f"{inspect.cleandoc(model.__doc__ or '')}{_presence(path, field)}\n"
+        words = inspect.cleandoc(model.__doc__ or "").removeprefix(f"[{path}]: ")
+        yield f"{words[:1].upper()}{words[1:]}{_presence(path, field)}\n"
         parent = next((other for other in models if other in model.__mro__[1:]), None)
         own = inspect.get_annotations(model) if parent is not None else model.model_fields
         if parent is not None:

@@ -70,10 +70,10 @@ def test_none_and_off_remove_and_on_adds():
 
 
 def test_an_effect_that_is_on_keeps_its_entries(tmp_path):
-    text = GOOD.read_text().replace("[effects.dipoles]", "[effects.dipoles]\ncutoff = 4.5", 1)
+    text = GOOD.read_text().replace("[effects.dipoles]", "[effects.dipoles]\ncutoff = 3.5", 1)
     (tmp_path / "scene.toml").write_text(text)
     kept = _load(tmp_path / "scene.toml", ["effects.dipoles=on", "effects.wall_images=on"]).scene.effects
-    assert kept.dipoles.cutoff == 4.5 and kept.wall_images is not None
+    assert kept.dipoles.cutoff == 3.5 and kept.wall_images is not None
 
 
 def test_version_is_told():
