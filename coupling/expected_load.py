@@ -11,8 +11,9 @@ from __future__ import annotations
 
 from math import pi, sqrt
 
+from field import MU_0
+
 PEAK = 6.0  # largest over pair force: 4 gave overlaps of 0.75 % where 0.5 % was allowed (12 N m class, 100 rpm)
-MU_0 = 4e-7 * pi
 
 
 def magnetic_load(M: float, diameter: float) -> float:

@@ -139,15 +139,15 @@ def accuracy(case: Case, *, out: str | Path | None = None, threads: int | None =
     if case.scene.accuracy.time_end is not None:
         quiet["time.end"] = case.scene.accuracy.time_end
     base = case.with_values(quiet)
-    todo = [(knob, setting) for knob in KNOBS for setting in knob.settings(base)]
+    turns = [(knob, setting) for knob in KNOBS for setting in knob.settings(base)]
     _say(progress, 0.0, "a short run compiles the kernels")
     run(base.with_values({"time.end": WARM_UP_WINDOWS * base.scene.time.end}), out=folder / "warm-up")
     points = packed_points(base)
     if has_solved_field(base):
         field_at(base, points)
     measured: dict[tuple[str, float], Measurement] = {}
-    for number, (knob, setting) in enumerate(todo):
-        _say(progress, number / len(todo), f"{knob.name} = {setting:g}")
+    for number, (knob, setting) in enumerate(turns):
+        _say(progress, number / len(turns), f"{knob.name} = {setting:g}")
         target = folder / f"{knob.name.replace(' ', '-')}-{setting:g}"
         measured[knob.name, setting] = knob.measure(knob.turned(base, setting), points, target)
     table = price_table(measured)

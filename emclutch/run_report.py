@@ -40,7 +40,7 @@ def report(result: Result, page_folder: Path | None = None) -> str:
         ("max_overlap", "largest overlap over diameter, at any time", ""),
         ("typical_overlap", "the same, median over the windows of the second half", ""),
         ("torque_residual_rms", "torque balance, RMS of what is left", "N m"),
-        ("energy_residual", "energy balance, what is left over throughput", ""),
+        ("energy_residual_relative", "energy balance, what is left over throughput", ""),
     ):
         if summary.get(key) is not None:
             rows.append((label, f"{summary[key]:.5g} {unit}".strip()))

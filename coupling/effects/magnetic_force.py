@@ -12,13 +12,10 @@ raised the quickstart's torque by 11 %: that is the size of the error, to be rem
 
 from __future__ import annotations
 
-from math import pi
-
 import numpy as np
 
 from coupling.effects.effect import Effect
-
-MU_0 = 4e-7 * pi
+from field import MU_0
 
 
 def gradient_force(moment: np.ndarray, grad_H: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import emclutch
+from emclutch.run_report import report
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
 TOY = {"time.end": "0.3 ms", "output.snapshots": 2}
@@ -39,6 +40,9 @@ def test_quickstart_at_toy_size(tmp_path):
     assert result.history["torque_disc"].iloc[-1] > 0.0  # the rotor drags the disc along
     assert not result.torque.converged  # 0.3 ms are no steady torque, and it says so
     assert "run longer" in result.torque.reason
+    page = report(result)
+    for row in ("flux density under the poles", "torque balance", "energy balance", "inertial number", "wall-clock"):
+        assert row in page
 
 
 def test_powder_clutch_at_toy_size(tmp_path):
