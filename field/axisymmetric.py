@@ -2,9 +2,10 @@
 
     integral (nu/r) grad psi . grad v dr dz = integral J v dr dz        for all v,      psi = r A_phi,
 
-with nu = H(|B|)/|B| of each region's law, |B| = |grad psi|/r, psi = 0 on the axis and on `outer` (a flux
-wall: take the air box about three times as large as the device).  The powder's reluctivity depends on its
-fill, phi per element, and stands with its tangent in the same Newton iteration as the steel's.
+with nu = H(|B|)/|B| of each region's law, |B| = |grad psi|/r, psi = 0 on the axis.  On `outer` either psi = 0
+(a flux wall: take the air box about three times as large as the device), or the air outside stands in the
+system exactly (`open_boundary`; the box may then be as small as the device).  The powder's reluctivity depends
+on its fill, phi per element, and stands with its tangent in the same Newton iteration as the steel's.
 Neglected: eddy currents, hysteresis, displacement current.
 """
 
@@ -19,14 +20,17 @@ import scipy.sparse as sp
 
 from geometry.section import SectionMesh
 
+from .factorisation import SymmetricSolver
 from .magnetic_field import MagneticField
-from .newton import SymmetricSolver, minimise, norm, scalar_product
+from .newton import minimise, norm, scalar_product
 from .powder_law import PowderLaw
 from .reluctivity import AIR, Law
-from .section_elements import FixedPattern, SectionElements
+from .section_elements import SectionElements
+from .sparse_pattern import FixedPattern
 
 if TYPE_CHECKING:
     from .locate import TriangleLocator
+    from .open_boundary import OpenBoundary
     from .recovery import RegionRecovery
 
 # A cold start takes each material's chord H/B at this flux density, a loaded iron circuit's.
@@ -46,7 +50,9 @@ class AxisymmetricProblem:
     powder_law : PowderLaw or None
         None: the powder's region follows `laws`.
     order : int
-        Order of the elements for psi, 1 to 3.
+        Order of the elements for psi, 1 to 4.
+    open_boundary : bool
+        Whether the air goes on beyond `outer`; otherwise `outer` is a flux wall.
 
     Raises
     ------
@@ -63,6 +69,7 @@ class AxisymmetricProblem:
         powder_region: str = "powder",
         powder_law: PowderLaw | None = None,
         order: int = 2,
+        open_boundary: bool = False,
     ) -> None:
         self.mesh = mesh
         self.laws = _complete_laws(mesh, laws, coil_region, powder_region, powder_law)
@@ -70,10 +77,22 @@ class AxisymmetricProblem:
         self.powder_region = powder_region
         self.powder_law = powder_law
         self.elements = SectionElements(mesh, order)
-        fixed = np.union1d(self.elements.axis_dofs(), self.elements.boundary_dofs("outer"))
+        self.exterior: OpenBoundary | None = None
+        fixed = self.elements.axis_dofs()
+        if open_boundary:
+            from .open_boundary import OpenBoundary
+
+            self.exterior = OpenBoundary(self.elements)
+        else:
+            fixed = np.union1d(fixed, self.elements.boundary_dofs("outer"))
         self._free = np.setdiff1d(np.arange(self.elements.n_dofs), fixed)
         self._fixed = fixed
-        self._pattern = FixedPattern(self.elements.element_dofs, self._free, self.elements.n_dofs)
+        self._pattern = FixedPattern(
+            self.elements.element_dofs,
+            self._free,
+            self.elements.n_dofs,
+            clique=None if self.exterior is None else self.exterior.dofs,
+        )
         self._solver = SymmetricSolver()
         in_coil = np.zeros(len(mesh.triangles))
         if coil_region in mesh.regions:
@@ -144,7 +163,8 @@ class AxisymmetricProblem:
         tolerance : float
             Residual relative to the drive.
         boundary_field : float
-            Uniform axial flux density [T] imposed on `outer`, psi = B r^2/2 there.
+            Uniform axial flux density [T] of sources far away: with an open boundary the field that would be
+            there without the device, otherwise imposed on `outer`, psi = B r^2/2 there.
 
         Raises
         ------
@@ -168,9 +188,12 @@ class AxisymmetricProblem:
         if ampere_turns == 0.0 and boundary_field == 0.0:
             return MagneticField(self, boundary, 0.0, fill, [(0.0, 0.0)])
 
-        energy = _SectionEnergy(self, fill, ampere_turns * self.coil_load, boundary)
+        source = ampere_turns * self.coil_load
+        if self.exterior is not None:
+            source[self.exterior.dofs] += boundary_field * self.exterior.uniform_load
+        energy = _SectionEnergy(self, fill, source, boundary)
         scale = norm(energy.source[self._free])
-        if boundary_field != 0.0:
+        if boundary_field != 0.0 and self.exterior is None:
             scale += norm(energy.gradient(np.zeros(self._free.size)))
         if guess is None:
             start, first = np.zeros(self._free.size), energy.chord_matrix
@@ -250,7 +273,8 @@ class _SectionEnergy:
         self._fill = fill
         self._boundary = boundary
         self.source = source
-        self._tangent: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+        self._point: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+        self._law: tuple[np.ndarray, np.ndarray] | None = None
 
     def whole(self, x: np.ndarray) -> np.ndarray:
         """psi of all unknowns."""
@@ -259,13 +283,17 @@ class _SectionEnergy:
         return psi
 
     def _flux(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        gradient = self._elements.gradient(self.whole(x))
-        return gradient, np.hypot(gradient[:, 0], gradient[:, 1]) / self._elements.radius
+        # the line search asks for value and gradient at the same point
+        if self._point is None or self._point[0] is not x:
+            self._point = (x, *self._elements.flux(self.whole(x)))
+        return self._point[1:]
 
     def value(self, x: np.ndarray) -> tuple[float, float]:
         _, B = self._flux(x)
         w = self._problem.energy_density(B, self._fill)
         stored = float((w * self._elements.radius * self._elements.weight).sum())
+        if self._problem.exterior is not None:
+            stored += self._problem.exterior.energy(self.whole(x))
         work = scalar_product(self.source, self.whole(x))
         return stored - work, stored + abs(work)
 
@@ -274,26 +302,29 @@ class _SectionEnergy:
         H, slope = self._problem.H_of_B(B, self._fill)
         here = B > 0.0
         nu = np.where(here, H / np.where(here, B, 1.0), slope)
-        r = self._elements.radius
-        # |B| r is the length of grad psi
-        direction = gradient / np.where(here, B * r, 1.0)[:, None]
-        self._tangent = (nu / r, (slope - nu) / r, direction)
-        internal = self._elements.divergence(gradient * (nu / r)[:, None])
+        self._law = (nu, slope)
+        internal = self._elements.field_force(gradient, nu)
+        if (exterior := self._problem.exterior) is not None:
+            internal[exterior.dofs] += exterior.matrix @ self.whole(x)[exterior.dofs]
         return (internal - self.source)[self._problem._free]
 
     def hessian(self, x: np.ndarray) -> sp.csc_matrix:
-        assert self._tangent is not None, "gradient(x) comes first"
-        return self._problem._pattern.matrix(self._elements.stiffness_blocks(*self._tangent))
+        assert self._law is not None, "gradient(x) comes first"
+        gradient, B = self._flux(x)
+        return self._matrix(gradient, B, *self._law)
+
+    def _matrix(self, gradient: np.ndarray, B: np.ndarray, nu: np.ndarray, slope: np.ndarray) -> sp.csc_matrix:
+        exterior = self._problem.exterior
+        dense = None if exterior is None else exterior.matrix
+        return self._problem._pattern.assemble(self._elements.field_tangent(gradient, B, nu, slope), dense)
 
     def chord_matrix(self) -> sp.csc_matrix:
         """The matrix with nu = H/B of each material at a typical flux density."""
         B = np.full_like(self._elements.radius, _START_B)
         H, _ = self._problem.H_of_B(B, self._fill)
-        nothing = np.zeros_like(B)
-        blocks = self._elements.stiffness_blocks(
-            H / B / self._elements.radius, nothing, np.zeros((len(B), 2, B.shape[1]))
-        )
-        return self._problem._pattern.matrix(blocks)
+        nu = H / B
+        gradient = np.zeros((len(B), 2, B.shape[1]))
+        return self._matrix(gradient, 0.0 * B, nu, nu)
 
 
 def _complete_laws(

@@ -55,17 +55,23 @@ class MagneticField:
         elements = self.problem.elements
         return float(2.0 * np.pi * (density * elements.radius * elements.weight).sum())
 
+    def _exterior_energy(self) -> float:
+        exterior = self.problem.exterior
+        return 0.0 if exterior is None else 2.0 * np.pi * exterior.energy(self.psi)
+
     @property
     def energy(self) -> float:
         """Stored energy, integral of w(B) over the volume [J]."""
-        return self._volume_integral(self.problem.energy_density(self._B_at_quadrature(), self.fill))
+        inside = self._volume_integral(self.problem.energy_density(self._B_at_quadrature(), self.fill))
+        return inside + self._exterior_energy()
 
     @property
     def coenergy(self) -> float:
         """Co-energy, integral of H B - w over the volume [J]; equals the energy when all is linear."""
         B = self._B_at_quadrature()
         H, _ = self.problem.H_of_B(B, self.fill)
-        return self._volume_integral(H * B - self.problem.energy_density(B, self.fill))
+        inside = self._volume_integral(H * B - self.problem.energy_density(B, self.fill))
+        return inside + self._exterior_energy()
 
     @property
     def flux_linkage_per_turn(self) -> float:

@@ -13,7 +13,8 @@ from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import splu
+
+from .factorisation import NotPositiveDefinite, SymmetricSolver
 
 # Sufficient decrease of the line search; the textbook's value (Dennis and Schnabel).
 _ARMIJO = 1e-4
@@ -62,42 +63,6 @@ class Energy(Protocol):
         """Second derivative at x, where `gradient` was called last."""
 
 
-class SymmetricSolver:
-    """SuperLU in symmetric mode; the fill-reducing ordering is found once for a pattern.
-
-    COLAMD, SuperLU's default, ignores the symmetry and takes some fifteen times longer here.
-    """
-
-    def __init__(self) -> None:
-        self._order: np.ndarray | None = None
-        self._gather: np.ndarray | None = None
-        self._pattern: tuple[np.ndarray, np.ndarray] | None = None
-
-    def solve(self, matrix: sp.csc_matrix, right: np.ndarray) -> np.ndarray:
-        """Solve for one right-hand side; every call must bring the same sparsity pattern."""
-        options = {"SymmetricMode": True}
-        if self._order is None or self._gather is None or self._pattern is None:
-            factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
-            self._order = np.argsort(factor.perm_c)
-            self._remember_pattern(matrix, self._order)
-            return factor.solve(right)
-        indices, indptr = self._pattern
-        ordered = sp.csc_matrix((matrix.data[self._gather], indices, indptr), shape=matrix.shape)
-        factor = splu(ordered, permc_spec="NATURAL", diag_pivot_thresh=0.0, options=options)
-        x = np.empty_like(right)
-        x[self._order] = factor.solve(right[self._order])
-        return x
-
-    def _remember_pattern(self, matrix: sp.csc_matrix, order: np.ndarray) -> None:
-        # the entries' own positions travel through the permutation and say where each one goes
-        numbered = sp.csc_matrix((np.arange(1.0, matrix.nnz + 1.0), matrix.indices, matrix.indptr), shape=matrix.shape)[
-            order
-        ][:, order].tocsc()
-        numbered.sort_indices()
-        self._gather = numbered.data.astype(np.int64) - 1
-        self._pattern = (numbered.indices, numbered.indptr)
-
-
 def minimise(
     energy: Energy,
     x: np.ndarray,
@@ -141,8 +106,11 @@ def minimise(
             return x, history
         use_first = iteration == 0 and first_matrix is not None
         matrix = first_matrix() if use_first and first_matrix is not None else energy.hessian(x)
-        step = solver.solve(matrix, -residual)
-        slope = scalar_product(residual, step)
+        try:
+            step = solver.solve(matrix, -residual)
+            slope = scalar_product(residual, step)
+        except NotPositiveDefinite:
+            slope = math.nan
         if not np.isfinite(slope) or slope >= 0.0:
             raise ConvergenceError(
                 history,

@@ -1,26 +1,28 @@
-"""Finite elements on an axisymmetric section: gradients at quadrature points and a fixed sparsity pattern.
+"""Finite elements on an axisymmetric section: gradients at quadrature points and element matrices.
 
 The unknown is psi = r A_phi [Wb/rad], so B_r = -(1/r) dpsi/dz, B_z = (1/r) dpsi/dr and |B| = |grad psi|/r;
 div B = 0 holds by construction.  All integrals here are over the section, dr dz: those of the machine are
-2 pi times as large.  Shape functions, quadrature and numbering of the unknowns come from scikit-fem; the
-element matrices are summed with numpy into a CSC matrix whose pattern is found once, because the staggered
-loop solves on the same mesh again and again.
+2 pi times as large.  Shape functions, quadrature and numbering of the unknowns come from scikit-fem.  The
+triangles are straight, so that one affine map an element turns the gradients of the reference triangle into
+those of the section, and the element matrices are sums of three fixed matrices a quadrature point.
 """
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
-import scipy.sparse as sp
+from numba import njit
 
 from geometry.section import SectionMesh
 
 # Rules of the triangle with positive weights and no point on the edges (never on the axis): the rule of
 # order 3 has a negative weight, which made saturated Newton matrices indefinite.
-QUADRATURE_ORDER = {1: 2, 2: 4, 3: 6}
+QUADRATURE_ORDER = {1: 2, 2: 4, 3: 6, 4: 8}
 
 
 class SectionElements:
-    """Lagrange elements of order 1 to 3 on the triangles of a section.
+    """Lagrange elements of order 1 to 4 on the triangles of a section.
 
     Attributes
     ----------
@@ -28,35 +30,69 @@ class SectionElements:
         Where the unknowns live, (r, z) [m]; the first `n_points` are the mesh's points.
     element_dofs : ndarray (n_elements, n_basis)
         Unknowns of each element.
-    gradients : ndarray (n_elements, 2 n_quadrature, n_basis)
-        d/dr of the shape functions at each quadrature point, then d/dz [1/m].
+    shape : ndarray (n_quadrature, n_basis)
+        Shape functions at the quadrature points.
+    inverse : ndarray (n_elements, 2, 2)
+        Columns of the affine map's inverse transpose: grad = inverse @ (gradient on the reference triangle).
     radius, weight : ndarray (n_elements, n_quadrature)
         r [m] and weight [m^2] of the quadrature points.
     """
 
     def __init__(self, mesh: SectionMesh, order: int = 2) -> None:
         import skfem  # here, because importing it costs a third of a second
+        from skfem.assembly.dofs import Dofs
 
         if order not in QUADRATURE_ORDER:
-            raise ValueError(f"`order` = {order} of the field's elements must be 1, 2 or 3; 2 is the default")
-        element = (skfem.ElementTriP1, skfem.ElementTriP2, skfem.ElementTriP3)[order - 1]()
+            raise ValueError(f"`order` = {order} of the field's elements must be 1, 2, 3 or 4; 2 is the default")
+        element = (skfem.ElementTriP1, skfem.ElementTriP2, skfem.ElementTriP3, skfem.ElementTriP4)[order - 1]()
         self.mesh = mesh
         self.order = order
         self.skfem_mesh = skfem.MeshTri(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.triangles.T))
-        quadrature = skfem.quadrature.get_quadrature(element, QUADRATURE_ORDER[order])
-        basis = skfem.CellBasis(self.skfem_mesh, element, quadrature=quadrature)
-        self.n_dofs = int(basis.N)
-        self.dof_points = np.ascontiguousarray(basis.doflocs.T)
-        self.element_dofs = np.ascontiguousarray(basis.element_dofs.T.astype(np.int64))
-        self.shape = np.array([np.asarray(b[0])[0] for b in basis.basis]).T.copy()  # (n_quadrature, n_basis)
-        grad = np.array([b[0].grad for b in basis.basis])  # (n_basis, 2, n_elements, n_quadrature)
-        n_elements, n_quadrature = basis.dx.shape
-        self.gradients = np.ascontiguousarray(grad.transpose(2, 1, 3, 0).reshape(n_elements, 2 * n_quadrature, -1))
-        self.radius = np.ascontiguousarray(np.asarray(basis.global_coordinates())[0])
-        self.weight = np.ascontiguousarray(basis.dx)
-        self.n_quadrature = n_quadrature
-        self._basis = basis
         self._element = element
+        self._dofs = Dofs(self.skfem_mesh, element)
+        self.n_dofs = int(self._dofs.N)
+        self.element_dofs = np.ascontiguousarray(self._dofs.element_dofs.T.astype(np.int64))
+        corner, second, third = (self.skfem_mesh.p[:, vertex] for vertex in self.skfem_mesh.t)
+        u, v = second - corner, third - corner
+        determinant = u[0] * v[1] - u[1] * v[0]
+        self.inverse = np.ascontiguousarray((np.array([[v[1], -u[1]], [-v[0], u[0]]]) / determinant).transpose(2, 0, 1))
+        reference = np.asarray(element.doflocs)
+        self.dof_points = np.empty((self.n_dofs, 2))
+        for i, (x, y) in enumerate(reference):
+            self.dof_points[self.element_dofs[:, i]] = (corner + x * u + y * v).T
+        quadrature, weights = skfem.quadrature.get_quadrature(element, QUADRATURE_ORDER[order])
+        self.n_quadrature = weights.size
+        values = [element.lbasis(quadrature, i) for i in range(len(reference))]
+        self.shape = np.array([np.broadcast_to(v[0], weights.shape) for v in values]).T.copy()
+        # (n_quadrature, n_basis, 2): gradients on the reference triangle
+        self._slope = np.array([np.broadcast_to(v[1], quadrature.shape) for v in values]).transpose(2, 0, 1).copy()
+        self.radius = corner[0][:, None] + np.outer(u[0], quadrature[0]) + np.outer(v[0], quadrature[1])
+        self.weight = np.abs(determinant)[:, None] * weights
+        self._quadrature = quadrature
+        rows, columns = np.tril_indices(len(reference))
+        gx, gy = self._slope[..., 0], self._slope[..., 1]
+        # the element matrix is a sum over quadrature points of D_xx P_0 + D_xy P_1 + D_yy P_2, lower triangles
+        self._products = np.ascontiguousarray(
+            np.stack(
+                (
+                    gx[:, rows] * gx[:, columns],
+                    gx[:, rows] * gy[:, columns] + gy[:, rows] * gx[:, columns],
+                    gy[:, rows] * gy[:, columns],
+                ),
+                axis=1,
+            )
+        )
+
+    @property
+    def n_basis(self) -> int:
+        """Unknowns of one element."""
+        return self.element_dofs.shape[1]
+
+    @cached_property
+    def gradients(self) -> np.ndarray:
+        """d/dr of the shape functions at the quadrature points, then d/dz [1/m]: (n_elements, 2 n_quadrature, k)."""
+        gradients = np.einsum("eij,qbj->eiqb", self.inverse, self._slope)
+        return gradients.reshape(len(self.inverse), 2 * self.n_quadrature, self.n_basis)
 
     def boundary_dofs(self, name: str) -> np.ndarray:
         """Unknowns on a boundary that the mesh names."""
@@ -66,31 +102,41 @@ class SectionElements:
         key = self.skfem_mesh.p.shape[1]
         facets = np.sort(self.skfem_mesh.facets.astype(np.int64), axis=0)
         wanted = np.isin(facets[0] * key + facets[1], pairs[:, 0] * key + pairs[:, 1])
-        return np.unique(self._basis.get_dofs(np.flatnonzero(wanted)).flatten())
+        return np.unique(self._dofs.get_facet_dofs(np.flatnonzero(wanted)).flatten())
 
     def axis_dofs(self) -> np.ndarray:
         """Unknowns at r = 0, where psi = r A_phi vanishes."""
         return np.flatnonzero(self.dof_points[:, 0] <= 1e-12 * self.dof_points[:, 0].max())
 
+    def flux(self, psi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """grad psi (n_elements, 2, n_quadrature) [Wb/(rad m)] and |B| (n_elements, n_quadrature) [T]."""
+        n_elements = len(self.element_dofs)
+        gradient = np.empty((n_elements, 2, self.n_quadrature))
+        B = np.empty((n_elements, self.n_quadrature))
+        _flux(
+            np.ascontiguousarray(psi, dtype=float),
+            self.element_dofs,
+            self.inverse,
+            self._slope,
+            self.radius,
+            gradient,
+            B,
+        )
+        return gradient, B
+
     def gradient(self, psi: np.ndarray) -> np.ndarray:
         """grad psi at the quadrature points, shape (n_elements, 2, n_quadrature) [Wb/(rad m)]."""
-        flat = self.gradients @ psi[self.element_dofs][:, :, None]
-        return flat.reshape(-1, 2, self.n_quadrature)
+        return self.flux(psi)[0]
 
     def gradient_at(self, psi: np.ndarray, element: np.ndarray, points: np.ndarray) -> np.ndarray:
         """grad psi at one point of each listed element, points (k, 2) as (r, z) [m]; shape (k, 2)."""
-        corner, second, third = (self.skfem_mesh.p[:, vertex[element]] for vertex in self.skfem_mesh.t)
-        u, v = second - corner, third - corner
-        determinant = u[0] * v[1] - u[1] * v[0]
-        d = points.T - corner
-        local = np.array([d[0] * v[1] - d[1] * v[0], u[0] * d[1] - u[1] * d[0]]) / determinant
+        corner = self.skfem_mesh.p[:, self.skfem_mesh.t[0][element]]
+        inverse = self.inverse[element]
+        local = np.einsum("kij,ik->jk", inverse, points.T - corner)
         slope = np.zeros((2, len(element)))
         for i, dof in enumerate(self.element_dofs[element].T):
             slope += self._element.lbasis(local, i)[1] * psi[dof]
-        return (
-            np.column_stack((v[1] * slope[0] - u[1] * slope[1], u[0] * slope[1] - v[0] * slope[0]))
-            / determinant[:, None]
-        )
+        return np.einsum("kij,jk->ki", inverse, slope)
 
     def load(self, density: np.ndarray) -> np.ndarray:
         """Integral of density * v dr dz for every v; density (n_elements,), constant in each element."""
@@ -99,9 +145,34 @@ class SectionElements:
 
     def divergence(self, flow: np.ndarray) -> np.ndarray:
         """Integral of flow . grad v dr dz for every v; flow (n_elements, 2, n_quadrature)."""
-        weighted = (flow * self.weight[:, None, :]).reshape(len(flow), 1, -1)
-        local = weighted @ self.gradients
-        return np.bincount(self.element_dofs.ravel(), local.ravel(), self.n_dofs)
+        out = np.zeros(self.n_dofs)
+        _divergence(flow * self.weight[:, None, :], self.element_dofs, self.inverse, self._slope, out)
+        return out
+
+    def field_force(self, gradient: np.ndarray, nu: np.ndarray) -> np.ndarray:
+        """Integral of (nu/r) grad psi . grad v dr dz for every v; nu (n_elements, n_quadrature) [m/H]."""
+        out = np.zeros(self.n_dofs)
+        _field_force(gradient, nu, self.radius, self.weight, self.element_dofs, self.inverse, self._slope, out)
+        return out
+
+    def field_tangent(self, gradient: np.ndarray, B: np.ndarray, nu: np.ndarray, slope: np.ndarray) -> np.ndarray:
+        """Lower triangles of the element matrices of the derivative of `field_force`.
+
+        Parameters
+        ----------
+        gradient, B : ndarray
+            From `flux`.
+        nu, slope : ndarray (n_elements, n_quadrature)
+            H/B and dH/dB [m/H].
+
+        Returns
+        -------
+        ndarray (n_elements, n_basis (n_basis + 1)/2)
+            By rows: (0, 0), (1, 0), (1, 1), (2, 0) ...
+        """
+        packed = np.empty((len(B), self._products.shape[2]))
+        _field_tangent(gradient, B, nu, slope, self.radius, self.weight, self.inverse, self._products, packed)
+        return packed
 
     def stiffness_blocks(self, isotropic: np.ndarray, along: np.ndarray, direction: np.ndarray) -> np.ndarray:
         """Element matrices of the form  a grad u . grad v + c (d . grad u)(d . grad v).
@@ -118,41 +189,77 @@ class SectionElements:
         ndarray (n_elements, n_basis, n_basis)
         """
         a, c = isotropic * self.weight, along * self.weight
-        q = self.n_quadrature
-        g_r, g_z = self.gradients[:, :q], self.gradients[:, q:]
-        d_r, d_z = direction[:, 0], direction[:, 1]
-        off = (c * d_r * d_z)[:, :, None]
-        turned = np.concatenate(
-            ((a + c * d_r * d_r)[:, :, None] * g_r + off * g_z, off * g_r + (a + c * d_z * d_z)[:, :, None] * g_z),
-            axis=1,
+        d = np.einsum("eij,eiq->ejq", self.inverse, direction)
+        metric = np.einsum("eij,eik->ejk", self.inverse, self.inverse)
+        parts = np.stack(
+            [a * metric[:, i, j, None] + c * d[:, i] * d[:, j] for i, j in ((0, 0), (0, 1), (1, 1))], axis=2
         )
-        return self.gradients.transpose(0, 2, 1) @ turned
+        packed = parts.reshape(len(a), -1) @ self._products.reshape(-1, self._products.shape[2])
+        rows, columns = np.tril_indices(self.n_basis)
+        blocks = np.empty((len(a), self.n_basis, self.n_basis))
+        blocks[:, rows, columns] = packed
+        blocks[:, columns, rows] = packed
+        return blocks
 
 
-class FixedPattern:
-    """The sparsity pattern of the free unknowns, found once: element matrices go straight to CSC data.
+@njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract"})
+def _flux(psi, element_dofs, inverse, slope, radius, gradient, B):
+    n_quadrature, n_basis = slope.shape[0], slope.shape[1]
+    for e in range(element_dofs.shape[0]):
+        for q in range(n_quadrature):
+            x = y = 0.0
+            for i in range(n_basis):
+                value = psi[element_dofs[e, i]]
+                x += slope[q, i, 0] * value
+                y += slope[q, i, 1] * value
+            g_r = inverse[e, 0, 0] * x + inverse[e, 0, 1] * y
+            g_z = inverse[e, 1, 0] * x + inverse[e, 1, 1] * y
+            gradient[e, 0, q], gradient[e, 1, q] = g_r, g_z
+            B[e, q] = np.sqrt(g_r * g_r + g_z * g_z) / radius[e, q]
 
-    Parameters
-    ----------
-    element_dofs : ndarray (n_elements, n_basis)
-    free : ndarray (n_free,)
-        Unknowns that are solved for, in the order of the matrix's columns.
-    n_dofs : int
-    """
 
-    def __init__(self, element_dofs: np.ndarray, free: np.ndarray, n_dofs: int) -> None:
-        n_basis = element_dofs.shape[1]
-        number = np.full(n_dofs, -1, dtype=np.int64)
-        number[free] = np.arange(free.size)
-        row = np.repeat(number[element_dofs], n_basis, axis=1).ravel()
-        column = np.tile(number[element_dofs], (1, n_basis)).ravel()
-        self._kept = np.flatnonzero((row >= 0) & (column >= 0))
-        keys, self._slot = np.unique(column[self._kept] * free.size + row[self._kept], return_inverse=True)
-        self.size = free.size
-        self._indices = (keys % free.size).astype(np.int32)
-        self._indptr = np.searchsorted(keys, np.arange(free.size + 1) * free.size).astype(np.int32)
+@njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract"})
+def _divergence(flow, element_dofs, inverse, slope, out):
+    n_quadrature, n_basis = slope.shape[0], slope.shape[1]
+    for e in range(element_dofs.shape[0]):
+        for q in range(n_quadrature):
+            x = inverse[e, 0, 0] * flow[e, 0, q] + inverse[e, 1, 0] * flow[e, 1, q]
+            y = inverse[e, 0, 1] * flow[e, 0, q] + inverse[e, 1, 1] * flow[e, 1, q]
+            for i in range(n_basis):
+                out[element_dofs[e, i]] += slope[q, i, 0] * x + slope[q, i, 1] * y
 
-    def matrix(self, blocks: np.ndarray) -> sp.csc_matrix:
-        """Sum element matrices (n_elements, n_basis, n_basis) into CSC."""
-        data = np.bincount(self._slot, blocks.ravel()[self._kept], self._indices.size)
-        return sp.csc_matrix((data, self._indices, self._indptr), shape=(self.size, self.size))
+
+@njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract"})
+def _field_force(gradient, nu, radius, weight, element_dofs, inverse, slope, out):
+    n_quadrature, n_basis = slope.shape[0], slope.shape[1]
+    for e in range(element_dofs.shape[0]):
+        for q in range(n_quadrature):
+            a = nu[e, q] * weight[e, q] / radius[e, q]
+            g_r, g_z = a * gradient[e, 0, q], a * gradient[e, 1, q]
+            x = inverse[e, 0, 0] * g_r + inverse[e, 1, 0] * g_z
+            y = inverse[e, 0, 1] * g_r + inverse[e, 1, 1] * g_z
+            for i in range(n_basis):
+                out[element_dofs[e, i]] += slope[q, i, 0] * x + slope[q, i, 1] * y
+
+
+@njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract"})
+def _field_tangent(gradient, B, nu, slope, radius, weight, inverse, products, packed):
+    # d(nu g)/dg = nu I + (dH/dB - nu) d d^T with d = g/|g|, carried to the reference triangle
+    n_quadrature, n_packed = products.shape[0], products.shape[2]
+    for e in range(gradient.shape[0]):
+        j00, j01, j10, j11 = inverse[e, 0, 0], inverse[e, 0, 1], inverse[e, 1, 0], inverse[e, 1, 1]
+        m00, m01, m11 = j00 * j00 + j10 * j10, j00 * j01 + j10 * j11, j01 * j01 + j11 * j11
+        row = packed[e]
+        row[:] = 0.0
+        for q in range(n_quadrature):
+            a = nu[e, q] * weight[e, q] / radius[e, q]
+            length = B[e, q] * radius[e, q]
+            if length > 0.0:
+                c = (slope[e, q] - nu[e, q]) * weight[e, q] / radius[e, q] / (length * length)
+                d0 = j00 * gradient[e, 0, q] + j10 * gradient[e, 1, q]
+                d1 = j01 * gradient[e, 0, q] + j11 * gradient[e, 1, q]
+            else:
+                c = d0 = d1 = 0.0
+            xx, xy, yy = a * m00 + c * d0 * d0, a * m01 + c * d0 * d1, a * m11 + c * d1 * d1
+            for p in range(n_packed):
+                row[p] += xx * products[q, 0, p] + xy * products[q, 1, p] + yy * products[q, 2, p]
