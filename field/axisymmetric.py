@@ -313,6 +313,12 @@ class _SectionEnergy:
         gradient, B = self._flux(x)
         return self._matrix(gradient, B, *self._law)
 
+    def cautious_hessian(self, x: np.ndarray) -> sp.csc_matrix:
+        """The tangent with dH/dB of at least half the chord H/B: steel with a long toe (DC01) else takes cut steps."""
+        assert self._law is not None, "gradient(x) comes first"
+        nu, slope = self._law
+        return self._matrix(*self._flux(x), nu, np.maximum(slope, 0.5 * nu))
+
     def _matrix(self, gradient: np.ndarray, B: np.ndarray, nu: np.ndarray, slope: np.ndarray) -> sp.csc_matrix:
         exterior = self._problem.exterior
         dense = None if exterior is None else exterior.matrix

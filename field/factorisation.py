@@ -54,6 +54,11 @@ class SymmetricSolver:
     backend : "cholmod", "superlu" or None
         None: the fastest that is installed.
 
+    Attributes
+    ----------
+    factorisations : int
+        How many were made so far.
+
     Raises
     ------
     ValueError
@@ -66,6 +71,7 @@ class SymmetricSolver:
             raise ValueError(f"`backend` = {backend!r} is not available; choose one of {', '.join(here)}")
         self.backend: Backend = backend or here[0]
         self._factor: _Factor | None = None
+        self.factorisations = 0
 
     def solve(self, matrix: sp.csc_matrix, right: np.ndarray) -> np.ndarray:
         """Solve for one right-hand side (n,) or several (n, k); every call must bring the same pattern.
@@ -88,6 +94,7 @@ class SymmetricSolver:
         if self._factor is None:
             self._factor = _Cholmod(matrix) if self.backend == "cholmod" else _SuperLU(matrix)
         self._factor.factorise(matrix)
+        self.factorisations += 1
 
     def solve_again(self, right: np.ndarray) -> np.ndarray:
         """Solve with the matrix that was factorised last."""
