@@ -1,13 +1,20 @@
-"""Materials by name: the magnetic laws that ship, each with its source."""
+"""Materials by name: the magnetic laws that ship, each with its source.
+
+A name is read without regard to case, and with blank or hyphen for the underscore; other common names of the same
+material (`pure_iron`, `x6cr17`, `aluminum`) lead to it.  Their electrical conductivity is in `conductivity`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from difflib import get_close_matches
 from functools import cache
+from types import MappingProxyType
 
 import numpy as np
 
 from .magnetisation_curve import PermeabilityLaw, TableLaw
+from .powder_law import GrainLaw
 from .reluctivity import AIR, Law, LinearLaw
 
 # H [A/m], B [T]
@@ -98,35 +105,125 @@ _MATERIALS: dict[str, Callable[[], Law]] = {
     ),
     "steel_1008": lambda: PermeabilityLaw(200.0, 1.17, 8100.0, 2.59, 10.0, "steel_1008", f"AISI 1008, {_FLUX_TUBES}"),
     "stainless_430": lambda: PermeabilityLaw(
-        274.0, 1.1, 970.0, 1.2, 8.3, "stainless_430", f"X6Cr17 (ferritic, AISI 430), {_FLUX_TUBES}"
+        274.0,
+        1.1,
+        970.0,
+        1.2,
+        8.3,
+        "stainless_430",
+        f"X6Cr17 (ferritic, AISI 430), {_FLUX_TUBES}; beyond 2 T extrapolated, J_s is too high",
     ),
-    "dc01": lambda: PermeabilityLaw(5.0, 1.1, 6450.0, 3.65, 7.7, "dc01", f"DC01 sheet, {_FLUX_TUBES}"),
+    "dc01": lambda: PermeabilityLaw(
+        5.0,
+        1.1,
+        6450.0,
+        3.65,
+        7.7,
+        "dc01",
+        f"DC01 sheet, {_FLUX_TUBES}; beyond 2.1 T extrapolated, J_s is too high (iron: 2.16 T)",
+    ),
     "vacofer_s2": lambda: PermeabilityLaw(
-        2666.0, 1.15, 187000.0, 4.24, 19.0, "vacofer_s2", f"Vacofer S2 pure iron, {_FLUX_TUBES}"
+        2666.0,
+        1.15,
+        187000.0,
+        4.24,
+        19.0,
+        "vacofer_s2",
+        f"Vacofer S2 pure iron, {_FLUX_TUBES}; the fit ends at 1.93 T, J_s is too low (iron: 2.16 T)",
     ),
     "team_steel": lambda: TableLaw(
         _TEAM_STEEL[:, 1], _TEAM_STEEL[:, 0], "team_steel", "TEAM workshop problems 13 and 20"
     ),
 }
 
+_ALIASES = {
+    "aluminum": "aluminium",
+    "pure_iron": "vacofer_s2",
+    "x6cr17": "stainless_430",
+    "aisi_430": "stainless_430",
+    "aisi_304": "stainless_304",
+    "aisi_1008": "steel_1008",
+    "aisi_1010": "steel_1010",
+    "vacuum": "air",
+}
+
+# Of the grain's bulk material.  Demagnetisation leaves chi/(1 + chi/3) of it, so that a grain hardly feels whether
+# chi is 200 or 2000, but feels Ms in full.
+_GRAINS: dict[str, tuple[GrainLaw, str]] = {
+    "powder_430": (
+        GrainLaw(273.0, 1.3e6),
+        "grains of ferritic stainless 430, the usual clutch powder: mu_i = 274 of X6Cr17 (FluxTubes); Ms is an order "
+        "of magnitude, J_s = 1.6 T as of iron with 17 % chromium",
+    ),
+    "powder_iron": (
+        GrainLaw(999.0, 1.707e6),
+        "grains of pure (carbonyl) iron: Ms = 1.707e6 A/m at 20 degrees C (Bozorth, Ferromagnetism); mu_i = 1000 is "
+        "an order of magnitude",
+    ),
+}
+
 
 def material_names() -> list[str]:
-    """Names that `material` knows, sorted."""
+    """Names that `material` knows, sorted; without the other names of the same materials."""
     return sorted(_MATERIALS)
 
 
-@cache
+def material_aliases() -> Mapping[str, str]:
+    """Other names of materials, and whose they are."""
+    return MappingProxyType(_ALIASES)
+
+
+def grain_names() -> list[str]:
+    """Names that `grain_material` knows, sorted."""
+    return sorted(_GRAINS)
+
+
+def canonical_name(name: str) -> str | None:
+    """The name under which a built-in material is kept; None where there is none."""
+    plain = name.strip().lower().replace("-", "_").replace(" ", "_")
+    plain = _ALIASES.get(plain, plain)
+    return plain if plain in _MATERIALS else None
+
+
 def material(name: str) -> Law:
     """The magnetic law of a named material.
 
     Raises
     ------
     ValueError
+        Unknown name; the message has the nearest one and lists all.
+    """
+    found = canonical_name(name)
+    if found is None:
+        raise ValueError(
+            f"material {name!r} is not known; {_nearest(name, [*_MATERIALS, *_ALIASES])}"
+            f"choose one of {', '.join(material_names())}, or give a table of H [A/m] and B [T]"
+        )
+    return _built(found)
+
+
+def grain_material(name: str) -> tuple[GrainLaw, str]:
+    """The law of the grains of a named powder, and its source.
+
+    Raises
+    ------
+    ValueError
         Unknown name; the message lists the known ones.
     """
-    if name not in _MATERIALS:
+    if name not in _GRAINS:
         raise ValueError(
-            f"material {name!r} is not known; choose one of {', '.join(material_names())}, "
-            "or give a table of H [A/m] and B [T]"
+            f"powder {name!r} is not known; {_nearest(name, list(_GRAINS))}choose one of {', '.join(grain_names())}, "
+            "or give susceptibility and saturation of the grain's material"
         )
+    return _GRAINS[name]
+
+
+@cache
+def _built(name: str) -> Law:
     return _MATERIALS[name]()
+
+
+def _nearest(name: str, names: list[str]) -> str:
+    # 0.65: a letter lost or two swapped, but not a name that only shares letters
+    close = get_close_matches(name.lower(), names, n=1, cutoff=0.65)
+    return f"did you mean {close[0]!r}? " if close else ""

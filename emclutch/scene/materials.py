@@ -1,54 +1,129 @@
-"""[materials.NAME]: the user's own magnetic materials, and the names that are built in."""
+"""[materials.NAME]: the user's own magnetic materials; those that are built in are in `field.materials`."""
 
 from __future__ import annotations
 
-import csv
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
 from emclutch.scene.section import Section, refuse
-from emclutch.units import CurveFieldStrength, Density, FluxDensity, Magnetisation, number
+from emclutch.units import CurveFieldStrength, Density, FluxDensity, Magnetisation, Quantity, number
+
+if TYPE_CHECKING:
+    from field import Law
+
+# upper bounds only catch slips of unit: reluctivity of vacuum 8e5 m/H, conductivity of silver 6e7 S/m
+_Reluctivity = Annotated[float, Quantity("a reluctivity", "m/H", "400 m/H", 0.0, 1e6)]
+_GrowingReluctivity = Annotated[float, Quantity("a reluctivity", "m/H", "0.4 m/H", 0.0, 1e6, open_minimum=True)]
+_Conductivity = Annotated[float, Quantity("a conductivity", "S/m", "7e6 S/m", 0.0, 1e8)]
 
 
-class LinearMaterial(Section):
+class _OwnMaterial(Section):
+    """What every own material may say beside its law."""
+
+    density: Density | None = None
+    conductivity: _Conductivity | None = Field(default=None, description="electrical, at 20 degrees C; default: none")
+
+    def magnetic_law(self, name: str) -> Law:
+        """Return the law for the solver, under the material's name."""
+        raise NotImplementedError
+
+    @model_validator(mode="after")
+    def _has_a_law(self) -> Self:
+        """Let the law itself say what is wrong with its numbers, before anything is built on it."""
+        try:
+            self.magnetic_law("this material")
+        except ValueError as error:
+            raise refuse(f"is no material: {error}".replace("`", "")) from None
+        return self
+
+
+class LinearMaterial(_OwnMaterial):
     """B = mu_0 mu_r H."""
 
     law: Literal["linear"]
     relative_permeability: Annotated[float, number("1000", 1.0, 1e7)] = Field(description="mu_r")
-    density: Density | None = None
+
+    def magnetic_law(self, name: str) -> Law:
+        """See `_OwnMaterial.magnetic_law`."""
+        from field import LinearLaw
+
+        return LinearLaw(self.relative_permeability, name, "the scene")
 
 
-class FroehlichMaterial(Section):
+class FroehlichMaterial(_OwnMaterial):
     """Froehlich-Kennelly: M = chi Ms H/(Ms + chi H)."""
 
     law: Literal["froehlich"]
-    susceptibility: Annotated[float, number("200", 0.0, 1e7)] = Field(description="chi, initial")
+    susceptibility: Annotated[float, number("200", 0.0, 1e7, above=True)] = Field(description="chi, initial")
     saturation: Magnetisation = Field(description="Ms")
-    density: Density | None = None
+
+    def magnetic_law(self, name: str) -> Law:
+        """See `_OwnMaterial.magnetic_law`."""
+        from field import FroehlichLaw
+
+        return FroehlichLaw(self.susceptibility, self.saturation, name, "the scene")
 
 
-class TableMaterial(Section):
-    """B(H) through measured points: lists in the scene, or a CSV file with the columns H [A/m] and B [T]."""
+class LangevinMaterial(_OwnMaterial):
+    """Langevin: M = Ms (coth a - 1/a), a = 3 chi H/Ms."""
+
+    law: Literal["langevin"]
+    susceptibility: Annotated[float, number("200", 0.0, 1e7, above=True)] = Field(description="chi, initial")
+    saturation: Magnetisation = Field(description="Ms")
+
+    def magnetic_law(self, name: str) -> Law:
+        """See `_OwnMaterial.magnetic_law`."""
+        from field.langevin import LangevinLaw
+
+        return LangevinLaw(self.susceptibility, self.saturation, name, "the scene")
+
+
+class BrauerMaterial(_OwnMaterial):
+    """Brauer: H = (k1 exp(k2 B^2) + k3) B, continued with the slope of vacuum from where it reaches that."""
+
+    law: Literal["brauer"]
+    k1: _GrowingReluctivity
+    k2: Annotated[float, number("2.2", 0.0, 100.0, above=True)] = Field(description="per T^2")
+    k3: _Reluctivity
+
+    def magnetic_law(self, name: str) -> Law:
+        """See `_OwnMaterial.magnetic_law`."""
+        from field.brauer import BrauerLaw
+
+        return BrauerLaw(self.k1, self.k2, self.k3, name, "the scene")
+
+
+class PermeabilityMaterial(_OwnMaterial):
+    """Fitted permeability: mu_r = 1 + (mu_i - 1 + c_a b)/(1 + c_b b + b^n), b = B/B_m, held M from its maximum on."""
+
+    law: Literal["permeability"]
+    initial_permeability: Annotated[float, number("200", 1.0, 1e6, above=True)] = Field(description="mu_i")
+    scale: Annotated[float, Quantity("a flux density", "T", "1.1 T", 0.0, 10.0, open_minimum=True)] = Field(
+        description="B_m, the flux density that scales the fit"
+    )
+    c_a: Annotated[float, number("8100", 0.0, 1e7)]
+    c_b: Annotated[float, number("2.6", 0.0, 1e4)]
+    n: Annotated[float, number("10", 1.0, 100.0, above=True)]
+
+    def magnetic_law(self, name: str) -> Law:
+        """See `_OwnMaterial.magnetic_law`."""
+        from field import PermeabilityLaw
+
+        return PermeabilityLaw(self.initial_permeability, self.scale, self.c_a, self.c_b, self.n, name, "the scene")
+
+
+class TableMaterial(_OwnMaterial):
+    """B(H) through measured points: lists in the scene, or a text file whose header names columns and units.
+
+    `table = "curve.csv"` alone is enough; its header is e.g. `H [A/m], B [T]`, or has J [T] for the polarisation.
+    """
 
     law: Literal["table"]
     H: tuple[CurveFieldStrength, ...] = Field(min_length=2, description="field strength, increasing from 0")
     B: tuple[FluxDensity, ...] = Field(min_length=2, description="flux density, increasing from 0")
-    density: Density | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _read_file(cls, given: Any, info: ValidationInfo) -> Any:
-        """Put a file's columns in place of its name, so that a resolved scene stands alone."""
-        if not isinstance(given, dict) or "file" not in given:
-            return given
-        if "H" in given or "B" in given:
-            raise refuse("stands beside H or B; give either the file or the two lists", key="file")
-        folder = (info.context or {}).get("folder", Path())
-        H, B = _columns(folder / str(given["file"]))
-        return {**{key: value for key, value in given.items() if key != "file"}, "H": H, "B": B}
 
     @model_validator(mode="after")
     def _is_a_curve(self) -> Self:
@@ -59,29 +134,47 @@ class TableMaterial(Section):
                 raise refuse("must start at 0 and increase from each point to the next", key=key)
         return self
 
+    def magnetic_law(self, name: str) -> Law:
+        """See `_OwnMaterial.magnetic_law`."""
+        import numpy as np
 
-Material = Annotated[LinearMaterial | FroehlichMaterial | TableMaterial, Field(discriminator="law")]
+        from field import TableLaw
+
+        return TableLaw(np.array(self.H), np.array(self.B), name, "the scene")
 
 
-def _columns(path: Path) -> tuple[list[float], list[float]]:
-    """Read two columns H [A/m], B [T]; a first line of words is skipped."""
+def _with_columns(given: Any, info: ValidationInfo) -> Any:
+    """Put a file's columns in place of its name, so that a resolved scene stands alone."""
+    keys = [key for key in ("table", "file") if isinstance(given, dict) and key in given]
+    if not keys or given.get("law", "table") != "table":
+        return given
+    key = keys[0]
+    if len(keys) > 1:
+        raise refuse("stands beside table; keep one of them, they mean the same", key="file")
+    if "H" in given or "B" in given:
+        raise refuse("stands beside H or B; give either the file or the two lists", key=key)
+    folder = (info.context or {}).get("folder", Path())
+    H, B = _columns(folder / str(given[key]), key)
+    return {"law": "table", **{name: value for name, value in given.items() if name != key}, "H": H, "B": B}
+
+
+Material = Annotated[
+    LinearMaterial | FroehlichMaterial | LangevinMaterial | BrauerMaterial | PermeabilityMaterial | TableMaterial,
+    Field(discriminator="law"),
+    BeforeValidator(_with_columns),
+]
+
+
+def _columns(path: Path, key: str) -> tuple[list[float], list[float]]:
+    """H [A/m] and B [T] of a file, the origin first."""
+    from field.magnetisation_table import TableFault, read_table
+
     try:
-        with open(path, newline="", encoding="utf-8") as stream:
-            rows = [row for row in csv.reader(stream) if row and not row[0].lstrip().startswith("#")]
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not text"
-        raise refuse(f"cannot be read ({reason}); a path is relative to the scene's folder", key="file") from None
-    try:
-        start = 0 if _is_number(rows[0][0]) else 1
-        points = [(float(row[0]), float(row[1])) for row in rows[start:]]
-    except (IndexError, ValueError):
-        raise refuse("is not a table of two columns, H in A/m and B in T, with commas between", key="file") from None
-    return [H for H, _ in points], [B for _, B in points]
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+        H, B = read_table(path)
+    except TableFault as fault:
+        raise refuse(str(fault), key=key) from None
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise refuse(f"cannot be read ({reason}); a path is relative to the scene's folder", key=key) from None
+    origin = [] if H[0] == 0.0 else [0.0]
+    return origin + H.tolist(), origin + B.tolist()

@@ -1,0 +1,311 @@
+"""Mesh of a section that comes from CAD: parts made conforming, air around them, sizes from the gaps themselves.
+
+Element sizes: between two curves of the powder's outline that face each other, a whole number of rows as in
+`geometry.meshing`; in other narrow places (a running clearance) one layer three gaps long; from there h grows with
+the distance, up to a fraction of the device in the parts and an eighth of the radius in the air.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from geometry.cad_import import CadError, CadPart, imported_section, list_of
+from geometry.meshing import (
+    CORNER,
+    GROWTH,
+    MILLIMETRE,
+    MINIMUM_LAYERS,
+    ROW_HEIGHT,
+    _grown,
+    _section,
+    _writable,
+)
+from geometry.section import SectionMesh
+
+# Share of the smaller part's area below which a common piece is a rounding of the CAD program.
+_OVERLAP = 1e-6
+_SLIVER = 1e-6  # m; no gap of a device is as narrow, and a STEP file's coordinates are rounded more finely
+_CHORDS = 24  # of a curved edge of the powder's outline, as grains see it
+_MOST_SAMPLES = 2000
+
+
+@dataclass(frozen=True, slots=True)
+class OutlineEdge:
+    """A piece of the powder's outline: from start to end (r, z) [m], with what lies behind it.
+
+    A curved edge is given as chords, all with the same `region`.
+    """
+
+    start: tuple[float, float]
+    end: tuple[float, float]
+    region: str
+
+
+@dataclass(frozen=True, slots=True)
+class CadSection:
+    """The parts of a file made conforming.
+
+    Attributes
+    ----------
+    parts : tuple of CadPart
+    powder_outline : tuple of OutlineEdge
+        Unordered; empty where there is no powder. Pieces of the axis are not part of it.
+    gap : float
+        Smallest distance between two edges of the powder's outline that do not touch [m]; inf without powder.
+    """
+
+    parts: tuple[CadPart, ...]
+    powder_outline: tuple[OutlineEdge, ...]
+    gap: float
+
+
+def cad_section(path: str | Path, *, powder: str = "powder", **options: Any) -> CadSection:
+    """Read a section without meshing it; options and errors of `cad_import.imported_section`, and overlaps."""
+    with _conforming(path, 2.0, options) as (gmsh, parts, surfaces):
+        outline = tuple(_outline(gmsh, surfaces, powder))
+        pairs = _facing(gmsh, surfaces.get(powder, []))
+        return CadSection(tuple(parts), outline, MILLIMETRE * min((d for d, *_ in pairs), default=math.inf))
+
+
+def mesh_cad(
+    path: str | Path,
+    *,
+    powder: str = "powder",
+    gap_layers: int = 4,
+    size_factor: float = 1.0,
+    air_factor: float = 3.0,
+    out: str | Path | None = None,
+    **options: Any,
+) -> SectionMesh:
+    """Triangulate the section of a CAD file and the air around it.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, see `geometry.cad_import`.
+    powder : str
+        Region that is refined by layers.
+    gap_layers, size_factor : int, float
+        As in `mesh_clutch`.
+    air_factor : float
+        Radius of the air's half disc over that of the circle around the device, about the middle of its length.
+    out : str or Path, optional
+        Where to write the mesh as well (.msh, metres).
+    **options
+        `names`, `needed`, `known`, `axis`, `scale` of `imported_section`.
+
+    Returns
+    -------
+    SectionMesh
+        With the parts' regions and ``air``; boundaries ``axis``, ``outer`` and ``powder_REGION`` for each neighbour
+        of the powder.
+
+    Raises
+    ------
+    CadError, ValueError, OSError
+    """
+    if gap_layers < MINIMUM_LAYERS:
+        raise ValueError(f"`gap_layers` = {gap_layers}: allowed are {MINIMUM_LAYERS} or more; raise `gap_layers`")
+    if not 0.1 <= size_factor <= 4.0:
+        raise ValueError(f"`size_factor` = {size_factor:g}: allowed are 0.1 to 4; the default is 1")
+    if not 1.5 <= air_factor <= 20.0:
+        raise ValueError(f"`air_factor` = {air_factor:g}: allowed are 1.5 to 20; the default is 3")
+    target = None if out is None else _writable(Path(out))
+    with _conforming(path, air_factor, options) as (gmsh, parts, surfaces):
+        gmsh.option.setNumber("Mesh.MeshSizeFactor", size_factor)
+        for name, tags in surfaces.items():
+            gmsh.model.addPhysicalGroup(2, tags, name=name)
+        for name, tags in _named_curves(gmsh, surfaces, powder).items():
+            gmsh.model.addPhysicalGroup(1, tags, name=name)
+        _set_sizes(gmsh, parts, surfaces, powder, max(float(gap_layers), MINIMUM_LAYERS * size_factor), air_factor)
+        gmsh.model.mesh.generate(2)
+        if target is not None:
+            gmsh.write(str(target))
+        return _section(gmsh)
+
+
+@contextmanager
+def _conforming(
+    path: str | Path, air_factor: float, options: Mapping[str, Any]
+) -> Iterator[tuple[Any, list[CadPart], dict[str, list[int]]]]:
+    """The section cut out of its air: surfaces by region, ``air`` among them, neighbours sharing their edges."""
+    with imported_section(path, **options) as (gmsh, parts, tags):
+        before = gmsh.option.getNumber("Mesh.MeshSizeFactor")
+        try:
+            surfaces = _fragments(gmsh, Path(path), parts, tags, air_factor)
+            _refuse_slivers(gmsh, Path(path), surfaces)
+            yield gmsh, parts, surfaces
+        finally:
+            gmsh.option.setNumber("Mesh.MeshSizeFactor", before)
+
+
+def _disc(parts: Sequence[CadPart], air_factor: float) -> tuple[float, float]:
+    """Middle on the axis and radius of the air's half disc [mm]."""
+    low, high = min(part.z0 for part in parts), max(part.z1 for part in parts)
+    radius = air_factor * math.hypot(max(part.r1 for part in parts), 0.5 * (high - low))
+    return 0.5 * (low + high) / MILLIMETRE, radius / MILLIMETRE
+
+
+def _fragments(gmsh: Any, path: Path, parts: list[CadPart], tags: list[int], air_factor: float) -> dict[str, list[int]]:
+    occ = gmsh.model.occ
+    middle, radius = _disc(parts, air_factor)
+    arc = occ.addCircle(0.0, middle, 0.0, radius, angle1=-0.5 * np.pi, angle2=0.5 * np.pi)
+    occ.synchronize()
+    (_, south), (_, north) = gmsh.model.getBoundary([(1, arc)], combined=False)
+    air = occ.addPlaneSurface([occ.addCurveLoop([arc, occ.addLine(north, south)])])
+    _, pieces = occ.fragment([(2, air)], [(2, tag) for tag in tags])
+    occ.synchronize()
+    owner: dict[int, CadPart] = {}
+    for part, mine in zip(parts, pieces[1:], strict=True):
+        for _, tag in mine:
+            if tag in owner:
+                _refuse_overlap(occ, path, parts, owner[tag], part, tag)
+            owner[tag] = part
+    surfaces: dict[str, list[int]] = {}
+    for tag, part in owner.items():
+        surfaces.setdefault(part.region, []).append(tag)
+    surfaces["air"] = surfaces.get("air", []) + [tag for _, tag in pieces[0] if tag not in owner]
+    return surfaces
+
+
+def _refuse_overlap(occ: Any, path: Path, parts: list[CadPart], one: CadPart, other: CadPart, tag: int) -> None:
+    area = MILLIMETRE**2 * occ.getMass(2, tag)
+    if area > _OVERLAP * min(one.area, other.area):
+        r, z, _ = occ.getCenterOfMass(2, tag)
+        raise CadError(
+            f"{path}: {one.region!r} and {other.region!r} overlap by {1e6 * area:.3g} mm2 around r = {r:.4g} mm, "
+            f"z = {z:.4g} mm; cut one out of the other in the CAD program\n{list_of(parts)}"
+        )
+
+
+def _refuse_slivers(gmsh: Any, path: Path, surfaces: Mapping[str, Sequence[int]]) -> None:
+    """Parts that nearly touch: neither closed, as the drawer meant it, nor wide enough for elements."""
+    for tags in surfaces.values():
+        for distance, one, other in _facing(gmsh, tags, _SLIVER / MILLIMETRE):
+            behind = sorted({name for curve in (one, other) for name in _neighbours(gmsh, curve, surfaces)})
+            r, z, _ = gmsh.model.occ.getCenterOfMass(1, one)
+            raise CadError(
+                f"{path}: {' and '.join(behind)} leave a slit of {1e3 * distance:.2g} um near r = {r:.4g} mm, "
+                f"z = {z:.4g} mm; let the parts touch exactly, or leave at least {1e6 * _SLIVER:g} um"
+            )
+
+
+def _ends(gmsh: Any, curve: int) -> list[tuple[int, int]]:
+    return gmsh.model.getBoundary([(1, curve)], combined=False, oriented=False)
+
+
+def _curves_of(gmsh: Any, surfaces: Sequence[int]) -> list[int]:
+    shapes = [(2, tag) for tag in surfaces]
+    return [tag for _, tag in gmsh.model.getBoundary(shapes, combined=True, oriented=False)] if shapes else []
+
+
+def _on_axis(gmsh: Any, curve: int) -> bool:
+    box = gmsh.model.occ.getBoundingBox(1, curve)
+    return max(abs(box[0]), abs(box[3])) < 1e-5
+
+
+def _neighbours(gmsh: Any, curve: int, surfaces: Mapping[str, Sequence[int]]) -> list[str]:
+    """Regions on the two sides of a curve."""
+    faces, _ = gmsh.model.getAdjacencies(1, curve)
+    return [name for face in faces for name, tags in surfaces.items() if face in tags]
+
+
+def _named_curves(gmsh: Any, surfaces: dict[str, list[int]], powder: str) -> dict[str, list[int]]:
+    curves: dict[str, list[int]] = {}
+    for tag in _curves_of(gmsh, [tag for tags in surfaces.values() for tag in tags]):
+        curves.setdefault("axis" if _on_axis(gmsh, tag) else "outer", []).append(tag)
+    for tag in _curves_of(gmsh, surfaces.get(powder, [])):
+        behind = [name for name in _neighbours(gmsh, tag, surfaces) if name != powder]
+        if behind:
+            curves.setdefault(f"powder_{behind[0]}", []).append(tag)
+    return curves
+
+
+def _outline(gmsh: Any, surfaces: dict[str, list[int]], powder: str) -> Iterator[OutlineEdge]:
+    for curve in _curves_of(gmsh, surfaces.get(powder, [])):
+        if _on_axis(gmsh, curve):
+            continue
+        behind = [name for name in _neighbours(gmsh, curve, surfaces) if name != powder]
+        count = 1 if gmsh.model.getType(1, curve) == "Line" else _CHORDS
+        low, high = gmsh.model.getParametrizationBounds(1, curve)
+        points = gmsh.model.getValue(1, curve, np.linspace(low[0], high[0], count + 1)).reshape(-1, 3)[:, :2]
+        corners = [(max(0.0, round(float(r), 12)), round(float(z), 12) + 0.0) for r, z in points * MILLIMETRE]
+        for start, end in pairwise(corners):
+            yield OutlineEdge(start, end, behind[0] if behind else "air")
+
+
+def _facing(gmsh: Any, surfaces: Sequence[int], below: float = math.inf) -> Iterator[tuple[float, int, int]]:
+    """Distance [mm] of every two curves of one face that do not touch, where it is less than ``below``."""
+    for surface in surfaces:
+        curves = [tag for tag in _curves_of(gmsh, [surface]) if not _on_axis(gmsh, tag)]
+        ends = {curve: set(_ends(gmsh, curve)) for curve in curves}
+        boxes = {curve: gmsh.model.occ.getBoundingBox(1, curve) for curve in curves}
+        for k, one in enumerate(curves):
+            for other in curves[:k]:
+                if ends[one] & ends[other] or _box_distance(boxes[one], boxes[other]) >= below:
+                    continue
+                distance = gmsh.model.occ.getDistance(1, one, 1, other)[0]
+                if 0.0 < distance < below:
+                    yield distance, one, other
+
+
+def _box_distance(a: Sequence[float], b: Sequence[float]) -> float:
+    return math.hypot(*(max(a[k] - b[k + 3], b[k] - a[k + 3], 0.0) for k in range(2)))
+
+
+def _set_sizes(
+    gmsh: Any,
+    parts: Sequence[CadPart],
+    surfaces: dict[str, list[int]],
+    powder: str,
+    layers: float,
+    air_factor: float,
+) -> None:
+    """Sizes before the size factor: gaps and corners first, then growing with the distance."""
+    low, high = min(part.z0 for part in parts), max(part.z1 for part in parts)
+    r1 = max(part.r1 for part in parts)
+    far = _disc(parts, air_factor)[1] * MILLIMETRE / 8.0
+    device = min(r1 / 20.0, (high - low) / 8.0)
+    fields = [_grown(gmsh, "Box", device, far, {"XMin": 0.0, "XMax": r1, "YMin": low, "YMax": high, "ZMin": -1.0,
+                                                "ZMax": 1.0})]  # fmt: skip
+    at_corner: dict[int, float] = {}
+    for name, tags in surfaces.items():
+        for distance, *curves in _facing(gmsh, tags, device / MILLIMETRE):
+            gap = distance * MILLIMETRE
+            size = gap / (layers * ROW_HEIGHT) if name == powder else max(3.0 * gap, (high - low) / 200.0)
+            if size >= device:
+                continue
+            fields.append(_along(gmsh, curves, size, 0.5 * gap, far))
+            if name == powder:
+                for _, corner in (end for curve in curves for end in _ends(gmsh, curve)):
+                    at_corner[corner] = min(size, at_corner.get(corner, math.inf))
+    for corner, size in at_corner.items():
+        r, z, _ = gmsh.model.getValue(0, corner, [])
+        place = {"XCenter": r * MILLIMETRE, "YCenter": z * MILLIMETRE, "Radius": 0.0}
+        fields.append(_grown(gmsh, "Ball", CORNER * size, far, place))
+    least = gmsh.model.mesh.field.add("Min")
+    gmsh.model.mesh.field.setNumbers(least, "FieldsList", fields)
+    gmsh.model.mesh.field.setAsBackgroundMesh(least)
+
+
+def _along(gmsh: Any, curves: Sequence[int], size: float, reach: float, far: float) -> int:
+    """A size field: ``size`` [m] within ``reach`` [m] of the curves, growing with the distance beyond."""
+    field = gmsh.model.mesh.field
+    length = max(gmsh.model.occ.getMass(1, curve) for curve in curves) * MILLIMETRE
+    near = field.add("Distance")
+    field.setNumbers(near, "CurvesList", list(curves))
+    field.setNumber(near, "Sampling", min(_MOST_SAMPLES, 2 + math.ceil(2.0 * length / size)))
+    grown = field.add("Threshold")
+    field.setNumber(grown, "InField", near)
+    numbers = {"SizeMin": size, "SizeMax": far, "DistMin": reach, "DistMax": reach + (far - size) / GROWTH}
+    for name, value in numbers.items():
+        field.setNumber(grown, name, value / MILLIMETRE)
+    return grown

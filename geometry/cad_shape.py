@@ -1,0 +1,221 @@
+"""What grains see of a device from CAD: the powder's outline as walls of bodies, and the boxes to fill.
+
+The section of `cad_meshing` says what lies behind each edge of the powder's outline; each region belongs to a body
+(shaft), and runs of edges of one body become one outline, whose inner corners have an owner each (`walls.outline`).
+To be filled, the powder's region must consist of rectangles: edges along r or z.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from geometry.cad_meshing import CadSection, OutlineEdge
+from geometry.fault import Fault, millimetres
+from geometry.walls import AnnularBox, Pair, RevolvedWall, outline
+
+BODIES: Mapping[str, str] = {
+    "disc": "disc",
+    "shaft_out": "disc",
+    "housing": "housing",
+    "coil": "housing",
+    "yoke": "housing",
+    "air": "housing",
+}
+"""Body of a region by its name; every other region turns with the rotor."""
+
+_CLOSE = 1e-8  # m; ends of edges that are one corner
+
+
+@dataclass(frozen=True, slots=True)
+class CadShape:
+    """Walls and boxes of a device from CAD.
+
+    Parameters
+    ----------
+    section : CadSection
+    bodies : mapping of str to str
+        Body of each region, beside those of `BODIES`.
+    magnetic : collection of str
+        Regions whose faces mirror dipoles.
+    """
+
+    section: CadSection
+    bodies: Mapping[str, str] = field(default_factory=dict)
+    magnetic: frozenset[str] = frozenset()
+
+    def body(self, region: str) -> str:
+        """The body (shaft) that a region turns with."""
+        return self.bodies.get(region, BODIES.get(region, "rotor"))
+
+    @property
+    def gap(self) -> float:
+        """Smallest width of the powder's space [m]."""
+        return self.section.gap
+
+    @property
+    def mean_gap_radius(self) -> float:
+        """Radius [m] in the middle of the gap: halfway between the disc's outermost wall and what faces it."""
+        disc = [max(edge.start[0], edge.end[0]) for edge in self._edges() if self.body(edge.region) == "disc"]
+        return (max(disc) if disc else self.bore_radius) + (0.5 * self.gap if disc else 0.0)
+
+    @property
+    def bore_radius(self) -> float:
+        """Largest radius [m] of the powder's space."""
+        return max((max(edge.start[0], edge.end[0]) for edge in self._edges()), default=0.0)
+
+    @property
+    def coil_area(self) -> float:
+        """Section of the winding [m^2], the parts named coil."""
+        return sum(part.area for part in self.section.parts if part.region == "coil")
+
+    @property
+    def coil_mean_radius(self) -> float:
+        """Mean radius of the winding [m]: a mean turn is 2 pi times as long."""
+        return sum(part.area * part.radius for part in self.section.parts if part.region == "coil") / self.coil_area
+
+    @property
+    def ring_width(self) -> float:
+        """What the middle of the gap leaves out [m]: nothing, a file does not say where poles end."""
+        return 0.0
+
+    def gap_midline(self, count: int = 101) -> np.ndarray:
+        """Points (r, z) [m] along the middle of the largest gap, a gap's width short of its ends; shape (count, 2)."""
+        boxes = self.fill_boxes().values()
+        thin = [box for box in boxes if min(box.r1 - box.r0, box.z1 - box.z0) < 1.5 * self.gap] or list(boxes)
+        box = max(thin, key=lambda box: box.volume())
+        wide = box.r1 - box.r0, box.z1 - box.z0
+        short = min(min(wide), 0.25 * max(wide))
+        along = np.linspace(short, max(wide) - short, count)
+        if wide[0] < wide[1]:
+            return np.column_stack((np.full(count, box.r0 + 0.5 * wide[0]), box.z0 + along))
+        return np.column_stack((box.r0 + along, np.full(count, box.z0 + 0.5 * wide[1])))
+
+    def face_midline(self, count: int = 101) -> np.ndarray:
+        """As `gap_midline`: there is but one of them here."""
+        return self.gap_midline(count)
+
+    def faults(self, grain_diameter: float | None = None) -> list[Fault]:
+        """Why grains cannot be put in: no powder's region, one that is no set of rectangles, a gap below a grain."""
+        if not self._edges():
+            return [_fault("no part of the file is the powder: grains have no space", "a part named powder",
+                           "draw the space of the grains as a part of its own, named powder")]  # fmt: skip
+        found = []
+        for edge in self._edges():
+            if not _same(edge.start[0], edge.end[0]) and not _same(edge.start[1], edge.end[1]):
+                place = f"r = {millimetres(edge.start[0])}, z = {millimetres(edge.start[1])}"
+                found.append(_fault(f"the powder's outline runs obliquely at {place}", "edges along r or z",
+                                    "draw the space of the grains of rectangles"))  # fmt: skip
+                break
+        if grain_diameter is not None and self.gap < grain_diameter:
+            grain = millimetres(grain_diameter)
+            reason = f"the powder's gap of {millimetres(self.gap)} is smaller than one grain ({grain}): no grain fits"
+            found.append(_fault(reason, f"at least {grain}", "widen it, or lower particles.diameter"))
+        return found
+
+    def walls(self) -> list[RevolvedWall]:
+        """The walls around the powder, each belonging to its region's body."""
+        walls: list[RevolvedWall] = []
+        for loop, closed in _chains(self._edges()):
+            for run, whole in self._runs(loop, closed):
+                names = [f"{edge.region}_{len(walls) + k + 1}" for k, (edge, _, _) in enumerate(run)]
+                steel = [edge.region in self.magnetic for edge, _, _ in run]
+                vertices = [start for _, start, _ in run] + ([] if whole else [run[-1][2]])
+                walls += outline(names, self.body(run[0][0].region), vertices, whole, magnetic=steel)
+        return walls
+
+    def fill_boxes(self) -> dict[str, AnnularBox]:
+        """Disjoint rectangles of the powder's space, ``part_1`` and so on, the ones at small radius first."""
+        edges = self._edges()
+        r = _distinct([x for edge in edges for x in (edge.start[0], edge.end[0])])
+        z = _distinct([x for edge in edges for x in (edge.start[1], edge.end[1])])
+        # A cell between two radii is inside where a line along z has crossed the outline an odd number of times.
+        boxes: list[AnnularBox] = []
+        for r0, r1 in pairwise(r):
+            middle = 0.5 * (r0 + r1)
+            crossed = sorted(
+                edge.start[1]
+                for edge in edges
+                if _same(edge.start[1], edge.end[1]) and min(edge.start[0], edge.end[0]) < middle
+                and middle < max(edge.start[0], edge.end[0])
+            )  # fmt: skip
+            for z0, z1 in zip(crossed[::2], crossed[1::2], strict=True):
+                last = next((b for b in boxes if _same(b.r1, r0) and _same(b.z0, z0) and _same(b.z1, z1)), None)
+                if last is not None:
+                    boxes[boxes.index(last)] = AnnularBox(last.r0, r1, z0, z1)
+                else:
+                    boxes.append(AnnularBox(r0, r1, _nearest(z, z0), _nearest(z, z1)))
+        return {f"part_{k + 1}": box for k, box in enumerate(boxes)}
+
+    def _edges(self) -> tuple[OutlineEdge, ...]:
+        return self.section.powder_outline
+
+    def _runs(self, loop: list[_Step], closed: bool) -> list[tuple[list[_Step], bool]]:
+        """Cut a chain where the body changes; the second entry: the run is the whole closed loop."""
+        bodies = [self.body(edge.region) for edge, _, _ in loop]
+        if closed and len(set(bodies)) == 1:
+            return [(loop, True)]
+        if closed:  # begin where a body begins
+            first = next(k for k in range(len(loop)) if bodies[k] != bodies[k - 1])
+            loop, bodies = loop[first:] + loop[:first], bodies[first:] + bodies[:first]
+        runs: list[list[_Step]] = []
+        for k, step in enumerate(loop):
+            if k == 0 or bodies[k] != bodies[k - 1]:
+                runs.append([])
+            runs[-1].append(step)
+        return [(run, False) for run in runs]
+
+
+_Step = tuple[OutlineEdge, Pair, Pair]
+"""An edge with its ends in the order of the chain."""
+
+
+def _fault(reason: str, allowed: str, remedy: str) -> Fault:
+    return Fault("geometry.file", "", reason, allowed, remedy)
+
+
+def _chains(edges: Sequence[OutlineEdge]) -> list[tuple[list[_Step], bool]]:
+    """Edges joined end to end; open chains (which end on the axis) begin at an end."""
+    left = list(edges)
+    chains: list[tuple[list[_Step], bool]] = []
+    while left:
+        ends = [point for edge in left for point in (edge.start, edge.end)]
+        lonely = [p for p in ends if sum(_joined(p, q) for q in ends) == 1]
+        start = lonely[0] if lonely else left[0].start
+        chain: list[_Step] = []
+        at = start
+        while True:
+            edge = next((e for e in left if _joined(e.start, at) or _joined(e.end, at)), None)
+            if edge is None:
+                break
+            left.remove(edge)
+            step = (edge, edge.start, edge.end) if _joined(edge.start, at) else (edge, edge.end, edge.start)
+            # one corner, one pair of numbers: neighbours must agree to the last digit
+            chain.append((edge, at, step[2]))
+            at = step[2]
+            if _joined(at, start):
+                chain[-1] = (edge, chain[-1][1], start)
+                break
+        chains.append((chain, _joined(at, start)))
+    return chains
+
+
+def _joined(a: Pair, b: Pair) -> bool:
+    return math.hypot(a[0] - b[0], a[1] - b[1]) < _CLOSE
+
+
+def _same(a: float, b: float) -> bool:
+    return abs(a - b) < _CLOSE
+
+
+def _distinct(values: Sequence[float]) -> list[float]:
+    ordered = np.sort(values)
+    return [float(x) for x in ordered[np.append(True, np.diff(ordered) > _CLOSE)]]
+
+
+def _nearest(values: Sequence[float], x: float) -> float:
+    return min(values, key=lambda value: abs(value - x))

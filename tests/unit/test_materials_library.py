@@ -1,0 +1,116 @@
+"""The materials by name: their other names, conductivity and grains; the command that lists and draws them."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from emclutch.command_line import app
+from emclutch.materials_command import characteristics, draw_materials
+from field import MU_0, LinearLaw, material, material_names
+from field.conductivity import conductivity
+from field.materials import canonical_name, grain_material, grain_names, material_aliases
+
+
+def asked(*arguments, code=0):
+    result = CliRunner().invoke(app, ["materials", *arguments], env={"COLUMNS": "160"})
+    assert result.exit_code == code and "Traceback" not in result.output, result.output
+    return result.output
+
+
+def test_a_material_has_one_law_under_all_its_names():
+    for alias, name in material_aliases().items():
+        assert material(alias) is material(name) and canonical_name(alias) == name
+        assert alias not in material_names()
+    assert material("Steel-1010") is material("steel_1010") and material("X6Cr17") is material("stainless_430")
+    assert material("pure iron") is material("vacofer_s2")
+    assert canonical_name("unobtainium") is None
+
+
+def test_an_unknown_name_is_answered_with_the_nearest():
+    for lookup in (material, conductivity):
+        with pytest.raises(ValueError, match="did you mean 'steel_1010'"):
+            lookup("steel_101")
+    with pytest.raises(ValueError, match="did you mean 'powder_430'"):
+        grain_material("powder_340")
+
+
+@pytest.mark.parametrize("name", material_names())
+def test_every_material_has_a_conductivity_with_its_source(name):
+    found = conductivity(name)
+    assert found.source and found.temperature == 20.0
+    # between silver, the best conductor, and stainless steel; air conducts nothing
+    assert found.sigma == 0.0 if name == "air" else 1e6 < found.sigma < 6.3e7
+
+
+def test_conductivities_are_those_of_the_standards():
+    assert conductivity("copper").sigma == pytest.approx(1.0 / 1.7241e-8, rel=1e-3)  # IEC 60028, 100 % IACS
+    assert conductivity("aluminium").sigma / conductivity("copper").sigma == pytest.approx(0.61, abs=0.01)
+    assert conductivity("stainless_304").sigma == pytest.approx(1.0 / 0.73e-6, rel=1e-2)  # EN 10088-1
+
+
+def test_grains_saturate_at_their_polarisation():
+    for name in grain_names():
+        law, source = grain_material(name)
+        assert source and 1.5 < MU_0 * law.Ms < 2.16  # less than iron's
+        # demagnetised spheres: M -> 3 H whatever their chi
+        assert law.magnetisation(np.array([1e3]), 0.0)[0] == pytest.approx(3e3, rel=0.02)
+
+
+def test_characteristics_are_read_off_the_law():
+    steel = characteristics(material("stainless_430"))
+    assert steel.initial_mu_r == pytest.approx(274.0) and steel.law == "mu_r(B)"  # Modelica FluxTubes, X6Cr17
+    b = np.linspace(0.0, 2.0, 20_001)
+    assert steel.largest_mu_r == pytest.approx(np.max(1 + (273 + 970 * b) / (1 + 1.2 * b + b**8.3)), rel=1e-3)
+    # the last point of the table: B - mu_0 H
+    assert characteristics(material("steel_1010")).J_s == pytest.approx(4.4 - MU_0 * 1909860.0, abs=1e-6)
+    assert characteristics(material("copper")).J_s == 0.0
+    assert characteristics(LinearLaw(1000.0, "mine")).J_s == float("inf")
+
+
+def test_the_list_has_every_material_its_other_names_and_sources():
+    output = asked()
+    for words in (*material_names(), *material_aliases(), *grain_names(), "about 7e+06", "FEMM"):
+        assert words in output
+
+
+def test_the_list_for_machines_is_json():
+    data = json.loads(asked("--json"))
+    assert [entry["name"] for entry in data["materials"]] == material_names()
+    assert json.loads(asked("pure_iron", "--json"))["materials"][0]["initial_mu_r"] == pytest.approx(2666.0)
+
+
+def test_curves_are_drawn_into_a_new_file(tmp_path):
+    picture = tmp_path / "curves.png"
+    (tmp_path / "mine.csv").write_text("H [A/m], B [T]\n100, 1\n1000, 1.5\n9000, 1.7\n")
+    asked("steel_1010", "copper", str(tmp_path / "mine.csv"), "--plot", str(picture))
+    assert picture.read_bytes()[:4] == b"\x89PNG" and picture.stat().st_size > 20_000
+    before = picture.read_bytes()
+    assert "--plot" in asked("steel_1010", "--plot", str(picture), code=2)
+    assert picture.read_bytes() == before
+    assert ".png" in asked("steel_1010", "--plot", str(tmp_path / "curves.txt"), code=2)
+    assert "check the path" in asked("steel_1010", "--plot", str(tmp_path / "none" / "curves.png"), code=2)
+
+
+def test_every_wrong_name_is_told(tmp_path):
+    (tmp_path / "bad.csv").write_text("H [A/m], B [T]\n100, 1\n1000, 0.5\n9000, 1.7\n")
+    output = asked("stel_1010", str(tmp_path / "none.csv"), str(tmp_path / "bad.csv"), code=2)
+    assert "did you mean 'steel_1010'" in output and "check the path" in output and "line 3: not monotone" in output
+
+
+def test_the_picture_holds_the_curves(tmp_path, monkeypatch):
+    """What is drawn is the law: read back from the lines of the figure."""
+    from matplotlib.figure import Figure
+
+    drawn = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: drawn.append(figure))
+    draw_materials([material("steel_1010"), material("copper")], tmp_path / "curves.png")
+    plain, logarithmic, permeability = drawn[0].axes
+    H, B = plain.lines[0].get_data()
+    assert np.allclose(material("steel_1010").H_of_B(B)[0], 1e3 * H)
+    H, B = logarithmic.lines[0].get_data()
+    assert np.allclose(material("steel_1010").H_of_B(B)[0], H)
+    B, mu_r = permeability.lines[-1].get_data()
+    assert np.allclose(mu_r, 1.0)
+    assert [text.get_text() for text in plain.get_legend().get_texts()] == ["steel_1010", "copper"]

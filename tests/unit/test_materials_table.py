@@ -1,0 +1,93 @@
+"""A curve from a text file: every way of writing it gives the same numbers; every fault has its line."""
+
+import numpy as np
+import pytest
+
+from field import MU_0, material
+from field.magnetisation_table import TableFault, read_table, table_law
+from field.materials import _STEEL_1010
+
+H = np.array([0.0, 120.0, 1500.0, 20000.0])
+B = np.array([0.0, 0.25, 1.25, 1.875])  # exact in binary, so that 1000 * B / 1000 is too
+J = B - MU_0 * H
+POINTS = list(zip(H.tolist(), B.tolist(), strict=True))
+IN_COMMAS = [f"{h},{b}" for h, b in POINTS]
+WRITTEN = {
+    "commas": ["H [A/m],B [T]", *IN_COMMAS],
+    "the other way round, in other units": ["B [mT], H [kA/m]", *(f"{1e3 * b}, {h / 1e3}" for h, b in POINTS)],
+    "semicolons and decimal commas": ["H (A/m);B (T)", *(f"{h};{b}".replace(".", ",") for h, b in POINTS)],
+    "tabs": ["H / A/m\tB / T", *(f"{h}\t{b}" for h, b in POINTS)],
+    "blanks": ["H [A/m]   B [T]", *(f"  {h}   {b}" for h, b in POINTS)],
+    "polarisation": ["H [A/m],J [T]", *(f"{h},{j}" for h, j in zip(H.tolist(), J.tolist(), strict=True))],
+    "with remarks": ["# ring core", "", "H [A/m],B [T]", *IN_COMMAS, "# end"],
+    "a column more": ["no,H [A/m],mu_r,B [T]", *(f"{k},{h},?,{b}" for k, (h, b) in enumerate(POINTS))],
+    "quoted": ['"H [A/m]","B [T]"', *(f'"{h}","{b}"' for h, b in POINTS)],
+    "byte order mark": ["\ufeffH [A/m],B [T]", *IN_COMMAS],
+    "oersted and gauss": ["H [Oe],B [G]", *(f"{h * 4e-3 * np.pi},{1e4 * b}" for h, b in POINTS)],
+}
+
+
+def written(tmp_path, lines):
+    path = tmp_path / "curve.csv"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("way", WRITTEN)
+def test_every_way_of_writing_gives_the_same_curve(way, tmp_path):
+    read_H, read_B = read_table(written(tmp_path, WRITTEN[way]))
+    assert np.allclose(read_H, H, rtol=1e-14) and np.allclose(read_B, B, rtol=1e-14)
+
+
+def test_steel_1010_through_a_file_is_steel_1010(tmp_path):
+    """With its inflection, and without the origin, which is added."""
+    lines = ["H [A/m],B [T]", *(f"{h},{b}" for h, b in _STEEL_1010[1:])]
+    law = table_law(written(tmp_path, lines))
+    assert law.name == "curve"
+    points = np.linspace(0.0, 5.0, 501)
+    assert np.array_equal(law.H_of_B(points)[0], material("steel_1010").H_of_B(points)[0])
+
+
+GOOD = ["0,0", "100,1", "1000,1.5", "5000,1.7"]
+FAULTS = {
+    "nothing": ([], "is empty"),
+    "only remarks": (["# nothing"], "is empty"),
+    "no header": (GOOD, "line 1 has numbers but no header"),
+    "no unit": (["H,B [T]", *GOOD], "'H' has no unit; write H [A/m]"),
+    "unknown unit": (["H [A/m],B [Tesla]", *GOOD], "unknown unit 'Tesla'; known for B: T, mT"),
+    "unknown columns": (["x,y", *GOOD], "does not name the columns"),
+    "no flux": (["H [A/m],M [A/m]", *GOOD], "does not name the columns"),
+    "H twice": (["H [A/m],H [kA/m]", *GOOD], "names H twice"),
+    "B and J": (["H [A/m],B [T],J [T]", "0,0,0"], "both B and J"),
+    "no number": (["H [A/m],B [T]", "0,0", "100,x", *GOOD[2:]], "line 3: B = 'x' is not a number"),
+    "nan": (["H [A/m],B [T]", "0,0", "100,nan", *GOOD[2:]], "line 3: B = 'nan' is not a number"),
+    "decimal comma between commas": (["H [A/m],B [T]", "0,0", "100,1,5"], "line 3 has 3 entries for 2 columns"),
+    "decimal comma between blanks": (["H [A/m]  B [T]", "0 0", "100 1,5"], "decimals follow a point"),
+    "short row": (["# x", "H [A/m],B [T]", "0,0", "100"], "line 4 has 1 entries"),
+    "too few points": (["H [A/m],B [T]", "0,0", "100,1", "1000,1.5"], "2 points beside the origin"),
+    "header alone": (["H [A/m],B [T]"], "0 points"),
+    "H goes back": (["H [A/m],B [T]", "0,0", "100,1", "90,1.1", "5000,1.7"], "line 4: not monotone, H goes"),
+    "B goes back": (["H [A/m],B [T]", "0,0", "100,1", "", "1000,0.9", "5000,1.7"], "line 5: not monotone, B goes"),
+    "a loop": (["H [A/m],B [T]", "-100,-1", "0,0.5", "100,1", "900,2"], "line 2: the curve starts at H = -100"),
+    "remanence": (["H [A/m],B [T]", "0,0.5", "100,1", "900,1.5", "2000,1.6"], "must start at the origin"),
+    "M as B": (["H [A/m],B [T]", "0,0", "100,1", "1000,1.0001", "5000,1.7"], "line 4: dB/dH = 1.11e-07 H/m is"),
+    "J that falls": (["H [A/m],J [T]", "0,0", "100,1", "1000,0.9995", "5000,1.7"], "J must not fall"),
+    "first slope": (["H [A/m],B [T]", "10000,0.001", "20000,1", "30000,2"], "line 2: dB/dH"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_every_fault_has_its_line(name, tmp_path):
+    lines, words = FAULTS[name]
+    with pytest.raises(TableFault) as fault:
+        read_table(written(tmp_path, lines))
+    assert words in str(fault.value)
+
+
+def test_what_is_no_text_is_told(tmp_path):
+    path = tmp_path / "curve.csv"
+    path.write_bytes(b"\xff\xfe\x00H")
+    with pytest.raises(TableFault, match="UTF-8"):
+        read_table(path)
+    with pytest.raises(FileNotFoundError):
+        read_table(tmp_path / "none.csv")
