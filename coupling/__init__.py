@@ -3,13 +3,15 @@
 from coupling.deposition import FillDeposition
 from coupling.effects import BackReaction, Effect, FixedDipoles, MagneticForce, WallImages
 from coupling.expected_load import magnetic_load, snap_in_overlap, weight_load
-from coupling.field_source import CoilField, ImposedField
+from coupling.field_source import CircuitCoilField, CoilField, EddyCoilField, ImposedField
 from coupling.magnetised_grains import MagnetisedGrains, moments
 from coupling.staggered import Simulation, run_staggered
 
 __all__ = [
     "BackReaction",
+    "CircuitCoilField",
     "CoilField",
+    "EddyCoilField",
     "Effect",
     "FillDeposition",
     "FixedDipoles",

@@ -1,14 +1,23 @@
-"""Where H comes from: a coil's finite-element field that follows current and fill, or an imposed field."""
+"""Where H comes from: a coil's finite-element field that follows current and fill, or an imposed field.
+
+Of the coil's field there are three, by what its current follows from: a course in time (`CoilField`), the circuit of
+a voltage and the nonlinear flux linkage (`CircuitCoilField`), and the diffusion of the field into solid conductors
+(`EddyCoilField`, at a current or at a voltage).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
 from field import AxisymmetricProblem, FieldSampler, MagneticField
+from field.coil_circuit import CircuitState, LinearisedCoil, solve_at_flux_linkage
+from field.eddy_currents import CurrentDrive, EddyCurrentProblem, TransientState, VoltageDrive
+from field.newton import norm
 
 
 @dataclass(slots=True)
@@ -61,6 +70,21 @@ class CoilField:
         Returns True when the field is new. Raises field.ConvergenceError when Newton fails.
         """
         current = self.current(time)
+        if not self.is_stale(current, fill):
+            return False
+        begin = perf_counter()
+        guess = self.solution if self.solution is not None and self.solved_current != 0.0 else None
+        self.set_solution(
+            self.problem.solve(self.turns * current, fill=fill, guess=guess, tolerance=self.newton_tolerance),
+            current,
+            fill,
+        )
+        self.solves += 1
+        self.seconds += perf_counter() - begin
+        return True
+
+    def is_stale(self, current: float, fill: np.ndarray | None) -> bool:
+        """Whether current [A] or fill have left the present field behind; notes the largest current and the change."""
         self.largest_current = max(self.largest_current, abs(current))
         stale = self.solution is None
         if not stale and abs(current - self.solved_current) > self.current_tolerance * self.largest_current:
@@ -75,20 +99,281 @@ class CoilField:
             # without current there is no field that the fill could change
             if current != 0.0 and self.fill_change > self.fill_tolerance:
                 stale = True
-        if not stale:
-            return False
-        begin = perf_counter()
-        guess = self.solution if self.solution is not None and self.solved_current != 0.0 else None
-        self.set_solution(
-            self.problem.solve(self.turns * current, fill=fill, guess=guess, tolerance=self.newton_tolerance),
-            current,
-            fill,
-        )
-        self.solves += 1
-        self.seconds += perf_counter() - begin
-        return True
+        return stale
 
     def set_solution(self, solution: MagneticField, current: float, fill: np.ndarray | None) -> None:
         """Take a solution (a fresh one, or the one of a checkpoint) as the present field."""
         self.solution, self.solved_current, self.fill = solution, current, fill
         self.sampler = solution.sampler("powder")
+
+    def window_row(self, time: float) -> dict[str, float]:
+        """What a window that ends at `time` [s] adds to the history beside the field's own quantities."""
+        return {"current": self.current(time)}
+
+    def state(self) -> dict[str, Any] | None:
+        """What a bit-exact continuation needs; None before the first solve."""
+        if self.solution is None:
+            return None
+        return {
+            "psi": self.solution.psi,
+            "ampere_turns": self.solution.ampere_turns,
+            "fill": self.fill,
+            "newton": [list(map(float, x)) for x in self.solution.newton],
+            "current": self.solved_current,
+            "largest_current": self.largest_current,
+            "solves": self.solves,
+        }
+
+    def restore(self, saved: dict[str, Any]) -> None:
+        """Take up the state of a checkpoint."""
+        solution = MagneticField(
+            self.problem, saved["psi"], saved["ampere_turns"], saved["fill"], [tuple(x) for x in saved["newton"]]
+        )
+        self.set_solution(solution, saved["current"], saved["fill"])
+        self.largest_current, self.solves = saved["largest_current"], saved["solves"]
+
+
+def _unset(time: float) -> float:
+    raise AssertionError("the source's course in time is set when it is built")
+
+
+@dataclass(slots=True)
+class CircuitCoilField(CoilField):
+    """A coil at a voltage, V(t) = R i + d lambda/dt, with the flux linkage of the field (effect `coil_circuit`).
+
+    The linkage is integrated exactly along a line i(lambda) about the last solve; when the current has moved beyond
+    its tolerance, or the fill, the field is solved for the linkage reached, which neither of them can make jump.
+
+    Attributes
+    ----------
+    current : callable t [s] -> I [A]
+        Not given: from the present circuit, without changing it; for times after the last `refresh`.
+    voltage : callable t [s] -> V [V]
+    resistance : float
+        Of the coil [ohm], > 0.
+    breaks : tuple of float
+        Instants [s] where the voltage is not smooth.
+    begin_steady : bool
+        Begin with the field of V(0)/R instead of with none.
+    largest_current : float
+        The largest |V|/R to come [A]: what the current's tolerance refers to from the start.
+    """
+
+    current: Callable[[float], float] = _unset
+    voltage: Callable[[float], float] = _unset
+    resistance: float = np.nan
+    breaks: tuple[float, ...] = ()
+    begin_steady: bool = False
+    circuit: CircuitState | None = None
+    coil: LinearisedCoil | None = None
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.resistance) and self.resistance > 0.0):
+            raise ValueError(f"`resistance` = {self.resistance} ohm of the coil must be a finite number above 0")
+        self.current = self._current_at
+
+    def refresh(self, time: float, fill: np.ndarray | None = None) -> bool:
+        """See `CoilField.refresh`."""
+        begin = perf_counter()
+        if self.circuit is None or self.coil is None:
+            current = self.voltage(time) / self.resistance if self.begin_steady else 0.0
+            self.is_stale(current, fill)
+            solution = self.problem.solve(self.turns * current, fill=fill, tolerance=self.newton_tolerance)
+            self.circuit = CircuitState(time, self.turns * solution.flux_linkage_per_turn, current)
+        else:
+            self.circuit = self.coil.advanced(self.circuit, time, self.voltage, self.breaks)
+            if not self.is_stale(self.circuit.current, fill):
+                return False
+            solution = solve_at_flux_linkage(
+                self.problem,
+                self.circuit.linkage / self.turns,
+                fill,
+                self.solution,
+                tolerance=self.newton_tolerance,
+            )
+        self.coil = LinearisedCoil.about(solution, self.turns, self.resistance)
+        self.circuit = replace(self.circuit, current=self.coil.current)
+        self.set_solution(solution, self.coil.current, fill)
+        self.solves += 1
+        self.seconds += perf_counter() - begin
+        return True
+
+    def _advanced(self, time: float) -> CircuitState:
+        assert self.circuit is not None and self.coil is not None, "refresh(time) comes first"
+        if time <= self.circuit.time:
+            return self.circuit
+        return self.coil.advanced(self.circuit, time, self.voltage, self.breaks)
+
+    def _current_at(self, time: float) -> float:
+        return self._advanced(time).current
+
+    def window_row(self, time: float) -> dict[str, float]:
+        """Circuit at the window's end, and its energies [J] since the window's `refresh`."""
+        assert self.circuit is not None, "refresh(time) comes first"
+        end = self._advanced(time)
+        return {
+            "current": end.current,
+            "coil_voltage": self.voltage(time),
+            "coil_supplied": end.supplied - self.circuit.supplied,
+            "copper_loss": end.copper_loss - self.circuit.copper_loss,
+            "into_field": end.into_field - self.circuit.into_field,
+        }
+
+    def state(self) -> dict[str, Any] | None:
+        """See `CoilField.state`."""
+        saved = CoilField.state(self)  # super() does not find its class in a dataclass with slots
+        if saved is None or self.circuit is None or self.coil is None:
+            return saved
+        circuit, coil = self.circuit, self.coil
+        saved["circuit"] = {
+            "time": circuit.time,
+            "linkage": circuit.linkage,
+            "current": circuit.current,
+            "supplied": circuit.supplied,
+            "copper_loss": circuit.copper_loss,
+        }
+        saved["coil"] = {"linkage": coil.linkage, "current": coil.current, "inductance": coil.inductance}
+        return saved
+
+    def restore(self, saved: dict[str, Any]) -> None:
+        """See `CoilField.restore`."""
+        CoilField.restore(self, saved)
+        self.circuit = CircuitState(**{name: float(value) for name, value in saved["circuit"].items()})
+        self.coil = LinearisedCoil(
+            **{name: float(value) for name, value in saved["coil"].items()}, resistance=self.resistance
+        )
+
+
+@dataclass(slots=True)
+class EddyCoilField(CoilField):
+    """The coil's field with eddy currents in solid parts (effect `eddy_currents`), at a current or at a voltage.
+
+    The field takes steps of its own, of one or several windows: as long as it is expected to change by
+    `change_tolerance` of its size. It is held between, as by every field of the staggered loop.
+
+    Attributes
+    ----------
+    current : callable t [s] -> I [A]
+        Where the coil has a prescribed current; at a voltage it is not given and follows from the field.
+    eddy : EddyCurrentProblem
+        With `problem` and `turns`.
+    voltage : VoltageDrive or None
+        None: at a prescribed current.
+    breaks : tuple of float
+        Instants [s] where the drive is not smooth: steps end there.
+    begin_steady : bool
+        Begin with the static field of the drive at the start instead of with none.
+    change_tolerance : float
+        Change of the field in one of its steps, relative to the largest so far.
+    """
+
+    current: Callable[[float], float] = _unset
+    eddy: EddyCurrentProblem | None = None
+    voltage: VoltageDrive | None = None
+    breaks: tuple[float, ...] = ()
+    begin_steady: bool = False
+    change_tolerance: float = 0.02
+    transient: TransientState | None = None
+    due: float = -np.inf
+    largest: float = 0.0
+    _before: TransientState | None = None
+
+    def __post_init__(self) -> None:
+        if self.eddy is None or self.eddy.problem is not self.problem or self.eddy.turns != self.turns:
+            raise ValueError("the eddy-current problem must be one of the same field problem and the same turns")
+        if self.voltage is None and self.current is _unset:
+            raise ValueError("a field with eddy currents needs its coil's current or a voltage drive")
+        if self.voltage is not None:
+            self.current = self._current_now
+
+    @property
+    def _drive(self) -> VoltageDrive | CurrentDrive:
+        return CurrentDrive(self.current) if self.voltage is None else self.voltage
+
+    def refresh(self, time: float, fill: np.ndarray | None = None) -> bool:
+        """See `CoilField.refresh`."""
+        begin = perf_counter()
+        assert self.eddy is not None
+        if self.transient is None:
+            self.transient = self._beginning(time, fill)
+            self._before = self.transient
+            self.is_stale(self.transient.current, fill)
+        else:
+            self._before = self.transient
+            current = self.transient.current if self.voltage is not None else self.current(time)
+            changed = self.is_stale(current, fill)
+            stops = [b for b in self.breaks if self.transient.time < b < time]
+            # to within round-off of the windows' sum of steps
+            waits = time < self.due - 1e-9 * abs(time) and not changed and not stops
+            if waits or time <= self.transient.time:
+                return False
+            for stop in (*sorted(stops), time):
+                self.transient = self._stepped(self.transient, stop, fill)
+        self.set_solution(self.eddy.field(self.transient, fill), self.transient.current, fill)
+        self.solves += 1
+        self.seconds += perf_counter() - begin
+        return True
+
+    def _beginning(self, time: float, fill: np.ndarray | None) -> TransientState:
+        assert self.eddy is not None
+        if not self.begin_steady:
+            return self.eddy.at_rest(time)
+        drive = self._drive
+        current = drive.voltage(time) / drive.resistance if isinstance(drive, VoltageDrive) else drive.current(time)
+        solution = self.problem.solve(self.turns * current, fill=fill, tolerance=self.newton_tolerance)
+        return self.eddy.steady(solution, time)
+
+    def _stepped(self, before: TransientState, time: float, fill: np.ndarray | None) -> TransientState:
+        """One step of the field, and when the next one is due."""
+        assert self.eddy is not None
+        dt = time - before.time
+        now = self.eddy.step(before, dt, self._drive, fill, tolerance=self.newton_tolerance)
+        self.largest = max(self.largest, norm(now.psi))
+        change = norm(now.psi - before.psi) / max(self.largest, 1e-300)
+        # a field that rests may take a step four times as long as the last one, one that moves a shorter one
+        self.due = time + min(4.0, max(0.2, self.change_tolerance / max(change, 1e-300))) * dt
+        return now
+
+    def _current_now(self, time: float) -> float:
+        assert self.transient is not None, "refresh(time) comes first"
+        return self.transient.current
+
+    def window_row(self, time: float) -> dict[str, float]:
+        """The coil, and the energies [J] of the field's step, if the window began with one."""
+        assert self.transient is not None and self._before is not None, "refresh(time) comes first"
+        now, before = self.transient, self._before
+        row = {
+            "current": self.current(time),
+            "coil_supplied": now.supplied - before.supplied,
+            "eddy_loss": now.eddy_loss - before.eddy_loss,
+        }
+        if self.voltage is not None:
+            row |= {"coil_voltage": self.voltage.voltage(time), "copper_loss": now.copper_loss - before.copper_loss}
+        return row
+
+    def state(self) -> dict[str, Any] | None:
+        """See `CoilField.state`."""
+        saved = CoilField.state(self)
+        if saved is None or self.transient is None:
+            return saved
+        now = self.transient
+        saved["transient"] = {
+            "time": now.time,
+            "current": now.current,
+            "linkage": now.linkage,
+            "eddy_loss": now.eddy_loss,
+            "copper_loss": now.copper_loss,
+            "supplied": now.supplied,
+            "error": now.error,
+        }
+        saved["due"], saved["largest"] = self.due, self.largest
+        return saved
+
+    def restore(self, saved: dict[str, Any]) -> None:
+        """See `CoilField.restore`."""
+        CoilField.restore(self, saved)
+        assert self.solution is not None
+        numbers = {name: float(value) for name, value in saved["transient"].items()}
+        self.transient = TransientState(psi=self.solution.psi, newton=self.solution.newton, **numbers)
+        self._before = self.transient
+        self.due, self.largest = float(saved["due"]), float(saved["largest"])

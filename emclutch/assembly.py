@@ -9,7 +9,9 @@ import numpy as np
 
 from coupling import (
     BackReaction,
+    CircuitCoilField,
     CoilField,
+    EddyCoilField,
     Effect,
     FillDeposition,
     FixedDipoles,
@@ -24,6 +26,7 @@ from emclutch.device import CoilDevice, Device, grain_law
 from emclutch.plan import Plan
 from emclutch.scene.model import Scene
 from emclutch.scene.time_table import points_of
+from field.eddy_currents import EddyCurrentProblem, VoltageDrive
 from particles import DEM, Body, FreeShaft, Grains, PrescribedSpeed, RollingFriction, pack
 
 
@@ -104,10 +107,46 @@ def field_source(scene: Scene, device: Device) -> CoilField | ImposedField | Non
         return ImposedField(device.imposed)
     if device.coil is None:
         return None
-    source = CoilField(device.coil.problem, device.coil.turns, device.coil.current, device.coil.newton_tolerance)
+    source = coil_source(scene, device.coil)
     if scene.effects.back_reaction is not None:
         source.fill_tolerance = scene.effects.back_reaction.tolerance
     return source
+
+
+def coil_source(scene: Scene, coil: CoilDevice) -> CoilField:
+    """The coil's field by what its current follows from: a course, the circuit, eddy currents."""
+    circuit, eddy = scene.effects.coil_circuit, scene.effects.eddy_currents
+    if circuit is None and eddy is None:
+        return CoilField(coil.problem, coil.turns, coil.current, coil.newton_tolerance)
+    if eddy is None:
+        assert circuit is not None and coil.resistance is not None  # by the checks between sections
+        return CircuitCoilField(
+            coil.problem,
+            coil.turns,
+            newton_tolerance=coil.newton_tolerance,
+            current_tolerance=circuit.tolerance,
+            voltage=coil.voltage,
+            resistance=coil.resistance,
+            breaks=coil.times,
+            begin_steady=circuit.begin == "steady",
+            largest_current=coil.largest_current,
+        )
+    voltage = None
+    if circuit is not None:
+        assert coil.resistance is not None  # by the checks between sections
+        voltage = VoltageDrive(coil.voltage, coil.resistance)
+    return EddyCoilField(
+        coil.problem,
+        coil.turns,
+        coil.current,
+        coil.newton_tolerance,
+        eddy=EddyCurrentProblem(coil.problem, coil.conductivity or {}, turns=coil.turns),
+        voltage=voltage,
+        breaks=coil.times,
+        begin_steady=eddy.begin == "steady",
+        change_tolerance=eddy.tolerance,
+        largest_current=coil.largest_current,
+    )
 
 
 def shafts(scene, walls) -> list[Body]:

@@ -57,6 +57,10 @@ Resume = Annotated[bool, typer.Option("--resume", help="go on from the last chec
 Threads = Annotated[int | None, typer.Option("--threads", help="threads; results do not depend on them")]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="stop after the plan; nothing is written")]
 AsMarkdown = Annotated[bool, typer.Option("--markdown", help="a page of all keys for people to read")]
+MaterialNames = Annotated[
+    list[str] | None, typer.Argument(metavar="[NAME]...", help="materials, or files of a curve (.csv); default: all")
+]
+CurvePicture = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="new picture of B(H) and mu_r(B)")]
 AsJson = Annotated[bool, typer.Option("--json", help="print JSON and nothing else")]
 
 
@@ -204,25 +208,19 @@ def report(folder: RunPath, out: NewFile = None) -> None:
 
 
 @app.command()
-def materials() -> None:
-    """List the built-in magnetic materials."""
-    import numpy as np
+def materials(names: MaterialNames = None, picture: CurvePicture = None, as_json: AsJson = False) -> None:
+    """List the built-in magnetic materials, or draw the curves of some."""
+    with _explained():
+        from emclutch import materials_command
 
-    from field.materials import material, material_names
-    from field.reluctivity import MU_0
-
-    table = Table("", "largest mu_r", *(f"B({H} kA/m)" for H in (1, 10, 100)))
-    sources = []
-    B = np.linspace(0.0, 4.0, 20_001)  # 4 T: beyond every law's B at 100 kA/m
-    for name in material_names():
-        law = material(name)
-        sources.append(f"{name}: {type(law).__name__}; {law.source}")
-        H, _ = law.H_of_B(B)
-        largest = np.max(B[1:] / (MU_0 * H[1:]))
-        fluxes = np.interp([1e3, 1e4, 1e5], H, B)
-        table.add_row(name, f"{largest:.0f}", *(f"{flux:.3g} T" for flux in fluxes))
-    Console().print(table)
-    typer.echo("\n".join(["laws and their sources:", *sources]))
+        if picture is not None:
+            with _bad_input_for(picture):
+                laws = materials_command.laws_of(names or materials_command.material_names())
+                typer.echo(str(materials_command.draw_materials(laws, picture)))
+        elif as_json:
+            _print_json(materials_command.materials_as_data(names))
+        else:
+            materials_command.materials_page(names)
 
 
 @app.command()

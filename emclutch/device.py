@@ -3,30 +3,32 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from emclutch.scene.field_source import CoilField as CoilFieldSection
 from emclutch.scene.field_source import UniformField as UniformFieldSection
 from emclutch.scene.fill import Fill, boxes_to_fill, fill_of
-from emclutch.scene.geometry import ClutchGeometry
-from emclutch.scene.materials import FroehlichMaterial, LinearMaterial
+from emclutch.scene.geometry import CadGeometry, ClutchGeometry
 from emclutch.scene.model import Scene
 from emclutch.scene.time_table import points_of
 from field import (
     AxisymmetricProblem,
-    FroehlichLaw,
     GrainLaw,
-    LinearLaw,
     MagneticField,
     PowderLaw,
     RadialField,
-    TableLaw,
     ThesisLaw,
     UniformField,
     material,
 )
+from field.adaptive import AdaptiveResult, adapt
+from field.conductivity import conductivity
+from field.error_estimate import FluxLinkage, MeanFluxDensity
+from field.winding import Winding
 from geometry import AnnularBox, Box, Clutch, SectionMesh, ShearCell, mesh_clutch
+from geometry.cad_shape import CadShape
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,29 +37,51 @@ class CoilDevice:
 
     Attributes
     ----------
-    shape : Clutch
+    shape : Clutch or CadShape
     mesh : SectionMesh
     problem : AxisymmetricProblem
-    turns : float
+    winding : Winding
     times, currents : tuple of float
         Course of the current, [s] and [A]; linear between, held beyond.
     newton_tolerance : float
     powder_boxes : list of AnnularBox
         What is filled with powder.
+    adapted : AdaptiveResult or None
+        How the mesh was refined to `field.tolerance`; None: as meshed.
+    volts : tuple of float or None
+        Voltage at `times` [V]; None for a coil at a prescribed current.
+    resistance : float or None
+        Of the coil at its temperature [ohm], where a voltage drives it.
+    conductivity : dict of str to float or None
+        Of the regions [S/m], where eddy currents are simulated.
     """
 
-    shape: Clutch
+    shape: Clutch | CadShape
     mesh: SectionMesh
     problem: AxisymmetricProblem
-    turns: float
+    winding: Winding
     times: tuple[float, ...]
     currents: tuple[float, ...]
     newton_tolerance: float
     powder_boxes: list[AnnularBox]
+    adapted: AdaptiveResult | None = None
+    volts: tuple[float, ...] | None = None
+    resistance: float | None = None
+    conductivity: dict[str, float] | None = None
+
+    @property
+    def turns(self) -> float:
+        """Turns of the coil."""
+        return self.winding.turns
 
     def current(self, time: float) -> float:
         """I [A] at a time [s]."""
         return float(np.interp(time, self.times, self.currents))
+
+    def voltage(self, time: float) -> float:
+        """V [V] at a time [s]."""
+        assert self.volts is not None  # by the checks between sections: only the circuit asks
+        return float(np.interp(time, self.times, self.volts))
 
     @property
     def largest_current(self) -> float:
@@ -70,11 +94,7 @@ class CoilDevice:
 
     def uniform_fill(self, phi: float) -> np.ndarray:
         """Solid fraction `phi` on the powder's elements inside the filled boxes, 0 outside; (n powder elements,)."""
-        r, z = self.mesh.centroid()[self.mesh.regions["powder"]].T
-        inside = np.zeros(len(r), dtype=bool)
-        for box in self.powder_boxes:
-            inside |= (r > box.r0) & (r < box.r1) & (z > box.z0) & (z < box.z1)
-        return np.where(inside, phi, 0.0)
+        return even_fill(self.mesh, self.powder_boxes, phi)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +103,7 @@ class Device:
 
     Attributes
     ----------
-    shape : Clutch, ShearCell or Box
+    shape : Clutch, CadShape, ShearCell or Box
     boxes : list of AnnularBox, or the Box
         Where the powder is filled in, as `particles.pack` takes it.
     fill : Fill
@@ -94,7 +114,7 @@ class Device:
         Field of a scene without a coil.
     """
 
-    shape: Clutch | ShearCell | Box
+    shape: Clutch | CadShape | ShearCell | Box
     boxes: list[AnnularBox] | Box
     fill: Fill
     coil: CoilDevice | None = None
@@ -144,16 +164,78 @@ def build_device(scene: Scene) -> Device:
 
 
 def build_coil_device(scene: Scene) -> CoilDevice:
-    """Mesh, materials and coil of a clutch."""
+    """Mesh, materials and coil of a clutch, or of a device from CAD."""
     shape, source, coil = scene.shape(), scene.field, scene.coil
-    assert isinstance(shape, Clutch) and isinstance(source, CoilFieldSection) and coil is not None  # by the schema
-    mesh = mesh_clutch(shape, gap_layers=source.gap_layers, size_factor=source.size_factor)
+    assert not isinstance(shape, (Box, ShearCell))  # by the schema, as the next line
+    assert isinstance(source, CoilFieldSection) and coil is not None
     powder = PowderLaw(grain_law(scene)) if scene.effects.back_reaction is not None else None
-    problem = AxisymmetricProblem(mesh, region_laws(scene, mesh), powder_law=powder, order=source.order)
-    turns = coil.turns_in(shape.coil_area, shape.coil_mean_radius)
-    times, currents = points_of(coil.current)
     boxes = boxes_to_fill(shape, scene.particles.region)
-    return CoilDevice(shape, mesh, problem, turns, times, currents, source.newton_tolerance, boxes)
+    window = shape.coil_area, shape.coil_mean_radius
+    winding = coil.winding_in(*window)
+    times, currents = coil.currents_in(*window)
+
+    def problem_on(mesh: SectionMesh) -> AxisymmetricProblem:
+        return AxisymmetricProblem(
+            mesh,
+            region_laws(scene, mesh),
+            powder_law=powder,
+            order=source.order,
+            open_boundary=source.open_boundary,
+        )
+
+    def fill_on(mesh: SectionMesh) -> np.ndarray:
+        return even_fill(mesh, boxes, fill_of(shape, scene.particles).solid_fraction)
+
+    mesh = mesh_of(scene)
+    adapted = None
+    peak = winding.turns * max(map(abs, currents))
+    if source.tolerance is not None and peak > 0.0:
+        adapted = adapt(
+            problem_on,
+            mesh,
+            peak,
+            goals=(FluxLinkage(), MeanFluxDensity("powder")),
+            tolerance=source.tolerance,
+            fill=None if powder is None else fill_on,
+            newton_tolerance=source.newton_tolerance,
+        )
+        mesh = adapted.mesh
+    problem = problem_on(mesh) if adapted is None else adapted.problem
+    at_voltage = coil.voltage is not None and coil.is_at_voltage
+    return CoilDevice(
+        shape,
+        mesh,
+        problem,
+        winding,
+        times,
+        currents,
+        source.newton_tolerance,
+        boxes,
+        adapted,
+        volts=points_of(coil.voltage)[1] if coil.voltage is not None and at_voltage else None,
+        resistance=coil.resistance_in(*window) if at_voltage else None,
+        conductivity=conductivities(scene, mesh),
+    )
+
+
+def even_fill(mesh: SectionMesh, boxes: list[AnnularBox], phi: float) -> np.ndarray:
+    """Solid fraction `phi` on the powder's elements inside the boxes, 0 outside; (n powder elements,)."""
+    r, z = mesh.centroid()[mesh.regions["powder"]].T
+    inside = np.zeros(len(r), dtype=bool)
+    for box in boxes:
+        inside |= (r > box.r0) & (r < box.r1) & (z > box.z0) & (z < box.z1)
+    return np.where(inside, phi, 0.0)
+
+
+def mesh_of(scene: Scene, path: Path | None = None) -> SectionMesh:
+    """Mesh the section of a clutch or of a CAD file, and write the mesh to `path` as well (.msh)."""
+    source = scene.field
+    layers, size = (source.gap_layers, source.size_factor) if isinstance(source, CoilFieldSection) else (4, 1.0)
+    if isinstance(scene.geometry, CadGeometry):
+        return scene.geometry.mesh(gap_layers=layers, size_factor=size, path=path)
+    shape = scene.shape()
+    assert isinstance(shape, Clutch)  # nothing else has a mesh
+    return mesh_clutch(shape, gap_layers=layers, size_factor=size, path=path)
 
 
 def grain_law(scene: Scene) -> GrainLaw:
@@ -165,22 +247,41 @@ def grain_law(scene: Scene) -> GrainLaw:
 
 def region_laws(scene: Scene, mesh: SectionMesh) -> dict:
     """Magnetic law of each region of the mesh, by the scene's names of materials."""
-    assert isinstance(scene.geometry, ClutchGeometry)  # only a clutch has a mesh
+    return {region: magnetic_law(scene, name) for region, name in region_materials(scene, mesh).items()}
+
+
+def region_materials(scene: Scene, mesh: SectionMesh) -> dict[str, str]:
+    """Name of the material of each region of the mesh that has one."""
+    if isinstance(scene.geometry, CadGeometry):
+        return dict(scene.geometry.materials)
+    assert isinstance(scene.geometry, ClutchGeometry)  # nothing else has a mesh
     names = scene.geometry.materials.model_dump()
     names["shaft_in"] = names["shaft_out"] = names.pop("shaft")
-    return {region: magnetic_law(scene, names[region]) for region in mesh.regions if region in names}
+    return {region: names[region] for region in mesh.regions if region in names}
+
+
+def conductivities(scene: Scene, mesh: SectionMesh) -> dict[str, float] | None:
+    """Conductivity [S/m] of the solid regions, the winding excepted; None without eddy currents."""
+    effect = scene.effects.eddy_currents
+    if effect is None:
+        return None
+    return {
+        region: effect.conductivity.get(name, conductivity_of(scene, name))
+        for region, name in region_materials(scene, mesh).items()
+        if region != "coil"
+    }
+
+
+def conductivity_of(scene: Scene, name: str) -> float:
+    """A material's conductivity [S/m]: the scene's own under this name (none: 0), or a built-in one."""
+    own = scene.materials.get(name)
+    return conductivity(name).sigma if own is None else own.conductivity or 0.0
 
 
 def magnetic_law(scene: Scene, name: str):
     """A material's law: the scene's own under this name, or a built-in one."""
     own = scene.materials.get(name)
-    if own is None:
-        return material(name)
-    if isinstance(own, LinearMaterial):
-        return LinearLaw(own.relative_permeability, name, "the scene")
-    if isinstance(own, FroehlichMaterial):
-        return FroehlichLaw(own.susceptibility, own.saturation, name, "the scene")
-    return TableLaw(np.array(own.H), np.array(own.B), name, "the scene")
+    return material(name) if own is None else own.magnetic_law(name)
 
 
 def imposed_field(source: UniformFieldSection, shape) -> UniformField | RadialField:

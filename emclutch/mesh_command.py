@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from emclutch.case import Case
+from emclutch.device import mesh_of
 from emclutch.results import OutputError, RunFolder
-from emclutch.scene.field_source import CoilField
-from geometry import Clutch, draw_section, mesh_clutch
+from geometry import Clutch, draw_section
+from geometry.cad_shape import CadShape
 
 
 def mesh_case(case: Case, out: str | Path | None = None) -> tuple[Path, Path, int]:
@@ -17,7 +18,7 @@ def mesh_case(case: Case, out: str | Path | None = None) -> tuple[Path, Path, in
     geometry that has no mesh (box, shear cell).
     """
     shape = case.scene.shape()
-    if not isinstance(shape, Clutch):
+    if not isinstance(shape, (Clutch, CadShape)):
         raise ValueError(
             f"geometry.kind = {case.scene.geometry.kind!r} has no field and so no mesh; clutch and drum have one"
         )
@@ -28,9 +29,7 @@ def mesh_case(case: Case, out: str | Path | None = None) -> tuple[Path, Path, in
             raise OutputError(f"{file} exists; name another folder with --out")
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        source = case.scene.field
-        layers, size = (source.gap_layers, source.size_factor) if isinstance(source, CoilField) else (4, 1.0)
-        mesh = mesh_clutch(shape, gap_layers=layers, size_factor=size, path=files[0])
+        mesh = mesh_of(case.scene, files[0])
         draw_section(mesh, files[1], title=case.scene.scene.title)
     except OSError as error:
         raise OutputError(

@@ -10,6 +10,7 @@ from coupling import CoilField, Simulation
 from emclutch.device import Device
 from field import MagneticField
 from geometry import Clutch, ShearCell
+from geometry.cad_shape import CadShape
 
 
 class Observables:
@@ -24,7 +25,7 @@ class Observables:
     def __call__(self, simulation: Simulation, row: dict) -> None:
         source = simulation.source
         if isinstance(source, CoilField):
-            row["current"] = source.current(row["time"])
+            row.update(source.window_row(row["time"]))
             row["field_solves"] = 0
             if source.solution is not None and source.solution is not self._seen_solution:
                 row["field_solves"] = 1
@@ -63,7 +64,7 @@ class Observables:
         return boxes.get("rim", next(iter(boxes.values())))
 
     def _field_quantities(self, source: CoilField, solution: MagneticField) -> dict[str, float]:
-        assert isinstance(self._device.shape, Clutch)
+        assert isinstance(self._device.shape, (Clutch, CadShape))
         return {
             "flux_linkage": source.turns * solution.flux_linkage_per_turn,
             "field_energy": solution.energy,
@@ -73,7 +74,7 @@ class Observables:
         }
 
 
-def pole_flux_density(shape: Clutch, solution: MagneticField) -> float:
+def pole_flux_density(shape: Clutch | CadShape, solution: MagneticField) -> float:
     """Mean |B| [T] on the middle of the rim gap under the two pole faces, or of the face gap of a thin disc."""
     midline = shape.gap_midline(201)
     under = midline[np.abs(midline[:, 1]) > 0.5 * shape.ring_width]

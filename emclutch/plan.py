@@ -10,7 +10,7 @@ import numpy as np
 
 from coupling import magnetic_load, snap_in_overlap, weight_load
 from emclutch.case import Case
-from emclutch.device import Device, build_device, grain_law
+from emclutch.device import CoilDevice, Device, build_device, grain_law
 from emclutch.scene.field_source import CoilField
 from emclutch.scene.time_table import largest
 from field import MagneticField
@@ -82,6 +82,8 @@ def make_plan(case: Case, device: Device | None = None) -> tuple[Device, Plan]:
         f"({fill.mass * 1e3:.3g} g), solid fraction {fill.solid_fraction:.3f} of the {where} filled"
     }
     field, M_max = expected_magnetisation(case, device)
+    if field is not None and device.coil is not None and device.coil.resistance is not None:
+        reasons["coil"] = _coil_in_words(scene, device.coil, field)
     speed = _largest_speed(scene, device)
     contact = _contact(scene, device, M_max, _impact_speed(scene, device, speed), reasons)
     mass = particles.density * particles.grain_volume
@@ -116,6 +118,21 @@ def expected_magnetisation(case: Case, device: Device) -> tuple[MagneticField | 
     points = _sample_points(device.coil.powder_boxes, scene.particles.diameter)
     strength = np.linalg.norm(field.sampler("powder").sample(points)[0], axis=1)
     return field, float(law.magnetisation(strength, np.full(len(strength), phi if coupled else 0.0)).max())
+
+
+def _coil_in_words(scene, coil: CoilDevice, field: MagneticField) -> str:
+    """Resistance, current and, where its circuit is simulated, inductance and time constant of a coil at a voltage."""
+    assert coil.resistance is not None
+    loss = coil.resistance * coil.largest_current**2
+    text = f"{coil.resistance:.3g} ohm: up to {coil.largest_current:.3g} A, {loss:.3g} W of copper loss"
+    if scene.effects.coil_circuit is not None and coil.largest_current > 0.0:
+        inductance = field.inductance(coil.turns)
+        tau = inductance / coil.resistance
+        text += f"; {inductance:.3g} H at that current (incremental {field.incremental_inductance(coil.turns):.3g} H)"
+        text += f": time constant about {tau:.3g} s"
+        if scene.time.end < 3.0 * tau:
+            text += f"; WARNING: time.end = {scene.time.end:.3g} s is over before the current has risen"
+    return text
 
 
 def _corners(device: Device) -> np.ndarray:
@@ -239,6 +256,8 @@ def _estimates(scene, device: Device, plan: Plan) -> None:
             f"{len(device.coil.mesh.triangles)} triangles, {device.coil.problem.n_dofs} unknowns of order "
             f"{scene.field.order}; coil of {device.coil.turns:.0f} turns"
         )
+        if device.coil.adapted is not None:
+            plan.reasons["mesh"] += f"; {device.coil.adapted.summary()}"
     plan.reasons["cost"] = (
         f"{steps} steps of {plan.count} grains: about {spoken(seconds)} on two cores, "
         f"{memory:.0f} MiB of memory, {disk:.0f} MiB on disk"

@@ -23,7 +23,7 @@ from emclutch.results import OutputError, Result, RunFolder, load_result, read_h
 from emclutch.results.checkpoint import read_checkpoint
 from emclutch.results.statistics import Estimate
 from emclutch.snapshots import History, Snapshots, save_checkpoint
-from field import ConvergenceError, MagneticField, PointOutside
+from field import ConvergenceError, PointOutside
 from particles import DemError, Grains, PackingError
 
 log = logging.getLogger(__name__)
@@ -190,11 +190,7 @@ def restore(case, device, plan, state: dict):
     saved = state["source"]
     source = simulation.source
     if saved is not None and isinstance(source, CoilField):
-        solution = MagneticField(
-            source.problem, saved["psi"], saved["ampere_turns"], saved["fill"], [tuple(x) for x in saved["newton"]]
-        )
-        source.set_solution(solution, saved["current"], saved["fill"])
-        source.largest_current, source.solves = saved["largest_current"], saved["solves"]
+        source.restore(saved)
     return simulation, simulation.dem.time
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from coupling import CoilField, Simulation
+from emclutch.field_arrays import field_arrays
 from emclutch.results import HistoryWriter, RunFolder
 from emclutch.results.checkpoint import write_checkpoint
 from emclutch.results.record import Record
@@ -89,35 +90,10 @@ class Snapshots:
 
     def _write_field(self, time: float, source: CoilField) -> None:
         assert source.solution is not None
-        solution, mesh = source.solution, source.problem.mesh
-        B = solution.flux_density()
-        mu_r = solution.relative_permeability()
-        names = sorted(mesh.regions)
-        region = np.zeros(len(mesh.triangles), dtype=np.int32)
-        for number, name in enumerate(names):
-            region[mesh.regions[name]] = number
-        cells = {
-            "flux_density": B,
-            "field_strength": B / (4e-7 * np.pi * mu_r[:, None]),
-            "relative_permeability": mu_r,
-            "region": region,
-        }
-        J = np.zeros(len(mesh.triangles))
-        J[mesh.regions["coil"]] = solution.ampere_turns / source.problem.coil_area
-        cells["current_density"] = J
-        if solution.fill is not None:
-            fill = np.zeros(len(mesh.triangles))
-            fill[mesh.regions["powder"]] = solution.fill
-            cells["solid_fraction"] = fill
-        r = mesh.points[:, 0]
-        A = np.divide(solution.point_psi, r, out=np.zeros_like(r), where=r > 0.0)
+        mesh = source.problem.mesh
+        cells, at_points, names = field_arrays(source.solution)
         self._series["field"].write_field(
-            time,
-            mesh.points,
-            mesh.triangles,
-            cell_arrays=cells,
-            point_arrays={"vector_potential": A},
-            region_names=names,
+            time, mesh.points, mesh.triangles, cell_arrays=cells, point_arrays=at_points, region_names=names
         )
 
     def flush(self) -> None:
@@ -175,14 +151,6 @@ def save_checkpoint(path: Path, simulation: Simulation, case_text: str) -> None:
         "source": None,
     }
     source = simulation.source
-    if isinstance(source, CoilField) and source.solution is not None:
-        state["source"] = {
-            "psi": source.solution.psi,
-            "ampere_turns": source.solution.ampere_turns,
-            "fill": source.fill,
-            "newton": [list(map(float, x)) for x in source.solution.newton],
-            "current": source.solved_current,
-            "largest_current": source.largest_current,
-            "solves": source.solves,
-        }
+    if isinstance(source, CoilField):
+        state["source"] = source.state()
     write_checkpoint(path, state)

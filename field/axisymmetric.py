@@ -191,7 +191,7 @@ class AxisymmetricProblem:
         source = ampere_turns * self.coil_load
         if self.exterior is not None:
             source[self.exterior.dofs] += boundary_field * self.exterior.uniform_load
-        energy = _SectionEnergy(self, fill, source, boundary)
+        energy = SectionEnergy(self, fill, source, boundary)
         scale = norm(energy.source[self._free])
         if boundary_field != 0.0 and self.exterior is None:
             scale += norm(energy.gradient(np.zeros(self._free.size)))
@@ -262,7 +262,7 @@ class AxisymmetricProblem:
         return w
 
 
-class _SectionEnergy:
+class SectionEnergy:
     """W(psi) = integral of r w(|grad psi|/r) - J psi over the section, of the free unknowns."""
 
     def __init__(
@@ -305,7 +305,7 @@ class _SectionEnergy:
         self._law = (nu, slope)
         internal = self._elements.field_force(gradient, nu)
         if (exterior := self._problem.exterior) is not None:
-            internal[exterior.dofs] += exterior.matrix @ self.whole(x)[exterior.dofs]
+            internal[exterior.dofs] += exterior.force(self.whole(x))
         return (internal - self.source)[self._problem._free]
 
     def hessian(self, x: np.ndarray) -> sp.csc_matrix:

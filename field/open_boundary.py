@@ -28,16 +28,17 @@ import math
 from typing import Protocol
 
 import numpy as np
-import scipy.linalg
 
 from geometry.section import SectionMesh
 
 from .reluctivity import NU_0
 
-# Combinations of modes with less energy than this, relative to the greatest, are round-off.
+# What remains of a mode's energy beside the others, relative to the greatest, when it is round-off.
 _NEGLIGIBLE = 1e-12
 # The tail of the series falls like (reach/radius)^n.
 _LARGEST_REACH = 0.95
+_TAIL = 1e-12
+_FEWEST_MODES = 16
 # A distance from the axis that is one of rounding, relative to the radius of the boundary.
 _ON_AXIS = 1e-9
 
@@ -60,7 +61,7 @@ class OpenBoundary:
         Lagrange elements of any order; `outer` is one line from axis to axis that every ray from the middle
         of its two ends on the axis meets once (a half-circle, a half-ellipse, a rectangle).
     modes : int or None
-        Number of modes; None: as many as unknowns on `outer`.
+        Number of modes; None: as many as unknowns on `outer`, or less where the rest is below 1e-12.
 
     Attributes
     ----------
@@ -88,7 +89,8 @@ class OpenBoundary:
         column = column.reshape(dofs.shape)
         inside = elements.dof_points[number, 0] > _ON_AXIS * mesh.points[:, 0].max()
         self.dofs = number[inside].astype(np.int64)
-        n_modes = modes or self.dofs.size
+        self.radius = _distance(mesh.points[edges], self.centre)
+        n_modes = modes or min(self.dofs.size, _modes_that_matter(_reach(mesh, self.centre, self.radius)))
 
         start, end = mesh.points[edges[:, 0]], mesh.points[edges[:, 1]]
         # enough points for the product of the two finest modes over the edge that is seen widest
@@ -98,32 +100,34 @@ class OpenBoundary:
         where = start[:, None] + (end - start)[:, None] * node[:, None]
         # from the lower end of the axis upwards, the normal away from the mesh is on the right
         area = np.column_stack((end[:, 1] - start[:, 1], start[:, 0] - end[:, 0]))  # nu ds
-        rho = np.hypot(where[..., 0], where[..., 1] - self.centre)
-        self.radius = float(rho.min())
-        _check_reach(mesh, self.centre, self.radius)
 
         value, flux = self._modes(where, area, n_modes)
         shape = weight[:, None] * _lagrange(position, node)
-        S = np.einsum("neq,meq,q->nm", flux, value, weight, optimize=True)
-        T = np.zeros((n_modes, number.size))
-        np.add.at(T, (slice(None), column), np.einsum("neq,qi->nei", flux, shape, optimize=True))
+        # einsum, not BLAS: sums in an order that does not depend on the number of threads
+        S = np.einsum("neq,meq->nm", flux * weight, value)
+        local = np.einsum("neq,qi->nei", flux, shape)
+        gather = np.zeros((number.size, n_modes))
+        np.add.at(gather, column.ravel(), local.reshape(n_modes, -1).T)
         root = _inverse_root(0.5 * (S + S.T))
-        half = root @ T[:, inside]
-        self.matrix = half.T @ half
-        self._amplitudes = root.T @ half
-        imposed = np.einsum("neq,eq,q->n", flux, 0.5 * where[..., 0] ** 2, weight, optimize=True)
+        half = np.einsum("mn,kn->mk", root, gather[inside])
+        self.matrix = np.einsum("mk,ml->kl", half, half)
+        self._amplitudes = np.einsum("mn,mk->nk", root, half)
+        imposed = np.einsum("neq,eq->n", flux * weight, 0.5 * where[..., 0] ** 2)
         through = np.zeros(number.size)
         np.add.at(through, column, NU_0 * area[:, :1] * shape.sum(axis=0))
-        self.uniform_load = through[inside] + half.T @ (root @ imposed)
+        self.uniform_load = through[inside] + np.einsum("nk,n->k", self._amplitudes, imposed)
+
+    def force(self, psi: np.ndarray) -> np.ndarray:
+        """K psi (k,) on `dofs`, psi (n_dofs,) of all unknowns: the derivative of `energy`."""
+        return np.einsum("kl,l->k", self.matrix, psi[self.dofs])
 
     def energy(self, psi: np.ndarray) -> float:
         """Energy of the air outside over 2 pi, psi (n_dofs,) of all unknowns [J/rad]."""
-        trace = psi[self.dofs]
-        return float(0.5 * (trace * (self.matrix @ trace)).sum())
+        return float(0.5 * (psi[self.dofs] * self.force(psi)).sum())
 
     def flux_density(self, psi: np.ndarray, points: np.ndarray) -> np.ndarray:
         """B_r, B_z [T], shape (m, 2), of psi (n_dofs,) at points (r, z) [m] outside the mesh, shape (m, 2)."""
-        amplitude = self._amplitudes @ psi[self.dofs]
+        amplitude = np.einsum("nk,k->n", self._amplitudes, psi[self.dofs])
         points = np.atleast_2d(np.asarray(points, dtype=float))[:, None]
         # B_z = (1/r) dpsi/dr, B_r = -(1/r) dpsi/dz: fluxes through unit areas along r and along -z
         through = [
@@ -188,8 +192,16 @@ def _outline(mesh: SectionMesh) -> tuple[np.ndarray, float]:
     return edges, centre
 
 
-def _check_reach(mesh: SectionMesh, centre: float, radius: float) -> None:
-    """The multipoles converge outside the smallest sphere around everything that is not air."""
+def _distance(edges: np.ndarray, centre: float) -> float:
+    """Least distance of edges (e, 2, 2) from a point of the axis [m]."""
+    start, along = edges[:, 0] - (0.0, centre), edges[:, 1] - edges[:, 0]
+    foot = np.clip(-(start * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
+    return float(np.linalg.norm(start + foot[:, None] * along, axis=1).min())
+
+
+def _reach(mesh: SectionMesh, centre: float, radius: float) -> float:
+    """How far anything but air reaches from the centre, over `radius`: there the multipoles converge."""
+    largest = 0.0
     for name, elements in mesh.regions.items():
         if name == "air":
             continue
@@ -201,6 +213,13 @@ def _check_reach(mesh: SectionMesh, centre: float, radius: float) -> None:
                 f"boundary is {1e3 * radius:.4g} mm away; it allows at most {_LARGEST_REACH:g} of that: "
                 "enlarge the air (`geometry.air_factor`), or take the flux wall"
             )
+        largest = max(largest, reach / radius)
+    return largest
+
+
+def _modes_that_matter(reach: float) -> int:
+    """Modes until reach^n, the size of the rest, is below the tail that is left out."""
+    return max(_FEWEST_MODES, math.ceil(math.log(_TAIL) / math.log(max(reach, 1e-3))))
 
 
 def _edge_dofs(elements: Elements, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -230,7 +249,20 @@ def _lagrange(nodes: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def _inverse_root(S: np.ndarray) -> np.ndarray:
-    """R with R^T R = S^-1 on all combinations of modes that the boundary can tell apart."""
-    size, vectors = scipy.linalg.eigh(S)
-    kept = size > _NEGLIGIBLE * size[-1]
-    return vectors[:, kept].T / np.sqrt(size[kept])[:, None]
+    """R (m, n) with R^T R = S^-1 on the combinations of modes that the boundary can tell apart.
+
+    Gram and Schmidt's procedure with the largest remainder first (Cholesky with pivots): ends where what is
+    left of every mode is round-off, as happens on outlines that are far from round.
+    """
+    left, combination = S.copy(), np.eye(len(S))
+    rows = []
+    for _ in range(len(S)):
+        largest = int(np.argmax(np.diagonal(left)))
+        size = left[largest, largest]
+        if size <= _NEGLIGIBLE * S.diagonal().max():
+            break
+        along = left[:, largest] / math.sqrt(size)
+        rows.append(combination[largest] / math.sqrt(size))
+        left -= along[:, None] * along
+        combination -= along[:, None] * rows[-1]
+    return np.array(rows)

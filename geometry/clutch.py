@@ -10,6 +10,9 @@ when the disc is thin and the covers are steel, cover - face gap - disc - face g
 Inside ``seal_radius`` a non-magnetic **seal** fills the space between disc and covers: without it steel
 covers would short the gap. The shaft stubs are regions of their own, as a clutch with steel covers needs
 non-magnetic ones.
+
+Disc and rotor may have slots around their rim and bore (`geometry.slots`), filled flush and non-magnetic:
+they belong to the field in space alone; walls, chamber and cross-section are those of the unslotted bodies.
 """
 
 from __future__ import annotations
@@ -21,6 +24,7 @@ import numpy as np
 
 from geometry.clutch_faults import find_faults
 from geometry.fault import Fault
+from geometry.slots import Slots
 from geometry.walls import AnnularBox, Pair, RevolvedWall, outline
 
 
@@ -52,6 +56,8 @@ class Clutch:
         Radius of the air half-disc over that of the circle around the device.
     cover_magnetic : bool
         Steel covers: their faces mirror dipoles, and the ring may then be wider than the disc.
+    disc_slots, rotor_slots : Slots or None
+        Slots in the disc's rim and in the rotor's poles, open towards the rim gap.
     """
 
     disc_radius: float = 44.5e-3
@@ -71,6 +77,13 @@ class Clutch:
     coil_radius: float | None = None
     air_factor: float = 3.0
     cover_magnetic: bool = False
+    disc_slots: Slots | None = None
+    rotor_slots: Slots | None = None
+
+    @property
+    def axisymmetric(self) -> bool:
+        """Without slots: the field of the cross-section is then the field of the clutch."""
+        return self.disc_slots is None and self.rotor_slots is None
 
     @property
     def bore_radius(self) -> float:

@@ -2,7 +2,8 @@
 
 The layout stacks its parts radially, so most parts cannot overlap whatever their sizes. What can go wrong
 is listed here: sizes that are not lengths, seal and shaft against the disc, ring and coil against the axial
-lengths, a coil radius that reaches into the rotor, and gaps too thin for a grain or for a mesh.
+lengths, a coil radius that reaches into the rotor, slots deeper than their body, and gaps too thin for a
+grain or for a mesh.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import math
 from typing import TYPE_CHECKING
 
 from geometry.fault import Fault, millimetres
+from geometry.slots import slot_faults
 
 if TYPE_CHECKING:
     from geometry.clutch import Clutch
@@ -30,7 +32,7 @@ def find_faults(clutch: Clutch, grain_diameter: float | None = None) -> list[Fau
     """Every fault of a clutch; relations are judged only between sizes that are lengths by themselves."""
     found = _sizes(clutch)
     broken = {fault.key.removeprefix("geometry.") for fault in found}
-    for check in (_chamber, _magnetic_path, _coil_radius, _slenderness):
+    for check in (_chamber, _magnetic_path, _coil_radius, _slenderness, _slots):
         found += check(clutch, broken)
     if grain_diameter is not None:
         found += _grain(clutch, broken, grain_diameter)
@@ -153,6 +155,17 @@ def _slenderness(clutch: Clutch, broken: set[str]) -> list[Fault]:
                 f"at least {millimetres(length / SLENDEREST)}",
                 f"raise `geometry.{name}`, and check the units of the sizes",
             ))  # fmt: skip
+    return found
+
+
+def _slots(clutch: Clutch, broken: set[str]) -> list[Fault]:
+    found = []
+    if clutch.disc_slots is not None and not broken & {"disc_radius", "shaft_radius"}:
+        room = clutch.disc_radius - clutch.shaft_radius
+        found += slot_faults(clutch.disc_slots, "geometry.disc_slots", "the disc", room, "the shaft")
+    if clutch.rotor_slots is not None and "rotor_wall" not in broken:
+        room = clutch.rotor_wall
+        found += slot_faults(clutch.rotor_slots, "geometry.rotor_slots", "the rotor's shell", room, "the clearance")
     return found
 
 

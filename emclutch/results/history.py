@@ -25,6 +25,11 @@ if TYPE_CHECKING:
 COLUMNS: dict[str, tuple[str, str]] = {
     "time": ("s", "end of the window"),
     "current": ("A", "coil current"),
+    "coil_voltage": ("V", "voltage at the coil, its resistance included"),
+    "coil_supplied": ("J", "energy that the coil's supply gave in the window"),
+    "copper_loss": ("J", "part of coil_supplied that heats the winding"),
+    "into_field": ("J", "part of coil_supplied that goes into the field: integral of i d(flux linkage)"),
+    "eddy_loss": ("J", "part of coil_supplied that eddy currents turn into heat; of the field's step in the window"),
     "rotor_speed": ("rad/s", "speed of the rotor (input shaft)"),
     "disc_speed": ("rad/s", "speed of the disc (output shaft)"),
     "torque_disc": ("N m", "torque of the grains on the disc about z, window mean, whole device"),

@@ -1,43 +1,91 @@
-"""[coil]: current and turns."""
+"""[coil]: the winding, and what drives it: a current, or a voltage behind its resistance."""
 
 from __future__ import annotations
 
-import math
-from typing import Annotated, Self
+from typing import TYPE_CHECKING, Annotated, Self
 
 from pydantic import Field, model_validator
 
 from emclutch.scene.section import Section, refuse
-from emclutch.scene.time_table import CurrentCourse
-from emclutch.units import Resistance, Voltage, number
+from emclutch.scene.time_table import CurrentCourse, TimeTable, VoltageCourse, largest, points_of
+from emclutch.units import Resistance, number
 
-COPPER_RESISTIVITY = 1.72e-8
-"""Resistivity of annealed copper at 20 degrees C [ohm m] (IEC 60028)."""
+if TYPE_CHECKING:
+    from field.winding import Winding
+
+_FILL_FACTOR = 0.6
 
 
 class Coil(Section):
-    """The winding: its turns are given, or follow from its resistance and the window that it fills."""
+    """The winding: its turns are given, or follow from its resistance and the window that it fills.
 
-    current: CurrentCourse = Field(description="current, one value or a table in time")
+    Its current is given; or a voltage is, and the current is V/R, or with the effect `coil_circuit` what the circuit
+    of resistance and flux linkage makes of it. Without `resistance` that is the one of the turns in copper.
+    """
+
+    current: CurrentCourse | None = Field(default=None, description="current, one value or a table in time")
     turns: Annotated[float, number("1000", 0.0, 1e7, above=True)] | None = Field(default=None, description="turns")
     resistance: Resistance | None = Field(default=None, description="resistance at 20 degrees C")
     fill_factor: Annotated[float, number("0.6", 0.0, 1.0, above=True)] | None = Field(
-        default=None, description="copper's share of the window, with resistance; default 0.6"
+        default=None, description="copper's share of the window, where turns or resistance follow from it; default 0.6"
     )
-    voltage: Voltage | None = Field(default=None, description="supply, to check the current against")
+    voltage: VoltageCourse | None = Field(
+        default=None,
+        description="voltage that drives the coil, one value or a table in time; beside a current the supply, "
+        "to check the current against",
+    )
+    temperature: Annotated[float, number("80", -100.0, 250.0)] = Field(
+        default=20.0, description="of the winding, in degrees C; its resistance grows by 0.393 % a degree"
+    )
+
+    @model_validator(mode="after")
+    def _has_one_drive(self) -> Self:
+        if self.current is None and self.voltage is None:
+            raise refuse("is missing; give current, e.g. '1 A', or voltage, e.g. '24 V'", key="current")
+        if self.current is None or self.voltage is None:
+            return self
+        if isinstance(self.voltage, TimeTable):
+            raise refuse(
+                "is a course in time beside coil.current; drive the coil by one of them and remove the other",
+                key="voltage",
+            )
+        if not self.voltage > 0.0:
+            raise refuse("of the supply must be above 0 V beside coil.current; correct or remove it", key="voltage")
+        return self
 
     @model_validator(mode="after")
     def _has_one_way_to_the_turns(self) -> Self:
-        if self.turns is not None and self.resistance is not None:
+        # at a voltage both may be given: a resistance that is not that of the turns alone (a lead, another metal)
+        if self.turns is not None and self.resistance is not None and not self.is_at_voltage:
             raise refuse("stands beside coil.resistance, which gives the turns too; keep one of them", key="turns")
         if self.turns is None and self.resistance is None:
             raise refuse("is missing; give turns, e.g. 1000, or resistance, e.g. '25.5 ohm'", key="turns")
-        if self.turns is not None and self.fill_factor is not None:
+        if self.turns is not None and self.fill_factor is not None and not self._resistance_follows:
             raise refuse(
                 "has no meaning beside coil.turns; remove it, or give coil.resistance instead of the turns",
                 key="fill_factor",
             )
         return self
+
+    @property
+    def is_at_voltage(self) -> bool:
+        """Whether a voltage drives the coil."""
+        return self.current is None
+
+    @property
+    def _resistance_follows(self) -> bool:
+        return self.is_at_voltage and self.resistance is None
+
+    def winding_in(self, window_area: float, mean_radius: float) -> Winding:
+        """The winding [-] in a window of area [m^2] at a mean radius [m], at its temperature."""
+        from field.winding import Winding  # local: a scene is read without the field
+
+        fill = _FILL_FACTOR if self.fill_factor is None else self.fill_factor
+        turns = self.turns
+        if turns is None:
+            assert self.resistance is not None  # by the model's rule
+            turns = Winding.of_resistance(self.resistance, window_area, mean_radius, fill).turns
+        return Winding(turns, window_area, mean_radius, fill, self.temperature)
 
     def turns_in(self, window_area: float, mean_radius: float) -> float:
         """Return the number of turns [-] in a window of area [m^2] at a mean radius [m].
@@ -45,8 +93,26 @@ class Coil(Section):
         A wire of length l = N 2 pi r and section a = fill A / N has R = rho l / a, so that
         N^2 = R fill A / (rho 2 pi r), valid for a layer winding whose turns share the mean radius.
         """
-        if self.turns is not None:
-            return self.turns
-        assert self.resistance is not None  # by the model's rule
-        fill = 0.6 if self.fill_factor is None else self.fill_factor
-        return math.sqrt(self.resistance * fill * window_area / (COPPER_RESISTIVITY * 2.0 * math.pi * mean_radius))
+        return self.winding_in(window_area, mean_radius).turns
+
+    def resistance_in(self, window_area: float, mean_radius: float) -> float:
+        """Return the resistance [ohm] at the winding's temperature: the given one, or that of the turns in copper."""
+        from field.winding import resistance_ratio
+
+        if self.resistance is not None:
+            return self.resistance * resistance_ratio(self.temperature)
+        return self.winding_in(window_area, mean_radius).resistance
+
+    def currents_in(self, window_area: float, mean_radius: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return times [s] and currents [A]: those given, or V/R without the circuit's delay."""
+        if self.current is not None:
+            return points_of(self.current)
+        assert self.voltage is not None  # by the model's rule
+        resistance = self.resistance_in(window_area, mean_radius)
+        times, volts = points_of(self.voltage)
+        return times, tuple(volt / resistance for volt in volts)
+
+    @property
+    def largest_voltage(self) -> float | None:
+        """Largest |V| of the course [V]; None without one."""
+        return None if self.voltage is None else largest(self.voltage)

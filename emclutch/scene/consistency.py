@@ -11,7 +11,7 @@ from emclutch.faults import Fault, shown
 from emclutch.scene.fault_report import entry_at
 from emclutch.scene.field_source import CoilField, UniformField
 from emclutch.scene.fill import fill_of
-from emclutch.scene.geometry import BoxGeometry, ClutchGeometry, ShearCellGeometry
+from emclutch.scene.geometry import BoxGeometry, CadGeometry, ClutchGeometry, ShearCellGeometry
 from emclutch.scene.grains import LARGEST_SOLID_FRACTION
 from emclutch.scene.motion import HELD
 from emclutch.scene.section import did_you_mean
@@ -52,18 +52,18 @@ def _shape(draft: Draft) -> Iterator[Fault]:
 
 
 def _materials(draft: Draft) -> Iterator[Fault]:
-    from field.materials import material_names  # local: only this check needs the package
+    from field.materials import canonical_name, material_aliases, material_names  # local: only here
 
     built_in, own = material_names(), list(draft.scene.materials or {})
     for name in own:
-        if name in built_in:
+        if canonical_name(name) is not None:
             yield draft.fault(f"materials.{name}", "has the name of a built-in material; choose another name")
-    if isinstance(draft.scene.geometry, ClutchGeometry):
-        for region, name in draft.scene.geometry.materials:
-            if name not in built_in and name not in own:
+    if isinstance(draft.scene.geometry, (ClutchGeometry, CadGeometry)):
+        for region, name in dict(draft.scene.geometry.materials).items():
+            if canonical_name(name) is None and name not in own:
                 yield draft.fault(
                     f"geometry.materials.{region}",
-                    f"is no material; {did_you_mean(name, [*own, *built_in])}"
+                    f"is no material; {did_you_mean(name, [*own, *built_in, *material_aliases()])}"
                     f"built in: {', '.join(built_in)}; "
                     f"or define [materials.{name}]",
                 )
@@ -71,11 +71,11 @@ def _materials(draft: Draft) -> Iterator[Fault]:
 
 def _field(draft: Draft) -> Iterator[Fault]:
     field, geometry = draft.scene.field, draft.scene.geometry
-    if isinstance(field, CoilField) and not isinstance(geometry, ClutchGeometry):
+    if isinstance(field, CoilField) and not isinstance(geometry, (ClutchGeometry, CadGeometry)):
         yield draft.fault(
             "field.source",
             f"needs a device with a coil, but geometry.kind = '{geometry.kind}'; "
-            "take geometry.kind = 'clutch' or 'drum', or field.source = 'uniform'",
+            "take geometry.kind = 'clutch', 'drum' or 'cad', or field.source = 'uniform'",
         )
     elif isinstance(field, CoilField) and draft.scene.coil is None and "coil" not in draft.broken:
         yield Fault("coil", "", "is missing, but field.source = 'coil'; add [coil] with its current and turns")
@@ -200,6 +200,48 @@ def _needs_of_effects(draft: Draft) -> Iterator[Fault]:
         )
 
 
+def _coil_transients(draft: Draft) -> Iterator[Fault]:
+    effects = draft.scene.effects
+    magnetic = effects.magnetic_force is not None or effects.dipoles is not None
+    coil, solved = draft.scene.coil, isinstance(draft.scene.field, CoilField)
+    for name in ("coil_circuit", "eddy_currents"):
+        if getattr(effects, name) is not None and not (solved and magnetic):
+            yield Fault(
+                f"effects.{name}",
+                "",
+                "needs the field of a coil and an effect that feels it; take [field] source = 'coil' with "
+                "[effects.dipoles] or [effects.magnetic_force], or remove the effect's table",
+            )
+    if effects.coil_circuit is not None and coil is not None:
+        if coil.current is not None and coil.voltage is not None:
+            yield draft.fault(
+                "coil.current",
+                "stands beside coil.voltage, but [effects.coil_circuit] computes it; remove it, or the effect's table",
+            )
+        elif coil.voltage is None:
+            yield Fault(
+                "coil.voltage",
+                "",
+                "is missing: [effects.coil_circuit] computes the current from it; give coil.voltage, e.g. '24 V', "
+                "instead of coil.current, or remove the effect's table",
+            )
+    if effects.eddy_currents is not None:
+        known = {*(draft.scene.materials or {}), *_materials_in_use(draft)}
+        for name in effects.eddy_currents.conductivity:
+            if name not in known:
+                yield draft.fault(
+                    f"effects.eddy_currents.conductivity.{name}",
+                    f"is for no material of this device; it has {', '.join(sorted(known))}",
+                )
+
+
+def _materials_in_use(draft: Draft) -> set[str]:
+    materials = getattr(draft.scene.geometry, "materials", None)
+    if materials is None:
+        return set()
+    return set(dict(materials).values())
+
+
 def _motion(draft: Draft) -> Iterator[Fault]:
     if isinstance(draft.scene.geometry, BoxGeometry):
         for shaft in ("rotor", "disc"):
@@ -229,6 +271,7 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (_fill, ("geometry", "particles")),
     (_sector_width, ("geometry", "particles", "effects")),
     (_needs_of_effects, ("effects",)),
+    (_coil_transients, ("effects", "coil", "field", "geometry", "materials")),
     (_motion, ("geometry", "motion")),
     (_accuracy, ("accuracy", "time")),
 )
@@ -249,10 +292,10 @@ def warnings_of(scene: Any) -> Iterator[str]:
         yield "[coil] is not used: that needs [field] with source = 'coil'"
     if scene.field is not None and not magnetic:
         yield "[field] moves no grain: that needs [effects.dipoles] or [effects.magnetic_force]"
-    if effects.wall_images is not None and not isinstance(scene.geometry, ClutchGeometry):
+    if effects.wall_images is not None and not isinstance(scene.geometry, (ClutchGeometry, CadGeometry)):
         kind = scene.geometry.kind
         yield f"[effects.wall_images] has no effect: geometry.kind = '{kind}' has no steel faces"
-    if scene.coil is not None and None not in (scene.coil.resistance, scene.coil.voltage):
+    if scene.coil is not None and None not in (scene.coil.current, scene.coil.resistance, scene.coil.voltage):
         drop = largest(scene.coil.current) * scene.coil.resistance
         if drop > 1.01 * scene.coil.voltage:  # rounded data of a type plate agree within a percent
             yield f"coil.current needs {drop:.4g} V, more than coil.voltage = {scene.coil.voltage:g} V"

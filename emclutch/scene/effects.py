@@ -8,18 +8,18 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from emclutch.scene.section import Automatic, Choice, Section, Whole, refuse
-from emclutch.units import Acceleration, number
+from emclutch.units import Acceleration, Quantity, number
 
 PLANNED_EFFECTS = (
     "remanence",
-    "coil_circuit",
-    "eddy_currents",
     "twisting_friction",
     "cohesion",
     "fluid_drag",
     "heat",
 )
 
+_Beginning = Annotated[str, Choice(("off", "steady"))]
+_Conductivity = Annotated[float, Quantity("a conductivity", "S/m", "5 MS/m", 0.0, 1e9)]
 _Component = Annotated[float, number("-1", -1e6, 1e6)]
 
 
@@ -82,6 +82,34 @@ class BackReaction(Section):
     )
 
 
+class CoilCircuit(Section):
+    """The coil's voltage drives its current through resistance and flux linkage, V = R i + d lambda/dt."""
+
+    begin: _Beginning = Field(
+        default="off",
+        description="off: without current, the voltage is switched on at t = 0; steady: with the current V/R",
+    )
+    tolerance: Annotated[float, number("0.02", 1e-6, 1.0)] = Field(
+        default=0.02,
+        description="change of the current, relative to the largest V/R, that triggers a new solve; between solves the "
+        "flux linkage follows a line, whose error is of its square",
+    )
+
+
+class EddyCurrents(Section):
+    """Eddy currents in the solid parts delay the field."""
+
+    begin: _Beginning = Field(
+        default="off", description="off: without a field; steady: with the static field of the drive at t = 0"
+    )
+    tolerance: Annotated[float, number("0.02", 1e-6, 1.0)] = Field(
+        default=0.02, description="change of the field, relative to its largest, in one of its steps"
+    )
+    conductivity: dict[str, _Conductivity] = Field(
+        default={}, description="conductivity by name of the material, where it is not that of the library"
+    )
+
+
 class RollingFriction(Section):
     """Resistance of rough, angular grains to rolling; perfect spheres roll on smooth walls like a bearing."""
 
@@ -102,6 +130,8 @@ class Effects(Section):
     saturation: Saturation | None = Field(default=None, description="grains saturate")
     wall_images: WallImages | None = Field(default=None, description="images of the dipoles in steel faces")
     back_reaction: BackReaction | None = Field(default=None, description="the powder's fill changes the field")
+    coil_circuit: CoilCircuit | None = Field(default=None, description="resistance and inductance delay the current")
+    eddy_currents: EddyCurrents | None = Field(default=None, description="solid conductors delay the field")
 
     rolling_friction: RollingFriction | None = Field(default=None, description="grains resist rolling")
 

@@ -76,7 +76,10 @@ def _path(location: Path, data: Any, keep_last: bool) -> Path:
     """
     path: list[str | int] = []
     for index, step in enumerate(location):
-        is_entry = isinstance(data, dict) and step in data
+        # a member of a union may have the name of a key: then the next step is not below that key but beside it
+        beside = isinstance(data, dict) and isinstance(data.get(step), str) and location[index + 1 :][:1] != ()
+        is_member = beside and location[index + 1] in data
+        is_entry = isinstance(data, dict) and step in data and not is_member
         is_item = isinstance(data, (list, tuple)) and isinstance(step, int) and step < len(data)
         if is_entry or is_item:
             path.append(step)

@@ -9,6 +9,7 @@ from emclutch.scene.grains import Particles
 
 if TYPE_CHECKING:
     from geometry import AnnularBox, Box, Clutch, ShearCell
+    from geometry.cad_shape import CadShape
 
 _REGIONS = {
     "cavity": ("rim", "face_left", "face_right"),
@@ -37,7 +38,7 @@ class Fill:
     inner_radius: float
 
 
-def boxes_to_fill(shape: Clutch | ShearCell | Box, region: str) -> list[AnnularBox]:
+def boxes_to_fill(shape: Clutch | CadShape | ShearCell | Box, region: str) -> list[AnnularBox]:
     """Return the annular boxes of a region; none for a plain box, which is filled as a whole."""
     from geometry import Box, Clutch
 
@@ -47,7 +48,7 @@ def boxes_to_fill(shape: Clutch | ShearCell | Box, region: str) -> list[AnnularB
     return [boxes[name] for name in _REGIONS[region]] if isinstance(shape, Clutch) else list(boxes.values())
 
 
-def fill_of(shape: Clutch | ShearCell | Box, particles: Particles) -> Fill:
+def fill_of(shape: Clutch | CadShape | ShearCell | Box, particles: Particles) -> Fill:
     """Work out the amount of powder; the count is whole, mass and fraction follow from it."""
     from geometry import Box
 

@@ -2,21 +2,33 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from emclutch.scene.section import Section
+from emclutch.scene.section import Choice, Section, refuse
 from emclutch.units import Length, LengthOrNone, number
 
 if TYPE_CHECKING:
     from geometry.annular_cell import ShearCell
     from geometry.box import Box
+    from geometry.cad_meshing import CadSection
+    from geometry.cad_shape import CadShape
     from geometry.clutch import Clutch
+    from geometry.section import SectionMesh
 
-PLANNED_KINDS = ("centrifugal", "cad")
+PLANNED_KINDS = ("centrifugal",)
 NON_MAGNETIC = ("air", "aluminium", "copper", "stainless_304")
 """Built-in materials that carry no flux."""
+
+
+def _carries_flux(material: str) -> bool:
+    """Whether a material is magnetic; of own materials it is taken for granted here."""
+    from field.materials import canonical_name  # local: the schema itself needs no field
+
+    return canonical_name(material) not in NON_MAGNETIC
 
 
 class ClutchMaterials(Section):
@@ -70,7 +82,7 @@ class ClutchGeometry(Section):
         from geometry.clutch import Clutch  # local: the schema itself needs no shapes
 
         if cover_magnetic is None:
-            cover_magnetic = self.materials.cover not in NON_MAGNETIC
+            cover_magnetic = _carries_flux(self.materials.cover)
         given = self.model_dump(exclude={"kind", "materials"}, exclude_none=True)
         return Clutch(**given, cover_magnetic=cover_magnetic)
 
@@ -115,4 +127,102 @@ class BoxGeometry(Section):
         return Box(self.size)
 
 
-Geometry = Annotated[ClutchGeometry | DrumGeometry | ShearCellGeometry | BoxGeometry, Field(discriminator="kind")]
+_Body = Annotated[str, Choice(("rotor", "disc", "housing"))]
+
+
+class CadGeometry(Section):
+    """A device from a CAD file, its regions by the names of the parts.
+
+    The file holds the faces of the half section (x is the radius, y or z the axis), or solids of revolution. `coil`
+    and `powder` are the winding and the space of the grains; what no part fills is air. Parts named disc and
+    shaft_out turn with the disc, housing, yoke and coil stand still, all others turn with the rotor.
+    """
+
+    kind: Literal["cad"]
+    file: str = Field(min_length=1, description="STEP file (or IGES, BREP, .geo), relative to the scene's folder")
+    materials: dict[str, str] = Field(description="a material's name for each part but coil and powder")
+    names: dict[str, str] = Field(default={}, description="region for a part's name in the file, where they differ")
+    bodies: dict[str, _Body] = Field(
+        default={},
+        description="body that a region turns with; default: by its name, see the text above",
+    )
+    axis: Annotated[str, Choice(("x", "y", "z"))] = Field(default="z", description="axis of revolution of solids")
+    scale: Annotated[float, number("0.001", 1e-9, 1e9)] = Field(default=1.0, description="factor on the file's lengths")
+    air_factor: Annotated[float, number("3", 1.5, 20.0)] = Field(default=3.0, description="air box / device size")
+
+    @field_validator("file")
+    @classmethod
+    def _from_the_scenes_folder(cls, given: str, info: ValidationInfo) -> str:
+        """Make the path absolute, so that a resolved scene finds the file from anywhere."""
+        return str(((info.context or {}).get("folder", Path()) / given).resolve())
+
+    @model_validator(mode="after")
+    def _is_a_device(self) -> Self:
+        """Read the file once, so that what is wrong with it is told with the scene's other faults."""
+        try:
+            self._section()
+        except (ValueError, OSError) as error:
+            reason = str(error).removeprefix(self.file).lstrip(": ")
+            raise refuse(reason.replace("`axis`", "geometry.axis").replace("`scale`", "geometry.scale")
+                         .replace("`names`", "geometry.names"), key="file") from None  # fmt: skip
+        return self
+
+    def options(self) -> dict[str, Any]:
+        """Return what the import needs beside the path; see `geometry.cad_import.imported_section`."""
+        return {
+            "names": self.names,
+            "needed": tuple(dict.fromkeys(("coil", *self.materials))),
+            "known": ("powder", "air"),
+            "axis": self.axis,
+            "scale": self.scale,
+        }
+
+    def shape(self, without_flux: frozenset[str] = frozenset()) -> CadShape:
+        """Return the shape for walls and volumes; `without_flux`: own materials whose faces mirror no dipoles."""
+        from geometry.cad_shape import CadShape
+
+        steel = frozenset(
+            region for region, name in self.materials.items() if name not in without_flux and _carries_flux(name)
+        )
+        return CadShape(self._section(), self.bodies, steel)
+
+    def mesh(self, gap_layers: int, size_factor: float, path: Path | None = None) -> SectionMesh:
+        """Mesh the section; see `geometry.cad_meshing.mesh_cad`."""
+        from geometry.cad_meshing import mesh_cad
+
+        return mesh_cad(
+            self.file,
+            gap_layers=gap_layers,
+            size_factor=size_factor,
+            air_factor=self.air_factor,
+            out=path,
+            **self.options(),
+        )
+
+    def _section(self) -> CadSection:
+        options = self.options()
+        path = Path(self.file)
+        changed = path.stat().st_mtime_ns if path.is_file() else 0
+        names = tuple(sorted(self.names.items()))
+        return _read_section(self.file, changed, names, options["needed"], options["known"], self.axis, self.scale)
+
+
+@lru_cache(maxsize=8)
+def _read_section(
+    file: str,
+    changed: int,
+    names: tuple[tuple[str, str], ...],
+    needed: tuple[str, ...],
+    known: tuple[str, ...],
+    axis: str,
+    scale: float,
+) -> CadSection:
+    """Read a file once for the many that ask; `changed` is its time, so that a new export is seen."""
+    from geometry.cad_meshing import cad_section
+
+    return cad_section(file, names=dict(names), needed=needed, known=known, axis=axis, scale=scale)
+
+
+Geometry = Annotated[
+    ClutchGeometry | DrumGeometry | ShearCellGeometry | BoxGeometry | CadGeometry, Field(discriminator="kind")
+]

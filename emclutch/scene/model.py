@@ -9,7 +9,7 @@ from pydantic import Field, StringConstraints
 from emclutch.scene.coil import Coil
 from emclutch.scene.effects import Effects
 from emclutch.scene.field_source import FieldSource
-from emclutch.scene.geometry import ClutchGeometry, Geometry
+from emclutch.scene.geometry import CadGeometry, ClutchGeometry, Geometry
 from emclutch.scene.grains import Contact, Particles
 from emclutch.scene.materials import LinearMaterial, Material
 from emclutch.scene.motion import Motion
@@ -18,6 +18,7 @@ from emclutch.scene.timing import Accuracy, Output, TimeSpan
 
 if TYPE_CHECKING:
     from geometry import Box, Clutch, ShearCell
+    from geometry.cad_shape import CadShape
 
 _Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 
@@ -46,10 +47,14 @@ class Scene(Section):
     accuracy: Accuracy = Accuracy()
     output: Output = Output()
 
-    def shape(self) -> Clutch | ShearCell | Box:
+    def shape(self) -> Clutch | CadShape | ShearCell | Box:
         """Return the device's shape, for meshing, walls and volumes."""
         if isinstance(self.geometry, ClutchGeometry):
             cover = self.materials.get(self.geometry.materials.cover)
             if cover is not None:  # below a permeability of ten, a face mirrors hardly anything
                 return self.geometry.shape(not isinstance(cover, LinearMaterial) or cover.relative_permeability >= 10.0)
+        if isinstance(self.geometry, CadGeometry):
+            light = [name for name, own in self.materials.items() if isinstance(own, LinearMaterial)
+                     and own.relative_permeability < 10.0]  # fmt: skip
+            return self.geometry.shape(frozenset(light))
         return self.geometry.shape()

@@ -90,6 +90,8 @@ def _entry(annotation: Any, marks: tuple[Any, ...] = ()) -> str:
         return ", or ".join(_entry(part) for part in parts if part is not type(None)) + automatic
     if origin is Literal:
         return ", ".join(f"`{json.dumps(part)}`" for part in parts)
+    if origin is dict:
+        return f"table of {_entry(parts[1])}"
     if origin is tuple:
         return f"list of {_entry(parts[0])}" if parts[-1] is ... else f"list of {len(parts)}: {_entry(parts[0])}"
     if _is_section(annotation) and issubclass(annotation, TimeTable):

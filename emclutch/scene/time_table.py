@@ -8,7 +8,10 @@ from typing import Annotated, Any, Self
 from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
 
 from emclutch.scene.section import Section, refuse
-from emclutch.units import Current, Instant, Speed
+from emclutch.units import Current, Instant, Quantity, Speed
+
+# of either sign, and nothing: a table switches off and reverses
+SignedVoltage = Annotated[float, Quantity("a voltage", "V", "24 V", -1e6, 1e6)]
 
 
 class TimeTable(Section):
@@ -34,6 +37,12 @@ class CurrentTable(TimeTable):
     values: tuple[Current, ...] = Field(min_length=1, description="current at each instant")
 
 
+class VoltageTable(TimeTable):
+    """Course of the coil's voltage [V] in time [s]."""
+
+    values: tuple[SignedVoltage, ...] = Field(min_length=1, description="voltage at each instant")
+
+
 class SpeedTable(TimeTable):
     """Course of a shaft's speed [rad/s] in time [s]."""
 
@@ -46,6 +55,9 @@ def _value_or_table(given: Any) -> str:
 
 CurrentCourse = Annotated[
     Annotated[Current, Tag("value")] | Annotated[CurrentTable, Tag("table")], Discriminator(_value_or_table)
+]
+VoltageCourse = Annotated[
+    Annotated[SignedVoltage, Tag("value")] | Annotated[VoltageTable, Tag("table")], Discriminator(_value_or_table)
 ]
 SpeedCourse = Annotated[
     Annotated[Speed, Tag("value")] | Annotated[SpeedTable, Tag("table")], Discriminator(_value_or_table)

@@ -104,12 +104,12 @@ def test_drum_has_covers_without_flux(good):
 
 
 def test_own_material_from_a_file_is_kept_in_the_resolved_scene(good, tmp_path):
-    (tmp_path / "iron.csv").write_text("H [A/m], B [T]\n0, 0\n100, 1\n1000, 1.5\n")
+    (tmp_path / "iron.csv").write_text("H [A/m], B [T]\n0, 0\n100, 1\n1000, 1.5\n5000, 1.7\n")
     scene = tmp_path / "scene.toml"
     table = '\n[materials.iron]\nlaw = "table"\nfile = "iron.csv"\n[geometry.materials]\ndisc = "iron"\n'
     scene.write_text(GOOD.read_text() + table)
     resolved = load_case(scene).resolved()
-    assert resolved["materials"]["iron"] == {"law": "table", "H": [0, 100, 1000], "B": [0, 1, 1.5]}
+    assert resolved["materials"]["iron"] == {"law": "table", "H": [0, 100, 1000, 5000], "B": [0, 1, 1.5, 1.7]}
     assert case_from(resolved).scene == load_case(scene).scene
 
 

@@ -1,0 +1,47 @@
+"""Whether a compiled loop over points is worth sharing, and among how many threads."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numba
+
+# OpenMP first, before any parallel kernel starts: tbb was slower than a single thread for such short loops.  An
+# explicit NUMBA_THREADING_LAYER still wins.
+numba.config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]  # type: ignore[attr-defined]
+
+# Starting a parallel loop costs some microseconds, a point 40 to 80 ns.
+WORTH_SHARING = 2000  # points
+
+
+@contextmanager
+def shared_by(threads: int | None, count: int) -> Iterator[None]:
+    """Sets numba's threads for the block: one when there are few points.
+
+    Parameters
+    ----------
+    threads : int or None
+        None: as many as numba is set to.
+    count : int
+        Points to share.
+
+    Raises
+    ------
+    ValueError
+        More threads than numba was started with, or fewer than one.
+    """
+    available: int = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
+    before = numba.get_num_threads()
+    wanted = before if threads is None else threads
+    if not 1 <= wanted <= available:
+        raise ValueError(f"`threads` = {threads}: allowed are 1 to {available} (NUMBA_NUM_THREADS)")
+    number = wanted if count >= WORTH_SHARING else 1
+    if number == before:
+        yield
+        return
+    numba.set_num_threads(number)
+    try:
+        yield
+    finally:
+        numba.set_num_threads(before)

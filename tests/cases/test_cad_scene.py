@@ -1,0 +1,121 @@
+"""A scene of kind `cad`: checked, meshed and run like the parametric one; what is wrong with the file has its key."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tomli_w
+from step_file import rectangle, write_polygons
+from typer.testing import CliRunner
+
+import emclutch
+from emclutch.case import case_from, load_case, read_toml
+from emclutch.command_line import app
+from emclutch.device import build_device
+
+QUICKSTART = Path(__file__).resolve().parents[2] / "cases" / "quickstart.toml"
+MATERIALS = {
+    "disc": "steel_1010", "rotor": "Steel-1010", "housing": "steel_1010", "cover": "aluminum", "ring": "stainless_304",
+    "seal": "aluminium", "shaft_in": "stainless_304", "shaft_out": "stainless_304",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory):
+    """A folder with the quickstart's section as device.step, and the scene as nested dictionaries."""
+    folder = tmp_path_factory.mktemp("cad")
+    shape = load_case(QUICKSTART).scene.shape()
+    write_polygons(folder / "device.step", shape.section_polygons())
+    data = read_toml(QUICKSTART)
+    data["geometry"] = {"kind": "cad", "file": "device.step", "materials": MATERIALS}
+    data["particles"].pop("region", None)
+    return folder, data
+
+
+def written(folder, data, name="scene.toml", **geometry):
+    path = folder / name
+    path.write_text(tomli_w.dumps({**data, "geometry": {**data["geometry"], **geometry}}), encoding="utf-8")
+    return path
+
+
+def test_a_device_from_cad_is_the_parametric_one(drawn):
+    cad = load_case(written(*drawn))
+    parametric = load_case(QUICKSTART).with_values({"particles.region": "cavity"})
+    assert case_from(cad.resolved()).scene == cad.scene and not cad.warnings
+    ours, theirs = build_device(cad.scene), build_device(parametric.scene)
+    assert ours.coil.turns == pytest.approx(theirs.coil.turns)
+    assert ours.fill.volume == pytest.approx(theirs.fill.volume, rel=1e-9) and ours.fill.count == theirs.fill.count
+    for name in ("shear_radius", "shear_gap", "largest_radius"):
+        assert getattr(ours, name) == pytest.approx(getattr(theirs, name))
+    fields = [device.coil.solve_at_peak(device.coil.uniform_fill(0.3)) for device in (ours, theirs)]
+    flux = [field.flux_linkage_per_turn for field in fields]
+    assert flux[0] == pytest.approx(flux[1], rel=3e-3)  # two meshes
+    line = theirs.shape.gap_midline(50)[5:-5]
+    B = [np.linalg.norm(field.B_along(line), axis=1) for field in fields]
+    # where the gap's field varies over its own width, near the ring, two meshes differ most
+    assert np.allclose(*B, rtol=0.03, atol=0.01)
+
+
+def test_faces_of_steel_mirror_dipoles_and_others_do_not(drawn):
+    folder, data = drawn
+    own = {"light": {"law": "linear", "relative_permeability": 1.02}}
+    given = {**data, "materials": own}
+    scene = load_case(written(folder, given, "own.toml", materials={**MATERIALS, "ring": "light"})).scene
+    steel = {wall.name.rsplit("_", 1)[0]: wall.magnetic for wall in scene.shape().walls()}
+    assert steel == {"disc": True, "rotor": True, "ring": False, "cover": False, "seal": False}
+
+
+def test_it_runs_with_grains(drawn, tmp_path):
+    folder, data = drawn
+    toy = {"time.end": "0.05 ms", "output.snapshots": 2}
+    result = emclutch.run(load_case(written(folder, data)).with_values(toy), out=tmp_path / "run")
+    assert result.summary["gap_flux_density"] > 0.1 and (result.folder.path / "section.png").stat().st_size > 10_000
+    assert "torque_disc" in result.history and np.isfinite(result.history["torque_disc"]).all()
+
+
+def test_its_mesh_is_drawn(drawn, tmp_path):
+    result = CliRunner().invoke(app, ["mesh", str(written(*drawn)), "--out", str(tmp_path / "mesh")])
+    assert result.exit_code == 0, result.output
+    assert {path.name for path in (tmp_path / "mesh").iterdir()} == {"mesh.msh", "mesh.png"}
+
+
+# name: (keys of [geometry] that are changed, key in the message, fragments)
+FAULTS = {
+    "no file": ({"file": "none.step"}, "geometry.file = 'none.step'", ("does not exist; check the path",)),
+    "not CAD": ({"file": "scene.toml"}, "geometry.file", ("no CAD file", ".step")),
+    "a material too many": ({"materials": {**MATERIALS, "yoke": "steel_1010"}}, "geometry.file",
+                            ("no part named 'yoke'", "found in the file:", "taken for 'rotor'")),
+    "a material too few": ({"materials": {"disc": "steel_1010"}}, "geometry.file",
+                           ("name means nothing here: 'cover', 'housing'", "give each a material")),
+    "unit": ({"scale": 1000.0}, "geometry.file", ("unit of length is likely wrong", "geometry.scale = 0.001")),
+    "unknown material": ({"materials": {**MATERIALS, "disc": "steel_101"}}, "geometry.materials.disc",
+                         ("did you mean 'steel_1010'?",)),
+    "unknown body": ({"bodies": {"cover": "rotr"}}, "geometry.bodies.cover", ("did you mean 'rotor'?",)),
+    "misspelt key": ({"filee": "a"}, "geometry.filee", ("did you mean 'file'?",)),
+    "axis": ({"axis": "w"}, "geometry.axis", ("available: x, y, z",)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_faulty_cad_scene_is_refused(name, drawn):
+    geometry, key, fragments = FAULTS[name]
+    result = CliRunner().invoke(app, ["check", str(written(*drawn, "faulty.toml", **geometry))])
+    assert result.exit_code == 2 and "Traceback" not in result.output, result.output
+    assert key in result.output
+    for fragment in fragments:
+        assert fragment in result.output, result.output
+
+
+def test_a_file_without_powder_holds_no_grains(drawn):
+    folder, data = drawn
+    write_polygons(folder / "coil.step", {"coil": [rectangle(0.02, 0.03, 0.0, 0.01)]})
+    path = written(folder, data, "empty.toml", file="coil.step", materials={})
+    result = CliRunner().invoke(app, ["check", str(path)])
+    assert result.exit_code == 2 and "draw the space of the grains as a part of its own" in result.output
+
+
+def test_grains_larger_than_the_gap_are_refused(drawn):
+    result = CliRunner().invoke(app, ["check", str(written(*drawn)), "--set", "particles.diameter=3 mm"])
+    assert result.exit_code == 2 and "no grain fits" in result.output

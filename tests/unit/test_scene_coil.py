@@ -1,0 +1,74 @@
+"""[coil]: driven by a current or a voltage; what resistance, turns and current follow from each other."""
+
+from __future__ import annotations
+
+import pytest
+from pydantic import ValidationError
+
+from emclutch.scene.coil import Coil
+from emclutch.scene.effects import CoilCircuit, EddyCurrents
+from emclutch.scene.time_table import points_of
+
+AREA, RADIUS = 36e-6, 26e-3
+
+
+def test_resistance_follows_from_the_turns_in_copper():
+    """And gives the turns back: one winding, told from two sides."""
+    coil = Coil.model_validate({"voltage": "24 V", "turns": 500})
+    resistance = coil.resistance_in(AREA, RADIUS)
+    back = Coil.model_validate({"voltage": "24 V", "resistance": resistance})
+    assert back.turns_in(AREA, RADIUS) == pytest.approx(500.0, rel=1e-12)
+    times, currents = coil.currents_in(AREA, RADIUS)
+    assert times == (0.0,) and currents[0] == pytest.approx(24.0 / resistance)
+    assert coil.winding_in(AREA, RADIUS).copper_loss(currents[0]) == pytest.approx(24.0 * currents[0])
+
+
+def test_a_warm_coil_takes_less_current():
+    cold, warm = (
+        Coil.model_validate({"voltage": "24 V", "turns": 500, "resistance": "30 ohm", "temperature": t})
+        for t in (20, 100)
+    )
+    assert cold.resistance_in(AREA, RADIUS) == 30.0
+    assert warm.resistance_in(AREA, RADIUS) == pytest.approx(30.0 * (1.0 + 80.0 * 3.93e-3))
+    assert warm.turns_in(AREA, RADIUS) == cold.turns_in(AREA, RADIUS) == 500.0
+
+
+def test_voltage_in_time_switches_off_and_reverses():
+    coil = Coil.model_validate(
+        {"voltage": {"times": ["0 s", "1 ms", "2 ms"], "values": ["24 V", "0 V", "-6 V"]}, "resistance": "12 ohm"}
+    )
+    assert coil.is_at_voltage and coil.largest_voltage == 24.0
+    assert coil.currents_in(AREA, RADIUS) == ((0.0, 1e-3, 2e-3), (2.0, 0.0, -0.5))
+
+
+def test_beside_a_current_a_voltage_is_the_supply():
+    coil = Coil.model_validate({"current": "0.94 A", "voltage": "24 V", "resistance": "25.5 ohm"})
+    assert not coil.is_at_voltage and coil.currents_in(AREA, RADIUS) == points_of(coil.current)
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ({"turns": 500}, r"give current, e\.g\. '1 A', or voltage"),
+        ({"current": "1 A", "turns": 500, "voltage": {"times": [0], "values": [24]}}, "one of them"),
+        ({"current": "1 A", "turns": 500, "voltage": "-24 V"}, "above 0 V"),
+        ({"current": "1 A", "turns": 500, "resistance": "20 ohm"}, "keep one of them"),
+        ({"current": "1 A", "turns": 500, "fill_factor": 0.5}, "no meaning"),
+        ({"voltage": "24 V", "turns": 500, "resistance": "20 ohm", "fill_factor": 0.5}, "no meaning"),
+        ({"voltage": "24 V"}, "give turns"),
+        ({"voltage": "24 A", "turns": 500}, "is a current; a voltage is needed"),
+        ({"voltage": "24 V", "turns": 500, "temperature": 900}, "out of range"),
+        ({"voltage": {"times": [0, 0], "values": [1, 2]}, "turns": 500}, "must increase"),
+    ],
+)
+def test_faults_of_the_coil_are_told(table, words):
+    with pytest.raises(ValidationError, match=words):
+        Coil.model_validate(table)
+
+
+def test_transient_effects_have_their_keys():
+    assert CoilCircuit().begin == EddyCurrents().begin == "off"
+    assert EddyCurrents.model_validate({"conductivity": {"steel_1010": "5 MS/m"}}).conductivity == {"steel_1010": 5e6}
+    for table in ({"begin": "on"}, {"tolerance": 0.0}):
+        with pytest.raises(ValidationError):
+            CoilCircuit.model_validate(table)
