@@ -43,6 +43,16 @@ CaseFile = Annotated[Path, typer.Argument(metavar="CASE", help="scene file (.tom
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="study file (.toml)")]
 RunPath = Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run")]
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="new folder for the results")]
+Currents = Annotated[
+    str | None,
+    typer.Option(
+        "--current", metavar="I", help="'0.5 A', a list '0 A, 1 A', or first : last : how many; default: the largest"
+    ),
+]
+Lines = Annotated[
+    list[str] | None,
+    typer.Option("--line", metavar="R0,Z0,R1,Z1", help="write B and H along a line: '44 mm, 0 mm, 46 mm, 0 mm'"),
+]
 NewFile = Annotated[Path | None, typer.Option("--out", metavar="FILE", help="new file; default: the terminal")]
 NewPicture = Annotated[Path | None, typer.Option("--out", metavar="FILE", help="new picture (.png)")]
 Sets = Annotated[
@@ -161,6 +171,32 @@ def accuracy(case: CaseFile, out: Out = None, sets: Sets = None, threads: Thread
         with Progress() as progress:
             folder = measure_accuracy(read, out=out, threads=threads, progress=progress)
         typer.echo(f"results and pictures: {folder}")
+
+
+@app.command()
+def field(
+    case: CaseFile,
+    current: Currents = None,
+    line: Lines = None,
+    out: Out = None,
+    sets: Sets = None,
+    as_json: AsJson = False,
+) -> None:
+    """Solve the field alone: gap field, inductance, energy, force, error, at one current or along a sweep."""
+    with _explained():
+        read = _load(case, sets)
+        from emclutch import field_study
+
+        with _bad_input_for(case):
+            currents = None if current is None else field_study.read_currents(current)
+            lines = [field_study.read_line(text) for text in line or ()]
+            folder = field_study.field_study(read, currents, lines, out)
+        summary = json.loads((folder / "field.json").read_text())
+        if as_json:
+            _print_json(summary)
+        else:
+            Console().print(*field_study.tables_of(summary), sep="\n")
+            typer.echo(f"results and pictures: {folder}")
 
 
 @app.command()

@@ -9,9 +9,13 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
+from typing import Annotated
 
 import numpy as np
 import pandas
+from pydantic import TypeAdapter, ValidationError
+from rich.markup import escape
+from rich.table import Table
 
 from emclutch.case import Case
 from emclutch.device import CoilDevice, Device, build_device, grain_law, region_laws
@@ -21,7 +25,8 @@ from emclutch.results import OutputError, RunFolder
 from emclutch.results.field_pictures import line_picture, saturation_picture
 from emclutch.results.pictures import section_picture
 from emclutch.results.vtk_series import PvdSeries
-from field import MU_0, ConvergenceError, MagneticField, PowderLaw
+from emclutch.units import Quantity
+from field import ConvergenceError, MagneticField, PowderLaw
 from field.current_sweep import sweep_currents
 from field.error_estimate import FluxLinkage, MeanFluxDensity, estimate_error
 from field.factorisation import describe_backend
@@ -47,6 +52,25 @@ UNITS = {
     "seconds": "s",
 }
 """Columns of field.csv and their units."""
+
+DETAIL_UNITS = {
+    "resistance": "ohm",
+    "wire_diameter": "m",
+    "copper_mass": "kg",
+    "largest_flux_density": "T",
+    "axial_force": "N",
+}
+"""Of what field.json holds for the last current; the rest are pure numbers."""
+
+IN_TERMINAL = (
+    "current",
+    "gap_flux_density",
+    "flux_linkage",
+    "apparent_inductance",
+    "incremental_inductance",
+    "energy",
+    "copper_loss",
+)
 
 
 def field_study(
@@ -90,6 +114,13 @@ def field_study(
             "the scene has no coil's field to solve: it needs field.source = 'coil' and an effect that samples it, "
             "magnetic_force or dipoles"
         )
+    for line in lines:
+        ends = np.array([line[:2], line[2:]])
+        if np.any(coil.problem.locator.find(ends)[0] < 0):
+            raise ValueError(
+                f"the line {line} m does not lie in the mesh; it reaches to r = "
+                f"{coil.mesh.points[:, 0].max():.4g} m, with r >= 0"
+            )
     folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-field")
     if folder.exists():
         raise OutputError(f"{folder} exists; name another folder with --out")
@@ -102,9 +133,7 @@ def field_study(
     solution: MagneticField | None = None
     failure: ConvergenceError | None = None
     began = perf_counter()
-    fields = sweep_currents(
-        coil.problem, coil.turns * np.asarray(currents), fill, tolerance=coil.newton_tolerance
-    )
+    fields = sweep_currents(coil.problem, coil.turns * np.asarray(currents), fill, tolerance=coil.newton_tolerance)
     for number, current in enumerate(currents):
         try:
             solution = next(fields)
@@ -128,9 +157,7 @@ def field_study(
         raise failure
     assert solution is not None
     title = case.scene.scene.title
-    section_picture(
-        folder / "section.png", coil.mesh, solution.point_psi, solution.flux_density(), title=title
-    )
+    section_picture(folder / "section.png", coil.mesh, solution.point_psi, solution.flux_density(), title=title)
     if len(table) > 2:
         saturation_picture(folder / "saturation.png", table, title=title)
     for number, line in enumerate(lines, start=1):
@@ -147,9 +174,70 @@ def field_study(
         }
         pandas.DataFrame(columns).to_csv(folder / f"line-{number}.csv", index=False)
         line_picture(folder / f"line-{number}.png", along, title=title)
-    summary = {"units": UNITS, "currents": rows, "at_last_current": _details(case, coil, solution)}
+    summary = {"units": UNITS | DETAIL_UNITS, "currents": rows, "at_last_current": _details(case, coil, solution)}
     (folder / "field.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     return folder
+
+
+def tables_of(summary: dict) -> list[Table]:
+    """What `field.json` holds, for a terminal: a row a current, and what is known at the last one."""
+    rows = summary["currents"]
+    shown = [name for name in IN_TERMINAL if name in rows[0]]
+    by_current = Table(*(escape(f"{name.replace('_', ' ')} [{UNITS[name]}]") for name in shown))
+    for row in rows:
+        by_current.add_row(*(f"{row[name]:.4g}" for name in shown))
+    last = Table("at the last current", "")
+    for name, value in summary["at_last_current"].items():
+        unit = f" [{DETAIL_UNITS[name]}]" if name in DETAIL_UNITS else ""
+        last.add_row(escape(name.replace("_", " ") + unit), escape(_in_words(value)))
+    return [by_current, last]
+
+
+def _in_words(value: object) -> str:
+    if isinstance(value, dict):
+        return "; ".join(f"{name}: {_in_words(part)}" for name, part in value.items())
+    if isinstance(value, list):
+        return ", ".join(map(_in_words, value))
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def read_currents(text: str) -> list[float]:
+    """Currents [A] from ``0.5 A``, from a list ``0 A, 0.5 A, 1 A``, or from ``0 A : 1 A : 11`` (first, last, how many).
+
+    Raises
+    ------
+    ValueError
+        With what was expected.
+    """
+    parts = [part.strip() for part in text.split(":")]
+    if len(parts) == 3 and parts[2].isdigit() and int(parts[2]) > 1:
+        return list(np.linspace(_quantity(parts[0], "A"), _quantity(parts[1], "A"), int(parts[2])))
+    if len(parts) != 1:
+        raise ValueError(f"{text!r} is no range of currents; write first : last : how many, e.g. '0 A : 1 A : 11'")
+    return [_quantity(part, "A") for part in text.split(",")]
+
+
+def read_line(text: str) -> tuple[float, float, float, float]:
+    """r0, z0, r1, z1 [m] of a line from ``44 mm, 0 mm, 46 mm, 0 mm``; ValueError with what was expected."""
+    parts = text.split(",")
+    if len(parts) != 4:
+        raise ValueError(f"{text!r} is no line; write r0, z0, r1, z1, e.g. '44 mm, 0 mm, 46 mm, 0 mm'")
+    r0, z0, r1, z1 = (_quantity(part, "m") for part in parts)
+    return r0, z0, r1, z1
+
+
+_ENTRIES = {"A": Quantity("a current", "A", "0.5 A"), "m": Quantity("a length", "m", "44 mm")}
+
+
+def _quantity(text: str, unit: str) -> float:
+    try:
+        value: str | float = float(text)  # a bare number is in SI, as in a scene
+    except ValueError:
+        value = text.strip()
+    try:
+        return TypeAdapter(Annotated[float, _ENTRIES[unit]]).validate_python(value)
+    except ValidationError as error:
+        raise ValueError(f"{text.strip()!r} {error.errors()[0]['msg']}") from error
 
 
 def _row(
@@ -192,7 +280,7 @@ def _details(case: Case, coil: CoilDevice, solution: MagneticField) -> dict:
         "solver": describe_backend(solution.problem._solver.backend),
         "newton_residuals": [residual for residual, _ in solution.newton],
         "turns": coil.turns,
-        "resistance_20C": coil.winding.resistance,
+        "resistance": coil.winding.resistance,
         "wire_diameter": coil.winding.wire_diameter,
         "copper_mass": coil.winding.copper_mass,
         "largest_flux_density": float(np.linalg.norm(solution.flux_density(), axis=1).max()),
@@ -212,6 +300,4 @@ def _details(case: Case, coil: CoilDevice, solution: MagneticField) -> dict:
                 "error_estimate": force.error,
             }
     details["axial_force"] = forces
-    B = details["largest_flux_density"]
-    details["magnetic_pressure_at_largest_B"] = B * B / (2.0 * MU_0)
     return details

@@ -30,6 +30,8 @@ def saturation_picture(path: str | Path, table: Any, *, title: str | None = None
     if "circuit_flux_linkage" in table:
         left.plot(current, table["circuit_flux_linkage"], "--", color=GREY, label="flux linkage, magnetic circuit")
     left.set_ylabel("flux linkage [Wb]")
+    if current.min() >= 0.0:
+        left.set_ylim(bottom=0.0)
     if "gap_flux_density" in table:
         gap = left.twinx()
         gap.plot(current, table["gap_flux_density"], "s-", color=ORANGE, ms=4)
