@@ -5,6 +5,7 @@ from coupling.effects import BackReaction, Effect, FixedDipoles, MagneticForce, 
 from coupling.expected_load import magnetic_load, snap_in_overlap, weight_load
 from coupling.field_source import CircuitCoilField, CoilField, EddyCoilField, ImposedField
 from coupling.magnetised_grains import MagnetisedGrains, moments
+from coupling.solid_field_source import SolidCoilField
 from coupling.staggered import Simulation, run_staggered
 
 __all__ = [
@@ -19,6 +20,7 @@ __all__ = [
     "MagneticForce",
     "MagnetisedGrains",
     "Simulation",
+    "SolidCoilField",
     "WallImages",
     "magnetic_load",
     "moments",

@@ -4,7 +4,8 @@ Torque about z, whole device:  torque on rotor + disc + housing + field + dL/dt 
 
 - on the bodies: contact forces times levers, accumulated step by step by the DEM;
 - on the field (poles and coil): minus the magnetic torque on the grains, from m and B for the pairs of dipoles
-  (-sum m_i x B_j, see `coupling.dipoles`), from x x F for the gradient force and the images;
+  (-sum m_i x B_j, see `coupling.dipoles`), from x x F for the gradient force and the images; where a slotted body
+  carries the field round, the gradient force's part is booked on that body;
 - dL/dt: from positions and velocities at the window's ends, spins included.
 
 Energy of the grains:  work of walls + magnetic forces + gravity - dissipated - d(kinetic + elastic) = residual.
@@ -61,6 +62,10 @@ class Ledger:
                 for kind in ("normal", "tangential")
             }
             row[f"torque_{body.name}"] = parts["normal"] + parts["tangential"]
+            if body is simulation.field_carrier:
+                # the field turns with this body: the grains' torque in it has its reaction here
+                row[f"torque_{body.name}_field"] = -n * float(np.mean(self._bookings.pop(body.name, [0.0])))
+                row[f"torque_{body.name}"] += row[f"torque_{body.name}_field"]
             if body.name == "disc":
                 row |= {f"torque_disc_{kind}": value for kind, value in parts.items()}
             residual += row[f"torque_{body.name}"]

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,7 +19,10 @@ from coupling.field_source import CoilField, ImposedField
 from coupling.ledgers import Ledger
 from coupling.magnetised_grains import MagnetisedGrains
 from coupling.neighbour_rows import NeighbourRows, neighbour_rows
-from particles import DEM
+from particles import DEM, Body
+
+if TYPE_CHECKING:
+    from coupling.solid_field_source import SolidCoilField
 
 
 @dataclass(slots=True)
@@ -32,7 +36,7 @@ class Simulation:
         Exactly those of the scene, in the order in which they act.
     magnetised : MagnetisedGrains or None
         None when no effect needs the field.
-    source : CoilField, ImposedField or None
+    source : CoilField, SolidCoilField, ImposedField or None
     steps_per_update, updates : int
         Grain steps between evaluations of the magnetic forces; such sub-cycles a window.
     """
@@ -40,7 +44,7 @@ class Simulation:
     dem: DEM
     effects: list[Effect]
     magnetised: MagnetisedGrains | None
-    source: CoilField | ImposedField | None
+    source: CoilField | SolidCoilField | ImposedField | None
     steps_per_update: int
     updates: int
     n_sectors: int = 1
@@ -48,6 +52,11 @@ class Simulation:
     window: int = 0
     _rows: NeighbourRows | None = None
     _rows_key: tuple = ()
+
+    @property
+    def field_carrier(self) -> Body | None:
+        """The body that carries the field round because it has slots; None: the field is one of revolution."""
+        return getattr(self.source, "carrier", None)
 
     def rows(self, cutoff: float) -> NeighbourRows:
         """Neighbour rows out to `cutoff` [m]; made anew with the contact list, and so one skin wider."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from math import pi
 
@@ -19,6 +20,7 @@ from coupling import (
     MagneticForce,
     MagnetisedGrains,
     Simulation,
+    SolidCoilField,
     WallImages,
 )
 from emclutch.case import Case
@@ -60,10 +62,10 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
         sector=plan.sector,
         rolling=rolling,
     )
-    source = field_source(scene, device)
+    source = field_source(scene, device, dem.bodies)
     deposition = None
     fill_at = None
-    if effects.back_reaction is not None and device.coil is not None and isinstance(source, CoilField):
+    if effects.back_reaction is not None and isinstance(device.coil, CoilDevice) and isinstance(source, CoilField):
         deposition = deposition_of(scene, device.coil)
         source.element_volume = deposition.volume
         fill_at = partial(_fill_at, deposition, source)
@@ -101,12 +103,18 @@ def _fill_at(deposition: FillDeposition, source: CoilField, position: np.ndarray
     return deposition.at(position, source.fill)
 
 
-def field_source(scene: Scene, device: Device) -> CoilField | ImposedField | None:
+def field_source(
+    scene: Scene, device: Device, bodies: Sequence[Body]
+) -> CoilField | SolidCoilField | ImposedField | None:
     """Where the scene's field comes from; None when no effect needs one."""
     if device.imposed is not None:
         return ImposedField(device.imposed)
     if device.coil is None:
         return None
+    if not isinstance(device.coil, CoilDevice):
+        coil = device.coil
+        carrier = next(body for body in bodies if body.name == coil.carrier)
+        return SolidCoilField(coil.problem, coil.turns, coil.current, carrier, coil.newton_tolerance)
     source = coil_source(scene, device.coil)
     if scene.effects.back_reaction is not None:
         source.fill_tolerance = scene.effects.back_reaction.tolerance

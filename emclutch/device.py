@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from emclutch.coil_course import CoilCourse
 from emclutch.scene.field_source import CoilField as CoilFieldSection
 from emclutch.scene.field_source import UniformField as UniformFieldSection
 from emclutch.scene.fill import Fill, boxes_to_fill, fill_of
@@ -26,23 +28,22 @@ from field import (
 from field.adaptive import AdaptiveResult, adapt
 from field.conductivity import conductivity
 from field.error_estimate import FluxLinkage, MeanFluxDensity
-from field.winding import Winding
-from geometry import AnnularBox, Box, Clutch, SectionMesh, ShearCell, mesh_clutch
+from geometry import AnnularBox, Box, Clutch, SectionMesh, ShearCell, SolidMesh, mesh_clutch
 from geometry.cad_shape import CadShape
+
+if TYPE_CHECKING:
+    from emclutch.solid_device import SolidCoilDevice
 
 
 @dataclass(frozen=True, slots=True)
-class CoilDevice:
-    """A device whose field a coil makes: what the solves need.
+class CoilDevice(CoilCourse):
+    """A device of revolution whose field a coil makes: what the solves need.
 
     Attributes
     ----------
     shape : Clutch or CadShape
     mesh : SectionMesh
     problem : AxisymmetricProblem
-    winding : Winding
-    times, currents : tuple of float
-        Course of the current, [s] and [A]; linear between, held beyond.
     newton_tolerance : float
     powder_boxes : list of AnnularBox
         What is filled with powder.
@@ -59,9 +60,6 @@ class CoilDevice:
     shape: Clutch | CadShape
     mesh: SectionMesh
     problem: AxisymmetricProblem
-    winding: Winding
-    times: tuple[float, ...]
-    currents: tuple[float, ...]
     newton_tolerance: float
     powder_boxes: list[AnnularBox]
     adapted: AdaptiveResult | None = None
@@ -69,24 +67,10 @@ class CoilDevice:
     resistance: float | None = None
     conductivity: dict[str, float] | None = None
 
-    @property
-    def turns(self) -> float:
-        """Turns of the coil."""
-        return self.winding.turns
-
-    def current(self, time: float) -> float:
-        """I [A] at a time [s]."""
-        return float(np.interp(time, self.times, self.currents))
-
     def voltage(self, time: float) -> float:
         """V [V] at a time [s]."""
         assert self.volts is not None  # by the checks between sections: only the circuit asks
         return float(np.interp(time, self.times, self.volts))
-
-    @property
-    def largest_current(self) -> float:
-        """Largest |I| of the course [A]."""
-        return max(abs(current) for current in self.currents)
 
     def solve_at_peak(self, fill: np.ndarray | None) -> MagneticField:
         """The field at the largest current for a fill (n powder elements,) [-]."""
@@ -108,7 +92,7 @@ class Device:
         Where the powder is filled in, as `particles.pack` takes it.
     fill : Fill
         Amount of powder.
-    coil : CoilDevice or None
+    coil : CoilDevice, SolidCoilDevice or None
         None where no field has to be solved.
     imposed : UniformField, RadialField or None
         Field of a scene without a coil.
@@ -117,7 +101,7 @@ class Device:
     shape: Clutch | CadShape | ShearCell | Box
     boxes: list[AnnularBox] | Box
     fill: Fill
-    coil: CoilDevice | None = None
+    coil: CoilDevice | SolidCoilDevice | None = None
     imposed: UniformField | RadialField | None = None
 
     @property
@@ -160,6 +144,10 @@ def build_device(scene: Scene) -> Device:
         return Device(shape, boxes, fill)
     if isinstance(scene.field, UniformFieldSection):
         return Device(shape, boxes, fill, imposed=imposed_field(scene.field, shape))
+    if isinstance(shape, Clutch) and not shape.axisymmetric:
+        from emclutch.solid_device import build_solid_coil_device  # local: most scenes need no field in space
+
+        return Device(shape, boxes, fill, coil=build_solid_coil_device(scene))
     return Device(shape, boxes, fill, coil=build_coil_device(scene))
 
 
@@ -203,12 +191,12 @@ def build_coil_device(scene: Scene) -> CoilDevice:
     problem = problem_on(mesh) if adapted is None else adapted.problem
     at_voltage = coil.voltage is not None and coil.is_at_voltage
     return CoilDevice(
-        shape,
-        mesh,
-        problem,
         winding,
         times,
         currents,
+        shape,
+        mesh,
+        problem,
         source.newton_tolerance,
         boxes,
         adapted,
@@ -245,12 +233,12 @@ def grain_law(scene: Scene) -> GrainLaw:
     return (ThesisLaw if particles.law == "thesis" else GrainLaw)(particles.susceptibility, saturation)
 
 
-def region_laws(scene: Scene, mesh: SectionMesh) -> dict:
+def region_laws(scene: Scene, mesh: SectionMesh | SolidMesh) -> dict:
     """Magnetic law of each region of the mesh, by the scene's names of materials."""
     return {region: magnetic_law(scene, name) for region, name in region_materials(scene, mesh).items()}
 
 
-def region_materials(scene: Scene, mesh: SectionMesh) -> dict[str, str]:
+def region_materials(scene: Scene, mesh: SectionMesh | SolidMesh) -> dict[str, str]:
     """Name of the material of each region of the mesh that has one."""
     if isinstance(scene.geometry, CadGeometry):
         return dict(scene.geometry.materials)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from field import NU_0, MagneticField
+from field import MU_0, NU_0, MagneticField
+from field.solid import SolidField
 
 
 def field_arrays(solution: MagneticField) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], list[str]]:
@@ -31,3 +32,23 @@ def field_arrays(solution: MagneticField) -> tuple[dict[str, np.ndarray], dict[s
     r = mesh.points[:, 0]
     A = np.divide(solution.point_psi, r, out=np.zeros_like(r), where=r > 0.0)
     return cells, {"vector_potential": A}, names
+
+
+def solid_field_arrays(solution: SolidField) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """Corner points (n, 3), tetrahedra (k, 4) and cell arrays of a field in space, at the tetrahedra's centroids."""
+    mesh = solution.problem.mesh
+    element = solution.problem.elements.element_of_quadrature
+    weight = solution.problem.elements.weight
+    volume = np.bincount(element, weight)
+
+    def mean(values: np.ndarray) -> np.ndarray:
+        return np.column_stack([np.bincount(element, weight * part) for part in values.T]) / volume[:, None]
+
+    B, H = mean(solution.B_at_quadrature), mean(solution.H_at_quadrature)
+    size = np.linalg.norm(H, axis=1)
+    mu_r = np.divide(np.linalg.norm(B, axis=1), MU_0 * size, out=np.ones_like(size), where=size > 0.0)
+    region = np.zeros(len(mesh.tetrahedra), dtype=np.int32)
+    for number, name in enumerate(sorted(mesh.regions)):
+        region[mesh.regions[name]] = number
+    cells = {"flux_density": B, "field_strength": H, "relative_permeability": mu_r, "region": region}
+    return mesh.points[: mesh.n_corners], mesh.tetrahedra, cells

@@ -25,6 +25,8 @@ from emclutch.results import OutputError, RunFolder
 from emclutch.results.field_pictures import line_picture, saturation_picture
 from emclutch.results.pictures import section_picture
 from emclutch.results.vtk_series import PvdSeries
+from emclutch.solid_device import SolidCoilDevice
+from emclutch.solid_field_study import solid_field_study
 from emclutch.units import Quantity
 from field import ConvergenceError, MagneticField, PowderLaw
 from field.current_sweep import sweep_currents
@@ -109,6 +111,8 @@ def field_study(
     """
     device = build_device(case.scene)
     coil = device.coil
+    if isinstance(coil, SolidCoilDevice):
+        return solid_field_study(case, coil, currents, lines, out)
     if coil is None:
         raise ValueError(
             "the scene has no coil's field to solve: it needs field.source = 'coil' and an effect that samples it, "

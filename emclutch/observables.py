@@ -6,9 +6,10 @@ from math import pi, sqrt
 
 import numpy as np
 
-from coupling import CoilField, Simulation
+from coupling import CoilField, Simulation, SolidCoilField
 from emclutch.device import Device
 from field import MagneticField
+from field.solid import SolidField
 from geometry import Clutch, ShearCell
 from geometry.cad_shape import CadShape
 
@@ -24,7 +25,7 @@ class Observables:
 
     def __call__(self, simulation: Simulation, row: dict) -> None:
         source = simulation.source
-        if isinstance(source, CoilField):
+        if isinstance(source, (CoilField, SolidCoilField)):
             row.update(source.window_row(row["time"]))
             row["field_solves"] = 0
             if source.solution is not None and source.solution is not self._seen_solution:
@@ -63,12 +64,22 @@ class Observables:
         boxes = shape.fill_boxes()
         return boxes.get("rim", next(iter(boxes.values())))
 
-    def _field_quantities(self, source: CoilField, solution: MagneticField) -> dict[str, float]:
-        assert isinstance(self._device.shape, (Clutch, CadShape))
+    def _field_quantities(
+        self, source: CoilField | SolidCoilField, solution: MagneticField | SolidField
+    ) -> dict[str, float]:
+        shape, coil = self._device.shape, self._device.coil
+        assert isinstance(shape, (Clutch, CadShape)) and coil is not None
+        if isinstance(solution, MagneticField):
+            in_gap = pole_flux_density(shape, solution)
+        else:
+            from emclutch.solid_device import SolidCoilDevice, gap_flux_density  # local: most scenes need no such field
+
+            assert isinstance(coil, SolidCoilDevice)
+            in_gap = gap_flux_density(coil, solution)
         return {
             "flux_linkage": source.turns * solution.flux_linkage_per_turn,
             "field_energy": solution.energy,
-            "gap_flux_density": pole_flux_density(self._device.shape, solution),
+            "gap_flux_density": in_gap,
             "field_iterations": len(solution.newton) - 1,
             "field_residual": solution.newton[-1][0],
         }

@@ -14,6 +14,7 @@ from emclutch.device import CoilDevice, Device, build_device, grain_law
 from emclutch.scene.field_source import CoilField
 from emclutch.scene.time_table import largest
 from field import MagneticField
+from field.solid import SolidField
 from geometry import AnnularBox, Box, Clutch, ShearCell
 from particles import CyclicSector, LinearContact, choose_time_step, stiffness_for_overlap
 
@@ -36,7 +37,7 @@ class Plan:
         Step of the grains [s].
     steps_per_update, updates, windows : int
         Steps between evaluations of the magnetic forces; evaluations a window; windows of the run.
-    peak_field : MagneticField or None
+    peak_field : MagneticField, SolidField or None
         Solution at the largest current with the powder spread evenly.
     M_max : float
         Largest magnetisation of a grain to be expected [A/m].
@@ -51,7 +52,7 @@ class Plan:
     steps_per_update: int
     updates: int
     windows: int
-    peak_field: MagneticField | None
+    peak_field: MagneticField | SolidField | None
     M_max: float
     reasons: dict[str, str]
 
@@ -82,7 +83,7 @@ def make_plan(case: Case, device: Device | None = None) -> tuple[Device, Plan]:
         f"({fill.mass * 1e3:.3g} g), solid fraction {fill.solid_fraction:.3f} of the {where} filled"
     }
     field, M_max = expected_magnetisation(case, device)
-    if field is not None and device.coil is not None and device.coil.resistance is not None:
+    if isinstance(field, MagneticField) and isinstance(device.coil, CoilDevice) and device.coil.resistance is not None:
         reasons["coil"] = _coil_in_words(scene, device.coil, field)
     speed = _largest_speed(scene, device)
     contact = _contact(scene, device, M_max, _impact_speed(scene, device, speed), reasons)
@@ -102,7 +103,7 @@ def make_plan(case: Case, device: Device | None = None) -> tuple[Device, Plan]:
     return device, plan
 
 
-def expected_magnetisation(case: Case, device: Device) -> tuple[MagneticField | None, float]:
+def expected_magnetisation(case: Case, device: Device) -> tuple[MagneticField | SolidField | None, float]:
     """Field at the largest current with the powder spread evenly over its boxes, and the grains' largest M there."""
     scene = case.scene
     law = grain_law(scene)
@@ -114,7 +115,8 @@ def expected_magnetisation(case: Case, device: Device) -> tuple[MagneticField | 
         return None, 0.0
     phi = device.fill.solid_fraction
     coupled = scene.effects.back_reaction is not None
-    field = device.coil.solve_at_peak(device.coil.uniform_fill(phi) if coupled else None)
+    fill = device.coil.uniform_fill(phi) if coupled and isinstance(device.coil, CoilDevice) else None
+    field = device.coil.solve_at_peak(fill)
     points = _sample_points(device.coil.powder_boxes, scene.particles.diameter)
     strength = np.linalg.norm(field.sampler("powder").sample(points)[0], axis=1)
     return field, float(law.magnetisation(strength, np.full(len(strength), phi if coupled else 0.0)).max())
@@ -251,7 +253,14 @@ def _estimates(scene, device: Device, plan: Plan) -> None:
         seconds += 5.0  # mesh, cold solve, and the few warm ones
     memory = plan.count * (1500 + 9 * pairs) / 2**20 + 400
     disk = scene.output.snapshots * plan.count * 160 / 2**20 + 2
-    if device.coil is not None and isinstance(scene.field, CoilField):
+    if device.coil is not None and not isinstance(device.coil, CoilDevice):
+        solid = device.coil
+        plan.reasons["mesh"] = (
+            f"in space, for the slots: {len(solid.mesh.tetrahedra)} tetrahedra in 1/{solid.mesh.n_sectors} of the "
+            "ring, "
+            f"{solid.problem.n_dofs} unknowns; coil of {solid.turns:.0f} turns; {solid.problem.linear_solver}"
+        )
+    elif device.coil is not None and isinstance(scene.field, CoilField):
         plan.reasons["mesh"] = (
             f"{len(device.coil.mesh.triangles)} triangles, {device.coil.problem.n_dofs} unknowns of order "
             f"{scene.field.order}; coil of {device.coil.turns:.0f} turns"
@@ -285,12 +294,22 @@ def scene_fills_faces(case: Case) -> bool:
 def plan(case: Case) -> dict[str, str]:
     """The plan in words, label -> text, for `emclutch check`."""
     device, made = make_plan(case)
-    if made.peak_field is not None and device.coil is not None:
+    if isinstance(made.peak_field, MagneticField) and isinstance(device.coil, CoilDevice):
         faces = scene_fills_faces(case)
         midline = device.coil.shape.face_midline() if faces else device.coil.shape.gap_midline()
         B = np.linalg.norm(made.peak_field.B_along(midline), axis=1)
+        where = f"the {'face' if faces else 'rim'} gap"
         made.reasons["field"] = (
-            f"at the largest current, powder spread evenly: |B| in the {'face' if faces else 'rim'} gap up to "
+            f"at the largest current, powder spread evenly: |B| in {where} up to "
             f"{B.max():.3g} T, grains magnetised up to {made.M_max / 1e3:.3g} kA/m"
+        )
+    elif isinstance(made.peak_field, SolidField):
+        from emclutch.solid_device import SolidCoilDevice, gap_flux_density  # local: most scenes need no such field
+
+        assert isinstance(device.coil, SolidCoilDevice)
+        B_gap = gap_flux_density(device.coil, made.peak_field)
+        made.reasons["field"] = (
+            f"at the largest current, without powder: |B| under the poles {B_gap:.3g} T on average, "
+            f"grains magnetised up to {made.M_max / 1e3:.3g} kA/m"
         )
     return made.reasons

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from coupling import CoilField, run_staggered
+from coupling import CoilField, SolidCoilField, run_staggered
 from emclutch.assembly import assemble, simulation_of
 from emclutch.case import Case
 from emclutch.observables import Observables
@@ -189,7 +189,7 @@ def restore(case, device, plan, state: dict):
     simulation.restore_rows(state["rows"])
     saved = state["source"]
     source = simulation.source
-    if saved is not None and isinstance(source, CoilField):
+    if saved is not None and isinstance(source, (CoilField, SolidCoilField)):
         source.restore(saved)
     return simulation, simulation.dem.time
 
@@ -207,7 +207,7 @@ def summarise(case, folder: RunFolder, device, plan, simulation, seconds: float)
         summary["torque"] = disc_torque(case, device, history, duration).as_dict()
     if simulation.dem.bodies and any(body.is_free for body in simulation.dem.bodies):
         summary["lock_up_time"] = lock_up_time(history)
-    if isinstance(simulation.source, CoilField):
+    if isinstance(simulation.source, (CoilField, SolidCoilField)):
         summary |= {
             "current": float(history["current"].iloc[-1]),
             "turns": simulation.source.turns,

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from coupling import CoilField
+from coupling import CoilField, SolidCoilField
 from emclutch.results import RunFolder, load_result
+from emclutch.results.field_pictures import gap_map_picture
 from emclutch.results.pictures import grains_picture, section_picture, torque_picture
 from emclutch.snapshots import contact_lines
+from emclutch.solid_field_study import gap_map
 
 
 def draw_run(case, folder: RunFolder, device, simulation) -> None:
@@ -28,6 +30,8 @@ def draw_run(case, folder: RunFolder, device, simulation) -> None:
             title=title,
             grains=np.column_stack([r, x[:, 2], grains.radius])[slice_],
         )
+    elif isinstance(source, SolidCoilField) and source.solution is not None:
+        gap_map_picture(folder.path / "gap.png", *gap_map(device.coil, source.solution), title=title)
     result = load_result(folder.path)
     if "torque_disc" in result.history:  # a box has no disc
         torque_picture(folder.torque_picture, result.history, result.torque, title=title)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from coupling import CoilField, Simulation
-from emclutch.field_arrays import field_arrays
+from coupling import CoilField, Simulation, SolidCoilField
+from emclutch.field_arrays import field_arrays, solid_field_arrays
 from emclutch.results import HistoryWriter, RunFolder
 from emclutch.results.checkpoint import write_checkpoint
 from emclutch.results.record import Record
@@ -87,6 +87,14 @@ class Snapshots:
         self._series["contacts"].write_contacts(dem.time, *contact_lines(dem))
         if isinstance(simulation.source, CoilField):
             self._write_field(dem.time, simulation.source)
+        elif isinstance(simulation.source, SolidCoilField) and simulation.source.solution is not None:
+            solution = simulation.source.solution
+            self._series["field"].write_solid_field(
+                dem.time,
+                *solid_field_arrays(solution),
+                turned=simulation.source.carrier.angle,
+                region_names=sorted(solution.problem.mesh.regions),
+            )
 
     def _write_field(self, time: float, source: CoilField) -> None:
         assert source.solution is not None
@@ -151,6 +159,6 @@ def save_checkpoint(path: Path, simulation: Simulation, case_text: str) -> None:
         "source": None,
     }
     source = simulation.source
-    if isinstance(source, CoilField):
+    if isinstance(source, (CoilField, SolidCoilField)):
         state["source"] = source.state()
     write_checkpoint(path, state)

@@ -7,6 +7,9 @@ from geometry.drawing import draw_section
 from geometry.fault import Fault, GeometryError
 from geometry.meshing import mesh_clutch
 from geometry.section import SectionMesh
+from geometry.slots import Slots
+from geometry.slotted import mesh_slotted
+from geometry.solid_mesh import SolidMesh
 from geometry.walls import AnnularBox, Plane, RevolvedWall, Wall, annulus, cone, cylinder, outline
 
 __all__ = [
@@ -19,11 +22,14 @@ __all__ = [
     "RevolvedWall",
     "SectionMesh",
     "ShearCell",
+    "Slots",
+    "SolidMesh",
     "Wall",
     "annulus",
     "cone",
     "cylinder",
     "draw_section",
     "mesh_clutch",
+    "mesh_slotted",
     "outline",
 ]

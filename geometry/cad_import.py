@@ -23,7 +23,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from geometry.meshing import _OPTIONS, MILLIMETRE, _gmsh_model
+from geometry.meshing import _OPTIONS, MILLIMETRE, gmsh_model
 
 SUFFIXES = (".step", ".stp", ".iges", ".igs", ".brep", ".geo")
 # Outside of it a unit is wrong by a thousand: the devices meant here measure 5 mm to 5 m.
@@ -174,7 +174,7 @@ def imported_solids(
 @contextmanager
 def _opened(path: Path, scale: float, options: Mapping[str, float]) -> Iterator[tuple[Any, dict[tuple[int, int], str]]]:
     """The solids or faces of a file with their labels, in a model of its own in millimetres."""
-    with _gmsh_model({**options, "Geometry.OCCImportLabels": 1}) as gmsh:
+    with gmsh_model({**options, "Geometry.OCCImportLabels": 1}) as gmsh:
         unit = gmsh.option.getString("Geometry.OCCTargetUnit")
         gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
         try:

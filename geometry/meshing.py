@@ -81,7 +81,7 @@ def mesh_clutch(
         raise ValueError(f"`size_factor` = {size_factor:g}: allowed are 0.1 to 4; the default is 1")
     target = None if path is None else _writable(Path(path))
     options = _OPTIONS | {"Mesh.MeshSizeFactor": size_factor}
-    with _gmsh_model(options) as gmsh:
+    with gmsh_model(options) as gmsh:
         surfaces = _fragments(gmsh, clutch)
         for name, tags in surfaces.items():
             gmsh.model.addPhysicalGroup(2, tags, name=name)
@@ -95,7 +95,7 @@ def mesh_clutch(
 
 
 @contextmanager
-def _gmsh_model(options: dict[str, float]) -> Iterator[Any]:
+def gmsh_model(options: dict[str, float]) -> Iterator[Any]:
     """A model of our own in gmsh, which is left as it was found, after an error as well."""
     import gmsh
 

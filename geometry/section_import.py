@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from geometry.cad_import import CadError
-from geometry.meshing import _gmsh_model
+from geometry.meshing import gmsh_model
 from geometry.section import SectionMesh
 
 _ON_AXIS = 1e-9  # of the mesh's size
@@ -36,7 +36,7 @@ def read_section_mesh(path: str | Path, *, scale: float = 1.0) -> SectionMesh:
     path = Path(path)
     if not path.is_file():
         raise CadError(f"{path} does not exist; check the path")
-    with _gmsh_model({"General.Terminal": 0}) as gmsh:
+    with gmsh_model({"General.Terminal": 0}) as gmsh:
         try:
             gmsh.merge(str(path))
         except Exception as error:  # gmsh raises plain Exception, with its own last message

@@ -14,8 +14,6 @@ import numpy as np
 from geometry.meshing import GROWTH, MILLIMETRE
 from geometry.solid_mesh import EDGES, SolidMesh, second_order_jacobian
 
-TET_HEIGHT = (2.0 / 3.0) ** 0.5  # of a regular tetrahedron over its edge
-
 SOLID_OPTIONS = {
     "General.Terminal": 0,
     "General.NumThreads": 1,
@@ -38,12 +36,6 @@ _FACES = np.array([(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)])  # outward norma
 
 SizeFormula = tuple[float, str]
 """Size [m] inside a shape, and the distance to it in millimetres as a formula of x, y, z."""
-
-
-def ring_distance(r0: float, r1: float, z0: float, z1: float) -> str:
-    """Distance to the ring r0 < r < r1, z0 < z < z1 [m] about the z axis, a formula in millimetres."""
-    r = "Sqrt(x^2+y^2)"
-    return f"Sqrt({_beyond(r, r0, r1)}^2+{_beyond('z', z0, z1)}^2)"
 
 
 def box_distance(lower: tuple[float, float, float], upper: tuple[float, float, float]) -> str:
@@ -101,10 +93,10 @@ def generate(gmsh: Any, volumes: Mapping[str, list[int]], order: int) -> tuple[n
     points, elements = position[used] * MILLIMETRE, number[elements]
     if order == 2:
         elements = elements[:, _FROM_GMSH]
-    return points, _positive(points, elements), np.array([len(block) for block in blocks])
+    return points, positive(points, elements), np.array([len(block) for block in blocks])
 
 
-def _positive(points: np.ndarray, elements: np.ndarray) -> np.ndarray:
+def positive(points: np.ndarray, elements: np.ndarray) -> np.ndarray:
     """Exchange two corners of the elements that are the wrong way round."""
     a, b, c, d = (points[elements[:, i]] for i in range(4))
     negative = np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) < 0.0

@@ -29,7 +29,10 @@ def body_torque(moment: np.ndarray, H: np.ndarray) -> np.ndarray:
 
 
 class MagneticForce(Effect):
-    """Adds the gradient force. The body torque of the isotropic grain laws is zero and is not computed."""
+    """Adds the gradient force. The body torque of the isotropic grain laws is zero and is not computed.
+
+    Where a slotted body carries the field round, the reaction of the grains' torque is on that body.
+    """
 
     name = "magnetic_force"
 
@@ -38,4 +41,9 @@ class MagneticForce(Effect):
         pull = gradient_force(grains.magnetic_moment, simulation.magnetised.grad_H)
         force += pull
         x = grains.position
-        return {"gradient": float((x[:, 0] * pull[:, 1] - x[:, 1] * pull[:, 0]).sum())}
+        torque = float((x[:, 0] * pull[:, 1] - x[:, 1] * pull[:, 0]).sum())
+        carrier = simulation.field_carrier
+        if carrier is None:
+            return {"gradient": torque}
+        carrier.external_torque = -simulation.n_sectors * torque
+        return {carrier.name: torque}

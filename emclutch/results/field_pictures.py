@@ -89,3 +89,30 @@ def line_picture(path: str | Path, along: Any, *, title: str | None = None) -> P
         figure.suptitle(title, x=0.01, ha="left", fontsize=11)
     figure.savefig(path)
     return Path(path)
+
+
+def gap_map_picture(
+    path: str | Path, angle: np.ndarray, z: np.ndarray, B_r: np.ndarray, *, title: str | None = None
+) -> Path:
+    """Draw the radial flux density on the gap's middle cylinder, unrolled.
+
+    Parameters
+    ----------
+    path : PNG to write.
+    angle : (n,) [rad]; z : (m,) [m]; B_r : (m, n) [T].
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.0, 4.2), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    axis = figure.add_subplot()
+    limit = float(np.abs(B_r).max()) or 1.0
+    shown = axis.pcolormesh(np.degrees(angle), 1e3 * z, B_r, cmap="RdBu_r", vmin=-limit, vmax=limit, shading="gouraud")
+    figure.colorbar(shown, ax=axis, label="B_r in the middle of the rim gap [T]")
+    axis.set_xlabel("angle [deg]")
+    axis.set_ylabel("z [mm]")
+    if title:
+        axis.set_title(title, loc="left", fontsize=11)
+    figure.savefig(path)
+    return Path(path)

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 COLUMNS: dict[str, tuple[str, str]] = {
     "time": ("s", "end of the window"),
     "current": ("A", "coil current"),
+    "torque_disc_field": ("N m", "part of torque_disc: reaction of the grains' pull in the field of its slots"),
+    "torque_rotor_field": ("N m", "part of torque_rotor: reaction of the grains' pull in the field of its slots"),
     "coil_voltage": ("V", "voltage at the coil, its resistance included"),
     "coil_supplied": ("J", "energy that the coil's supply gave in the window"),
     "copper_loss": ("J", "part of coil_supplied that heats the winding"),

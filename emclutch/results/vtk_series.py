@@ -18,7 +18,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from emclutch.results.atomic_file import replace_text
-from emclutch.results.vtk_xml import write_poly_data, write_triangles
+from emclutch.results.vtk_xml import write_poly_data, write_simplices
 from emclutch.results.wall_surface import plane_polygon, revolved_surface
 
 
@@ -80,13 +80,40 @@ class PvdSeries:
         """
         r, z = np.asarray(points).T
         path = self._next("vtu")
-        write_triangles(
+        write_simplices(
             path,
             np.column_stack([r, np.zeros_like(r), z]),
             triangles,
             time=time,
             point_arrays=_meridional(point_arrays),
             cell_arrays=_meridional(cell_arrays),
+            texts={"region_names": list(region_names)} if region_names else None,
+        )
+        return self._written(time, path)
+
+    def write_solid_field(
+        self,
+        time: float,
+        points: np.ndarray,
+        tetrahedra: np.ndarray,
+        cell_arrays: Mapping[str, np.ndarray],
+        *,
+        turned: float = 0.0,
+        region_names: Sequence[str] = (),
+    ) -> Path:
+        """A field in space: points (n, 3) [m], tetrahedra (k, 4), arrays (k,) or (k, 3) by name.
+
+        `turned` is the angle [rad] of the body that carries the field: points and vectors are turned by it.
+        """
+        cos, sin = math.cos(turned), math.sin(turned)
+        turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        path = self._next("vtu")
+        write_simplices(
+            path,
+            points @ turn.T,
+            tetrahedra,
+            time=time,
+            cell_arrays={n: a @ turn.T if np.ndim(a) == 2 else a for n, a in cell_arrays.items()},
             texts={"region_names": list(region_names)} if region_names else None,
         )
         return self._written(time, path)

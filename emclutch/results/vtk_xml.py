@@ -28,7 +28,7 @@ TYPES = {
     "u1": "UInt8",
     "u2": "UInt16",
 }
-VTK_TRIANGLE = 5
+VTK_TRIANGLE, VTK_TETRA = 5, 10
 
 
 def write_poly_data(
@@ -77,25 +77,25 @@ def write_poly_data(
     _write_file(path, "PolyData", time, xml, point_arrays, cell_arrays, texts, body)
 
 
-def write_triangles(
+def write_simplices(
     path: Path,
     points: np.ndarray,
-    triangles: np.ndarray,
+    simplices: np.ndarray,
     *,
     time: float,
     point_arrays: Mapping[str, np.ndarray] | None = None,
     cell_arrays: Mapping[str, np.ndarray] | None = None,
     texts: Mapping[str, Sequence[str]] | None = None,
 ) -> None:
-    """Write a ``.vtu`` of linear triangles: points (n, 3) [m], triangles (k, 3); the rest as above."""
+    """Write a ``.vtu`` of linear triangles (k, 3) or tetrahedra (k, 4): points (n, 3) [m]; the rest as above."""
     body = _Appended()
-    k = len(triangles)
+    k, corners = simplices.shape
     xml = [f'<Piece NumberOfPoints="{len(points)}" NumberOfCells="{k}">']
     xml += _data_section("PointData", point_arrays, body)
     xml += _data_section("CellData", cell_arrays, body)
     xml += _points_section(points, body)
-    kinds = np.full(k, VTK_TRIANGLE, dtype=np.uint8)
-    xml += _cells_section("Cells", np.asarray(triangles).ravel(), 3 * np.arange(1, k + 1), body, kinds)
+    kinds = np.full(k, VTK_TRIANGLE if corners == 3 else VTK_TETRA, dtype=np.uint8)
+    xml += _cells_section("Cells", np.asarray(simplices).ravel(), corners * np.arange(1, k + 1), body, kinds)
     xml.append("</Piece>")
     _write_file(path, "UnstructuredGrid", time, xml, point_arrays, cell_arrays, texts, body)
 

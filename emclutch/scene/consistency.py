@@ -242,6 +242,44 @@ def _materials_in_use(draft: Draft) -> set[str]:
     return set(dict(materials).values())
 
 
+def _slots(draft: Draft) -> Iterator[Fault]:
+    """What a field in space cannot do, or not yet."""
+    geometry, effects = draft.scene.geometry, draft.scene.effects
+    if not isinstance(geometry, ClutchGeometry) or not isinstance(draft.scene.field, CoilField):
+        return
+    slotted = {key: s for key in ("disc_slots", "rotor_slots") if (s := getattr(geometry, key)) is not None}
+    if not slotted:
+        return
+    key = f"geometry.{next(iter(slotted))}"
+    if len(slotted) == 2:
+        yield Fault(
+            "geometry.rotor_slots",
+            "",
+            "stands beside geometry.disc_slots: the field would change with the angle between both, and is solved "
+            "once a current only; keep one of them",
+        )
+    for name in ("back_reaction", "coil_circuit", "eddy_currents"):
+        if getattr(effects, name) is not None:
+            yield Fault(
+                f"effects.{name}", "", f"is not there for a field in space, which {key} asks for; remove one of them"
+            )
+    if draft.scene.field.tolerance is not None:
+        yield draft.fault(
+            "field.tolerance", f"refines the mesh of a section, but {key} asks for a field in space; remove it, and "
+            "set the mesh by field.size_factor"
+        )  # fmt: skip
+    sector = draft.scene.particles.sector
+    if sector is not None and len(slotted) == 1:
+        pitches = sector * slotted[next(iter(slotted))].count / (2.0 * math.pi)
+        if abs(pitches - round(pitches)) > 1e-6 or round(pitches) < 1:
+            pitch = 360.0 / slotted[next(iter(slotted))].count
+            yield draft.fault(
+                "particles.sector",
+                f"is {pitches:.4g} pitches of {key}; the field repeats every pitch only: take '{pitch:.10g} deg' or a "
+                "multiple, or another count of slots",
+            )
+
+
 def _motion(draft: Draft) -> Iterator[Fault]:
     if isinstance(draft.scene.geometry, BoxGeometry):
         for shaft in ("rotor", "disc"):
@@ -272,6 +310,7 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (_sector_width, ("geometry", "particles", "effects")),
     (_needs_of_effects, ("effects",)),
     (_coil_transients, ("effects", "coil", "field", "geometry", "materials")),
+    (_slots, ("geometry", "effects", "field", "particles")),
     (_motion, ("geometry", "motion")),
     (_accuracy, ("accuracy", "time")),
 )
@@ -292,6 +331,11 @@ def warnings_of(scene: Any) -> Iterator[str]:
         yield "[coil] is not used: that needs [field] with source = 'coil'"
     if scene.field is not None and not magnetic:
         yield "[field] moves no grain: that needs [effects.dipoles] or [effects.magnetic_force]"
+    slotted = [name for name in ("disc_slots", "rotor_slots") if getattr(scene.geometry, name, None) is not None]
+    if effects.wall_images is not None and slotted:
+        yield f"[effects.wall_images] mirrors dipoles in the slots of geometry.{slotted[0]} too, as if they were steel"
+    if slotted and not isinstance(scene.field, CoilField):
+        yield f"geometry.{slotted[0]} has no effect: only the field of a coil sees slots, grains meet smooth walls"
     if effects.wall_images is not None and not isinstance(scene.geometry, (ClutchGeometry, CadGeometry)):
         kind = scene.geometry.kind
         yield f"[effects.wall_images] has no effect: geometry.kind = '{kind}' has no steel faces"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from emclutch.scene.section import Choice, Section, refuse
+from emclutch.scene.section import Choice, Section, Whole, refuse
 from emclutch.units import Length, LengthOrNone, number
 
 if TYPE_CHECKING:
@@ -50,6 +50,19 @@ class DrumMaterials(ClutchMaterials):
     cover: str = "aluminium"
 
 
+class SlotsSection(Section):
+    """Equal axial slots around a body, open towards the rim gap, filled flush with a non-magnetic material.
+
+    Grains meet smooth walls; the field is solved in space instead of in the section.
+    """
+
+    count: Annotated[int, Whole(2, 500, "24")] = Field(description="slots around the body")
+    share: Annotated[float, number("0.5", 0.0, 1.0, above=True)] = Field(
+        default=0.5, description="part of the pitch that a slot takes"
+    )
+    depth: Length = Field(description="radial depth")
+
+
 class ClutchGeometry(Section):
     """A disc in a rotor's cavity, in a housing with a coil; steel covers lead the flux to the faces."""
 
@@ -72,6 +85,8 @@ class ClutchGeometry(Section):
         default=None, description="inner radius of the coil; default: the housing's bore"
     )
     air_factor: Annotated[float, number("3", 1.5, 20.0)] = Field(default=3.0, description="air box / device size")
+    disc_slots: SlotsSection | None = Field(default=None, description="slots in the disc's rim")
+    rotor_slots: SlotsSection | None = Field(default=None, description="slots in the rotor's poles")
     materials: ClutchMaterials = ClutchMaterials()
 
     def shape(self, cover_magnetic: bool | None = None) -> Clutch:
@@ -83,8 +98,14 @@ class ClutchGeometry(Section):
 
         if cover_magnetic is None:
             cover_magnetic = _carries_flux(self.materials.cover)
-        given = self.model_dump(exclude={"kind", "materials"}, exclude_none=True)
-        return Clutch(**given, cover_magnetic=cover_magnetic)
+        from geometry.slots import Slots
+
+        given = self.model_dump(exclude={"kind", "materials", "disc_slots", "rotor_slots"}, exclude_none=True)
+        disc, rotor = (
+            None if section is None else Slots(section.count, section.share, section.depth)
+            for section in (self.disc_slots, self.rotor_slots)
+        )
+        return Clutch(**given, disc_slots=disc, rotor_slots=rotor, cover_magnetic=cover_magnetic)
 
 
 class DrumGeometry(ClutchGeometry):

@@ -99,3 +99,29 @@ def test_every_case_is_valid_and_has_a_header(path):
     else:
         case = emclutch.load_case(path)
         assert not case.warnings
+
+
+def test_slotted_disc_at_toy_size(tmp_path):
+    toy = {**TOY, "time.end": "0.1 ms", "field.size_factor": 2.0, "field.gap_layers": 3}
+    case = emclutch.load_case(CASES / "slotted_disc.toml").with_values(toy)
+    result = emclutch.run(case, out=tmp_path / "run")
+    smooth = emclutch.run(case.with_values({"geometry.disc_slots": None}), out=tmp_path / "smooth")
+    # slots widen the gap: less flux, less field (Carter's coefficient for 0.84 mm slots and a gap of 1 mm: 1.1)
+    ratio = result.summary["gap_flux_density"] / smooth.summary["gap_flux_density"]
+    assert 0.8 < ratio < 1.0
+    assert result.history["torque_disc_field"].abs().max() > 0.0 and "torque_disc_field" not in smooth.history
+    assert {"gap.png", "field.pvd", "torque.png"} <= files(result)
+
+
+def test_switch_on_at_toy_size(tmp_path):
+    case = emclutch.load_case(CASES / "switch_on.toml").with_values({**TOY, "time.end": "2 ms", "output.snapshots": 0,
+        "particles.solid_fraction": 0.05, "effects.dipoles": None, "effects.wall_images": None})  # fmt: skip
+    history = emclutch.run(case, out=tmp_path / "run").history
+    current, voltage = history["current"], history["coil_voltage"]
+    assert (voltage == 34.0).all() and current.iloc[0] < 0.05 and current.is_monotonic_increasing
+    # L/R is about 4 ms: 0.3 to 0.45 A after 2 ms
+    assert 0.25 < current.iloc[-1] < 0.5
+    stored = history["coil_supplied"].sum() - history["copper_loss"].sum() - history["eddy_loss"].sum()
+    # what heats neither copper nor iron is the field's energy (and a little work on the grains)
+    assert stored == pytest.approx(history["field_energy"].iloc[-1], rel=0.02)
+    assert history["eddy_loss"].sum() > 0.0

@@ -23,7 +23,7 @@ from field.potential_table import TableSampler
 from field.recovery import RegionRecovery
 from field.sampler import field_sampler
 from field.section_elements import SectionElements
-from geometry.meshing import _OPTIONS, _gmsh_model, _section
+from geometry.meshing import _OPTIONS, gmsh_model, _section
 
 R_COIL, Z_COIL, NI = (20e-3, 30e-3), (-8e-3, 8e-3), 800.0
 GAP = (32e-3, 36e-3, -12e-3, 12e-3)
@@ -40,7 +40,7 @@ class LikeAir:
 def half_disc(parts, step, growth, radius):
     """Rectangles {name: (r0, r1, z0, z1)} in a half-disc of air; element sizes step[name] + growth * distance."""
     mm = 1e3
-    with _gmsh_model(_OPTIONS) as gmsh:
+    with gmsh_model(_OPTIONS) as gmsh:
         occ = gmsh.model.occ
         arc = occ.addCircle(0.0, 0.0, 0.0, radius * mm, angle1=-0.5 * np.pi, angle2=0.5 * np.pi)
         occ.synchronize()

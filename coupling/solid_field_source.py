@@ -1,0 +1,113 @@
+"""The coil's field in space, of a device with slots or teeth in one of its bodies.
+
+The slotted body is the only part that is not a body of revolution: seen from it, the field stands still while the
+rest turns.  So one solve a current is enough; grains sample it in the frame that turns with that body.  The torque
+that this field exerts on the grains has its reaction on the slotted body alone, because an isotropic body of
+revolution without hysteresis takes no torque about its axis: it is booked there, and drives a free shaft.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from field import FieldSampler
+from field.solid import SolidField, SolidProblem
+from particles import Body
+
+
+@dataclass(frozen=True, slots=True)
+class TurningSampler:
+    """A field that turns with a body.
+
+    Parameters
+    ----------
+    sampler : FieldSampler
+        The field in the body's frame, whose angle is 0 at the start.
+    carrier : Body
+        The body; its present angle is taken at every call.
+    """
+
+    sampler: FieldSampler
+    carrier: Body
+
+    def sample(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """See `FieldSampler.sample`."""
+        cos, sin = np.cos(self.carrier.angle), np.sin(self.carrier.angle)
+        turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        H, grad = self.sampler.sample(np.asarray(position, dtype=float) @ turn)
+        return H @ turn.T, turn @ grad @ turn.T
+
+
+@dataclass(slots=True)
+class SolidCoilField:
+    """The coil's field in space, solved again when the current has moved beyond its tolerance.
+
+    Attributes
+    ----------
+    problem : SolidProblem
+    turns : float
+    current : callable t [s] -> I [A]
+    carrier : Body
+        The slotted body.
+    newton_tolerance, current_tolerance : float
+        As in `CoilField`.
+    """
+
+    problem: SolidProblem
+    turns: float
+    current: Callable[[float], float]
+    carrier: Body
+    newton_tolerance: float = 1e-8
+    current_tolerance: float = 0.01
+    solution: SolidField | None = None
+    sampler: FieldSampler | None = None
+    solved_current: float = np.nan
+    largest_current: float = 0.0
+    solves: int = 0
+    seconds: float = 0.0
+
+    def refresh(self, time: float, fill: np.ndarray | None = None) -> bool:
+        """Solve if needed for the current at `time` [s]; True when the field is new. Raises ConvergenceError."""
+        current = self.current(time)
+        self.largest_current = max(self.largest_current, abs(current))
+        moved = abs(current - self.solved_current) > self.current_tolerance * self.largest_current
+        if self.solution is not None and not moved and (current == 0.0) == (self.solved_current == 0.0):
+            return False
+        begin = perf_counter()
+        guess = self.solution if self.solution is not None and self.solved_current != 0.0 else None
+        self._take(self.problem.solve(self.turns * current, guess, tolerance=self.newton_tolerance), current)
+        self.solves += 1
+        self.seconds += perf_counter() - begin
+        return True
+
+    def _take(self, solution: SolidField, current: float) -> None:
+        self.solution, self.solved_current = solution, current
+        self.sampler = TurningSampler(solution.sampler("powder"), self.carrier)
+
+    def window_row(self, time: float) -> dict[str, float]:
+        """What a window that ends at `time` [s] adds to the history beside the field's own quantities."""
+        return {"current": self.current(time)}
+
+    def state(self) -> dict[str, Any] | None:
+        """What a bit-exact continuation needs; None before the first solve."""
+        if self.solution is None:
+            return None
+        return {
+            "phi": self.solution.phi,
+            "ampere_turns": self.solution.ampere_turns,
+            "newton": [list(map(float, x)) for x in self.solution.newton],
+            "current": self.solved_current,
+            "largest_current": self.largest_current,
+            "solves": self.solves,
+        }
+
+    def restore(self, saved: dict[str, Any]) -> None:
+        """Take up the state of a checkpoint."""
+        history = [tuple(x) for x in saved["newton"]]
+        self._take(SolidField(self.problem, saved["phi"], saved["ampere_turns"], history), saved["current"])
+        self.largest_current, self.solves = saved["largest_current"], saved["solves"]

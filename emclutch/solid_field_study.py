@@ -1,0 +1,104 @@
+"""`emclutch field` of a clutch with slots: the field in space along a sweep of currents, without powder."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+import pandas
+
+from emclutch.case import Case
+from emclutch.field_arrays import solid_field_arrays
+from emclutch.results import OutputError, RunFolder
+from emclutch.results.field_pictures import gap_map_picture
+from emclutch.results.vtk_series import PvdSeries
+from emclutch.solid_device import SolidCoilDevice, gap_flux_density
+from field import MU_0
+from field.solid import SolidField
+
+UNITS = {
+    "current": "A",
+    "ampere_turns": "A",
+    "gap_flux_density": "T",
+    "flux_linkage": "Wb",
+    "apparent_inductance": "H",
+    "energy": "J",
+    "coenergy": "J",
+    "copper_loss": "W",
+    "newton_steps": "-",
+    "residual": "-",
+    "seconds": "s",
+}
+
+
+def solid_field_study(
+    case: Case,
+    device: SolidCoilDevice,
+    currents: Sequence[float] | None,
+    lines: Sequence[tuple[float, float, float, float]],
+    out: str | Path | None,
+) -> Path:
+    """Solve and write field.csv, field.json, field.pvd and gap.png into a new folder; see `field_study`."""
+    if lines:
+        raise ValueError("--line lies in a section; a field in space has none: open field.pvd and draw lines there")
+    folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-field")
+    if folder.exists():
+        raise OutputError(f"{folder} exists; name another folder with --out")
+    folder.mkdir(parents=True)
+    series, rows = PvdSeries(folder, "field"), []
+    solution: SolidField | None = None
+    for number, current in enumerate([device.largest_current] if currents is None else currents):
+        began = perf_counter()
+        guess = solution if solution is not None and solution.ampere_turns != 0.0 else None
+        solution = device.problem.solve(device.turns * current, guess, tolerance=device.newton_tolerance)
+        linkage = device.turns * solution.flux_linkage_per_turn
+        rows.append(
+            {
+                "current": current,
+                "ampere_turns": solution.ampere_turns,
+                "gap_flux_density": gap_flux_density(device, solution),
+                "flux_linkage": linkage,
+                "apparent_inductance": linkage / current if current != 0.0 else None,
+                "energy": solution.energy,
+                "coenergy": solution.coenergy,
+                "copper_loss": device.winding.copper_loss(current),
+                "newton_steps": len(solution.newton) - 1,
+                "residual": solution.newton[-1][0],
+                "seconds": perf_counter() - began,
+            }
+        )
+        series.write_solid_field(float(number), *solid_field_arrays(solution), region_names=sorted(device.mesh.regions))
+        pandas.DataFrame(rows).to_csv(folder / "field.csv", index=False)
+    assert solution is not None
+    gap_map_picture(folder / "gap.png", *gap_map(device, solution), title=case.scene.scene.title)
+    details = {
+        "tetrahedra": len(device.mesh.tetrahedra),
+        "unknowns": device.problem.n_dofs,
+        "part_of_the_ring": f"1/{device.mesh.n_sectors}",
+        "linear_solver": device.problem.linear_solver,
+        "newton_residuals": [residual for residual, _ in solution.newton],
+        "slotted_body": device.carrier,
+    }
+    summary = {"units": UNITS, "currents": rows, "at_last_current": details}
+    (folder / "field.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    return folder
+
+
+def gap_map(
+    device: SolidCoilDevice, solution: SolidField, pitches: float = 2.0, count: int = 200
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Recovered B_r (m, count) [T] on the rim gap's middle cylinder, free of powder; at angles [rad] and z (m,) [m]."""
+    shape = device.shape
+    slots = shape.disc_slots or shape.rotor_slots
+    assert slots is not None
+    angle = np.linspace(0.0, pitches * slots.pitch, count)
+    line = shape.gap_midline(80)
+    r, z = line.T
+    points = np.stack(
+        [np.outer(r, np.cos(angle)), np.outer(r, np.sin(angle)), np.broadcast_to(z[:, None], (len(z), count))], axis=-1
+    )
+    H = solution.sampler("powder").sample(points.reshape(-1, 3))[0].reshape(len(z), count, 3)
+    return angle, z, MU_0 * (H[..., 0] * np.cos(angle) + H[..., 1] * np.sin(angle))

@@ -1,0 +1,219 @@
+"""Linear solves of the scalar potential: a factorisation while it fits, else conjugate gradients.
+
+The preconditioner for quadratic elements works on two orders: a Gauss-Seidel sweep on the quadratic unknowns,
+a correction in the space of the linear elements (their Galerkin matrix), and the sweep backwards.  Linear
+elements' systems are what algebraic multigrid was made for (Ruge and Stueben 1987); the sweeps take care of
+the edge unknowns, whose errors are all short waves.  The coarse solve is, in this order,
+
+    a V-cycle of pyamg's classical multigrid;  without pyamg a factorisation of the linear elements' matrix
+    while it has at most `DIRECT_CORNERS` unknowns;  else nothing: symmetric Gauss-Seidel alone.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from collections.abc import Callable
+
+import numpy as np
+import scipy.sparse as sp
+from numba import njit
+
+from field.factorisation import SymmetricSolver, describe_backend
+
+# Above this many unknowns conjugate gradients are faster than a factorisation in space.
+DIRECT_UNKNOWNS = 6_000
+# Without pyamg: the largest linear system whose factors are still cheap in time and memory.
+DIRECT_CORNERS = 40_000
+_MAX_ITERATIONS = 500
+
+
+class NodalSolver:
+    """Symmetric positive definite systems of one sparsity pattern.
+
+    Parameters
+    ----------
+    prolongation : csr_matrix (n, n_corners) or None
+        From linear to quadratic unknowns; None for linear elements.
+    method : str
+        `auto`, `direct` or `multigrid`.
+
+    Attributes
+    ----------
+    floor : float
+        Absolute residual at which an iterative solve may stop, whatever its right-hand side.
+    scale : float or None
+        None: solve down to `floor`, or to 1e-10 of the right-hand side if that is more. Else Newton's scale:
+        the residual's reduction follows its size, min(0.01, |right|/scale), which keeps Newton quadratic and
+        wastes nothing on its first steps.
+    iterations : list of int
+        Of every iterative solve so far.
+    """
+
+    def __init__(self, prolongation: sp.csr_matrix | None, size: int, method: str = "auto") -> None:
+        if method not in ("auto", "direct", "multigrid"):
+            raise ValueError(f"`method` = {method!r} of the linear solver must be 'auto', 'direct' or 'multigrid'")
+        self._prolongation = prolongation
+        n_coarse = size if prolongation is None else prolongation.shape[1]
+        self._direct = (
+            SymmetricSolver() if method == "direct" or (method == "auto" and size <= DIRECT_UNKNOWNS) else None
+        )
+        if self._direct is not None:
+            self._coarse = "factorisation"
+        elif importlib.util.find_spec("pyamg") is not None:
+            self._coarse = "pyamg"
+        else:
+            self._coarse = "factorised" if n_coarse <= DIRECT_CORNERS else "none"
+        self.floor = 0.0
+        self.scale: float | None = None
+        self.iterations: list[int] = []
+        self._last: tuple[sp.csr_matrix, Callable[[np.ndarray], np.ndarray]] | None = None
+
+    def description(self) -> str:
+        """One line that says what is in use."""
+        if self._direct is not None:
+            return describe_backend()
+        return (
+            "conjugate gradients, "
+            + {
+                "pyamg": "two-order Gauss-Seidel over classical algebraic multigrid (pyamg)",
+                "factorised": "two-order Gauss-Seidel over a factorised linear system (install pyamg for larger ones)",
+                "none": "symmetric Gauss-Seidel only: slow; install pyamg",
+            }[self._coarse]
+        )
+
+    def solve(self, matrix: sp.csc_matrix, right: np.ndarray) -> np.ndarray:
+        """Solve for one right-hand side.
+
+        Raises
+        ------
+        RuntimeError
+            Conjugate gradients did not reach the tolerance.
+        """
+        if self._direct is not None:
+            return self._direct.solve(matrix, right)
+        # symmetric: the columns are the rows
+        rows = sp.csr_matrix((matrix.data, matrix.indices, matrix.indptr), shape=matrix.shape)
+        self._last = (rows, self._preconditioner(rows))
+        return self.solve_again(right)
+
+    def solve_again(self, right: np.ndarray) -> np.ndarray:
+        """Solve for another right-hand side with the matrix of the last call of `solve`."""
+        if self._direct is not None:
+            return self._direct.solve_again(right)
+        if self._last is None:
+            raise RuntimeError("`solve` comes first: there is no matrix yet")
+        return self._conjugate_gradients(self._last[0], right, self._last[1])
+
+    def _preconditioner(self, A: sp.csr_matrix) -> Callable[[np.ndarray], np.ndarray]:
+        P = self._prolongation
+        coarse_matrix = A if P is None else (P.T @ (A @ P)).tocsr()
+        coarse = self._coarse_solve(coarse_matrix)
+        if P is None and coarse is not None:
+            return coarse
+        indptr, indices, data = A.indptr, A.indices, A.data
+        PT = None if P is None else P.T.tocsr()
+
+        def apply(residual: np.ndarray) -> np.ndarray:
+            x = np.zeros_like(residual)
+            _sweep(indptr, indices, data, residual, x, False)
+            if coarse is not None and P is not None and PT is not None:
+                x += P @ coarse(PT @ (residual - A @ x))
+            _sweep(indptr, indices, data, residual, x, True)
+            return x
+
+        return apply
+
+    def _coarse_solve(self, matrix: sp.csr_matrix) -> Callable[[np.ndarray], np.ndarray] | None:
+        if self._coarse == "pyamg":
+            import pyamg
+
+            levels = pyamg.ruge_stuben_solver(matrix, max_coarse=200)
+            return levels.aspreconditioner(cycle="V").matvec
+        if self._coarse == "factorised":
+            solver = SymmetricSolver()
+            solver.factorise(matrix.tocsc())
+            return solver.solve_again
+        return None
+
+    def _conjugate_gradients(
+        self, A: sp.csr_matrix, right: np.ndarray, precondition: Callable[[np.ndarray], np.ndarray]
+    ) -> np.ndarray:
+        size = math.sqrt(float((right * right).sum()))
+        if self.scale is None:
+            goal = self.floor if self.floor > 0.0 else 1e-10 * size
+        else:
+            goal = max(min(0.01, size / self.scale) * size, self.floor)
+        x = np.zeros_like(right)
+        r = right.copy()
+        z = precondition(r)
+        p = z.copy()
+        rz = float((r * z).sum())
+        for iteration in range(1, _MAX_ITERATIONS + 1):
+            Ap = A @ p
+            length = rz / float((p * Ap).sum())
+            x += length * p
+            r -= length * Ap
+            if math.sqrt(float((r * r).sum())) <= goal:
+                self.iterations.append(iteration)
+                return x
+            z = precondition(r)
+            new = float((r * z).sum())
+            p = z + (new / rz) * p
+            rz = new
+        raise RuntimeError(
+            f"conjugate gradients ({self.description()}) left a residual of "
+            f"{math.sqrt(float((r * r).sum())):.2e}, wanted {goal:.2e}, after {_MAX_ITERATIONS} iterations: "
+            "install pyamg, or look for nearly flat elements in the mesh"
+        )
+
+
+def linear_to_quadratic(
+    number: np.ndarray, element_nodes: np.ndarray, n_corners: int, n_free: int, n_free_corners: int, edges: np.ndarray
+) -> sp.csr_matrix:
+    """Interpolation from the unknowns of linear elements to those of quadratic ones.
+
+    Parameters
+    ----------
+    number : ndarray (n_nodes,)
+        Unknown of each node or -1.
+    element_nodes : ndarray (n_elements, 10)
+    n_corners, n_free, n_free_corners : int
+    edges : ndarray (6, 2)
+        Corners of each local edge.
+    """
+    pairs = np.concatenate([element_nodes[:, [a, b, 4 + k]] for k, (a, b) in enumerate(edges)])
+    _, first = np.unique(pairs[:, 2], return_index=True)
+    pairs = pairs[first]
+    row = number[pairs[:, 2]]
+    # of periodic partners one speaks for both
+    _, first = np.unique(row, return_index=True)
+    pairs, row = pairs[first], row[first]
+    pairs, row = pairs[row >= 0], row[row >= 0]
+    columns = number[pairs[:, :2]]
+    rows = np.broadcast_to(row[:, None], columns.shape)
+    kept = columns >= 0
+    same = np.arange(n_free_corners)
+    return sp.csr_matrix(
+        (
+            np.concatenate((np.ones(n_free_corners), np.full(np.count_nonzero(kept), 0.5))),
+            (np.concatenate((same, rows[kept])), np.concatenate((same, columns[kept]))),
+        ),
+        shape=(n_free, n_free_corners),
+    )
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _sweep(indptr, indices, data, right, x, backwards):
+    """One Gauss-Seidel sweep, in place."""
+    n = right.size
+    for k in range(n):
+        i = n - 1 - k if backwards else k
+        value, diagonal = right[i], 1.0
+        for s in range(indptr[i], indptr[i + 1]):
+            j = indices[s]
+            if j == i:
+                diagonal = data[s]
+            else:
+                value -= data[s] * x[j]
+        x[i] = value / diagonal
