@@ -128,7 +128,8 @@ class NodalSolver:
         if self._coarse == "pyamg":
             import pyamg
 
-            levels = pyamg.ruge_stuben_solver(matrix, max_coarse=200)
+            # 0.5: in stretched elements only the strongest neighbours make a good coarse grid
+            levels = pyamg.ruge_stuben_solver(matrix, strength=("classical", {"theta": 0.5}), max_coarse=200)
             return levels.aspreconditioner(cycle="V").matvec
         if self._coarse == "factorised":
             solver = SymmetricSolver()

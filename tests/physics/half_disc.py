@@ -3,7 +3,7 @@
 import numpy as np
 
 from geometry import SectionMesh
-from geometry.meshing import _OPTIONS, gmsh_model, _section
+from geometry.meshing import _OPTIONS, _section, gmsh_model
 
 
 def half_disc(parts, radius, size, *, air_size=None, z0=0.0, shell=None):
