@@ -10,8 +10,8 @@ GMSH_PACKAGES  := libglu1-mesa libgl1 libxrender1 libxcursor1 libxft2 libxineram
 .PHONY: run test bench stability setup lint sweep clean
 run: setup ; @$(BIN)/emclutch run $(CASE)
 test: setup ; $(BIN)/python -m pytest tests/unit tests/physics tests/cases
-bench: setup ; $(BIN)/python -m pytest tests/benchmarks -s
-stability: setup ; $(BIN)/python -m pytest tests/physics/test_hard_cases.py -v
+bench: setup ; $(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]' && $(BIN)/python -m pytest tests/benchmarks -s
+stability: setup ; $(BIN)/python -m pytest tests/physics/test_hard_cases.py tests/physics/test_field_hard_cases.py -v
 sweep: setup ; $(BIN)/emclutch sweep cases/current_to_torque.toml
 lint: setup ; $(BIN)/ruff check . && $(BIN)/mypy
 clean: ; rm -rf $(VENV) runs .pytest_cache .mypy_cache .ruff_cache; find . -name __pycache__ -prune -exec rm -rf {} +
@@ -21,5 +21,5 @@ $(VENV)/installed: pyproject.toml constraints.txt
 	@PYTHON="$(PYTHON)" sh .ci/system-libraries "$(GMSH_LIBRARIES)" "$(GMSH_PACKAGES)"
 	@command -v $(PYTHON) >/dev/null || { echo "$(PYTHON) not found: apt-get install python3.11 python3.11-venv, or make PYTHON=python3.12"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,fast]'
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,fast,solid]'
 	@touch $@
