@@ -9,9 +9,6 @@ from __future__ import annotations
 
 import itertools
 import json
-import os
-import shutil
-import sys
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
@@ -279,38 +276,9 @@ def schema(out: NewFile = None, markdown: AsMarkdown = False) -> None:
 @app.command()
 def doctor() -> None:
     """Tell whether this machine has what the program needs."""
-    from importlib import import_module, metadata
+    from emclutch.doctor import examine
 
-    table, good = Table("", "found", ""), True
-    table.add_row("emclutch", __version__, "ok")
-    table.add_row("python", sys.version.split()[0], "ok")
-    modules = {"scikit-fem": "skfem"} | {
-        name: name
-        for name in (
-            "numpy",
-            "scipy",
-            "numba",
-            "gmsh",
-            "h5py",
-            "pydantic",
-            "pint",
-            "pandas",
-            "matplotlib",
-            "pyvista",
-        )
-    }
-    for name, module in modules.items():
-        try:
-            import_module(module)
-            table.add_row(name, metadata.version(name), "ok")
-        except (ImportError, OSError) as error:  # OSError: a shared library that gmsh loads is missing
-            good = False
-            table.add_row(name, "-", str(error))
-    table.add_row("cores", str(os.cpu_count()), "ok")
-    table.add_row("threads of the kernels", str(_most_threads() if good else "-"), "ok" if good else "not known")
-    table.add_row("memory", _gigabytes(_memory()), "ok")
-    table.add_row("free disk here", _gigabytes(shutil.disk_usage(".").free), "ok")
-    table.add_row("this folder", str(Path.cwd()), "ok" if os.access(".", os.W_OK) else "read-only: use --out")
+    table, good = examine()
     Console().print(table)
     if not good:
         _stop(
@@ -375,17 +343,12 @@ def _assignments(sets: list[str] | None) -> dict[str, Any]:
 def _check_threads(threads: int | None) -> None:
     if threads is None:
         return
-    most = _most_threads()
+    from emclutch.doctor import most_threads  # local: it imports numba
+
+    most = most_threads()
     if not 1 <= threads <= most:
         message = f"is out of range; allowed: 1 to {most} (this machine's cores, or NUMBA_NUM_THREADS where it is set)"
         raise SceneError([Fault("--threads", str(threads), f"{message}; change it or leave it out")], "command line")
-
-
-def _most_threads() -> int:
-    """The largest number of threads that the compiled kernels take."""
-    import numba
-
-    return int(getattr(numba.config, "NUMBA_NUM_THREADS"))  # noqa: B009 (numba's stubs hide it)
 
 
 def _run_to_resume(folder: Path, out: Path | None) -> tuple[Path, Path]:
@@ -406,18 +369,6 @@ def _unknown(key: str) -> str:
     from emclutch.scene.model import Scene
 
     return key_fault(key, Scene)
-
-
-def _memory() -> int | None:
-    """Memory of the machine [bytes]; None where the system does not tell."""
-    try:
-        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (AttributeError, OSError, ValueError):
-        return None
-
-
-def _gigabytes(size: int | None) -> str:
-    return "not known" if size is None else f"{size / 1e9:.0f} GB"
 
 
 def _tell_plan(case: Case, as_json: bool) -> None:

@@ -281,7 +281,7 @@ def _details(case: Case, coil: CoilDevice, solution: MagneticField) -> dict:
         "unknowns": solution.problem.n_dofs,
         "triangles": len(coil.mesh.triangles),
         "order": solution.problem.elements.order,
-        "solver": describe_backend(solution.problem._solver.backend),
+        "solver": describe_backend(solution.problem.factorisation_backend),
         "newton_residuals": [residual for residual, _ in solution.newton],
         "turns": coil.turns,
         "resistance": coil.winding.resistance,

@@ -14,6 +14,7 @@ from emclutch.device import CoilDevice, Device, build_device, grain_law
 from emclutch.scene.field_source import CoilField
 from emclutch.scene.time_table import largest
 from field import MagneticField
+from field.factorisation import describe_backend
 from field.solid import SolidField
 from geometry import AnnularBox, Box, Clutch, ShearCell
 from particles import CyclicSector, LinearContact, choose_time_step, stiffness_for_overlap
@@ -263,7 +264,8 @@ def _estimates(scene, device: Device, plan: Plan) -> None:
     elif device.coil is not None and isinstance(scene.field, CoilField):
         plan.reasons["mesh"] = (
             f"{len(device.coil.mesh.triangles)} triangles, {device.coil.problem.n_dofs} unknowns of order "
-            f"{scene.field.order}; coil of {device.coil.turns:.0f} turns"
+            f"{scene.field.order}; coil of {device.coil.turns:.0f} turns; "
+            f"{describe_backend(device.coil.problem.factorisation_backend)}"
         )
         if device.coil.adapted is not None:
             plan.reasons["mesh"] += f"; {device.coil.adapted.summary()}"

@@ -20,7 +20,7 @@ import scipy.sparse as sp
 
 from geometry.section import SectionMesh
 
-from .factorisation import SymmetricSolver
+from .factorisation import Backend, SymmetricSolver
 from .magnetic_field import MagneticField
 from .newton import minimise, norm, scalar_product
 from .powder_law import PowderLaw
@@ -109,6 +109,11 @@ class AxisymmetricProblem:
     def n_dofs(self) -> int:
         """Number of unknowns, boundary included."""
         return self.elements.n_dofs
+
+    @property
+    def factorisation_backend(self) -> Backend:
+        """Which sparse factorisation is in use."""
+        return self._solver.backend
 
     @property
     def powder_elements(self) -> np.ndarray:

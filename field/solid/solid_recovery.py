@@ -31,6 +31,10 @@ _MAX_RINGS = 4
 # Share of a monomial that the ones before it leave unexplained on the stencil (square of a Cholesky pivot over
 # the diagonal): below it the fit follows noise.
 _LEAST_PIVOT = 2e-4
+# Largest change of a derivative at the corner, over the stencil's reach, that noise of size 1 in the samples may
+# make.  A good quartic has 30 to 150; where the stencil is a layer or two thick single pivots pass, but their
+# errors multiply to 1e4, and the fit then recovers noise.
+_MOST_NOISE = 400.0
 _CHUNK = 4096
 
 
@@ -181,6 +185,8 @@ class SolidRecovery:
             good,
         )
         good &= count >= n_terms
+        at_corner = np.einsum("kab,kb->ka", frame, self.nodes[corners] - centre)
+        _limit_noise(at_corner, terms.exponents, factor, count, _MOST_NOISE, np.empty(n_terms), good)
         if good.any():
             kept = good[owner]
             pairs = self.nodes[corners][owner[kept]]
@@ -319,6 +325,42 @@ def _factorise(centre, nodes, indptr, samples, frame, parent, axis, least, m, fa
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
+def _power(x, n):
+    value = 1.0
+    for _ in range(n):
+        value *= x
+    return value
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _limit_noise(at, exponents, factor, count, most, w, good):
+    """Reject fits that amplify noise: of samples' weights W for a derivative d, |W|^2 = d . (Gram matrix)^-1 d."""
+    n = exponents.shape[0]
+    for k in range(at.shape[0]):
+        if not good[k]:
+            continue
+        L = factor[k]
+        for axis in range(3):
+            square = 0.0
+            for i in range(n):
+                value = 1.0
+                for b in range(3):
+                    a = exponents[i, b]
+                    if b == axis:
+                        value *= a * _power(at[k, b], a - 1)
+                    else:
+                        value *= _power(at[k, b], a)
+                for j in range(i):
+                    value -= L[i, j] * w[j]
+                w[i] = value / L[i, i]
+                square += w[i] * w[i]
+            # sqrt(n) |W| bounds the sum of the weights' sizes
+            if not square * count[k] < most * most:
+                good[k] = False
+                break
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
 def _apply(centre, nodes, indptr, samples, frame, parent, axis, factor, phi, difference, m, coefficients, row):
     n = parent.size
     for k in range(centre.shape[0]):
@@ -339,14 +381,6 @@ def _apply(centre, nodes, indptr, samples, frame, parent, axis, factor, phi, dif
             for j in range(i + 1, n):
                 a[i] -= L[j, i] * a[j]
             a[i] /= L[i, i]
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def _power(x, n):
-    value = 1.0
-    for _ in range(n):
-        value *= x
-    return value
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
