@@ -23,7 +23,7 @@ from emclutch.results import OutputError, Result, RunFolder, load_result, read_h
 from emclutch.results.checkpoint import read_checkpoint
 from emclutch.results.statistics import Estimate
 from emclutch.snapshots import History, Snapshots, save_checkpoint
-from field import ConvergenceError, PointOutside
+from field import ConvergenceError, FluxLinkage, MagneticField, MeanFluxDensity, PointOutside, estimate_error
 from particles import DemError, Grains, PackingError
 
 log = logging.getLogger(__name__)
@@ -215,6 +215,7 @@ def summarise(case, folder: RunFolder, device, plan, simulation, seconds: float)
             "flux_linkage": float(history["flux_linkage"].iloc[-1]),
             "field_solves": simulation.source.solves,
         }
+        summary["field_error_estimate"] = field_error_estimate(simulation.source.solution)
     if "inertial_number" in history:
         late = history["inertial_number"].iloc[len(history) // 2 :].dropna()
         summary["inertial_number"] = float(late.median()) if len(late) else None
@@ -240,6 +241,14 @@ def summarise(case, folder: RunFolder, device, plan, simulation, seconds: float)
         "plan": plan.reasons,
     }
     folder.write_summary(summary)
+
+
+def field_error_estimate(solution) -> dict[str, float] | None:
+    """Estimated relative errors of the last field's discretisation; None without current, and for one in space."""
+    if not isinstance(solution, MagneticField) or solution.ampere_turns == 0.0:
+        return None
+    estimate = estimate_error(solution, (FluxLinkage(), MeanFluxDensity("powder")))
+    return {goal.goal: goal.relative for goal in estimate.goals}
 
 
 def _estimate(case, history, column: str, duration) -> Estimate:

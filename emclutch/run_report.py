@@ -44,12 +44,16 @@ def report(result: Result, page_folder: Path | None = None) -> str:
     ):
         if summary.get(key) is not None:
             rows.append((label, f"{summary[key]:.5g} {unit}".strip()))
+    rows += [
+        (f"estimated relative error of the field: {goal}", f"{error:.2g}")
+        for goal, error in (summary.get("field_error_estimate") or {}).items()
+    ]
     rows += [(f"wall-clock: {part.replace('_', ' ')}", f"{value:.1f} s") for part, value in summary["seconds"].items()]
     lines += ["| | |", "|---|---|", *(f"| {label} | {text} |" for label, text in rows), "", "## Decisions", ""]
     lines += [f"- {label}: {text}" for label, text in summary["plan"].items()]
     home = result.folder.path.resolve()
     way = Path(os.path.relpath(home, (page_folder or home).resolve()))
-    pictures = [name for name in ("section.png", "torque.png", "grains.png") if (home / name).is_file()]
+    pictures = [name for name in ("section.png", "gap.png", "torque.png", "grains.png") if (home / name).is_file()]
     lines += [
         "",
         *(f"![{name}]({quote((way / name).as_posix())})" for name in pictures),

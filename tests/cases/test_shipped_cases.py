@@ -40,8 +40,17 @@ def test_quickstart_at_toy_size(tmp_path):
     assert result.history["torque_disc"].iloc[-1] > 0.0  # the rotor drags the disc along
     assert not result.torque.converged  # 0.3 ms are no steady torque, and it says so
     assert "run longer" in result.torque.reason
+    # the mesh of the quickstart is a coarse one
+    assert 0.0 < result.summary["field_error_estimate"]["flux linkage"] < 0.01
     page = report(result)
-    for row in ("flux density under the poles", "torque balance", "energy balance", "inertial number", "wall-clock"):
+    for row in (
+        "flux density under the poles",
+        "torque balance",
+        "energy balance",
+        "inertial number",
+        "wall-clock",
+        "error of the field",
+    ):
         assert row in page
 
 
