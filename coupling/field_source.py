@@ -141,8 +141,8 @@ def _unset(time: float) -> float:
 class CircuitCoilField(CoilField):
     """A coil at a voltage, V(t) = R i + d lambda/dt, with the flux linkage of the field (effect `coil_circuit`).
 
-    The linkage is integrated exactly along a line i(lambda) about the last solve; when the current has moved beyond
-    its tolerance, or the fill, the field is solved for the linkage reached, which neither of them can make jump.
+    The linkage is integrated exactly along a line i(lambda) about the last solve; when the current or the linkage have
+    moved beyond their tolerance, or the fill, the field is solved for the linkage reached, which none can make jump.
 
     Attributes
     ----------
@@ -155,6 +155,9 @@ class CircuitCoilField(CoilField):
         Instants [s] where the voltage is not smooth.
     begin_steady : bool
         Begin with the field of V(0)/R instead of with none.
+    stride : float
+        Change of the linkage, relative to the largest so far, that calls for a solve: follows from how far the last
+        line missed the current.
     largest_current : float
         The largest |V|/R to come [A]: what the current's tolerance refers to from the start.
     """
@@ -166,6 +169,8 @@ class CircuitCoilField(CoilField):
     begin_steady: bool = False
     circuit: CircuitState | None = None
     coil: LinearisedCoil | None = None
+    largest_linkage: float = 0.0
+    stride: float = np.inf
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.resistance) and self.resistance > 0.0):
@@ -182,8 +187,14 @@ class CircuitCoilField(CoilField):
             self.circuit = CircuitState(time, self.turns * solution.flux_linkage_per_turn, current)
         else:
             self.circuit = self.coil.advanced(self.circuit, time, self.voltage, self.breaks)
-            if not self.is_stale(self.circuit.current, fill):
+            linkage = self.circuit.linkage
+            self.largest_linkage = max(self.largest_linkage, abs(linkage))
+            # where iron opens or closes, the one runs away while the line says that the other hardly moves
+            stride = min(self.stride, self.current_tolerance)
+            moved = abs(linkage - self.coil.linkage) > stride * self.largest_linkage
+            if not self.is_stale(self.circuit.current, fill) and not moved:
                 return False
+            foretold = self.circuit.current
             solution = solve_at_flux_linkage(
                 self.problem,
                 self.circuit.linkage / self.turns,
@@ -191,6 +202,10 @@ class CircuitCoilField(CoilField):
                 self.solution,
                 tolerance=self.newton_tolerance,
             )
+            # the line's error is of second order in the stride: keep it at half the tolerance
+            miss = abs(foretold - solution.ampere_turns / self.turns) / max(self.largest_current, 1e-300)
+            factor = np.sqrt(0.5 * self.current_tolerance / max(miss, 1e-12))
+            self.stride = float(np.clip(stride * np.clip(factor, 0.2, 2.0), 1e-4, self.current_tolerance))
         self.coil = LinearisedCoil.about(solution, self.turns, self.resistance)
         self.circuit = replace(self.circuit, current=self.coil.current)
         self.set_solution(solution, self.coil.current, fill)
@@ -232,12 +247,14 @@ class CircuitCoilField(CoilField):
             "supplied": circuit.supplied,
             "copper_loss": circuit.copper_loss,
         }
+        saved["largest_linkage"], saved["stride"] = self.largest_linkage, self.stride
         saved["coil"] = {"linkage": coil.linkage, "current": coil.current, "inductance": coil.inductance}
         return saved
 
     def restore(self, saved: dict[str, Any]) -> None:
         """See `CoilField.restore`."""
         CoilField.restore(self, saved)
+        self.largest_linkage, self.stride = float(saved["largest_linkage"]), float(saved["stride"])
         self.circuit = CircuitState(**{name: float(value) for name, value in saved["circuit"].items()})
         self.coil = LinearisedCoil(
             **{name: float(value) for name, value in saved["coil"].items()}, resistance=self.resistance

@@ -30,6 +30,7 @@ from field.conductivity import conductivity
 from field.error_estimate import FluxLinkage, MeanFluxDensity
 from geometry import AnnularBox, Box, Clutch, SectionMesh, ShearCell, SolidMesh, mesh_clutch
 from geometry.cad_shape import CadShape
+from geometry.clipping import share_in_boxes
 
 if TYPE_CHECKING:
     from emclutch.solid_device import SolidCoilDevice
@@ -207,12 +208,8 @@ def build_coil_device(scene: Scene) -> CoilDevice:
 
 
 def even_fill(mesh: SectionMesh, boxes: list[AnnularBox], phi: float) -> np.ndarray:
-    """Solid fraction `phi` on the powder's elements inside the boxes, 0 outside; (n powder elements,)."""
-    r, z = mesh.centroid()[mesh.regions["powder"]].T
-    inside = np.zeros(len(r), dtype=bool)
-    for box in boxes:
-        inside |= (r > box.r0) & (r < box.r1) & (z > box.z0) & (z < box.z1)
-    return np.where(inside, phi, 0.0)
+    """Solid fraction (n powder elements,) of powder that fills the boxes to `phi`, whatever the mesh's lines are."""
+    return phi * share_in_boxes(mesh.points[mesh.triangles[mesh.regions["powder"]]], boxes)
 
 
 def mesh_of(scene: Scene, path: Path | None = None) -> SectionMesh:

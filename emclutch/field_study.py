@@ -261,7 +261,7 @@ def _row(
         "incremental_inductance": incremental_inductance(solution, coil.turns),
         "energy": solution.energy,
         "coenergy": solution.coenergy,
-        "copper_loss": coil.winding.copper_loss(current),
+        "copper_loss": _resistance(case, coil) * current**2,
         "newton_steps": len(solution.newton) - 1,
         "residual": solution.newton[-1][0],
         "seconds": seconds,
@@ -275,6 +275,12 @@ def _row(
     return {name: row[name] for name in UNITS if name in row}
 
 
+def _resistance(case: Case, coil: CoilDevice) -> float:
+    """Of the coil [ohm]: the scene's own, or that of its turns in copper."""
+    assert case.scene.coil is not None
+    return case.scene.coil.resistance_in(coil.shape.coil_area, coil.shape.coil_mean_radius)
+
+
 def _details(case: Case, coil: CoilDevice, solution: MagneticField) -> dict:
     """What is computed once, at the last current: error estimate, forces, winding, solver."""
     details: dict = {
@@ -284,11 +290,13 @@ def _details(case: Case, coil: CoilDevice, solution: MagneticField) -> dict:
         "solver": describe_backend(solution.problem.factorisation_backend),
         "newton_residuals": [residual for residual, _ in solution.newton],
         "turns": coil.turns,
-        "resistance": coil.winding.resistance,
+        "resistance": _resistance(case, coil),
         "wire_diameter": coil.winding.wire_diameter,
         "copper_mass": coil.winding.copper_mass,
         "largest_flux_density": float(np.linalg.norm(solution.flux_density(), axis=1).max()),
     }
+    if coil.adapted is not None:
+        details["mesh"] = coil.adapted.summary()
     if solution.ampere_turns == 0.0:
         return details
     estimate = estimate_error(solution, [FluxLinkage(), MeanFluxDensity("powder")])
@@ -297,7 +305,10 @@ def _details(case: Case, coil: CoilDevice, solution: MagneticField) -> dict:
     for body in ("disc", "rotor"):
         regions = [name for name in coil.mesh.regions if name == body or name.startswith(f"{body}_")]
         if regions:
-            force = axial_force(solution, regions, yielding=("powder",), virtual_work=True)
+            try:
+                force = axial_force(solution, regions, yielding=("powder",), virtual_work=True)
+            except ConvergenceError:  # of the displaced device: not worth the study
+                force = axial_force(solution, regions, yielding=("powder",))
             forces[body] = {
                 "maxwell_stress": force.maxwell_stress,
                 "virtual_work": force.virtual_work,

@@ -48,6 +48,8 @@ def solid_field_study(
     if folder.exists():
         raise OutputError(f"{folder} exists; name another folder with --out")
     folder.mkdir(parents=True)
+    assert case.scene.coil is not None
+    resistance = case.scene.coil.resistance_in(device.shape.coil_area, device.shape.coil_mean_radius)
     series, rows = PvdSeries(folder, "field"), []
     solution: SolidField | None = None
     for number, current in enumerate([device.largest_current] if currents is None else currents):
@@ -64,7 +66,7 @@ def solid_field_study(
                 "apparent_inductance": linkage / current if current != 0.0 else None,
                 "energy": solution.energy,
                 "coenergy": solution.coenergy,
-                "copper_loss": device.winding.copper_loss(current),
+                "copper_loss": resistance * current**2,
                 "newton_steps": len(solution.newton) - 1,
                 "residual": solution.newton[-1][0],
                 "seconds": perf_counter() - began,

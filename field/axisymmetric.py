@@ -152,7 +152,7 @@ class AxisymmetricProblem:
         guess: MagneticField | np.ndarray | None = None,
         *,
         tolerance: float = 1e-8,
-        max_iterations: int = 30,
+        max_iterations: int = 100,
         boundary_field: float = 0.0,
     ) -> MagneticField:
         """The field of a coil current and a powder fill.
@@ -208,6 +208,8 @@ class AxisymmetricProblem:
                 raise ValueError(
                     f"`guess` has {psi.size} unknowns, the mesh {self.n_dofs}: start from a field of the same problem"
                 )
+            if not np.all(np.isfinite(psi)):
+                raise ValueError("`guess` holds a value that is not a finite number; start from another field, or None")
             start, first = psi[self._free], None
         x, history = minimise(
             energy,
@@ -218,7 +220,7 @@ class AxisymmetricProblem:
             max_iterations=max_iterations,
             first_matrix=first,
         )
-        return MagneticField(self, energy.whole(x), float(ampere_turns), fill, history)
+        return MagneticField(self, energy.whole(x), float(ampere_turns), fill, history, float(boundary_field))
 
     def _checked_fill(self, fill: np.ndarray | None) -> np.ndarray | None:
         if fill is None:

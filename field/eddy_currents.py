@@ -331,7 +331,10 @@ class EddyCurrentProblem:
         if boundary_field is not None:
             fixed = problem._fixed
             boundary[fixed] = 0.5 * boundary_field(time) * problem.elements.dof_points[fixed, 0] ** 2
-        inner = SectionEnergy(problem, fill, self.turns * per_turn * problem.coil_load, boundary)
+        source = self.turns * per_turn * problem.coil_load
+        if boundary_field is not None and problem.exterior is not None:
+            source[problem.exterior.dofs] += boundary_field(time) * problem.exterior.uniform_load
+        inner = SectionEnergy(problem, fill, source, boundary)
         energy = _StepEnergy(self, inner, base, dt, self._rank_one(drive))
         scale = norm(inner.source[problem._free]) + norm(energy.memory(base)[problem._free])
         if boundary_field is not None:

@@ -12,6 +12,7 @@ from .patch_fit import falling_powers
 from .powder_law import PowderLaw
 from .recovery import RegionRecovery, lattice
 from .reluctivity import LinearLaw
+from .result_arrays import result_arrays
 from .thread_count import shared_by
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ class RecoveredSampler:
             A point outside the region.
         """
         position = np.ascontiguousarray(position, dtype=float)
-        H, grad = out or (np.empty((len(position), 3)), np.empty((len(position), 3, 3)))
+        H, grad = result_arrays(len(position), out)
         if len(self._hint) != len(position):
             self._hint = np.full(len(position), -1, dtype=np.int64)
         search = self.recovery.locator.search_arguments

@@ -143,7 +143,10 @@ class _SuperLU:
     _OPTIONS = {"SymmetricMode": True}
 
     def __init__(self, matrix: sp.csc_matrix) -> None:
-        first = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=self._OPTIONS)
+        try:
+            first = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=self._OPTIONS)
+        except RuntimeError as error:
+            raise NotPositiveDefinite(str(error)) from error
         self._order = np.argsort(first.perm_c)
         # the entries' own positions travel through the permutation and say where each one goes
         numbered = sp.csc_matrix((np.arange(1.0, matrix.nnz + 1.0), matrix.indices, matrix.indptr), shape=matrix.shape)

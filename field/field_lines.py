@@ -48,7 +48,7 @@ class FieldAlongLine:
     def flux(self) -> float:
         """Flux [Wb] through the surface that the line sweeps in a full turn: 2 pi times the change of psi.
 
-        Positive where B points to the right of the line's direction with r to the right and z upwards
+        Positive where B points to the left of the line's direction with r to the right and z upwards
         (a line outwards along r: where B points to +z).
         """
         return float(2.0 * math.pi * (self.psi[-1] - self.psi[0]))
@@ -74,7 +74,7 @@ def field_along(solution: MagneticField, points: np.ndarray) -> FieldAlongLine:
     if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
         raise ValueError(f"a line needs at least two points (r, z), shape (k, 2); got an array of shape {points.shape}")
     problem = solution.problem
-    element, barycentric = problem.locator.find(points)
+    element, _ = problem.locator.find(points)
     if np.any(element < 0):
         raise PointOutside(points[element < 0], "the mesh")
     B = solution.flux_density(points)
@@ -88,7 +88,7 @@ def field_along(solution: MagneticField, points: np.ndarray) -> FieldAlongLine:
         here = region == name
         nu[here] = _reluctivity(problem.law_of(str(name)), size[here], fill_of_element[element[here]])
     distance = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
-    return FieldAlongLine(points, distance, B, nu[:, None] * B, _psi_at(solution, element, barycentric), region)
+    return FieldAlongLine(points, distance, B, nu[:, None] * B, _psi_at(solution, element, points), region)
 
 
 def straight_line(start: tuple[float, float], end: tuple[float, float], count: int = 201) -> np.ndarray:
@@ -104,10 +104,11 @@ def _reluctivity(law, B: np.ndarray, fill: np.ndarray) -> np.ndarray:
     return np.where(here, H / np.where(here, B, 1.0), slope)
 
 
-def _psi_at(solution: MagneticField, element: np.ndarray, barycentric: np.ndarray) -> np.ndarray:
+def _psi_at(solution: MagneticField, element: np.ndarray, points: np.ndarray) -> np.ndarray:
     elements = solution.problem.elements
-    # the reference triangle's coordinates are the barycentric ones of its second and third corner
-    local = barycentric[:, 1:].T
+    # the reference triangle's corners are sorted by number, not in the order of `mesh.triangles`
+    corner = elements.skfem_mesh.p[:, elements.skfem_mesh.t[0][element]]
+    local = np.einsum("kij,ik->jk", elements.inverse[element], points.T - corner)
     psi = np.zeros(len(element))
     for i, dof in enumerate(elements.element_dofs[element].T):
         psi += elements._element.lbasis(local, i)[0] * solution.psi[dof]

@@ -33,6 +33,8 @@ class MagneticField:
         Solid fraction the field was solved for.
     newton : list of (relative residual, step length)
         History of the iteration, the start first.
+    boundary_field : float
+        Uniform axial flux density of sources far away that it was solved with [T].
     """
 
     def __init__(
@@ -42,12 +44,14 @@ class MagneticField:
         ampere_turns: float,
         fill: np.ndarray | None,
         newton: list[tuple[float, float]],
+        boundary_field: float = 0.0,
     ) -> None:
         self.problem = problem
         self.psi = psi
         self.ampere_turns = ampere_turns
         self.fill = None if fill is None else fill.copy()
         self.newton = newton
+        self.boundary_field = boundary_field
 
     def _B_at_quadrature(self) -> np.ndarray:
         elements = self.problem.elements
@@ -60,6 +64,11 @@ class MagneticField:
 
     def _exterior_energy(self) -> float:
         exterior = self.problem.exterior
+        if exterior is not None and self.boundary_field != 0.0:
+            raise ValueError(
+                "a uniform field of sources far away has no finite energy beyond an open boundary; "
+                "solve with open_boundary=False for the energy inside"
+            )
         return 0.0 if exterior is None else 2.0 * np.pi * exterior.energy(self.psi)
 
     @property

@@ -25,6 +25,11 @@ _PROBES = np.array([0.25, 0.5, 0.8])
 # Field strength [A/m] from which downwards the error counts against this one: far below the earth's 40 A/m.
 _SMALLEST_H = 1e-3
 
+# Slope at a table's ends, at least, over that of the interval beside it.
+_LEAST_END = 0.1
+# No material has a saturation polarisation of more (iron-cobalt: 2.45 T).
+_LARGEST_POLARISATION = 3.0
+
 # A published table rounds its figures: a last slope 2 % under mu_0 is a rounding, not a fault.
 SLOPE_ROUNDING = 0.02
 
@@ -222,7 +227,11 @@ class TableLaw:
         self._check_curve(H, B)
         object.__setattr__(self, "H", H)
         object.__setattr__(self, "B", B)
-        object.__setattr__(self, "curve", HSpline.through(PchipInterpolator(B, H)))
+        slope = PchipInterpolator(B, H).derivative()(B)
+        # PCHIP's rule for the ends gives 0 beside an interval three times as steep: mu_r would be infinite there
+        slope[0] = max(slope[0], _LEAST_END * H[1] / B[1])
+        slope[-1] = max(slope[-1], _LEAST_END * (H[-1] - H[-2]) / (B[-1] - B[-2]))
+        object.__setattr__(self, "curve", HSpline.through(CubicHermiteSpline(B, H, slope)))
 
     def _check_shape(self, H: np.ndarray, B: np.ndarray) -> None:
         if H.ndim != 1 or H.shape != B.shape:
@@ -253,6 +262,13 @@ class TableLaw:
                     f"{values[i]:g} to {values[i + 1]:g} {unit} (points {i + 1} and {i + 2}); "
                     "sort it and remove repeated points"
                 )
+        polarisation = B - MU_0 * H
+        if polarisation.max() > _LARGEST_POLARISATION:
+            i = int(np.argmax(polarisation))
+            raise ValueError(
+                f"the table of {self.name!r} has B - mu_0 H = {polarisation[i]:.3g} T at H = {H[i]:g} A/m; no material "
+                f"has more than {_LARGEST_POLARISATION:g} T: check the unit of B (mT, G?)"
+            )
         too_flat = dB < (1.0 - SLOPE_ROUNDING) * MU_0 * dH
         if np.any(too_flat):
             i = int(np.argmax(too_flat))

@@ -131,9 +131,7 @@ _MATERIALS: dict[str, Callable[[], Law]] = {
         "vacofer_s2",
         f"Vacofer S2 pure iron, {_FLUX_TUBES}; the fit ends at 1.93 T, J_s is too low (iron: 2.16 T)",
     ),
-    "team_steel": lambda: TableLaw(
-        _TEAM_STEEL[:, 1], _TEAM_STEEL[:, 0], "team_steel", "TEAM workshop problem 20"
-    ),
+    "team_steel": lambda: TableLaw(_TEAM_STEEL[:, 1], _TEAM_STEEL[:, 0], "team_steel", "TEAM workshop problem 20"),
 }
 
 _ALIASES = {

@@ -1,4 +1,4 @@
-"""Newton's method on a convex energy: Armijo line search, symmetric factorisation, an honest end.
+"""Newton's method on a convex energy: Armijo line search, symmetric linear systems, an honest end.
 
 The nonlinear field equation is the minimum of W(psi) = integral of w(|B|) - J psi over the section.
 H(B) grows, so W is strictly convex: the tangent is symmetric positive definite, its step points downhill,
@@ -14,11 +14,12 @@ from typing import Protocol
 import numpy as np
 import scipy.sparse as sp
 
-from .factorisation import NotPositiveDefinite, SymmetricSolver
+from .factorisation import NotPositiveDefinite
 
 # Sufficient decrease of the line search; the textbook's value (Dennis and Schnabel).
 _ARMIJO = 1e-4
 _MAX_HALVINGS = 30
+_MAX_FALSE_POSITIONS = 8
 
 
 def scalar_product(a: np.ndarray, b: np.ndarray) -> float:
@@ -50,6 +51,16 @@ class ConvergenceError(RuntimeError):
         self.remedy = remedy
 
 
+class LinearSolver(Protocol):
+    """Solves with symmetric positive definite matrices of one sparsity pattern, one after the other."""
+
+    def solve(self, matrix: sp.csc_matrix, right: np.ndarray) -> np.ndarray:
+        """Solve with a new matrix."""
+
+    def solve_again(self, right: np.ndarray) -> np.ndarray:
+        """Solve with the matrix of the last `solve`."""
+
+
 class Energy(Protocol):
     """A convex functional of the free unknowns.
 
@@ -77,15 +88,41 @@ def _chord_will_do(history: list[tuple[float, float]], tolerance: float) -> bool
     return length == 1.0 and last * last / before <= 0.3 * tolerance
 
 
+def _length_to_level(energy: Energy, x: np.ndarray, step: np.ndarray, slope: float, share: float) -> float:
+    """Length, at most 1, at which the slope along a step is level to within a share of that at its beginning.
+
+    Regula falsi, kept away from the ends; the energy is convex along the step.
+    """
+
+    def slope_at(length: float) -> float:
+        return scalar_product(energy.gradient(x + length * step), step)
+
+    low, high, slope_low, slope_high = 0.0, 1.0, slope, slope_at(1.0)
+    length, found = high, slope_high
+    for _ in range(_MAX_FALSE_POSITIONS):
+        if found <= -share * slope and (length == 1.0 or found >= share * slope):
+            break
+        if found > 0.0:
+            high, slope_high = length, found
+        else:
+            low, slope_low = length, found
+        wide = high - low
+        length = low - slope_low * wide / (slope_high - slope_low)
+        length = min(max(length, low + 0.1 * wide), high - 0.1 * wide)
+        found = slope_at(length)
+    return length
+
+
 def minimise(
     energy: Energy,
     x: np.ndarray,
     scale: float,
     *,
-    solver: SymmetricSolver,
+    solver: LinearSolver,
     tolerance: float,
     max_iterations: int,
     first_matrix: Callable[[], sp.csc_matrix] | None = None,
+    level: float | None = None,
 ) -> tuple[np.ndarray, list[tuple[float, float]]]:
     """Newton with an Armijo line search on the energy.
 
@@ -103,6 +140,9 @@ def minimise(
     first_matrix : callable or None
         Replaces the tangent in the first step (any symmetric positive definite matrix will do): a cold
         start at psi = 0 would take the steel for as soft as it is at B = 0 and overshoot far.
+    level : float or None
+        Shorten a step until the slope along it is within this share of that at its beginning: where a gradient costs
+        little beside a linear solve. None: halve it only until the energy falls.
 
     Returns
     -------
@@ -145,7 +185,7 @@ def minimise(
                 "the tangent is not positive definite: H of one of the materials "
                 "does not grow with B, or an element of the mesh is degenerate",
             )
-        length = 1.0
+        length = 1.0 if level is None else _length_to_level(energy, x, step, slope, level)
         for _ in range(_MAX_HALVINGS):
             trial = x + length * step
             new_value, magnitude = energy.value(trial)

@@ -22,6 +22,7 @@ from numba import njit, prange
 
 from .element_sampler import RecoveredSampler
 from .locate import PointOutside
+from .result_arrays import result_arrays
 from .table_grid import TableGrid
 from .thread_count import shared_by
 
@@ -86,7 +87,7 @@ class TableSampler:
             A point outside the region.
         """
         position = np.ascontiguousarray(position, dtype=float)
-        H, grad = out or (np.empty((len(position), 3)), np.empty((len(position), 3, 3)))
+        H, grad = result_arrays(len(position), out)
         if len(self._cell) != len(position):
             self._cell = np.empty(len(position), dtype=np.int64)
         g = self.grid

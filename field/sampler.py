@@ -20,6 +20,7 @@ import numpy as np
 from .element_sampler import RecoveredSampler as RecoveredSampler
 from .locate import PointOutside
 from .potential_table import TableSampler
+from .result_arrays import result_arrays
 from .table_grid import NoTable
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ class UniformField:
 
     def sample(self, position: np.ndarray, out: Sampled | None = None, threads: int | None = None) -> Sampled:
         """See `FieldSampler.sample`."""
-        H, grad = out or (np.empty((len(position), 3)), np.empty((len(position), 3, 3)))
+        H, grad = result_arrays(len(position), out)
         H[:], grad[:] = self.H, 0.0
         return H, grad
 
@@ -99,7 +100,7 @@ class RadialField:
             on_axis = np.asarray(position, dtype=float)[r2 == 0.0]
             raise PointOutside.at(on_axis, "a radial field, which needs r > 0")
         a = self.H0 * self.R0
-        H, grad = out or (np.empty((len(x), 3)), np.empty((len(x), 3, 3)))
+        H, grad = result_arrays(len(x), out)
         H[:, 2], grad[:] = 0.0, 0.0
         H[:, 0], H[:, 1] = a * x / r2, a * y / r2
         grad[:, 0, 0] = a * (y * y - x * x) / r2**2

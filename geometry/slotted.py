@@ -360,7 +360,8 @@ def _sizes(clutch: Clutch, layers: int, factor: float) -> list[SizeFormula]:
         if slots is not None:
             width = slots.pitch * min(slots.share, 1.0 - slots.share) * surface
             low, high = sorted((surface, surface + inwards * slots.depth))
-            sizes.append((factor * min(width, slots.depth) / 3.0, _distance(low, high, -reach, reach)))
+            # of a slot shallower than the gap no more is seen in the gap than its own triangles resolve
+            sizes.append((max(factor * min(width, slots.depth) / 3.0, rim), _distance(low, high, -reach, reach)))
     for size, r, z in corners:
         sizes += [(size, _distance(r, r, side, side)) for side in ((-z, z) if z > 0.0 else ())]
     return sizes

@@ -24,12 +24,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
 
-from field.factorisation import SymmetricSolver
 from field.newton import minimise, norm, scalar_product
 from field.reluctivity import AIR, MU_0, Law, LinearLaw
 from geometry.solid_mesh import SolidMesh
@@ -46,9 +45,12 @@ if TYPE_CHECKING:
     from .solid_recovery import SolidRecovery
     from .tetrahedron_locator import TetrahedronLocator
 
-# A cold start takes each material's chord B/H at the better of these flux densities [T], in the sense of the
-# co-energy: a loaded iron circuit's, and that of iron far beyond saturation.
-_START_B = (1.0, 4.0)
+# A cold start takes each material's chord B/H at this flux density [T], a loaded iron circuit's, and then every
+# place's own chord at the B that was found there: coils fix H in air and saturated iron, but B in an iron circuit.
+_START_B = 1.0
+_START_TOLERANCE = 3e-3  # of these two linear solves
+# The line search goes on until the slope is level to this share: a gradient costs a tenth of a linear solve.
+_LEVEL = 0.3
 _WITHOUT_IRON = ("air", "coil", "powder", "slots")
 
 
@@ -242,16 +244,17 @@ class SolidProblem:
         scale = self._scale(MU_0 * ampere_turns * self.unit_T0)
         self._solver.floor = 0.3 * tolerance * scale
         self._solver.scale = None
-        start = self._linear_start(energy, scale) if guess is None else guess.phi[self.elements.free_nodes]
+        start = self._linear_start(energy) if guess is None else guess.phi[self.elements.free_nodes]
         self._solver.floor = 0.3 * tolerance * scale
         self._solver.scale = None if self.linear else scale
         x, history = minimise(
             energy,
             start,
             scale,
-            solver=cast(SymmetricSolver, self._solver),
+            solver=self._solver,
             tolerance=tolerance,
             max_iterations=max_iterations,
+            level=None if self.linear else _LEVEL,
         )
         return SolidField(self, self.elements.whole(x), float(ampere_turns), history)
 
@@ -260,18 +263,28 @@ class SolidProblem:
         size = np.linalg.norm(B, axis=1) * np.cbrt(self.elements.weight) ** 2
         return max(norm(self.elements.divergence(B)), 1e-6 * norm(size))
 
-    def _linear_start(self, energy: _CoEnergy, scale: float) -> np.ndarray:
-        """The field with each material's chord permeability: the solution itself if all are linear."""
-        if self.linear:
-            return self._chord_field(energy, _START_B[0])
-        self._solver.floor = 1e-3 * scale
-        return min((self._chord_field(energy, B) for B in _START_B), key=lambda x: energy.value(x)[0])
-
-    def _chord_field(self, energy: _CoEnergy, B: float) -> np.ndarray:
-        chord = np.array([float(B / self.laws[name].H_of_B(np.array([B]))[0][0]) for name in self.mesh.regions])
+    def _linear_start(self, energy: _CoEnergy) -> np.ndarray:
+        """The field with chord permeabilities: the solution itself if all are linear."""
+        chord = np.array(
+            [float(_START_B / self.laws[name].H_of_B(np.array([_START_B]))[0][0]) for name in self.mesh.regions]
+        )
         mu = np.repeat(chord[self._material], np.diff(self.elements.start))
+        first = self._chord_field(energy, mu)
+        if self.linear:
+            return first
+        B = mu * np.linalg.norm(energy.T0 - self.elements.gradient(self.elements.whole(first)), axis=1)
+        owner = self._material[self.elements.element_of_quadrature]
+        for k, name in enumerate(self.mesh.regions):
+            here = owner == k
+            H = self.laws[name].H_of_B(B[here])[0]
+            mu[here] = np.where(H > 0.0, B[here] / np.where(H > 0.0, H, 1.0), chord[k])
+        return min((first, self._chord_field(energy, mu)), key=lambda x: energy.value(x)[0])
+
+    def _chord_field(self, energy: _CoEnergy, mu: np.ndarray) -> np.ndarray:
         data = self.elements.tangent(mu, np.zeros_like(mu), energy.T0)
         right = self.elements.divergence(mu[:, None] * energy.T0) - energy.outer_load
+        if not self.linear:
+            self._solver.floor = _START_TOLERANCE * norm(right)
         return self._solver.solve(energy.with_boundary(data), right)
 
 

@@ -20,9 +20,13 @@ import numpy as np
 import scipy.sparse as sp
 from numba import njit
 
+from field.thread_count import shared_by
+
+from . import tetrahedron_kernels
+from .quadratic_tetrahedron import EDGES
 from .solid_elements import SolidElements
 from .source_field import Source
-from .tetrahedron_locator import SolidPointOutside, TetrahedronLocator
+from .tetrahedron_locator import SolidPointOutside, TetrahedronLocator, quadratic_form
 
 if TYPE_CHECKING:
     from .solid_field import SolidField
@@ -34,8 +38,10 @@ _LEAST_PIVOT = 2e-4
 # Largest change of a derivative at the corner, over the stencil's reach, that noise of size 1 in the samples may
 # make.  A good quartic has 30 to 150; where the stencil is a layer or two thick single pivots pass, but their
 # errors multiply to 1e4, and the fit then recovers noise.
-_MOST_NOISE = 400.0
+_MOST_NOISE = 200.0
 _CHUNK = 4096
+# Of the nodal values, H and the upper triangle of grad H: it is a second derivative.
+_UPPER = np.array([0, 1, 2, 3, 4, 5, 7, 8, 11])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -253,6 +259,9 @@ class SolidRecovery:
 class SolidSampler:
     """H and grad H of a solved 3D field inside one region, anywhere in the machine: a `FieldSampler`.
 
+    The element of each row of `position` is remembered for the next call (a grain seldom changes it); the result
+    does not depend on that.
+
     Attributes
     ----------
     nodal : ndarray (n_nodes, 12)
@@ -264,24 +273,48 @@ class SolidSampler:
         self.recovery = field.problem.recovery(region)
         self.nodal = self.recovery.nodal(field)
         self._fold = field.problem.fold
+        self._powers = _power_coefficients(self.nodal[:, _UPPER], self.recovery.connectivity)
+        self._hint = np.zeros(0, dtype=np.int64)
 
-    def sample(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """See `FieldSampler.sample`.
+    def sample(
+        self, position: np.ndarray, out: tuple[np.ndarray, np.ndarray] | None = None, threads: int | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """See `FieldSampler.sample`; `out` and `threads` as of the axisymmetric samplers.
 
         Raises
         ------
         SolidPointOutside
             A point outside the region.
         """
-        inside, matrix = self._fold.into_mesh(position)
-        element, local = self.recovery.locator.find(inside)
-        if element.size and element.min() < 0:
-            raise SolidPointOutside(np.asarray(position, dtype=float)[element < 0], f"region {self.region!r}")
-        H, grad = np.empty((len(inside), 3)), np.empty((len(inside), 3, 3))
-        _interpolate(element, local, self.recovery.connectivity, self.nodal, H, grad)
-        turned, turned_grad = self._fold.out_of_mesh(matrix, H, grad)
-        assert turned_grad is not None
-        return turned, turned_grad
+        position = np.ascontiguousarray(position, dtype=float)
+        H, grad = out or (np.empty((len(position), 3)), np.empty((len(position), 3, 3)))
+        if len(self._hint) != len(position):
+            self._hint = np.full(len(position), -1, dtype=np.int64)
+        search = self.recovery.locator.search_arguments
+        with shared_by(threads, len(position)):
+            tetrahedron_kernels.sample(  # type: ignore[call-arg]
+                position, self._hint, *self._fold.copy_arguments, *search, self._powers, H, grad
+            )
+        if len(position) and self._hint.min() < 0:
+            raise SolidPointOutside(position[self._hint < 0], f"region {self.region!r}")
+        return H, grad
+
+
+def _power_coefficients(nodal: np.ndarray, connectivity: np.ndarray) -> np.ndarray:
+    """Interpolants of nodal values (n_nodes, c) as polynomials, coefficients of 1 u v w uu uv uw vv vw ww.
+
+    Returns
+    -------
+    ndarray (m, c, 10)
+    """
+    powers = np.zeros((len(connectivity), nodal.shape[1], 10))
+    corner = nodal[connectivity[:, :4]].transpose(0, 2, 1)
+    powers[:, :, 0] = corner[:, :, 0]
+    powers[:, :, 1:4] = corner[:, :, 1:] - corner[:, :, :1]
+    if connectivity.shape[1] == 10:
+        middle = nodal[connectivity[:, 4:]].transpose(0, 2, 1)
+        powers[:, :, 1:] += quadratic_form(middle - corner[:, :, EDGES].mean(axis=3))
+    return powers
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -417,44 +450,3 @@ def _derive(nodes, centre, coefficients, frame, exponents, polynomial, target, w
             w = F[0, i] * hxz + F[1, i] * hyz + F[2, i] * hzz
             for j in range(3):
                 nodal[t, 3 + 3 * i + j] -= weight * (u * F[0, j] + v * F[1, j] + w * F[2, j])
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def _interpolate(element, local, connectivity, nodal, H, grad):
-    n = connectivity.shape[1]
-    for k in range(element.size):
-        u, v, w = local[k, 0], local[k, 1], local[k, 2]
-        t = 1.0 - u - v - w
-        e = element[k]
-        for a in range(3):
-            H[k, a] = 0.0
-            for b in range(3):
-                grad[k, a, b] = 0.0
-        for i in range(n):
-            if n == 4:
-                N = (t, u, v, w)[i]
-            elif i == 0:
-                N = t * (2 * t - 1)
-            elif i == 1:
-                N = u * (2 * u - 1)
-            elif i == 2:
-                N = v * (2 * v - 1)
-            elif i == 3:
-                N = w * (2 * w - 1)
-            elif i == 4:
-                N = 4 * t * u
-            elif i == 5:
-                N = 4 * u * v
-            elif i == 6:
-                N = 4 * t * v
-            elif i == 7:
-                N = 4 * t * w
-            elif i == 8:
-                N = 4 * u * w
-            else:
-                N = 4 * v * w
-            p = connectivity[e, i]
-            for a in range(3):
-                H[k, a] += N * nodal[p, a]
-                for b in range(3):
-                    grad[k, a, b] += N * nodal[p, 3 + 3 * a + b]

@@ -202,6 +202,9 @@ def team13_mesh(size_factor: float = 1.0, order: int = 2, problem: Team13 | None
             sizes.append((2.5e-3 * size_factor, _between(x, strip, (top - t, top))))
             side = sorted((sign * (inner + it.clear), sign * (inner + it.clear + t)))
             sizes.append((2.5e-3 * size_factor, _between(side, strip, (0.0, top))))
+            # flux turns around the re-entrant corner of the channel's bend, where the field is singular in the steel
+            inside = sign * (inner + it.clear)
+            sizes.append((0.3e-3 * size_factor, _between((inside, inside), strip, (top - t, top - t))))
         set_sizes(gmsh, sizes, size_factor * it.air_radius / 5.0)
         points, elements, counts = generate(gmsh, volumes, order)
     faces, sides = faces_of(elements[:, :4])

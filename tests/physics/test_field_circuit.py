@@ -8,7 +8,16 @@ import pytest
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
-from field import MU_0, AxisymmetricProblem, GrainLaw, LinearLaw, PointOutside, PowderLaw, material
+from field import (
+    MU_0,
+    AxisymmetricProblem,
+    GrainLaw,
+    LinearLaw,
+    PointOutside,
+    PowderLaw,
+    material,
+    rectangular_coil_field,
+)
 from field.coil_circuit import solve_at_flux_linkage
 from field.inductance import FluxLinkageCurve
 from field.magnetic_circuit import Branch, FilledPowder, FluxTube, MagneticCircuit, clutch_circuit
@@ -252,3 +261,19 @@ def test_bad_lines_are_explained(pot):
         field.along(np.zeros((1, 2)))
     with pytest.raises(PointOutside, match="outside the mesh"):
         field.along(np.array([[0.0, 0.0], [9.0, 0.0]]))
+
+
+def test_psi_along_a_line_is_that_of_the_coil_at_any_point():
+    """A gmsh mesh numbers its triangles as it likes; psi = integral of B_z r dr, of the loops' closed form."""
+    from air_coil import NI, R_COIL, Z_COIL, coil_in_air
+
+    field = AxisymmetricProblem(coil_in_air(), {}, open_boundary=True, order=3).solve(NI)
+    for z in (1.37e-3, 15.1e-3):
+        line = field.along(np.linspace((1e-3, z), (60e-3, z), 173))
+        r = np.linspace(1e-3, 60e-3, 40_001)
+        B_z = 4e-7 * np.pi * rectangular_coil_field(R_COIL, Z_COIL, NI, r, np.full_like(r, z))[1]
+        step = np.diff(r)
+        psi = line.psi[0] + np.concatenate(([0.0], np.cumsum(0.5 * (r[1:] * B_z[1:] + r[:-1] * B_z[:-1]) * step)))
+        expected = np.interp(line.points[:, 0], r, psi)
+        assert np.abs(line.psi - expected).max() < 2e-3 * np.abs(expected).max()
+        assert line.flux == pytest.approx(2.0 * np.pi * (expected[-1] - expected[0]), rel=1e-3)

@@ -250,3 +250,19 @@ def test_bad_steps_are_explained(solenoid):
         VoltageDrive(lambda t: 1.0, 0.0)
     with pytest.raises(ValueError, match="tolerance"):
         eddy.run(eddy.at_rest(), 1.0, CurrentDrive(lambda t: 0.0), tolerance=0.0)
+
+
+def test_a_field_from_far_away_diffuses_in_through_an_open_boundary():
+    """A rod in a field that is switched on and held: in the end the static solve of the same imposed field."""
+    from half_disc import half_disc
+
+    mesh = half_disc({"rod": (0.0, 5e-3, -20e-3, 20e-3)}, 60e-3, 2e-3)
+    problem = AxisymmetricProblem(mesh, {"rod": LinearLaw(50.0)}, open_boundary=True)
+    eddy = EddyCurrentProblem(problem, {"rod": 1e6}, turns=1.0)
+    state, dt = eddy.at_rest(), 5e-3
+    for _ in range(40):
+        state = eddy.step(state, dt, CurrentDrive(lambda t: 0.0), boundary_field=lambda t: 0.1)
+    static = problem.solve(0.0, boundary_field=0.1)
+    assert np.abs(state.psi - static.psi).max() < 1e-6 * np.abs(static.psi).max()
+    with pytest.raises(ValueError, match="no finite energy"):
+        _ = static.energy

@@ -4,11 +4,13 @@ import importlib.util
 from dataclasses import dataclass
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 
 from field import AxisymmetricProblem, rectangular_coil_field
 from field.solid import FlatCoil, SolidPointOutside, SolidProblem
+from field.solid.quadratic_tetrahedron import shape
 
 _path = Path(__file__).with_name("solid_sector_grid.py")
 _spec = importlib.util.spec_from_file_location("solid_sector_grid", _path)
@@ -156,6 +158,36 @@ def test_sampled_field_turns_with_the_machine(solved):
         H_moved, grad_moved = sampler.sample(x @ move.T)
         assert np.allclose(H_moved, H @ move.T, rtol=1e-9, atol=1e-6)
         assert np.allclose(grad_moved, move @ grad @ move.T, rtol=1e-9, atol=1e-3)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_kernel_interpolates_the_nodal_values(solved, points, order):
+    """Fold, element, shape functions and turn back, one after the other in numpy: the kernel to round-off."""
+    field = solved[order, 4e-3]
+    sampler, fold = field.sampler(), field.problem.fold
+    inside, matrix = fold.into_mesh(points)
+    element, local = sampler.recovery.locator.find(inside)
+    nodal = sampler.nodal[sampler.recovery.connectivity[element]]
+    values = np.einsum("kn,knc->kc", shape(local, order), nodal)
+    expected = fold.out_of_mesh(matrix, values[:, :3], values[:, 3:].reshape(-1, 3, 3))
+    out = np.empty((len(points), 3)), np.empty((len(points), 3, 3))
+    found = sampler.sample(points, out=out)
+    for mine, theirs, given in zip(found, expected, out, strict=True):
+        assert mine is given
+        assert np.allclose(mine, theirs, rtol=0, atol=1e-12 * np.abs(theirs).max())
+
+
+def test_result_depends_neither_on_memory_nor_on_threads(solved):
+    """Grains that stay, move a little or change places with others: bit for bit that of a fresh sampler."""
+    random = np.random.default_rng(0)
+    r, z, angle = random.uniform((31e-3, -10e-3, -3.2), (39e-3, 10e-3, 3.2), (5000, 3)).T
+    x = np.column_stack((r * np.cos(angle), r * np.sin(angle), z))
+    field = solved[2, 4e-3]
+    sampler = field.sampler()
+    for moved in (x, x + random.normal(scale=1e-4, size=x.shape), x[random.permutation(len(x))]):
+        expected = field.sampler().sample(moved, threads=1)
+        for threads in {1, numba.config.NUMBA_NUM_THREADS}:
+            assert all(map(np.array_equal, sampler.sample(moved, threads=threads), expected))
 
 
 def test_point_outside_is_named(solved):

@@ -111,6 +111,11 @@ def test_cold_start_converges_up_to_full_saturation(pot, steel, ampere_turns):
     assert problem(pot, material(steel)).solve(ampere_turns).newton[-1][0] <= 1e-8
 
 
+@pytest.mark.parametrize("steel", ["steel_1010", "steel_1008", "dc01"])
+def test_cold_start_at_forty_thousand_ampere_turns_takes_ten_steps(pot, steel):
+    assert len(problem(pot, material(steel)).solve(4e4).newton) - 1 <= 11
+
+
 def test_coenergy_grows_by_linkage_times_current_and_warm_starts_are_short(pot):
     """dW'/d(N I) = linkage per turn, where the steel saturates."""
     case = problem(pot, material("steel_1010"))

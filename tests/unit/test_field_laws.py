@@ -281,3 +281,21 @@ def test_faulty_table_is_explained(H, B, words):
 def test_impossible_coefficients_are_explained(law, numbers, words):
     with pytest.raises(ValueError, match=words):
         law(*numbers)
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_every_monotone_table_has_a_finite_permeability(seed):
+    """A second interval much steeper than the first made PCHIP's slope, and 1/mu_r, zero at the origin."""
+    random = np.random.default_rng(seed)
+    B = np.cumsum(random.uniform(0.05, 0.4, 6))
+    H = np.cumsum(10.0 ** random.uniform(1.0, 4.5, 6))  # at most 0.05 T/mu_0 a step
+    law = TableLaw(H, B)
+    fine = np.linspace(0.0, 1.2 * B[-1], 5000)
+    found, slope = law.H_of_B(fine)
+    assert slope.min() > 0.0 and np.all(np.diff(found) > 0.0)
+
+
+def test_a_polarisation_that_no_material_has_is_refused():
+    """1800 T, that is mT under a heading in T."""
+    with pytest.raises(ValueError, match="check the unit of B"):
+        TableLaw(np.array([100.0, 1e3, 1e4]), np.array([900.0, 1500.0, 1800.0]))

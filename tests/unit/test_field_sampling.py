@@ -291,3 +291,11 @@ def test_radial_field_by_finite_differences():
 def test_uniform_field_has_no_gradient():
     H, grad = UniformField((1.0, 2.0, 3.0)).sample(np.zeros((4, 3)))
     assert np.array_equal(H, np.tile([1.0, 2.0, 3.0], (4, 1))) and not grad.any()
+
+
+@pytest.mark.parametrize("wrong", [np.empty((5, 3)), np.empty((500, 3), dtype=np.float32), np.empty((3, 500)).T])
+def test_results_are_not_written_beyond_the_callers_arrays(wrong):
+    position = np.column_stack((np.full(500, 1e-3), np.zeros((500, 2))))
+    for field in (UniformField((1.0, 0.0, 0.0)), RadialField(1.0, 1.0)):
+        with pytest.raises(ValueError, match="must be a C-contiguous float64 array"):
+            field.sample(position, out=(wrong, np.empty((500, 3, 3))))

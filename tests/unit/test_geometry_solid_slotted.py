@@ -127,27 +127,17 @@ def test_no_element_crosses_the_ends_of_the_coil_inside_its_outer_radius(which, 
 
 
 def test_a_line_across_the_gap_meets_the_layers_that_were_asked_for():
-    """Mean number of elements on a radial line: their shadows on the rim, summed, over the rim's area.
-
-    A tetrahedron's shadow is half the sum of the shadows of its four faces.
-    """
+    """Triangles of the section on radial lines under a pole: two of each row."""
     clutch = Clutch(**WIDE)
-    rim = 2.0 * math.pi * clutch.mean_gap_radius * clutch.disc_thickness
-    met = []
     for layers in (2, 4):
         mesh = mesh_slotted(clutch, gap_layers=layers, wedge=math.pi / 24)
-        corners = mesh.points[mesh.tetrahedra[mesh.regions["powder"]]]
-        corners = corners[np.abs(corners[..., 2]).max(axis=1) < 0.5 * clutch.disc_thickness + 1e-9]
-        outward = corners.mean(axis=1) * [1.0, 1.0, 0.0]
-        outward /= np.linalg.norm(outward, axis=1)[:, None]
-        shadow = np.zeros(len(corners))
-        for a, b, c in ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)):
-            normal = np.cross(corners[:, b] - corners[:, a], corners[:, c] - corners[:, a])
-            shadow += 0.25 * np.abs(np.einsum("ij,ij->i", normal, outward))
-        met.append(mesh.n_sectors * shadow.sum() / rim)
-    # gmsh's edges come out some tenths longer than asked for; a layer of tetrahedra is met two to three times
-    assert 2.0 * 2.0 < met[0] < 3.5 * 2.0
-    assert met[1] / met[0] == pytest.approx(2.0, rel=0.2)
+        corners = mesh.points[mesh.boundaries["low_side"]]
+        r, z = corners[..., 0], corners[..., 2]
+        in_gap = (r.min(axis=1) > clutch.disc_radius - 1e-9) & (r.max(axis=1) < clutch.bore_radius + 1e-9)
+        lines = np.linspace(6.1e-3, 11.9e-3, 20)[:, None]
+        met = np.count_nonzero(in_gap & (z.min(axis=1) < lines) & (z.max(axis=1) > lines), axis=1)
+        assert met.min() >= 2 * layers - 1
+        assert met.mean() == pytest.approx(2 * layers, rel=0.25)
 
 
 def test_a_whole_pitch_has_matching_sides():
@@ -228,11 +218,32 @@ def test_a_clutch_says_whether_its_section_is_the_whole_truth():
 
 
 def test_edges_of_the_second_order_nodes_are_where_the_corners_say(slotted):
-    """Off the curved surfaces a middle node is the mean of its ends: the order of the ten nodes is the right one."""
+    """An edge within a half-plane is straight, 8 of a prism's 18: the order of the ten nodes is the right one."""
     _, mesh = slotted
     middle = mesh.points[mesh.second_order[:, 4:]]
     ends = mesh.points[mesh.second_order[:, EDGES]]
     length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
     offset = np.linalg.norm(middle - ends.mean(axis=2), axis=2) / length
     assert offset.max() < 0.3
-    assert np.mean(offset < 1e-9) > 0.5
+    angle = np.arctan2(ends[..., 1], ends[..., 0])
+    on_axis = np.hypot(ends[..., 0], ends[..., 1]).min(axis=2) == 0.0
+    within = on_axis | (np.abs(np.diff(angle, axis=2)[..., 0]) < 1e-9)
+    outer = np.linalg.norm(ends, axis=3).min(axis=2) > 0.999 * np.linalg.norm(mesh.points, axis=1).max()
+    assert np.all(offset[within & ~outer] < 1e-9)
+    assert np.all(offset[~within] > 1e-9)
+    assert np.mean(within) == pytest.approx(8 / 18, abs=0.02)
+
+
+def test_layers_are_thin_beside_the_slots_and_grow_away_from_them():
+    """Every side of a slot is an angle of the mesh; neighbouring layers differ by less than a factor of 2.5."""
+    clutch = Clutch(disc_slots=Slots(8, 0.3, 5e-3))
+    mesh = mesh_slotted(clutch, size_factor=2.0, gap_layers=2)
+    corners = mesh.points[: mesh.n_corners]
+    angle = np.unique(np.round(np.arctan2(corners[:, 1], corners[:, 0])[np.hypot(*corners[:, :2].T) > 0.0], 9))
+    side = clutch.disc_slots.edges(0.0, mesh.sector_angle)
+    assert np.abs(angle[:, None] - side).min(axis=0).max() < 1e-8
+    steps = np.diff(angle)
+    assert np.all(steps[1:] / steps[:-1] < 2.5) and np.all(steps[:-1] / steps[1:] < 2.5)
+    beside = np.searchsorted(angle, side[0] - 1e-8)
+    assert steps[beside] == steps[:].min() or steps[beside - 1] == steps.min()
+    assert steps.max() > 3.0 * steps.min()

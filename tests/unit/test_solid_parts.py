@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.spatial import Delaunay
 
 from field import MU_0, NU_0, FroehlichLaw, LinearLaw, material
+from field.newton import _length_to_level
 from field.solid import FlatCoil, SolidProblem, UniformSource
 from field.solid.inverse_law import InverseLaw
 from field.solid.quadratic_tetrahedron import (
@@ -279,6 +281,47 @@ def test_recovery_preserves_polynomials(bend):
     assert np.allclose(sampler.nodal[:, :3], H, atol=1e-8)
     assert np.allclose(sampler.nodal[:, 3], -12 * x**2 + 12 * y**2, atol=1e-7)
     assert np.allclose(sampler.nodal[:, 4], 24 * x * y, atol=1e-7)
+
+
+def test_recovery_does_not_amplify_noise_in_a_thin_layer():
+    """Random tetrahedra one or two layers thick carry no quartic: a lower degree must take over, not a wild fit.
+
+    Noise of size 1 in the potential may change H by 200 over the stencil's half thickness at most, by `_MOST_NOISE`;
+    with the single pivots' limit alone it was 6e4 here.
+    """
+    random = np.random.default_rng(3)
+    thickness = 0.1
+    points = random.uniform(0, 1, (150, 3)) * [1.0, 1.0, thickness]
+    points[:70, 2], points[70:140, 2] = 0.0, thickness
+    points[:4, :2] = points[70:74, :2] = [[0, 0], [0, 1], [1, 0], [1, 1]]
+    tetrahedra = Delaunay(points).simplices
+    x = points[tetrahedra]
+    volume = np.linalg.det(x[:, 1:] - x[:, :1])
+    tetrahedra[volume < 0] = tetrahedra[volume < 0][:, [0, 2, 1, 3]]
+    tetrahedra = tetrahedra[np.abs(volume) > 1e-6].astype(np.int64)
+    mesh = SolidMesh(points, tetrahedra, None, {"air": np.arange(len(tetrahedra))}, {})
+    problem = SolidProblem(mesh, {}, UniformSource(), outer="flux_wall")
+    recovery = problem.recovery("air")
+    field = problem.solve(0.0)
+    field.phi = random.choice([-1.0, 1.0], problem.elements.n_nodes)
+    noise = recovery.nodal(field)[: mesh.n_corners, :3]
+    assert np.abs(noise).max() < 200.0 / (0.5 * thickness) * 3**0.5
+    field.phi = problem.elements.node_points @ [1.0, -2.0, 0.5]
+    assert np.allclose(recovery.nodal(field)[:, :3], [-1.0, 2.0, -0.5], atol=1e-8)
+
+
+def test_line_search_ends_where_the_slope_is_level():
+    """W = sqrt(1 + x^2) from x = -3: Newton's step of 30 overshoots; where it stops |W'| is a share of its first."""
+
+    class Bowl:
+        def gradient(self, x):
+            return x / np.sqrt(1 + x**2)
+
+    x, step = np.array([-3.0]), np.array([30.0])
+    slope = float((Bowl().gradient(x) * step).sum())
+    length = _length_to_level(Bowl(), x, step, slope, 0.1)
+    assert abs(Bowl().gradient(x + length * step)[0]) <= 0.1 * abs(Bowl().gradient(x)[0])
+    assert _length_to_level(Bowl(), x, np.array([2.0]), slope / 15, 0.1) == 1.0, "a short step is not lengthened"
 
 
 @pytest.mark.parametrize(
