@@ -64,15 +64,16 @@ DETAIL_UNITS = {
 }
 """Of what field.json holds for the last current; the rest are pure numbers."""
 
-IN_TERMINAL = (
-    "current",
-    "gap_flux_density",
-    "flux_linkage",
-    "apparent_inductance",
-    "incremental_inductance",
-    "energy",
-    "copper_loss",
-)
+IN_TERMINAL = {
+    "current": "I",
+    "gap_flux_density": "B gap",
+    "flux_linkage": "linkage",
+    "apparent_inductance": "L",
+    "incremental_inductance": "L incr.",
+    "energy": "energy",
+    "copper_loss": "loss",
+}
+"""Columns that the terminal shows, and how they are headed there."""
 
 
 def field_study(
@@ -123,7 +124,7 @@ def field_study(
         if np.any(coil.problem.locator.find(ends)[0] < 0):
             raise ValueError(
                 f"the line {line} m does not lie in the mesh; it reaches to r = "
-                f"{coil.mesh.points[:, 0].max():.4g} m, with r >= 0"
+                f"{coil.mesh.points[:, 0].max():.4g} m, with r >= 0; bare numbers are metres, write '27 mm'"
             )
     folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-field")
     if folder.exists():
@@ -133,6 +134,7 @@ def field_study(
     fill = None if phi is None else coil.uniform_fill(phi)
     folder.mkdir(parents=True)
     series = PvdSeries(folder, "field")
+    growing = bool(np.all(np.diff(currents) > 0.0))  # then ParaView's time is the current
     rows: list[dict[str, float]] = []
     solution: MagneticField | None = None
     failure: ConvergenceError | None = None
@@ -147,7 +149,7 @@ def field_study(
         rows.append(_row(case, device, coil, solution, current, phi, perf_counter() - began))
         cells, at_points, names = field_arrays(solution)
         series.write_field(
-            float(number),
+            current if growing else float(number),
             solution.problem.mesh.points,
             solution.problem.mesh.triangles,
             cell_arrays=cells,
@@ -161,7 +163,8 @@ def field_study(
         raise failure
     assert solution is not None
     title = case.scene.scene.title
-    section_picture(folder / "section.png", coil.mesh, solution.point_psi, solution.flux_density(), title=title)
+    at = f"{title}, {rows[-1]['current']:g} A"
+    section_picture(folder / "section.png", coil.mesh, solution.point_psi, solution.flux_density(), title=at)
     if len(table) > 2:
         saturation_picture(folder / "saturation.png", table, title=title)
     for number, line in enumerate(lines, start=1):
@@ -177,7 +180,9 @@ def field_study(
             "region": along.region,
         }
         pandas.DataFrame(columns).to_csv(folder / f"line-{number}.csv", index=False)
-        line_picture(folder / f"line-{number}.png", along, title=title)
+        r0, z0, r1, z1 = (1e3 * x for x in line)
+        where = f"from (r, z) = ({r0:g}, {z0:g}) to ({r1:g}, {z1:g}) mm"
+        line_picture(folder / f"line-{number}.png", along, title=f"{at}\n{where}")
     summary = {"units": UNITS | DETAIL_UNITS, "currents": rows, "at_last_current": _details(case, coil, solution)}
     (folder / "field.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     return folder
@@ -187,7 +192,7 @@ def tables_of(summary: dict) -> list[Table]:
     """What `field.json` holds, for a terminal: a row a current, and what is known at the last one."""
     rows = summary["currents"]
     shown = [name for name in IN_TERMINAL if name in rows[0]]
-    by_current = Table(*(escape(f"{name.replace('_', ' ')} [{UNITS[name]}]") for name in shown))
+    by_current = Table(*(escape(f"{IN_TERMINAL[name]} [{UNITS[name]}]") for name in shown))
     for row in rows:
         by_current.add_row(*(f"{row[name]:.4g}" for name in shown))
     last = Table("at the last current", "")
@@ -306,7 +311,7 @@ def _details(case: Case, coil: CoilDevice, solution: MagneticField) -> dict:
         regions = [name for name in coil.mesh.regions if name == body or name.startswith(f"{body}_")]
         if regions:
             try:
-                force = axial_force(solution, regions, yielding=("powder",), virtual_work=True)
+                force = axial_force(solution, regions, yielding=("powder",), virtual_work=True, next_order=True)
             except ConvergenceError:  # of the displaced device: not worth the study
                 force = axial_force(solution, regions, yielding=("powder",))
             forces[body] = {

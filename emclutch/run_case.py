@@ -215,6 +215,7 @@ def summarise(case, folder: RunFolder, device, plan, simulation, seconds: float)
             "flux_linkage": float(history["flux_linkage"].iloc[-1]),
             "field_solves": simulation.source.solves,
         }
+        summary |= {f"{name}_rise_time": rise_time(history, name) for name in ("current", "gap_flux_density")}
         summary["field_error_estimate"] = field_error_estimate(simulation.source.solution)
     if "inertial_number" in history:
         late = history["inertial_number"].iloc[len(history) // 2 :].dropna()
@@ -293,6 +294,16 @@ def disc_torque(case, device, history, duration) -> Estimate:
             )
             return replace(found, converged=False, reason=reason)
     return found
+
+
+def rise_time(history, column: str) -> float | None:
+    """Time [s] at which a quantity that starts near zero first reaches 63 % of its value at the end; else None."""
+    value, time = history[column].abs().to_numpy(), history["time"].to_numpy()
+    level = (1.0 - np.exp(-1.0)) * value[-1]
+    if value[-1] == 0.0 or value[0] > 0.2 * value[-1]:
+        return None
+    first = int(np.argmax(value >= level))
+    return float(np.interp(level, value[first - 1 : first + 1], time[first - 1 : first + 1])) if first else None
 
 
 def lock_up_time(history) -> float | None:

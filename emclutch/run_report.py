@@ -32,6 +32,8 @@ def report(result: Result, page_folder: Path | None = None) -> str:
         ("gap_flux_density", "mean flux density under the poles", "T"),
         ("flux_linkage", "flux linkage", "Wb"),
         ("lock_up_time", "lock-up time", "s"),
+        ("current_rise_time", "current's rise to 63 % of its last value", "s"),
+        ("gap_flux_density_rise_time", "gap field's rise to 63 % of its last value", "s"),
         ("inertial_number", "inertial number (upper bound)", ""),
         ("grains", "grains simulated", ""),
         ("sectors", "sectors in the ring", ""),

@@ -250,7 +250,10 @@ def _of_groups(gmsh: Any, path: Path) -> dict[tuple[int, int], str]:
             if (dim, tag) not in built:
                 raise CadError(f'{path} uses the built-in kernel; begin it with SetFactory("OpenCASCADE");')
             shapes[dim, tag] = gmsh.model.getPhysicalName(dim, group)
+    names = {gmsh.model.getPhysicalName(dim, group) for dim, group in gmsh.model.getPhysicalGroups()}
     gmsh.model.removePhysicalGroups()
+    for name in names:  # or the groups that we make later cannot have them
+        gmsh.model.removePhysicalName(name)
     dim = max((dim for dim, _ in shapes), default=2)
     return {shape: name for shape, name in shapes.items() if shape[0] == dim}
 

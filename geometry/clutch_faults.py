@@ -54,6 +54,12 @@ def _sizes(clutch: Clutch) -> list[Fault]:
             continue
         allowed = "0 mm (no ring) or more" if name == "ring_width" else "more than 0 mm"
         found.append(_fault(clutch, name, "it is not a positive length", allowed, f"correct `geometry.{name}`"))
+    for name in ("gap", "face_gap", "clearance"):
+        value = getattr(clutch, name)
+        if 0.0 < clutch.disc_radius <= value < math.inf:
+            reason = "a gap is wider than the disc's radius; a bare number is in metres"
+            remedy = f"write it with its unit, as in `geometry.{name}` = '1 mm'"
+            found.append(_fault(clutch, name, reason, f"less than {millimetres(clutch.disc_radius)}", remedy))
     low, high = AIR_FACTORS
     if not low <= clutch.air_factor <= high:
         reason = "the air must enclose the device with some room, and not dwarf it"

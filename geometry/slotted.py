@@ -53,7 +53,7 @@ _NARROWEST = math.radians(0.5)
 # Thickness of the layers: beside a slot over the size of the gap's triangles, growth with the distance from there
 # (about 1.8 times from layer to layer), and the greatest angle, at which the quadratic arcs of the swept edges still
 # keep volumes to 1e-6.
-_BESIDE_SLOT = 0.7
+_BESIDE_SLOT = 1.0
 _LAYER_GROWTH = 0.6
 _WIDEST_LAYER = math.pi / 24.0
 # Two layers of quadratic elements carry a quartic in the angle, which the recovery of grad H fits.

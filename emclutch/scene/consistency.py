@@ -339,7 +339,9 @@ def warnings_of(scene: Any) -> Iterator[str]:
     if effects.wall_images is not None and not isinstance(scene.geometry, (ClutchGeometry, CadGeometry)):
         kind = scene.geometry.kind
         yield f"[effects.wall_images] has no effect: geometry.kind = '{kind}' has no steel faces"
-    if scene.coil is not None and None not in (scene.coil.current, scene.coil.resistance, scene.coil.voltage):
-        drop = largest(scene.coil.current) * scene.coil.resistance
-        if drop > 1.01 * scene.coil.voltage:  # rounded data of a type plate agree within a percent
-            yield f"coil.current needs {drop:.4g} V, more than coil.voltage = {scene.coil.voltage:g} V"
+    coil = scene.coil
+    window = scene.shape() if isinstance(scene.geometry, (ClutchGeometry, CadGeometry)) else None
+    if coil is not None and coil.current is not None and coil.voltage is not None and window is not None:
+        drop = largest(coil.current) * coil.resistance_in(window.coil_area, window.coil_mean_radius)
+        if drop > 1.01 * coil.voltage:  # rounded data of a type plate agree within a percent
+            yield f"coil.current needs {drop:.4g} V, more than coil.voltage = {coil.voltage:g} V"

@@ -142,6 +142,7 @@ def _plain(kind: str, message: str, context: dict[str, Any], path: Path) -> str:
         "model_attributes_type": f"is not a table; write [{dotted(path)}] with its keys below",
         "dict_type": f"is not a table; write [{dotted(path)}] with its keys below",
         "bool_type": "is not a truth value; write true or false, without quotes",
+        "bool_parsing": "is not a truth value; write true or false, without quotes",
         "string_type": "is not a text; write it in quotes",
         "string_too_short": "is empty; write a line of text",
         "tuple_type": "is not a list; write it in brackets, e.g. [1, 2, 3]",

@@ -160,7 +160,10 @@ class CadGeometry(Section):
     """
 
     kind: Literal["cad"]
-    file: str = Field(min_length=1, description="STEP file (or IGES, BREP, .geo), relative to the scene's folder")
+    file: str = Field(
+        min_length=1,
+        description="STEP file (or IGES, BREP, .geo in mm), from the scene's folder; names are those of PRODUCT",
+    )
     materials: dict[str, str] = Field(description="a material's name for each part but coil and powder")
     names: dict[str, str] = Field(default={}, description="region for a part's name in the file, where they differ")
     bodies: dict[str, _Body] = Field(

@@ -151,7 +151,7 @@ def measure(
         busy.append(time.process_time() - used_before)
     end = gathered(lmp, n)
     if end_file is not None:
-        np.savez(end_file, **end)
+        np.savez(end_file, position=end["position"], velocity=end["velocity"], spin=end["spin"])
     ranks, me = lmp.extract_setting("world_size"), lmp.extract_setting("world_rank")
     lmp.close()
     if me != 0:

@@ -74,7 +74,7 @@ def test_the_converted_mesh_has_the_same_curved_volumes():
 
 @pytest.mark.parametrize("clutch", [Clutch(), SLOTTED, COGGING], ids=["plain", "slotted", "cogging"])
 def test_scalar_and_vector_potential_bracket_the_slotted_clutch(clutch):
-    mesh = mesh_slotted(clutch, size_factor=2.0, gap_layers=2, wedge=math.pi / 24)
+    mesh = mesh_slotted(clutch, size_factor=4.0, gap_layers=1, wedge=math.pi / 24)
     ours = SolidProblem(mesh, complete(mesh), ring(clutch), outer="flux_wall").solve(DRIVE)
     theirs = solve_solid(mesh, STEEL, ring(clutch), DRIVE, bodies=("disc",))
     print(

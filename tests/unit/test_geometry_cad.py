@@ -503,6 +503,16 @@ def test_a_geo_file_with_physical_names_is_a_section(tmp_path):
     path.write_text('SetFactory("OpenCASCADE");\nRectangle(1) = {20, 0, 0, 10, 5};\nPhysical Surface("coil") = {1};\n')
     part = read_cad(path, needed=["coil"])[0]
     assert part.region == "coil" and part.area == pytest.approx(50e-6)
+    path.write_text(
+        'SetFactory("OpenCASCADE");\nRectangle(1) = {0, -10, 0, 20, 20};\nRectangle(2) = {20, -10, 0, 1, 20};\n'
+        'Rectangle(3) = {21, -5, 0, 8, 10};\nPhysical Surface("disc") = {1};\nPhysical Surface("powder") = {2};\n'
+        'Physical Surface("coil") = {3};\n'
+    )
+    mesh = mesh_cad(path, needed=["coil", "disc"], known=["powder"])
+    areas = {"disc": 400e-6, "powder": 20e-6, "coil": 80e-6}
+    assert set(mesh.regions) == {*areas, "air"}
+    for region, area in areas.items():
+        assert mesh.area(region) == pytest.approx(area)
 
 
 @pytest.mark.parametrize(
