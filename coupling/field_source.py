@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from field import AxisymmetricProblem, FieldSampler, MagneticField
-from field.coil_circuit import CircuitState, LinearisedCoil, solve_at_flux_linkage
-from field.eddy_currents import CurrentDrive, EddyCurrentProblem, TransientState, VoltageDrive
+from field.coil.coil_circuit import CircuitState, LinearisedCoil, solve_at_flux_linkage
 from field.newton import norm
+from field.section.eddy_currents import CurrentDrive, EddyCurrentProblem, TransientState, VoltageDrive
 
 
 @dataclass(slots=True)

@@ -1,6 +1,6 @@
 """H, grad H and the moments of the grains: what every magnetic effect starts from.
 
-The moment follows the grain law of `field.powder_law` (model `fixed`): M(H_fe, phi) parallel to H_fe, with the
+The moment follows the grain law of `field.laws.powder_law` (model `fixed`): M(H_fe, phi) parallel to H_fe, with the
 Lorentz field phi M/3 of the smeared powder when its magnetisation is part of H_fe (effect `back_reaction`), and
 of a lone sphere (phi = 0) when it is not.
 """

@@ -28,7 +28,7 @@ from emclutch.device import CoilDevice, Device, grain_law
 from emclutch.plan import Plan
 from emclutch.scene.model import Scene
 from emclutch.scene.time_table import points_of
-from field.eddy_currents import EddyCurrentProblem, VoltageDrive
+from field.section.eddy_currents import EddyCurrentProblem, VoltageDrive
 from particles import DEM, Body, FreeShaft, Grains, PrescribedSpeed, RollingFriction, pack
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from field.winding import Winding
+from field.coil.winding import Winding
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,9 +25,9 @@ from field import (
     UniformField,
     material,
 )
-from field.adaptive import AdaptiveResult, adapt
-from field.conductivity import conductivity
-from field.error_estimate import FluxLinkage, MeanFluxDensity
+from field.laws.conductivity import conductivity
+from field.section.adaptive import AdaptiveResult, adapt
+from field.section.error_estimate import FluxLinkage, MeanFluxDensity
 from geometry import AnnularBox, Box, Clutch, SectionMesh, ShearCell, SolidMesh, mesh_clutch
 from geometry.cad_shape import CadShape
 from geometry.clipping import share_in_boxes

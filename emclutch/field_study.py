@@ -29,13 +29,13 @@ from emclutch.solid_device import SolidCoilDevice
 from emclutch.solid_field_study import solid_field_study
 from emclutch.units import Quantity
 from field import ConvergenceError, MagneticField, PowderLaw
-from field.current_sweep import sweep_currents
-from field.error_estimate import FluxLinkage, MeanFluxDensity, estimate_error
+from field.coil.inductance import apparent_inductance, incremental_inductance
+from field.coil.magnetic_circuit import FilledPowder, clutch_circuit
 from field.factorisation import describe_backend
-from field.field_lines import field_along, straight_line
-from field.inductance import apparent_inductance, incremental_inductance
-from field.magnetic_circuit import FilledPowder, clutch_circuit
-from field.maxwell_force import axial_force, lorentz_force
+from field.section.current_sweep import sweep_currents
+from field.section.error_estimate import FluxLinkage, MeanFluxDensity, estimate_error
+from field.section.field_lines import field_along, straight_line
+from field.section.maxwell_force import axial_force, lorentz_force
 from geometry import Clutch
 
 UNITS = {

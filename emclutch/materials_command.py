@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from emclutch.faults import Fault, SceneError
-from field.conductivity import Conductivity, conductivity
-from field.materials import (
+from field.laws.conductivity import Conductivity, conductivity
+from field.laws.materials import (
     canonical_name,
     grain_material,
     grain_names,
@@ -18,7 +18,7 @@ from field.materials import (
     material_aliases,
     material_names,
 )
-from field.reluctivity import MU_0, Law, LinearLaw
+from field.laws.reluctivity import MU_0, Law, LinearLaw
 
 _KINDS = {
     "LinearLaw": "linear",
@@ -92,7 +92,7 @@ def laws_of(names: list[str]) -> list[Law]:
     SceneError
         Every name that is unknown and every file that cannot be read as a curve.
     """
-    from field.magnetisation_table import TableFault, table_law
+    from field.laws.magnetisation_table import TableFault, table_law
 
     laws, faults = [], []
     for name in names:

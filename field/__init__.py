@@ -3,32 +3,39 @@
 The field in space, for devices with slots or teeth, is the sub-package `field.solid`.
 """
 
-from .adaptive import AdaptiveResult, AdaptiveStep, adapt
-from .axisymmetric import AxisymmetricProblem
-from .brauer import BrauerLaw
-from .coil_circuit import solve_at_flux_linkage
-from .conductivity import Conductivity, conductivity
-from .current_sweep import sweep_currents
-from .eddy_currents import CurrentDrive, EddyCurrentProblem, TransientState, VoltageDrive
-from .error_estimate import ErrorEstimate, FluxLinkage, LargestFluxDensity, MeanFluxDensity, estimate_error
-from .field_lines import FieldAlongLine, straight_line
-from .froehlich import FroehlichLaw
-from .inductance import FluxLinkageCurve
-from .langevin import LangevinLaw
-from .locate import PointOutside
-from .loop import loop_field, rectangular_coil_field, solenoid_axis_field
-from .magnetic_circuit import Branch, FilledPowder, FluxTube, MagneticCircuit, clutch_circuit
-from .magnetic_field import MagneticField
-from .magnetisation_curve import HSpline, PermeabilityLaw, TableLaw, spline_of
-from .magnetisation_table import TableFault, read_table, table_law
-from .materials import grain_material, grain_names, material, material_names
-from .maxwell_force import AxialForce, axial_force, lorentz_force, pole_pressure
-from .newton import ConvergenceError
-from .open_boundary import OpenBoundary
-from .powder_law import GrainLaw, ParticleLaw, PowderLaw, ThesisLaw
-from .reluctivity import AIR, MU_0, NU_0, Law, LinearLaw
-from .sampler import FieldSampler, RadialField, RecoveredSampler, TableSampler, UniformField, field_sampler
-from .winding import Winding
+from field.coil.coil_circuit import solve_at_flux_linkage
+from field.coil.inductance import FluxLinkageCurve
+from field.coil.magnetic_circuit import Branch, FilledPowder, FluxTube, MagneticCircuit, clutch_circuit
+from field.coil.winding import Winding
+from field.laws.brauer import BrauerLaw
+from field.laws.conductivity import Conductivity, conductivity
+from field.laws.froehlich import FroehlichLaw
+from field.laws.langevin import LangevinLaw
+from field.laws.magnetisation_curve import HSpline, PermeabilityLaw, TableLaw, spline_of
+from field.laws.magnetisation_table import TableFault, read_table, table_law
+from field.laws.materials import grain_material, grain_names, material, material_names
+from field.laws.powder_law import GrainLaw, ParticleLaw, PowderLaw, ThesisLaw
+from field.laws.reluctivity import AIR, MU_0, NU_0, Law, LinearLaw
+from field.loop import loop_field, rectangular_coil_field, solenoid_axis_field
+from field.newton import ConvergenceError
+from field.sampling.locate import PointOutside
+from field.sampling.sampler import (
+    FieldSampler,
+    RadialField,
+    RecoveredSampler,
+    TableSampler,
+    UniformField,
+    field_sampler,
+)
+from field.section.adaptive import AdaptiveResult, AdaptiveStep, adapt
+from field.section.axisymmetric import AxisymmetricProblem
+from field.section.current_sweep import sweep_currents
+from field.section.eddy_currents import CurrentDrive, EddyCurrentProblem, TransientState, VoltageDrive
+from field.section.error_estimate import ErrorEstimate, FluxLinkage, LargestFluxDensity, MeanFluxDensity, estimate_error
+from field.section.field_lines import FieldAlongLine, straight_line
+from field.section.magnetic_field import MagneticField
+from field.section.maxwell_force import AxialForce, axial_force, lorentz_force, pole_pressure
+from field.section.open_boundary import OpenBoundary
 
 __all__ = [
     "AIR",

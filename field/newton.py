@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 import scipy.sparse as sp
 
-from .factorisation import NotPositiveDefinite
+from field.factorisation import NotPositiveDefinite
 
 # Sufficient decrease of the line search; the textbook's value (Dennis and Schnabel).
 _ARMIJO = 1e-4

@@ -11,7 +11,7 @@ from emclutch.scene.time_table import CurrentCourse, TimeTable, VoltageCourse, l
 from emclutch.units import Resistance, number
 
 if TYPE_CHECKING:
-    from field.winding import Winding
+    from field.coil.winding import Winding
 
 _FILL_FACTOR = 0.6
 
@@ -78,7 +78,7 @@ class Coil(Section):
 
     def winding_in(self, window_area: float, mean_radius: float) -> Winding:
         """The winding [-] in a window of area [m^2] at a mean radius [m], at its temperature."""
-        from field.winding import Winding  # local: a scene is read without the field
+        from field.coil.winding import Winding  # local: a scene is read without the field
 
         fill = _FILL_FACTOR if self.fill_factor is None else self.fill_factor
         turns = self.turns
@@ -97,7 +97,7 @@ class Coil(Section):
 
     def resistance_in(self, window_area: float, mean_radius: float) -> float:
         """Return the resistance [ohm] at the winding's temperature: the given one, or that of the turns in copper."""
-        from field.winding import resistance_ratio
+        from field.coil.winding import resistance_ratio
 
         if self.resistance is not None:
             return self.resistance * resistance_ratio(self.temperature)

@@ -52,7 +52,7 @@ def _shape(draft: Draft) -> Iterator[Fault]:
 
 
 def _materials(draft: Draft) -> Iterator[Fault]:
-    from field.materials import canonical_name, material_aliases, material_names  # local: only here
+    from field.laws.materials import canonical_name, material_aliases, material_names  # local: only here
 
     built_in, own = material_names(), list(draft.scene.materials or {})
     for name in own:

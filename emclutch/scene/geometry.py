@@ -26,7 +26,7 @@ NON_MAGNETIC = ("air", "aluminium", "copper", "stainless_304")
 
 def _carries_flux(material: str) -> bool:
     """Whether a material is magnetic; of own materials it is taken for granted here."""
-    from field.materials import canonical_name  # local: the schema itself needs no field
+    from field.laws.materials import canonical_name  # local: the schema itself needs no field
 
     return canonical_name(material) not in NON_MAGNETIC
 

@@ -1,4 +1,4 @@
-"""[materials.NAME]: the user's own magnetic materials; those that are built in are in `field.materials`."""
+"""[materials.NAME]: the user's own magnetic materials; those that are built in are in `field.laws.materials`."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class LangevinMaterial(_OwnMaterial):
 
     def magnetic_law(self, name: str) -> Law:
         """See `_OwnMaterial.magnetic_law`."""
-        from field.langevin import LangevinLaw
+        from field.laws.langevin import LangevinLaw
 
         return LangevinLaw(self.susceptibility, self.saturation, name, "the scene")
 
@@ -91,7 +91,7 @@ class BrauerMaterial(_OwnMaterial):
 
     def magnetic_law(self, name: str) -> Law:
         """See `_OwnMaterial.magnetic_law`."""
-        from field.brauer import BrauerLaw
+        from field.laws.brauer import BrauerLaw
 
         return BrauerLaw(self.k1, self.k2, self.k3, name, "the scene")
 
@@ -167,7 +167,7 @@ Material = Annotated[
 
 def _columns(path: Path, key: str) -> tuple[list[float], list[float]]:
     """H [A/m] and B [T] of a file, the origin first."""
-    from field.magnetisation_table import TableFault, read_table
+    from field.laws.magnetisation_table import TableFault, read_table
 
     try:
         H, B = read_table(path)

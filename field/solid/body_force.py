@@ -22,7 +22,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import dijkstra
 
-from field.reluctivity import MU_0, LinearLaw
+from field.laws.reluctivity import MU_0, LinearLaw
 
 if TYPE_CHECKING:
     from .scalar_potential import SolidProblem

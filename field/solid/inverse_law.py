@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from scipy.interpolate import CubicHermiteSpline
 
-from field.reluctivity import MU_0, NU_0, Law, LinearLaw
+from field.laws.reluctivity import MU_0, NU_0, Law, LinearLaw
 
 _TOLERANCE = 1e-8  # of B: far below any field solution's error
 _MAX_BISECTIONS = 24

@@ -29,8 +29,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 
+from field.laws.reluctivity import AIR, MU_0, Law, LinearLaw
 from field.newton import minimise, norm, scalar_product
-from field.reluctivity import AIR, MU_0, Law, LinearLaw
 from geometry.solid_mesh import SolidMesh
 
 from .inverse_law import InverseLaw, MaterialTable

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from field.reluctivity import MU_0
+from field.laws.reluctivity import MU_0
 
 from .body_force import BodyForce, body_force, current_force
 from .quadratic_tetrahedron import shape_slopes

@@ -20,7 +20,7 @@ import numpy as np
 import scipy.sparse as sp
 from numba import njit
 
-from field.thread_count import shared_by
+from field.sampling.thread_count import shared_by
 
 from . import tetrahedron_kernels
 from .quadratic_tetrahedron import EDGES

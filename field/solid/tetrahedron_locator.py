@@ -8,7 +8,7 @@ from . import tetrahedron_kernels
 from .quadratic_tetrahedron import EDGES
 from .solid_elements import SolidElements
 
-# A point this far outside in barycentric coordinates still counts as inside, see `field.locate`.
+# A point this far outside in barycentric coordinates still counts as inside, see `field.sampling.locate`.
 _MARGIN = 1e-3
 _MAX_CELLS = 2_000_000
 

@@ -18,13 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from field.reluctivity import NU_0, Law, LinearLaw
+from field.laws.reluctivity import NU_0, Law, LinearLaw
 from geometry.section import SectionMesh
 
 # sqrt has no second derivative at 0: |B| is softened by 1 nT, of no consequence beside 1e-8 of a tesla.
 SOFTENING = 1e-18
 _B_FAR = 50.0  # the spline's last knot [T]; beyond the law's own table its slope is that of vacuum
-CHORD_B = 1.0  # [T], as in field.axisymmetric
+CHORD_B = 1.0  # [T], as in field.section.axisymmetric
 ARMIJO = 1e-4
 MAX_HALVINGS = 30
 

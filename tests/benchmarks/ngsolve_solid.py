@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from ngsolve_oracle import ARMIJO, CHORD_B, MAX_HALVINGS, SOFTENING, Watch, by_law, law_spline
 
-from field.reluctivity import NU_0, Law, LinearLaw
+from field.laws.reluctivity import NU_0, Law, LinearLaw
 from geometry.solid_mesh import EDGES, SolidMesh
 from geometry.solid_meshing import faces_of
 

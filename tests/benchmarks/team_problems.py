@@ -24,9 +24,9 @@ from typing import Any
 
 import numpy as np
 
-from field.magnetisation_curve import TableLaw
-from field.materials import material
-from field.reluctivity import MU_0, Law
+from field.laws.magnetisation_curve import TableLaw
+from field.laws.materials import material
+from field.laws.reluctivity import MU_0, Law
 from field.solid.source_field import FlatCoil
 from geometry.meshing import MILLIMETRE, gmsh_model
 from geometry.solid_mesh import SolidMesh

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from field import AxisymmetricProblem, GrainLaw, PowderLaw, RecoveredSampler, material
-from field.potential_table import TableSampler
-from field.recovery import RegionRecovery
+from field.sampling.potential_table import TableSampler
+from field.sampling.recovery import RegionRecovery
 from geometry import Clutch, mesh_clutch
 
 N = 100_000

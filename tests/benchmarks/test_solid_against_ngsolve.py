@@ -18,8 +18,8 @@ from ngsolve_oracle import law_spline, solve_section
 from ngsolve_solid import solid_mesh, solve_solid
 from team_problems import Team20, team20_mesh
 
-from field.axisymmetric import AxisymmetricProblem
-from field.materials import material
+from field.laws.materials import material
+from field.section.axisymmetric import AxisymmetricProblem
 from field.solid.scalar_potential import SolidProblem
 from field.solid.source_field import FlatCoil
 from geometry import Clutch, mesh_clutch

@@ -13,8 +13,8 @@ from emclutch.case import case_from, load_case, read_toml
 from emclutch.command_line import app
 from emclutch.device import magnetic_law
 from field import FroehlichLaw, LinearLaw, PermeabilityLaw, TableLaw
-from field.brauer import BrauerLaw
-from field.langevin import LangevinLaw
+from field.laws.brauer import BrauerLaw
+from field.laws.langevin import LangevinLaw
 
 GOOD = Path(__file__).parent / "broken" / "good.toml"
 CURVE = "H [kA/m];B [mT]\n0;0\n0,1;1000\n1;1500\n5;1700\n"

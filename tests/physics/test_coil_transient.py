@@ -7,9 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from field import AxisymmetricProblem, LinearLaw, material
-from field.coil_circuit import CircuitState, LinearisedCoil, solve_at_flux_linkage
-from field.eddy_currents import EddyCurrentProblem, VoltageDrive
-from field.inductance import FluxLinkageCurve
+from field.coil.coil_circuit import CircuitState, LinearisedCoil, solve_at_flux_linkage
+from field.coil.inductance import FluxLinkageCurve
+from field.section.eddy_currents import EddyCurrentProblem, VoltageDrive
 
 N, R, V = 400, 4.0, 12.0
 

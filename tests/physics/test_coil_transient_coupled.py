@@ -5,8 +5,8 @@ import pytest
 
 from coupling.field_source import CircuitCoilField, CoilField, EddyCoilField
 from field import AxisymmetricProblem, GrainLaw, LinearLaw, PowderLaw, material
-from field.eddy_currents import EddyCurrentProblem, VoltageDrive
-from field.winding import Winding
+from field.coil.winding import Winding
+from field.section.eddy_currents import EddyCurrentProblem, VoltageDrive
 from geometry import Clutch, mesh_clutch
 
 N, R, V = 400, 8.0, 16.0

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from field import MU_0, AxisymmetricProblem, GrainLaw, LinearLaw, PowderLaw, material, rectangular_coil_field
-from field.adaptive import adapt, mark
-from field.error_estimate import EnrichedSpace, FluxLinkage, LargestFluxDensity, MeanFluxDensity, estimate_error
-from field.interpolation import interpolation, slopes_at
-from field.section_elements import SectionElements
+from field.section.adaptive import adapt, mark
+from field.section.error_estimate import EnrichedSpace, FluxLinkage, LargestFluxDensity, MeanFluxDensity, estimate_error
+from field.section.interpolation import interpolation, slopes_at
+from field.section.section_elements import SectionElements
 from geometry import Clutch, SectionMesh, mesh_clutch
 from geometry.refinement import Circle, refine
 

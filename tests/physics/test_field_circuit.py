@@ -18,9 +18,9 @@ from field import (
     material,
     rectangular_coil_field,
 )
-from field.coil_circuit import solve_at_flux_linkage
-from field.inductance import FluxLinkageCurve
-from field.magnetic_circuit import Branch, FilledPowder, FluxTube, MagneticCircuit, clutch_circuit
+from field.coil.coil_circuit import solve_at_flux_linkage
+from field.coil.inductance import FluxLinkageCurve
+from field.coil.magnetic_circuit import Branch, FilledPowder, FluxTube, MagneticCircuit, clutch_circuit
 from geometry import Clutch, mesh_clutch
 
 N = 500

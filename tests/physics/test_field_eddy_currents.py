@@ -11,7 +11,13 @@ import pytest
 from scipy.special import j0, j1, jn_zeros, jv
 
 from field import MU_0, AxisymmetricProblem, LinearLaw, material
-from field.eddy_currents import CurrentDrive, EddyCurrentProblem, TransientState, VoltageDrive, eddy_current_density
+from field.section.eddy_currents import (
+    CurrentDrive,
+    EddyCurrentProblem,
+    TransientState,
+    VoltageDrive,
+    eddy_current_density,
+)
 
 A, H, SIGMA, MU_R, TURNS = 10e-3, 2e-3, 5e6, 100.0, 40
 MU = MU_0 * MU_R

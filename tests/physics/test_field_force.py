@@ -7,7 +7,7 @@ import pytest
 from scipy.special import ellipe, ellipk
 
 from field import MU_0, AxisymmetricProblem, GrainLaw, LinearLaw, PowderLaw, material
-from field.maxwell_force import (
+from field.section.maxwell_force import (
     axial_force,
     body_weight,
     force_by_virtual_work,

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from field import MU_0, AxisymmetricProblem, FroehlichLaw, LinearLaw, material
-from field.current_sweep import predict, sweep_currents
-from field.magnetisation_curve import TableLaw
+from field.laws.magnetisation_curve import TableLaw
+from field.section.current_sweep import predict, sweep_currents
 from geometry.clutch import Clutch
 from geometry.meshing import mesh_clutch
 

@@ -9,8 +9,8 @@ from scipy.special import ellipe, ellipkm1
 
 from field import MU_0, AxisymmetricProblem, GrainLaw, LinearLaw, PowderLaw, material, rectangular_coil_field
 from field.loop import loop_field
-from field.open_boundary import OpenBoundary
-from field.section_elements import SectionElements
+from field.section.open_boundary import OpenBoundary
+from field.section.section_elements import SectionElements
 from geometry import SectionMesh
 
 sys.path.insert(0, str(Path(__file__).parent))  # tests are imported one by one, without their folder

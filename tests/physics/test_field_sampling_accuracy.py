@@ -19,10 +19,10 @@ from field import (
     PowderLaw,
     RecoveredSampler,
 )
-from field.potential_table import TableSampler
-from field.recovery import RegionRecovery
-from field.sampler import field_sampler
-from field.section_elements import SectionElements
+from field.sampling.potential_table import TableSampler
+from field.sampling.recovery import RegionRecovery
+from field.sampling.sampler import field_sampler
+from field.section.section_elements import SectionElements
 
 
 class LikeAir:

@@ -8,9 +8,9 @@ import skfem
 from skfem.helpers import dot, grad
 
 from field.factorisation import NotPositiveDefinite, SymmetricSolver, available_backends, describe_backend
-from field.materials import material
-from field.section_elements import SectionElements
-from field.sparse_pattern import FixedPattern
+from field.laws.materials import material
+from field.section.section_elements import SectionElements
+from field.section.sparse_pattern import FixedPattern
 from geometry.section import SectionMesh
 
 

@@ -20,10 +20,10 @@ from field import (
     material,
     material_names,
 )
-from field.brauer import BrauerLaw
-from field.langevin import LangevinLaw
-from field.magnetisation_curve import spline_of
-from field.materials import _STEEL_1010
+from field.laws.brauer import BrauerLaw
+from field.laws.langevin import LangevinLaw
+from field.laws.magnetisation_curve import spline_of
+from field.laws.materials import _STEEL_1010
 
 LAWS = {
     "brauer": BrauerLaw(0.3774, 2.970, 388.33),

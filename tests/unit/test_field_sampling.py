@@ -8,13 +8,13 @@ import pytest
 import scipy.sparse as sp
 
 from field import AIR, MU_0, PointOutside, RadialField, RecoveredSampler, UniformField
-from field.locate import TriangleLocator
-from field.patch_fit import PatchFit, _vacuum_polynomials, falling_powers
-from field.potential_table import TableSampler
-from field.recovery import RegionRecovery, lattice
-from field.sampler import field_sampler
-from field.section_elements import SectionElements
-from field.table_grid import NoTable
+from field.sampling.locate import TriangleLocator
+from field.sampling.patch_fit import PatchFit, _vacuum_polynomials, falling_powers
+from field.sampling.potential_table import TableSampler
+from field.sampling.recovery import RegionRecovery, lattice
+from field.sampling.sampler import field_sampler
+from field.sampling.table_grid import NoTable
+from field.section.section_elements import SectionElements
 from geometry.section import SectionMesh
 
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from field.winding import COPPER_RESISTIVITY, Winding, copper_resistivity, resistance_ratio
+from field.coil.winding import COPPER_RESISTIVITY, Winding, copper_resistivity, resistance_ratio
 
 
 def test_resistance_is_that_of_its_wire():

@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 from emclutch.command_line import app
 from emclutch.materials_command import characteristics, draw_materials
 from field import MU_0, LinearLaw, material, material_names
-from field.conductivity import conductivity
-from field.materials import canonical_name, grain_material, grain_names, material_aliases
+from field.laws.conductivity import conductivity
+from field.laws.materials import canonical_name, grain_material, grain_names, material_aliases
 
 
 def asked(*arguments, code=0):

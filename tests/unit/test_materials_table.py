@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from field import MU_0, material
-from field.magnetisation_table import TableFault, read_table, table_law
-from field.materials import _STEEL_1010
+from field.laws.magnetisation_table import TableFault, read_table, table_law
+from field.laws.materials import _STEEL_1010
 
 H = np.array([0.0, 120.0, 1500.0, 20000.0])
 B = np.array([0.0, 0.25, 1.25, 1.875])  # exact in binary, so that 1000 * B / 1000 is too

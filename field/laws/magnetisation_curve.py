@@ -1,0 +1,358 @@
+"""Saturating steels: H(B) as a monotone cubic spline, continued with the slope of vacuum.
+
+Three ways into the same spline: a measured table (`TableLaw`, monotone PCHIP of H over B, Fritsch and
+Carlson 1980), a fitted permeability mu_r(B) (`PermeabilityLaw`, the form of Modelica's FluxTubes), and any other
+law, sampled as closely as wanted (`spline_of`): the one representation that compiled kernels need to know.
+Beyond the last point the material is saturated: M stays what it is and dH/dB = nu_0.  The energy
+density is the spline's own antiderivative, so energy and H agree to round-off, which the energy line
+search of Newton relies on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numba import njit
+from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
+
+from field.laws.reluctivity import MU_0, NU_0, Law, LinearLaw
+
+# Cubics of a sampled law: 1e-6 takes 50 to 150 for the laws here, 1e-9 up to a thousand.
+_MOST_INTERVALS = 20_000
+# Where a sampled law is compared with its cubic: off the middle as well, where a symmetric error would hide.
+_PROBES = np.array([0.25, 0.5, 0.8])
+# Field strength [A/m] from which downwards the error counts against this one: far below the earth's 40 A/m.
+_SMALLEST_H = 1e-3
+
+# Slope at a table's ends, at least, over that of the interval beside it.
+_LEAST_END = 0.1
+# No material has a saturation polarisation of more (iron-cobalt: 2.45 T).
+_LARGEST_POLARISATION = 3.0
+
+# A published table rounds its figures: a last slope 2 % under mu_0 is a rounding, not a fault.
+SLOPE_ROUNDING = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class HSpline:
+    """Piecewise cubic H(B) on [0, B_last] with its antiderivative, then slope nu_0.
+
+    Attributes
+    ----------
+    B : ndarray (m+1,)
+        Break points [T], from 0.
+    coefficients : ndarray (4, m)
+        Cubic of each interval in (B - B_i), highest power first [A/m].
+    energy : ndarray (m+1,)
+        Energy density at the break points [J/m^3].
+    H_last : float
+        Field strength at the last break point [A/m].
+    """
+
+    B: np.ndarray
+    coefficients: np.ndarray
+    energy: np.ndarray
+    H_last: float
+
+    @classmethod
+    def through(cls, spline: CubicHermiteSpline) -> HSpline:
+        """Take over a scipy Hermite spline."""
+        energy = spline.antiderivative()(spline.x)
+        return cls(np.array(spline.x), np.array(spline.c), energy, float(spline(spline.x[-1])))
+
+    def H_of_B(self, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """H [A/m] and dH/dB [A/(m T)] at B >= 0 [T]."""
+        B = np.asarray(B, dtype=float)
+        H, slope = np.empty(B.shape), np.empty(B.shape)
+        _evaluate(B.reshape(-1), self.B, self.coefficients, self.H_last, NU_0, H.reshape(-1), slope.reshape(-1))
+        return H, slope
+
+    def energy_density(self, B: np.ndarray) -> np.ndarray:
+        """Integral of H dB from 0 [J/m^3]."""
+        B = np.asarray(B, dtype=float)
+        w = np.empty(B.shape)
+        _integrate(B.reshape(-1), self.B, self.coefficients, self.energy, self.H_last, NU_0, w.reshape(-1))
+        return w
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _interval(B, breaks, last):
+    """Index of the interval that holds B, by bisection; `last` is tried first (neighbours in an element are alike)."""
+    if breaks[last] <= B and (last == breaks.size - 2 or B < breaks[last + 1]):
+        return last
+    low, high = 0, breaks.size - 1
+    while high - low > 1:
+        middle = (low + high) >> 1
+        if breaks[middle] <= B:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _evaluate(B, breaks, coefficients, H_last, nu_0, H, slope):
+    i, end = 0, breaks[-1]
+    for k in range(B.size):
+        if B[k] > end:
+            H[k], slope[k] = H_last + nu_0 * (B[k] - end), nu_0
+            continue
+        i = _interval(B[k], breaks, i)
+        c3, c2, c1, c0 = coefficients[0, i], coefficients[1, i], coefficients[2, i], coefficients[3, i]
+        t = B[k] - breaks[i]
+        H[k] = ((c3 * t + c2) * t + c1) * t + c0
+        slope[k] = (3.0 * c3 * t + 2.0 * c2) * t + c1
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _integrate(B, breaks, coefficients, energy, H_last, nu_0, w):
+    i, end = 0, breaks[-1]
+    for k in range(B.size):
+        if B[k] > end:
+            beyond = B[k] - end
+            w[k] = energy[-1] + beyond * (H_last + 0.5 * nu_0 * beyond)
+            continue
+        i = _interval(B[k], breaks, i)
+        c3, c2, c1, c0 = coefficients[0, i], coefficients[1, i], coefficients[2, i], coefficients[3, i]
+        t = B[k] - breaks[i]
+        w[k] = energy[i] + t * (c0 + t * (c1 / 2.0 + t * (c2 / 3.0 + t * c3 / 4.0)))
+
+
+def spline_of(law: Law, tolerance: float = 1e-6) -> HSpline:
+    """Any law as the one spline of this module.
+
+    A table and a fitted permeability are such splines already and are returned as they are; a linear law is one
+    interval; any other is sampled with its exact slopes, and bisected until H agrees.
+
+    Parameters
+    ----------
+    law : Law
+    tolerance : float
+        Allowed error of H relative to H, for every B >= 0 [-]; 1e-12 to 1e-2.
+
+    Raises
+    ------
+    ValueError
+        A tolerance out of range, a law that does not grow, or one that needs more than 20 000 intervals (it jumps).
+    """
+    if not 1e-12 <= tolerance <= 1e-2:
+        raise ValueError(f"`tolerance` = {tolerance:g}: allowed are 1e-12 to 1e-2; the default is 1e-6")
+    if isinstance(law, (TableLaw, PermeabilityLaw)):
+        return law.curve
+    if isinstance(law, LinearLaw):
+        return _linear_spline(law.mu_r)
+    B = np.linspace(0.0, _saturated_from(law, tolerance), 9)
+    while True:
+        H, slope = law.H_of_B(B)
+        if np.any(slope <= 0.0) or np.any(np.diff(H) <= 0.0):
+            raise ValueError(f"H of {law.name!r} does not grow with B everywhere: not a law that can be solved with")
+        coarse = _too_coarse(law, B, H, slope, tolerance)
+        if not np.any(coarse):
+            return HSpline.through(CubicHermiteSpline(B, H, slope))
+        if B.size > _MOST_INTERVALS:
+            raise ValueError(
+                f"{law.name!r} needs more than {_MOST_INTERVALS} cubics for H to within {tolerance:g}: "
+                "its slope jumps or is not that of H; raise `tolerance`, or mend the law"
+            )
+        middles = 0.5 * (B[:-1] + B[1:])[coarse]
+        B = np.sort(np.concatenate((B, middles)))
+
+
+def _linear_spline(mu_r: float) -> HSpline:
+    """H = B/(mu_0 mu_r) on an interval that no field leaves: beyond it the slope would be that of vacuum."""
+    end = 1e6  # [T]
+    nu = NU_0 / mu_r
+    return HSpline(
+        np.array([0.0, end]), np.array([[0.0], [0.0], [nu], [0.0]]), np.array([0.0, 0.5 * nu * end**2]), nu * end
+    )
+
+
+def _saturated_from(law: Law, tolerance: float) -> float:
+    """Flux density [T] from which H goes on with slope nu_0, to within half the tolerance."""
+    end = 0.25
+    while end < 1e6:
+        start = float(law.H_of_B(np.array([end]))[0][0])
+        B = end * np.logspace(0.02, 6.0, 60)
+        H = law.H_of_B(B)[0]
+        if np.all(np.abs(start + NU_0 * (B - end) - H) <= 0.5 * tolerance * H):
+            return end
+        end *= 1.25
+    raise ValueError(f"{law.name!r} does not saturate: its slope does not reach that of vacuum, nu_0 = {NU_0:.4g} m/H")
+
+
+def _too_coarse(law: Law, B: np.ndarray, H: np.ndarray, slope: np.ndarray, tolerance: float) -> np.ndarray:
+    """Which intervals' cubics are off by more than the tolerance, or may not be monotone; shape (m,)."""
+    width, spline = np.diff(B), CubicHermiteSpline(B, H, slope)
+    points = B[:-1, None] + width[:, None] * _PROBES
+    exact = law.H_of_B(points)[0]
+    off = np.abs(spline(points) - exact) > 0.7 * tolerance * np.maximum(exact, _SMALLEST_H)
+    # Fritsch and Carlson: end slopes of at most three times the chord's make a cubic monotone
+    chord = 3.0 * np.diff(H) / width
+    return off.any(axis=1) | (slope[:-1] > chord) | (slope[1:] > chord)
+
+
+@dataclass(frozen=True, slots=True)
+class TableLaw:
+    """A measured magnetisation curve.
+
+    Parameters
+    ----------
+    H : ndarray (n,)
+        Field strength [A/m], strictly growing; the point (0, 0) is added where it is missing.
+    B : ndarray (n,)
+        Flux density [T], strictly growing.
+    name, source : str
+        For messages and tables.
+
+    Raises
+    ------
+    ValueError
+        Fewer than four points, a curve that does not grow, or one with dB/dH below mu_0 (no material:
+        usually M or mu_0 M was entered as B).
+    """
+
+    H: np.ndarray
+    B: np.ndarray
+    name: str = "table"
+    source: str = "a table of the user"
+    curve: HSpline = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        H = np.atleast_1d(np.asarray(self.H, dtype=float))
+        B = np.atleast_1d(np.asarray(self.B, dtype=float))
+        self._check_shape(H, B)
+        if H[0] > 0.0 and B[0] > 0.0:
+            H, B = np.concatenate(([0.0], H)), np.concatenate(([0.0], B))
+        self._check_curve(H, B)
+        object.__setattr__(self, "H", H)
+        object.__setattr__(self, "B", B)
+        slope = PchipInterpolator(B, H).derivative()(B)
+        # PCHIP's rule for the ends gives 0 beside an interval three times as steep: mu_r would be infinite there
+        slope[0] = max(slope[0], _LEAST_END * H[1] / B[1])
+        slope[-1] = max(slope[-1], _LEAST_END * (H[-1] - H[-2]) / (B[-1] - B[-2]))
+        object.__setattr__(self, "curve", HSpline.through(CubicHermiteSpline(B, H, slope)))
+
+    def _check_shape(self, H: np.ndarray, B: np.ndarray) -> None:
+        if H.ndim != 1 or H.shape != B.shape:
+            raise ValueError(
+                f"the table of {self.name!r} has {H.size} values of H and {B.size} of B; "
+                "give one B [T] for each H [A/m]"
+            )
+        if not (np.all(np.isfinite(H)) and np.all(np.isfinite(B))):
+            raise ValueError(f"the table of {self.name!r} holds a value that is not a finite number")
+        if np.count_nonzero(H) < 3:
+            raise ValueError(
+                f"the table of {self.name!r} has {np.count_nonzero(H)} points beside the "
+                "origin; a curve needs at least 3, better 10 up to saturation"
+            )
+
+    def _check_curve(self, H: np.ndarray, B: np.ndarray) -> None:
+        if H[0] != 0.0 or B[0] != 0.0:
+            raise ValueError(
+                f"the table of {self.name!r} starts at H = {H[0]:g} A/m, B = {B[0]:g} T; it "
+                "must start at the origin (no hysteresis here: give the virgin curve)"
+            )
+        dH, dB = np.diff(H), np.diff(B)
+        for values, step, symbol, unit in ((H, dH, "H", "A/m"), (B, dB, "B", "T")):
+            if np.any(step <= 0.0):
+                i = int(np.argmax(step <= 0.0))
+                raise ValueError(
+                    f"the table of {self.name!r} is not monotone: {symbol} goes from "
+                    f"{values[i]:g} to {values[i + 1]:g} {unit} (points {i + 1} and {i + 2}); "
+                    "sort it and remove repeated points"
+                )
+        polarisation = B - MU_0 * H
+        if polarisation.max() > _LARGEST_POLARISATION:
+            i = int(np.argmax(polarisation))
+            raise ValueError(
+                f"the table of {self.name!r} has B - mu_0 H = {polarisation[i]:.3g} T at H = {H[i]:g} A/m; no material "
+                f"has more than {_LARGEST_POLARISATION:g} T: check the unit of B (mT, G?)"
+            )
+        too_flat = dB < (1.0 - SLOPE_ROUNDING) * MU_0 * dH
+        if np.any(too_flat):
+            i = int(np.argmax(too_flat))
+            raise ValueError(
+                f"the table of {self.name!r} has dB/dH = {dB[i] / dH[i]:.3g} H/m between "
+                f"H = {H[i]:g} and {H[i + 1]:g} A/m, below mu_0 = {MU_0:.4g} H/m: no material "
+                "does that; check the units and that B, not M or mu_0 M, is given"
+            )
+
+    def H_of_B(self, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """See `Law.H_of_B`."""
+        return self.curve.H_of_B(B)
+
+    def energy_density(self, B: np.ndarray) -> np.ndarray:
+        """See `Law.energy_density`."""
+        return self.curve.energy_density(B)
+
+
+@dataclass(frozen=True, slots=True)
+class PermeabilityLaw:
+    """A fitted permeability, mu_r(B) = 1 + (mu_i - 1 + c_a b)/(1 + c_b b + b^n), b = B/B_m.
+
+    Source of the form: Modelica Standard Library, Magnetic.FluxTubes.Material.SoftMagnetic (Roschke).
+    The fitted magnetisation M = (1 - 1/mu_r) B/mu_0 falls again far in saturation, which no steel does:
+    from its maximum on M is held and the slope is nu_0.
+
+    Parameters
+    ----------
+    mu_i : float
+        Initial relative permeability [-].
+    B_m : float
+        Flux density that scales the fit [T].
+    c_a, c_b, n : float
+        Coefficients of the fit [-].
+    """
+
+    mu_i: float
+    B_m: float
+    c_a: float
+    c_b: float
+    n: float
+    name: str = "fitted permeability"
+    source: str = "a fit of the user"
+    curve: HSpline = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if not (self.mu_i > 1.0 and self.B_m > 0.0 and min(self.c_a, self.c_b) >= 0.0 and self.n > 1.0):
+            raise ValueError(
+                f"the permeability of {self.name!r} needs mu_i > 1, B_m > 0 T, c_a >= 0, "
+                "c_b >= 0 and n > 1; "
+                f"got {self.mu_i}, {self.B_m}, {self.c_a}, {self.c_b}, {self.n}"
+            )
+        # Quadratic spacing: b = 0 is where mu_r rises fastest (DC01: from 5 to 1000 within 0.2 T).
+        B = self.saturation_B() * np.linspace(0.0, 1.0, 600) ** 2
+        H, slope = self._fit(B)
+        if np.any(slope <= 0.0):
+            at = B[int(np.argmax(slope <= 0.0))]
+            raise ValueError(
+                f"the permeability of {self.name!r} makes H fall with B at {at:.3g} T; lower c_a or raise mu_i"
+            )
+        object.__setattr__(self, "curve", HSpline.through(CubicHermiteSpline(B, H, slope)))
+
+    def mu_r(self, B: np.ndarray) -> np.ndarray:
+        """The fit itself [-], B in T."""
+        b = np.asarray(B, dtype=float) / self.B_m
+        return 1.0 + (self.mu_i - 1.0 + self.c_a * b) / (1.0 + self.c_b * b + b**self.n)
+
+    def _fit(self, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        b = B / self.B_m
+        top, bottom = self.mu_i - 1.0 + self.c_a * b, 1.0 + self.c_b * b + b**self.n
+        mu_r = 1.0 + top / bottom
+        dmu_dB = (self.c_a - top / bottom * (self.c_b + self.n * b ** (self.n - 1.0))) / bottom / self.B_m
+        return B / (MU_0 * mu_r), (1.0 - B * dmu_dB / mu_r) / (MU_0 * mu_r)
+
+    def saturation_B(self) -> float:
+        """Flux density from which M is held: the maximum of the fitted M [T]."""
+        B = np.linspace(0.0, 20.0 * self.B_m, 200_001)
+        H, _ = self._fit(B)
+        return float(B[np.argmax(B / MU_0 - H)])
+
+    def H_of_B(self, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """See `Law.H_of_B`."""
+        return self.curve.H_of_B(B)
+
+    def energy_density(self, B: np.ndarray) -> np.ndarray:
+        """See `Law.energy_density`."""
+        return self.curve.energy_density(B)

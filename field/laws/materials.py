@@ -1,0 +1,227 @@
+"""Materials by name: the magnetic laws that ship, each with its source.
+
+A name is read without regard to case, and with blank or hyphen for the underscore; other common names of the same
+material (`pure_iron`, `x6cr17`, `aluminum`) lead to it.  Their electrical conductivity is in `conductivity`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from difflib import get_close_matches
+from functools import cache
+from types import MappingProxyType
+
+import numpy as np
+
+from field.laws.magnetisation_curve import PermeabilityLaw, TableLaw
+from field.laws.powder_law import GrainLaw
+from field.laws.reluctivity import AIR, Law, LinearLaw
+
+# H [A/m], B [T]
+_STEEL_1010 = np.array(
+    [
+        (0.0, 0.0),
+        (238.7, 0.2003),
+        (318.3, 0.3204),
+        (358.1, 0.40045),
+        (437.7, 0.50055),
+        (477.5, 0.5606),
+        (636.6, 0.7908),
+        (795.8, 0.9310),
+        (1114.1, 1.1014),
+        (1273.2, 1.2016),
+        (1591.5, 1.302),
+        (2228.2, 1.4028),
+        (3183.1, 1.524),
+        (4774.6, 1.626),
+        (6366.2, 1.698),
+        (7957.7, 1.73),
+        (15915.5, 1.87),
+        (47746.5, 2.04),
+        (63662.0, 2.07),
+        (79577.5, 2.095),
+        (159155.0, 2.2),
+        (318310.0, 2.4),
+        (1909860.0, 4.4),
+    ]
+)
+
+# B [T], H [A/m]
+_TEAM_STEEL = np.array(
+    [
+        (0.0, 0.0),
+        (0.01, 27.0),
+        (0.025, 58.0),
+        (0.05, 100.0),
+        (0.1, 153.0),
+        (0.15, 185.0),
+        (0.2, 205.0),
+        (0.3, 233.0),
+        (0.4, 255.0),
+        (0.5, 285.0),
+        (0.6, 320.0),
+        (0.7, 355.0),
+        (0.8, 405.0),
+        (0.9, 470.0),
+        (1.0, 555.0),
+        (1.1, 673.0),
+        (1.2, 836.0),
+        (1.3, 1065.0),
+        (1.35, 1220.0),
+        (1.4, 1420.0),
+        (1.45, 1720.0),
+        (1.5, 2130.0),
+        (1.55, 2670.0),
+        (1.6, 3480.0),
+        (1.65, 4500.0),
+        (1.7, 5950.0),
+        (1.75, 7650.0),
+        (1.8, 10100.0),
+        (1.85, 13000.0),
+        (1.9, 15900.0),
+        (1.95, 21100.0),
+        (2.0, 26300.0),
+        (2.05, 32900.0),
+        (2.1, 42700.0),
+        (2.15, 61700.0),
+        (2.2, 84300.0),
+        (2.25, 110000.0),
+        (2.3, 135000.0),
+    ]
+)
+
+_FLUX_TUBES = "Modelica Standard Library, Magnetic.FluxTubes.Material.SoftMagnetic"
+
+_MATERIALS: dict[str, Callable[[], Law]] = {
+    "air": lambda: AIR,
+    "aluminium": lambda: LinearLaw(1.0, "aluminium", "mu_r - 1 = 2e-5, taken as 1"),
+    "copper": lambda: LinearLaw(1.0, "copper", "mu_r - 1 = -1e-5, taken as 1"),
+    "stainless_304": lambda: LinearLaw(1.0, "stainless_304", "austenitic, annealed: mu_r = 1"),
+    "steel_1010": lambda: TableLaw(
+        _STEEL_1010[:, 0],
+        _STEEL_1010[:, 1],
+        "steel_1010",
+        "AISI 1010 low-carbon steel, the table of the FEMM distribution",
+    ),
+    "steel_1008": lambda: PermeabilityLaw(200.0, 1.17, 8100.0, 2.59, 10.0, "steel_1008", f"AISI 1008, {_FLUX_TUBES}"),
+    "stainless_430": lambda: PermeabilityLaw(
+        274.0,
+        1.1,
+        970.0,
+        1.2,
+        8.3,
+        "stainless_430",
+        f"X6Cr17 (ferritic, AISI 430), {_FLUX_TUBES}; beyond 2 T extrapolated, J_s is too high",
+    ),
+    "dc01": lambda: PermeabilityLaw(
+        5.0,
+        1.1,
+        6450.0,
+        3.65,
+        7.7,
+        "dc01",
+        f"DC01 sheet, {_FLUX_TUBES}; beyond 2.1 T extrapolated, J_s is too high (iron: 2.16 T)",
+    ),
+    "vacofer_s2": lambda: PermeabilityLaw(
+        2666.0,
+        1.15,
+        187000.0,
+        4.24,
+        19.0,
+        "vacofer_s2",
+        f"Vacofer S2 pure iron, {_FLUX_TUBES}; the fit ends at 1.93 T, J_s is too low (iron: 2.16 T)",
+    ),
+    "team_steel": lambda: TableLaw(_TEAM_STEEL[:, 1], _TEAM_STEEL[:, 0], "team_steel", "TEAM workshop problem 20"),
+}
+
+_ALIASES = {
+    "aluminum": "aluminium",
+    "pure_iron": "vacofer_s2",
+    "x6cr17": "stainless_430",
+    "aisi_430": "stainless_430",
+    "aisi_304": "stainless_304",
+    "aisi_1008": "steel_1008",
+    "aisi_1010": "steel_1010",
+    "vacuum": "air",
+}
+
+# Of the grain's bulk material.  Demagnetisation leaves chi/(1 + chi/3) of it, so that a grain hardly feels whether
+# chi is 200 or 2000, but feels Ms in full.
+_GRAINS: dict[str, tuple[GrainLaw, str]] = {
+    "powder_430": (
+        GrainLaw(273.0, 1.3e6),
+        "grains of ferritic stainless 430, the usual clutch powder: mu_i = 274 of X6Cr17 (FluxTubes); Ms is an order "
+        "of magnitude, J_s = 1.6 T as of iron with 17 % chromium",
+    ),
+    "powder_iron": (
+        GrainLaw(999.0, 1.707e6),
+        "grains of pure (carbonyl) iron: Ms = 1.707e6 A/m at 20 degrees C (Bozorth, Ferromagnetism); mu_i = 1000 is "
+        "an order of magnitude",
+    ),
+}
+
+
+def material_names() -> list[str]:
+    """Names that `material` knows, sorted; without the other names of the same materials."""
+    return sorted(_MATERIALS)
+
+
+def material_aliases() -> Mapping[str, str]:
+    """Other names of materials, and whose they are."""
+    return MappingProxyType(_ALIASES)
+
+
+def grain_names() -> list[str]:
+    """Names that `grain_material` knows, sorted."""
+    return sorted(_GRAINS)
+
+
+def canonical_name(name: str) -> str | None:
+    """The name under which a built-in material is kept; None where there is none."""
+    plain = name.strip().lower().replace("-", "_").replace(" ", "_")
+    plain = _ALIASES.get(plain, plain)
+    return plain if plain in _MATERIALS else None
+
+
+def material(name: str) -> Law:
+    """The magnetic law of a named material.
+
+    Raises
+    ------
+    ValueError
+        Unknown name; the message has the nearest one and lists all.
+    """
+    found = canonical_name(name)
+    if found is None:
+        raise ValueError(
+            f"material {name!r} is not known; {_nearest(name, [*_MATERIALS, *_ALIASES])}"
+            f"choose one of {', '.join(material_names())}, or give a table of H [A/m] and B [T]"
+        )
+    return _built(found)
+
+
+def grain_material(name: str) -> tuple[GrainLaw, str]:
+    """The law of the grains of a named powder, and its source.
+
+    Raises
+    ------
+    ValueError
+        Unknown name; the message lists the known ones.
+    """
+    if name not in _GRAINS:
+        raise ValueError(
+            f"powder {name!r} is not known; {_nearest(name, list(_GRAINS))}choose one of {', '.join(grain_names())}, "
+            "or give susceptibility and saturation of the grain's material"
+        )
+    return _GRAINS[name]
+
+
+@cache
+def _built(name: str) -> Law:
+    return _MATERIALS[name]()
+
+
+def _nearest(name: str, names: list[str]) -> str:
+    # 0.65: a letter lost or two swapped, but not a name that only shares letters
+    close = get_close_matches(name.lower(), names, n=1, cutoff=0.65)
+    return f"did you mean {close[0]!r}? " if close else ""

@@ -1,0 +1,82 @@
+"""A finite element function at other unknowns, and the shape functions' slopes at points: exact, no fit.
+
+Lagrange elements of any order on straight triangles, whatever their local numbering: the shape functions
+follow from where the unknowns lie.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from field.section.section_elements import SectionElements
+
+
+def interpolation(coarse: SectionElements, fine: SectionElements, parent: np.ndarray | None = None) -> sp.csr_matrix:
+    """Functions of `coarse` at the unknowns of `fine`.
+
+    Parameters
+    ----------
+    coarse, fine : SectionElements
+    parent : ndarray (n fine elements,) or None
+        Element of `coarse` that each of `fine` lies in; None: the same elements.
+
+    Returns
+    -------
+    csr_matrix (fine.n_dofs, coarse.n_dofs)
+        Exact where every element lies in its parent and is of at least its order.
+    """
+    # one element that has the unknown is enough, as psi is continuous
+    _, first = np.unique(fine.element_dofs, return_index=True)
+    owner = first // fine.element_dofs.shape[1]
+    if parent is not None:
+        owner = parent[owner]
+    value = _monomials(_local(coarse, owner, fine.dof_points), coarse.order) @ _coefficients(coarse)
+    value[np.abs(value) < 1e-12] = 0.0  # rounding: keeps the unknowns of other edges out
+    column = coarse.element_dofs[owner]
+    row = np.repeat(np.arange(fine.n_dofs), column.shape[1])
+    matrix = sp.csr_matrix((value.ravel(), (row, column.ravel())), (fine.n_dofs, coarse.n_dofs))
+    matrix.eliminate_zeros()
+    return matrix
+
+
+def slopes_at(elements: SectionElements, element: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Gradients of the shape functions of one element for each point (k, 2), shape (2, n_basis, k) [1/m]."""
+    x, y = _local(elements, element, points).T
+    reference = []
+    for i, j in _exponents(elements.order):
+        by_x = i * x ** max(i - 1, 0) * y**j
+        by_y = j * x**i * y ** max(j - 1, 0)
+        reference.append((by_x, by_y))
+    slope = np.einsum("mdk,mb->dbk", np.array(reference), _coefficients(elements))
+    corner, second, third = _corners(elements, element)
+    inverse = np.linalg.inv(np.stack((second - corner, third - corner), axis=2))
+    return np.einsum("kde,dbk->ebk", inverse, slope)
+
+
+def _corners(elements: SectionElements, element: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    first, second, third = (elements.dof_points[elements.element_dofs[element, i]] for i in range(3))
+    return first, second, third
+
+
+def _local(elements: SectionElements, element: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Coordinates (k, 2) of points on the reference triangle of one element each."""
+    corner, second, third = _corners(elements, element)
+    matrix = np.stack((second - corner, third - corner), axis=2)
+    return np.linalg.solve(matrix, (points - corner)[..., None])[..., 0]
+
+
+def _coefficients(elements: SectionElements) -> np.ndarray:
+    """Shape functions by their monomials, (n_monomials, n_basis)."""
+    unknowns = elements.element_dofs[0]
+    where = _local(elements, np.zeros(unknowns.size, dtype=np.int64), elements.dof_points[unknowns])
+    return np.linalg.inv(_monomials(where, elements.order))
+
+
+def _exponents(order: int) -> list[tuple[int, int]]:
+    return [(i, j) for i in range(order + 1) for j in range(order + 1 - i)]
+
+
+def _monomials(x: np.ndarray, order: int) -> np.ndarray:
+    """x^i y^j with i + j <= order at points (n, 2)."""
+    return np.column_stack([x[:, 0] ** i * x[:, 1] ** j for i, j in _exponents(order)])

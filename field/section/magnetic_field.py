@@ -1,0 +1,190 @@
+"""The solved field of a device: flux density, energies, flux linkage, and the sampler for grains."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from field.laws.reluctivity import NU_0
+from field.newton import scalar_product
+from field.sampling.locate import PointOutside
+
+if TYPE_CHECKING:
+    from field.sampling.sampler import RecoveredSampler
+    from field.section.axisymmetric import AxisymmetricProblem
+    from field.section.field_lines import FieldAlongLine
+    from field.section.maxwell_force import AxialForce
+
+
+class MagneticField:
+    """One solution psi = r A_phi of an `AxisymmetricProblem`.
+
+    Attributes
+    ----------
+    problem : AxisymmetricProblem
+    psi : ndarray (n_dofs,)
+        r A_phi [Wb/rad]; the first `n_points` entries belong to the mesh's points, and its level lines in
+        the section are flux lines (2 pi psi is the flux through the circle).
+    ampere_turns : float
+        N I of the coil [A].
+    fill : ndarray (n powder elements,) or None
+        Solid fraction the field was solved for.
+    newton : list of (relative residual, step length)
+        History of the iteration, the start first.
+    boundary_field : float
+        Uniform axial flux density of sources far away that it was solved with [T].
+    """
+
+    def __init__(
+        self,
+        problem: AxisymmetricProblem,
+        psi: np.ndarray,
+        ampere_turns: float,
+        fill: np.ndarray | None,
+        newton: list[tuple[float, float]],
+        boundary_field: float = 0.0,
+    ) -> None:
+        self.problem = problem
+        self.psi = psi
+        self.ampere_turns = ampere_turns
+        self.fill = None if fill is None else fill.copy()
+        self.newton = newton
+        self.boundary_field = boundary_field
+
+    def _B_at_quadrature(self) -> np.ndarray:
+        elements = self.problem.elements
+        gradient = elements.gradient(self.psi)
+        return np.hypot(gradient[:, 0], gradient[:, 1]) / elements.radius
+
+    def _volume_integral(self, density: np.ndarray) -> float:
+        elements = self.problem.elements
+        return float(2.0 * np.pi * (density * elements.radius * elements.weight).sum())
+
+    def _exterior_energy(self) -> float:
+        exterior = self.problem.exterior
+        if exterior is not None and self.boundary_field != 0.0:
+            raise ValueError(
+                "a uniform field of sources far away has no finite energy beyond an open boundary; "
+                "solve with open_boundary=False for the energy inside"
+            )
+        return 0.0 if exterior is None else 2.0 * np.pi * exterior.energy(self.psi)
+
+    @property
+    def energy(self) -> float:
+        """Stored energy, integral of w(B) over the volume [J]."""
+        inside = self._volume_integral(self.problem.energy_density(self._B_at_quadrature(), self.fill))
+        return inside + self._exterior_energy()
+
+    @property
+    def coenergy(self) -> float:
+        """Co-energy, integral of H B - w over the volume [J]; equals the energy when all is linear."""
+        B = self._B_at_quadrature()
+        H, _ = self.problem.H_of_B(B, self.fill)
+        inside = self._volume_integral(H * B - self.problem.energy_density(B, self.fill))
+        return inside + self._exterior_energy()
+
+    @property
+    def flux_linkage_per_turn(self) -> float:
+        """Flux through a mean turn of the coil, 2 pi times the mean of psi over its section [Wb].
+
+        Times N it is the linkage, and N^2/(N I) times it the inductance.
+        """
+        return 2.0 * np.pi * scalar_product(self.problem.coil_load, self.psi)
+
+    def flux_linkage(self, turns: float) -> float:
+        """Flux linkage of the coil, N times `flux_linkage_per_turn` [Wb]."""
+        return turns * self.flux_linkage_per_turn
+
+    def inductance(self, turns: float) -> float:
+        """Apparent inductance lambda/i [H]; see `inductance.apparent_inductance`."""
+        from field.coil.inductance import apparent_inductance
+
+        return apparent_inductance(self, turns)
+
+    def incremental_inductance(self, turns: float) -> float:
+        """d lambda/di at constant fill [H], one linear solve; see `inductance.incremental_inductance`."""
+        from field.coil.inductance import incremental_inductance
+
+        return incremental_inductance(self, turns)
+
+    def axial_force(
+        self, body: str | Sequence[str], *, yielding: Sequence[str] = (), virtual_work: bool = False
+    ) -> AxialForce:
+        """Force along z on a body of one or several regions, with its error; see `maxwell_force.axial_force`."""
+        from field.section.maxwell_force import axial_force
+
+        return axial_force(self, body, yielding=yielding, virtual_work=virtual_work)
+
+    def along(self, points: np.ndarray) -> FieldAlongLine:
+        """B, H and flux along a polyline (k, 2) of points (r, z) [m]; see `field_lines.field_along`."""
+        from field.section.field_lines import field_along
+
+        return field_along(self, points)
+
+    @property
+    def point_psi(self) -> np.ndarray:
+        """psi at the mesh's points, shape (n_points,) [Wb/rad]; its level lines are flux lines."""
+        return self.psi[: len(self.problem.mesh.points)]
+
+    def flux_density(self, points: np.ndarray | None = None) -> np.ndarray:
+        """B of the finite element solution itself (not recovered).
+
+        Parameters
+        ----------
+        points : ndarray (k, 2) or None
+            (r, z) [m]; None: the centroid of every element.
+
+        Returns
+        -------
+        ndarray (k, 2)
+            B_r, B_z [T].
+
+        Raises
+        ------
+        PointOutside
+            A point outside the mesh.
+        """
+        mesh = self.problem.mesh
+        if points is None:
+            points, element = mesh.centroid(), np.arange(len(mesh.triangles))
+        else:
+            points = np.ascontiguousarray(np.atleast_2d(np.asarray(points, dtype=float)))
+            element, _ = self.problem.locator.find(points)
+            if np.any(element < 0):
+                raise PointOutside(points[element < 0], "the mesh")
+        return self._flux_density_in(element, points)
+
+    def B_along(self, points: np.ndarray) -> np.ndarray:
+        """B_r, B_z [T], shape (k, 2), at the points (r, z) [m] of a polyline, shape (k, 2)."""
+        return self.flux_density(points)
+
+    def corner_flux_density(self) -> np.ndarray:
+        """B_r, B_z [T] of each element at its corners in `triangles`' order, shape (n_elements, 3, 2)."""
+        mesh = self.problem.mesh
+        element = np.repeat(np.arange(len(mesh.triangles)), 3)
+        return self._flux_density_in(element, mesh.points[mesh.triangles.ravel()]).reshape(-1, 3, 2)
+
+    def _flux_density_in(self, element: np.ndarray, points: np.ndarray) -> np.ndarray:
+        mesh = self.problem.mesh
+        # B = grad psi/r is 0/0 on the axis, where B_z is even in r and B_r odd: take them a third of an
+        # element away from it, B_r in proportion.
+        corners = mesh.points[mesh.triangles[element], 0]
+        nearest = np.where(corners.min(axis=1) <= 1e-12 * corners.max(axis=1), corners.max(axis=1) / 3.0, 0.0)
+        r = np.maximum(points[:, 0], nearest)
+        gradient = self.problem.elements.gradient_at(self.psi, element, np.column_stack((r, points[:, 1])))
+        return np.column_stack((-gradient[:, 1] * points[:, 0] / r, gradient[:, 0])) / r[:, None]
+
+    def relative_permeability(self) -> np.ndarray:
+        """mu_r = B/(mu_0 H) at the centroid of every element, shape (n_elements,) [-]."""
+        B = np.linalg.norm(self.flux_density(), axis=1)[:, None]
+        H, slope = self.problem.H_of_B(B, self.fill)
+        here = B > 0.0
+        return (NU_0 / np.where(here, H / np.where(here, B, 1.0), slope))[:, 0]
+
+    def sampler(self, region: str | None = None) -> RecoveredSampler:
+        """Recovered H and grad H inside a region, by default the powder's."""
+        from field.sampling.sampler import RecoveredSampler
+
+        return RecoveredSampler(self, region or self.problem.powder_region)
