@@ -44,6 +44,9 @@ def torque_picture(
         if body == "housing" and not torque.any():
             continue
         axis.plot(time, torque, color=COLOURS[body], lw=1.0, label=f"on the {body}")
+        if f"torque_{body}_field" in history:
+            part = factor * np.asarray(history[f"torque_{body}_field"], dtype=np.float64)
+            axis.plot(time, part, color=COLOURS[body], lw=0.8, ls=":", label="of it by its slots' field")
     axis.axhline(0.0, color="black", lw=0.6)
     if estimate is not None and estimate.mean is not None and estimate.start is not None:
         start = time_factor * estimate.start
@@ -83,17 +86,25 @@ def _draw_drives(axis: Any, time: np.ndarray, history: Any, drives: list[str]) -
     if "current" in drives:
         axis.plot(time, np.asarray(history["current"]), color="#8a1c7c", lw=1.2, label="current")
         axis.set_ylabel("current [A]")
-    right = axis.twinx() if "current" in drives and speeds else axis
+    in_gap = "current" in drives and not speeds and "gap_flux_density" in history
+    right = axis.twinx() if "current" in drives and (speeds or in_gap) else axis
+    if in_gap:
+        right.plot(time, np.asarray(history["gap_flux_density"]), color="#2a8c3f", lw=1.2, label="|B| in the gap")
+        right.set_ylabel("|B| under the poles [T]")
+        right.set_ylim(bottom=0.0)
+        if np.min(history["current"]) >= 0.0:
+            axis.set_ylim(bottom=0.0)
     for name in speeds:
         body = name.removesuffix("_speed")
         right.plot(time, RPM * np.asarray(history[name]), color=COLOURS[body], lw=1.2, ls="-.", label=f"{body} speed")
     if speeds:
         right.set_ylabel("speed [rpm]")
+    right.margins(x=0.0)
     handles, labels = axis.get_legend_handles_labels()
     if right is not axis:
         more = right.get_legend_handles_labels()
         handles, labels = handles + more[0], labels + more[1]
-    axis.legend(handles, labels, loc="upper left", bbox_to_anchor=(1.08, 1.0), frameon=False, fontsize=9)
+    axis.legend(handles, labels, loc="upper left", bbox_to_anchor=(1.13, 1.0), frameon=False, fontsize=9)
 
 
 def _varies(values: Any) -> bool:
