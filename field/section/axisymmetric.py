@@ -20,7 +20,8 @@ import scipy.sparse as sp
 
 from field.factorisation import Backend, SymmetricSolver
 from field.laws.powder_law import PowderLaw
-from field.laws.reluctivity import AIR, Law
+from field.laws.region_laws import complete_laws
+from field.laws.reluctivity import Law
 from field.newton import minimise, norm, scalar_product
 from field.section.magnetic_field import MagneticField
 from field.section.section_elements import SectionElements
@@ -342,21 +343,7 @@ class SectionEnergy:
 def _complete_laws(
     mesh: SectionMesh, laws: Mapping[str, Law], coil_region: str, powder_region: str, powder_law: PowderLaw | None
 ) -> dict[str, Law]:
-    without_iron = ("air", coil_region, powder_region)
-    complete: dict[str, Law] = {name: AIR for name in without_iron if name in mesh.regions}
-    complete.update(laws)
-    missing = sorted(set(mesh.regions) - set(complete))
-    unknown = sorted(set(complete) - set(mesh.regions))
-    if missing:
-        raise ValueError(
-            f"no magnetic law for region(s) {', '.join(missing)} of the mesh; "
-            "give each a material, `air` for non-magnetic ones"
-        )
-    if unknown:
-        raise ValueError(
-            f"a magnetic law for {', '.join(unknown)}, but the mesh has no such region; "
-            f"it has {', '.join(sorted(mesh.regions))}"
-        )
+    complete = complete_laws(mesh.regions, laws, ("air", coil_region, powder_region))
     if powder_law is not None and powder_region in laws:
         raise ValueError(f"region {powder_region!r} has both a law and a `powder_law`; give one of them")
     if powder_law is not None and powder_region not in mesh.regions:

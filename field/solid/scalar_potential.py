@@ -29,7 +29,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 
-from field.laws.reluctivity import AIR, MU_0, Law, LinearLaw
+from field.laws.region_laws import complete_laws
+from field.laws.reluctivity import MU_0, Law, LinearLaw
 from field.newton import minimise, norm, scalar_product
 from geometry.solid_mesh import SolidMesh
 
@@ -97,7 +98,7 @@ class SolidProblem:
             raise ValueError(f"`outer` = {outer!r} of the 3D field must be 'open', 'flux_wall' or 'zero'")
         self.mesh = mesh
         self.source = source
-        self.laws = _complete_laws(mesh, laws)
+        self.laws = complete_laws(mesh.regions, laws, _WITHOUT_IRON)
         names = list(mesh.regions)
         self._material = np.empty(len(mesh.tetrahedra), dtype=np.int64)
         for k, name in enumerate(names):
@@ -334,21 +335,3 @@ class _CoEnergy:
         if self._problem._outer_data is not None:
             data = data + self._problem._outer_data
         return self._elements.matrix(data)
-
-
-def _complete_laws(mesh: SolidMesh, laws: Mapping[str, Law]) -> dict[str, Law]:
-    complete: dict[str, Law] = {name: AIR for name in _WITHOUT_IRON if name in mesh.regions}
-    complete.update(laws)
-    missing = sorted(set(mesh.regions) - set(complete))
-    unknown = sorted(set(complete) - set(mesh.regions))
-    if missing:
-        raise ValueError(
-            f"no magnetic law for region(s) {', '.join(missing)} of the mesh; "
-            "give each a material, `air` for non-magnetic ones"
-        )
-    if unknown:
-        raise ValueError(
-            f"a magnetic law for {', '.join(unknown)}, but the mesh has no such region; "
-            f"it has {', '.join(sorted(mesh.regions))}"
-        )
-    return complete
