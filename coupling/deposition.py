@@ -9,8 +9,6 @@ histogram and a sparse product.
 
 from __future__ import annotations
 
-from math import pi
-
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.spatial import cKDTree
@@ -73,8 +71,3 @@ class FillDeposition:
     def at(self, position: np.ndarray, fill: np.ndarray) -> np.ndarray:
         """Solid fraction (n,) [-] that grains at (n, 3) [m] are surrounded by, given the elements' (e,)."""
         return (self._back @ fill)[self._bin(position)]
-
-
-def full_turn(sector) -> float:
-    """The simulated angle [rad]: the sector's, or 2 pi."""
-    return 2 * pi if sector is None else sector.angle

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from field import AxisymmetricProblem, FieldSampler, MagneticField
+from field import AxisymmetricProblem, FieldSampler, MagneticField, field_sampler
 from field.coil.coil_circuit import CircuitState, LinearisedCoil, solve_at_flux_linkage
 from field.newton import norm
 from field.section.eddy_currents import CurrentDrive, EddyCurrentProblem, TransientState, VoltageDrive
@@ -104,7 +104,8 @@ class CoilField:
     def set_solution(self, solution: MagneticField, current: float, fill: np.ndarray | None) -> None:
         """Take a solution (a fresh one, or the one of a checkpoint) as the present field."""
         self.solution, self.solved_current, self.fill = solution, current, fill
-        self.sampler = solution.sampler("powder")
+        # a granular fill is never smooth enough for the conservative table
+        self.sampler = field_sampler(solution, "powder") if fill is None else solution.sampler("powder")
 
     def window_row(self, time: float) -> dict[str, float]:
         """What a window that ends at `time` [s] adds to the history beside the field's own quantities."""

@@ -6,10 +6,11 @@ Solids follow from the section by Pappus' second theorem: V = 2 pi r_c A, r_c th
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 
 import numpy as np
+
+from geometry.mesh_hash import hash_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,14 +83,7 @@ class SectionMesh:
 
     def hash(self) -> str:
         """SHA-256 (hex) of all arrays and names: equal meshes, equal hash."""
-        digest = hashlib.sha256()
-        arrays = {"points": self.points, "triangles": self.triangles}
-        arrays |= {f"region {name}": self.regions[name] for name in sorted(self.regions)}
-        arrays |= {f"boundary {name}": self.boundaries[name] for name in sorted(self.boundaries)}
-        for name, array in arrays.items():
-            digest.update(f"{name} {array.shape} {array.dtype}".encode())
-            digest.update(np.ascontiguousarray(array).tobytes())
-        return digest.hexdigest()
+        return hash_of({"points": self.points, "triangles": self.triangles}, self.regions, self.boundaries)
 
     def _elements(self, region: str) -> np.ndarray:
         if region not in self.regions:

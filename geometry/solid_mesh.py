@@ -11,10 +11,11 @@ over the mesh.
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 
 import numpy as np
+
+from geometry.mesh_hash import hash_of
 
 # Edges of the tetrahedron that carry the middle nodes 4 to 9 (the order of scikit-fem's MeshTet2; that of
 # gmsh has the last two in turn).
@@ -163,16 +164,10 @@ class SolidMesh:
 
     def hash(self) -> str:
         """SHA-256 (hex) of all arrays and names: equal meshes, equal hash."""
-        digest = hashlib.sha256(f"{self.n_sectors} {self.sector_angle!r}".encode())
         arrays = {"points": self.points, "tetrahedra": self.tetrahedra}
         optional = {"second_order": self.second_order, "periodic": self.periodic}
         arrays |= {name: array for name, array in optional.items() if array is not None}
-        arrays |= {f"region {name}": self.regions[name] for name in sorted(self.regions)}
-        arrays |= {f"boundary {name}": self.boundaries[name] for name in sorted(self.boundaries)}
-        for name, array in arrays.items():
-            digest.update(f"{name} {array.shape} {array.dtype}".encode())
-            digest.update(np.ascontiguousarray(array).tobytes())
-        return digest.hexdigest()
+        return hash_of(arrays, self.regions, self.boundaries, prefix=f"{self.n_sectors} {self.sector_angle!r}")
 
     def _elements(self, region: str) -> np.ndarray:
         if region not in self.regions:

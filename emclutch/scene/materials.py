@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
@@ -26,9 +27,9 @@ class _OwnMaterial(Section):
     density: Density | None = None
     conductivity: _Conductivity | None = Field(default=None, description="electrical, at 20 degrees C; default: none")
 
+    @abstractmethod
     def magnetic_law(self, name: str) -> Law:
         """Return the law for the solver, under the material's name."""
-        raise NotImplementedError
 
     @model_validator(mode="after")
     def _has_a_law(self) -> Self:

@@ -68,7 +68,6 @@ class SectionElements:
         self._slope = np.array([np.broadcast_to(v[1], quadrature.shape) for v in values]).transpose(2, 0, 1).copy()
         self.radius = corner[0][:, None] + np.outer(u[0], quadrature[0]) + np.outer(v[0], quadrature[1])
         self.weight = np.abs(determinant)[:, None] * weights
-        self._quadrature = quadrature
         rows, columns = np.tril_indices(len(reference))
         gx, gy = self._slope[..., 0], self._slope[..., 1]
         # the element matrix is a sum over quadrature points of D_xx P_0 + D_xy P_1 + D_yy P_2, lower triangles

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from graded_lines import graded_lines
 
 from geometry.section import SectionMesh
 
@@ -54,22 +55,6 @@ def _grid(r_lines, z_lines, regions, *, jiggle=0.0, seed=0):
     )
 
 
-def _graded(step, inside, reach, growth=1.35):
-    """Lines `step` apart in `inside` = (a, b), growing geometrically towards `reach` = (low, high)."""
-    n = round((inside[1] - inside[0]) / step)
-    lines = list(np.linspace(*inside, n + 1))
-    for sign, edge, end in ((1, inside[1], reach[1]), (-1, inside[0], reach[0])):
-        x, h = edge, step
-        while sign * (end - x) > 1e-9:
-            h *= growth
-            x = x + sign * h
-            # a last cell that would be a sliver is joined to the one before
-            if sign * (end - x) < h:
-                x = end
-            lines.append(x)
-    return np.unique(np.round(lines, 9))
-
-
 @pytest.fixture(scope="session")
 def section_grid():
     """The grid builder: section_grid(r_lines, z_lines, regions, jiggle=0)."""
@@ -79,4 +64,4 @@ def section_grid():
 @pytest.fixture(scope="session")
 def graded():
     """Lines for it: graded(step, inside, reach)."""
-    return _graded
+    return graded_lines

@@ -1,6 +1,6 @@
 """Structured tetrahedra of a sector, or of the whole turn, for tests: rings x angles x layers, without a mesher.
 
-Loaded by file path, see the tests; no test itself.
+No test itself.
 """
 
 import numpy as np
@@ -129,19 +129,3 @@ def sector_grid(r_lines, n_angles, z_lines, regions, angle=2 * np.pi, mirrored=F
 def cartesian(polar):
     """(r, phi, z) to (x, y, z)."""
     return np.column_stack((polar[:, 0] * np.cos(polar[:, 1]), polar[:, 0] * np.sin(polar[:, 1]), polar[:, 2]))
-
-
-def graded(step, inside, reach, growth=1.35):
-    """Lines `step` apart in `inside` = (a, b), growing geometrically towards `reach` = (low, high)."""
-    n = round((inside[1] - inside[0]) / step)
-    lines = list(np.linspace(*inside, n + 1))
-    for sign, edge, end in ((1, inside[1], reach[1]), (-1, inside[0], reach[0])):
-        x, h = edge, step
-        while sign * (end - x) > 1e-9:
-            h *= growth
-            x = x + sign * h
-            # a last cell that would be a sliver is joined to the one before
-            if sign * (end - x) < h:
-                x = end
-            lines.append(x)
-    return np.unique(np.round(lines, 9))

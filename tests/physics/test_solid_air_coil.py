@@ -1,21 +1,16 @@
 """A rectangular coil in air in three dimensions against the superposition of loops; open boundary; source; forces."""
 
-import importlib.util
 from dataclasses import dataclass
-from pathlib import Path
 
 import numba
 import numpy as np
 import pytest
+import solid_sector_grid as grid
+from graded_lines import graded_lines
 
 from field import AxisymmetricProblem, rectangular_coil_field
 from field.solid import FlatCoil, SolidPointOutside, SolidProblem
 from field.solid.quadratic_tetrahedron import shape
-
-_path = Path(__file__).with_name("solid_sector_grid.py")
-_spec = importlib.util.spec_from_file_location("solid_sector_grid", _path)
-grid = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(grid)
 
 R_COIL, Z_COIL, NI = (20e-3, 30e-3), (-8e-3, 8e-3), 800.0
 COIL = FlatCoil.ring(R_COIL, Z_COIL)
@@ -23,8 +18,8 @@ STEPS = (4e-3, 2e-3)
 
 
 def mesh(step, box=0.06, angle=np.pi / 6, **options):
-    r = grid.graded(1.25 * step, (20e-3, 40e-3), (0.0, box))
-    z = grid.graded(step, (0.0, 12e-3), (0.0, box))
+    r = graded_lines(1.25 * step, (20e-3, 40e-3), (0.0, box))
+    z = graded_lines(step, (0.0, 12e-3), (0.0, box))
     n = max(2, round(30e-3 * angle / step))
     regions = {"coil": (*R_COIL, *Z_COIL), "powder": (30e-3, 40e-3, -12e-3, 12e-3)}
     return grid.sector_grid(r, n, np.concatenate((-z[:0:-1], z)), regions, angle=angle, **{"mirrored": True, **options})
@@ -97,8 +92,8 @@ def test_energy_linkage_and_ampere_turns(solved):
 
 def test_linkage_approaches_the_axisymmetric_one_from_above(solved, section_grid):
     """Scalar potential: upper bound of the energy; vector potential: lower bound (Hammond and Penman 1976)."""
-    r = grid.graded(1e-3, (18e-3, 32e-3), (0.0, 0.8))
-    z = grid.graded(1e-3, (0.0, 10e-3), (0.0, 0.8))
+    r = graded_lines(1e-3, (18e-3, 32e-3), (0.0, 0.8))
+    z = graded_lines(1e-3, (0.0, 10e-3), (0.0, 0.8))
     section = section_grid(r, np.concatenate((-z[:0:-1], z)), {"coil": (*R_COIL, *Z_COIL)})
     below = AxisymmetricProblem(section, {}).solve(NI).flux_linkage_per_turn
     excess = [solved[2, step].flux_linkage_per_turn / below - 1 for step in STEPS]

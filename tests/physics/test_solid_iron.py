@@ -1,20 +1,14 @@
 """Iron in three dimensions: the axisymmetric answer, Newton's order, energies, forces, linear solvers."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
+import solid_sector_grid as grid
+from graded_lines import graded_lines
 
 from field import AIR, AxisymmetricProblem, ConvergenceError, LinearLaw, material
 from field.solid import FlatCoil, SolidProblem
 from field.solid.body_force import shell_weights
 from geometry.solid_mesh import SolidMesh
-
-_path = Path(__file__).with_name("solid_sector_grid.py")
-_spec = importlib.util.spec_from_file_location("solid_sector_grid", _path)
-grid = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(grid)
 
 POT = {
     "iron": (0.0, 28e-3, -18e-3, 18e-3),
@@ -30,18 +24,18 @@ def pot_lines(h):
     r = np.concatenate(
         (
             np.linspace(0, 10e-3, round(5e-3 / h) + 1),
-            grid.graded(h, (10e-3, 14e-3), (10e-3, 22e-3)),
+            graded_lines(h, (10e-3, 14e-3), (10e-3, 22e-3)),
             np.linspace(22e-3, 28e-3, max(2, round(3e-3 / h)) + 1),
-            grid.graded(3 * h, (28e-3, 31e-3), (28e-3, 80e-3)),
+            graded_lines(3 * h, (28e-3, 31e-3), (28e-3, 80e-3)),
         )
     )
     z = np.concatenate(
         (
             np.linspace(0, 1e-3, 4),
-            grid.graded(0.6 * h, (1e-3, 2e-3), (1e-3, 8e-3)),
+            graded_lines(0.6 * h, (1e-3, 2e-3), (1e-3, 8e-3)),
             np.linspace(8e-3, 12e-3, max(2, round(2e-3 / h)) + 1),
             np.linspace(12e-3, 18e-3, max(2, round(3e-3 / h)) + 1),
-            grid.graded(3 * h, (18e-3, 20e-3), (18e-3, 70e-3)),
+            graded_lines(3 * h, (18e-3, 20e-3), (18e-3, 70e-3)),
         )
     )
     z = np.unique(np.round(z, 9))
@@ -162,8 +156,8 @@ RING_COIL = FlatCoil.ring((20e-3, 30e-3), (-6e-3, 6e-3))
 
 def ring_above_coil(h, law, **options):
     """An iron ring above a coil, in air."""
-    r = grid.graded(h, (15e-3, 30e-3), (0.0, 50e-3))
-    z = grid.graded(h, (-6e-3, 21e-3), (-50e-3, 65e-3))
+    r = graded_lines(h, (15e-3, 30e-3), (0.0, 50e-3))
+    z = graded_lines(h, (-6e-3, 21e-3), (-50e-3, 65e-3))
     regions = {"coil": (20e-3, 30e-3, -6e-3, 6e-3), "iron": (15e-3, 30e-3, 15e-3, 21e-3)}
     mesh = grid.sector_grid(r, max(2, round(9e-3 / h)), z, regions, angle=np.pi / 6, **options)
     return SolidProblem(mesh, {"iron": law}, RING_COIL)
@@ -171,9 +165,9 @@ def ring_above_coil(h, law, **options):
 
 def toothed_discs(rotor, n_angles=6):
     """Two rings of six teeth above a coil, the rotor's teeth turned against the stator's; one sector of 60 degrees."""
-    r = grid.graded(3e-3, (15e-3, 30e-3), (0.0, 60e-3))
+    r = graded_lines(3e-3, (15e-3, 30e-3), (0.0, 60e-3))
     z = np.concatenate(
-        (grid.graded(3e-3, (-6e-3, 12e-3), (-50e-3, 12e-3)), grid.graded(1.5e-3, (13.5e-3, 21e-3), (13.5e-3, 65e-3)))
+        (graded_lines(3e-3, (-6e-3, 12e-3), (-50e-3, 12e-3)), graded_lines(1.5e-3, (13.5e-3, 21e-3), (13.5e-3, 65e-3)))
     )
     step = np.pi / 3 / n_angles
     ring = (15e-3, 30e-3)
