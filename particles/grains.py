@@ -1,7 +1,7 @@
 """The state of the grains: one structure of arrays.
 
 Velocities are those of the leapfrog: ``velocity`` and ``angular_velocity`` belong to the time half a step
-*before* ``position`` (see `particles.step_kernel`).
+*before* ``position`` (see `particles.dem.step_kernel`).
 """
 
 from __future__ import annotations

@@ -209,8 +209,8 @@ def test_rolling_over_a_convex_edge_keeps_one_contact_and_a_continuous_force():
 
 def test_force_is_the_same_all_round_an_edge():
     """Pressed in by the same depth from the face, round the edge, to the rim: always one wall, one depth."""
-    from particles.step_kernel import near_walls, wall_overlaps
-    from particles.wall_table import wall_rows
+    from particles.dem.step_kernel import near_walls, wall_overlaps
+    from particles.walls.wall_table import wall_rows
 
     rows = wall_rows(outline("disc", "disc", [(0.0, 0.01), (0.03, 0.01), (0.03, -0.01), (0.0, -0.01)]))
     r, depth = 5e-3, 1e-4

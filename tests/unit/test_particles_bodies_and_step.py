@@ -15,7 +15,7 @@ from particles import (
     choose_time_step,
     stiffness_for_overlap,
 )
-from particles.wall_table import wall_table
+from particles.walls.wall_table import wall_table
 
 LAW = LinearContact.from_restitution(100.0, 0.5, 0.3)
 

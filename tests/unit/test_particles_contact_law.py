@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from particles import LinearContact, damping_ratio, restitution_of
-from particles.step_kernel import _contact
+from particles.dem.step_kernel import _contact
 
 
 @pytest.mark.parametrize("asked, clipped", [(0.9, 0.9020), (0.5, 0.5503), (0.2, 0.3249)])

@@ -6,7 +6,7 @@ import pytest
 
 from geometry.box import Box
 from particles import DEM, Body, DemError, Grains, LinearContact, choose_time_step, pack
-from particles.step_kernel import run_steps
+from particles.dem.step_kernel import run_steps
 
 LAW = LinearContact.from_restitution(2e4, 0.6, 0.4)
 

@@ -1,6 +1,6 @@
 """Discrete element method: grains, walls on turning bodies, contact law; the loop around the compiled step.
 
-The step itself is `particles.step_kernel`. Here the Verlet list is renewed (sort by cells, wrap through the
+The step itself is `particles.dem.step_kernel`. Here the Verlet list is renewed (sort by cells, wrap through the
 sector, carry the history), sums become `StepTotals`, and what went wrong is explained.
 """
 
@@ -11,20 +11,20 @@ from collections.abc import Sequence
 import numpy as np
 
 from geometry.walls import Wall
-from particles import step_kernel as kernel
 from particles.bodies import Body, FreeShaft, PrescribedSpeed
-from particles.contact_law import LinearContact
-from particles.contact_list import ContactList
-from particles.contact_table import ContactTable, contact_table, stored_at_rest
+from particles.dem import step_kernel as kernel
+from particles.dem.step_totals import StepTotals
+from particles.dem.time_step import choose_time_step
 from particles.faults import DemError
 from particles.grains import Grains
-from particles.neighbours import cell_order
-from particles.rolling_friction import RollingFriction
+from particles.laws.linear import LinearContact
+from particles.laws.rolling_friction import RollingFriction
+from particles.lists.contact_list import ContactList
+from particles.lists.contact_table import ContactTable, contact_table, stored_at_rest
+from particles.lists.neighbours import cell_order
 from particles.sector import CyclicSector
-from particles.step_totals import StepTotals
 from particles.threads import threads_for
-from particles.time_step import choose_time_step
-from particles.wall_table import outside, wall_table
+from particles.walls.wall_table import outside, wall_table
 
 ROWS_PER_CHUNK = 256  # chunks must follow from the number of grains alone (same result with any number of threads)
 STEPS_PER_CALL = 512  # bounds the table of prescribed speeds
@@ -42,7 +42,7 @@ class DEM:
     contact : LinearContact
         The law of every contact.
     dt : float
-        Step [s]; `particles.time_step.choose_time_step` proposes one.
+        Step [s]; `particles.dem.time_step.choose_time_step` proposes one.
     gravity : array_like, shape (3,), optional
         Acceleration [m/s^2]; None leaves it out of the compiled step.
     sector : CyclicSector, optional

@@ -16,9 +16,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numba import njit
 
-from particles.neighbours import PairList, find_pairs
+from particles.dem.step_kernel import near_walls
+from particles.lists.neighbours import PairList, find_pairs
 from particles.sector import CyclicSector
-from particles.step_kernel import near_walls
 
 
 @dataclass(slots=True)

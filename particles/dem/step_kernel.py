@@ -36,7 +36,7 @@ N_SUMS = 13
 # columns of a body's sums; the first five are kept by chunk
 TORQUE_N, TORQUE_T, FORCE_X, FORCE_Y, FORCE_Z, BODY_WORK, DRIVE_WORK, LOAD_WORK = range(8)
 N_BODY_SUMS = 8
-# columns of the wall table (`particles.wall_table`)
+# columns of the wall table (`particles.walls.wall_table`)
 KIND, R0, Z0, R1, Z1, UR, UZ, OWN0, NR0, NZ0, OWN1, NR1, NZ1 = range(13)
 N_WALL = 13
 
@@ -131,7 +131,7 @@ def _contact(law, kind, m_eff, dt, delta, nx, ny, nz, ux, uy, uz, spin_n, histor
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _rolling_torque(friction, arm, inertia, law, kind, dt, f_n, nx, ny, nz, px, py, pz, spin_n, history, slot):
-    """Rolling resistance on grain i (`particles.rolling_friction`); p is its spin relative to the partner's.
+    """Rolling resistance on grain i (`particles.laws.rolling_friction`); p is its spin relative to the partner's.
 
     ``history[slot, 3:]`` is the rolling angle theta [rad] and is updated. Returns the torque (3), the elastic
     energy [J] and the energy lost in this step [J].
@@ -427,7 +427,7 @@ def run_steps(
 ):  # fmt: skip
     """Up to ``n_steps`` steps; stops early when a list must be rebuilt or a grain is in trouble.
 
-    Returns (answer, steps done); every array is documented where it is made, in `particles.dem`.
+    Returns (answer, steps done); every array is documented where it is made, in `particles.dem.dem`.
     """
     n_chunks = chunk.shape[0] - 1
     for step in range(n_steps):

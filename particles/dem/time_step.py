@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from particles.contact_law import LinearContact
+from particles.laws.linear import LinearContact
 
 TRAVEL = 0.1  # largest share of a radius that a grain may move in one step
 

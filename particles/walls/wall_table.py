@@ -9,7 +9,7 @@ import numpy as np
 
 from geometry.walls import Plane, RevolvedWall, Wall
 from particles.bodies import Body
-from particles.step_kernel import N_WALL
+from particles.dem.step_kernel import N_WALL
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +19,7 @@ class WallTable:
     Attributes
     ----------
     rows : ndarray, shape (n_walls, N_WALL)
-        Columns as named in `particles.step_kernel`, lengths in m.
+        Columns as named in `particles.dem.step_kernel`, lengths in m.
     body : ndarray of int64, shape (n_walls,)
         Index of the body that each wall turns with.
     """

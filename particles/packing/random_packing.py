@@ -17,11 +17,11 @@ from numba import njit
 
 from geometry.box import Box
 from geometry.walls import AnnularBox, Wall
+from particles.dem.step_kernel import push_off_walls
 from particles.faults import PackingError
-from particles.neighbours import cell_order, find_pairs
+from particles.lists.neighbours import cell_order, find_pairs
 from particles.sector import CyclicSector
-from particles.step_kernel import push_off_walls
-from particles.wall_table import wall_rows
+from particles.walls.wall_table import wall_rows
 
 DENSEST = 0.60  # solid fraction
 TOLERANCE = 0.01  # overlap as a share of the diameter

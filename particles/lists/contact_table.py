@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from particles.contact_list import ContactList
+from particles.dem.step_kernel import wall_overlaps
 from particles.grains import Grains
+from particles.lists.contact_list import ContactList
 from particles.sector import CyclicSector
-from particles.step_kernel import wall_overlaps
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,1 @@
+"""Discrete element method: the compiled step and the loop around it."""

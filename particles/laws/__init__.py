@@ -1,0 +1,1 @@
+"""Contact laws: parameters, and the compiled forces."""

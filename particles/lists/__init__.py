@@ -1,0 +1,1 @@
+"""Who is near whom: neighbours, contacts and their history."""

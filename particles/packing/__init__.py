@@ -1,0 +1,1 @@
+"""Packings to start from."""

@@ -1,0 +1,1 @@
+"""Walls in the form of the kernels."""
