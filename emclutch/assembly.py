@@ -25,33 +25,31 @@ from coupling import (
 )
 from emclutch.case import Case
 from emclutch.device import CoilDevice, Device, grain_law
+from emclutch.packed_grains import grains_of, packed, settled
 from emclutch.plan import Plan
 from emclutch.scene.model import Scene
+from emclutch.scene.motion import FreeShaft as FreeShaftSection
 from emclutch.scene.time_table import points_of
 from field.section.eddy_currents import EddyCurrentProblem, VoltageDrive
-from particles import DEM, Body, FreeShaft, Grains, PrescribedSpeed, RollingFriction, pack
+from particles import DEM, Body, FreeShaft, Grains, PrescribedSpeed
 
 
 def assemble(case: Case, device: Device, plan: Plan) -> Simulation:
-    """Pack the grains (seeded) and build the simulation; raises particles.PackingError when they do not fit."""
+    """Pack the grains (seeded), build the simulation and let them settle; raises PackingError when they do not fit."""
     scene = case.scene
-    radius = 0.5 * scene.particles.diameter
-    walls = device.shape.walls()
-    position = pack(device.boxes, walls, plan.count, radius, seed=scene.scene.seed, sector=plan.sector)
-    grains = Grains.create(position, radius, scene.particles.density)
-    return simulation_of(case, device, plan, grains)
+    packing = packed(scene, device.boxes, device.walls(), plan.count, plan.sector)
+    simulation = simulation_of(case, device, plan, grains_of(packing, scene.particles.density))
+    settled(scene, simulation.dem)
+    return simulation
 
 
 def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Simulation:
     """The simulation around given grains (packed, or of a checkpoint)."""
     scene, effects = case.scene, case.scene.effects
-    walls = device.shape.walls()
+    walls = device.walls()
     gravity = None
     if effects.gravity is not None:
         gravity = np.asarray(effects.gravity.vector, dtype=float)
-    rolling = None
-    if effects.rolling_friction is not None:
-        rolling = RollingFriction(effects.rolling_friction.coefficient, effects.rolling_friction.wall_coefficient)
     dem = DEM(
         grains,
         walls,
@@ -60,7 +58,7 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
         dt=plan.dt,
         gravity=gravity,
         sector=plan.sector,
-        rolling=rolling,
+        ledger=scene.output.energies,
     )
     source = field_source(scene, device, dem.bodies)
     deposition = None
@@ -85,7 +83,7 @@ def effects_of(scene: Scene, walls, deposition: FillDeposition | None) -> list[E
     if chosen.magnetic_force is not None:
         effects.append(MagneticForce())
     if chosen.dipoles is not None:
-        cutoff = chosen.dipoles.cutoff * scene.particles.diameter
+        cutoff = chosen.dipoles.cutoff * scene.particles.largest_diameter
         effects.append(FixedDipoles(cutoff))
         if chosen.wall_images is not None:
             effects.append(WallImages(cutoff, walls))
@@ -94,7 +92,7 @@ def effects_of(scene: Scene, walls, deposition: FillDeposition | None) -> list[E
 
 def deposition_of(scene: Scene, coil: CoilDevice) -> FillDeposition:
     """Deposition of the scene's grains on the powder's elements."""
-    return FillDeposition(coil.mesh, scene.particles.diameter, scene.particles.sector or 2 * pi)
+    return FillDeposition(coil.mesh, scene.particles.largest_diameter, scene.particles.sector or 2 * pi)
 
 
 def _fill_at(deposition: FillDeposition, source: CoilField, position: np.ndarray) -> np.ndarray:
@@ -165,10 +163,15 @@ def shafts(scene, walls) -> list[Body]:
         if motion is None:
             bodies.append(Body(name))
         elif motion.free is not None:
-            free = motion.free
-            bodies.append(
-                Body(name, FreeShaft(free.inertia, free.drive_torque, free.load_torque), speed=free.initial_speed)
-            )
+            bodies.append(Body(name, free_shaft(motion.free), speed=motion.free.initial_speed))
         else:
             bodies.append(Body(name, PrescribedSpeed(*points_of(motion.speed))))
     return bodies
+
+
+def free_shaft(section: FreeShaftSection) -> FreeShaft:
+    """The shaft of [motion.NAME.free]."""
+    load, motor = points_of(section.load_torque), section.motor
+    if motor is None:
+        return FreeShaft(section.inertia, section.drive_torque, load)
+    return FreeShaft(section.inertia, motor.signed_stall_torque, load, motor.slope, motor.switched_on)

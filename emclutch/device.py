@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,7 @@ from emclutch.scene.field_source import UniformField as UniformFieldSection
 from emclutch.scene.fill import Fill, boxes_to_fill, fill_of
 from emclutch.scene.geometry import CadGeometry, ClutchGeometry
 from emclutch.scene.model import Scene
+from emclutch.scene.surfaces import surface_walls
 from emclutch.scene.time_table import points_of
 from field import (
     AxisymmetricProblem,
@@ -30,7 +31,10 @@ from field.section.adaptive import AdaptiveResult, adapt
 from field.section.error_estimate import FluxLinkage, MeanFluxDensity
 from geometry import AnnularBox, Box, Clutch, SectionMesh, ShearCell, SolidMesh, mesh_clutch
 from geometry.cad_shape import CadShape
+from geometry.centrifugal import CentrifugalClutch
 from geometry.clipping import share_in_boxes
+from geometry.triangle_wall import TriangleWall
+from geometry.walls import Wall
 
 if TYPE_CHECKING:
     from emclutch.solid_device import SolidCoilDevice
@@ -88,7 +92,7 @@ class Device:
 
     Attributes
     ----------
-    shape : Clutch, CadShape, ShearCell or Box
+    shape : Clutch, CadShape, ShearCell, CentrifugalClutch or Box
     boxes : list of AnnularBox, or the Box
         Where the powder is filled in, as `particles.pack` takes it.
     fill : Fill
@@ -97,20 +101,27 @@ class Device:
         None where no field has to be solved.
     imposed : UniformField, RadialField or None
         Field of a scene without a coil.
+    surfaces : tuple of TriangleWall
+        Surfaces from files.
     """
 
-    shape: Clutch | CadShape | ShearCell | Box
+    shape: Clutch | CadShape | ShearCell | CentrifugalClutch | Box
     boxes: list[AnnularBox] | Box
     fill: Fill
     coil: CoilDevice | SolidCoilDevice | None = None
     imposed: UniformField | RadialField | None = None
+    surfaces: tuple[TriangleWall, ...] = ()
+
+    def walls(self) -> list[Wall]:
+        """Everything that grains touch: the shape's own walls and the surfaces from files."""
+        return [*self.shape.walls(), *self.surfaces]
 
     @property
     def shear_radius(self) -> float:
         """Mean radius [m] of the gap in which the powder is sheared; 0 for a box."""
         if isinstance(self.shape, Box):
             return 0.0
-        if isinstance(self.shape, ShearCell):
+        if isinstance(self.shape, (ShearCell, CentrifugalClutch)):
             return 0.5 * (self.shape.inner_radius + self.shape.outer_radius)
         return self.shape.mean_gap_radius
 
@@ -119,7 +130,7 @@ class Device:
         """Width [m] of that gap."""
         if isinstance(self.shape, Box):
             return min(self.shape.size)
-        if isinstance(self.shape, ShearCell):
+        if isinstance(self.shape, (ShearCell, CentrifugalClutch)):
             return self.shape.outer_radius - self.shape.inner_radius
         return self.shape.gap
 
@@ -128,7 +139,9 @@ class Device:
         """Largest radius [m] at which a wall touches grains."""
         if isinstance(self.shape, Box):
             return 0.0
-        return self.shape.outer_radius if isinstance(self.shape, ShearCell) else self.shape.bore_radius
+        if isinstance(self.shape, (ShearCell, CentrifugalClutch)):
+            return self.shape.outer_radius
+        return self.shape.bore_radius
 
 
 def field_is_needed(scene: Scene) -> bool:
@@ -140,22 +153,23 @@ def build_device(scene: Scene) -> Device:
     """Shape, mesh and materials of a scene; no mesh is made when no effect needs the field."""
     shape = scene.shape()
     boxes = shape if isinstance(shape, Box) else boxes_to_fill(shape, scene.particles.region)
-    fill = fill_of(shape, scene.particles)
+    fill = fill_of(shape, scene.particles, scene.scene.seed)
+    device = Device(shape, boxes, fill, surfaces=tuple(surface_walls(scene.surfaces)))
     if not field_is_needed(scene):
-        return Device(shape, boxes, fill)
+        return device
     if isinstance(scene.field, UniformFieldSection):
-        return Device(shape, boxes, fill, imposed=imposed_field(scene.field, shape))
+        return replace(device, imposed=imposed_field(scene.field, shape))
     if isinstance(shape, Clutch) and not shape.axisymmetric:
         from emclutch.solid_device import build_solid_coil_device  # local: most scenes need no field in space
 
-        return Device(shape, boxes, fill, coil=build_solid_coil_device(scene))
-    return Device(shape, boxes, fill, coil=build_coil_device(scene))
+        return replace(device, coil=build_solid_coil_device(scene))
+    return replace(device, coil=build_coil_device(scene))
 
 
 def build_coil_device(scene: Scene) -> CoilDevice:
     """Mesh, materials and coil of a clutch, or of a device from CAD."""
     shape, source, coil = scene.shape(), scene.field, scene.coil
-    assert not isinstance(shape, (Box, ShearCell))  # by the schema, as the next line
+    assert not isinstance(shape, (Box, ShearCell, CentrifugalClutch))  # by the schema, as the next line
     assert isinstance(source, CoilFieldSection) and coil is not None
     powder = PowderLaw(grain_law(scene)) if scene.effects.back_reaction is not None else None
     boxes = boxes_to_fill(shape, scene.particles.region)

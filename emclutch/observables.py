@@ -55,7 +55,7 @@ class Observables:
         if tau == 0.0 or friction == 0.0:
             return None
         rate = abs(slip) * radius / self._device.shear_gap
-        return rate * scene.particles.diameter * sqrt(scene.particles.density * friction / tau)
+        return rate * scene.particles.mean_diameter * sqrt(scene.particles.density * friction / tau)
 
     def _shear_box(self):
         shape = self._device.shape

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, replace
-from math import ceil, floor
+from math import ceil, floor, pi
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from field import MagneticField
 from field.factorisation import describe_backend
 from field.solid import SolidField
 from geometry import AnnularBox, Box, Clutch, ShearCell
-from particles import CyclicSector, LinearContact, choose_time_step, stiffness_for_overlap
+from particles import CyclicSector, PairLaws, RollingFriction, TwistingFriction, choose_time_step
 
 # nanoseconds a grain and step for contacts, and a neighbour for dipoles; measured on two cores, for estimates only
 CONTACT_NS = 95.0
@@ -33,7 +33,7 @@ class Plan:
     count : int
         Grains that are simulated (those of the sector).
     sector : CyclicSector or None
-    contact : LinearContact
+    contact : PairLaws
     dt : float
         Step of the grains [s].
     steps_per_update, updates, windows : int
@@ -48,7 +48,7 @@ class Plan:
 
     count: int
     sector: CyclicSector | None
-    contact: LinearContact
+    contact: PairLaws
     dt: float
     steps_per_update: int
     updates: int
@@ -87,13 +87,15 @@ def make_plan(case: Case, device: Device | None = None) -> tuple[Device, Plan]:
     if isinstance(field, MagneticField) and isinstance(device.coil, CoilDevice) and device.coil.resistance is not None:
         reasons["coil"] = _coil_in_words(scene, device.coil, field)
     speed = _largest_speed(scene, device)
-    contact = _contact(scene, device, M_max, _impact_speed(scene, device, speed), reasons)
-    mass = particles.density * particles.grain_volume
+    contact, load = _contact(scene, device, M_max, _impact_speed(scene, device, speed), reasons)
+    lightest = particles.density * pi / 6.0 * particles.smallest_diameter**3
     step = choose_time_step(
         contact,
-        mass,
-        0.5 * particles.diameter,
+        lightest,
+        0.5 * particles.smallest_diameter,
         speed=speed,
+        load=load,
+        rolling=scene.effects.rolling_friction is not None,
         steps_per_contact=scene.time.steps_per_contact,
         dt=scene.time.step,
     )
@@ -118,7 +120,7 @@ def expected_magnetisation(case: Case, device: Device) -> tuple[MagneticField | 
     coupled = scene.effects.back_reaction is not None
     fill = device.coil.uniform_fill(phi) if coupled and isinstance(device.coil, CoilDevice) else None
     field = device.coil.solve_at_peak(fill)
-    points = _sample_points(device.coil.powder_boxes, scene.particles.diameter)
+    points = _sample_points(device.coil.powder_boxes, scene.particles.largest_diameter)
     strength = np.linalg.norm(field.sampler("powder").sample(points)[0], axis=1)
     return field, float(law.magnetisation(strength, np.full(len(strength), phi if coupled else 0.0)).max())
 
@@ -158,11 +160,26 @@ def _largest_speed(scene, device: Device) -> float:
     """Largest speed [m/s] that a driven wall gives to grains, or that weight can."""
     speeds = [0.0]
     for motion in (scene.motion.rotor, scene.motion.disc):
-        speeds.append(abs(motion.free.initial_speed) if motion.free is not None else largest(motion.speed))
+        speeds.append(motion.free.largest_speed if motion.free is not None else largest(motion.speed))
     wall = max(speeds) * device.largest_radius
+    return max(wall, _fall_speed(scene, device))
+
+
+def _fall_speed(scene, device: Device) -> float:
+    """Speed [m/s] of a grain that falls across the sheared gap, or, where grains are poured in, through the device."""
     gravity = scene.effects.gravity
-    fall = 0.0 if gravity is None else float(np.sqrt(2 * gravity.acceleration * device.shear_gap))
-    return max(wall, fall)
+    if gravity is None:
+        return 0.0
+    height = device.shear_gap
+    if scene.particles.packing == "pour":
+        along = np.abs(gravity.direction)
+        if isinstance(device.boxes, Box):
+            size = np.asarray(device.boxes.size)
+        else:
+            low, high = min(box.z0 for box in device.boxes), max(box.z1 for box in device.boxes)
+            size = np.array([2.0 * device.largest_radius, 2.0 * device.largest_radius, high - low])
+        height = float(along @ size) / float(np.linalg.norm(along))
+    return float(np.sqrt(2 * gravity.acceleration * height))
 
 
 def _impact_speed(scene, device: Device, speed: float) -> float:
@@ -170,15 +187,14 @@ def _impact_speed(scene, device: Device, speed: float) -> float:
 
     Twice that, for the fluctuations; never more than the speed itself, which holds for falling grains and boxes.
     """
-    gravity = scene.effects.gravity
-    fall = 0.0 if gravity is None else float(np.sqrt(2 * gravity.acceleration * device.shear_gap))
-    return max(fall, speed * min(1.0, 2.0 * scene.particles.diameter / device.shear_gap))
+    return max(_fall_speed(scene, device), speed * min(1.0, 2.0 * scene.particles.largest_diameter / device.shear_gap))
 
 
-def _contact(scene, device: Device, M_max: float, speed: float, reasons: dict[str, str]) -> LinearContact:
+def _contact(scene, device: Device, M_max: float, speed: float, reasons: dict[str, str]) -> tuple[PairLaws, float]:
+    """The laws of all contacts, and the largest force on one that is to be expected [N]."""
     particles, contact = scene.particles, scene.contact
-    d = particles.diameter
-    mass = particles.density * particles.grain_volume
+    d = particles.largest_diameter  # overlap / diameter grows with the size under every load
+    mass = particles.density * pi / 6.0 * d**3
     loads = {f"grains magnetised to {M_max / 1e3:.3g} kA/m": magnetic_load(M_max, d)}
     if scene.effects.gravity is not None:
         height = device.shape.size[2] if isinstance(device.shape, Box) else 2.0 * device.largest_radius
@@ -187,34 +203,35 @@ def _contact(scene, device: Device, M_max: float, speed: float, reasons: dict[st
     loaded = f"{force:.3g} N from {cause}" if force > 0.0 else ""
     hit = f"impacts at {speed:.3g} m/s" if speed > 0.0 else ""
     why = " and ".join(filter(None, (loaded, hit)))
-    if contact.stiffness is not None:
-        stiffness = contact.stiffness
-        expected = (force / stiffness + speed * np.sqrt(mass / stiffness)) / d
-        reasons["stiffness"] = (
-            f"k_n = {stiffness:.3g} N/m as asked; overlap to be expected {100 * expected:.2g} % of the diameter"
-            + (f" under {why}" if why else "")
-        )
-    elif not why:
+    effects = scene.effects
+    if not why and contact.needs_a_load:
         raise ValueError(
             "nothing loads the contacts (no weight, no magnetism, no motion), so no stiffness follows; "
-            "give contact.stiffness, e.g. '1000 N/m'"
+            f"give {contact.stiffness_key}"
         )
-    else:
-        stiffness = stiffness_for_overlap(force, d, contact.max_overlap, mass=mass, speed=speed)
-        reasons["stiffness"] = (
-            f"k_n = {stiffness:.3g} N/m: overlap {100 * contact.max_overlap:g} % of the diameter under {why}"
-        )
+    between, at_walls = contact.laws(mass=mass, diameter=d, force=force, speed=speed)
+    deepest = max(
+        between.overlap_under(force, 0.5 * mass, speed, 0.25 * d), at_walls.overlap_under(force, mass, speed, 0.5 * d)
+    )
+    stiffness = between.stiffness_at(deepest, 0.25 * d)
+    overlap = f"overlap {100 * deepest / d:.2g} % of the diameter" + (f" under {why}" if why else "")
+    asked = "" if contact.needs_a_load else " as asked"
+    kind = "" if contact.law == "linear" else f"law {contact.law}, at that overlap "
+    reasons["stiffness"] = f"{kind}k_n = {stiffness:.3g} N/m{asked}: {overlap}"
     if M_max > 0.0:
         snap = snap_in_overlap(M_max, d, stiffness)
         reasons["stiffness"] += f"; grains that snap together from afar press in by {100 * snap:.2g} % for an instant"
-    return LinearContact.from_restitution(
-        stiffness, contact.restitution, contact.friction, wall_friction=contact.friction_at_walls
-    )
+    rolls, twists = effects.rolling_friction, effects.twisting_friction
+    rolling = None if rolls is None else RollingFriction(rolls.coefficient, rolls.wall_coefficient)
+    twisting = None if twists is None else TwistingFriction(twists.coefficient, twists.wall_coefficient)
+    cohesion = None if effects.cohesion is None else effects.cohesion.law()
+    laws = PairLaws.of_one(between, at_walls=at_walls, rolling=rolling, twisting=twisting, cohesion=cohesion)
+    return laws, force
 
 
 def _windows(scene, dt: float, speed: float, magnetic: bool, reasons: dict[str, str]) -> tuple[int, int, int]:
     """Steps a force update, updates a window and windows of the run."""
-    d = scene.particles.diameter
+    d = scene.particles.smallest_diameter
     end_steps = max(1, ceil(scene.time.end / dt))
     per_update = 1
     if magnetic:
@@ -248,6 +265,7 @@ def _estimates(scene, device: Device, plan: Plan) -> None:
     if scene.effects.dipoles is not None:
         # neighbours within the cut-off and a skin, at the density of the filled space
         pairs = device.fill.solid_fraction * 8.0 * (scene.effects.dipoles.cutoff + 0.25) ** 3
+        pairs *= pi / 6.0 * scene.particles.largest_diameter**3 / scene.particles.grain_volume
         pairs *= 2.0 if scene.effects.wall_images is not None else 1.0
     seconds = steps * plan.count * (CONTACT_NS + pairs * PAIR_NS / plan.steps_per_update) * 1e-9
     if device.coil is not None:

@@ -20,13 +20,13 @@ from emclutch.case import Case
 from emclutch.device import build_coil_device, field_is_needed
 from emclutch.faults import Fault, SceneError, shown
 from emclutch.observables import pole_flux_density
+from emclutch.packed_grains import packed
 from emclutch.plan import make_plan
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.study_pictures import work_precision_picture
 from emclutch.run_case import run, use_threads
 from emclutch.scene.field_source import CoilField
-from particles import pack
 
 log = logging.getLogger(__name__)
 WARM_UP_WINDOWS = 0.02  # share of the run that compiles the kernels before anything is timed
@@ -209,14 +209,7 @@ def relative_error(value, truth) -> float:
 def packed_points(case: Case) -> np.ndarray:
     """Centres of the packed grains (n, 3) [m]; the same for every setting of the knobs."""
     device, plan = make_plan(case)
-    return pack(
-        device.boxes,
-        device.shape.walls(),
-        plan.count,
-        0.5 * case.scene.particles.diameter,
-        seed=case.scene.scene.seed,
-        sector=plan.sector,
-    )
+    return packed(case.scene, device.boxes, device.walls(), plan.count, plan.sector).position
 
 
 def show(table) -> None:

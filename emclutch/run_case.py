@@ -21,6 +21,7 @@ from emclutch.observables import Observables
 from emclutch.plan import make_plan
 from emclutch.results import OutputError, Result, RunFolder, load_result, read_history, steady_mean
 from emclutch.results.checkpoint import read_checkpoint
+from emclutch.results.grain_profiles import write_profiles
 from emclutch.results.statistics import Estimate
 from emclutch.snapshots import History, Snapshots, save_checkpoint
 from field import ConvergenceError, FluxLinkage, MagneticField, MeanFluxDensity, PointOutside, estimate_error
@@ -125,9 +126,12 @@ def _run(case, folder, case_text, resume, progress, begin) -> Result:
             else f"t = {row['time'] * 1e3:.3g} ms",
         )
 
+    profiles = profile_average(scene, device)
+    extra = () if profiles is None else (profiles,)
+    observers = (Observables(scene, device), history, snapshots, *extra, report, checkpoint)
     with _interruptible(stop):
         try:
-            run_staggered(simulation, plan.end, (Observables(scene, device), history, snapshots, report, checkpoint))
+            run_staggered(simulation, plan.end, observers)
         finally:
             history.close()
             snapshots.close()
@@ -142,12 +146,25 @@ def _run(case, folder, case_text, resume, progress, begin) -> Result:
             )
         )
     summarise(case, folder, device, plan, simulation, perf_counter() - begin)
+    across = [] if profiles is None else profiles.profiles()
+    if across:
+        write_profiles(folder.path, across)
     if scene.output.pictures:
         _say(progress, 1.0, "pictures")
         from emclutch.run_pictures import draw_run
 
-        draw_run(case, folder, device, simulation)
+        draw_run(case, folder, device, simulation, across)
     return load_result(folder.path)
+
+
+def profile_average(scene, device):
+    """The callback that averages profiles over the steady part, or None where none are asked for."""
+    if not scene.output.profiles:
+        return None
+    from emclutch.profile_average import ProfileAverage  # local: what is off costs nothing
+
+    start = scene.time.average_from
+    return ProfileAverage(device.shape, 0.5 * scene.time.end if start is None else start)
 
 
 def refuse_other_scene(old_text: str, new_text: str, target: str | Path) -> None:
@@ -176,14 +193,7 @@ def _flat(table: dict, prefix: str = "") -> dict:
 def restore(case, device, plan, state: dict):
     """The simulation of a checkpoint and its time [s]."""
     dem_state = state["dem"]
-    # copies: the DEM wraps and sorts what it is given
-    grains = Grains(
-        *(
-            dem_state[name].copy()
-            for name in ("position", "velocity", "angular_velocity", "radius", "mass", "particle_id")
-        )
-    )
-    simulation = simulation_of(case, device, plan, grains)
+    simulation = simulation_of(case, device, plan, Grains.of_records(dem_state))
     simulation.dem.restore(dem_state)
     simulation.window = state["window"]
     simulation.restore_rows(state["rows"])
@@ -220,7 +230,9 @@ def summarise(case, folder: RunFolder, device, plan, simulation, seconds: float)
     if "inertial_number" in history:
         late = history["inertial_number"].iloc[len(history) // 2 :].dropna()
         summary["inertial_number"] = float(late.median()) if len(late) else None
-    throughput = float((history["work_walls"].abs() + history["dissipated"]).sum())
+    throughput = 0.0
+    if "dissipated" in history:
+        throughput = float((history["work_walls"].abs() + history["dissipated"]).sum())
     summary |= {
         "grains": plan.count,
         "sectors": simulation.n_sectors,

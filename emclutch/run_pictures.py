@@ -7,13 +7,13 @@ import numpy as np
 from coupling import CoilField, SolidCoilField
 from emclutch.results import RunFolder, load_result
 from emclutch.results.field_pictures import gap_map_picture
-from emclutch.results.pictures import grains_picture, section_picture, torque_picture
+from emclutch.results.pictures import grains_picture, profile_picture, section_picture, torque_picture
 from emclutch.snapshots import contact_lines
 from emclutch.solid_field_study import gap_map
 
 
-def draw_run(case, folder: RunFolder, device, simulation) -> None:
-    """Write section.png (with a solved field), torque.png and grains.png into the run's folder."""
+def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
+    """Write section.png (with a solved field), torque.png, grains.png and profiles.png (asked for) into the folder."""
     title = case.scene.scene.title
     grains, dem = simulation.dem.grains, simulation.dem
     source = simulation.source
@@ -35,6 +35,8 @@ def draw_run(case, folder: RunFolder, device, simulation) -> None:
     result = load_result(folder.path)
     if "torque_disc" in result.history:  # a box has no disc
         torque_picture(folder.torque_picture, result.history, result.torque, title=title)
+    if profiles:
+        profile_picture(folder.path / "profiles.png", profiles, title=title)
     start, end, force = contact_lines(dem)
     grains_picture(
         folder.grains_picture,

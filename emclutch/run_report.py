@@ -7,6 +7,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from emclutch.results import COLUMNS, OutputError, Result
+from emclutch.results.grain_profiles import profile_column, read_profiles
 
 
 def report(result: Result, page_folder: Path | None = None) -> str:
@@ -55,7 +56,11 @@ def report(result: Result, page_folder: Path | None = None) -> str:
     lines += [f"- {label}: {text}" for label, text in summary["plan"].items()]
     home = result.folder.path.resolve()
     way = Path(os.path.relpath(home, (page_folder or home).resolve()))
-    pictures = [name for name in ("section.png", "gap.png", "torque.png", "grains.png") if (home / name).is_file()]
+    pictures = [
+        name
+        for name in ("section.png", "gap.png", "torque.png", "grains.png", "profiles.png")
+        if (home / name).is_file()
+    ]
     lines += [
         "",
         *(f"![{name}]({quote((way / name).as_posix())})" for name in pictures),
@@ -64,4 +69,8 @@ def report(result: Result, page_folder: Path | None = None) -> str:
         "",
     ]
     lines += [f"- `{name}` [{COLUMNS[name][0]}]: {COLUMNS[name][1]}" for name in result.history.columns]
+    if (home / "profiles.csv").is_file():
+        columns = list(dict.fromkeys(name for table in read_profiles(home / "profiles.csv").values() for name in table))
+        lines += ["", "## Columns of profiles.csv", ""]
+        lines += [f"- `{name}` [{profile_column(name)[0]}]: {profile_column(name)[1]}" for name in columns]
     return "\n".join(lines) + "\n"

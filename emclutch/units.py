@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
 _NUMBER_AND_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+(?:[eE][+-]?\d+)?(?:\s*[^\d\s,].*)?")
-# A unit: names, each with an exponent of one digit at most, and the operators between them. Nothing else
+# A unit: names, each with an exponent of one digit at most (or n.5), and the operators between them. Nothing else
 # reaches pint, which would compute 9**9**9.
-_NAME = r"\(*[A-Za-zµμΩ°%]+(?:(?:\^|\*\*)?-?\d|[²³])?\)*"
+_NAME = r"\(*[A-Za-zµμΩ°%]+(?:(?:\^|\*\*)?-?\d(?:\.5)?|[²³])?\)*"
 _UNIT_TEXT = re.compile(rf"(?:1\s*/\s*)?{_NAME}(?:\s*[*/·\s]\s*{_NAME})*")
 _LONGEST_UNIT = 40
 _ANGLE_UNITS = {
@@ -41,7 +41,8 @@ _ANGLE_UNITS = {
 }
 _COMMON_UNITS = (
     "m, mm, um, cm, g, kg, mg, s, ms, us, min, A, mA, V, ohm, mohm, rpm, rad/s, deg/s, rad, deg, turn, N, "
-    "mN, N m, mN m, N/m, kN/m, kg/m^3, g/cm^3, A/m, kA/m, MA/m, T, mT, kg m^2, g cm^2, m/s^2, %"
+    "mN, N m, mN m, N/m, kN/m, N/m^1.5, Pa, MPa, GPa, J/m^2, m/s, kg/m^3, g/cm^3, A/m, kA/m, MA/m, T, mT, kg m^2, "
+    "g cm^2, m/s^2, %"
 ).split(", ")
 
 
@@ -70,6 +71,7 @@ def _names_of_dimensions() -> dict[Any, str]:
         "A/m": "a field strength",
         "T": "a flux density",
         "N/m": "a stiffness",
+        "N/m^1.5": "a Hertz stiffness",
         "kg/m^3": "a density",
         "kg*m^2": "a moment of inertia",
         "m/s": "a speed",
@@ -240,6 +242,11 @@ Magnetisation = Annotated[float, _positive("a magnetisation", "A/m", "1.3 MA/m",
 FluxDensity = Annotated[float, Quantity("a flux density", "T", "1.5 T", 0.0, 100.0)]
 CurveFieldStrength = Annotated[float, Quantity("a field strength", "A/m", "1 kA/m", 0.0, 1e9)]
 Stiffness = Annotated[float, _positive("a stiffness", "N/m", "10 kN/m", maximum=1e12)]
+HertzStiffness = Annotated[float, _positive("a Hertz stiffness", "N/m^1.5", "1e9 N/m^1.5", maximum=1e18)]
+Modulus = Annotated[float, _positive("a modulus of elasticity", "Pa", "210 GPa", maximum=1e13)]
+LinearSpeed = Annotated[float, _positive("a speed", "m/s", "0.5 m/s", maximum=1e4)]
+Force = Annotated[float, Quantity("a force", "N", "1 mN", 0.0, 1e6)]
+WorkOfAdhesion = Annotated[float, Quantity("a work of adhesion", "J/m^2", "0.05 J/m^2", 0.0, 1e3)]
 Time = Annotated[float, _positive("a time", "s", "20 ms", maximum=1e5)]
 Instant = Annotated[float, Quantity("a time", "s", "20 ms", 0.0, 1e5)]
 Density = Annotated[float, _positive("a density", "kg/m^3", "7700 kg/m^3", maximum=3e4)]

@@ -2,6 +2,7 @@
 
 from geometry.annular_cell import ShearCell
 from geometry.box import Box
+from geometry.centrifugal import CentrifugalClutch, Chamber
 from geometry.clutch import Clutch
 from geometry.drawing import draw_section
 from geometry.fault import Fault, GeometryError
@@ -10,11 +11,15 @@ from geometry.section import SectionMesh
 from geometry.slots import Slots
 from geometry.slotted import mesh_slotted
 from geometry.solid_mesh import SolidMesh
+from geometry.surface_import import triangle_wall_from_file
+from geometry.triangle_wall import TriangleWall, box_surface, extruded, joined
 from geometry.walls import AnnularBox, Plane, RevolvedWall, Wall, annulus, cone, cylinder, outline
 
 __all__ = [
     "AnnularBox",
     "Box",
+    "CentrifugalClutch",
+    "Chamber",
     "Clutch",
     "Fault",
     "GeometryError",
@@ -24,12 +29,17 @@ __all__ = [
     "ShearCell",
     "Slots",
     "SolidMesh",
+    "TriangleWall",
     "Wall",
     "annulus",
+    "box_surface",
     "cone",
     "cylinder",
     "draw_section",
+    "extruded",
+    "joined",
     "mesh_clutch",
     "mesh_slotted",
     "outline",
+    "triangle_wall_from_file",
 ]

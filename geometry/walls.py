@@ -1,4 +1,4 @@
-"""The walls that grains touch: planes, and surfaces of revolution about the shaft axis z.
+"""The walls that grains touch: planes, surfaces of revolution about the shaft axis z, and triangles.
 
 A `RevolvedWall` turns the straight segment start -> end of the (r, z) half-plane about the axis: a
 cylinder, an annulus or a cone in one. The point of such a surface that is closest to a sphere's centre lies
@@ -22,6 +22,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+
+from geometry.triangle_wall import TriangleWall
 
 Pair = tuple[float, float]
 
@@ -87,7 +89,7 @@ class Plane:
         object.__setattr__(self, "normal", normal / size)
 
 
-Wall = RevolvedWall | Plane
+Wall = RevolvedWall | Plane | TriangleWall
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,38 +2,84 @@
 
 from particles.bodies import Body, FreeShaft, PrescribedSpeed
 from particles.dem.dem import DEM
-from particles.dem.step_totals import StepTotals
+from particles.dem.step_totals import EnergyTotals, StepTotals
 from particles.dem.time_step import TimeStep, choose_time_step, contact_time, stiffness_for_overlap
 from particles.faults import DemError, PackingError, ParticleError
 from particles.grains import Grains
-from particles.laws.linear import LinearContact, damping_ratio, restitution_of
+from particles.laws.cohesion import Cohesion
+from particles.laws.contact_law import ContactLaw
+from particles.laws.elastic import Elastic
+from particles.laws.hertz import HertzContact
+from particles.laws.hertz_mindlin import HertzMindlin
+from particles.laws.linear import LinearContact
+from particles.laws.pair_table import ContactMaterial, PairLaws
+from particles.laws.restitution import damping_ratio, restitution_of
 from particles.laws.rolling_friction import RollingFriction
+from particles.laws.thesis import ThesisContact
+from particles.laws.twisting_friction import TwistingFriction
+from particles.laws.walton_braun import WaltonBraun
 from particles.lists.contact_table import ContactTable
 from particles.lists.neighbours import PairList, find_pairs
-from particles.packing.random_packing import pack
+from particles.packing.file_packing import file_packing
+from particles.packing.grown_packing import grown_packing
+from particles.packing.lattice_packing import lattice_packing
+from particles.packing.packing import Packing
+from particles.packing.poured_packing import poured_packing
+from particles.packing.random_packing import pack, random_packing
+from particles.packing.settling import NotAtRestError, Settling, before_the_start, settle
+from particles.packing.sizes import EqualSizes, ListedSizes, LogNormalSizes, NormalSizes, UniformSizes, read_sizes
+from particles.packing.space import Space
 from particles.sector import CyclicSector
 
 __all__ = [
     "DEM",
     "Body",
+    "Cohesion",
+    "ContactLaw",
+    "ContactMaterial",
     "ContactTable",
     "CyclicSector",
     "DemError",
+    "Elastic",
+    "EnergyTotals",
+    "EqualSizes",
     "FreeShaft",
     "Grains",
+    "HertzContact",
+    "HertzMindlin",
     "LinearContact",
+    "ListedSizes",
+    "LogNormalSizes",
+    "NormalSizes",
+    "NotAtRestError",
+    "Packing",
     "PackingError",
+    "PairLaws",
     "PairList",
     "ParticleError",
     "PrescribedSpeed",
     "RollingFriction",
+    "Settling",
+    "Space",
     "StepTotals",
+    "ThesisContact",
     "TimeStep",
+    "TwistingFriction",
+    "UniformSizes",
+    "WaltonBraun",
+    "before_the_start",
     "choose_time_step",
     "contact_time",
     "damping_ratio",
+    "file_packing",
     "find_pairs",
+    "grown_packing",
+    "lattice_packing",
     "pack",
+    "poured_packing",
+    "random_packing",
+    "read_sizes",
     "restitution_of",
+    "settle",
     "stiffness_for_overlap",
 ]

@@ -1,11 +1,13 @@
 """Bodies that walls belong to: rotor, disc, housing. Each turns about z, driven or free.
 
-A free shaft obeys J domega/dt = T_contact + T_drive + T_external - T_load, integrated by the same leapfrog
-as the grains. The load is dry friction: it opposes the rotation, never reverses it, and holds the shaft at
-rest while the other torques stay below it. One step is therefore a shrinkage, exact for a constant load:
+A free shaft obeys J domega/dt = T_contact + T_drive + T_external - T_load, integrated by the same leapfrog as the
+grains. The drive falls with speed, T_drive = T_0 - c omega, and is taken at the mean speed of the step (trapezoidal
+rule, stable for any c). The load is dry friction: it opposes the rotation, never reverses it, and holds the shaft at
+rest while the other torques stay below it. One step is therefore a shrinkage, exact for a constant load: with
+h = dt/J, s = c h/2,
 
-    omega* = omega + dt/J (T_contact + T_drive + T_external)
-    omega  = sign(omega*) max(0, |omega*| - dt/J T_load).
+    omega* = (omega (1 - s) + h (T_contact + T_0 + T_external))/(1 + s)
+    omega' = sign(omega*) max(0, |omega*| - h T_load/(1 + s)).
 """
 
 from __future__ import annotations
@@ -46,26 +48,51 @@ class PrescribedSpeed:
 
 @dataclass(frozen=True, slots=True)
 class FreeShaft:
-    """A shaft with ``inertia`` [kg m^2], a constant ``drive_torque`` [N m] and a brake-like ``load_torque``
-    [N m].
+    """A shaft that torques move; all of them belong to the whole device, also where only a sector is simulated.
 
-    All three belong to the whole device, also where only a sector of it is simulated.
+    Attributes
+    ----------
+    inertia : float
+        [kg m^2]
+    drive_torque : float
+        Of the drive at rest [N m].
+    load_torque : float or (times, torques)
+        Brake-like load [N m], constant or linear between times [s].
+    drive_slope : float
+        What the drive loses for each rad/s [N m s]: stall torque over no-load speed of a motor.
+    switched_on : float
+        When the drive begins [s].
     """
 
     inertia: float
     drive_torque: float = 0.0
-    load_torque: float = 0.0
+    load_torque: float | tuple[tuple[float, ...], tuple[float, ...]] = 0.0
+    drive_slope: float = 0.0
+    switched_on: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0.0 < self.inertia < math.inf:
             raise ValueError(f"inertia of a free shaft = {self.inertia:g} kg m^2; allowed: more than 0")
-        if not 0.0 <= self.load_torque < math.inf:
-            raise ValueError(
-                f"load torque = {self.load_torque:g} N m; allowed: 0 or more (it opposes the rotation); "
-                "use drive_torque for a torque with a sign"
-            )
+        for load in self._load_points[1]:
+            if not 0.0 <= load < math.inf:
+                raise ValueError(
+                    f"load torque = {load:g} N m; allowed: 0 or more (it opposes the rotation); "
+                    "use drive_torque for a torque with a sign"
+                )
         if not math.isfinite(self.drive_torque):
             raise ValueError(f"drive torque = {self.drive_torque:g} N m must be finite")
+        if not 0.0 <= self.drive_slope < math.inf:
+            raise ValueError(f"drive slope = {self.drive_slope:g} N m s; allowed: 0 or more")
+        PrescribedSpeed(*self._load_points)  # times must increase, as many as loads
+
+    @property
+    def _load_points(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        load = self.load_torque
+        return load if isinstance(load, tuple) else ((0.0,), (float(load),))
+
+    def load_at(self, time: float | np.ndarray) -> np.ndarray:
+        """Load torque [N m] at ``time`` [s]."""
+        return np.asarray(np.interp(time, *self._load_points))
 
 
 @dataclass(slots=True)

@@ -1,4 +1,4 @@
-"""The state of the grains: one structure of arrays.
+"""The state of the grains, in records as the step reads them.
 
 Velocities are those of the leapfrog: ``velocity`` and ``angular_velocity`` belong to the time half a step
 *before* ``position`` (see `particles.dem.step_kernel`).
@@ -6,36 +6,89 @@ Velocities are those of the leapfrog: ``velocity`` and ``angular_velocity`` belo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 
-@dataclass(slots=True)
 class Grains:
     """Spheres, in the order in which they lie in memory.
 
     Attributes
     ----------
-    position, velocity : ndarray, shape (n, 3)
-        Centres [m] and their velocities [m/s], Cartesian, z along the shaft.
-    angular_velocity : ndarray, shape (n, 3)
-        Spin [rad/s].
-    radius, mass : ndarray, shape (n,)
-        [m] and [kg]; the inertia is that of a solid sphere, 2/5 m R^2.
+    where : ndarray, shape (n, 4)
+        Centre and radius [m], side by side: what a neighbour reads first.
+    motion : ndarray, shape (n, 12)
+        Velocity [m/s], spin [rad/s], and the places where a step gathers force [N] and torque [N m].
+    mass : ndarray, shape (n,)
+        [kg]; the inertia is that of a solid sphere, 2/5 m R^2.
     particle_id : ndarray of int64, shape (n,)
         Number of each grain; it stays with the grain when the arrays are sorted.
     magnetic_moment : ndarray, shape (n, 3), or None
         Dipole moment [A m^2]; None in a scene without magnetism.
     """
 
-    position: np.ndarray
-    velocity: np.ndarray
-    angular_velocity: np.ndarray
-    radius: np.ndarray
-    mass: np.ndarray
-    particle_id: np.ndarray
-    magnetic_moment: np.ndarray | None = None
+    __slots__ = ("magnetic_moment", "mass", "motion", "particle_id", "where")
+
+    def __init__(
+        self,
+        position: np.ndarray,
+        velocity: np.ndarray,
+        angular_velocity: np.ndarray,
+        radius: np.ndarray,
+        mass: np.ndarray,
+        particle_id: np.ndarray,
+        magnetic_moment: np.ndarray | None = None,
+    ) -> None:
+        """From arrays of shapes (n, 3), (n, 3), (n, 3), (n,), (n,), (n,), (n, 3); `create` checks them."""
+        self.where = np.empty((len(radius), 4))
+        self.where[:, :3], self.where[:, 3] = position, radius
+        self.motion = np.zeros((len(radius), 12))
+        self.motion[:, :3], self.motion[:, 3:6] = velocity, angular_velocity
+        self.mass, self.particle_id, self.magnetic_moment = mass, particle_id, magnetic_moment
+
+    @classmethod
+    def of_records(cls, records: dict[str, np.ndarray]) -> Grains:
+        """Grains of ``where``, ``motion``, ``mass`` and ``particle_id``, all of them copied (a checkpoint's state)."""
+        where, motion = records["where"], records["motion"]
+        return cls(
+            where[:, :3], motion[:, :3], motion[:, 3:6], where[:, 3],
+            records["mass"].copy(), records["particle_id"].copy(),
+        )  # fmt: skip
+
+    @property
+    def position(self) -> np.ndarray:
+        """Centres [m], Cartesian, z along the shaft: a view of `where`, shape (n, 3)."""
+        return self.where[:, :3]
+
+    @position.setter
+    def position(self, value: np.ndarray) -> None:
+        self.where[:, :3] = value
+
+    @property
+    def radius(self) -> np.ndarray:
+        """Radii [m]: a view of `where`, shape (n,)."""
+        return self.where[:, 3]
+
+    @radius.setter
+    def radius(self, value: np.ndarray) -> None:
+        self.where[:, 3] = value
+
+    @property
+    def velocity(self) -> np.ndarray:
+        """Velocities of the centres [m/s]: a view of `motion`, shape (n, 3)."""
+        return self.motion[:, :3]
+
+    @velocity.setter
+    def velocity(self, value: np.ndarray) -> None:
+        self.motion[:, :3] = value
+
+    @property
+    def angular_velocity(self) -> np.ndarray:
+        """Spins [rad/s]: a view of `motion`, shape (n, 3)."""
+        return self.motion[:, 3:6]
+
+    @angular_velocity.setter
+    def angular_velocity(self, value: np.ndarray) -> None:
+        self.motion[:, 3:6] = value
 
     @classmethod
     def create(
@@ -92,9 +145,8 @@ class Grains:
 
     def kinetic_energy(self) -> float:
         """Translation and spin [J]."""
-        return 0.5 * float(
-            np.sum(self.mass[:, None] * self.velocity**2) + np.sum(self.inertia[:, None] * self.angular_velocity**2)
-        )
+        velocity, spin = (np.einsum("ij,ij->i", v, v) for v in (self.velocity, self.angular_velocity))
+        return 0.5 * float(self.mass @ velocity + self.inertia @ spin)
 
     def momentum(self) -> np.ndarray:
         """Sum of m v [kg m/s], shape (3,)."""
@@ -108,7 +160,7 @@ class Grains:
 
     def permute(self, order: np.ndarray) -> None:
         """Put grain ``order[k]`` into place k in every array."""
-        for name in ("position", "velocity", "angular_velocity", "radius", "mass", "particle_id"):
-            setattr(self, name, np.ascontiguousarray(getattr(self, name)[order]))
+        for name in ("where", "motion", "mass", "particle_id"):
+            setattr(self, name, getattr(self, name)[order])
         if self.magnetic_moment is not None:
-            self.magnetic_moment = np.ascontiguousarray(self.magnetic_moment[order])
+            self.magnetic_moment = self.magnetic_moment[order]

@@ -19,7 +19,7 @@ import numpy as np
 
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.vtk_xml import write_poly_data, write_simplices
-from emclutch.results.wall_surface import plane_polygon, revolved_surface
+from emclutch.results.wall_surface import plane_polygon, revolved_surface, triangle_surface
 
 
 class PvdSeries:
@@ -131,7 +131,8 @@ class PvdSeries:
 
         Parameters
         ----------
-        walls : revolved walls (`start`, `end`) and planes (`point`, `normal`), each with `name`, `body`.
+        walls : revolved walls (`start`, `end`), planes (`point`, `normal`) and triangle walls (`vertices`,
+            `triangles`), each with `name`, `body`.
         angles, speeds : of the bodies by name [rad], [rad/s]; 0 where missing.
         sector_angle : of the cyclic sector [rad]; None draws full rings. A sector's walls stay over its
             grains, their turning shows in the cell array `material_angle`.
@@ -151,6 +152,9 @@ class PvdSeries:
                 if len(corners) < 3:
                     continue
                 cells, material = [np.arange(len(corners))], np.zeros(1)
+            elif hasattr(wall, "triangles"):
+                corners, faces, material = triangle_surface(wall.vertices, wall.triangles, turned=turned)
+                cells = list(faces)
             else:
                 corners, quads, material = revolved_surface(wall.start, wall.end, angle=sector_angle, turned=turned)
                 cells = list(quads)
@@ -259,7 +263,8 @@ def _meridional(arrays: Mapping[str, np.ndarray] | None) -> dict[str, np.ndarray
 def _reach(walls: Sequence[Any]) -> float:
     """Half the edge of an unbounded plane's square: twice the size of what the walls enclose [m]."""
     points = [np.asarray(wall.point, dtype=np.float64) for wall in walls if hasattr(wall, "normal")]
-    points += [np.array([math.hypot(*wall.start), 0.0, wall.start[1]]) for wall in walls if not hasattr(wall, "normal")]
+    points += [np.array([math.hypot(*wall.start), 0.0, wall.start[1]]) for wall in walls if hasattr(wall, "start")]
+    points += [corner for wall in walls if hasattr(wall, "triangles") for corner in wall.bounds]
     if not points:
         return 1.0
     spread = float(np.ptp(np.array(points), axis=0).max())

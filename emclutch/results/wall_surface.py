@@ -41,6 +41,28 @@ def revolved_surface(
     return np.vstack([lower, upper]), quads, np.mod(middle - turned, 2.0 * math.pi)
 
 
+def triangle_surface(
+    vertices: np.ndarray, triangles: np.ndarray, *, turned: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A triangle wall, turned with its body; in a cyclic sector the whole wall is drawn.
+
+    Parameters
+    ----------
+    vertices (v, 3) [m], triangles (t, 3) : of the wall at angle 0.
+    turned : angle of the body [rad].
+
+    Returns
+    -------
+    points (v, 3) [m], triangles (t, 3), material angle (t,) [rad] in [0, 2 pi): azimuth of each triangle's centre in
+    the frame that turns with the body.
+    """
+    cos, sin = math.cos(turned), math.sin(turned)
+    x, y, z = np.asarray(vertices, dtype=np.float64).T
+    centre = np.asarray(vertices)[triangles].mean(axis=1)
+    material = np.mod(np.arctan2(centre[:, 1], centre[:, 0]), 2.0 * math.pi)
+    return np.column_stack([cos * x - sin * y, sin * x + cos * y, z]), np.asarray(triangles), material
+
+
 def plane_polygon(plane: Any, others: Sequence[Any], reach: float) -> np.ndarray:
     """Corners (k, 3) of a plane's part that lies on the grains' side of the other planes.
 

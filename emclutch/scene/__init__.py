@@ -1,10 +1,11 @@
 """The scene: what a TOML file may say about a device, its grains and its motion, as frozen models in SI."""
 
 from emclutch.scene.coil import Coil
+from emclutch.scene.contact import Contact
 from emclutch.scene.effects import Dipoles, Effects, Gravity
 from emclutch.scene.field_source import CoilField, UniformField
 from emclutch.scene.geometry import BoxGeometry, ClutchGeometry, DrumGeometry, ShearCellGeometry
-from emclutch.scene.grains import Contact, Particles
+from emclutch.scene.grains import Particles
 from emclutch.scene.model import Header, Scene
 from emclutch.scene.motion import FreeShaft, Motion, ShaftMotion
 from emclutch.scene.time_table import CurrentTable, SpeedTable, TimeTable, largest, points_of

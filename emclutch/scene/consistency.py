@@ -11,8 +11,7 @@ from emclutch.faults import Fault, shown
 from emclutch.scene.fault_report import entry_at
 from emclutch.scene.field_source import CoilField, UniformField
 from emclutch.scene.fill import fill_of
-from emclutch.scene.geometry import BoxGeometry, CadGeometry, ClutchGeometry, ShearCellGeometry
-from emclutch.scene.grains import LARGEST_SOLID_FRACTION
+from emclutch.scene.geometry import BoxGeometry, CadGeometry, CentrifugalGeometry, ClutchGeometry, ShearCellGeometry
 from emclutch.scene.motion import HELD
 from emclutch.scene.section import did_you_mean
 from emclutch.scene.time_table import largest
@@ -46,7 +45,7 @@ def faults_between_sections(draft: Draft) -> list[Fault]:
 def _shape(draft: Draft) -> Iterator[Fault]:
     """The shape itself, and that a grain fits into it."""
     particles = draft.scene.particles
-    for fault in draft.scene.geometry.shape().faults(None if particles is None else particles.diameter):
+    for fault in draft.scene.geometry.shape().faults(None if particles is None else particles.largest_diameter):
         told = draft.fault(fault.key, f"cannot be: {fault.message}".replace("`", ""))
         yield (told if told.value else Fault(fault.key, fault.value, told.message))  # a default has no entry to show
 
@@ -97,7 +96,9 @@ def _region(draft: Draft) -> Iterator[Fault]:
 
 
 def _sector_in_geometry(draft: Draft) -> Iterator[Fault]:
-    if draft.scene.particles.sector is not None and isinstance(draft.scene.geometry, BoxGeometry):
+    if draft.scene.particles.sector is not None and isinstance(
+        draft.scene.geometry, (BoxGeometry, CentrifugalGeometry)
+    ):
         yield draft.fault(
             "particles.sector",
             "needs a shape with an axis; remove it, or take another geometry.kind than 'box'",
@@ -126,17 +127,20 @@ def _sector_in_field(draft: Draft) -> Iterator[Fault]:
 
 def _fill(draft: Draft) -> Iterator[Fault]:
     particles, shape = draft.scene.particles, draft.scene.shape()
-    if shape.faults(particles.diameter):
+    if shape.faults(particles.largest_diameter):
         return  # already told; volumes of a broken shape mean nothing
     fill = fill_of(shape, particles)
-    key = next(name for name in ("mass", "solid_fraction", "count") if getattr(particles, name) is not None)
-    most = LARGEST_SOLID_FRACTION * fill.volume
+    amounts = ("mass", "solid_fraction", "count")
+    key = next((name for name in amounts if getattr(particles, name) is not None), "packing_file")
+    densest = particles.largest_solid_fraction
+    most = densest * fill.volume
     limits = {
         "mass": f"{1e3 * most * particles.density:.4g} g",
-        "solid_fraction": f"{LARGEST_SOLID_FRACTION:.2f}",
+        "solid_fraction": f"{densest:.2f}",
         "count": f"{int(most / particles.grain_volume / particles.n_sectors)}",
+        "packing_file": "what the region holds",
     }
-    if fill.solid_fraction > LARGEST_SOLID_FRACTION * (1.0 + 1e-9):
+    if fill.solid_fraction > densest * (1.0 + 1e-9):
         yield draft.fault(
             f"particles.{key}",
             f"fills {fill.solid_fraction:.2f} of the region ({1e6 * fill.volume:.4g} "
@@ -150,14 +154,22 @@ def _fill(draft: Draft) -> Iterator[Fault]:
         )
 
 
+def _pour(draft: Draft) -> Iterator[Fault]:
+    if draft.scene.particles.packing == "pour" and draft.scene.effects.gravity is None:
+        yield draft.fault("particles.packing", "needs weight; add [effects.gravity], or take another packing")
+
+
 def _sector_width(draft: Draft) -> Iterator[Fault]:
     """Neither its own image nor one partner through both faces may be in a grain's reach."""
     particles, shape = draft.scene.particles, draft.scene.shape()
-    if particles.sector is None or isinstance(draft.scene.geometry, BoxGeometry) or shape.faults(particles.diameter):
+    if particles.sector is None or isinstance(draft.scene.geometry, (BoxGeometry, CentrifugalGeometry)):
+        return
+    largest = particles.largest_diameter
+    if shape.faults(largest):
         return
     dipoles = draft.scene.effects.dipoles
-    reach = particles.diameter * (_CONTACT_REACH if dipoles is None else max(dipoles.cutoff, _CONTACT_REACH))
-    radius = fill_of(shape, particles).inner_radius + 0.5 * particles.diameter
+    reach = largest * (_CONTACT_REACH if dipoles is None else max(dipoles.cutoff, _CONTACT_REACH))
+    radius = fill_of(shape, particles).inner_radius + 0.5 * largest
     chord = 2.0 * radius * math.sin(0.5 * particles.sector)
     if chord < 2.0 * reach:
         narrowest = 2.0 * math.asin(min(1.0, reach / radius))
@@ -307,6 +319,7 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (_sector_in_gravity, ("particles", "effects")),
     (_sector_in_field, ("particles", "field")),
     (_fill, ("geometry", "particles")),
+    (_pour, ("particles", "effects")),
     (_sector_width, ("geometry", "particles", "effects")),
     (_needs_of_effects, ("effects",)),
     (_coil_transients, ("effects", "coil", "field", "geometry", "materials")),

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Self
+from typing import TYPE_CHECKING, Annotated, Self
 
 from pydantic import Field, model_validator
 
 from emclutch.scene.section import Automatic, Choice, Section, Whole, refuse
-from emclutch.units import Acceleration, Quantity, number
+from emclutch.units import Acceleration, Force, Quantity, WorkOfAdhesion, number
+
+if TYPE_CHECKING:
+    from particles.laws.cohesion import Cohesion as CohesionLaw
 
 PLANNED_EFFECTS = (
     "remanence",
-    "twisting_friction",
-    "cohesion",
     "fluid_drag",
     "heat",
 )
@@ -121,6 +122,57 @@ class RollingFriction(Section):
     )
 
 
+class TwistingFriction(Section):
+    """Resistance of rough, flattened contacts to the spin of two grains about their common normal."""
+
+    coefficient: Annotated[float, number("0.05", 0.0, 10.0)] = Field(
+        default=0.05, description="couple over (effective radius times normal force), between grains"
+    )
+    wall_coefficient: Annotated[float, number("0.05", 0.0, 10.0)] | None = Field(
+        default=None, description="at walls; default: as between grains"
+    )
+
+
+class Cohesion(Section):
+    """Pull between grains that touch: constant, or from the work of adhesion w and r = R_i R_j/(R_i + R_j)."""
+
+    model: Annotated[str, Choice(("constant", "dmt", "jkr"))] = Field(
+        default="constant",
+        description="constant: force; dmt: 2 pi w r, small stiff grains; jkr: 3/2 pi w r, large soft grains",
+    )
+    force: Force | None = Field(default=None, description="constant: pull of a contact")
+    wall_force: Force | None = Field(default=None, description="constant: at walls; default: force")
+    work_of_adhesion: WorkOfAdhesion | None = Field(
+        default=None,
+        description="dmt and jkr: energy to part a unit of area, twice the surface energy of like grains",
+    )
+    wall_work_of_adhesion: WorkOfAdhesion | None = Field(
+        default=None, description="dmt and jkr: at walls; default: work_of_adhesion"
+    )
+
+    @model_validator(mode="after")
+    def _has_what_its_model_needs(self) -> Self:
+        needed, other = ("force", "work_of_adhesion") if self.model == "constant" else ("work_of_adhesion", "force")
+        for key in (other, f"wall_{other}"):
+            if getattr(self, key) is not None:
+                raise refuse(f"does not belong to model = '{self.model}'; remove it, or take another model", key=key)
+        if getattr(self, needed) is None:
+            example = "'1 mN'" if needed == "force" else "'0.05 J/m^2'"
+            raise refuse(f"is missing for model = '{self.model}'; give it, e.g. {needed} = {example}", key=needed)
+        return self
+
+    def law(self) -> CohesionLaw:
+        """Return the pull for the contacts."""
+        from particles.laws.cohesion import Cohesion as CohesionLaw  # local: the schema itself needs no particles
+
+        if self.model == "constant":
+            assert self.force is not None  # by the model's rule
+            return CohesionLaw.constant(self.force, self.wall_force)
+        assert self.work_of_adhesion is not None
+        made = CohesionLaw.dmt if self.model == "dmt" else CohesionLaw.jkr
+        return made(self.work_of_adhesion, self.wall_work_of_adhesion)
+
+
 class Effects(Section):
     """The effects of a scene; one without its table does not exist."""
 
@@ -132,8 +184,9 @@ class Effects(Section):
     back_reaction: BackReaction | None = Field(default=None, description="the powder's fill changes the field")
     coil_circuit: CoilCircuit | None = Field(default=None, description="resistance and inductance delay the current")
     eddy_currents: EddyCurrents | None = Field(default=None, description="solid conductors delay the field")
-
     rolling_friction: RollingFriction | None = Field(default=None, description="grains resist rolling")
+    twisting_friction: TwistingFriction | None = Field(default=None, description="grains resist twisting")
+    cohesion: Cohesion | None = Field(default=None, description="grains that touch pull each other")
 
     @classmethod
     def names(cls) -> tuple[str, ...]:

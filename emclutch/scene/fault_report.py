@@ -12,7 +12,6 @@ from pydantic_core import ErrorDetails
 
 from emclutch.faults import Fault, shown
 from emclutch.scene.effects import PLANNED_EFFECTS
-from emclutch.scene.geometry import PLANNED_KINDS
 from emclutch.scene.section import Choice, Section, did_you_mean, not_one_of
 from emclutch.units import Quantity
 
@@ -131,8 +130,7 @@ def _wrong_tag(path: Path, tag: str, given: Any, root: type[Section], data: dict
     key = dotted((*path, tag))
     if tag not in given:
         return Fault(key, "", f"is missing; give one of {', '.join(names)}")
-    planned = PLANNED_KINDS if path == ("geometry",) else ()
-    return Fault(key, shown(given[tag]), not_one_of(given[tag], names, planned))
+    return Fault(key, shown(given[tag]), not_one_of(given[tag], names))
 
 
 def _plain(kind: str, message: str, context: dict[str, Any], path: Path) -> str:

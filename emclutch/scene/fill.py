@@ -1,15 +1,23 @@
-"""How many grains a scene has: from the mass, the solid fraction or the count to the other two."""
+"""How many grains a scene has: from the mass, the solid fraction or the count to the other two.
+
+Of grains of different sizes, as many are drawn as come nearest to the wanted volume: mass and solid fraction are met to
+half a grain. Without a seed the number is the one to be expected, by their mean volume: good enough for checks.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from emclutch.scene.grains import Particles
 
 if TYPE_CHECKING:
     from geometry import AnnularBox, Box, Clutch, ShearCell
     from geometry.cad_shape import CadShape
+    from geometry.centrifugal import CentrifugalClutch
 
 _REGIONS = {
     "cavity": ("rim", "face_left", "face_right"),
@@ -38,7 +46,7 @@ class Fill:
     inner_radius: float
 
 
-def boxes_to_fill(shape: Clutch | CadShape | ShearCell | Box, region: str) -> list[AnnularBox]:
+def boxes_to_fill(shape: Clutch | CadShape | ShearCell | CentrifugalClutch | Box, region: str) -> list[AnnularBox]:
     """Return the annular boxes of a region; none for a plain box, which is filled as a whole."""
     from geometry import Box, Clutch
 
@@ -48,20 +56,43 @@ def boxes_to_fill(shape: Clutch | CadShape | ShearCell | Box, region: str) -> li
     return [boxes[name] for name in _REGIONS[region]] if isinstance(shape, Clutch) else list(boxes.values())
 
 
-def fill_of(shape: Clutch | CadShape | ShearCell | Box, particles: Particles) -> Fill:
+def fill_of(
+    shape: Clutch | CadShape | ShearCell | CentrifugalClutch | Box, particles: Particles, seed: int | None = None
+) -> Fill:
     """Work out the amount of powder; the count is whole, mass and fraction follow from it."""
     from geometry import Box
 
     boxes = boxes_to_fill(shape, particles.region)
     volume = shape.volume if isinstance(shape, Box) else sum(box.volume() for box in boxes)
-    grain, sectors = particles.grain_volume, particles.n_sectors
+    count, simulated = _simulated(particles, volume, seed)
+    grains_volume = simulated * particles.n_sectors
+    inner_radius = min((box.r0 for box in boxes), default=0.0)
+    return Fill(volume, count, grains_volume * particles.density, grains_volume / volume, inner_radius)
+
+
+def diameters_of(particles: Particles, count: int, seed: int) -> np.ndarray:
+    """Diameters [m] of the `count` grains that `fill_of` found with the same seed, shape (count,)."""
+    if particles.packing == "file":
+        return 2.0 * particles.packing_in_file().radius
+    return particles.distribution().draw(count, seed)
+
+
+def _simulated(particles: Particles, volume: float, seed: int | None) -> tuple[int, float]:
+    """Number and volume [m^3] of the grains of one sector in a region of ``volume`` [m^3]."""
+    if particles.packing == "file":
+        radius = particles.packing_in_file().radius
+        return len(radius), float(4.0 / 3.0 * math.pi * (radius**3).sum())
+    grain = particles.grain_volume
     if particles.count is not None:
         count = particles.count
     else:
-        grains_volume = (particles.solid_fraction or 0.0) * volume
+        wanted = (particles.solid_fraction or 0.0) * volume
         if particles.mass is not None:
-            grains_volume = particles.mass / particles.density
-        count = round(grains_volume / grain / sectors)
-    grains_volume = count * sectors * grain
-    inner_radius = min((box.r0 for box in boxes), default=0.0)
-    return Fill(volume, count, grains_volume * particles.density, grains_volume / volume, inner_radius)
+            wanted = particles.mass / particles.density
+        count = round(wanted / grain / particles.n_sectors)
+        # what is far too much is refused by its mean: it need not be drawn
+        if particles.sizes is not None and seed is not None and wanted <= volume:
+            count = len(particles.distribution().draw_volume(wanted / particles.n_sectors, seed))
+    if particles.sizes is None or seed is None:
+        return count, count * grain
+    return count, float(math.pi / 6.0 * (diameters_of(particles, count, seed) ** 3).sum())

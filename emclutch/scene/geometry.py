@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from geometry.box import Box
     from geometry.cad_meshing import CadSection
     from geometry.cad_shape import CadShape
+    from geometry.centrifugal import CentrifugalClutch
     from geometry.clutch import Clutch
     from geometry.section import SectionMesh
 
-PLANNED_KINDS = ("centrifugal",)
 NON_MAGNETIC = ("air", "aluminium", "copper", "stainless_304")
 """Built-in materials that carry no flux."""
 
@@ -135,6 +135,36 @@ class ShearCellGeometry(Section):
         return ShearCell(self.inner_radius, self.outer_radius, self.height)
 
 
+class CentrifugalGeometry(Section):
+    """A shot clutch: vanes on the input (body `rotor`) throw the grains against the ribbed drum of the output (`disc`).
+
+    Its axis is z; gravity across it, e.g. direction = [0, -1, 0], makes it a horizontal shaft.
+    """
+
+    kind: Literal["centrifugal"]
+    drum_radius: Length = Field(description="inner radius of the drum")
+    width: Length = Field(description="axial distance of the drum's covers")
+    hub_radius: Length = Field(description="radius of the hub that carries the vanes")
+    vanes: Annotated[int, Whole(1, 60, "6")] = Field(description="straight radial vanes on the hub")
+    vane_thickness: Length = Field(description="thickness of a vane")
+    tip_clearance: Length = Field(description="radial clearance between the vanes' tips and the ribs")
+    side_clearance: Length = Field(description="axial clearance between a vane and the cover, on both sides")
+    slots: Annotated[int, Whole(0, 20, "2")] = Field(
+        default=0, description="slots in each vane, open at its tip, through which shot slips under overload"
+    )
+    slot_width: LengthOrNone = Field(default=0.0, description="axial width of a slot")
+    slot_depth: LengthOrNone = Field(default=0.0, description="radial depth of a slot, from the tip")
+    ribs: Annotated[int, Whole(0, 360, "20")] = Field(default=0, description="ribs along the drum's inner face")
+    rib_height: LengthOrNone = Field(default=0.0, description="radial height of a rib")
+    rib_width: LengthOrNone = Field(default=0.0, description="tangential width of a rib")
+
+    def shape(self) -> CentrifugalClutch:
+        """Return the shape for walls and volumes."""
+        from geometry.centrifugal import CentrifugalClutch
+
+        return CentrifugalClutch(**self.model_dump(exclude={"kind"}))
+
+
 class BoxGeometry(Section):
     """A closed box at rest, x and y centred on the axis, its floor at z = 0."""
 
@@ -248,5 +278,6 @@ def _read_section(
 
 
 Geometry = Annotated[
-    ClutchGeometry | DrumGeometry | ShearCellGeometry | BoxGeometry | CadGeometry, Field(discriminator="kind")
+    ClutchGeometry | DrumGeometry | CentrifugalGeometry | ShearCellGeometry | BoxGeometry | CadGeometry,
+    Field(discriminator="kind"),
 ]

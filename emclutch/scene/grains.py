@@ -1,26 +1,37 @@
-"""[particles]: the grains and how they magnetise. [contact]: how they touch."""
+"""[particles]: the grains, how they are packed, and how they magnetise."""
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Self
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from emclutch.scene.section import Choice, Section, Whole, refuse
-from emclutch.units import Angle, Density, Length, Magnetisation, Mass, Stiffness, number
+from emclutch.scene.sizes import Sizes, from_the_scenes_folder
+from emclutch.units import Angle, Density, Length, Magnetisation, Mass, Time, number
+
+if TYPE_CHECKING:
+    from particles.packing.packing import Packing
+    from particles.packing.sizes import GrainSizes
 
 LARGEST_SOLID_FRACTION = 0.60
 """Fill beyond which equal spheres are not packed at random without pressing them (close packing: 0.64)."""
 
+_LATTICE_DENSITY = {"sc": math.pi / 6.0, "fcc": math.pi / math.sqrt(18.0), "hcp": math.pi / math.sqrt(18.0)}
+_AMOUNTS = ("mass", "solid_fraction", "count")
+
 
 class Particles(Section):
-    """Equal spheres; their amount: mass or solid fraction of the whole device, or the simulated count."""
+    """Spheres; their amount: mass or solid fraction of the whole device, or the simulated count."""
 
-    diameter: Length = Field(description="diameter of a grain")
+    diameter: Length | None = Field(default=None, description="diameter of equal grains; or sizes")
+    sizes: Sizes | None = Field(default=None, description="distribution of diameters, instead of diameter")
     mass: Mass | None = Field(default=None, description="mass of powder in the whole device, not only in the sector")
     solid_fraction: Annotated[float, number("0.4", 0.0, 1.0, above=True)] | None = Field(
-        default=None, description="volume of grains / volume of the region; at most 0.60 can be packed"
+        default=None, description="volume of grains / volume of the region; at random at most 0.60 can be packed"
     )
     count: Annotated[int, Whole(1, 100_000_000, "1000")] | None = Field(
         default=None, description="number of simulated grains (those of the sector, where there is one)"
@@ -30,6 +41,22 @@ class Particles(Section):
         default="cavity", description="where a clutch is filled: rim gap, both face gaps or all of them"
     )
     sector: Angle | None = Field(default=None, description="cyclic sector that stands for the ring; divides 360 deg")
+    packing: Annotated[str, Choice(("random", "grow", "lattice", "pour", "file"))] = Field(
+        default="random",
+        description="random: up to 0.60; grow: denser, slower; lattice: in rows; pour: falls loose; file: as it says",
+    )
+    lattice: Annotated[str, Choice(("sc", "fcc", "hcp"))] = Field(default="fcc", description="for packing = 'lattice'")
+    noise: Annotated[float, number("0.5", 0.0, 1.0)] = Field(
+        default=0.0, description="for packing = 'lattice': random displacement / play between neighbours"
+    )
+    packing_file: str | None = Field(
+        default=None, min_length=1, description="for packing = 'file': CSV, npz or vtp, from the scene's folder"
+    )
+    settle: bool = Field(default=False, description="let the grains come to rest before time 0; pour always does")
+    settle_kinetic: Annotated[float, number("1e-6", 1e-15, 0.1)] = Field(
+        default=1e-6, description="at rest: kinetic energy / m g d (without gravity: / energy stored in contacts)"
+    )
+    settle_longest: Time | None = Field(default=None, description="longest simulated time to rest; default: 100 falls")
     susceptibility: Annotated[float, number("200", 0.0, 1e6, above=True)] = Field(
         default=200.0, description="initial susceptibility of the grain's material"
     )
@@ -39,10 +66,20 @@ class Particles(Section):
         description="sphere: demagnetised, in the Lorentz field of its neighbours; thesis: M = chi H",
     )
 
+    @field_validator("packing_file")
+    @classmethod
+    def _from_the_scenes_folder(cls, given: str | None, info: ValidationInfo) -> str | None:
+        return None if given is None else from_the_scenes_folder(given, info.context)
+
     @model_validator(mode="after")
     def _has_one_amount(self) -> Self:
-        given = [key for key in ("mass", "solid_fraction", "count") if getattr(self, key) is not None]
-        if not given:
+        given = [key for key in _AMOUNTS if getattr(self, key) is not None]
+        if self.packing == "file":
+            if given:
+                raise refuse(
+                    "stands beside packing = 'file', which says how many grains there are; remove it", given[0]
+                )
+        elif not given:
             raise refuse("is missing; give one of mass, solid_fraction, count, e.g. mass = '20 g'", key="mass")
         if len(given) > 1:
             raise refuse(
@@ -60,35 +97,99 @@ class Particles(Section):
                 )
         return self
 
+    @model_validator(mode="after")
+    def _has_sizes(self) -> Self:
+        if self.packing != "file":
+            if self.packing_file is not None:
+                raise refuse(f"is not used by packing = '{self.packing}'; remove it, or take packing = 'file'",
+                             key="packing_file")  # fmt: skip
+            if self.diameter is None and self.sizes is None:
+                raise refuse("is missing; a length is needed, e.g. diameter = '1 mm', or sizes = "
+                             "{ kind = 'uniform', min = '0.8 mm', max = '1 mm' }", key="diameter")  # fmt: skip
+            if self.diameter is not None and self.sizes is not None:
+                raise refuse("stands beside diameter; keep one of the two", key="sizes")
+        else:
+            if self.packing_file is None:
+                raise refuse("is missing, but packing = 'file'; name a CSV, npz or vtp file", key="packing_file")
+            if self.sizes is not None:
+                raise refuse("stands beside packing = 'file'; the file has the diameters, or diameter gives one for "
+                             "all: remove it", key="sizes")  # fmt: skip
+            try:
+                self.packing_in_file()
+            except (ValueError, OSError) as error:
+                raise refuse(str(error).removeprefix(self.packing_file).lstrip(": "), key="packing_file") from None
+        if self.packing != "lattice":
+            for key in ("lattice", "noise"):
+                if key in self.model_fields_set and getattr(self, key) != type(self).model_fields[key].default:
+                    raise refuse(f"is not used by packing = '{self.packing}'; remove it, or take packing = 'lattice'",
+                                 key=key)  # fmt: skip
+        return self
+
     @property
     def n_sectors(self) -> int:
         """Sectors in the ring; 1 where the whole ring is simulated."""
         return 1 if self.sector is None else round(2.0 * math.pi / self.sector)
 
     @property
-    def grain_volume(self) -> float:
-        """Volume of a grain [m^3]."""
-        return math.pi / 6.0 * self.diameter**3
-
-
-_Friction = Annotated[float, number("0.3", 0.0, 10.0)]
-
-
-class Contact(Section):
-    """Linear spring and dashpot with Coulomb friction; stiffness follows from the overlap that is allowed."""
-
-    method: Annotated[str, Choice(("dem",), planned=("dvi",))] = Field(default="dem", description="contact method")
-    friction: _Friction = Field(default=0.3, description="between grains")
-    wall_friction: _Friction | None = Field(default=None, description="between grain and wall; default: friction")
-    restitution: Annotated[float, number("0.5", 0.0, 1.0, above=True)] = Field(
-        default=0.5, description="speed after / before a head-on collision"
-    )
-    stiffness: Stiffness | None = Field(default=None, description="normal stiffness; default: from max_overlap")
-    max_overlap: Annotated[float, number("0.005", 1e-5, 0.05)] = Field(
-        default=0.005, description="overlap / diameter allowed under the largest load to be expected"
-    )
+    def settles(self) -> bool:
+        """Whether the grains come to rest before time 0."""
+        return self.settle or self.packing == "pour"
 
     @property
-    def friction_at_walls(self) -> float:
-        """Coefficient of friction between grain and wall."""
-        return self.friction if self.wall_friction is None else self.wall_friction
+    def mean_diameter(self) -> float:
+        """Mean diameter by number [m]."""
+        return self.distribution().mean if self.diameter is None else self.diameter
+
+    @property
+    def smallest_diameter(self) -> float:
+        """Diameter of the smallest grain that there may be [m]."""
+        return self.distribution().limits[0] if self.diameter is None else self.diameter
+
+    @property
+    def largest_diameter(self) -> float:
+        """Diameter of the largest grain that there may be [m]."""
+        return self.distribution().limits[1] if self.diameter is None else self.diameter
+
+    @property
+    def grain_volume(self) -> float:
+        """Mean volume of a grain [m^3]."""
+        return self.distribution().mean_volume if self.diameter is None else math.pi / 6.0 * self.diameter**3
+
+    @property
+    def largest_solid_fraction(self) -> float:
+        """Fill of the region that the packing cannot exceed, wherever its walls are."""
+        if self.packing == "file":
+            return 1.0  # the file is judged by its overlaps
+        if self.packing == "lattice":
+            largest = math.pi / 6.0 * self.largest_diameter**3
+            return _LATTICE_DENSITY[self.lattice] * self.grain_volume / largest
+        if self.packing == "grow":
+            from particles.packing.grown_packing import close_packing_of_moments  # local: see `distribution`
+
+            return close_packing_of_moments(self.distribution().moment)
+        return LARGEST_SOLID_FRACTION
+
+    def distribution(self) -> GrainSizes:
+        """Return the distribution of diameters."""
+        from particles.packing.sizes import EqualSizes, ListedSizes  # local: scenes of equal grains load without numba
+
+        if self.sizes is not None:
+            return self.sizes.distribution()
+        if self.diameter is not None:
+            return EqualSizes(self.diameter)
+        return ListedSizes(2.0 * self.packing_in_file().radius)
+
+    def packing_in_file(self) -> Packing:
+        """Return the grains of `packing_file`, as they stand there."""
+        assert self.packing_file is not None  # by the checks above
+        path = Path(self.packing_file)
+        changed = path.stat().st_mtime_ns if path.is_file() else 0
+        return _read_packing(self.packing_file, changed, self.diameter)
+
+
+@lru_cache(maxsize=4)
+def _read_packing(file: str, changed: int, diameter: float | None) -> Packing:
+    """Read a file once for the many that ask; `changed` is its time, so that a new one is seen."""
+    from particles.packing.file_packing import read_packing
+
+    return read_packing(file, radius=None if diameter is None else 0.5 * diameter)

@@ -7,18 +7,21 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field, StringConstraints
 
 from emclutch.scene.coil import Coil
+from emclutch.scene.contact import Contact
 from emclutch.scene.effects import Effects
 from emclutch.scene.field_source import FieldSource
 from emclutch.scene.geometry import CadGeometry, ClutchGeometry, Geometry
-from emclutch.scene.grains import Contact, Particles
+from emclutch.scene.grains import Particles
 from emclutch.scene.materials import LinearMaterial, Material
 from emclutch.scene.motion import Motion
 from emclutch.scene.section import Section, Whole
+from emclutch.scene.surfaces import Surface
 from emclutch.scene.timing import Accuracy, Output, TimeSpan
 
 if TYPE_CHECKING:
     from geometry import Box, Clutch, ShearCell
     from geometry.cad_shape import CadShape
+    from geometry.centrifugal import CentrifugalClutch
 
 _Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 
@@ -37,6 +40,7 @@ class Scene(Section):
     scene: Header
     geometry: Geometry
     materials: dict[_Name, Material] = Field(default={}, description="own materials by name")
+    surfaces: dict[_Name, Surface] = Field(default={}, description="surfaces from files that grains touch as well")
     coil: Coil | None = None
     field: FieldSource | None = None
     particles: Particles
@@ -47,7 +51,7 @@ class Scene(Section):
     accuracy: Accuracy = Accuracy()
     output: Output = Output()
 
-    def shape(self) -> Clutch | CadShape | ShearCell | Box:
+    def shape(self) -> Clutch | CadShape | ShearCell | CentrifugalClutch | Box:
         """Return the device's shape, for meshing, walls and volumes."""
         if isinstance(self.geometry, ClutchGeometry):
             cover = self.materials.get(self.geometry.materials.cover)

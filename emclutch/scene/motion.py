@@ -2,22 +2,80 @@
 
 from __future__ import annotations
 
-from typing import Self
+from typing import Annotated, Any, Self
 
-from pydantic import Field, model_validator
+from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
 
 from emclutch.scene.section import Section, refuse
-from emclutch.scene.time_table import SpeedCourse
-from emclutch.units import Inertia, LoadTorque, Speed, Torque
+from emclutch.scene.time_table import SpeedCourse, TimeTable
+from emclutch.units import Inertia, Instant, LoadTorque, Quantity, Speed, Torque
+
+_StallTorque = Annotated[float, Quantity("a torque", "N*m", "1500 N m", 0.0, 1e7, open_minimum=True)]
+
+
+class LoadTable(TimeTable):
+    """Course of a load torque [N m] in time [s]."""
+
+    values: tuple[LoadTorque, ...] = Field(min_length=1, description="load torque at each instant")
+
+
+def _value_or_table(given: Any) -> str:
+    return "table" if isinstance(given, (dict, BaseModel)) else "value"
+
+
+LoadCourse = Annotated[
+    Annotated[LoadTorque, Tag("value")] | Annotated[LoadTable, Tag("table")], Discriminator(_value_or_table)
+]
+
+
+class Motor(Section):
+    """A motor whose torque falls linearly with the speed, as that of a DC machine at a constant voltage does.
+
+    Above its no-load speed it brakes.
+    """
+
+    stall_torque: _StallTorque = Field(description="torque at rest, about +z where no_load_speed is positive")
+    no_load_speed: Speed = Field(description="speed at which it gives no torque; its sign is the sense of rotation")
+    switched_on: Instant = Field(default=0.0, description="instant from which it gives torque")
+
+    @model_validator(mode="after")
+    def _turns(self) -> Self:
+        if self.no_load_speed == 0.0:
+            raise refuse("is no speed; give that of the idling motor, e.g. '1500 rpm'", key="no_load_speed")
+        return self
+
+    @property
+    def signed_stall_torque(self) -> float:
+        """Torque at rest about +z [N m]."""
+        return self.stall_torque if self.no_load_speed > 0.0 else -self.stall_torque
+
+    @property
+    def slope(self) -> float:
+        """Torque lost per speed [N m s], positive."""
+        return self.stall_torque / abs(self.no_load_speed)
 
 
 class FreeShaft(Section):
     """A shaft that its torques accelerate; the load opposes rotation and holds at rest, as a brake does."""
 
     inertia: Inertia = Field(description="moment of inertia of shaft and load about the axis")
-    load_torque: LoadTorque = Field(default=0.0, description="opposes rotation, >= 0")
+    load_torque: LoadCourse = Field(
+        default=0.0, description="opposes rotation, >= 0; one value or a table in time (an overload switched on later)"
+    )
     drive_torque: Torque = Field(default=0.0, description="positive about +z")
+    motor: Motor | None = Field(default=None, description="a motor with a linear characteristic drives the shaft")
     initial_speed: Speed = Field(default=0.0, description="speed at the start")
+
+    @model_validator(mode="after")
+    def _has_one_drive(self) -> Self:
+        if self.motor is not None and self.drive_torque != 0.0:
+            raise refuse("stands beside motor; keep one of them", key="drive_torque")
+        return self
+
+    @property
+    def largest_speed(self) -> float:
+        """Largest speed [rad/s] that follows from the entries alone: at the start, or of the idling motor."""
+        return max(abs(self.initial_speed), 0.0 if self.motor is None else abs(self.motor.no_load_speed))
 
 
 class ShaftMotion(Section):

@@ -61,5 +61,13 @@ class Output(Section):
     folder: str | None = Field(default=None, min_length=1, description="folder of the run; --out wins over it")
     snapshots: Annotated[int, Whole(0, 100_000, "20")] = Field(default=20, description="number of VTK snapshots")
     formats: tuple[Annotated[str, Choice(("vtk", "hdf5"), planned=("vtkhdf",))], ...] = ("vtk", "hdf5")
+    energies: StrictBool = Field(
+        default=True, description="keep the books of energy; without them a step of the grains is a tenth cheaper"
+    )
     pictures: StrictBool = Field(default=True, description="PNG plots")
+    profiles: StrictBool = Field(
+        default=False,
+        description="profiles.csv: fill, flow, stress and torque across the gap, mean of the run's second half "
+        "(or from time.average_from)",
+    )
     checkpoint: StrictBool = Field(default=True, description="checkpoints, so that a run can be resumed")

@@ -1,4 +1,4 @@
-"""Discrete element method: grains, walls on turning bodies, contact law; the loop around the compiled step.
+"""Discrete element method: grains, walls on turning bodies, contact laws; the loop around the compiled step.
 
 The step itself is `particles.dem.step_kernel`. Here the Verlet list is renewed (sort by cells, wrap through the
 sector, carry the history), sums become `StepTotals`, and what went wrong is explained.
@@ -6,28 +6,43 @@ sector, carry the history), sums become `StepTotals`, and what went wrong is exp
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from geometry.walls import Wall
 from particles.bodies import Body, FreeShaft, PrescribedSpeed
 from particles.dem import step_kernel as kernel
-from particles.dem.step_totals import StepTotals
+from particles.dem import sums
+from particles.dem.contact_kernel import LAST_STORED
+from particles.dem.step_totals import EnergyTotals, StepTotals
 from particles.dem.time_step import choose_time_step
 from particles.faults import DemError
 from particles.grains import Grains
-from particles.laws.linear import LinearContact
+from particles.laws.cohesion import Cohesion
+from particles.laws.columns import COHESION_0, COHESION_1, MU_ROLLING, MU_TWISTING
+from particles.laws.contact_law import ContactLaw
+from particles.laws.pair_table import PairLaws
 from particles.laws.rolling_friction import RollingFriction
+from particles.laws.springs import SPRINGS
+from particles.laws.twisting_friction import TwistingFriction
 from particles.lists.contact_list import ContactList
-from particles.lists.contact_table import ContactTable, contact_table, stored_at_rest
-from particles.lists.neighbours import cell_order
+from particles.lists.contact_table import ContactTable, contact_table, geometric_overlaps
+from particles.lists.neighbours import cell_order, finest_cell
+from particles.lists.skin import USUAL, WIDEST, next_skin
 from particles.sector import CyclicSector
 from particles.threads import threads_for
-from particles.walls.wall_table import outside, wall_table
+from particles.walls.device_walls import DeviceWalls
+from particles.walls.triangle_kernels import N_FOUND
+from particles.walls.wall_table import outside
 
-ROWS_PER_CHUNK = 256  # chunks must follow from the number of grains alone (same result with any number of threads)
-STEPS_PER_CALL = 512  # bounds the table of prescribed speeds
+STEPS_PER_CALL = 512  # bounds the tables in time (speeds, torques, gravity)
+WALL_SKIN = 0.5  # of the skin: how far triangles may turn before the list is made anew
+
+# places of the records of forces among the kernel's arguments
+PAIR_RECORD, WALL_RECORD = 36, 53
+
+Gravity = np.ndarray | Sequence[float] | Callable[[np.ndarray], np.ndarray]
 
 
 class DEM:
@@ -39,20 +54,28 @@ class DEM:
         Taken over: its arrays are replaced, sorted and advanced.
     walls, bodies
         Walls refer to bodies by name.
-    contact : LinearContact
-        The law of every contact.
+    contact : ContactLaw or PairLaws
+        The law of every contact, or a law for each pair of materials.
     dt : float
         Step [s]; `particles.dem.time_step.choose_time_step` proposes one.
-    gravity : array_like, shape (3,), optional
-        Acceleration [m/s^2]; None leaves it out of the compiled step.
+    gravity : array_like, shape (3,), or callable, optional
+        Acceleration [m/s^2]; a callable takes times (k,) [s] and returns (k, 3). None leaves it out of the compiled
+        step.
     sector : CyclicSector, optional
         Simulate one wedge of the ring.
-    rolling : RollingFriction, optional
-        Rolling resistance; None leaves it out of the compiled step.
+    rolling, twisting, cohesion : optional
+        Resistance to rolling and to twisting, and pull, beside a single law (`PairLaws` has its own); None leaves each
+        out of the compiled step.
+    species : ndarray of int, shape (n,), optional
+        Material of each grain, a row of ``PairLaws.pair``.
+    wall_material : sequence of int, optional
+        Material of each wall, a column of ``PairLaws.wall``; 0 by default.
     skin : float, optional
-        Of the Verlet list [m]; a quarter of the mean diameter by default.
+        Of the Verlet list [m]; by default it starts at a quarter of the mean diameter and follows what is cheapest.
     overlap_limit : float
         Overlap, as a share of the diameter, at which the run is stopped.
+    ledger : bool
+        Keep the books of energy; without them a step is about a tenth cheaper.
 
     Attributes
     ----------
@@ -77,47 +100,81 @@ class DEM:
         grains: Grains,
         walls: Sequence[Wall],
         bodies: Sequence[Body],
-        contact: LinearContact,
+        contact: ContactLaw | PairLaws,
         *,
         dt: float,
-        gravity: np.ndarray | Sequence[float] | None = None,
+        gravity: Gravity | None = None,
         sector: CyclicSector | None = None,
         rolling: RollingFriction | None = None,
+        twisting: TwistingFriction | None = None,
+        cohesion: Cohesion | None = None,
+        species: np.ndarray | None = None,
+        wall_material: Sequence[int] | None = None,
         skin: float | None = None,
         overlap_limit: float = 0.1,
+        ledger: bool = True,
     ) -> None:
-        choose_time_step(contact, grains.mass, grains.radius, dt=dt)
-        self.grains, self.walls, self.bodies, self.contact = grains, list(walls), list(bodies), contact
-        self.dt, self.sector, self.overlap_limit = float(dt), sector, overlap_limit
-        self.gravity = None if gravity is None else np.array(gravity, dtype=float).reshape(3)
-        self.skin = 0.5 * float(np.mean(grains.radius)) if skin is None else float(skin)
+        if isinstance(contact, PairLaws):
+            if (rolling, twisting, cohesion) != (None, None, None):
+                raise ValueError("rolling, twisting and cohesion stand beside PairLaws; give them to PairLaws")
+            laws = contact
+        else:
+            laws = PairLaws.of_one(contact, rolling=rolling, twisting=twisting, cohesion=cohesion)
+        choose_time_step(laws, grains.mass, grains.radius, dt=dt)
+        self.grains, self.walls, self.bodies, self.laws = grains, list(walls), list(bodies), laws
+        self.dt, self.sector, self.overlap_limit, self.ledger = float(dt), sector, overlap_limit, ledger
+        self.gravity = gravity if gravity is None or callable(gravity) else np.array(gravity, dtype=float).reshape(3)
+        self._mean_radius = float(np.mean(grains.radius))
+        self._own_skin = skin is None
+        self.skin = USUAL * self._mean_radius if skin is None else float(skin)
         if not 0.0 < self.skin < np.inf:
             raise ValueError(f"skin = {self.skin * 1e3:g} mm; allowed: more than 0 (a quarter of a diameter is usual)")
         self.external_force: np.ndarray | None = None
-        self.step_count = 0
-        self.order_version = 0
-        self.list_version = 0
-        self._table = wall_table(self.walls, self.bodies)
-        self._law = contact.table()
-        self._rolling = None if rolling is None else rolling.table()
+        self.step_count = self.order_version = self.list_version = 0
+        n, n_bodies = grains.count, len(self.bodies)
+        self._device = DeviceWalls(self.walls, self.bodies)
+        self._species = None
+        if species is not None and len(laws.pair) > 1:
+            self._species = np.array(species, dtype=np.int64)
+            if self._species.shape != (n,) or self._species.min() < 0 or self._species.max() >= len(laws.pair):
+                raise ValueError(f"species must be {n} numbers from 0 to {len(laws.pair) - 1}")
+        material = np.zeros(len(self.walls), dtype=np.int64) if wall_material is None else np.array(wall_material)
+        if len(material) != len(self.walls) or (len(material) and not 0 <= material.max() < laws.wall.shape[1]):
+            raise ValueError(f"wall_material must be {len(self.walls)} numbers from 0 to {laws.wall.shape[1] - 1}")
+        self._wall_row = np.ascontiguousarray(laws.wall[:, material[self._device.wall].astype(np.int64)])
+        self._equal = self._equal_dashpots()
+        self._choose_columns()
         self._turn = None if sector is None else np.array([np.cos(sector.angle), np.sin(sector.angle)])
         # a device that does not hold its grains at the start (a bare disc, a belt) cannot lose them either
         self._encloses = not outside(grains.position, self.walls, 0.0).any()
-        n, n_bodies = grains.count, len(self.bodies)
-        n_chunks = -(-n // ROWS_PER_CHUNK)
-        self._chunk = np.arange(n_chunks + 1, dtype=np.int64) * n // n_chunks
-        self._chunk_sums = np.zeros((n_chunks, kernel.N_SUMS))
-        self._body_chunks = np.zeros((n_chunks, n_bodies, 5))
-        self._net = np.zeros((n, 6))
+        self._net = np.zeros((n, 3))
+        self._later = np.zeros(3)
+        self._last_torque = np.zeros(n_bodies)
         self._stale = True
+        self._list_step = 0
         self._contacts: ContactList | None = None
         self._rebuild()
-        self._elastic = stored_at_rest(grains, self._list, self._table.rows, sector, contact.stiffness_n)
+        self._elastic = self._stored_at_rest() if ledger else 0.0
+        self._kinetic = grains.kinetic_energy() if ledger else 0.0
+
+    @property
+    def contact(self) -> ContactLaw:
+        """The law between grains (of the first species)."""
+        return self.laws.laws[int(self.laws.pair[0, 0])]
 
     @property
     def time(self) -> float:
         """Time [s] of the positions; velocities lag by half a step."""
         return self.step_count * self.dt
+
+    @property
+    def gravity_now(self) -> np.ndarray | None:
+        """Acceleration of gravity [m/s^2] at this time, shape (3,)."""
+        if self.gravity is None:
+            return None
+        if callable(self.gravity):
+            return np.asarray(self.gravity(np.array([self.time])), dtype=float).reshape(3)
+        return np.asarray(self.gravity, dtype=float)
 
     @property
     def n_sectors(self) -> int:
@@ -127,7 +184,7 @@ class DEM:
     @property
     def contact_force(self) -> np.ndarray:
         """Sum of the contact forces on each grain at the last step [N], shape (n, 3)."""
-        return self._net[:, :3].copy()
+        return self._net.copy()
 
     @property
     def _list(self) -> ContactList:
@@ -142,30 +199,57 @@ class DEM:
         DemError
             See the class.
         """
-        totals = np.zeros(kernel.N_SUMS)
-        body_totals = np.zeros((len(self.bodies), kernel.N_BODY_SUMS))
-        elastic, kinetic, rebuilds, left = self._elastic, self.grains.kinetic_energy(), 0, n_steps
+        totals = np.zeros(sums.N_SUMS)
+        totals[sums.CONTACT_LATER : sums.CONTACT_LATER + 3] = self._later
+        body_totals = np.zeros((len(self.bodies), sums.N_BODY_SUMS))
+        body_totals[:, sums.LAST_TORQUE] = self._last_torque
+        elastic, kinetic, rebuilds, left = self._elastic, self._kinetic, 0, n_steps
         angle, speed = (np.array([getattr(b, name) for b in self.bodies]) for name in ("angle", "speed"))
         with threads_for(self.grains.count):
             while left > 0:
                 if self._stale:
                     self._rebuild()
                     rebuilds += 1
-                answer, done = self._advance(min(left, STEPS_PER_CALL), angle, speed, totals, body_totals)
+                batch = min(left, STEPS_PER_CALL)
+                answer, done = kernel.run_steps(
+                    *self._arguments(batch, batch == left, angle, speed, totals, body_totals)
+                )
                 left -= done
                 self.step_count += done
                 for body, a, w in zip(self.bodies, angle, speed, strict=True):
                     body.angle, body.speed = float(a), float(w)
-                self._stale = answer != kernel.DONE
-                if answer in (kernel.NOT_FINITE, kernel.OVERLAP):
+                self._stale = answer != sums.DONE
+                if answer in (sums.NOT_FINITE, sums.OVERLAP):
                     self._explain(answer, totals)
-        if n_steps > 0:
-            self._elastic = float(totals[kernel.ELASTIC])
+        self._later = totals[sums.CONTACT_LATER : sums.CONTACT_LATER + 3].copy()
+        self._last_torque = body_totals[:, sums.LAST_TORQUE].copy()
+        if n_steps > 0 and self.ledger:
+            self._elastic, self._kinetic = float(totals[sums.ELASTIC]), float(totals[sums.KINETIC])
         return self._summary(n_steps, totals, body_totals, kinetic, elastic, rebuilds)
 
     def contacts(self) -> ContactTable:
-        """The contacts of the last step."""
-        return contact_table(self.grains, self._list, self._table.rows, self.sector)
+        """The contacts of now, with the forces that the next step will feel; changes nothing."""
+        kept = self._list
+        if self._stale:  # a list of its own, in the present order; the run will make another one when it goes on
+            self._contacts = self._fresh_list()
+            self._contacts.take(kept.memory(), np.arange(self.grains.count), None, self.sector, self._vectors)
+            self._fit_scratch()
+        try:
+            return self._contacts_of(self._list)
+        finally:
+            if self._contacts is not kept:
+                self._contacts = kept
+                self._fit_scratch()
+
+    def _contacts_of(self, contacts: ContactList) -> ContactTable:
+        pair_force, wall_force = np.zeros((contacts.pairs.count, 3)), np.zeros((len(contacts.wall_other), 3))
+        touching, wall_touching = contacts.touching.copy(), contacts.wall_touching.copy()
+        with threads_for(self.grains.count):
+            kernel.run_steps(*self._probe(pair_force, wall_force, touching, wall_touching))
+        angles = [body.angle for body in self.bodies]
+        return contact_table(
+            self.grains, contacts, self._device, angles, self.sector, touching, wall_touching, pair_force, wall_force
+        )
 
     def invalidate(self) -> None:
         """Say that positions were changed from outside: the list is renewed before the next step."""
@@ -174,20 +258,22 @@ class DEM:
     def state(self) -> dict[str, np.ndarray]:
         """Everything that `restore` needs to go on bit for bit."""
         g = self.grains
-        arrays = {
-            name: getattr(g, name).copy()
-            for name in ("position", "velocity", "angular_velocity", "radius", "mass", "particle_id")
-        }
-        for name, value in (("magnetic_moment", g.magnetic_moment), ("external_force", self.external_force)):
+        arrays = {name: getattr(g, name).copy() for name in ("where", "motion", "mass", "particle_id")}
+        for name, value in (
+            ("magnetic_moment", g.magnetic_moment),
+            ("external_force", self.external_force),
+            ("species", self._species),
+        ):
             if value is not None:
                 arrays[name] = value.copy()
         arrays |= {f"list_{name}": value.copy() for name, value in self._list.arrays().items()}
         arrays["net"] = self._net.copy()
         arrays["bodies"] = np.array([[b.angle, b.speed, b.external_torque] for b in self.bodies]).reshape(-1, 3)
+        arrays["last_torque"], arrays["later"] = self._last_torque.copy(), self._later.copy()
         arrays["counters"] = np.array(
-            [self.step_count, self.order_version, self._stale, self.list_version], dtype=np.int64
+            [self.step_count, self.order_version, self._stale, self.list_version, self._list_step], dtype=np.int64
         )
-        arrays["scalars"] = np.array([self._elastic, self.dt, self.skin])
+        arrays["scalars"] = np.array([self._elastic, self._kinetic, self.dt, self.skin])
         return arrays
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
@@ -198,58 +284,178 @@ class DEM:
         ValueError
             If the state has another number of grains or bodies.
         """
-        if len(state["radius"]) != self.grains.count or len(state["bodies"]) != len(self.bodies):
+        if len(state["mass"]) != self.grains.count or len(state["bodies"]) != len(self.bodies):
             raise ValueError(
-                f"the state has {len(state['radius'])} grains and {len(state['bodies'])} bodies, this DEM "
+                f"the state has {len(state['mass'])} grains and {len(state['bodies'])} bodies, this DEM "
                 f"{self.grains.count} and {len(self.bodies)}; restore it into the scene that it came from"
             )
-        for name in ("position", "velocity", "angular_velocity", "radius", "mass", "particle_id"):
+        for name in ("where", "motion", "mass", "particle_id"):
             setattr(self.grains, name, state[name].copy())
-        moment, force = state.get("magnetic_moment"), state.get("external_force")
+        moment, force, species = (state.get(name) for name in ("magnetic_moment", "external_force", "species"))
         self.grains.magnetic_moment = None if moment is None else moment.copy()
         self.external_force = None if force is None else force.copy()
+        self._species = None if species is None else species.copy()
         prefix = "list_"
         self._contacts = ContactList.from_arrays(
             {name.removeprefix(prefix): value for name, value in state.items() if name.startswith(prefix)}
         )
         self._net = state["net"].copy()
+        self._last_torque, self._later = state["last_torque"].copy(), state["later"].copy()
         for body, (angle, speed, torque) in zip(self.bodies, state["bodies"], strict=True):
             body.angle, body.speed, body.external_torque = float(angle), float(speed), float(torque)
-        self.step_count, self.order_version = (int(v) for v in state["counters"][:2])
-        self._stale, self.list_version = bool(state["counters"][2]), int(state["counters"][3])
-        self._elastic, self.dt, self.skin = (float(v) for v in state["scalars"])
+        self.step_count, self.order_version, stale, self.list_version, self._list_step = (
+            int(v) for v in state["counters"]
+        )
+        self._stale = bool(stale)
+        self._elastic, self._kinetic, self.dt, self.skin = (float(v) for v in state["scalars"])
+        self._fit_scratch()
 
-    # -- inside
+    # -- inside: what the kernel is given
     # ---------------------------------------------------------------------------------------------------
 
-    def _advance(
-        self, n_steps: int, angle: np.ndarray, speed: np.ndarray, totals: np.ndarray, body_totals: np.ndarray
-    ) -> tuple[int, int]:
-        g, c = self.grains, self._list
+    def _equal_dashpots(self) -> np.ndarray | None:
+        """Dashpots (gamma_n, gamma_t) [kg/s] of each row of a linear law, where all grains are of one size and mass."""
+        g = self.grains
+        if self.laws.kernel != "linear" or self._species is not None:
+            return None
+        if np.ptp(g.radius) > 0.0 or np.ptp(g.mass) > 0.0:
+            return None
+        found = np.zeros((len(self.laws.rows), 2))
+        for row in range(len(found)):
+            m_eff = float(g.mass[0]) * (1.0 if row in self.laws.wall else 0.5)
+            found[row] = SPRINGS["linear"](self.laws.rows, row, 1e-6, m_eff, 1.0, 0.0)[2:4]
+        return found
+
+    def _choose_columns(self) -> None:
+        """Which parts the compiled step has, and where a contact keeps what it remembers."""
+        rows = self.laws.rows
+        on = {name: True if self.laws.kernel == name else None for name in SPRINGS}
+        self._law_flags = [on[name] for name in ("linear", "hertz_mindlin", "hertz", "thesis", "walton_braun")]
+        self._rolling = True if rows[:, MU_ROLLING].any() else None
+        self._twisting = True if rows[:, MU_TWISTING].any() else None
+        self._cohesive = True if rows[:, [COHESION_0, COHESION_1]].any() else None
+        rolling = 3 if self.laws.kernel == "linear" else 6
+        twisting = rolling + (3 if self._rolling else 0)
+        books = twisting + (1 if self._twisting else 0)
+        self._columns = np.array([rolling, twisting, books], dtype=np.int64)
+        kept = 0
+        if self.ledger:
+            kept = 8 if self._twisting else 7 if self._rolling else 4
+        self._n_columns = books + kept
+        vectors = [0]
+        if self._rolling:
+            vectors.append(rolling)
+        if self.ledger:
+            vectors.append(books + 1)
+            if self._rolling:
+                vectors.append(books + 4)
+        self._vectors = np.array(vectors, dtype=np.int64)
+
+    def _fit_scratch(self) -> None:
+        """Work arrays whose sizes follow from the list."""
+        contacts, n_bodies = self._list, len(self.bodies)
+        n_chunks = len(contacts.chunks.start) - 1
+        most = int(np.diff(contacts.wall_start).max(initial=1))
+        self._scratch = np.zeros((n_chunks, most, N_FOUND))
+        self._chunk_sums = np.zeros((n_chunks, sums.N_SUMS))
+        self._body_chunks = np.zeros((n_chunks, n_bodies, sums.N_CHUNK_BODY))
+        self._body_turn = np.zeros((n_bodies, 2))
+
+    def _drives(self, n_steps: int) -> tuple[np.ndarray, np.ndarray]:
+        """Speeds and torques of the bodies at the coming steps (n_steps, n_bodies, 4), and their constants."""
         times = (self.step_count + np.arange(n_steps)) * self.dt
-        speeds = np.zeros((n_steps, len(self.bodies)))
-        data = np.zeros((len(self.bodies), 4))
+        drives, data = np.zeros((n_steps, len(self.bodies), 4)), np.zeros((len(self.bodies), 2))
         for b, body in enumerate(self.bodies):
             if isinstance(body.motion, PrescribedSpeed):
-                speeds[:, b] = body.motion.at(times)
+                drives[:, b, sums.SPEED] = body.motion.at(times)
             elif isinstance(body.motion, FreeShaft):
                 motion = body.motion
-                data[b] = 1.0, motion.inertia, motion.drive_torque + body.external_torque, motion.load_torque
+                data[b] = 1.0, motion.inertia
+                on = times >= motion.switched_on
+                drives[:, b, sums.DRIVE] = on * motion.drive_torque + body.external_torque
+                drives[:, b, sums.DRIVE_SLOPE] = on * motion.drive_slope
+                drives[:, b, sums.LOAD] = motion.load_at(times)
+        return drives, data
+
+    def _arguments(
+        self,
+        n_steps: int,
+        last_call: bool,
+        angle: np.ndarray,
+        speed: np.ndarray,
+        totals: np.ndarray,
+        body_totals: np.ndarray,
+    ) -> list:
+        g, c = self.grains, self._list
         external = self.external_force
         if external is not None:
             external = np.ascontiguousarray(external, dtype=float)
             if external.shape != (g.count, 3):
                 raise ValueError(f"external_force has shape {external.shape}; it must be ({g.count}, 3)")
-        return kernel.run_steps(
-            n_steps, self.dt, float(self.n_sectors), self._law, self._rolling, self._turn, self.gravity, external,
-            (0.5 * self.skin) ** 2, self.overlap_limit, self._chunk,
-            g.position, g.velocity, g.angular_velocity, g.radius, g.mass, c.reference,
-            c.pairs.start, c.pairs.other, None if self.sector is None else c.pairs.shift, c.touching,
-            c.history, c.reaction, c.incoming_start, c.incoming_slot,
-            self._table.rows, self._table.body, c.wall_start, c.wall_other, c.wall_touching, c.wall_history,
-            c.wall_force, speeds, data, angle, speed, self._net, self._chunk_sums, self._body_chunks,
-            totals, body_totals,
-        )  # fmt: skip
+        gravity = None
+        if callable(self.gravity):
+            times = (self.step_count + np.arange(n_steps)) * self.dt
+            gravity = np.ascontiguousarray(self.gravity(times), dtype=float).reshape(n_steps, 3)
+        elif self.gravity is not None:
+            gravity = np.array(self.gravity, dtype=float).reshape(1, 3)
+        drives, data = self._drives(n_steps)
+        none = np.zeros((0, 3))
+        k = c.chunks
+        return [
+            n_steps, self.dt, float(self.n_sectors), last_call,
+            (0.5 * self.skin) ** 2, WALL_SKIN * self.skin, self.overlap_limit,
+            *self._law_flags, self.laws.rows, self.laws.pair, self._wall_row, self._species, self._equal, self._columns,
+            self._cohesive, self._rolling, self._twisting, True if self.ledger else None, self._turn, gravity, external,
+            g.where, g.motion, g.mass, c.reference, self._net, k.late,
+            c.pairs.start, c.pairs.other, None if self.sector is None else c.pairs.shift, c.touching, c.history, none,
+            k.start, k.cross_start, k.reaction, k.late_start, k.late_grain, k.in_start, k.in_slot,
+            self._device.rows, self._device.triangles, self._device.body, self._device.reach, c.angles,
+            c.wall_start, c.wall_other, c.wall_touching, c.wall_history, none, self._scratch,
+            drives, data, angle, speed, self._body_turn, self._chunk_sums, self._body_chunks, totals, body_totals,
+        ]  # fmt: skip
+
+    def _probe(self, pair_force, wall_force, touching, wall_touching) -> list:
+        """Arguments of one step on copies of everything that it changes; it leaves its forces in the first two."""
+        angle, speed = (np.array([getattr(b, name) for b in self.bodies]) for name in ("angle", "speed"))
+        given = self._arguments(
+            1, True, angle, speed, np.zeros(sums.N_SUMS), np.zeros((len(self.bodies), sums.N_BODY_SUMS))
+        )
+        c = self._list
+        changed = (self.grains.where, self.grains.motion, self._net, c.history, c.wall_history, c.chunks.reaction)
+        copies = {id(array): array.copy() for array in changed}
+        copies[id(c.touching)], copies[id(c.wall_touching)] = touching, wall_touching
+        given = [copies.get(id(value), value) for value in given]
+        given[PAIR_RECORD], given[WALL_RECORD] = pair_force, wall_force
+        return given
+
+    def _stored_at_rest(self) -> float:
+        """Elastic energy [J] of the overlaps of a state that has no history yet."""
+        g, c = self.grains, self._list
+        spring, energy = SPRINGS[self.laws.kernel], 0.0
+        species = np.zeros(g.count, dtype=np.int64) if self._species is None else self._species
+        pairs, walls = geometric_overlaps(g, c, self._device, [b.angle for b in self.bodies], self.sector)
+        radius, mass = g.radius, g.mass
+        for k in np.flatnonzero(pairs > 0.0):
+            i, j = int(np.searchsorted(c.pairs.start, k, side="right") - 1), int(c.pairs.other[k])
+            m_eff = mass[i] * mass[j] / (mass[i] + mass[j])
+            r_eff = radius[i] * radius[j] / (radius[i] + radius[j])
+            row = int(self.laws.pair[species[i], species[j]])
+            stored = spring(self.laws.rows, row, pairs[k], m_eff, r_eff, 0.0)[4]
+            energy += stored
+            if self.laws.kernel == "walton_braun":  # its losses are told from the change of what is stored
+                c.history[k, LAST_STORED] = stored
+        for k in np.flatnonzero(walls > 0.0):
+            i = int(np.searchsorted(c.wall_start, k, side="right") - 1)
+            row = int(self._wall_row[species[i], c.wall_other[k]])
+            stored = spring(self.laws.rows, row, walls[k], mass[i], radius[i], 0.0)[4]
+            energy += stored
+            if self.laws.kernel == "walton_braun":
+                c.wall_history[k, LAST_STORED] = stored
+        return energy
+
+    def _fresh_list(self) -> ContactList:
+        angles = [body.angle for body in self.bodies]
+        return ContactList.make(self.grains.where, self.skin, self._device, angles, self.sector, self._n_columns)
 
     def _rebuild(self) -> None:
         """Wrap, sort by cells, list the neighbours anew, and carry the history into it."""
@@ -263,19 +469,31 @@ class DEM:
             for array in (g.position, g.velocity, g.angular_velocity, g.magnetic_moment, self.external_force):
                 if array is not None:
                     array[gone] = self.sector.turn(array[gone], wraps[gone])
-        order = cell_order(g.position, 2.0 * float(g.radius.max()) + self.skin)
+        memory = None
+        if self._contacts is not None:
+            memory = self._contacts.memory()
+            if self._own_skin:
+                extra = (self._contacts.pairs.count - len(memory.other)) / g.count
+                widest = WIDEST if self.sector is None else USUAL  # a sector is checked for the usual one
+                steps = self.step_count - self._list_step
+                self.skin = next_skin(self.skin, steps, extra, self._mean_radius, widest)
+            self._contacts = None  # before the next one: two lists are the most memory that grains ever need
+        reach, cutoff = g.radius + 0.5 * self.skin, 2.0 * float(g.radius.max()) + self.skin
+        order = cell_order(g.position, finest_cell(reach, cutoff))
         if np.any(order[1:] < order[:-1]):
             g.permute(order)
             self._net = self._net[order]
+            if self._species is not None:
+                self._species = self._species[order]
             if self.external_force is not None:
                 self.external_force = np.ascontiguousarray(self.external_force[order])
             self.order_version += 1
-        made = ContactList.make(
-            g.position, g.radius, self.skin, self._table.rows, self.sector, 3 if self._rolling is None else 6
-        )
-        if self._contacts is not None:
-            made.take_history(self._contacts, order, wraps, self.sector)
+        made = self._fresh_list()
+        if memory is not None:
+            made.take(memory, order, wraps, self.sector, self._vectors)
         self._contacts = made
+        self._fit_scratch()
+        self._list_step = self.step_count
         self.list_version += 1
         self._stale = False
 
@@ -292,13 +510,12 @@ class DEM:
 
     def _explain(self, answer: int, totals: np.ndarray) -> None:
         g = self.grains
-        if answer == kernel.OVERLAP:
-            k = int(totals[kernel.GRAIN])
+        if answer == sums.OVERLAP:
+            k = int(totals[sums.GRAIN])
             raise DemError(
-                f"it overlaps a neighbour or a wall by {100.0 * totals[kernel.MAX_OVERLAP]:.3g} % of the "
+                f"it overlaps a neighbour or a wall by {100.0 * totals[sums.MAX_OVERLAP]:.3g} % of the "
                 f"diameter (the limit is {100.0 * self.overlap_limit:.3g} %)",
-                f"raise the stiffness (k_n = {self.contact.stiffness_n:.3g} N/m is too soft for the load), "
-                f"or shorten dt = {self.dt:.3g} s if grains are fast",
+                f"raise the stiffness, too soft for the load, or shorten dt = {self.dt:.3g} s if grains are fast",
                 g.particle_id[k], g.position[k], self.time,
             )  # fmt: skip
         state = np.concatenate([g.position, g.velocity, g.angular_velocity], axis=1)
@@ -321,44 +538,61 @@ class DEM:
     ) -> StepTotals:
         ring = self.n_sectors
         share = ring / max(steps, 1)
-        force = bodies[:, kernel.FORCE_X : kernel.FORCE_Z + 1] * share
-        if ring > 1:
-            force[:, :2] = 0.0
         names = [body.name for body in self.bodies]
-        now = self.grains.kinetic_energy()
-        work = ring * totals
+        torques = {"normal": sums.TORQUE_N, "damping": sums.TORQUE_D, "tangential": sums.TORQUE_T}
+        forces = {"normal": sums.FORCE_N, "damping": sums.FORCE_D, "tangential": sums.FORCE_T}
+
+        def force(row: np.ndarray, first: int) -> np.ndarray:
+            found = row[first : first + 3] * share
+            if ring > 1:
+                found[:2] = 0.0
+            return found
+
+        parts = {
+            name: {kind: force(row, first) for kind, first in forces.items()}
+            for name, row in zip(names, bodies, strict=True)
+        }
+        energy = None
+        if self.ledger:
+            work = ring * totals
+            energy = EnergyTotals(
+                wall_work={name: ring * float(row[sums.BODY_WORK]) for name, row in zip(names, bodies, strict=True)},
+                dissipation={
+                    "normal_damping": float(work[sums.NORMAL_DAMPING]),
+                    "tangential_damping": float(work[sums.TANGENTIAL_DAMPING]),
+                    "sliding": float(work[sums.SLIDING]),
+                    **({} if self._rolling is None else {"rolling": float(work[sums.ROLLING])}),
+                    **({} if self._twisting is None else {"twisting": float(work[sums.TWISTING])}),
+                },
+                contact_work=float(work[sums.CONTACT_WORK]),
+                gravity_work=float(work[sums.GRAVITY_WORK]),
+                external_work=float(work[sums.EXTERNAL_WORK]),
+                kinetic_energy=ring * self._kinetic,
+                kinetic_change=ring * (self._kinetic - kinetic),
+                elastic_energy=ring * self._elastic,
+                elastic_change=ring * (self._elastic - elastic),
+            )
         return StepTotals(
             steps=steps,
             duration=steps * self.dt,
             torque={
-                name: {
-                    "normal": float(t[kernel.TORQUE_N]) * share,
-                    "tangential": float(t[kernel.TORQUE_T]) * share,
-                }
-                for name, t in zip(names, bodies, strict=True)
+                name: {kind: float(row[column]) * share for kind, column in torques.items()}
+                for name, row in zip(names, bodies, strict=True)
             },
-            force=dict(zip(names, force, strict=True)),
-            wall_work={name: ring * float(t[kernel.BODY_WORK]) for name, t in zip(names, bodies, strict=True)},
+            force={name: sum(own.values(), np.zeros(3)) for name, own in parts.items()},
+            force_parts=parts,
             shaft_work={
-                body.name: {"drive": float(t[kernel.DRIVE_WORK]), "load": float(t[kernel.LOAD_WORK])}
-                for body, t in zip(self.bodies, bodies, strict=True)
+                body.name: {
+                    "drive": float(row[sums.DRIVE_WORK]),
+                    "load": float(row[sums.LOAD_WORK]),
+                    "contact": float(row[sums.SHAFT_CONTACT_WORK]),
+                }
+                for body, row in zip(self.bodies, bodies, strict=True)
                 if body.is_free
             },
-            dissipation={
-                "normal_damping": float(work[kernel.NORMAL_DAMPING]),
-                "tangential_damping": float(work[kernel.TANGENTIAL_DAMPING]),
-                "sliding": float(work[kernel.SLIDING]),
-                **({} if self._rolling is None else {"rolling": float(work[kernel.ROLLING])}),
-            },
-            contact_work=float(work[kernel.CONTACT_WORK]),
-            gravity_work=float(work[kernel.GRAVITY_WORK]),
-            external_work=float(work[kernel.EXTERNAL_WORK]),
-            kinetic_energy=ring * now,
-            kinetic_change=ring * (now - kinetic),
-            elastic_energy=ring * self._elastic,
-            elastic_change=ring * (self._elastic - elastic),
-            max_overlap=float(totals[kernel.MAX_OVERLAP]),
-            n_contacts=int(totals[kernel.CONTACTS]),
-            max_speed=float(np.sqrt(totals[kernel.MAX_SPEED])),
+            energy=energy,
+            max_overlap=float(totals[sums.MAX_OVERLAP]),
+            n_contacts=int(totals[sums.CONTACTS]),
+            max_speed=float(np.sqrt(totals[sums.MAX_SPEED])),
             rebuilds=rebuilds,
         )

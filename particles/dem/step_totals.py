@@ -2,12 +2,14 @@
 
 All energies, works, torques and forces are those of the whole device: a sector's times the number of sectors.
 
-**Bookkeeping.** `contact_work` is the work of the contact forces on the grains, taken with the mean of old
-and new velocity, so that kinetic_change = contact_work + gravity_work + external_work to round-off. Shafts
-put in sum(wall_work); what is neither passed on nor stored is lost: `dissipated` = sum(wall_work) -
-contact_work - elastic_change, exact by definition. `dissipation` splits the loss by mechanism, each
-computed on its own at the contact from the half step before the force; its sum agrees with `dissipated` to
-first order in dt.
+**Bookkeeping.** Everything belongs to the time of the positions that the last forces were taken at. Velocities stand
+half a step before and half a step behind it, v- and v+; the kinetic energy there is 1/2 m v-.v+, which with a linear
+spring's energy a leapfrog conserves. A step's work is that of the drift before it, by the mean of the last and the
+present force. With this, kinetic_change = contact_work + gravity_work + external_work to round-off. Shafts put in
+sum(wall_work); what is neither passed on nor stored is lost: `EnergyTotals.dissipated` = sum(wall_work) - contact_work
+- elastic_change, exact by definition. `EnergyTotals.dissipation` splits the loss by mechanism, each computed on its own
+at the contact by the same rule; its sum converges to `dissipated` with the step, and the difference is what the
+integration has lost or won.
 """
 
 from __future__ import annotations
@@ -18,6 +20,43 @@ import numpy as np
 
 
 @dataclass(frozen=True, slots=True)
+class EnergyTotals:
+    """The books of energy over some steps [J].
+
+    Attributes
+    ----------
+    wall_work : dict of body -> float
+        Work that the body's turning did on the grains.
+    dissipation : dict
+        "normal_damping", "tangential_damping", "sliding", where they are simulated also "rolling", "twisting".
+    contact_work, gravity_work, external_work : float
+        Work on the grains.
+    kinetic_energy, kinetic_change, elastic_energy, elastic_change : float
+        At the end, and against the beginning.
+    """
+
+    wall_work: dict[str, float]
+    dissipation: dict[str, float]
+    contact_work: float
+    gravity_work: float
+    external_work: float
+    kinetic_energy: float
+    kinetic_change: float
+    elastic_energy: float
+    elastic_change: float
+
+    @property
+    def dissipated(self) -> float:
+        """Energy lost in contacts, from the balance (module docstring)."""
+        return sum(self.wall_work.values()) - self.contact_work - self.elastic_change
+
+    @property
+    def integration_error(self) -> float:
+        """What the balance and the mechanisms differ by: the step's own error, of either sign, second order in dt."""
+        return self.dissipated - sum(self.dissipation.values())
+
+
+@dataclass(frozen=True, slots=True)
 class StepTotals:
     """Sums and means over ``steps`` steps.
 
@@ -25,21 +64,17 @@ class StepTotals:
     ----------
     steps, duration : int, float
         Steps done and the time they span [s].
-    torque : dict of body -> {"normal", "tangential"}
-        Mean torque about z on the body [N m].
+    torque : dict of body -> {"normal", "damping", "tangential"}
+        Mean torque about z on the body [N m]: of the springs along the normals, of the dashpots beside them, and of
+        friction with rolling and twisting couples.
     force : dict of body -> ndarray, shape (3,)
         Mean force on the body [N]; in a sector only the axial one is left, the others cancel round the ring.
-    wall_work : dict of body -> float
-        Work that the body's turning did on the grains [J].
-    shaft_work : dict of body -> {"drive", "load"}
-        For free shafts: work put in by drive and external torque, and taken by the load [J].
-    dissipation : dict
-        "normal_damping", "tangential_damping", "sliding", with rolling friction also "rolling" [J].
-    contact_work, gravity_work, external_work : float
-        Work on the grains [J].
-    kinetic_energy, kinetic_change, elastic_energy, elastic_change : float
-        At the end, and against the beginning [J]; elastic energy belongs to the last evaluation of the
-        forces.
+    force_parts : dict of body -> {"normal", "damping", "tangential"} -> ndarray, shape (3,)
+        The same, split as the torque.
+    shaft_work : dict of body -> {"drive", "load", "contact"}
+        For free shafts: work put in by drive and external torque, taken by the load, and put in by the grains [J].
+    energy : EnergyTotals or None
+        None where the books are not kept (``DEM(ledger=False)``).
     max_overlap : float
         Largest overlap, as a share of the (smaller) grain's diameter [-].
     n_contacts : int
@@ -54,26 +89,27 @@ class StepTotals:
     duration: float
     torque: dict[str, dict[str, float]]
     force: dict[str, np.ndarray]
-    wall_work: dict[str, float]
+    force_parts: dict[str, dict[str, np.ndarray]]
     shaft_work: dict[str, dict[str, float]]
-    dissipation: dict[str, float]
-    contact_work: float
-    gravity_work: float
-    external_work: float
-    kinetic_energy: float
-    kinetic_change: float
-    elastic_energy: float
-    elastic_change: float
+    energy: EnergyTotals | None
     max_overlap: float
     n_contacts: int
     max_speed: float
     rebuilds: int
 
     @property
-    def dissipated(self) -> float:
-        """Energy lost in contacts [J], from the balance (module docstring)."""
-        return sum(self.wall_work.values()) - self.contact_work - self.elastic_change
+    def books(self) -> EnergyTotals:
+        """The books of energy.
+
+        Raises
+        ------
+        ValueError
+            Where they were not kept.
+        """
+        if self.energy is None:
+            raise ValueError("the books of energy were not kept; make the DEM with ledger=True")
+        return self.energy
 
     def torque_on(self, body: str) -> float:
-        """Mean torque about z on ``body`` [N m], normal and tangential together."""
-        return self.torque[body]["normal"] + self.torque[body]["tangential"]
+        """Mean torque about z on ``body`` [N m], all its parts together."""
+        return sum(self.torque[body].values())

@@ -1,19 +1,44 @@
 """The step of the grains, and the reason for it.
 
-Two limits: a binary contact, of duration pi sqrt(m_eff/k_n), is resolved by ``steps_per_contact`` steps;
-and no grain moves more than a tenth of its radius in a step, or it would tunnel into its neighbour.
+What a step must resolve, for the lightest grains in each kind of contact (with their like, and with a wall):
+
+* **a contact**: its duration in an impact at the expected speed, and the half period pi sqrt(m_eff/S) in which it
+  trembles at the depth of that impact under the expected load, S its stiffness there; ``steps_per_contact`` steps in
+  the shorter, 5 at the least;
+* **sliding and rolling**: the half period of the stuck tangential spring. It moves and turns the grain,
+  omega^2 = 3.5 k_t/m_eff; at a wall with rolling resistance 5.55 k_t/m (the larger eigenvalue of the pair of
+  springs; between spheres rolling adds nothing to the stiffest mode, and twisting is softer than sliding);
+* **damping**: gamma_n dt < m_eff, or a step turns the closing speed round and gains energy; half of that is chosen;
+* **the Rayleigh time** of Hertz-Mindlin grains: 20 % of it, at most 40 % (usual for coordinations above and below 4);
+* **travel**: no grain moves more than a tenth of its radius in a step, or it would tunnel into its neighbour.
+
+The stiffness of Hertzian laws grows with the overlap: without a speed and a load, a step is chosen for an overlap of
+0.5 % of the diameter, and a step asked for is refused only where it is too long at 1e-5 of it.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from particles.laws.linear import LinearContact
+from particles.laws.contact_law import ContactLaw
+from particles.laws.elastic import rayleigh_time
+from particles.laws.hertz_mindlin import HertzMindlin
+from particles.laws.pair_table import PairLaws
+from particles.laws.springs import SPRINGS
 
 TRAVEL = 0.1  # largest share of a radius that a grain may move in one step
+LEAST_STEPS = 5.0  # a contact, for a step that the user asks for
+RAYLEIGH, LARGEST_RAYLEIGH = 0.2, 0.4  # share of the Rayleigh time: chosen, and allowed to the user
+DAMPING, LARGEST_DAMPING = 0.5, 1.0  # share of m_eff/gamma_n
+REFERENCE_OVERLAP = 0.005  # share of the diameter at which a Hertzian contact is judged when speed and load are unknown
+CHECKED_OVERLAP = 1e-5  # the same to check a step: it refuses what is too long for all but the lightest touch
+
+SLIDING = 3.5  # omega^2 m_eff/k_t of a stuck sphere: 1 + R^2 m/I with I = 2/5 m R^2
+WALL_ROLLING = 3.0 + math.sqrt(6.5)  # the same at a wall with rolling resistance k_r = k_t R^2
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,28 +49,49 @@ class TimeStep:
     reason: str
 
 
-def contact_time(contact: LinearContact, mass: float) -> float:
-    """Duration pi sqrt(m/(2 k_n)) [s] of an undamped impact of two grains of ``mass`` [kg]."""
-    return math.pi * math.sqrt(0.5 * mass / contact.stiffness_n)
+@dataclass(frozen=True, slots=True)
+class StepLimit:
+    """One thing that a step must resolve: the step chosen for it [s], the longest allowed [s], and its words."""
+
+    dt: float
+    longest: float
+    why: str
+    rule: str
+
+
+def contact_time(law: ContactLaw, mass: float, radius: float = math.nan, speed: float = 0.0) -> float:
+    """Duration [s] of an undamped impact of two grains of ``mass`` [kg] and ``radius`` [m] at ``speed`` [m/s].
+
+    Radius and speed count in Hertzian laws only.
+    """
+    return law.contact_time(0.5 * mass, 0.5 * radius, speed)
 
 
 def choose_time_step(
-    contact: LinearContact,
+    contact: ContactLaw | PairLaws,
     mass: float | np.ndarray,
     radius: float | np.ndarray,
     *,
     speed: float = 0.0,
+    load: float = 0.0,
     steps_per_contact: float = 20.0,
+    rolling: bool = False,
     dt: float | None = None,
 ) -> TimeStep:
     """Choose the step, or check the user's.
 
     Parameters
     ----------
+    contact
+        The law, or the laws by pair of materials.
     mass, radius
         Of the grains, [kg] and [m]; the smallest count.
     speed : float
         The largest relative speed to be expected [m/s], walls included.
+    load : float
+        The largest force on a contact to be expected [N]; it counts where the stiffness follows the overlap.
+    rolling : bool
+        Whether grains resist rolling.
     dt : float, optional
         A step wished for [s]; it is refused when it is longer than a limit (5 steps a contact at the least).
 
@@ -58,33 +104,127 @@ def choose_time_step(
     for name, value, unit in (("mass", lightest, "kg"), ("radius", smallest, "m")):
         if not 0.0 < value < math.inf:
             raise ValueError(f"{name} of a grain = {value:g} {unit}; allowed: more than 0")
-    if not 0.0 <= speed < math.inf:
-        raise ValueError(f"expected speed = {speed:g} m/s; allowed: 0 or more")
-    if not 5.0 <= steps_per_contact < math.inf:
+    for name, value, unit in (("speed", speed, "m/s"), ("load", load, "N")):
+        if not 0.0 <= value < math.inf:
+            raise ValueError(f"expected {name} = {value:g} {unit}; allowed: 0 or more")
+    if not LEAST_STEPS <= steps_per_contact < math.inf:
         raise ValueError(f"steps_per_contact = {steps_per_contact:g}; allowed: 5 or more (20 is usual)")
-    duration = contact_time(contact, lightest)
-    by_contact = duration / steps_per_contact
-    by_speed = TRAVEL * smallest / speed if speed > 0.0 else math.inf
+    meeting = _Meeting(
+        lightest, smallest, speed, load, REFERENCE_OVERLAP if dt is None else CHECKED_OVERLAP, steps_per_contact
+    )
+    limits = list(_limits(contact, meeting, rolling))
     if dt is not None:
-        longest = min(duration / 5.0, by_speed)
-        if not 0.0 < dt <= longest:
+        tightest = min(limits, key=lambda limit: limit.longest)
+        if not 0.0 < dt <= tightest.longest:
             raise ValueError(
-                f"dt = {dt:g} s; allowed: more than 0 and at most {longest:.3g} s "
-                f"({'5 steps a contact' if longest < by_speed else 'a tenth of a radius a step'}); leave it "
+                f"dt = {dt:g} s; allowed: more than 0 and at most {tightest.longest:.3g} s ({tightest.rule}); leave it "
                 "out to have it chosen"
             )
+        duration = steps_per_contact * limits[0].dt
         return TimeStep(dt, f"dt = {dt:.3g} s as asked: {duration / dt:.3g} steps a contact of {duration:.3g} s")
-    if by_speed < by_contact:
-        return TimeStep(
-            by_speed,
-            f"dt = {by_speed:.3g} s: a grain at {speed:.3g} m/s moves {TRAVEL:g} of its radius "
-            f"{smallest * 1e3:.3g} mm (the contact alone would allow {by_contact:.3g} s)",
+    # of limits that agree to round-off the first is named (k_t = 2/7 k_n: sliding and contact have the same period)
+    shortest = min(limit.dt for limit in limits)
+    chosen = next(limit for limit in limits if limit.dt <= shortest * (1.0 + 1e-9))
+    also = "" if chosen is limits[0] else f" (the contact alone would allow {limits[0].dt:.3g} s)"
+    return TimeStep(chosen.dt, f"dt = {chosen.dt:.3g} s: {chosen.why}{also}")
+
+
+@dataclass(frozen=True, slots=True)
+class _Meeting:
+    """The lightest grain, and how hard it is hit and pressed: SI; ``unloaded`` is the overlap / d without either."""
+
+    mass: float
+    radius: float
+    speed: float
+    load: float
+    unloaded: float
+    steps: float
+
+    def depth(self, law: ContactLaw, m_eff: float, r_eff: float) -> float:
+        """Overlap [m] at which the contact is judged."""
+        if self.speed > 0.0 or self.load > 0.0:
+            return law.overlap_under(self.load, m_eff, self.speed, r_eff)
+        return 2.0 * self.unloaded * self.radius
+
+
+def _limits(contact: ContactLaw | PairLaws, meeting: _Meeting, rolling: bool) -> Iterator[StepLimit]:
+    """Everything that bounds the step; the shortest contact comes first."""
+    table = contact if isinstance(contact, PairLaws) else PairLaws.of_one(contact)
+    mass, radius, speed = meeting.mass, meeting.radius, meeting.speed
+    turning = WALL_ROLLING if rolling else SLIDING
+    contacts = [
+        *(_of_contact(table.laws[k], 0.5 * mass, 0.5 * radius, SLIDING, meeting) for k in np.unique(table.pair)),
+        *(_of_contact(table.laws[k], mass, radius, turning, meeting) for k in np.unique(table.wall)),
+    ]
+    yield min((limits[0] for limits in contacts), key=lambda limit: limit.dt)
+    for limits in contacts:
+        yield from limits
+    if speed > 0.0:
+        travel = TRAVEL * radius / speed
+        yield StepLimit(
+            travel,
+            travel,
+            f"a grain at {speed:.3g} m/s moves {TRAVEL:g} of its radius {radius * 1e3:.3g} mm",
+            "a tenth of a radius a step",
         )
-    return TimeStep(
-        by_contact,
-        f"dt = {by_contact:.3g} s: {steps_per_contact:g} steps a contact of {duration:.3g} s "
-        f"(k_n = {contact.stiffness_n:.3g} N/m, lightest grain {lightest:.3g} kg)",
-    )
+
+
+def _of_contact(law: ContactLaw, m_eff: float, r_eff: float, turning: float, meeting: _Meeting) -> list[StepLimit]:
+    """Limits of one law: contact, sliding, damping, Rayleigh wave."""
+    steps = meeting.steps
+    delta = meeting.depth(law, m_eff, r_eff)
+    stiffness = law.stiffness_at(delta, r_eff)
+    duration = min(law.contact_time(m_eff, r_eff, meeting.speed), _half_period(m_eff, stiffness))
+    # the plain function behind the compiled one: nothing has to be compiled to choose a step
+    spring = SPRINGS[law.kernel].py_func
+    _, k_t, gamma_n, _, _, _ = spring(law.row()[None], 0, delta, m_eff, r_eff, 0.0)
+    at_depth = "" if law.kernel in ("linear", "walton_braun") else f" at an overlap of {delta * 1e6:.3g} um"
+    limits = [
+        StepLimit(
+            duration / steps,
+            duration / LEAST_STEPS,
+            f"{steps:g} steps a contact of {duration:.3g} s (k_n = {stiffness:.3g} N/m{at_depth}, lightest grain "
+            f"{meeting.mass:.3g} kg)",
+            "5 steps a contact",
+        )
+    ]
+    if k_t > 0.0:
+        half = _half_period(m_eff / turning, float(k_t))
+        name = "sliding and rolling" if turning > SLIDING else "sliding"
+        limits.append(
+            StepLimit(
+                half / steps,
+                half / LEAST_STEPS,
+                f"{steps:g} steps a half period {half:.3g} s of {name} (k_t = {k_t:.3g} N/m{at_depth})",
+                f"5 steps a half period of {name}",
+            )
+        )
+    if gamma_n > 0.0:
+        decay = float(m_eff / gamma_n)
+        limits.append(
+            StepLimit(
+                DAMPING * decay,
+                LARGEST_DAMPING * decay,
+                f"half of the time {decay:.3g} s in which the dashpot brakes the lightest grain (m_eff/gamma_n)",
+                "m_eff/gamma_n: a longer step turns the closing speed round and gains energy",
+            )
+        )
+    if isinstance(law, HertzMindlin):
+        density = meeting.mass / (4.0 / 3.0 * math.pi * meeting.radius**3)
+        wave = rayleigh_time(law.grain, density, meeting.radius)
+        limits.append(
+            StepLimit(
+                RAYLEIGH * wave,
+                LARGEST_RAYLEIGH * wave,
+                f"{100.0 * RAYLEIGH:g} % of the Rayleigh time {wave:.3g} s of the smallest grain",
+                f"{100.0 * LARGEST_RAYLEIGH:g} % of the Rayleigh time",
+            )
+        )
+    return limits
+
+
+def _half_period(mass: float, stiffness: float) -> float:
+    return math.pi * math.sqrt(mass / stiffness)
 
 
 def stiffness_for_overlap(

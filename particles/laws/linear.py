@@ -5,14 +5,7 @@ Normal force on grain i, towards its partner along n (delta overlap, v_n closing
     F = -max(0, k_n delta + gamma_n v_n) n,        gamma_n = 2 zeta_n sqrt(k_n m_eff),
     1/m_eff = 1/m_i + 1/m_j,                       m_eff = m_i against a wall.
 
-**Restitution.** Because the force never pulls, an impact ends when the force vanishes, before the overlap
-does (Schwager & Poeschel, Granular Matter 9 (2007) 465). With s = sqrt(1 - zeta^2)
-
-    e(zeta) = exp(-(zeta/s) (pi - atan2(2 zeta s, 1 - 2 zeta^2))),       zeta < 1,
-
-and its continuation beyond critical damping. `damping_ratio` solves this e(zeta) = e for zeta, so that the
-asked restitution is the one obtained (the common -ln e/sqrt(pi^2 + ln^2 e) would give 0.9020, 0.5503,
-0.3249 for 0.9, 0.5, 0.2). e = 0 needs infinite damping; 0.05 is the least that a time step resolves.
+`from_restitution` solves the damping for the clipped force (`particles.laws.restitution`).
 
 **Tangential.** A spring xi and a dashpot in parallel, in series with a slider that yields at mu |F_n|:
 
@@ -37,8 +30,20 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
-LEAST_RESTITUTION = 0.05
+from particles.laws.columns import DAMPING_N, DAMPING_T, STIFFNESS_N, STIFFNESS_T
+from particles.laws.contact_law import check_parameters, law_row
+from particles.laws.restitution import damping_ratio, restitution_of
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def linear_spring(law, kind, delta, m_eff, r_eff, memory):
+    """Spring and dashpots of `LinearContact` (signature: `particles.laws.contact_law`)."""
+    f = law[kind, STIFFNESS_N] * delta
+    unit = 2.0 * np.sqrt(law[kind, STIFFNESS_N] * m_eff)
+    gamma_n, gamma_t = law[kind, DAMPING_N] * unit, law[kind, DAMPING_T] * unit
+    return f, law[kind, STIFFNESS_T], gamma_n, gamma_t, 0.5 * f * delta, memory
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,14 +70,21 @@ class LinearContact:
     wall_friction: float | None = None
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.stiffness_n < math.inf:
-            raise ValueError(f"stiffness_n = {self.stiffness_n:g} N/m; allowed: more than 0")
-        for name, unit in (("stiffness_t", " N/m"), ("damping_n", ""), ("damping_t", ""), ("friction", "")):
-            value = getattr(self, name)
-            if not 0.0 <= value < math.inf:
-                raise ValueError(f"{name} = {value:g}{unit}; allowed: 0 or more")
-        if self.wall_friction is not None and not 0.0 <= self.wall_friction < math.inf:
-            raise ValueError(f"wall_friction = {self.wall_friction:g}; allowed: 0 or more")
+        check_parameters(
+            self,
+            {"stiffness_n": "N/m"},
+            {"stiffness_t": "N/m", "damping_n": "", "damping_t": "", "friction": "", "wall_friction": ""},
+        )
+
+    @property
+    def kernel(self) -> str:
+        """Name of the compiled spring."""
+        return "linear"
+
+    @property
+    def restitution(self) -> float:
+        """Restitution [-] of every impact."""
+        return restitution_of(self.damping_n)
 
     @classmethod
     def from_restitution(
@@ -96,39 +108,25 @@ class LinearContact:
             wall_friction,
         )
 
+    def row(self) -> np.ndarray:
+        """(k_n, k_t, zeta_n, zeta_t) and the friction between grains, shape (N_LAW,)."""
+        columns = [self.stiffness_n, self.stiffness_t, self.damping_n, self.damping_t]
+        return law_row(columns, self.friction, self.damping_n)
+
+    def contact_time(self, m_eff: float, r_eff: float, speed: float) -> float:
+        """pi sqrt(m_eff/k_n) [s], whatever radius and speed."""
+        return math.pi * math.sqrt(m_eff / self.stiffness_n)
+
+    def stiffness_at(self, delta: float, r_eff: float) -> float:
+        """k_n [N/m] at every overlap."""
+        return self.stiffness_n
+
+    def overlap_under(self, force: float, m_eff: float, speed: float, r_eff: float) -> float:
+        """F/k + v sqrt(m/k) [m]: rest under ``force`` [N], then an undamped impact at ``speed`` [m/s]."""
+        return force / self.stiffness_n + speed * math.sqrt(m_eff / self.stiffness_n)
+
     def table(self) -> np.ndarray:
-        """Rows grain-grain and grain-wall of (k_n, k_t, zeta_n, zeta_t, mu), shape (2, 5), for the kernel."""
+        """Rows grain-grain and grain-wall of (k_n, k_t, zeta_n, zeta_t, mu), shape (2, 5)."""
         row = [self.stiffness_n, self.stiffness_t, self.damping_n, self.damping_t]
         wall = self.friction if self.wall_friction is None else self.wall_friction
         return np.array([[*row, self.friction], [*row, wall]])
-
-
-def restitution_of(zeta: float) -> float:
-    """Restitution e [-] of the clipped contact at the damping ratio ``zeta`` [-] (module docstring)."""
-    if zeta < 1.0:
-        s = math.sqrt(1.0 - zeta * zeta)
-        return math.exp(-(zeta / s) * (math.pi - math.atan2(2.0 * zeta * s, 1.0 - 2.0 * zeta * zeta)))
-    s = math.sqrt(zeta * zeta - 1.0)
-    # s -> 0 is the removable limit e = exp(-2) at critical damping
-    return math.exp(-2.0) if s < 1e-6 else math.exp(-(zeta / s) * math.log((zeta + s) / (zeta - s)))
-
-
-def damping_ratio(restitution: float) -> float:
-    """Damping ratio zeta [-] that gives ``restitution`` [-] in the clipped contact.
-
-    Raises
-    ------
-    ValueError
-        Outside 0.05 <= restitution <= 1.
-    """
-    if not LEAST_RESTITUTION <= restitution <= 1.0:
-        raise ValueError(
-            f"restitution = {restitution:g}; allowed: {LEAST_RESTITUTION:g} to 1 (a smaller one needs more "
-            "damping than a time step resolves)"
-        )
-    if restitution == 1.0:
-        return 0.0
-    from scipy.optimize import brentq
-
-    # e falls monotonically from 1 at zeta = 0 to about 0.024 at zeta = 3
-    return float(brentq(lambda zeta: restitution_of(zeta) - restitution, 0.0, 3.0, xtol=1e-15, rtol=1e-14))

@@ -11,14 +11,29 @@ or, where the new list has it the other way round, (j', i', -shift') with xi'' =
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
 
-from particles.dem.step_kernel import near_walls
+from particles.lists.chunks import Chunks, make_chunks
 from particles.lists.neighbours import PairList, find_pairs
 from particles.sector import CyclicSector
+from particles.walls.device_walls import DeviceWalls
+
+
+@dataclass(frozen=True, slots=True)
+class ContactMemory:
+    """The touching contacts alone, row by row as in the list that they are taken from."""
+
+    start: np.ndarray
+    other: np.ndarray
+    shift: np.ndarray
+    history: np.ndarray
+    wall_start: np.ndarray
+    wall_other: np.ndarray
+    wall_history: np.ndarray
 
 
 @dataclass(slots=True)
@@ -28,77 +43,84 @@ class ContactList:
     Attributes
     ----------
     pairs : PairList
-        Half list; `incoming_start` (n + 1,) and `incoming_slot` (p,) are its transpose.
-    touching, history, reaction : ndarray, shapes (p,) uint8, (p, 3 or 6), (p, 6)
-        Whether the pair touches, its tangential spring [m] in the frame of i, and force [N] and torque [N
-        m] on j.
+        Half list.
+    chunks : Chunks
+        How its rows are shared among threads.
+    touching, history : ndarray, shapes (p,) uint8, (p, columns)
+        Whether the pair touches, and what it remembers (`particles.dem.contact_kernel`), in the frame of i.
     wall_start, wall_other : ndarray, shapes (n + 1,), (s,) int32
-        Walls near each grain.
-    wall_touching, wall_history, wall_force : ndarray, shapes (s,) uint8, (s, 3 or 6), (s, 3)
-        The same for walls; the force [N] is that on the grain.
+        Walls near each grain; triangles count on after the smooth walls.
+    wall_touching, wall_history : ndarray, shapes (s,) uint8, (s, columns)
+        The same for walls.
     reference : ndarray, shape (n, 3)
         Positions [m] at which the list was made.
+    angles : ndarray, shape (n_bodies,)
+        Angles of the bodies [rad] at that time.
     """
 
     pairs: PairList
     wall_start: np.ndarray
     wall_other: np.ndarray
     reference: np.ndarray
-    springs: int = 3
-    incoming_start: np.ndarray = field(init=False)
-    incoming_slot: np.ndarray = field(init=False)
+    angles: np.ndarray
+    columns: int = 3
+    chunks: Chunks = field(init=False)
     touching: np.ndarray = field(init=False)
     history: np.ndarray = field(init=False)
-    reaction: np.ndarray = field(init=False)
     wall_touching: np.ndarray = field(init=False)
     wall_history: np.ndarray = field(init=False)
-    wall_force: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
-        self.incoming_start, self.incoming_slot = self.pairs.incoming()
+        self.chunks = make_chunks(self.pairs.start, self.pairs.other, self.wall_start)
         self.touching = np.zeros(self.pairs.count, dtype=np.uint8)
-        self.history = np.zeros((self.pairs.count, self.springs))
-        self.reaction = np.zeros((self.pairs.count, 6))
-        slots = len(self.wall_other)
-        self.wall_touching = np.zeros(slots, dtype=np.uint8)
-        self.wall_history = np.zeros((slots, self.springs))
-        self.wall_force = np.zeros((slots, 3))
+        self.history = np.zeros((self.pairs.count, self.columns))
+        self.wall_touching = np.zeros(len(self.wall_other), dtype=np.uint8)
+        self.wall_history = np.zeros((len(self.wall_other), self.columns))
 
     @classmethod
     def make(
         cls,
-        position: np.ndarray,
-        radius: np.ndarray,
+        where: np.ndarray,
         skin: float,
-        walls: np.ndarray,
+        walls: DeviceWalls,
+        angles: Sequence[float],
         sector: CyclicSector | None,
-        springs: int = 3,
+        columns: int,
     ) -> ContactList:
-        """The list at ``position`` (n, 3) [m] with ``skin`` [m]; ``walls``: rows of a `WallTable`.
+        """The list at centres and radii ``where`` (n, 4) [m] with ``skin`` [m] and bodies at ``angles`` [rad].
 
-        ``springs`` is 3 for the tangential spring, 6 with the rolling angle beside it.
+        A contact has ``columns`` numbers to remember.
         """
-        pairs = find_pairs(position, 2.0 * float(radius.max()) + skin, sector, radius + 0.5 * skin)
-        start = np.zeros(len(position) + 1, dtype=np.int64)
-        other = np.zeros(len(position), dtype=np.int32)
-        found = near_walls(position, radius + 0.5 * skin, walls, start, other)
-        if found > len(other):
-            other = np.zeros(found, dtype=np.int32)
-            near_walls(position, radius + 0.5 * skin, walls, start, other)
-        return cls(pairs, start, other[:found].copy(), position.copy(), springs)
+        position, radius = where[:, :3], where[:, 3]
+        reach = radius + 0.5 * skin
+        pairs = find_pairs(position, 2.0 * float(radius.max()) + skin, sector, reach)
+        start, other = walls.near(position, reach, skin, angles)
+        return cls(pairs, start, other, np.array(position), np.array(angles), columns)
 
     def wall_rows(self) -> np.ndarray:
         """The grain of each wall slot, int64, shape (s,)."""
         return np.repeat(np.arange(len(self.wall_start) - 1), np.diff(self.wall_start))
 
-    def take_history(
-        self, old: ContactList, order: np.ndarray, wraps: np.ndarray | None, sector: CyclicSector | None
-    ) -> None:
-        """Carry over from ``old``: grain ``order[k]`` of the old list is grain k here, turned by ``wraps``
-        (old order).
+    def memory(self) -> ContactMemory:
+        """What the touching contacts remember; the list itself can be dropped then."""
+        pairs = _touching_rows(self.pairs.start, self.pairs.other, self.pairs.shift, self.touching, self.history)
+        no_shift = np.zeros(len(self.wall_other), dtype=np.int8)
+        walls = _touching_rows(self.wall_start, self.wall_other, no_shift, self.wall_touching, self.wall_history)
+        start, other, shift, history = pairs
+        return ContactMemory(start, other, shift, history, walls[0], walls[1], walls[3])
 
-        A contact of the last step that has no slot here has parted since, further than the skin: it is
-        forgotten.
+    def take(
+        self,
+        memory: ContactMemory,
+        order: np.ndarray,
+        wraps: np.ndarray | None,
+        sector: CyclicSector | None,
+        vectors: np.ndarray,
+    ) -> None:
+        """Carry ``memory`` over: grain ``order[k]`` of the old list is grain k here, turned by ``wraps`` (old order).
+
+        ``vectors`` are the first columns of what turns with the grains. A contact of the last step that has no slot
+        here has parted since, further than the skin: it is forgotten.
         """
         n = len(order)
         rank = np.empty(n, dtype=np.int64)
@@ -107,45 +129,65 @@ class ContactList:
         parts = 1 if sector is None else sector.n_sectors
         angle = 0.0 if sector is None else sector.angle
         _carry_pairs(
-            rank, turned, parts, angle,
-            old.pairs.start, old.pairs.other, old.pairs.shift, old.touching, old.history,
+            vectors, rank, turned, parts, angle, memory.start, memory.other, memory.shift, memory.history,
             self.pairs.start, self.pairs.other, self.pairs.shift, self.touching, self.history,
         )  # fmt: skip
         _carry_walls(
-            rank, turned, angle, old.wall_start, old.wall_other, old.wall_touching, old.wall_history,
+            vectors, rank, turned, angle, memory.wall_start, memory.wall_other, memory.wall_history,
             self.wall_start, self.wall_other, self.wall_touching, self.wall_history,
         )  # fmt: skip
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Everything that a restart needs; the transpose is made again."""
+        """Everything that a restart needs; the chunks follow from it."""
         return {
             "pair_start": self.pairs.start, "pair_other": self.pairs.other, "pair_shift": self.pairs.shift,
-            "pair_touching": self.touching, "pair_history": self.history, "pair_reaction": self.reaction,
+            "pair_touching": self.touching, "pair_history": self.history,
             "wall_start": self.wall_start, "wall_other": self.wall_other, "wall_touching": self.wall_touching,
-            "wall_history": self.wall_history, "wall_force": self.wall_force, "reference": self.reference,
+            "wall_history": self.wall_history, "reference": self.reference, "angles": self.angles,
         }  # fmt: skip
 
     @classmethod
     def from_arrays(cls, state: dict[str, np.ndarray]) -> ContactList:
         """The inverse of `arrays`."""
-        springs = state["pair_history"].shape[1]
         pairs = PairList(*(state[f"pair_{name}"].copy() for name in ("start", "other", "shift")))
-        made = cls(pairs, state["wall_start"].copy(), state["wall_other"].copy(), state["reference"].copy(), springs)
+        start, other, reference, angles = (
+            state[name].copy() for name in ("wall_start", "wall_other", "reference", "angles")
+        )
+        made = cls(pairs, start, other, reference, angles, state["pair_history"].shape[1])
         made.touching, made.history = state["pair_touching"].copy(), state["pair_history"].copy()
-        made.reaction, made.wall_force = state["pair_reaction"].copy(), state["wall_force"].copy()
         made.wall_touching, made.wall_history = state["wall_touching"].copy(), state["wall_history"].copy()
         return made
 
 
 @njit(cache=True, error_model="numpy")
+def _touching_rows(start, other, shift, touching, history):
+    """Rows of what touches: (start, other, shift, history)."""
+    kept = 0
+    for k in range(other.shape[0]):
+        kept += touching[k]
+    new_start = np.empty_like(start)
+    new_other, new_shift = np.empty(kept, dtype=np.int32), np.empty(kept, dtype=np.int8)
+    new_history = np.empty((kept, history.shape[1]))
+    p = 0
+    for i in range(start.shape[0] - 1):
+        new_start[i] = p
+        for k in range(start[i], start[i + 1]):
+            if touching[k] != 0:
+                new_other[p], new_shift[p] = other[k], shift[k]
+                for a in range(history.shape[1]):
+                    new_history[p, a] = history[k, a]
+                p += 1
+    new_start[start.shape[0] - 1] = p
+    return new_start, new_other, new_shift, new_history
+
+
+@njit(cache=True, error_model="numpy")
 def _carry_pairs(
-    rank, wraps, parts, angle, start, other, shift, touching, history,
+    vectors, rank, wraps, parts, angle, start, other, shift, history,
     new_start, new_other, new_shift, new_touching, new_history,
 ):  # fmt: skip
     for old_i in range(rank.shape[0]):
         for k in range(start[old_i], start[old_i + 1]):
-            if touching[k] == 0:
-                continue
             i, j = rank[old_i], rank[other[k]]
             across = (wraps[old_i] + shift[k] - wraps[other[k]]) % parts
             slot, sign, turns = -1, 1.0, wraps[old_i]
@@ -162,7 +204,10 @@ def _carry_pairs(
                 continue
             c, t = np.cos(turns * angle), np.sin(turns * angle)
             new_touching[slot] = 1
-            for first in range(0, history.shape[1], 3):
+            for first in range(history.shape[1]):
+                new_history[slot, first] = history[k, first]
+            for v in range(vectors.shape[0]):
+                first = vectors[v]
                 x, y = history[k, first], history[k, first + 1]
                 if turns != 0:
                     x, y = c * x - t * y, t * x + c * y
@@ -171,11 +216,9 @@ def _carry_pairs(
 
 
 @njit(cache=True, error_model="numpy")
-def _carry_walls(rank, wraps, angle, start, other, touching, history, new_start, new_other, new_touching, new_history):
+def _carry_walls(vectors, rank, wraps, angle, start, other, history, new_start, new_other, new_touching, new_history):
     for old_i in range(rank.shape[0]):
         for k in range(start[old_i], start[old_i + 1]):
-            if touching[k] == 0:
-                continue
             i = rank[old_i]
             slot = -1
             for q in range(new_start[i], new_start[i + 1]):
@@ -185,9 +228,11 @@ def _carry_walls(rank, wraps, angle, start, other, touching, history, new_start,
                 continue
             c, t = np.cos(wraps[old_i] * angle), np.sin(wraps[old_i] * angle)
             new_touching[slot] = 1
-            for first in range(0, history.shape[1], 3):
+            for first in range(history.shape[1]):
+                new_history[slot, first] = history[k, first]
+            for v in range(vectors.shape[0]):
+                first = vectors[v]
                 x, y = history[k, first], history[k, first + 1]
                 if wraps[old_i] != 0:
                     x, y = c * x - t * y, t * x + c * y
                 new_history[slot, first], new_history[slot, first + 1] = x, y
-                new_history[slot, first + 2] = history[k, first + 2]

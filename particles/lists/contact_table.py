@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from particles.dem.step_kernel import wall_overlaps
 from particles.grains import Grains
 from particles.lists.contact_list import ContactList
 from particles.sector import CyclicSector
+from particles.walls.device_walls import DeviceWalls
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,9 +26,9 @@ class ContactTable:
     shift : ndarray of int64, shape (m,)
         The partner is the image R(shift*angle) x_j.
     point, force : ndarray, shape (m, 3)
-        Where they touch [m] and the force on grain i [N] at the last step.
+        Where they touch [m] and the force on grain i [N].
     overlap : ndarray, shape (m,)
-        [m]; by the positions of now, one drift after the force.
+        [m]
     """
 
     i: np.ndarray
@@ -40,43 +41,46 @@ class ContactTable:
 
 
 def contact_table(
-    grains: Grains, contacts: ContactList, walls: np.ndarray, sector: CyclicSector | None
+    grains: Grains,
+    contacts: ContactList,
+    walls: DeviceWalls,
+    angles: Sequence[float],
+    sector: CyclicSector | None,
+    touching: np.ndarray,
+    wall_touching: np.ndarray,
+    pair_force: np.ndarray,
+    wall_force: np.ndarray,
 ) -> ContactTable:
-    """Collect the touching slots of ``contacts``."""
-    x, radius = grains.position, grains.radius
-    k = np.flatnonzero(contacts.touching)
+    """Collect the slots that ``touching`` (p,), ``wall_touching`` (s,) name, with forces (p, 3), (s, 3) [N]."""
+    x, radius = np.array(grains.position), np.array(grains.radius)
+    k = np.flatnonzero(touching)
     i, j = contacts.pairs.rows()[k], contacts.pairs.other[k].astype(np.int64)
     shift = contacts.pairs.shift[k].astype(np.int64)
-    there, force = x[j], -contacts.reaction[k, :3]
-    if sector is not None:
-        there, force = sector.turn(there, shift), sector.turn(force, shift)
+    there = x[j] if sector is None else sector.turn(x[j], shift)
     away = there - x[i]
     distance = np.linalg.norm(away, axis=1)
     reach = radius[i] + radius[j]
     point = x[i] + away * (radius[i] / reach)[:, None]
 
-    w = np.flatnonzero(contacts.wall_touching)
-    row, wall = contacts.wall_rows()[w], contacts.wall_other[w].astype(np.int64)
-    depth = wall_overlaps(x, radius, walls, row, wall)
+    w = np.flatnonzero(wall_touching)
+    row, number = contacts.wall_rows()[w], contacts.wall_other[w].astype(np.int64)
+    depth = walls.overlaps(x, radius, contacts.wall_start, contacts.wall_other, angles)[w]
     at_wall = x[row] + (radius[row] - depth[:, 0])[:, None] * depth[:, 1:]
-    seen = np.isfinite(depth[:, 0])  # an edge may have changed its owner in the last drift
-    row, wall, w, at_wall, depth = row[seen], wall[seen], w[seen], at_wall[seen], depth[seen]
     none = np.full(len(row), -1)
     return ContactTable(
-        np.concatenate([i, row]), np.concatenate([j, none]), np.concatenate([np.full(len(i), -1), wall]),
+        np.concatenate([i, row]), np.concatenate([j, none]),
+        np.concatenate([np.full(len(i), -1), walls.wall[number]]),
         np.concatenate([shift, np.zeros(len(row), dtype=np.int64)]), np.concatenate([point, at_wall]),
-        np.concatenate([force, contacts.wall_force[w]]), np.concatenate([reach - distance, depth[:, 0]]),
+        np.concatenate([pair_force[k], wall_force[w]]), np.concatenate([reach - distance, depth[:, 0]]),
     )  # fmt: skip
 
 
-def stored_at_rest(
-    grains: Grains, contacts: ContactList, walls: np.ndarray, sector: CyclicSector | None, stiffness_n: float
-) -> float:
-    """Elastic energy [J] of the overlaps of a state that has no history yet."""
-    x, radius = grains.position, grains.radius
+def geometric_overlaps(
+    grains: Grains, contacts: ContactList, walls: DeviceWalls, angles: Sequence[float], sector: CyclicSector | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Overlap [m] of each pair (p,) and each wall slot (s,) of the list, negative or -inf where nothing touches."""
+    x, radius = np.array(grains.position), np.array(grains.radius)
     i, j = contacts.pairs.rows(), contacts.pairs.other
     there = x[j] if sector is None else sector.turn(x[j], contacts.pairs.shift)
     pairs = radius[i] + radius[j] - np.linalg.norm(there - x[i], axis=1)
-    at_walls = wall_overlaps(x, radius, walls, contacts.wall_rows(), contacts.wall_other.astype(np.int64))[:, 0]
-    depth = np.maximum(np.concatenate([pairs, at_walls]), 0.0)
-    return 0.5 * stiffness_n * float(depth @ depth)
+    return pairs, walls.overlaps(x, radius, contacts.wall_start, contacts.wall_other, angles)[:, 0]

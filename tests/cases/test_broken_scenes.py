@@ -39,7 +39,6 @@ EDITS = {
     "restitution of nothing": ({"contact.restitution": 0}, "contact.restitution", "allowed: > 0, <= 1"),
     "planned contact method": ({"contact.method": "dvi"}, "contact.method",
         "planned but not in this version"),
-    "planned geometry": ({"geometry.kind": "centrifugal"}, "geometry.kind", "available: clutch, drum"),
     "planned effect": ({"effects.heat": {}}, "effects.heat", "remove its table"),
     "planned dipole model": ({"effects.dipoles.model": "mutual"}, "effects.dipoles.model",
         "available: fixed"),

@@ -127,10 +127,10 @@ def test_belt_picks_a_sphere_up_to_two_sevenths():
     assert dem.grains.velocity[0, 1] == pytest.approx(2.0 * belt / 7.0, rel=2e-3)
     # torque on the belt is minus the change of angular momentum of the sphere
     assert totals.torque["rotor"]["tangential"] * totals.duration == pytest.approx(-dem.grains.angular_momentum_z())
-    assert totals.wall_work["rotor"] == pytest.approx(
-        totals.contact_work + totals.dissipated + totals.elastic_change, rel=1e-12
+    assert totals.books.wall_work["rotor"] == pytest.approx(
+        totals.books.contact_work + totals.books.dissipated + totals.books.elastic_change, rel=1e-12
     )
-    assert totals.dissipation["sliding"] == pytest.approx(totals.dissipated, rel=1e-2)
+    assert totals.books.dissipation["sliding"] == pytest.approx(totals.books.dissipated, rel=1e-2)
 
 
 @pytest.mark.parametrize("degrees", [10.0, 30.0, 50.0, 70.0])
@@ -209,7 +209,7 @@ def test_rolling_over_a_convex_edge_keeps_one_contact_and_a_continuous_force():
 
 def test_force_is_the_same_all_round_an_edge():
     """Pressed in by the same depth from the face, round the edge, to the rim: always one wall, one depth."""
-    from particles.dem.step_kernel import near_walls, wall_overlaps
+    from particles.walls.wall_kernels import near_walls, wall_overlaps
     from particles.walls.wall_table import wall_rows
 
     rows = wall_rows(outline("disc", "disc", [(0.0, 0.01), (0.03, 0.01), (0.03, -0.01), (0.0, -0.01)]))

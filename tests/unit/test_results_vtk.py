@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from emclutch.results.vtk_series import PvdSeries, read_pvd
+from geometry import box_surface
 
 
 def opened(path):
@@ -105,6 +106,20 @@ def test_ring_turns_with_its_body(tmp_path):
     a, b = (array(data.GetCellData(), "material_angle") for data in (still, turned))
     assert np.allclose(a, b)
     assert texts(turned, "body_names") == ["rotor"]
+
+
+def test_triangle_wall_turns_with_its_body(tmp_path):
+    """Each point at its angle, velocity speed x radius; the plane beside it is drawn as large as the wall."""
+    vane = box_surface("vane", "disc", (3.0, 0.0, 0.0), (2.0, 0.2, 1.0))
+    walls = [vane, plane((0, 0, -1.0), (0, 0, 1.0))]
+    path = PvdSeries(tmp_path, "walls").write_walls(0.0, walls, angles={"disc": 0.3}, speeds={"disc": 5.0})
+    data = opened(path)
+    at = points(data)[: len(vane.vertices)]
+    assert data.GetNumberOfPolys() == len(vane.triangles) + 1
+    assert np.allclose(at, vane.turned(0.3).vertices)
+    speed = np.linalg.norm(array(data.GetPointData(), "velocity"), axis=1)
+    assert np.allclose(speed[: len(at)], 5.0 * np.hypot(at[:, 0], at[:, 1]))
+    assert np.ptp(points(data)[len(at) :, 0]) > 2.0
 
 
 def test_sector_of_a_ring_stays_over_its_grains(tmp_path):

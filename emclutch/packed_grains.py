@@ -1,0 +1,75 @@
+"""The grains of a scene at the start: drawn, packed, and settled where the scene asks for it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from emclutch.scene.fill import diameters_of
+from emclutch.scene.model import Scene
+from geometry import AnnularBox, Box
+from geometry.walls import Wall
+from particles import DEM, CyclicSector, Grains, PackingError
+from particles.packing.file_packing import OVERLAP_LIMIT
+from particles.packing.grown_packing import grown_packing
+from particles.packing.lattice_packing import lattice_packing
+from particles.packing.packing import Packing, require_fit
+from particles.packing.poured_packing import poured_packing
+from particles.packing.random_packing import random_packing
+from particles.packing.settling import Settling, before_the_start, settle
+from particles.packing.space import Space
+
+
+def packed(
+    scene: Scene, boxes: list[AnnularBox] | Box, walls: Sequence[Wall], count: int, sector: CyclicSector | None
+) -> Packing:
+    """The packing of a scene (seeded).
+
+    Raises
+    ------
+    PackingError
+        If the grains do not fit.
+    """
+    particles, seed = scene.particles, scene.scene.seed
+    space = Space.of(boxes, walls, sector)
+    if particles.packing == "file":
+        packing = particles.packing_in_file()
+        require_fit(packing, space, OVERLAP_LIMIT)
+        return packing
+    radius = 0.5 * diameters_of(particles, count, seed)
+    if particles.packing == "grow":
+        return grown_packing(space, radius, seed=seed)
+    if particles.packing == "lattice":
+        return lattice_packing(space, radius, kind=particles.lattice, noise=particles.noise, seed=seed)
+    if particles.packing == "pour":
+        if scene.effects.gravity is None:
+            raise PackingError("particles.packing = 'pour' needs weight; add [effects.gravity]")
+        return poured_packing(space, radius, up=-np.asarray(scene.effects.gravity.vector), seed=seed)
+    return random_packing(space, radius, seed=seed)
+
+
+def grains_of(packing: Packing, density: float) -> Grains:
+    """Grains in the places of a packing."""
+    return Grains.create(
+        packing.position,
+        packing.radius,
+        density,
+        velocity=packing.velocity,
+        angular_velocity=packing.angular_velocity,
+    )
+
+
+def settled(scene: Scene, dem: DEM) -> Settling | None:
+    """Let the grains come to rest before time 0, shafts held and without magnetic forces; None where not asked for.
+
+    Raises
+    ------
+    particles.packing.settling.NotAtRestError
+        If they still move after the longest time.
+    """
+    particles = scene.particles
+    if not particles.settles:
+        return None
+    with before_the_start(dem):
+        return settle(dem, kinetic=particles.settle_kinetic, longest=particles.settle_longest, required=True)

@@ -1,0 +1,191 @@
+"""A centrifugal shot clutch: vanes on the input throw steel shot against the ribbed drum of the output.
+
+The shaft axis z lies horizontally. Body ``rotor`` (input): a hub with straight radial vanes, each a rake whose slots
+are open towards the drum. Body ``disc`` (output): the drum around it with its two covers, and ribs along its inner
+face. Between them lies the shot. The vanes drag it round; its weight in the centrifugal field presses it on the drum,
+and friction there turns the output (`emclutch.shot_clutch` has the estimate). Overloaded, the drum lags and the shot
+slips back through the slots.
+
+Hub, drum and covers are smooth walls of revolution; vanes and ribs are closed surfaces of triangles, whose roots lie
+behind the smooth wall that carries them, out of the grains' reach, so that the joint is a plain concave corner.
+
+A rib should be lower than R (1 - sin(2 atan mu)) for shot of radius R and friction mu: a grain caught between a
+vane and the edge of a higher rib jams, its wedge angle being below twice the angle of friction, and the clutch locks
+like a sprag.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from geometry.centrifugal_faults import find_faults
+from geometry.fault import Fault
+from geometry.triangle_wall import TriangleWall, extruded
+from geometry.walls import AnnularBox, RevolvedWall, annulus, cylinder
+
+
+@dataclass(frozen=True, slots=True)
+class Chamber(AnnularBox):
+    """The part theta0 < theta < theta1 [rad] of an annular box: the space between two vanes at rest."""
+
+    theta0: float = 0.0
+    theta1: float = 2.0 * math.pi
+
+    def volume(self, angle: float = 2.0 * math.pi) -> float:
+        """Volume [m^3] of the part of the chamber in 0 < theta < ``angle`` [rad]."""
+        opening = max(0.0, min(self.theta1, angle) - max(self.theta0, 0.0))
+        return 0.5 * opening * (self.r1**2 - self.r0**2) * (self.z1 - self.z0)
+
+
+@dataclass(frozen=True, slots=True)
+class CentrifugalClutch:
+    """Sizes [m] and counts of a shot clutch, symmetric about z = 0; the defaults are those of `cases/thesis`.
+
+    Attributes
+    ----------
+    drum_radius, width
+        Inner radius of the drum and the distance of its covers.
+    hub_radius
+        Radius of the hub that carries the vanes.
+    vanes : int
+    vane_thickness
+    tip_clearance
+        Between the circle of the vanes' tips and the ribs (the drum, where there are none).
+    side_clearance
+        Between a vane's side and the cover, on both sides.
+    slots : int
+        Slots in each vane, evenly spread over its width, 0 for plain vanes.
+    slot_width, slot_depth
+        Axial width of a slot; its radial depth, from the tip inwards.
+    ribs : int
+        Ribs on the drum, 0 for a smooth one.
+    rib_height, rib_width
+        Radial height above the drum; tangential width. Their tops are flat.
+    """
+
+    drum_radius: float = 120e-3
+    width: float = 90e-3
+    hub_radius: float = 40e-3
+    vanes: int = 6
+    vane_thickness: float = 5e-3
+    tip_clearance: float = 2e-3
+    side_clearance: float = 1e-3
+    slots: int = 3
+    slot_width: float = 18e-3
+    slot_depth: float = 45e-3
+    ribs: int = 16
+    rib_height: float = 2e-3
+    rib_width: float = 6e-3
+
+    @property
+    def rib_radius(self) -> float:
+        """Smallest radius that the output reaches [m]: the middle of the ribs' tops, or the drum."""
+        return self.drum_radius - (self.rib_height if self.ribs else 0.0)
+
+    @property
+    def tip_radius(self) -> float:
+        """Largest radius that the input reaches [m]: the edges of the vanes' tips."""
+        return self.rib_radius - self.tip_clearance
+
+    @property
+    def tip_height(self) -> float:
+        """Distance of the flat tip of a vane from the axis [m], a little less than the radius of its edges."""
+        return math.sqrt(self.tip_radius**2 - 0.25 * self.vane_thickness**2)
+
+    @property
+    def tooth_width(self) -> float:
+        """Axial width [m] of each of the ``slots + 1`` teeth of a vane."""
+        solid = self.width - 2.0 * self.side_clearance - (self.slots * self.slot_width if self.slots else 0.0)
+        return solid / (self.slots + 1)
+
+    @property
+    def outer_radius(self) -> float:
+        """Largest radius that grains reach [m]."""
+        return self.drum_radius
+
+    @property
+    def inner_radius(self) -> float:
+        """Smallest radius that grains reach [m]."""
+        return self.hub_radius
+
+    @property
+    def vane_volume(self) -> float:
+        """Volume [m^3] of one vane outside the hub."""
+        t, r = self.vane_thickness, self.hub_radius
+        section = t * self.tip_height - _under_arc(r, t)
+        volume = section * (self.width - 2.0 * self.side_clearance)
+        return volume - (self.slots * self.slot_width * self.slot_depth * t if self.slots else 0.0)
+
+    @property
+    def rib_volume(self) -> float:
+        """Volume [m^3] of one rib inside the drum."""
+        return (_under_arc(self.drum_radius, self.rib_width) - self.rib_width * self.rib_radius) * self.width
+
+    @property
+    def volume(self) -> float:
+        """Volume [m^3] of the space between hub and drum that vanes and ribs leave to the shot."""
+        ring = math.pi * (self.drum_radius**2 - self.hub_radius**2) * self.width
+        return ring - self.vanes * self.vane_volume - self.ribs * (self.rib_volume if self.ribs else 0.0)
+
+    def faults(self, grain_diameter: float | None = None) -> list[Fault]:
+        """Every inconsistency; with a grain diameter [m], also a place that no grain fits into, or all escape by."""
+        return find_faults(self, grain_diameter)
+
+    def walls(self) -> list[RevolvedWall | TriangleWall]:
+        """What grains touch: hub and vanes on body ``rotor``; drum, covers and ribs on body ``disc``."""
+        half = 0.5 * self.width
+        smooth = [
+            cylinder("hub", "rotor", self.hub_radius, -half, half),
+            cylinder("drum", "disc", self.drum_radius, -half, half),
+            annulus("cover_left", "disc", -half, self.hub_radius, self.drum_radius),
+            annulus("cover_right", "disc", half, self.hub_radius, self.drum_radius),
+        ]
+        vane = _rake(self)
+        vanes = [vane.turned(2.0 * math.pi * k / self.vanes, f"vane_{k + 1}") for k in range(self.vanes)]
+        return [*smooth, *vanes, *self._ribs()]
+
+    def fill_boxes(self) -> dict[str, AnnularBox]:
+        """The chambers between the vanes at rest, named ``chamber_1`` ...; each clear of the vanes' roots."""
+        half, root = 0.5 * self.width, math.asin(0.5 * self.vane_thickness / self.hub_radius)
+        pitch = 2.0 * math.pi / self.vanes
+        return {
+            f"chamber_{k + 1}": Chamber(
+                self.hub_radius, self.rib_radius, -half, half, k * pitch + root, (k + 1) * pitch - root
+            )
+            for k in range(self.vanes)
+        }
+
+    def _ribs(self) -> list[TriangleWall]:
+        """Bars along z, from rib_radius out to behind the drum, and through the covers."""
+        if not self.ribs:
+            return []
+        low, high, half = self.rib_radius, self.drum_radius + self.rib_height, 0.5 * self.rib_width
+        section = np.array([(low, -half), (high, -half), (high, half), (low, half)])
+        end = 0.5 * self.width + self.rib_height
+        rib = extruded("rib_1", "disc", section, -end, end)
+        # Half a pitch aside, so that at rest no rib faces the first vane.
+        return [rib.turned(2.0 * math.pi * (k + 0.5) / self.ribs, f"rib_{k + 1}") for k in range(self.ribs)]
+
+
+def _under_arc(radius: float, width: float) -> float:
+    """Area [m^2] of a bar of ``width`` from the axis to the circle of ``radius``: |y| < width/2, 0 < x < arc."""
+    half = 0.5 * width
+    return half * math.sqrt(radius**2 - half**2) + radius**2 * math.asin(half / radius)
+
+
+def _rake(clutch: CentrifugalClutch) -> TriangleWall:
+    """The vane at angle 0: its outline in the plane (z, x), as thick as the vane in y; the root lies in the hub."""
+    t, half, tip = clutch.vane_thickness, 0.5 * clutch.width - clutch.side_clearance, clutch.tip_height
+    on_hub = math.sqrt(clutch.hub_radius**2 - 0.25 * t**2)
+    root = max(0.5 * on_hub, on_hub - t)
+    edge = [(-half, tip)]
+    for k in range(clutch.slots):
+        z0 = -half + (k + 1) * clutch.tooth_width + k * clutch.slot_width
+        z1, floor = z0 + clutch.slot_width, tip - clutch.slot_depth
+        edge += [(z0, tip), (z0, floor), (z1, floor), (z1, tip)]
+    outline = np.array([(-half, root), *edge, (half, tip), (half, root)])
+    prism = extruded("vane_1", "rotor", outline, -0.5 * t, 0.5 * t)
+    return TriangleWall("vane_1", "rotor", prism.vertices[:, [1, 2, 0]], prism.triangles)  # (z, x, y) -> (x, y, z)

@@ -1,0 +1,1 @@
+"""Rigid grains: contact dynamics with exact Coulomb friction (differential variational inequality)."""

@@ -1,0 +1,177 @@
+"""Sweeps to a tolerance, and their Anderson acceleration when they stall.
+
+A sweep is a map r -> G(r) whose fixed points solve the contact problem. In a dense packing its slowest modes, chains
+of contacts that are nearly mechanisms or nearly self-stressed, shrink by less than 1 % a sweep. Anderson's method of
+type II (J. ACM 12 (1965) 547; Walker & Ni, SIAM J. Numer. Anal. 49 (2011) 1715) fits the last m changes,
+
+    r_{k+1} = G(r_k) - sum_j c_j dG_j,     c = argmin |F_k - sum_j c_j dF_j|,     F_k = G(r_k) - r_k,
+
+and takes these modes out together. Velocities are kept consistent, v = v_free + M^-1 H r, and the following sweep puts
+every impulse back into its cone. Norms weigh an impulse by sqrt(w_n): an energy, so that light and heavy grains count
+alike. **Safeguard**: the map has kinks, where contacts open, stick or slip. When |F| exceeds twice the smallest one of
+this history, the history is dropped and the iteration goes on from the best G(r) by plain sweeps.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from particles.dvi.gauss_seidel import BRAKE, IWN, RX, apply_impulses, residual, sweep
+
+GAUSS_SEIDEL, ANDERSON, INTERIOR = 0, 1, 2  # methods: sweeps alone, then accelerated, then an interior point
+PLAIN_SWEEPS = 30  # before the acceleration begins: most warm-started steps are done by then
+HISTORY = 8
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def solve(convex, relax, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
+    """Plain sweeps, then (unless ``method`` is GAUSS_SEIDEL) accelerated ones.
+
+    Returns sweeps, the honest residual [m/s], and whether acceleration took over.
+    """
+    first = cap if method == GAUSS_SEIDEL else min(cap, PLAIN_SWEEPS)
+    for count in range(first):
+        change = sweep(False, convex, relax, grain, body, pair_index, pair, wall_index, wall)
+        if change <= tolerance:
+            reached = residual(convex, grain, body, pair_index, pair, wall_index, wall)
+            if reached <= tolerance:
+                return count + 1, reached, 0
+    if first == cap:
+        return cap, residual(convex, grain, body, pair_index, pair, wall_index, wall), 0
+    done, reached = anderson(convex, relax, tolerance, cap - first, grain, body, pair_index, pair, wall_index, wall)
+    return first + done, reached, 1
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def anderson(convex, relax, tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
+    """Up to ``cap`` accelerated sweeps from the impulses in the records; returns their number and the residual."""
+    p, w, n_bodies = pair.shape[0], wall.shape[0], body.shape[0]
+    size = 3 * (p + w) + n_bodies
+    free, free_body = grain.copy(), body.copy()
+    apply_impulses(-1.0, free, free_body, pair_index, pair, wall_index, wall)
+    weight = np.empty(size)
+    for k in range(p):
+        weight[3 * k : 3 * k + 3] = 1.0 / np.sqrt(pair[k, IWN])
+    for k in range(w):
+        weight[3 * (p + k) : 3 * (p + k) + 3] = 1.0 / np.sqrt(wall[k, IWN])
+    weight[3 * (p + w) :] = np.sqrt(body[:, 1])
+    r, g, f = np.empty(size), np.empty(size), np.empty(size)
+    old_g, old_f, best_g = np.empty(size), np.empty(size), np.empty(size)
+    d_g, d_f = np.empty((HISTORY, size)), np.empty((HISTORY, size))
+    gram, c = np.zeros((HISTORY, HISTORY)), np.zeros(HISTORY)
+    known, slot, best = 0, 0, np.inf
+    first = True
+    _collect(r, pair, wall, body)
+    for count in range(cap):
+        change = sweep(False, convex, relax, grain, body, pair_index, pair, wall_index, wall)
+        if change <= tolerance:
+            reached = residual(convex, grain, body, pair_index, pair, wall_index, wall)
+            if reached <= tolerance:
+                return count + 1, reached
+        _collect(g, pair, wall, body)
+        f[:] = weight * (g - r)
+        norm = np.sqrt(_dot(f, f))
+        if norm > 2.0 * best:
+            known, slot, best, first = 0, 0, np.inf, True
+            r[:] = best_g
+        else:
+            if norm < best:
+                best = norm
+                best_g[:] = g
+            if not first:
+                d_g[slot] = g - old_g
+                d_f[slot] = f - old_f
+                known = min(known + 1, HISTORY)
+                for q in range(known):
+                    gram[slot, q] = gram[q, slot] = _dot(d_f[slot], d_f[q])
+                slot = (slot + 1) % HISTORY
+            old_g[:], old_f[:] = g, f
+            first = False
+            r[:] = g
+            if known > 0:
+                for q in range(known):
+                    c[q] = _dot(d_f[q], f)
+                if _solve_gram(gram, c, known):
+                    for q in range(known):
+                        r -= c[q] * d_g[q]
+        grain[:] = free
+        body[:, 0] = free_body[:, 0]
+        _spread(r, pair, wall, body)
+        apply_impulses(1.0, grain, body, pair_index, pair, wall_index, wall)
+    sweep(False, convex, relax, grain, body, pair_index, pair, wall_index, wall)
+    return cap, residual(convex, grain, body, pair_index, pair, wall_index, wall)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _collect(r, pair, wall, body):
+    p, w = pair.shape[0], wall.shape[0]
+    for k in range(p):
+        r[3 * k], r[3 * k + 1], r[3 * k + 2] = pair[k, RX], pair[k, RX + 1], pair[k, RX + 2]
+    for k in range(w):
+        q = 3 * (p + k)
+        r[q], r[q + 1], r[q + 2] = wall[k, RX], wall[k, RX + 1], wall[k, RX + 2]
+    for b in range(body.shape[0]):
+        r[3 * (p + w) + b] = body[b, BRAKE]
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _spread(r, pair, wall, body):
+    p, w = pair.shape[0], wall.shape[0]
+    for k in range(p):
+        pair[k, RX], pair[k, RX + 1], pair[k, RX + 2] = r[3 * k], r[3 * k + 1], r[3 * k + 2]
+    for k in range(w):
+        q = 3 * (p + k)
+        wall[k, RX], wall[k, RX + 1], wall[k, RX + 2] = r[q], r[q + 1], r[q + 2]
+    for b in range(body.shape[0]):
+        body[b, BRAKE] = r[3 * (p + w) + b]
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _dot(a, b):
+    """Sum of products in eight partial sums: a fixed order that the processor can still do side by side."""
+    s0 = s1 = s2 = s3 = s4 = s5 = s6 = s7 = 0.0
+    whole = 8 * (a.shape[0] // 8)
+    for k in range(0, whole, 8):
+        s0 += a[k] * b[k]
+        s1 += a[k + 1] * b[k + 1]
+        s2 += a[k + 2] * b[k + 2]
+        s3 += a[k + 3] * b[k + 3]
+        s4 += a[k + 4] * b[k + 4]
+        s5 += a[k + 5] * b[k + 5]
+        s6 += a[k + 6] * b[k + 6]
+        s7 += a[k + 7] * b[k + 7]
+    for k in range(whole, a.shape[0]):
+        s0 += a[k] * b[k]
+    return ((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7))
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _solve_gram(gram, c, n):
+    """Solve gram x = c (leading n) by Cholesky; x replaces c. False where the history is dependent."""
+    trace = 0.0
+    for i in range(n):
+        trace += gram[i, i]
+    low = np.zeros((HISTORY, HISTORY))
+    for i in range(n):
+        for j in range(i + 1):
+            s = gram[i, j]
+            if i == j:
+                s += 1e-14 * trace  # differences that are nearly dependent must not blow up the coefficients
+            for k in range(j):
+                s -= low[i, k] * low[j, k]
+            if i == j:
+                if not s > 0.0:
+                    return False
+                low[i, i] = np.sqrt(s)
+            else:
+                low[i, j] = s / low[j, j]
+    for i in range(n):
+        for k in range(i):
+            c[i] -= low[i, k] * c[k]
+        c[i] /= low[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            c[i] -= low[k, i] * c[k]
+        c[i] /= low[i, i]
+    return True

@@ -1,0 +1,459 @@
+"""Rigid grains between walls on turning bodies: the loop around the compiled step of `particles.dvi.step_kernel`.
+
+The same face as `particles.DEM`: what moves grains need not know which of the two does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from geometry.walls import Wall
+from particles.bodies import Body, FreeShaft, PrescribedSpeed
+from particles.dem.step_totals import StepTotals
+from particles.dvi import gauss_seidel as gs
+from particles.dvi import step_kernel as kernel
+from particles.dvi.accelerated import ANDERSON, GAUSS_SEIDEL, INTERIOR
+from particles.dvi.impulse_list import ImpulseList
+from particles.dvi.interior_point import solve_by_interior_point
+from particles.dvi.rigid_contact import RigidContact
+from particles.faults import DemError, ParticleError
+from particles.grains import Grains
+from particles.lists.contact_table import ContactTable
+from particles.lists.neighbours import cell_order
+from particles.walls.wall_kernels import wall_overlaps
+from particles.walls.wall_table import outside, wall_table
+
+STEPS_PER_CALL = 512  # bounds the table of prescribed speeds
+# grains may reach beyond the gap that their own speeds close, when others push them: this share of the fastest one's
+# way is added
+MARGIN = 0.25
+FAST_SKIN = 4.0  # skin, in ways of the fastest grain in a step: a step from the list and the next, for two grains
+SLOP = 1e-4  # overlap, as a share of the radius, below which positions are left alone
+
+
+@dataclass(frozen=True, slots=True)
+class RigidTotals(StepTotals):
+    """Totals of a run of rigid grains; ``dissipation`` is split into "impact" and "sliding".
+
+    Attributes
+    ----------
+    sweeps, max_sweeps : int
+        Sweeps over the contacts in all, and in the hardest step.
+    visits : int
+        Contacts that the sweeps have visited.
+    residual : float
+        Largest natural map at the end of a step [m/s].
+    missed_steps : int
+        Steps that did not reach the tolerance.
+    taken_over : int
+        Steps that the accelerated solver finished.
+    warm_hits : float
+        Share of the loaded contacts that had an impulse to start from.
+    projections : int
+        Sweeps over the positions that removed overlap (they conserve no angular momentum).
+    stabilisation_work : float
+        Work of the held forces on the displacements that removed overlap [J].
+    """
+
+    sweeps: int
+    max_sweeps: int
+    visits: int
+    residual: float
+    missed_steps: int
+    taken_over: int
+    warm_hits: float
+    projections: int
+    stabilisation_work: float
+
+
+class DVI:
+    """Rigid grains moving between walls.
+
+    Parameters
+    ----------
+    grains : Grains
+        Taken over: its arrays are replaced, sorted and advanced.
+    walls, bodies
+        Walls refer to bodies by name.
+    contact : RigidContact
+        Friction and restitution of every contact.
+    dt : float
+        Step [s].
+    gravity : array_like, shape (3,), optional
+        Acceleration [m/s^2].
+    theta : float
+        Weight of the new velocity in the drift, 1/2 to 1; at 1 velocities lag by half a step, as in `DEM`.
+    friction : "coulomb" or "convex"
+        Exact Coulomb, or the convex relaxation that Project Chrono solves.
+    solver : "gauss_seidel", "accelerated", "interior_point" or "psor"
+        Sweeps alone; accelerated sweeps after the first; these, and an interior point for steps on which they stall;
+        projected over-relaxation (convex only).
+    tolerance : float
+        On the natural map [m/s].
+    max_sweeps : int
+        Sweeps a step.
+    skin : float, optional
+        Of the Verlet list [m]; 0.3 of the mean diameter by default.
+    overlap_limit : float
+        Overlap, as a share of the diameter, at which the run is stopped.
+    warm_start : bool
+        Begin from the impulses of the last step.
+
+    Attributes
+    ----------
+    external_force, time, step_count, order_version, list_version
+        As in `DEM`.
+    """
+
+    def __init__(
+        self,
+        grains: Grains,
+        walls: Sequence[Wall],
+        bodies: Sequence[Body],
+        contact: RigidContact,
+        *,
+        dt: float,
+        gravity: np.ndarray | Sequence[float] | None = None,
+        sector: None = None,
+        theta: float = 1.0,
+        friction: str = "coulomb",
+        solver: str = "accelerated",
+        tolerance: float = 1e-6,
+        max_sweeps: int = 10_000,
+        relaxation: float = 1.0,
+        skin: float | None = None,
+        overlap_limit: float = 0.1,
+        warm_start: bool = True,
+    ) -> None:
+        if sector is not None:
+            raise ValueError("rigid grains (DVI) need the full ring; leave the sector out, or use DEM")
+        if not 0.0 < dt < np.inf:
+            raise ValueError(f"dt = {dt:g} s; allowed: more than 0")
+        if not 0.5 <= theta <= 1.0:
+            raise ValueError(f"theta = {theta:g}; allowed: 1/2 to 1")
+        if not 0.0 < tolerance < np.inf:
+            raise ValueError(f"tolerance = {tolerance:g} m/s; allowed: more than 0")
+        for name, value, allowed in (
+            ("friction", friction, ("coulomb", "convex")),
+            ("solver", solver, ("gauss_seidel", "accelerated", "interior_point", "psor")),
+        ):
+            if value not in allowed:
+                raise ValueError(f"{name} = {value!r}; allowed: {', '.join(allowed)}")
+        if solver == "psor" and friction != "convex":
+            raise ValueError('solver = "psor" solves the convex law; choose friction = "convex"')
+        self.grains, self.walls, self.bodies, self.contact = grains, list(walls), list(bodies), contact
+        self.dt, self.theta, self.sector, self.overlap_limit = float(dt), float(theta), sector, overlap_limit
+        self.tolerance, self.max_sweeps, self.warm_start = float(tolerance), int(max_sweeps), warm_start
+        self.gravity = None if gravity is None else np.array(gravity, dtype=float).reshape(3)
+        self.skin = 0.6 * float(np.mean(grains.radius)) if skin is None else float(skin)
+        if not 0.0 < self.skin < np.inf:
+            raise ValueError(f"skin = {self.skin * 1e3:g} mm; allowed: more than 0")
+        self.external_force: np.ndarray | None = None
+        self.step_count = self.order_version = self.list_version = 0
+        self._convex = None if friction == "coulomb" else True
+        self._relax = float(relaxation) if solver == "psor" else None
+        self._method = {"accelerated": ANDERSON, "interior_point": INTERIOR}.get(solver, GAUSS_SEIDEL)
+        self._open_step = np.array([-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+        self._table = wall_table(self.walls, self.bodies)
+        self._law = contact.table()
+        self._encloses = not outside(grains.position, self.walls, 0.0).any()
+        n = grains.count
+        self._grain = np.zeros((n, gs.N_GRAIN))
+        self._bound = np.zeros(n)
+        self._body = np.zeros((len(self.bodies), gs.N_BODY))
+        self._brake = np.zeros(len(self.bodies))
+        self._stale = True
+        self._reach = self.skin
+        self._impulses: ImpulseList | None = None
+        self._rebuild()
+
+    @property
+    def time(self) -> float:
+        """Time [s] of the positions."""
+        return self.step_count * self.dt
+
+    @property
+    def n_sectors(self) -> int:
+        """Sectors in the full ring."""
+        return 1
+
+    @property
+    def contact_force(self) -> np.ndarray:
+        """Sum of the contact forces on each grain, mean over the last step [N], shape (n, 3)."""
+        c = self._list
+        net = np.zeros((self.grains.count, 3))
+        np.add.at(net, c.pairs.rows(), c.pair_impulse)
+        np.subtract.at(net, c.pairs.other, c.pair_impulse)
+        np.add.at(net, c.wall_rows(), c.wall_impulse)
+        return net / self.dt
+
+    @property
+    def _list(self) -> ImpulseList:
+        assert self._impulses is not None
+        return self._impulses
+
+    def run(self, n_steps: int) -> RigidTotals:
+        """Advance by ``n_steps`` steps.
+
+        Raises
+        ------
+        DemError
+            For overlap beyond the limit, a number that is not finite, a grain outside the device.
+        """
+        totals = np.zeros(kernel.N_SUMS)
+        totals[kernel.GRAIN] = -1.0
+        body_totals = np.zeros((len(self.bodies), kernel.N_BODY_SUMS))
+        kinetic, rebuilds, left = self.grains.kinetic_energy(), 0, n_steps
+        angle, speed = (np.array([getattr(b, name) for b in self.bodies]) for name in ("angle", "speed"))
+        while left > 0:
+            if self._stale:
+                self._rebuild()
+                rebuilds += 1
+            answer, done = self._advance(min(left, STEPS_PER_CALL), angle, speed, totals, body_totals)
+            left -= done
+            self.step_count += done
+            for body, a, w in zip(self.bodies, angle, speed, strict=True):
+                body.angle, body.speed = float(a), float(w)
+            if answer == kernel.HAND_OVER:
+                self._improve()
+                continue
+            self._stale = answer != kernel.DONE
+            if answer in (kernel.NOT_FINITE, kernel.OVERLAP):
+                self._explain(answer, totals)
+        return self._summary(n_steps, totals, body_totals, kinetic, rebuilds)
+
+    def contacts(self) -> ContactTable:
+        """The loaded contacts of the last step."""
+        g, c = self.grains, self._list
+        x, radius = g.position, g.radius
+        k = np.flatnonzero(c.pair_impulse.any(axis=1))
+        i, j = c.pairs.rows()[k], c.pairs.other[k].astype(np.int64)
+        away = x[j] - x[i]
+        reach = radius[i] + radius[j]
+        point = x[i] + away * (radius[i] / reach)[:, None]
+        w = np.flatnonzero(c.wall_impulse.any(axis=1))
+        row, wall = c.wall_rows()[w], c.wall_other[w].astype(np.int64)
+        depth = wall_overlaps(x, radius, self._table.rows, row, wall)
+        seen = np.isfinite(depth[:, 0])
+        row, wall, w, depth = row[seen], wall[seen], w[seen], depth[seen]
+        at_wall = x[row] + (radius[row] - depth[:, 0])[:, None] * depth[:, 1:]
+        none = np.full(len(row), -1)
+        return ContactTable(
+            np.concatenate([i, row]), np.concatenate([j, none]), np.concatenate([np.full(len(i), -1), wall]),
+            np.zeros(len(i) + len(row), dtype=np.int64), np.concatenate([point, at_wall]),
+            np.concatenate([c.pair_impulse[k], c.wall_impulse[w]]) / self.dt,
+            np.concatenate([reach - np.linalg.norm(away, axis=1), depth[:, 0]]),
+        )  # fmt: skip
+
+    def invalidate(self) -> None:
+        """Say that positions were changed from outside: the list is renewed before the next step."""
+        self._stale = True
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Everything that `restore` needs to go on bit for bit."""
+        g = self.grains
+        arrays = {
+            name: np.array(getattr(g, name))
+            for name in ("position", "velocity", "angular_velocity", "radius", "mass", "particle_id")
+        }
+        for name, value in (("magnetic_moment", g.magnetic_moment), ("external_force", self.external_force)):
+            if value is not None:
+                arrays[name] = value.copy()
+        arrays |= {f"list_{name}": value.copy() for name, value in self._list.arrays().items()}
+        arrays["bodies"] = np.array([[b.angle, b.speed, b.external_torque] for b in self.bodies]).reshape(-1, 3)
+        arrays["brake"] = self._brake.copy()
+        arrays["counters"] = np.array(
+            [self.step_count, self.order_version, self._stale, self.list_version], dtype=np.int64
+        )
+        arrays["scalars"] = np.array([self.dt, self.skin, self._reach])
+        return arrays
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Put a `state` into a DVI that was made with the same walls, bodies and contact.
+
+        Raises
+        ------
+        ValueError
+            If the state has another number of grains or bodies.
+        """
+        if len(state["radius"]) != self.grains.count or len(state["bodies"]) != len(self.bodies):
+            raise ValueError(
+                f"the state has {len(state['radius'])} grains and {len(state['bodies'])} bodies, this DVI "
+                f"{self.grains.count} and {len(self.bodies)}; restore it into the scene that it came from"
+            )
+        for name in ("position", "velocity", "angular_velocity", "radius", "mass", "particle_id"):
+            setattr(self.grains, name, state[name].copy())
+        moment, force = state.get("magnetic_moment"), state.get("external_force")
+        self.grains.magnetic_moment = None if moment is None else moment.copy()
+        self.external_force = None if force is None else force.copy()
+        prefix = "list_"
+        self._impulses = ImpulseList.from_arrays(
+            {name.removeprefix(prefix): value for name, value in state.items() if name.startswith(prefix)}
+        )
+        for body, (angle, speed, torque) in zip(self.bodies, state["bodies"], strict=True):
+            body.angle, body.speed, body.external_torque = float(angle), float(speed), float(torque)
+        self._brake = state["brake"].copy()
+        self.step_count, self.order_version = (int(v) for v in state["counters"][:2])
+        self._stale, self.list_version = bool(state["counters"][2]), int(state["counters"][3])
+        self.dt, self.skin, self._reach = (float(v) for v in state["scalars"])
+        self._make_room()
+
+    # -- inside
+    # ---------------------------------------------------------------------------------------------------
+
+    def _advance(
+        self, n_steps: int, angle: np.ndarray, speed: np.ndarray, totals: np.ndarray, body_totals: np.ndarray
+    ) -> tuple[int, int]:
+        g, c = self.grains, self._list
+        times = (self.step_count + np.arange(n_steps)) * self.dt
+        speeds = np.zeros((n_steps, len(self.bodies)))
+        data = np.zeros((len(self.bodies), 4))
+        for b, body in enumerate(self.bodies):
+            if isinstance(body.motion, PrescribedSpeed):
+                speeds[:, b] = body.motion.at(times)
+            elif isinstance(body.motion, FreeShaft):
+                motion = body.motion
+                data[b] = 1.0, motion.inertia, motion.drive_torque + body.external_torque, motion.load_torque
+        external = self.external_force
+        if external is not None:
+            external = np.ascontiguousarray(external, dtype=float)
+            if external.shape != (g.count, 3):
+                raise ValueError(f"external_force has shape {external.shape}; it must be ({g.count}, 3)")
+        if not self.warm_start and self._open_step[0] < 0.0:
+            n_steps = 1
+            c.pair_impulse[:], c.wall_impulse[:], self._brake[:] = 0.0, 0.0, 0.0
+        position, velocity, spin = (np.ascontiguousarray(a) for a in (g.position, g.velocity, g.angular_velocity))
+        answer = kernel.run_steps(
+            n_steps, self.dt, self.theta, float(self.n_sectors), self._law, self.gravity, external,
+            0.5 * self._reach, self.overlap_limit, SLOP, MARGIN,
+            self._convex, self._relax, self._method, self.tolerance, self.max_sweeps, self._open_step,
+            position, velocity, spin, np.ascontiguousarray(g.radius), g.mass, c.reference,
+            c.pairs.start, c.pairs.other, c.pair_impulse, self._table.rows, self._table.body, c.wall_start,
+            c.wall_other, c.wall_impulse, speeds, data, angle, speed, self._brake,
+            self._grain, self._bound, self._body, self._pair_index, self._pair_slot, self._pair,
+            self._wall_index, self._wall_slot, self._wall, totals, body_totals,
+        )  # fmt: skip
+        g.position[:], g.velocity[:], g.angular_velocity[:] = position, velocity, spin
+        return answer
+
+    def _records(self) -> list[np.ndarray]:
+        """Grains, bodies and contacts as the last step left them (`particles.dvi.gauss_seidel`), copied."""
+        p, s = int(self._open_step[5]), int(self._open_step[6])
+        views = (self._grain, self._body, self._pair_index[:p], self._pair[:p], self._wall_index[:s], self._wall[:s])
+        return [array.copy() for array in views]
+
+    def _improve(self) -> None:
+        """Let the interior point work on the step that the kernel has left open."""
+        p, s = int(self._open_step[0]), int(self._open_step[1])
+        sweeps, self._open_step[3] = solve_by_interior_point(
+            self._convex, self.tolerance, self._grain, self._body,
+            self._pair_index[:p], self._pair[:p], self._wall_index[:s], self._wall[:s],
+        )  # fmt: skip
+        self._open_step[2] += sweeps
+
+    def _make_room(self) -> None:
+        """Records for as many contacts as the list has slots."""
+        p, s = self._list.pairs.count, len(self._list.wall_other)
+        self._pair_index, self._wall_index = np.zeros((p, 2), dtype=np.int32), np.zeros((s, 2), dtype=np.int32)
+        self._pair_slot, self._wall_slot = np.zeros(p, dtype=np.int32), np.zeros(s, dtype=np.int32)
+        self._pair, self._wall = np.zeros((p, gs.N_PAIR)), np.zeros((s, gs.N_WALL_CONTACT))
+
+    def _rebuild(self) -> None:
+        """Sort by cells, list the neighbours anew, and carry the impulses into it."""
+        g = self.grains
+        if self._encloses:
+            self._refuse_escaped()
+        old_id = g.particle_id
+        order = cell_order(g.position, 2.0 * float(g.radius.max()) + self.skin)
+        if np.any(order[1:] < order[:-1]):
+            old_id = old_id.copy()
+            g.permute(order)
+            if self.external_force is not None:
+                self.external_force = np.ascontiguousarray(self.external_force[order])
+            self.order_version += 1
+        # whatever the step may move must be in the list: fast grains need a thicker skin
+        fastest = float(np.sqrt(np.max(np.sum(g.velocity**2, axis=1))))
+        self._reach = max(self.skin, FAST_SKIN * self.dt * fastest)
+        made = ImpulseList.make(np.ascontiguousarray(g.position), g.radius, self._reach, self._table.rows)
+        if self._impulses is not None:
+            made.take_impulses(self._impulses, old_id, g.particle_id)
+        self._impulses = made
+        self._make_room()
+        self.list_version += 1
+        self._stale = False
+
+    def _refuse_escaped(self) -> None:
+        g = self.grains
+        gone = np.flatnonzero(outside(g.position, self.walls, float(g.radius.max())))
+        if len(gone):
+            k = gone[0]
+            raise DemError(
+                f"it has left the device ({len(gone)} grains have)",
+                f"the walls may have a slot; or shorten dt = {self.dt:.3g} s",
+                g.particle_id[k], g.position[k], self.time,
+            )  # fmt: skip
+
+    def _explain(self, answer: int, totals: np.ndarray) -> None:
+        g = self.grains
+        if answer == kernel.OVERLAP:
+            k = int(totals[kernel.GRAIN])
+            raise DemError(
+                f"it overlaps a neighbour or a wall by {100.0 * totals[kernel.MAX_OVERLAP]:.3g} % of the "
+                f"diameter (the limit is {100.0 * self.overlap_limit:.3g} %)",
+                f"shorten dt = {self.dt:.3g} s, or tighten the tolerance of {self.tolerance:.3g} m/s",
+                g.particle_id[k], g.position[k], self.time,
+            )  # fmt: skip
+        state = np.concatenate([g.position, g.velocity, g.angular_velocity], axis=1)
+        bad = np.flatnonzero(~np.isfinite(state).all(axis=1))
+        if len(bad) == 0:
+            raise ParticleError(f"t = {self.time:.6g} s: the speed of a shaft is not a finite number")
+        raise DemError(
+            "its position or velocity is not a finite number", "check the external forces",
+            g.particle_id[bad[0]], g.position[bad[0]], self.time,
+        )  # fmt: skip
+
+    def _summary(
+        self, steps: int, totals: np.ndarray, bodies: np.ndarray, kinetic: float, rebuilds: int
+    ) -> RigidTotals:
+        share = 1.0 / max(steps, 1)
+        names = [body.name for body in self.bodies]
+        now = self.grains.kinetic_energy()
+        return RigidTotals(
+            steps=steps,
+            duration=steps * self.dt,
+            torque={
+                name: {"normal": float(t[kernel.TORQUE_N]) * share, "tangential": float(t[kernel.TORQUE_T]) * share}
+                for name, t in zip(names, bodies, strict=True)
+            },
+            force=dict(zip(names, bodies[:, kernel.FORCE_X : kernel.FORCE_Z + 1] * share, strict=True)),
+            wall_work={name: float(t[kernel.BODY_WORK]) for name, t in zip(names, bodies, strict=True)},
+            shaft_work={
+                body.name: {"drive": float(t[kernel.DRIVE_WORK]), "load": float(t[kernel.LOAD_WORK])}
+                for body, t in zip(self.bodies, bodies, strict=True)
+                if body.is_free
+            },
+            dissipation={"impact": float(totals[kernel.IMPACT]), "sliding": float(totals[kernel.SLIDING])},
+            contact_work=float(totals[kernel.CONTACT_WORK]),
+            gravity_work=float(totals[kernel.GRAVITY_WORK]),
+            external_work=float(totals[kernel.EXTERNAL_WORK]),
+            kinetic_energy=now,
+            kinetic_change=now - kinetic,
+            elastic_energy=0.0,
+            elastic_change=0.0,
+            max_overlap=float(totals[kernel.MAX_OVERLAP]),
+            n_contacts=int(totals[kernel.CONTACTS]),
+            max_speed=float(totals[kernel.MAX_SPEED]),
+            rebuilds=rebuilds,
+            sweeps=int(totals[kernel.SWEEPS]),
+            max_sweeps=int(totals[kernel.MAX_SWEEPS]),
+            visits=int(totals[kernel.VISITS]),
+            residual=float(totals[kernel.RESIDUAL]),
+            missed_steps=int(totals[kernel.MISSED]),
+            taken_over=int(totals[kernel.TAKEN_OVER]),
+            warm_hits=float(totals[kernel.KEPT] / max(totals[kernel.LOADED], 1.0)),
+            projections=int(totals[kernel.PROJECTIONS]),
+            stabilisation_work=float(totals[kernel.STABILISATION]),
+        )

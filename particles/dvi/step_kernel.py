@@ -1,0 +1,443 @@
+"""The compiled step of rigid grains: drift, free velocities, contacts, impulses, drift; K steps a call.
+
+Moreau-Jean with the middle of the step at x_m:
+
+    x_m = x + (1 - theta) h v;    v' = v + h F/m + r/m;    x' = x_m + theta h v'.
+
+A contact at the gap g > 0 in x_m may close within the step, not cross: u_n' >= -g/h. So it holds its impulse only if
+it is reached, and the next middle is free of overlap whatever theta is (the middles are h v' apart). With restitution
+e an approach faster than the threshold that would end in a contact within the step rebounds: u_n' >= -e u_n. What
+overlap is left by the curvature of paths is removed from the positions alone (`project`): no velocity is touched, no
+kinetic energy made; the work of the held forces on that displacement is reported.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from particles.dvi import gauss_seidel as gs
+from particles.dvi.accelerated import INTERIOR, solve
+from particles.dvi.gauss_seidel import (
+    ARM,
+    BRAKE,
+    EX,
+    EY,
+    EZ,
+    IJ,
+    IM,
+    IWN,
+    IWT,
+    LOAD,
+    LX,
+    LY,
+    MU,
+    PX,
+    PY,
+    PZ,
+    RX,
+    RY,
+    RZ,
+    SPEED,
+    VX,
+    VY,
+    VZ,
+    B,
+)  # fmt: skip
+from particles.walls.wall_kernels import _wall_gap
+
+# what the kernel answers
+DONE, REBUILD, NOT_FINITE, OVERLAP, HAND_OVER = 0, 1, 2, 3, 4
+# columns of the totals
+(
+    CONTACTS, IMPACT, SLIDING, CONTACT_WORK, GRAVITY_WORK, EXTERNAL_WORK, STABILISATION, MAX_OVERLAP, GRAIN, MAX_SPEED,
+    SWEEPS, RESIDUAL, MISSED, KEPT, LOADED, VISITS, TAKEN_OVER, PROJECTIONS, MAX_SWEEPS,
+) = range(19)  # fmt: skip
+N_SUMS = 19
+TORQUE_N, TORQUE_T, FORCE_X, FORCE_Y, FORCE_Z, BODY_WORK, DRIVE_WORK, LOAD_WORK = range(8)
+N_BODY_SUMS = 8
+PROJECTION_SWEEPS = 50  # a jam that needs more gets them in the next step
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def free_velocities(h, gravity, external, velocity, spin, radius, mass, grain, bound):
+    """Fill the records of the grains with v + h F/m; ``bound`` (n,): the larger speed of before and after."""
+    fastest = 0.0
+    for i in range(mass.shape[0]):
+        x, y, z = velocity[i, 0], velocity[i, 1], velocity[i, 2]
+        before = x * x + y * y + z * z
+        if gravity is not None:
+            x, y, z = x + h * gravity[0], y + h * gravity[1], z + h * gravity[2]
+        if external is not None:
+            a = h / mass[i]
+            x, y, z = x + a * external[i, 0], y + a * external[i, 1], z + a * external[i, 2]
+        grain[i, VX], grain[i, VY], grain[i, VZ] = x, y, z
+        grain[i, IM] = 1.0 / mass[i]
+        r = radius[i]
+        grain[i, PX], grain[i, PY], grain[i, PZ] = r * spin[i, 0], r * spin[i, 1], r * spin[i, 2]
+        bound[i] = np.sqrt(max(before, x * x + y * y + z * z))
+        fastest = max(fastest, bound[i])
+    return fastest
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def find_contacts(
+    h, law, margin, grain, bound, position, velocity, radius,
+    pair_start, pair_other, pair_impulse, wall, wall_body, wall_start, wall_other, wall_impulse, body, old_speed,
+    pair_index, pair_slot, pair, wall_index, wall_slot, wall_row,
+):  # fmt: skip
+    """Fill the records of contacts from the slots whose gap may close within the step; returns their numbers."""
+    pairs = walls = 0
+    for i in range(radius.shape[0]):
+        x, y, z, ri = position[i, 0], position[i, 1], position[i, 2], radius[i]
+        for k in range(pair_start[i], pair_start[i + 1]):
+            j = pair_other[k]
+            dx, dy, dz = x - position[j, 0], y - position[j, 1], z - position[j, 2]
+            reach = ri + radius[j]
+            far = reach + h * (bound[i] + bound[j]) + margin
+            d2 = dx * dx + dy * dy + dz * dz
+            if d2 >= far * far:
+                pair_impulse[k, 0] = pair_impulse[k, 1] = pair_impulse[k, 2] = 0.0
+                continue
+            d = np.sqrt(d2)
+            inverse = 1.0 / d if d > 0.0 else 0.0
+            ex, ey, ez = dx * inverse, dy * inverse, dz * inverse
+            row = pair[pairs]
+            row[EX], row[EY], row[EZ], row[ARM] = ex, ey, ez, d / reach
+            row[RX], row[RY], row[RZ] = pair_impulse[k, 0], pair_impulse[k, 1], pair_impulse[k, 2]
+            w_n = grain[i, IM] + grain[j, IM]
+            row[IWN] = 1.0 / w_n
+            row[IWT] = 1.0 / (w_n * (1.0 + 2.5 * row[ARM] * row[ARM]))
+            row[MU] = law[0, 0]
+            gap = d - reach
+            row[B] = max(gap, 0.0) / h
+            if law[0, 1] > 0.0:
+                before = (
+                    (velocity[i, 0] - velocity[j, 0]) * ex
+                    + (velocity[i, 1] - velocity[j, 1]) * ey
+                    + (velocity[i, 2] - velocity[j, 2]) * ez
+                )
+                if before < -law[0, 2] and gap + h * before < 0.0:
+                    row[B] = law[0, 1] * before
+            pair_index[pairs, 0], pair_index[pairs, 1], pair_slot[pairs] = i, j, k
+            pairs += 1
+        for k in range(wall_start[i], wall_start[i + 1]):
+            distance, nx, ny, nz, owned = _wall_gap(wall, wall_other[k], x, y, z)
+            b = wall_body[wall_other[k]]
+            if not owned or distance >= ri + h * 2.0 * bound[i] + margin:
+                wall_impulse[k, 0] = wall_impulse[k, 1] = wall_impulse[k, 2] = 0.0
+                continue
+            row = wall_row[walls]
+            row[EX], row[EY], row[EZ], row[ARM] = -nx, -ny, -nz, distance / ri
+            row[RX], row[RY], row[RZ] = wall_impulse[k, 0], wall_impulse[k, 1], wall_impulse[k, 2]
+            row[LX], row[LY] = -(y + distance * ny), x + distance * nx
+            along = row[LX] * row[EX] + row[LY] * row[EY]
+            row[IWN] = 1.0 / (grain[i, IM] + body[b, IJ] * along * along)
+            row[IWT] = 1.0 / (grain[i, IM] * (1.0 + 2.5 * row[ARM] * row[ARM]))
+            row[MU] = law[1, 0]
+            gap = distance - ri
+            row[B] = max(gap, 0.0) / h
+            if law[1, 1] > 0.0:
+                before = -(velocity[i, 0] * nx + velocity[i, 1] * ny + velocity[i, 2] * nz) - old_speed[b] * along
+                if before < -law[1, 2] and gap + h * before < 0.0:
+                    row[B] = law[1, 1] * before
+            wall_index[walls, 0], wall_index[walls, 1], wall_slot[walls] = i, b, k
+            walls += 1
+    return pairs, walls
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _book(
+    h, grain, velocity, spin, radius, mean_speed, pair_index, pair_slot, pair, pair_impulse,
+    wall_index, wall_slot, wall, wall_impulse, totals, body_totals,
+):  # fmt: skip
+    """Keep the impulses for the next step; book work and torques with the mean of old and new velocity."""
+    loaded = kept = 0
+    impact = sliding = work = 0.0
+    for k in range(pair.shape[0]):
+        s = pair_slot[k]
+        x, y, z = pair[k, RX], pair[k, RY], pair[k, RZ]
+        old = pair_impulse[s, 0] != 0.0 or pair_impulse[s, 1] != 0.0 or pair_impulse[s, 2] != 0.0
+        pair_impulse[s, 0], pair_impulse[s, 1], pair_impulse[s, 2] = x, y, z
+        if x == 0.0 and y == 0.0 and z == 0.0:
+            continue
+        loaded += 1
+        kept += old
+        i, j = pair_index[k, 0], pair_index[k, 1]
+        ex, ey, ez, arm = pair[k, EX], pair[k, EY], pair[k, EZ], pair[k, ARM]
+        sx = grain[i, PX] + grain[j, PX] + radius[i] * spin[i, 0] + radius[j] * spin[j, 0]
+        sy = grain[i, PY] + grain[j, PY] + radius[i] * spin[i, 1] + radius[j] * spin[j, 1]
+        sz = grain[i, PZ] + grain[j, PZ] + radius[i] * spin[i, 2] + radius[j] * spin[j, 2]
+        ux = grain[i, VX] - grain[j, VX] + velocity[i, 0] - velocity[j, 0] - arm * (sy * ez - sz * ey)
+        uy = grain[i, VY] - grain[j, VY] + velocity[i, 1] - velocity[j, 1] - arm * (sz * ex - sx * ez)
+        uz = grain[i, VZ] - grain[j, VZ] + velocity[i, 2] - velocity[j, 2] - arm * (sx * ey - sy * ex)
+        whole = 0.5 * (x * ux + y * uy + z * uz)
+        normal = 0.5 * (x * ex + y * ey + z * ez) * (ux * ex + uy * ey + uz * ez)
+        impact -= normal
+        sliding -= whole - normal
+        work += whole
+    for k in range(wall.shape[0]):
+        s = wall_slot[k]
+        x, y, z = wall[k, RX], wall[k, RY], wall[k, RZ]
+        old = wall_impulse[s, 0] != 0.0 or wall_impulse[s, 1] != 0.0 or wall_impulse[s, 2] != 0.0
+        wall_impulse[s, 0], wall_impulse[s, 1], wall_impulse[s, 2] = x, y, z
+        if x == 0.0 and y == 0.0 and z == 0.0:
+            continue
+        loaded += 1
+        kept += old
+        i, b = wall_index[k, 0], wall_index[k, 1]
+        ex, ey, ez, arm = wall[k, EX], wall[k, EY], wall[k, EZ], wall[k, ARM]
+        sx = grain[i, PX] + radius[i] * spin[i, 0]
+        sy = grain[i, PY] + radius[i] * spin[i, 1]
+        sz = grain[i, PZ] + radius[i] * spin[i, 2]
+        ux = 0.5 * (grain[i, VX] + velocity[i, 0] - arm * (sy * ez - sz * ey))
+        uy = 0.5 * (grain[i, VY] + velocity[i, 1] - arm * (sz * ex - sx * ez))
+        uz = 0.5 * (grain[i, VZ] + velocity[i, 2] - arm * (sx * ey - sy * ex))
+        on_grain = x * ux + y * uy + z * uz
+        r_n = x * ex + y * ey + z * ez
+        lever_n = wall[k, LX] * ex + wall[k, LY] * ey
+        lever = wall[k, LX] * x + wall[k, LY] * y
+        omega = mean_speed[b]
+        normal = r_n * (ux * ex + uy * ey + uz * ez - omega * lever_n)
+        impact -= normal
+        sliding -= on_grain - omega * lever - normal
+        work += on_grain
+        body_totals[b, TORQUE_N] -= r_n * lever_n / h
+        body_totals[b, TORQUE_T] -= (lever - r_n * lever_n) / h
+        body_totals[b, FORCE_X] -= x / h
+        body_totals[b, FORCE_Y] -= y / h
+        body_totals[b, FORCE_Z] -= z / h
+        body_totals[b, BODY_WORK] += omega * lever
+    totals[CONTACTS] = loaded
+    totals[KEPT] += kept
+    totals[LOADED] += loaded
+    totals[IMPACT] += impact
+    totals[SLIDING] += sliding
+    totals[CONTACT_WORK] += work
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _move(h, drift, gravity, external, grain, position, velocity, spin, radius, mass, reference, totals):
+    """Take the new velocities and drift; returns the largest squared distance from the list's positions."""
+    gravity_work = external_work = travel = fastest = 0.0
+    for i in range(mass.shape[0]):
+        x, y, z = grain[i, VX], grain[i, VY], grain[i, VZ]
+        sx, sy, sz = velocity[i, 0] + x, velocity[i, 1] + y, velocity[i, 2] + z
+        if gravity is not None:
+            gravity_work += 0.5 * h * mass[i] * (gravity[0] * sx + gravity[1] * sy + gravity[2] * sz)
+        if external is not None:
+            external_work += 0.5 * h * (external[i, 0] * sx + external[i, 1] * sy + external[i, 2] * sz)
+        velocity[i, 0], velocity[i, 1], velocity[i, 2] = x, y, z
+        inverse = 1.0 / radius[i]
+        spin[i, 0], spin[i, 1], spin[i, 2] = grain[i, PX] * inverse, grain[i, PY] * inverse, grain[i, PZ] * inverse
+        position[i, 0] += drift * x
+        position[i, 1] += drift * y
+        position[i, 2] += drift * z
+        dx, dy, dz = (
+            position[i, 0] - reference[i, 0],
+            position[i, 1] - reference[i, 1],
+            position[i, 2] - reference[i, 2],
+        )
+        d2 = dx * dx + dy * dy + dz * dz + 0.0 * (spin[i, 0] + spin[i, 1] + spin[i, 2])
+        if not d2 <= travel:
+            travel = d2 if d2 == d2 else np.inf
+        fastest = max(fastest, x * x + y * y + z * z)
+    totals[GRAVITY_WORK] += gravity_work
+    totals[EXTERNAL_WORK] += external_work
+    totals[MAX_SPEED] = max(totals[MAX_SPEED], np.sqrt(fastest))
+    return travel
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def project(
+    slop, cap, gravity, external, position, radius, mass, pair_start, pair_other, wall, wall_start, wall_other,
+):  # fmt: skip
+    """Push overlapping grains apart, positions only, by inverse masses, until none overlaps by more than slop*radius.
+
+    Nonlinear Gauss-Seidel on the gaps. Returns the deepest overlap met at first (share of the smaller diameter), the
+    grain, the work of the held forces on the displacements [J], and the sweeps.
+    """
+    deepest, at, work, sweeps = 0.0, -1, 0.0, 0
+    for sweep in range(cap):
+        worst = 0.0
+        for i in range(radius.shape[0]):
+            for k in range(pair_start[i], pair_start[i + 1]):
+                j = pair_other[k]
+                dx, dy, dz = (
+                    position[i, 0] - position[j, 0], position[i, 1] - position[j, 1], position[i, 2] - position[j, 2],
+                )  # fmt: skip
+                reach = radius[i] + radius[j]
+                d2 = dx * dx + dy * dy + dz * dz
+                if d2 >= reach * reach:
+                    continue
+                d = np.sqrt(d2)
+                small = min(radius[i], radius[j])
+                depth = (reach - d) / small
+                if sweep == 0 and 0.5 * depth > deepest:
+                    deepest, at = 0.5 * depth, i
+                worst = max(worst, depth)
+                if sweep == 0 and worst <= slop:
+                    continue
+                share = (reach - d) / (max(d, 1e-300) * (mass[i] + mass[j]))
+                a, b = share * mass[j], share * mass[i]
+                work += _shift(gravity, external, mass, position, i, a * dx, a * dy, a * dz)
+                work += _shift(gravity, external, mass, position, j, -b * dx, -b * dy, -b * dz)
+            for k in range(wall_start[i], wall_start[i + 1]):
+                distance, nx, ny, nz, owned = _wall_gap(
+                    wall, wall_other[k], position[i, 0], position[i, 1], position[i, 2]
+                )
+                depth = 1.0 - distance / radius[i]
+                if depth <= 0.0 or not owned:
+                    continue
+                if sweep == 0 and 0.5 * depth > deepest:
+                    deepest, at = 0.5 * depth, i
+                worst = max(worst, depth)
+                if sweep == 0 and worst <= slop:
+                    continue
+                depth *= radius[i]
+                work += _shift(gravity, external, mass, position, i, -depth * nx, -depth * ny, -depth * nz)
+        if worst <= (slop if sweep == 0 else 0.1 * slop):
+            break
+        sweeps += 1
+    return deepest, at, work, sweeps
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _shift(gravity, external, mass, position, i, x, y, z):
+    """Move grain i; returns the work of gravity and the held force on it."""
+    position[i, 0] += x
+    position[i, 1] += y
+    position[i, 2] += z
+    work = 0.0
+    if gravity is not None:
+        work += mass[i] * (gravity[0] * x + gravity[1] * y + gravity[2] * z)
+    if external is not None:
+        work += external[i, 0] * x + external[i, 1] * y + external[i, 2] * z
+    return work
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _begin(
+    h, theta, n_sectors, law, gravity, external, slop, margin, speed_now,
+    position, velocity, spin, radius, mass, pair_start, pair_other, pair_impulse,
+    wall_table, wall_body, wall_start, wall_other, wall_impulse, body_data, body_speed, brake,
+    grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows, totals,
+):  # fmt: skip
+    """Stages 1 to 3: half drift, overlap, free velocities, contacts, warm start; returns the numbers of contacts."""
+    if theta < 1.0:
+        for i in range(mass.shape[0]):
+            for c in range(3):
+                position[i, c] += (1.0 - theta) * h * velocity[i, c]
+    deepest, at, work, count = project(
+        slop, PROJECTION_SWEEPS, gravity, external, position, radius, mass, pair_start, pair_other,
+        wall_table, wall_start, wall_other,
+    )  # fmt: skip
+    totals[STABILISATION] += work
+    totals[PROJECTIONS] += count
+    if deepest > totals[MAX_OVERLAP]:
+        totals[MAX_OVERLAP], totals[GRAIN] = deepest, at
+
+    for b in range(body_speed.shape[0]):
+        if body_data[b, 0] != 0.0:
+            body[b, SPEED] = body_speed[b] + h / body_data[b, 1] * body_data[b, 2]
+            body[b, IJ] = n_sectors / body_data[b, 1]
+            body[b, LOAD] = h * body_data[b, 3] / n_sectors
+        else:
+            body[b, SPEED], body[b, IJ], body[b, LOAD] = speed_now[b], 0.0, 0.0
+        body[b, BRAKE] = min(max(brake[b], -body[b, LOAD]), body[b, LOAD])
+    fastest = free_velocities(h, gravity, external, velocity, spin, radius, mass, grain, bound)
+    pairs, walls = find_contacts(
+        h, law, margin * h * fastest, grain, bound, position, velocity, radius, pair_start, pair_other,
+        pair_impulse, wall_table, wall_body, wall_start, wall_other, wall_impulse, body, body_speed,
+        pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows,
+    )  # fmt: skip
+    gs.apply_impulses(1.0, grain, body, pair_index[:pairs], pair_rows[:pairs], wall_index[:walls], wall_rows[:walls])
+    return pairs, walls, fastest
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _finish(
+    h, theta, n_sectors, gravity, external, tolerance, sweeps, reached, taken, fastest,
+    position, velocity, spin, radius, mass, reference, pair_impulse, wall_impulse,
+    body_data, body_angle, body_speed, brake, mean,
+    grain, body, pair_index, pair_slot, pair, wall_index, wall_slot, wall, totals, body_totals,
+):  # fmt: skip
+    """Stages 5 and 6: books and drift; returns how far a grain may be from its place in the list after the next step."""
+    totals[SWEEPS] += sweeps
+    totals[VISITS] += sweeps * (pair.shape[0] + wall.shape[0])
+    totals[MAX_SWEEPS] = max(totals[MAX_SWEEPS], sweeps)
+    totals[RESIDUAL] = max(totals[RESIDUAL], reached)
+    totals[TAKEN_OVER] += taken
+    if not reached <= tolerance:
+        totals[MISSED] += 1.0
+    for b in range(body_speed.shape[0]):
+        brake[b] = body[b, BRAKE]
+        mean[b] = body[b, SPEED]
+        if body_data[b, 0] != 0.0:
+            mean[b] = 0.5 * (body_speed[b] + body[b, SPEED])
+            body_totals[b, DRIVE_WORK] += body_data[b, 2] * mean[b] * h
+            body_totals[b, LOAD_WORK] += n_sectors * brake[b] * mean[b]
+        body_speed[b] = body[b, SPEED]
+        body_angle[b] += h * body_speed[b]
+    _book(
+        h, grain, velocity, spin, radius, mean, pair_index, pair_slot, pair, pair_impulse,
+        wall_index, wall_slot, wall, wall_impulse, totals, body_totals,
+    )  # fmt: skip
+    travel = _move(h, theta * h, gravity, external, grain, position, velocity, spin, radius, mass, reference, totals)
+    return np.sqrt(travel) + h * fastest
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def run_steps(
+    n_steps, h, theta, n_sectors, law, gravity, external, travel_limit, overlap_limit, slop, margin,
+    convex, relax, method, tolerance, cap, open_step,
+    position, velocity, spin, radius, mass, reference,
+    pair_start, pair_other, pair_impulse, wall_table, wall_body, wall_start, wall_other, wall_impulse,
+    speeds, body_data, body_angle, body_speed, brake,
+    grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows, totals, body_totals,
+):  # fmt: skip
+    """Up to ``n_steps`` steps; stops early when the list must be rebuilt or a grain is in trouble.
+
+    With ``method`` INTERIOR a step on which the sweeps stall is left open (HAND_OVER): ``open_step`` then holds the
+    numbers of pairs and walls, sweeps, residual and largest speed, and the next call finishes it; its last two entries
+    are the numbers of contacts of the last step in any case. Returns (answer,
+    steps done); every array is documented where it is made, in `particles.dvi.dvi`.
+    """
+    mean = np.empty(body_speed.shape[0])
+    for step in range(n_steps):
+        if open_step[0] >= 0.0:
+            pairs, walls, sweeps = int(open_step[0]), int(open_step[1]), int(open_step[2])
+            reached, fastest, taken = open_step[3], open_step[4], 1
+            open_step[0] = -1.0
+        else:
+            # 1-3. half drift, free velocities, contacts, warm start
+            pairs, walls, fastest = _begin(
+                h, theta, n_sectors, law, gravity, external, slop, margin, speeds[step],
+                position, velocity, spin, radius, mass, pair_start, pair_other, pair_impulse,
+                wall_table, wall_body, wall_start, wall_other, wall_impulse, body_data, body_speed, brake,
+                grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows, totals,
+            )  # fmt: skip
+            open_step[5], open_step[6] = pairs, walls
+            if totals[MAX_OVERLAP] > overlap_limit:
+                return OVERLAP, step
+            # 4. impulses
+            sweeps, reached, taken = solve(
+                convex, relax, method, tolerance, cap, grain, body, pair_index[:pairs], pair_rows[:pairs],
+                wall_index[:walls], wall_rows[:walls],
+            )  # fmt: skip
+            if method == INTERIOR and reached > tolerance:
+                open_step[0], open_step[1], open_step[2] = pairs, walls, sweeps
+                open_step[3], open_step[4] = reached, fastest
+                return HAND_OVER, step
+        # 5-6. books, half drift
+        travel = _finish(
+            h, theta, n_sectors, gravity, external, tolerance, sweeps, reached, taken, fastest,
+            position, velocity, spin, radius, mass, reference, pair_impulse, wall_impulse,
+            body_data, body_angle, body_speed, brake, mean, grain, body,
+            pair_index, pair_slot, pair_rows[:pairs], wall_index, wall_slot, wall_rows[:walls], totals, body_totals,
+        )  # fmt: skip
+        if not travel < np.inf:
+            return NOT_FINITE, step + 1
+        if travel > travel_limit:
+            return REBUILD, step + 1
+    return DONE, n_steps

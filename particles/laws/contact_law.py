@@ -1,0 +1,75 @@
+"""What every contact law offers: a row of the compiled table, and the scales that a step and a stiffness follow from.
+
+``kernel`` names the compiled spring (`particles.laws.springs`), which all contacts of a scene share:
+
+    spring(law, kind, delta, m_eff, r_eff, memory) -> (f_elastic, k_t, gamma_n, gamma_t, energy, memory)
+
+with the table ``law`` (rows, N_LAW) and its row ``kind``, the overlap delta [m] > 0, 1/m_eff = 1/m_i + 1/m_j (m_eff =
+m_i at a wall) [kg], r_eff = R_i R_j/(R_i + R_j) (R_i at a wall) [m]. f_elastic [N] >= 0 repels, k_t [N/m] is the
+tangential stiffness at this overlap, gamma_n and gamma_t [kg/s] are the dashpots (force = gamma times closing or
+sliding speed), energy [J] is what the normal spring gives back, and memory a number that is 0 when the contact begins
+and comes back in its next step. The contact clips max(0, f_elastic + gamma_n v_closing): it never pulls.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from particles.laws.columns import DAMPING_ROLLING, MU, N_LAW
+
+
+@runtime_checkable
+class ContactLaw(Protocol):
+    """Parameters of a contact between two materials."""
+
+    @property
+    def kernel(self) -> str:
+        """Name of the compiled spring: linear, hertz_mindlin, hertz, thesis or walton_braun."""
+
+    @property
+    def friction(self) -> float:
+        """Coulomb coefficient mu [-] between grains."""
+
+    @property
+    def wall_friction(self) -> float | None:
+        """Coulomb coefficient at walls [-]; None: as between grains."""
+
+    def row(self) -> np.ndarray:
+        """The law's columns and the friction between grains, shape (N_LAW,)."""
+
+    def contact_time(self, m_eff: float, r_eff: float, speed: float) -> float:
+        """Duration [s] of an undamped head-on impact at ``speed`` [m/s], exact; infinite where it has no end."""
+
+    def stiffness_at(self, delta: float, r_eff: float) -> float:
+        """Largest normal stiffness dF/d(delta) [N/m] met at the overlap ``delta`` [m]."""
+
+    def overlap_under(self, force: float, m_eff: float, speed: float, r_eff: float) -> float:
+        """Depth [m] of a contact that rests under ``force`` [N] and is hit at ``speed`` [m/s], undamped."""
+
+
+def law_row(columns: list[float], friction: float, damping_rolling: float) -> np.ndarray:
+    """A row of the table, shape (N_LAW,): the law's own columns first; no rolling, twisting and cohesion."""
+    row = np.zeros(N_LAW)
+    row[: len(columns)] = columns
+    row[MU], row[DAMPING_ROLLING] = friction, damping_rolling
+    return row
+
+
+def check_parameters(law: object, positive: dict[str, str], not_negative: dict[str, str]) -> None:
+    """Check attributes of a law by name -> unit; a value of None is not given and is right.
+
+    Raises
+    ------
+    ValueError
+        For a value that is not finite, negative, or 0 among ``positive``.
+    """
+    for names, allowed in ((positive, "more than 0"), (not_negative, "0 or more")):
+        for name, unit in names.items():
+            value = getattr(law, name)
+            if value is None:
+                continue
+            if not (0.0 <= value < math.inf) or (value == 0.0 and names is positive):
+                raise ValueError(f"{name} = {value:g}{f' {unit}' if unit else ''}; allowed: {allowed}")

@@ -1,0 +1,187 @@
+"""Contact parameters by pair of materials: which row of the table serves grains of two species, or a grain and a wall.
+
+Grains have a species 0 .. s-1, walls a material 0 .. w-1. A scene has one kind of law (one compiled spring); its
+parameters may differ from pair to pair.
+
+Where only materials are given, unlike partners get E* and G* exactly, and
+
+    mu_ij = sqrt(mu_i mu_j),      e_ij = sqrt(e_i e_j),
+
+the geometric mean: no physics stands behind a mixing rule of friction, this one keeps like pairs and what is smooth or
+dead; measured pairs take its place.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from particles.laws.cohesion import Cohesion
+from particles.laws.columns import COHESION_0, COHESION_1, MU, MU_ROLLING, MU_TWISTING
+from particles.laws.contact_law import ContactLaw
+from particles.laws.elastic import Elastic
+from particles.laws.hertz_mindlin import HertzMindlin
+from particles.laws.rolling_friction import RollingFriction
+from particles.laws.twisting_friction import TwistingFriction
+
+Pair = tuple[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class ContactMaterial:
+    """How a material touches its like: elastic constants, restitution [-] and Coulomb friction [-]."""
+
+    elastic: Elastic
+    restitution: float
+    friction: float
+
+
+@dataclass(frozen=True, slots=True)
+class PairLaws:
+    """The table of a scene's contact laws; made by `of_one`, `of_pairs` or `of_materials`.
+
+    Attributes
+    ----------
+    rows : ndarray, shape (k, N_LAW)
+        Parameters (`particles.laws.columns`).
+    pair : ndarray of int64, shape (s, s)
+        Row of two species; symmetric.
+    wall : ndarray of int64, shape (s, w)
+        Row of a species and a wall's material.
+    laws : tuple of ContactLaw, length k
+        The law of each row.
+    """
+
+    rows: np.ndarray
+    pair: np.ndarray
+    wall: np.ndarray
+    laws: tuple[ContactLaw, ...]
+
+    @property
+    def kernel(self) -> str:
+        """Name of the compiled spring."""
+        return self.laws[0].kernel
+
+    @classmethod
+    def of_one(
+        cls,
+        law: ContactLaw,
+        *,
+        at_walls: ContactLaw | None = None,
+        n_species: int = 1,
+        n_walls: int = 1,
+        rolling: RollingFriction | None = None,
+        twisting: TwistingFriction | None = None,
+        cohesion: Cohesion | None = None,
+    ) -> PairLaws:
+        """Row 0 between all grains, row 1 at all walls.
+
+        ``at_walls`` is the law there; without it ``law`` with its own wall friction.
+        """
+        pair = np.zeros((n_species, n_species), dtype=np.int64)
+        wall = np.ones((n_species, n_walls), dtype=np.int64)
+        laws = (law, law if at_walls is None else at_walls)
+        return _table(laws, pair, wall, rolling, twisting, cohesion)
+
+    @classmethod
+    def of_pairs(
+        cls,
+        species: Sequence[str],
+        walls: Sequence[str],
+        laws: Mapping[Pair, ContactLaw],
+        *,
+        rolling: RollingFriction | None = None,
+        twisting: TwistingFriction | None = None,
+        cohesion: Cohesion | None = None,
+    ) -> PairLaws:
+        """A law for each pair of names, in either order; ``species`` and ``walls`` name the materials by number.
+
+        Raises
+        ------
+        ValueError
+            If a pair is missing, or two laws are of different kinds.
+        """
+        found: list[ContactLaw] = []
+        numbers: dict[tuple[str, ...], int] = {}
+
+        def number(first: str, second: str, *place: str) -> int:
+            key = (*sorted((first, second)), *place)
+            if key not in numbers:
+                law = laws.get((first, second), laws.get((second, first)))
+                if law is None:
+                    raise ValueError(f"no contact law between '{first}' and '{second}'; give one for this pair")
+                numbers[key] = len(found)
+                found.append(law)
+            return numbers[key]
+
+        pair = np.array([[number(a, b) for b in species] for a in species], dtype=np.int64)
+        wall = np.array([[number(a, b, "wall") for b in walls] for a in species], dtype=np.int64)
+        return _table(tuple(found), pair, wall.reshape(len(species), len(walls)), rolling, twisting, cohesion)
+
+    @classmethod
+    def of_materials(
+        cls,
+        materials: Mapping[str, ContactMaterial],
+        species: Sequence[str],
+        walls: Sequence[str],
+        *,
+        friction: Mapping[Pair, float] | None = None,
+        restitution: Mapping[Pair, float] | None = None,
+        rolling: RollingFriction | None = None,
+        twisting: TwistingFriction | None = None,
+        cohesion: Cohesion | None = None,
+    ) -> PairLaws:
+        """Hertz-Mindlin between elastic materials; ``friction`` and ``restitution`` of measured pairs, else mixed.
+
+        Raises
+        ------
+        ValueError
+            If a name is no material, or a number is out of range.
+        """
+        names = sorted({*species, *walls})
+        pairs = [*names, *(name for given in (friction, restitution) for key in given or {} for name in key)]
+        for name in pairs:
+            if name not in materials:
+                raise ValueError(f"'{name}' is no material of the contacts; there are {', '.join(sorted(materials))}")
+
+        def law(a: str, b: str) -> HertzMindlin:
+            first, second = materials[a], materials[b]
+            mu = _of_pair(friction, a, b, math.sqrt(first.friction * second.friction))
+            e = _of_pair(restitution, a, b, math.sqrt(first.restitution * second.restitution))
+            return HertzMindlin.from_restitution(first.elastic, e, mu, partner=second.elastic)
+
+        laws = {(a, b): law(a, b) for k, a in enumerate(names) for b in names[k:]}
+        return cls.of_pairs(species, walls, laws, rolling=rolling, twisting=twisting, cohesion=cohesion)
+
+
+def _of_pair(given: Mapping[Pair, float] | None, a: str, b: str, mixed: float) -> float:
+    given = given or {}
+    return given.get((a, b), given.get((b, a), mixed))
+
+
+def _table(
+    laws: tuple[ContactLaw, ...],
+    pair: np.ndarray,
+    wall: np.ndarray,
+    rolling: RollingFriction | None,
+    twisting: TwistingFriction | None,
+    cohesion: Cohesion | None,
+) -> PairLaws:
+    for law in laws:
+        if law.kernel != laws[0].kernel:
+            raise ValueError(f"contact laws '{laws[0].kernel}' and '{law.kernel}' stand in one scene; take one of them")
+    rows = np.array([law.row() for law in laws])
+    at_wall = np.isin(np.arange(len(laws)), wall).astype(int)  # 0: between grains, 1: at a wall
+    for k in np.flatnonzero(at_wall):
+        own = laws[k].wall_friction
+        rows[k, MU] = laws[k].friction if own is None else own
+    if rolling is not None:
+        rows[:, MU_ROLLING] = rolling.table()[at_wall]
+    if twisting is not None:
+        rows[:, MU_TWISTING] = twisting.table()[at_wall]
+    if cohesion is not None:
+        rows[:, [COHESION_0, COHESION_1]] = cohesion.table()[at_wall]
+    return PairLaws(rows, pair, wall, laws)

@@ -1,0 +1,40 @@
+"""Resistance to twisting: the spin of two grains against each other about their common normal.
+
+Perfect spheres touch in a point and twist freely; a contact of finite size resists by its slip. As for rolling
+(`particles.laws.rolling_friction`), a spring and a dashpot for the twisting angle, in series with a slider
+(Luding, Granular Matter 10 (2008) 235, section 2.4: torsion resistance with the lever r_eff):
+
+    T = -(k_w theta + gamma_w dtheta/dt) n,    |T| <= mu_w r_eff |F_n|,    dtheta/dt = (omega_i - omega_j).n (stuck),
+    k_w = k_t r_eff^2,    gamma_w = 2 zeta sqrt(k_w I_eff),
+
+on i, and its opposite on j: angular momentum is conserved, and by the return mapping of the tangential spring the
+couple only ever takes energy. A Hertzian contact of radius a yields at (2/3) mu a |F_n| at most (Marshall, J. Comput.
+Phys. 228 (2009) 1541, full slip of a uniform traction): mu_w = (2/3) mu a/r_eff, a few hundredths for hard grains;
+more stands for roughness and flats.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, slots=True)
+class TwistingFriction:
+    """Coefficients mu_w [-] between grains, and at walls (as between grains unless given)."""
+
+    coefficient: float
+    wall_coefficient: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("coefficient", "wall_coefficient"):
+            value = getattr(self, name)
+            if value is not None and not 0.0 <= value < math.inf:
+                raise ValueError(f"{name} of twisting friction = {value:g}; allowed: 0 or more (0.01 to 0.1 is usual)")
+
+    def table(self) -> np.ndarray:
+        """(mu_w between grains, mu_w at walls), shape (2,)."""
+        wall = self.coefficient if self.wall_coefficient is None else self.wall_coefficient
+        return np.array([self.coefficient, wall])

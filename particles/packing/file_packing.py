@@ -1,0 +1,142 @@
+"""A packing from a file: CSV, npz or VTK PolyData (.vtp).
+
+What is read, by name: positions, and where they are there, radii or diameters, velocities and spins.
+
+    CSV   columns x, y, z; radius or diameter; vx, vy, vz; wx, wy, wz, each with its unit in brackets (SI without)
+    npz   arrays position (n, 3); radius or diameter (n,); velocity, angular_velocity (n, 3), all in SI
+    vtp   the points [m], and point arrays of the same names as in npz, in SI: what a run writes as particles_*.vtp
+
+Diameters are needed somewhere: in the file, or given by the caller.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from particles.faults import PackingError
+from particles.packing.columns_file import read_columns
+from particles.packing.packing import Packing, require_fit
+from particles.packing.space import Space
+
+OVERLAP_LIMIT = 0.05  # of a diameter: beds at rest have a few tenths of a per cent, wrong units far more
+
+
+def read_packing(path: str | Path, *, radius: float | None = None) -> Packing:
+    """The grains of a file, in its order.
+
+    Parameters
+    ----------
+    radius : float, optional
+        Of all grains [m], for a file without radii and diameters.
+
+    Raises
+    ------
+    ValueError
+        If the file is of another kind, lacks what is needed, or a number in it is not finite; or if radii are both in
+        the file and given.
+    OSError
+        If it cannot be read.
+    """
+    path = Path(path)
+    readers = {".csv": _from_csv, ".npz": _from_npz, ".vtp": _from_vtp}
+    reader = readers.get(path.suffix.lower())
+    if reader is None:
+        raise ValueError(f"{path} has the suffix '{path.suffix}'; a packing is read from {', '.join(readers)}")
+    if not path.is_file():
+        raise FileNotFoundError(f"{path} does not exist; check the path")
+    found = reader(path)
+    position = _array(path, found, "position", 3)
+    if position is None:
+        raise ValueError(f"{path} has no positions; it has {', '.join(found) or 'nothing'}")
+    own = _array(path, found, "radius", 0)
+    diameter = _array(path, found, "diameter", 0)
+    if own is None and diameter is not None:
+        own = 0.5 * diameter
+    if own is None and radius is None:
+        raise ValueError(f"{path} has neither radius nor diameter; add one of them, or give the grains' diameter")
+    if own is not None and radius is not None:
+        raise ValueError(f"{path} has the grains' sizes, and a diameter is given as well; keep one of the two")
+    size = np.full(len(position), radius) if own is None else own
+    velocity, spin = (_array(path, found, name, 3) for name in ("velocity", "angular_velocity"))
+    for name, value in (("radius", size), ("velocity", velocity), ("angular_velocity", spin)):
+        if value is not None and len(value) != len(position):
+            raise ValueError(f"{path}: {len(position)} positions but {len(value)} of {name}; give as many")
+    if not (size > 0.0).all():
+        k = int(np.flatnonzero(~(size > 0.0))[0])
+        raise ValueError(f"{path}: the radius of grain {k} is {size[k] * 1e3:g} mm; it must be positive")
+    return Packing(position, size, velocity, spin)
+
+
+def file_packing(
+    space: Space, path: str | Path, *, radius: float | None = None, limit: float = OVERLAP_LIMIT
+) -> Packing:
+    """The grains of a file as they fit into ``space``; see `read_packing` and `particles.packing.packing.require_fit`.
+
+    Raises
+    ------
+    PackingError
+        If the file is not right, or a grain is outside or overlaps by more than ``limit`` of its diameter.
+    """
+    try:
+        packing = read_packing(path, radius=radius)
+    except (ValueError, OSError) as error:
+        raise PackingError(str(error)) from None
+    require_fit(packing, space, limit)
+    return packing
+
+
+def _array(path: Path, found: Mapping[str, np.ndarray], name: str, width: int) -> np.ndarray | None:
+    """The array of that name as floats (n, width), or (n,) for width 0; None where there is none."""
+    if name not in found:
+        return None
+    try:
+        value = np.array(found[name], dtype=float, order="C")
+    except (TypeError, ValueError):
+        raise ValueError(f"{path}: {name} is not an array of numbers") from None
+    if value.ndim != (2 if width else 1) or (width and value.shape[1] != width):
+        wanted = f"(n, {width})" if width else "(n,)"
+        raise ValueError(f"{path}: {name} has shape {value.shape}; it must be {wanted}")
+    if not len(value):
+        raise ValueError(f"{path} holds no grain")
+    bad = ~np.isfinite(value.reshape(len(value), -1)).all(axis=1)
+    if bad.any():
+        raise ValueError(f"{path}: {name} of grain {int(np.flatnonzero(bad)[0])} is not finite")
+    return value
+
+
+def _from_csv(path: Path) -> dict[str, np.ndarray]:
+    columns = read_columns(path)
+    for name, parts in (
+        ("position", ("x", "y", "z")),
+        ("velocity", ("vx", "vy", "vz")),
+        ("angular_velocity", ("wx", "wy", "wz")),
+    ):
+        there = [part for part in parts if part in columns]
+        if there and len(there) < 3:
+            raise ValueError(f"{path} has of {', '.join(parts)} only {', '.join(there)}; give all three")
+        if there:
+            columns[name] = np.stack([columns.pop(part) for part in parts], axis=1)
+    return columns
+
+
+def _from_npz(path: Path) -> dict[str, np.ndarray]:
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return dict(archive)
+    except (ValueError, OSError, EOFError) as error:
+        raise ValueError(f"{path} is no npz archive of arrays ({error})") from None
+
+
+def _from_vtp(path: Path) -> dict[str, np.ndarray]:
+    import pyvista  # local: it takes a second to import
+
+    mesh = pyvista.read(path)
+    if not isinstance(mesh, pyvista.PolyData):
+        raise ValueError(f"{path} holds {type(mesh).__name__}, not the points of a PolyData")
+    return {
+        "position": np.asarray(mesh.points),
+        **{name: np.asarray(mesh.point_data[name]) for name in mesh.point_data},
+    }

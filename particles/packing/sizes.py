@@ -1,0 +1,331 @@
+"""Diameters of grains: the distributions by number, their moments, and seeded draws from them.
+
+Every distribution is drawn through the inverse of its cumulative distribution, one uniform random number a grain: the
+first n of a longer draw are the draw of n, so that a number of grains and a volume of grains lead to the same sequence.
+
+The unbounded distributions are cut off on both sides (and scaled up to one again): a grain of no size, or one that is
+larger than the gap, cannot be simulated. Where no limits are given, normal diameters are cut at three standard
+deviations, log-normal ones at three geometric ones; the moments are those of what is left.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from scipy.special import ndtr, ndtri
+
+from particles.packing.columns_file import read_columns
+
+_STREAM = 1  # keeps the sizes' random numbers apart from the positions', which are drawn with the bare seed
+_CUT = 3.0  # standard deviations
+_BLOCK = 4096  # grains drawn at a time on the way to a volume
+
+
+class GrainSizes(ABC):
+    """A distribution of diameters, by number of grains."""
+
+    @property
+    @abstractmethod
+    def limits(self) -> tuple[float, float]:
+        """Smallest and largest diameter [m]."""
+
+    @abstractmethod
+    def moment(self, power: int) -> float:
+        """Mean of d^power [m^power] over the grains, power 0 to 3."""
+
+    @abstractmethod
+    def at(self, share: np.ndarray) -> np.ndarray:
+        """Diameters [m] that ``share`` of the grains, between 0 and 1, are smaller than."""
+
+    @property
+    def mean(self) -> float:
+        """Mean diameter [m]."""
+        return self.moment(1)
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation of the diameter [m]."""
+        return math.sqrt(max(0.0, self.moment(2) - self.moment(1) ** 2))
+
+    @property
+    def mean_volume(self) -> float:
+        """Mean volume of a grain [m^3]."""
+        return math.pi / 6.0 * self.moment(3)
+
+    def draw(self, count: int, seed: int) -> np.ndarray:
+        """Diameters [m] of ``count`` grains, shape (count,); the same for the same seed."""
+        return self.at(_generator(seed).random(count))
+
+    def draw_volume(self, volume: float, seed: int) -> np.ndarray:
+        """Diameters [m] of as many grains as come nearest to ``volume`` [m^3] together, shape (n,).
+
+        Grains are added until the volume is reached; the last stays where that leaves the sum nearer. The sum is
+        therefore off by half a grain at most.
+        """
+        rng = _generator(seed)
+        drawn, total = [np.zeros(0)], 0.0
+        while total < volume:
+            block = self.at(rng.random(_BLOCK))
+            drawn.append(block)
+            total += math.pi / 6.0 * float(np.sum(block**3))
+        diameter = np.concatenate(drawn)
+        filled = np.concatenate([[0.0], math.pi / 6.0 * np.cumsum(diameter**3)])
+        return diameter[: int(np.argmin(np.abs(filled - volume)))]
+
+
+def _generator(seed: int) -> np.random.Generator:
+    return np.random.default_rng((seed, _STREAM))
+
+
+def _require_order(smallest: float, largest: float) -> None:
+    if not 0.0 < smallest < largest < math.inf:
+        raise ValueError(
+            f"diameters from {smallest * 1e3:g} to {largest * 1e3:g} mm; allowed: more than 0, the smallest first and "
+            "below the largest"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class EqualSizes(GrainSizes):
+    """All grains of one ``diameter`` [m]."""
+
+    diameter: float
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.diameter < math.inf:
+            raise ValueError(f"diameter = {self.diameter * 1e3:g} mm; allowed: more than 0")
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        return self.diameter, self.diameter
+
+    def moment(self, power: int) -> float:
+        return self.diameter**power
+
+    def at(self, share: np.ndarray) -> np.ndarray:
+        return np.full(np.shape(share), self.diameter)
+
+
+@dataclass(frozen=True, slots=True)
+class UniformSizes(GrainSizes):
+    """Every diameter between ``smallest`` and ``largest`` [m] is as likely."""
+
+    smallest: float
+    largest: float
+
+    def __post_init__(self) -> None:
+        _require_order(self.smallest, self.largest)
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        return self.smallest, self.largest
+
+    def moment(self, power: int) -> float:
+        """(b^(k+1) - a^(k+1))/((k+1)(b - a)), as a sum that does not cancel."""
+        a, b = self.limits
+        return sum(a**i * b ** (power - i) for i in range(power + 1)) / (power + 1)
+
+    def at(self, share: np.ndarray) -> np.ndarray:
+        return self.smallest + (self.largest - self.smallest) * np.asarray(share)
+
+
+@dataclass(frozen=True, slots=True)
+class NormalSizes(GrainSizes):
+    """Gaussian with ``centre`` and ``spread`` (standard deviation) [m] before it is cut at ``smallest``, ``largest``.
+
+    Raises
+    ------
+    ValueError
+        If the spread is not positive, the limits are no diameters in order, or the centre is not between them.
+    """
+
+    centre: float
+    spread: float
+    smallest: float | None = None
+    largest: float | None = None
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.spread < math.inf:
+            raise ValueError(f"standard deviation = {self.spread * 1e3:g} mm; allowed: more than 0")
+        a, b = self.limits
+        if a <= 0.0:
+            raise ValueError(
+                f"three standard deviations below the mean is {a * 1e3:g} mm, no diameter; lower the deviation, or "
+                "give the smallest diameter"
+            )
+        _require_order(a, b)
+        if not a <= self.centre <= b:
+            raise ValueError(
+                f"mean = {self.centre * 1e3:g} mm is not between the limits {a * 1e3:g} and {b * 1e3:g} mm"
+            )
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        a = self.centre - _CUT * self.spread if self.smallest is None else self.smallest
+        b = self.centre + _CUT * self.spread if self.largest is None else self.largest
+        return a, b
+
+    def moment(self, power: int) -> float:
+        """m_k = (k - 1) s^2 m_(k-2) + c m_(k-1) - s (b^(k-1) f(b) - a^(k-1) f(a)), by parts.
+
+        c is the centre, s the spread, f the standard density over the probability between the limits a and b.
+        """
+        a, b = self.limits
+        below, above = self._standard()
+        inside = ndtr(above) - ndtr(below)
+        f_a, f_b = (math.exp(-0.5 * t * t) / math.sqrt(2.0 * math.pi) / inside for t in (below, above))
+        moments = [1.0]
+        for k in range(1, power + 1):
+            edge = self.spread * (b ** (k - 1) * f_b - a ** (k - 1) * f_a)
+            earlier = (k - 1) * self.spread**2 * moments[k - 2] if k > 1 else 0.0
+            moments.append(earlier + self.centre * moments[k - 1] - edge)
+        return float(moments[power])
+
+    def at(self, share: np.ndarray) -> np.ndarray:
+        return np.clip(self.centre + self.spread * _cut_normal(share, *self._standard()), *self.limits)
+
+    def _standard(self) -> tuple[float, float]:
+        a, b = self.limits
+        return (a - self.centre) / self.spread, (b - self.centre) / self.spread
+
+
+@dataclass(frozen=True, slots=True)
+class LogNormalSizes(GrainSizes):
+    """ln d is Gaussian about the ``median`` [m], with geometric standard deviation ``spread`` (> 1), before it is cut.
+
+    Sieves and image analysis give powders in these two numbers: 68 % of the grains lie between median/spread and
+    median*spread. Both are those by number; of a distribution by mass take median exp(-3 ln^2 spread) (Hatch & Choate
+    1929), its spread is the same.
+    """
+
+    median: float
+    spread: float
+    smallest: float | None = None
+    largest: float | None = None
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.median < math.inf:
+            raise ValueError(f"median = {self.median * 1e3:g} mm; allowed: more than 0")
+        if not 1.0 < self.spread < math.inf:
+            raise ValueError(f"geometric standard deviation = {self.spread:g}; allowed: more than 1 (1.2 is usual)")
+        a, b = self.limits
+        _require_order(a, b)
+        if not a <= self.median <= b:
+            raise ValueError(
+                f"median = {self.median * 1e3:g} mm is not between the limits {a * 1e3:g} and {b * 1e3:g} mm"
+            )
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        a = self.median / self.spread**_CUT if self.smallest is None else self.smallest
+        b = self.median * self.spread**_CUT if self.largest is None else self.largest
+        return a, b
+
+    def moment(self, power: int) -> float:
+        """median^k exp(k^2 s^2/2) times the share of a Gaussian moved by k s that the limits leave; s = ln spread."""
+        s = math.log(self.spread)
+        below, above = self._standard()
+        left = (ndtr(above - power * s) - ndtr(below - power * s)) / (ndtr(above) - ndtr(below))
+        return float(self.median**power * math.exp(0.5 * (power * s) ** 2) * left)
+
+    def at(self, share: np.ndarray) -> np.ndarray:
+        return np.clip(self.median * self.spread ** _cut_normal(share, *self._standard()), *self.limits)
+
+    def _standard(self) -> tuple[float, float]:
+        a, b = self.limits
+        return math.log(a / self.median) / math.log(self.spread), math.log(b / self.median) / math.log(self.spread)
+
+
+def _cut_normal(share: np.ndarray, below: float, above: float) -> np.ndarray:
+    """Inverse cumulative standard normal distribution between two limits."""
+    low, high = ndtr(below), ndtr(above)
+    return ndtri(low + np.asarray(share) * (high - low))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ListedSizes(GrainSizes):
+    """The diameters of a list [m], each with its share.
+
+    Parameters
+    ----------
+    diameter : sequence of float
+        [m]
+    weight : sequence of float, optional
+        Shares, scaled to one; all alike without.
+    by_mass : bool
+        The weights are shares of the mass, as a sieve gives them; false: of the number of grains.
+
+    Raises
+    ------
+    ValueError
+        If a diameter is not positive, a weight is negative, or there are not as many of one as of the other.
+    """
+
+    diameter: Sequence[float] | np.ndarray
+    weight: Sequence[float] | np.ndarray | None = None
+    by_mass: bool = False
+    _sorted: np.ndarray = field(init=False, repr=False)
+    _share: np.ndarray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        d = np.array(self.diameter, dtype=float).reshape(-1)
+        w = np.ones(len(d)) if self.weight is None else np.array(self.weight, dtype=float).reshape(-1)
+        if not len(d):
+            raise ValueError("the list of diameters is empty; give one at least")
+        if len(w) != len(d):
+            raise ValueError(f"{len(d)} diameters but {len(w)} weights; give as many of one as of the other")
+        for name, value, bad in (
+            ("diameter", d, ~(np.isfinite(d) & (d > 0.0))),
+            ("weight", w, ~(np.isfinite(w) & (w >= 0.0))),
+        ):
+            if bad.any():
+                k = int(np.flatnonzero(bad)[0])
+                raise ValueError(f"{name} {k + 1} of the list is {value[k]:g}; it must be positive and finite")
+        if not w.any():
+            raise ValueError("every weight of the list is 0; raise one at least")
+        if self.by_mass:
+            w = w / (d / d.max()) ** 3
+        order = np.argsort(d, kind="stable")
+        kept = order[w[order] > 0.0]
+        object.__setattr__(self, "_sorted", d[kept])
+        object.__setattr__(self, "_share", w[kept] / w.sum())
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        return float(self._sorted[0]), float(self._sorted[-1])
+
+    def moment(self, power: int) -> float:
+        return float(self._share @ self._sorted**power)
+
+    def at(self, share: np.ndarray) -> np.ndarray:
+        edges = np.cumsum(self._share)
+        place = np.searchsorted(edges, np.asarray(share), side="right")
+        return self._sorted[np.minimum(place, len(self._sorted) - 1)]  # the last edge is 1 up to round-off
+
+
+def read_sizes(path: str | Path) -> ListedSizes:
+    """Sizes from a CSV file with a column diameter, and perhaps number or mass, its share: ``diameter [um], mass [%]``.
+
+    Raises
+    ------
+    ValueError
+        If the file is no such table.
+    OSError
+        If it cannot be read.
+    """
+    columns = read_columns(path)
+    if "diameter" not in columns:
+        raise ValueError(f"{path} has no column diameter; it has {', '.join(columns)}")
+    shares = [name for name in ("number", "mass") if name in columns]
+    if len(shares) > 1:
+        raise ValueError(f"{path} has shares by number and by mass; keep one of the two columns")
+    weight = columns[shares[0]] if shares else None
+    try:
+        return ListedSizes(columns["diameter"], weight, by_mass=shares == ["mass"])
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None

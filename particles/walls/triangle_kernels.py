@@ -1,0 +1,267 @@
+"""Compiled geometry of triangle meshes: closest point, which triangles a grain touches, push-off.
+
+**Closest point.** Every triangle has a frame of its own: A the start of its longest edge, e1 along that edge, N its
+normal, e2 = N x e1, so that A = (0, 0), B = (l, 0), C = (cx, cy) with 0 <= cx <= l and cy > 0 the height. A centre is
+(p, q, s) there. If (p, q) is inside, the offset to the closest point is -s N, whatever the triangle's shape; if not,
+the closest point lies on one of the edges that (p, q) is beyond, because a triangle is convex. (The regions are those
+of C. Ericson, Real-Time Collision Detection, 2005, section 5.1.5; his barycentric products lose the digits of a sliver,
+a frame on the longest edge does not.)
+
+**Which triangles count.** All triangles within reach of a centre have a closest point x, from the centre, at distance d
+in direction n. In the order of (d, index) a candidate c counts, unless an earlier a hides it. One that counts hides
+what lies on or behind the plane that touches the wall at a's point, let down towards the grain by the feature angle;
+one that is hidden itself hides by the plane of its triangle, unit normal m and height h over it, if it is met
+within the feature angle of its normal:
+
+    x_c · n_a >= d_a cos(FEATURE_ANGLE),   or   x_c · m_a >= h_a cos(FEATURE_ANGLE) with h_a >= d_a cos(FEATURE_ANGLE).
+
+So
+
+- neighbours in one plane, shared edges and vertices, the far side of a plate, and every other face of a convex body
+  are behind the first plane: one contact, over face, edge or vertex alike;
+- a concave crease of more than the feature angle touches twice, a corner of three faces three times;
+- facets of a concave curved surface that turn by no more than the feature angle from one to the next hide each
+  other in a chain by their planes, and touch once, even a ball that nearly fills its tube;
+- no topology is needed: vertices may be unmerged, edges split, surfaces pass through each other.
+
+The contacts of one smooth patch are one at its least distance, which is a continuous function of the centre: the
+elastic energy does not jump when the triangle changes. What is lost: two creases or ridges that a grain touches less
+than the feature angle apart count once; a crease slightly sharper than it counts twice only for overlaps
+below about 1 - cos(FEATURE_ANGLE) / cos(crease).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+# columns of a triangle's row: point A, axes e1 and e2, normal, and the flat coordinates of B and C
+AX, AY, AZ, UX, UY, UZ, VX, VY, VZ, NX, NY, NZ, LENGTH, CX, CY = range(15)
+N_TRIANGLE = 15
+# columns of a found contact: LEADER is the row of the contact that hides this one, then normal towards the wall and
+# distance of the triangle's plane, infinite where that hides nothing
+SLOT, DISTANCE, TOWARDS_X, TOWARDS_Y, TOWARDS_Z, LEADER, PLANE_X, PLANE_Y, PLANE_Z, HEIGHT = range(10)
+N_FOUND = 10
+
+FEATURE_ANGLE = np.deg2rad(21.0)  # tessellated circles of 18 sides, 20 degrees a corner, and more are round
+_TILT = float(np.cos(FEATURE_ANGLE))
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _offset(rows, t, x, y, z):
+    """Closest point minus centre in the frame of the triangle: along e1, along e2, and the height s above it."""
+    x, y, z = x - rows[t, AX], y - rows[t, AY], z - rows[t, AZ]
+    s = x * rows[t, NX] + y * rows[t, NY] + z * rows[t, NZ]
+    p = x * rows[t, UX] + y * rows[t, UY] + z * rows[t, UZ]
+    q = x * rows[t, VX] + y * rows[t, VY] + z * rows[t, VZ]
+    l, cx, cy = rows[t, LENGTH], rows[t, CX], rows[t, CY]
+    du = dv = 0.0
+    nearest = np.inf
+    if q < 0.0:  # beyond AB
+        du, dv = min(max(p, 0.0), l) - p, -q
+        nearest = du * du + dv * dv
+    gx = cx - l
+    if gx * q - cy * (p - l) < 0.0:  # beyond BC
+        f = min(max(((p - l) * gx + q * cy) / (gx * gx + cy * cy), 0.0), 1.0)
+        a, b = l + f * gx - p, f * cy - q
+        if a * a + b * b < nearest:
+            du, dv, nearest = a, b, a * a + b * b
+    if cy * p - cx * q < 0.0:  # beyond CA
+        f = min(max((p * cx + q * cy) / (cx * cx + cy * cy), 0.0), 1.0)
+        a, b = f * cx - p, f * cy - q
+        if a * a + b * b < nearest:
+            du, dv = a, b
+    return du, dv, s
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def closest_on_triangle(rows, t, x, y, z):
+    """The point of triangle ``t`` that is closest to (x, y, z): (px, py, pz) [m]."""
+    du, dv, s = _offset(rows, t, x, y, z)
+    return (
+        x + du * rows[t, UX] + dv * rows[t, VX] - s * rows[t, NX],
+        y + du * rows[t, UY] + dv * rows[t, VY] - s * rows[t, NY],
+        z + du * rows[t, UZ] + dv * rows[t, VZ] - s * rows[t, NZ],
+    )
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _hides(found, a, counts, c):
+    x, y, z = found[c, TOWARDS_X], found[c, TOWARDS_Y], found[c, TOWARDS_Z]
+    d = found[c, DISTANCE]
+    if counts and d * (x * found[a, TOWARDS_X] + y * found[a, TOWARDS_Y] + z * found[a, TOWARDS_Z]) >= (
+        _TILT * found[a, DISTANCE]
+    ):
+        return True
+    return d * (x * found[a, PLANE_X] + y * found[a, PLANE_Y] + z * found[a, PLANE_Z]) >= _TILT * found[a, HEIGHT]
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def triangle_contacts(rows, other, first, last, x, y, z, radius, found):
+    """Contacts of one grain with the triangles ``other[first:last]`` of one body.
+
+    Parameters
+    ----------
+    rows : (t, N_TRIANGLE), from `particles.walls.wall_table.triangle_table`.
+    other : triangle of each slot; ascending within first .. last.
+    x, y, z, radius : the centre in the frame of the body [m].
+    found : scratch and result, at least ``last - first`` rows of N_FOUND columns.
+
+    Returns
+    -------
+    count : int
+        Contacts, nearest first: ``found[:count]`` holds slot, distance [m] and the unit vector from the centre towards
+        the wall. A centre exactly on a triangle is taken to be on the side that its normal points to.
+    seen : int
+        ``found[count:seen]`` are the candidates that do not count: their slot, and LEADER, the row of the contact that
+        hides each.
+    """
+    seen = 0
+    for k in range(first, last):
+        t = other[k]
+        height = (x - rows[t, AX]) * rows[t, NX] + (y - rows[t, AY]) * rows[t, NY] + (z - rows[t, AZ]) * rows[t, NZ]
+        if abs(height) >= radius:  # most triangles near a grain go here, at a third of the price
+            continue
+        du, dv, s = _offset(rows, t, x, y, z)
+        distance = np.sqrt(du * du + dv * dv + s * s)
+        if not distance < radius:
+            continue
+        c = seen
+        while c > 0 and found[c - 1, DISTANCE] > distance:
+            for column in range(N_FOUND):
+                found[c, column] = found[c - 1, column]
+            c -= 1
+        side = 1.0 if s >= 0.0 else -1.0
+        found[c, PLANE_X], found[c, PLANE_Y] = -side * rows[t, NX], -side * rows[t, NY]
+        found[c, PLANE_Z], found[c, HEIGHT] = -side * rows[t, NZ], abs(s) if abs(s) >= _TILT * distance else np.inf
+        if distance > 0.0:
+            du, dv, s = du / distance, dv / distance, s / distance
+        else:
+            s = 1.0
+        found[c, SLOT], found[c, DISTANCE] = k, distance
+        found[c, TOWARDS_X] = du * rows[t, UX] + dv * rows[t, VX] - s * rows[t, NX]
+        found[c, TOWARDS_Y] = du * rows[t, UY] + dv * rows[t, VY] - s * rows[t, NY]
+        found[c, TOWARDS_Z] = du * rows[t, UZ] + dv * rows[t, VZ] - s * rows[t, NZ]
+        seen += 1
+    count = 0
+    for c in range(seen):
+        leader = -1.0
+        for a in range(c):  # those that count stand first, then the hidden ones
+            if _hides(found, a, a < count, c):
+                leader = found[a, LEADER]
+                break
+        if leader >= 0.0:
+            found[c, LEADER] = leader
+            continue
+        found[c, LEADER] = count
+        for column in range(N_FOUND):
+            found[count, column], found[c, column] = found[c, column], found[count, column]
+        count += 1
+    return count, seen
+
+
+@njit(cache=True, error_model="numpy")
+def hand_over(found, count, seen, touching, history):
+    """Pass the spring of a contact on to the triangle that has taken it over.
+
+    A grain that slides or rolls over an edge changes its triangle, not its contact: what a hidden slot remembers
+    goes to the contact that hides it, if that is new. ``touching`` (s,) and ``history`` (s, columns) by slot.
+    """
+    for c in range(count, seen):
+        old = int(found[c, SLOT])
+        if touching[old] == 0:
+            continue
+        touching[old] = 0
+        new = int(found[int(found[c, LEADER]), SLOT])
+        if touching[new] == 0:
+            touching[new] = 1
+            for column in range(history.shape[1]):
+                history[new, column] = history[old, column]
+
+
+@njit(cache=True, error_model="numpy")
+def triangle_overlaps(position, radius, rows, body, turn, start, other):
+    """Overlap [m] and unit vector towards the wall of each slot, in the fixed frame, shape (s, 4); hidden: -inf.
+
+    ``turn`` (n_bodies, 2): cosine and sine of the angle of each body; ``start``, ``other``: the slots of each grain.
+    """
+    result = np.empty((other.shape[0], 4))
+    longest = 0
+    for i in range(position.shape[0]):
+        longest = max(longest, start[i + 1] - start[i])
+    found = np.empty((longest, N_FOUND))
+    for i in range(position.shape[0]):
+        first = start[i]
+        while first < start[i + 1]:
+            b = body[other[first]]
+            last = first
+            while last < start[i + 1] and body[other[last]] == b:
+                result[last, 0] = -np.inf
+                result[last, 1] = result[last, 2] = result[last, 3] = 0.0
+                last += 1
+            cos, sin = turn[b, 0], turn[b, 1]
+            x, y = cos * position[i, 0] + sin * position[i, 1], cos * position[i, 1] - sin * position[i, 0]
+            count, _ = triangle_contacts(rows, other, first, last, x, y, position[i, 2], radius[i], found)
+            for c in range(count):
+                k = int(found[c, SLOT])
+                nx, ny = found[c, TOWARDS_X], found[c, TOWARDS_Y]
+                result[k, 0] = radius[i] - found[c, DISTANCE]
+                result[k, 1], result[k, 2] = cos * nx - sin * ny, sin * nx + cos * ny
+                result[k, 3] = found[c, TOWARDS_Z]
+            first = last
+    return result
+
+
+@njit(cache=True, error_model="numpy")
+def push_off_triangles(position, radius, rows, start, other):
+    """Move each centre out of the triangles that it overlaps; returns the largest overlap met [m].
+
+    All bodies at angle 0; ``start``, ``other``: the triangles near each centre. A centre leaves to the side that
+    it is on.
+    """
+    worst = 0.0
+    longest = 0
+    for i in range(position.shape[0]):
+        longest = max(longest, start[i + 1] - start[i])
+    found = np.empty((longest, N_FOUND))
+    for i in range(position.shape[0]):
+        if start[i] == start[i + 1]:
+            continue
+        x, y, z = position[i, 0], position[i, 1], position[i, 2]
+        count, _ = triangle_contacts(rows, other, start[i], start[i + 1], x, y, z, radius[i], found)
+        for c in range(count):
+            worst = max(worst, radius[i] - found[c, DISTANCE])
+            nx, ny, nz = found[c, TOWARDS_X], found[c, TOWARDS_Y], found[c, TOWARDS_Z]
+            # what earlier pushes of this grain have already moved it away from this wall
+            gone = -(nx * (position[i, 0] - x) + ny * (position[i, 1] - y) + nz * (position[i, 2] - z))
+            push = radius[i] - found[c, DISTANCE] - gone
+            if push > 0.0:
+                position[i, 0] -= push * nx
+                position[i, 1] -= push * ny
+                position[i, 2] -= push * nz
+    return worst
+
+
+@njit(cache=True, error_model="numpy")
+def winding_number(position, rows, first, last):
+    """How often the triangles first .. last wind round each centre: 0 outside of a closed surface, +-1 inside.
+
+    The sum of the solid angles over 4 pi (A. Van Oosterom, J. Strackee, IEEE Trans. Biomed. Eng. 30, 1983, 125).
+    """
+    result = np.empty(position.shape[0])
+    for i in range(position.shape[0]):
+        total = 0.0
+        for t in range(first, last):
+            x, y, z = position[i, 0] - rows[t, AX], position[i, 1] - rows[t, AY], position[i, 2] - rows[t, AZ]
+            p = x * rows[t, UX] + y * rows[t, UY] + z * rows[t, UZ]
+            q = x * rows[t, VX] + y * rows[t, VY] + z * rows[t, VZ]
+            s = x * rows[t, NX] + y * rows[t, NY] + z * rows[t, NZ]
+            l, cx, cy = rows[t, LENGTH], rows[t, CX], rows[t, CY]
+            bp, cp, cq = l - p, cx - p, cy - q
+            a = np.sqrt(p * p + q * q + s * s)
+            b = np.sqrt(bp * bp + q * q + s * s)
+            c = np.sqrt(cp * cp + cq * cq + s * s)
+            ab, bc, ca = -p * bp + q * q + s * s, bp * cp - q * cq + s * s, -cp * p - cq * q + s * s
+            total += 2.0 * np.arctan2(-s * l * cy, a * b * c + ab * c + bc * a + ca * b)
+        result[i] = total / (4.0 * np.pi)
+    return result

@@ -1,0 +1,108 @@
+"""profiles.csv and profiles.png: what is written is what was found, also where bins are empty."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from emclutch.profile_average import ProfileAverage, gap_of
+from emclutch.results import OutputError
+from emclutch.results.grain_profiles import profile_column, profile_table, read_profiles, write_profiles
+from emclutch.results.profile_picture import profile_picture
+from geometry.walls import AnnularBox
+from particles.diagnostics.bins import SlabBins, ring_bins
+from particles.diagnostics.enclosed_space import BoxSpace
+from particles.diagnostics.profiles import profile_of, profile_sums
+from particles.grains import Grains
+from particles.lists.contact_table import ContactTable
+
+RING = AnnularBox(0.010, 0.014, 0.0, 0.002)
+
+
+def moment(seed=0):
+    """Grains in the inner half of a ring that turn with 1/r^2, and a spoke of two that press."""
+    rng = np.random.default_rng(seed)
+    r, phi = rng.uniform(0.0105, 0.012, 200), rng.uniform(0.0, 2 * math.pi, 200)
+    x = np.column_stack([r * np.cos(phi), r * np.sin(phi), rng.uniform(0.0005, 0.0015, 200)])
+    x[:2] = [[0.0108, 0.0, 0.001], [0.0116, 0.0, 0.001]]
+    r = np.hypot(x[:, 0], x[:, 1])
+    v = 1e-3 / r[:, None] ** 2 * np.column_stack([-x[:, 1], x[:, 0], 0 * r])
+    contacts = ContactTable(
+        np.array([0]), np.array([1]), np.array([-1]), np.array([0]), np.array([[0.0112, 0.0, 0.001]]),
+        np.array([[-0.5, 0.1, 0.0]]), np.array([0.0]),
+    )  # fmt: skip
+    return Grains.create(x, 0.4e-3, 7800.0, velocity=v), contacts
+
+
+def profiles(speeds=None):
+    grains, contacts = moment()
+    found = [ring_bins(RING, 0.8e-3, along=along) for along in ("r", "z")]
+    return [profile_of(profile_sums(grains, contacts, bins), bins, speeds) for bins in found]
+
+
+def test_profiles_are_read_back_to_the_last_bit(tmp_path):
+    written = profiles({"rotor": 10.0, "disc": 0.0})
+    assert np.isnan(written[0].velocity).any()  # the outer half is empty
+    found = read_profiles(write_profiles(tmp_path, written))
+    assert list(found) == ["r", "z"]
+    for profile in written:
+        table = found[profile.along]
+        expected = profile_table(profile)
+        assert list(table.columns) == list(expected)
+        for name, values in expected.items():
+            np.testing.assert_array_equal(table[name], values)
+        assert table.attrs["units"]["slip_rotor"] == "m/s" and table.attrs["units"]["torque"] == "N m"
+        assert table.attrs["moments"] == 1
+    assert "rotor" in profile_column("slip_rotor")[1]
+
+
+def test_a_box_has_no_angular_speed(tmp_path):
+    grains, contacts = moment()
+    bins = SlabBins(2, 0, np.array([0.0, 1e-3, 2e-3]), 1e-3)
+    box = profile_of(profile_sums(grains, contacts, bins), bins, {"housing": 0.0})
+    assert "angular_speed" not in profile_table(box) and not any(name.startswith("slip") for name in profile_table(box))
+    assert list(read_profiles(write_profiles(tmp_path, [box]))) == ["z"]
+    assert profile_picture(tmp_path / "box.png", [box]).read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+
+
+def test_nothing_to_write_says_what_to_do(tmp_path):
+    with pytest.raises(OutputError, match=r"output\.profiles"):
+        write_profiles(tmp_path, [])
+    one = profiles()[0]
+    grains, contacts = moment()
+    bins = ring_bins(RING, 1e-3)
+    sums = profile_sums(grains, contacts, bins)
+    with pytest.raises(OutputError, match="same moments"):
+        write_profiles(tmp_path, [one, profile_of(sums + sums, bins)])
+
+
+@pytest.mark.parametrize("speeds", [None, {"rotor": 10.0, "shell": 0.0}])
+def test_picture(tmp_path, speeds):
+    path = profile_picture(tmp_path / "profiles.png", profiles(speeds), title="a ring")
+    assert path.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+
+
+def test_average_begins_at_its_time_and_takes_the_mean_of_the_moments():
+    """Two windows after the start: twice the sums over two moments; the shafts' speeds are their mean, 10 and 20."""
+    grains, contacts = moment()
+    rotor = SimpleNamespace(name="rotor", speed=0.0)
+    dem = SimpleNamespace(time=0.0, grains=grains, sector=None, bodies=[rotor], walls=[], contacts=lambda: contacts)
+    shape = SimpleNamespace(fill_boxes=lambda: {"empty": AnnularBox(0.1, 0.2, 0.0, 1.0), "gap": RING})
+    average = ProfileAverage(shape, 1.0)
+    for dem.time, rotor.speed in ((0.5, 1e3), (1.0, 1e3), (1.5, 10.0), (2.0, 20.0)):
+        assert average.profiles() == [] or dem.time > 1.5
+        average(SimpleNamespace(dem=dem), {})
+    radial, axial = average.profiles()
+    assert (radial.along, axial.along, radial.moments) == ("r", "z", 2)
+    once = profile_of(profile_sums(grains, contacts, ring_bins(RING, 0.8e-3)), ring_bins(RING, 0.8e-3), {"rotor": 15.0})
+    np.testing.assert_allclose(radial.slip["rotor"], once.slip["rotor"])
+    np.testing.assert_allclose(radial.torque, once.torque)
+    assert radial.torque[1] == pytest.approx(0.0112 * 0.1)  # the spoke: 0.1 N at 11.2 mm
+
+
+def test_gap_is_the_space_that_holds_most_grains_or_what_walls_enclose():
+    grains, _ = moment()
+    dem = SimpleNamespace(grains=grains, sector=None, walls=[])
+    assert gap_of(SimpleNamespace(fill_boxes=lambda: {"a": AnnularBox(1.0, 2.0, 0.0, 1.0), "b": RING}), dem) == RING
+    assert isinstance(gap_of(SimpleNamespace(), dem), BoxSpace)

@@ -1,0 +1,104 @@
+"""Packings from files: what is written comes back, units count, what is wrong is told with its place."""
+
+import math
+
+import numpy as np
+import pytest
+import pyvista
+
+from geometry.box import Box
+from particles import CyclicSector, PackingError
+from particles.packing.file_packing import file_packing, read_packing
+from particles.packing.space import Space
+
+BOX = Box((0.02, 0.02, 0.02))
+SPACE = Space.of(BOX, BOX.walls())
+CSV = "x [mm], y [mm], z [mm], diameter [mm], vx [mm/s], vy [mm/s], vz [mm/s]\n-2, 0, 5, 2, 0, 0, -100\n2,0,5,3,0,0,0\n"
+
+
+def test_csv_with_units(tmp_path):
+    path = tmp_path / "start.csv"
+    path.write_text(CSV)
+    packing = file_packing(SPACE, path)
+    assert packing.position == pytest.approx(np.array([[-2e-3, 0, 5e-3], [2e-3, 0, 5e-3]]))
+    assert packing.radius == pytest.approx([1e-3, 1.5e-3])
+    assert packing.velocity[0] == pytest.approx([0, 0, -0.1]) and packing.angular_velocity is None
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".vtp"])
+def test_arrays_come_back(tmp_path, suffix):
+    rng = np.random.default_rng(1)
+    x = np.array([[i, j, k] for i in (-6, 0, 6) for j in (-6, 0, 6) for k in (3, 9, 15)]) * 1e-3
+    r, v = rng.uniform(1e-3, 2.5e-3, 27), rng.normal(size=(27, 3))
+    path = tmp_path / f"start{suffix}"
+    if suffix == ".npz":
+        np.savez(path, position=x, diameter=2.0 * r, velocity=v)
+    else:
+        cloud = pyvista.PolyData(x)
+        cloud.point_data["radius"], cloud.point_data["velocity"] = r, v
+        cloud.save(path)
+    packing = file_packing(SPACE, path)
+    for found, written in ((packing.position, x), (packing.radius, r), (packing.velocity, v)):
+        assert np.array_equal(found, written)
+
+
+def _npz(tmp_path, **arrays):
+    path = tmp_path / "start.npz"
+    np.savez(path, **arrays)
+    return path
+
+
+def test_faults_name_grain_and_place(tmp_path):
+    two = np.array([[0.0, 0.0, 5e-3], [1.9e-3, 0.0, 5e-3]])
+    path = _npz(tmp_path, position=two)
+    with pytest.raises(PackingError, match=r"grain 0 at .* \(0, 0, 5\) mm overlaps a neighbour by 5 % .*limit|allowed"):
+        file_packing(SPACE, path, radius=1e-3, limit=0.04)
+    assert file_packing(SPACE, path, radius=1e-3, limit=0.051).count == 2
+    path = _npz(tmp_path, position=two - np.array([0.0, 0.0, 4.3e-3]), radius=np.full(2, 0.8e-3))
+    with pytest.raises(PackingError, match=r"grain 0 at .* overlaps a wall by 6.25 % of the diameter \(allowed: 5 %\)"):
+        file_packing(SPACE, path)
+    path = _npz(tmp_path, position=1e3 * two, radius=np.full(2, 0.5e-3))  # millimetres taken for metres
+    with pytest.raises(PackingError, match=r"outside the walls or in a solid \(2 of 2 grains do\); check .*unit"):
+        file_packing(SPACE, path)
+
+
+def test_grains_beside_the_sector_are_refused(tmp_path):
+    path = _npz(tmp_path, position=np.array([[5e-3, -1e-3, 5e-3]]), radius=np.array([1e-4]))
+    with pytest.raises(PackingError, match="outside the sector"):
+        file_packing(Space.of(BOX, BOX.walls(), CyclicSector(math.radians(90.0))), path)
+
+
+@pytest.mark.parametrize(
+    "arrays, radius, words",
+    [
+        ({"radius": np.ones(1)}, None, "has no positions; it has radius"),
+        ({"position": np.zeros((1, 3))}, None, "neither radius nor diameter"),
+        ({"position": np.zeros((1, 3)), "radius": np.ones(1)}, 1.0, "keep one of the two"),
+        ({"position": np.zeros((1, 2)), "radius": np.ones(1)}, None, r"position has shape \(1, 2\)"),
+        ({"position": np.zeros((2, 3)), "radius": np.ones(1)}, None, "2 positions but 1 of radius"),
+        ({"position": np.array([[0, np.nan, 0]]), "radius": np.ones(1)}, None, "position of grain 0 is not finite"),
+        ({"position": np.zeros((1, 3)), "radius": -np.ones(1)}, None, "radius of grain 0 is -1000 mm"),
+        ({"position": np.zeros((0, 3)), "radius": np.zeros(0)}, None, "holds no grain"),
+    ],
+)
+def test_wrong_arrays_are_told(tmp_path, arrays, radius, words):
+    with pytest.raises(ValueError, match=words):
+        read_packing(_npz(tmp_path, **arrays), radius=radius)
+
+
+@pytest.mark.parametrize(
+    "name, text, words",
+    [
+        ("a.csv", "x, y\n1, 2\n", "only x, y; give all three"),
+        ("a.csv", "x, y, z\n", "has no table"),
+        ("a.csv", "x, y, z\n1, 2\n", "line 2: 2 entries, but 3 columns"),
+        ("a.dat", "", "suffix '.dat'"),
+        ("a.npz", "text", "no npz archive"),
+    ],
+)
+def test_wrong_files_are_told(tmp_path, name, text, words):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(ValueError, match=words):
+        read_packing(tmp_path / name)
+    with pytest.raises(FileNotFoundError, match="does not exist"):
+        read_packing(tmp_path / "none.csv")

@@ -1,0 +1,116 @@
+"""Sizes of grains: moments against quadrature, draws against moments, volumes met to half a grain."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad
+
+from particles.packing.sizes import EqualSizes, ListedSizes, LogNormalSizes, NormalSizes, UniformSizes, read_sizes
+
+KINDS = {
+    "equal": EqualSizes(1e-3),
+    "uniform": UniformSizes(1e-3, 1.5e-3),
+    "normal": NormalSizes(1e-3, 0.1e-3),
+    "normal cut short": NormalSizes(1e-3, 0.4e-3, 0.5e-3, 1.2e-3),
+    "log-normal": LogNormalSizes(1e-3, 1.3),
+    "log-normal cut short": LogNormalSizes(1e-3, 1.5, 0.8e-3, 2e-3),
+    "list": ListedSizes([2e-3, 1e-3, 1.2e-3], [1.0, 2.0, 0.5]),
+    "list by mass": ListedSizes([2e-3, 1e-3, 1.2e-3], [1.0, 2.0, 0.5], by_mass=True),
+}
+kinds = pytest.mark.parametrize("sizes", KINDS.values(), ids=KINDS.keys())
+
+
+@kinds
+def test_moments_are_those_of_the_inverse_distribution(sizes):
+    """The mean of d^k over the grains is the integral of at(u)^k over 0 < u < 1, by the definition of `at`."""
+    steps = [] if not isinstance(sizes, ListedSizes) else np.cumsum(sizes._share)[:-1]
+    for power in (1, 2, 3):
+        found, _ = quad(lambda u, p=power: float(sizes.at(np.array(u))) ** p * 1e3**p, 0.0, 1.0, points=steps or None
+                        if not len(steps) else steps, epsrel=1e-10)  # fmt: skip
+        assert sizes.moment(power) * 1e3**power == pytest.approx(found, rel=1e-8)
+    assert sizes.moment(0) == pytest.approx(1.0, rel=1e-14)
+
+
+@kinds
+def test_draws_have_the_moments(sizes):
+    """Mean and mean volume of n draws lie within 5 standard errors of the exact ones (one in 2e6 misses)."""
+    n = 40_000
+    d = sizes.draw(n, seed=7)
+    assert d.shape == (n,)
+    low, high = sizes.limits
+    assert (d >= low).all() and (d <= high).all()
+    error = sizes.deviation / math.sqrt(n)
+    assert abs(d.mean() - sizes.mean) <= 5.0 * error + 1e-12 * sizes.mean
+    volume = math.pi / 6.0 * d**3
+    assert abs(volume.mean() - sizes.mean_volume) <= 5.0 * volume.std() / math.sqrt(n) + 1e-12 * sizes.mean_volume
+    # the standard error of a standard deviation, from the fourth moment of the draw itself
+    fourth = np.mean((d - d.mean()) ** 4)
+    spread = math.sqrt(max(0.0, fourth - d.std() ** 4) / n) / max(2.0 * d.std(), 1e-30)
+    assert abs(d.std() - sizes.deviation) <= 5.0 * spread + 1e-12 * sizes.mean
+
+
+def test_known_moments():
+    """Textbook: uniform (a + b)/2 and (b - a)/sqrt 12; log-normal E d^3 = median^3 exp(9 s^2/2) without a cut."""
+    uniform = UniformSizes(1.0, 1.5)
+    assert uniform.mean == pytest.approx(1.25) and uniform.deviation == pytest.approx(0.5 / math.sqrt(12.0))
+    wide = LogNormalSizes(1.0, 1.3, 1e-6, 1e6)
+    assert wide.moment(3) == pytest.approx(math.exp(4.5 * math.log(1.3) ** 2), rel=1e-12)
+    assert NormalSizes(1.0, 0.1).mean == pytest.approx(1.0, rel=1e-14)  # cut evenly
+    by_mass = ListedSizes([1.0, 2.0], [1.0, 1.0], by_mass=True)  # half the mass each: eight small ones for a large one
+    assert by_mass.mean == pytest.approx((8.0 * 1.0 + 2.0) / 9.0)
+
+
+@kinds
+@pytest.mark.parametrize("grains", [0.3, 1.0, 57.3, 20_000.0])
+def test_volume_is_met_to_half_a_grain(sizes, grains):
+    wanted = grains * sizes.mean_volume
+    d = sizes.draw_volume(wanted, seed=3)
+    assert abs(math.pi / 6.0 * np.sum(d**3) - wanted) <= 0.5 * math.pi / 6.0 * sizes.limits[1] ** 3 * (1.0 + 1e-9)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**63 - 1), st.integers(1, 300), st.integers(0, 300))
+def test_a_longer_draw_begins_with_the_shorter(seed, few, more):
+    for sizes in (KINDS["log-normal"], KINDS["list"]):
+        long = sizes.draw(few + more, seed)
+        assert np.array_equal(sizes.draw(few, seed), long[:few])
+        by_volume = sizes.draw_volume(few * sizes.mean_volume, seed)
+        assert np.array_equal(by_volume, sizes.draw(len(by_volume), seed))
+
+
+def test_seeds_differ():
+    assert not np.array_equal(KINDS["normal"].draw(50, 1), KINDS["normal"].draw(50, 2))
+
+
+@pytest.mark.parametrize(
+    "make, words",
+    [
+        (lambda: EqualSizes(0.0), "more than 0"),
+        (lambda: UniformSizes(2e-3, 1e-3), "from 2 to 1 mm"),
+        (lambda: NormalSizes(1e-3, 0.4e-3), "three standard deviations below the mean is -0.2 mm"),
+        (lambda: NormalSizes(1e-3, 0.1e-3, 1.1e-3), "not between the limits"),
+        (lambda: LogNormalSizes(1e-3, 1.0), "geometric standard deviation = 1;"),
+        (lambda: ListedSizes([]), "empty"),
+        (lambda: ListedSizes([1e-3], [1.0, 2.0]), "1 diameters but 2 weights"),
+        (lambda: ListedSizes([1e-3, -1e-3]), "diameter 2 of the list"),
+        (lambda: ListedSizes([1e-3], [0.0]), "every weight"),
+    ],
+)
+def test_impossible_sizes_are_refused(make, words):
+    with pytest.raises(ValueError, match=words):
+        make()
+
+
+def test_sizes_from_a_sieve_file(tmp_path):
+    path = tmp_path / "sieve.csv"
+    path.write_text("diameter [um], mass [%]\n# coarse\n200, 50\n100, 50\n")
+    assert read_sizes(path).mean == pytest.approx(1e-4 * (8.0 * 1.0 + 2.0) / 9.0)
+    path.write_text("diameter [furlong]\n1\n")
+    with pytest.raises(ValueError, match=r"line 1: the unit 'furlong' of diameter is unknown; known: .*um"):
+        read_sizes(path)
+    path.write_text("diameter [mm]\n1\nx\n")
+    with pytest.raises(ValueError, match="line 3: x are not all numbers"):
+        read_sizes(path)

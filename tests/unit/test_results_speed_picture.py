@@ -1,0 +1,138 @@
+"""Speeds against time: measured tables are read as people write them, the parabola is the nearest one."""
+
+import math
+
+import numpy as np
+import pytest
+
+from emclutch.results import OutputError
+from emclutch.results.speed_picture import (
+    quadratic_factor,
+    read_measured_speeds,
+    speed_picture,
+    torque_speed_picture,
+)
+
+
+def is_picture(path):
+    return path.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+
+
+def history(lag, count=50):
+    time = np.linspace(0.0, 5.0, count)
+    motor = 100.0 * np.clip((time - 2.0) / 2.0, 0.0, 1.0)
+    return {"time": time, "rotor_speed": motor, "disc_speed": np.interp(time - lag, time, motor),
+            "torque_disc": 0.05 * motor**2}  # fmt: skip
+
+
+def labels_of(monkeypatch, draw):
+    """The legend that a picture gets."""
+    from matplotlib.axes import Axes
+
+    seen = []
+    original = Axes.legend
+
+    def legend(axis, *arguments, **options):
+        seen.extend(axis.get_legend_handles_labels()[1])
+        return original(axis, *arguments, **options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Axes, "legend", legend)
+        draw()
+    return seen
+
+
+def test_motors_that_turn_alike_are_drawn_once(tmp_path, monkeypatch):
+    runs = {"200": history(2.0), "1000": history(0.5, 70)}
+    path = tmp_path / "s.png"
+    found = labels_of(monkeypatch, lambda: speed_picture(path, runs, title="two counts"))
+    assert found == ["motor", "output, 200", "output, 1000"]
+    assert is_picture(path)
+    runs["free motor"] = {**history(1.0), "rotor_speed": np.full(50, 90.0)}
+    found = labels_of(monkeypatch, lambda: speed_picture(path, runs))
+    assert [name for name in found if name.startswith("motor")] == ["motor, 200", "motor, free motor"]
+
+
+@pytest.mark.parametrize("count", [0, 1, 300])
+def test_measured_speeds_lie_over_the_curves_of_one_run(tmp_path, monkeypatch, count):
+    measured = {"tacho": np.column_stack([np.linspace(0, 5, count), np.linspace(0, 900, count)])}
+    path = tmp_path / "s.png"
+    found = labels_of(monkeypatch, lambda: speed_picture(path, {"run": history(1.0)}, measured=measured))
+    assert found == ["motor", "output", "measured: tacho"]
+    assert is_picture(path)
+
+
+def test_a_run_that_has_just_begun_is_drawn(tmp_path):
+    assert is_picture(speed_picture(tmp_path / "s.png", {"run": history(1.0, 1)}))
+    assert is_picture(torque_speed_picture(tmp_path / "t.png", {"run": history(1.0, 1)}))  # nothing turns yet
+    assert is_picture(torque_speed_picture(tmp_path / "t.png", {"run": history(1.0)}))
+    with pytest.raises(OutputError, match="no disc_speed"):
+        speed_picture(tmp_path / "x.png", {"box": {"time": [0.0], "rotor_speed": [0.0]}})
+
+
+def test_a_locked_clutch_says_nothing_about_what_it_could_transmit(tmp_path, monkeypatch):
+    slipping = history(2.0)
+    locked = {name: values.copy() for name, values in slipping.items()}
+    locked["disc_speed"][-10:] = locked["rotor_speed"][-10:]
+    locked["torque_disc"][-10:] = 1.0  # a small load
+    legends = [labels_of(monkeypatch, lambda run=run: torque_speed_picture(tmp_path / "t.png", {"run": run}))
+               for run in (slipping, locked)]  # fmt: skip
+    assert legends[0] == legends[1] == [f"{0.05 * (1000 * math.pi / 30) ** 2:.3g} N m · (rpm/1000)²"]
+
+
+def test_the_parabola_is_the_nearest_one():
+    """Against numpy's least squares; and exactly for an exact parabola."""
+    rng = np.random.default_rng(0)
+    speed = rng.uniform(0.0, 120.0, 200)
+    torque = 0.07 * speed**2 + rng.normal(0.0, 20.0, 200)
+    assert quadratic_factor(speed, torque) == pytest.approx(np.linalg.lstsq(speed[:, None] ** 2, torque)[0][0])
+    assert quadratic_factor(speed, 0.07 * speed**2) == pytest.approx(0.07)
+    assert quadratic_factor(np.zeros(3), np.ones(3)) is None
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "time,motor,output\n0,0,0\n1.5,500.25,\n1,250,10\n",
+        "vrijeme;motor;izlaz\n0;0;0\n1,5;500,25;\n1;250;10\n\n",
+        "\ufefft [s]\tmotor\toutput\r\n0\t0\t0\r\n1.5\t500.25\t\r\n1\t250\t10\r\n",
+    ],
+    ids=["commas", "semicolons and decimal commas", "tabs, byte order mark"],
+)
+def test_tables_as_people_write_them(tmp_path, text):
+    (tmp_path / "m.csv").write_bytes(text.encode())
+    motor, output = read_measured_speeds(tmp_path / "m.csv").values()
+    assert motor.tolist() == [[0.0, 0.0], [1.0, 250.0], [1.5, 500.25]]  # by time
+    assert output.tolist() == [[0.0, 0.0], [1.0, 10.0]]  # an empty cell was not measured
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "must name the columns"),
+        ("0,0,0\n1,2,3\n", "must name the columns"),
+        ("time\n0\n", "must name the columns"),
+        ("time,motor\n0,1\n1\n", "line 3"),
+        ("time,motor\n0,fast\n", "line 2: 'fast' in column 'motor'"),
+        ("time,motor\nnan,1\n", "line 2"),
+    ],
+)
+def test_tables_that_are_none_are_refused_with_the_line(tmp_path, text, reason):
+    (tmp_path / "m.csv").write_text(text)
+    with pytest.raises(OutputError, match=reason):
+        read_measured_speeds(tmp_path / "m.csv")
+
+
+def test_speeds_are_drawn_in_rpm(tmp_path, monkeypatch):
+    from matplotlib.axes import Axes
+
+    drawn = []
+    original = Axes.plot
+
+    def plot(axis, *arguments, **options):
+        drawn.append(np.asarray(arguments[1], dtype=float))
+        return original(axis, *arguments, **options)
+
+    monkeypatch.setattr(Axes, "plot", plot)
+    speed_picture(tmp_path / "s.png", {"run": history(0.0)})
+    assert max(curve.max() for curve in drawn) == pytest.approx(100.0 * 30.0 / math.pi)  # 100 rad/s
