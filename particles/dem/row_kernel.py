@@ -250,7 +250,7 @@ def sweep_rows(
                 continue
             pair_touching[k] = 1
             d = np.sqrt(d2)
-            inverse = 1.0 / d if d > 0.0 else 0.0
+            inverse = d * (1.0 / d2) if d2 > 0.0 else 0.0  # beside the root, not after it
             nx, ny, nz = dx * inverse, dy * inverse, dz * inverse
             ux, uy, uz = motion[j, 0], motion[j, 1], motion[j, 2]
             qx, qy, qz = motion[j, 3], motion[j, 4], motion[j, 5]
@@ -273,12 +273,16 @@ def sweep_rows(
                 kind = pair_row[species[i], species[j]]
             delta = reach - d
             ax, ay, az = li * wx + lj * qx, li * wy + lj * qy, li * wz + lj * qz
+            # by how much n has turned in the drift that has just ended
+            hx, hy, hz = (ux - vx) * dt * inverse, (uy - vy) * dt * inverse, (uz - vz) * dt * inverse
+            share = hx * nx + hy * ny + hz * nz
+            hx, hy, hz = hx - share * nx, hy - share * ny, hz - share * nz
             spin_n = 0.5 * ((wx + qx) * nx + (wy + qy) * ny + (wz + qz) * nz)
             gx, gy, gz, f_rep, dashpot, pull, k_t, e, lost_1, lost_2, lost_3 = contact_force(
-                linear, hertz_mindlin, hertz, thesis, walton_braun, law, kind, equal, cohesive, ledger,
+                linear, hertz_mindlin, hertz, thesis, walton_braun, law, kind, equal, cohesive, ledger, True,
                 m_eff, r_eff, dt, inv_dt, delta, nx, ny, nz,
                 vx - ux + ay * nz - az * ny, vy - uy + az * nx - ax * nz, vz - uz + ax * ny - ay * nx,
-                spin_n, pair_history, k, books,
+                hx, hy, hz, spin_n, pair_history, k, books,
             )  # fmt: skip
             contacts += 1
             if equal is not None:
@@ -303,8 +307,8 @@ def sweep_rows(
                 damping = law[kind, DAMPING_ROLLING]
                 if rolling is not None:
                     hx, hy, hz, e, lost_1 = rolling_couple(
-                        law, kind, ledger, r_eff, inertia, k_t, damping, dt, f_rep, nx, ny, nz,
-                        wx - qx, wy - qy, wz - qz, spin_n, pair_history, k, columns[0], books,
+                        law, kind, ledger, True, r_eff, inertia, k_t, damping, dt, f_rep, nx, ny, nz,
+                        wx - qx, wy - qy, wz - qz, hx, hy, hz, spin_n, pair_history, k, columns[0], books,
                     )  # fmt: skip
                     elastic += e
                     lost_r += lost_1
@@ -354,12 +358,12 @@ def sweep_rows(
                 spin_n = 0.5 * (wx * nx + wy * ny + (wz + omega) * nz)
                 delta = ri - distance
                 gx, gy, gz, f_rep, dashpot, pull, k_t, e, lost_1, lost_2, lost_3 = contact_force(
-                    linear, hertz_mindlin, hertz, thesis, walton_braun, law, kind, equal, cohesive, ledger,
+                    linear, hertz_mindlin, hertz, thesis, walton_braun, law, kind, equal, cohesive, ledger, None,
                     mi, ri, dt, inv_dt, delta, nx, ny, nz,
                     vx + distance * (wy * nz - wz * ny) + omega * py,
                     vy + distance * (wz * nx - wx * nz) - omega * px,
                     vz + distance * (wx * ny - wy * nx),
-                    spin_n, wall_history, k, books,
+                    0.0, 0.0, 0.0, spin_n, wall_history, k, books,
                 )  # fmt: skip
                 contacts += 1
                 if equal is not None:
@@ -382,8 +386,8 @@ def sweep_rows(
                     damping = law[kind, DAMPING_ROLLING]
                     if rolling is not None:
                         hx, hy, hz, e, lost_1 = rolling_couple(
-                            law, kind, ledger, ri, inertia, k_t, damping, dt, f_rep, nx, ny, nz,
-                            wx, wy, wz - omega, spin_n, wall_history, k, columns[0], books,
+                            law, kind, ledger, None, ri, inertia, k_t, damping, dt, f_rep, nx, ny, nz,
+                            wx, wy, wz - omega, 0.0, 0.0, 0.0, spin_n, wall_history, k, columns[0], books,
                         )  # fmt: skip
                         elastic += e
                         lost_r += lost_1

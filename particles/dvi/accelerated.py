@@ -9,7 +9,8 @@ type II (J. ACM 12 (1965) 547; Walker & Ni, SIAM J. Numer. Anal. 49 (2011) 1715)
 and takes these modes out together. Velocities are kept consistent, v = v_free + M^-1 H r, and the following sweep puts
 every impulse back into its cone. Norms weigh an impulse by sqrt(w_n): an energy, so that light and heavy grains count
 alike. **Safeguard**: the map has kinks, where contacts open, stick or slip. When |F| exceeds twice the smallest one of
-this history, the history is dropped and the iteration goes on from the best G(r) by plain sweeps.
+this history, the history is dropped and the iteration goes on from the best G(r). When |F| has not shrunk by a tenth in
+PATIENCE sweeps, as many plain ones follow: they carry the contacts' states over a kink that extrapolation circles.
 """
 
 from __future__ import annotations
@@ -18,13 +19,15 @@ import numpy as np
 from numba import njit
 
 from particles.dvi.gauss_seidel import BRAKE, IWN, RX, apply_impulses, residual, sweep
+from particles.kernel_stamp import kernel_stamp
 
 GAUSS_SEIDEL, ANDERSON, INTERIOR = 0, 1, 2  # methods: sweeps alone, then accelerated, then an interior point
 PLAIN_SWEEPS = 30  # before the acceleration begins: most warm-started steps are done by then
 HISTORY = 8
+PATIENCE = 60  # sweeps in which |F| must have found a new minimum; as many plain ones follow otherwise
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def solve(convex, relax, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
     """Plain sweeps, then (unless ``method`` is GAUSS_SEIDEL) accelerated ones.
 
@@ -43,7 +46,7 @@ def solve(convex, relax, method, tolerance, cap, grain, body, pair_index, pair, 
     return first + done, reached, 1
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def anderson(convex, relax, tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
     """Up to ``cap`` accelerated sweeps from the impulses in the records; returns their number and the residual."""
     p, w, n_bodies = pair.shape[0], wall.shape[0], body.shape[0]
@@ -62,6 +65,7 @@ def anderson(convex, relax, tolerance, cap, grain, body, pair_index, pair, wall_
     gram, c = np.zeros((HISTORY, HISTORY)), np.zeros(HISTORY)
     known, slot, best = 0, 0, np.inf
     first = True
+    waited, plain, mark = 0, 0, np.inf
     _collect(r, pair, wall, body)
     for count in range(cap):
         change = sweep(False, convex, relax, grain, body, pair_index, pair, wall_index, wall)
@@ -72,11 +76,23 @@ def anderson(convex, relax, tolerance, cap, grain, body, pair_index, pair, wall_
         _collect(g, pair, wall, body)
         f[:] = weight * (g - r)
         norm = np.sqrt(_dot(f, f))
+        waited += 1
+        if plain > 0:
+            plain -= 1
+            waited, best, mark = 0, np.inf, np.inf
+            r[:] = g
+            continue
+        if waited > PATIENCE:
+            known, slot, best, first, plain = 0, 0, np.inf, True, PATIENCE
+            r[:] = g
+            continue
         if norm > 2.0 * best:
             known, slot, best, first = 0, 0, np.inf, True
             r[:] = best_g
         else:
             if norm < best:
+                if norm < 0.9 * mark:
+                    waited, mark = 0, norm
                 best = norm
                 best_g[:] = g
             if not first:
@@ -103,7 +119,7 @@ def anderson(convex, relax, tolerance, cap, grain, body, pair_index, pair, wall_
     return cap, residual(convex, grain, body, pair_index, pair, wall_index, wall)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def _collect(r, pair, wall, body):
     p, w = pair.shape[0], wall.shape[0]
     for k in range(p):
@@ -115,7 +131,7 @@ def _collect(r, pair, wall, body):
         r[3 * (p + w) + b] = body[b, BRAKE]
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def _spread(r, pair, wall, body):
     p, w = pair.shape[0], wall.shape[0]
     for k in range(p):
@@ -127,7 +143,7 @@ def _spread(r, pair, wall, body):
         body[b, BRAKE] = r[3 * (p + w) + b]
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def _dot(a, b):
     """Sum of products in eight partial sums: a fixed order that the processor can still do side by side."""
     s0 = s1 = s2 = s3 = s4 = s5 = s6 = s7 = 0.0
@@ -146,7 +162,7 @@ def _dot(a, b):
     return ((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7))
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def _solve_gram(gram, c, n):
     """Solve gram x = c (leading n) by Cholesky; x replaces c. False where the history is dependent."""
     trace = 0.0
@@ -175,3 +191,24 @@ def _solve_gram(gram, c, n):
             c[i] -= low[k, i] * c[k]
         c[i] /= low[i, i]
     return True
+
+
+def _entries(stamp: int):
+    """`solve` and `anderson` for calls from Python; ``stamp`` stands in their cache keys (`particles.kernel_stamp`)."""
+
+    @njit(cache=True, error_model="numpy", fastmath={"contract"})
+    def solve_records(convex, relax, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
+        if stamp == 0:
+            return 0, np.inf, 0
+        return solve(convex, relax, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall)
+
+    @njit(cache=True, error_model="numpy", fastmath={"contract"})
+    def accelerate_records(convex, relax, tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
+        if stamp == 0:
+            return 0, np.inf
+        return anderson(convex, relax, tolerance, cap, grain, body, pair_index, pair, wall_index, wall)
+
+    return solve_records, accelerate_records
+
+
+solve_records, accelerate_records = _entries(kernel_stamp())

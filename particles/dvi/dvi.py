@@ -5,14 +5,15 @@ The same face as `particles.DEM`: what moves grains need not know which of the t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from geometry.triangle_wall import TriangleWall
 from geometry.walls import Wall
 from particles.bodies import Body, FreeShaft, PrescribedSpeed
-from particles.dem.step_totals import StepTotals
+from particles.dem.step_totals import EnergyTotals, StepTotals
 from particles.dvi import gauss_seidel as gs
 from particles.dvi import step_kernel as kernel
 from particles.dvi.accelerated import ANDERSON, GAUSS_SEIDEL, INTERIOR
@@ -26,6 +27,8 @@ from particles.lists.neighbours import cell_order
 from particles.walls.wall_kernels import wall_overlaps
 from particles.walls.wall_table import outside, wall_table
 
+Gravity = np.ndarray | Sequence[float] | Callable[[np.ndarray], np.ndarray]
+
 STEPS_PER_CALL = 512  # bounds the table of prescribed speeds
 # grains may reach beyond the gap that their own speeds close, when others push them: this share of the fastest one's
 # way is added
@@ -36,7 +39,7 @@ SLOP = 1e-4  # overlap, as a share of the radius, below which positions are left
 
 @dataclass(frozen=True, slots=True)
 class RigidTotals(StepTotals):
-    """Totals of a run of rigid grains; ``dissipation`` is split into "impact" and "sliding".
+    """Totals of a run of rigid grains; ``energy.dissipation`` has "impact" and "sliding"; no force is "damping".
 
     Attributes
     ----------
@@ -82,8 +85,8 @@ class DVI:
         Friction and restitution of every contact.
     dt : float
         Step [s].
-    gravity : array_like, shape (3,), optional
-        Acceleration [m/s^2].
+    gravity : array_like, shape (3,), or callable, optional
+        Acceleration [m/s^2]; a callable takes times (k,) [s] and returns (k, 3).
     theta : float
         Weight of the new velocity in the drift, 1/2 to 1; at 1 velocities lag by half a step, as in `DEM`.
     friction : "coulomb" or "convex"
@@ -116,7 +119,7 @@ class DVI:
         contact: RigidContact,
         *,
         dt: float,
-        gravity: np.ndarray | Sequence[float] | None = None,
+        gravity: Gravity | None = None,
         sector: None = None,
         theta: float = 1.0,
         friction: str = "coulomb",
@@ -130,6 +133,8 @@ class DVI:
     ) -> None:
         if sector is not None:
             raise ValueError("rigid grains (DVI) need the full ring; leave the sector out, or use DEM")
+        if any(isinstance(wall, TriangleWall) for wall in walls):
+            raise ValueError("rigid grains (DVI) touch planes and walls of revolution only, not triangles; use DEM")
         if not 0.0 < dt < np.inf:
             raise ValueError(f"dt = {dt:g} s; allowed: more than 0")
         if not 0.5 <= theta <= 1.0:
@@ -147,10 +152,11 @@ class DVI:
         self.grains, self.walls, self.bodies, self.contact = grains, list(walls), list(bodies), contact
         self.dt, self.theta, self.sector, self.overlap_limit = float(dt), float(theta), sector, overlap_limit
         self.tolerance, self.max_sweeps, self.warm_start = float(tolerance), int(max_sweeps), warm_start
-        self.gravity = None if gravity is None else np.array(gravity, dtype=float).reshape(3)
+        self.gravity = gravity if gravity is None or callable(gravity) else np.array(gravity, dtype=float).reshape(3)
         self.skin = 0.6 * float(np.mean(grains.radius)) if skin is None else float(skin)
         if not 0.0 < self.skin < np.inf:
             raise ValueError(f"skin = {self.skin * 1e3:g} mm; allowed: more than 0")
+        self.ledger = True  # the books of energy are a by-product here
         self.external_force: np.ndarray | None = None
         self.step_count = self.order_version = self.list_version = 0
         self._convex = None if friction == "coulomb" else True
@@ -174,6 +180,12 @@ class DVI:
     def time(self) -> float:
         """Time [s] of the positions."""
         return self.step_count * self.dt
+
+    @property
+    def gravity_now(self) -> np.ndarray | None:
+        """Acceleration of gravity [m/s^2] at this time, shape (3,)."""
+        pull = self._pull(1)
+        return None if pull is None else pull[0]
 
     @property
     def n_sectors(self) -> int:
@@ -242,7 +254,8 @@ class DVI:
         at_wall = x[row] + (radius[row] - depth[:, 0])[:, None] * depth[:, 1:]
         none = np.full(len(row), -1)
         return ContactTable(
-            np.concatenate([i, row]), np.concatenate([j, none]), np.concatenate([np.full(len(i), -1), wall]),
+            np.concatenate([i, row]), np.concatenate([j, none]),
+            np.concatenate([np.full(len(i), -1), self._table.wall[wall]]),
             np.zeros(len(i) + len(row), dtype=np.int64), np.concatenate([point, at_wall]),
             np.concatenate([c.pair_impulse[k], c.wall_impulse[w]]) / self.dt,
             np.concatenate([reach - np.linalg.norm(away, axis=1), depth[:, 0]]),
@@ -308,36 +321,53 @@ class DVI:
         self, n_steps: int, angle: np.ndarray, speed: np.ndarray, totals: np.ndarray, body_totals: np.ndarray
     ) -> tuple[int, int]:
         g, c = self.grains, self._list
-        times = (self.step_count + np.arange(n_steps)) * self.dt
-        speeds = np.zeros((n_steps, len(self.bodies)))
-        data = np.zeros((len(self.bodies), 4))
-        for b, body in enumerate(self.bodies):
-            if isinstance(body.motion, PrescribedSpeed):
-                speeds[:, b] = body.motion.at(times)
-            elif isinstance(body.motion, FreeShaft):
-                motion = body.motion
-                data[b] = 1.0, motion.inertia, motion.drive_torque + body.external_torque, motion.load_torque
+        drives, data = self._drives(n_steps)
         external = self.external_force
         if external is not None:
             external = np.ascontiguousarray(external, dtype=float)
             if external.shape != (g.count, 3):
                 raise ValueError(f"external_force has shape {external.shape}; it must be ({g.count}, 3)")
         if not self.warm_start and self._open_step[0] < 0.0:
-            n_steps = 1
+            n_steps = 1  # impulses are forgotten between calls
             c.pair_impulse[:], c.wall_impulse[:], self._brake[:] = 0.0, 0.0, 0.0
         position, velocity, spin = (np.ascontiguousarray(a) for a in (g.position, g.velocity, g.angular_velocity))
         answer = kernel.run_steps(
-            n_steps, self.dt, self.theta, float(self.n_sectors), self._law, self.gravity, external,
+            n_steps, self.dt, self.theta, float(self.n_sectors), self._law, self._pull(n_steps), external,
             0.5 * self._reach, self.overlap_limit, SLOP, MARGIN,
             self._convex, self._relax, self._method, self.tolerance, self.max_sweeps, self._open_step,
             position, velocity, spin, np.ascontiguousarray(g.radius), g.mass, c.reference,
             c.pairs.start, c.pairs.other, c.pair_impulse, self._table.rows, self._table.body, c.wall_start,
-            c.wall_other, c.wall_impulse, speeds, data, angle, speed, self._brake,
+            c.wall_other, c.wall_impulse, drives, data, angle, speed, self._brake,
             self._grain, self._bound, self._body, self._pair_index, self._pair_slot, self._pair,
             self._wall_index, self._wall_slot, self._wall, totals, body_totals,
         )  # fmt: skip
         g.position[:], g.velocity[:], g.angular_velocity[:] = position, velocity, spin
         return answer
+
+    def _pull(self, n_steps: int) -> np.ndarray | None:
+        """Gravity at the coming steps, (n_steps, 3) or (1, 3)."""
+        if self.gravity is None:
+            return None
+        if callable(self.gravity):
+            times = (self.step_count + np.arange(n_steps)) * self.dt
+            return np.ascontiguousarray(self.gravity(times), dtype=float).reshape(n_steps, 3)
+        return np.array(self.gravity, dtype=float).reshape(1, 3)
+
+    def _drives(self, n_steps: int) -> tuple[np.ndarray, np.ndarray]:
+        """Speeds and torques of the bodies at the coming steps (n_steps, n_bodies, 4), and their constants."""
+        times = (self.step_count + np.arange(n_steps)) * self.dt
+        drives, data = np.zeros((n_steps, len(self.bodies), 4)), np.zeros((len(self.bodies), 2))
+        for b, body in enumerate(self.bodies):
+            if isinstance(body.motion, PrescribedSpeed):
+                drives[:, b, kernel.PRESCRIBED] = body.motion.at(times)
+            elif isinstance(body.motion, FreeShaft):
+                motion = body.motion
+                data[b] = 1.0, motion.inertia
+                on = times >= motion.switched_on
+                drives[:, b, kernel.DRIVE] = on * motion.drive_torque + body.external_torque
+                drives[:, b, kernel.DRIVE_SLOPE] = on * motion.drive_slope
+                drives[:, b, kernel.LOAD_TORQUE] = motion.load_at(times)
+        return drives, data
 
     def _records(self) -> list[np.ndarray]:
         """Grains, bodies and contacts as the last step left them (`particles.dvi.gauss_seidel`), copied."""
@@ -421,28 +451,44 @@ class DVI:
         share = 1.0 / max(steps, 1)
         names = [body.name for body in self.bodies]
         now = self.grains.kinetic_energy()
+        normal = bodies[:, kernel.NORMAL_X : kernel.NORMAL_Z + 1] * share
+        whole = bodies[:, kernel.FORCE_X : kernel.FORCE_Z + 1] * share
         return RigidTotals(
             steps=steps,
             duration=steps * self.dt,
             torque={
-                name: {"normal": float(t[kernel.TORQUE_N]) * share, "tangential": float(t[kernel.TORQUE_T]) * share}
+                name: {
+                    "normal": float(t[kernel.TORQUE_N]) * share,
+                    "damping": 0.0,
+                    "tangential": float(t[kernel.TORQUE_T]) * share,
+                }
                 for name, t in zip(names, bodies, strict=True)
             },
-            force=dict(zip(names, bodies[:, kernel.FORCE_X : kernel.FORCE_Z + 1] * share, strict=True)),
-            wall_work={name: float(t[kernel.BODY_WORK]) for name, t in zip(names, bodies, strict=True)},
+            force=dict(zip(names, whole, strict=True)),
+            force_parts={
+                name: {"normal": n, "damping": np.zeros(3), "tangential": f - n}
+                for name, n, f in zip(names, normal, whole, strict=True)
+            },
             shaft_work={
-                body.name: {"drive": float(t[kernel.DRIVE_WORK]), "load": float(t[kernel.LOAD_WORK])}
+                body.name: {
+                    "drive": float(t[kernel.DRIVE_WORK]),
+                    "load": float(t[kernel.LOAD_WORK]),
+                    "contact": -float(t[kernel.BODY_WORK]),
+                }
                 for body, t in zip(self.bodies, bodies, strict=True)
                 if body.is_free
             },
-            dissipation={"impact": float(totals[kernel.IMPACT]), "sliding": float(totals[kernel.SLIDING])},
-            contact_work=float(totals[kernel.CONTACT_WORK]),
-            gravity_work=float(totals[kernel.GRAVITY_WORK]),
-            external_work=float(totals[kernel.EXTERNAL_WORK]),
-            kinetic_energy=now,
-            kinetic_change=now - kinetic,
-            elastic_energy=0.0,
-            elastic_change=0.0,
+            energy=EnergyTotals(
+                wall_work={name: float(t[kernel.BODY_WORK]) for name, t in zip(names, bodies, strict=True)},
+                dissipation={"impact": float(totals[kernel.IMPACT]), "sliding": float(totals[kernel.SLIDING])},
+                contact_work=float(totals[kernel.CONTACT_WORK]),
+                gravity_work=float(totals[kernel.GRAVITY_WORK]),
+                external_work=float(totals[kernel.EXTERNAL_WORK]),
+                kinetic_energy=now,
+                kinetic_change=now - kinetic,
+                elastic_energy=0.0,
+                elastic_change=0.0,
+            ),
             max_overlap=float(totals[kernel.MAX_OVERLAP]),
             n_contacts=int(totals[kernel.CONTACTS]),
             max_speed=float(totals[kernel.MAX_SPEED]),

@@ -39,7 +39,7 @@ N_PAIR = 12
 N_WALL_CONTACT = 14
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def apply_impulses(sign, grain, body, pair_index, pair, wall_index, wall):
     """Add to the velocities ``sign`` times what the impulses in the records do."""
     for k in range(pair.shape[0]):
@@ -79,7 +79,7 @@ def apply_impulses(sign, grain, body, pair_index, pair, wall_index, wall):
         body[b, SPEED] -= sign * body[b, IJ] * body[b, BRAKE]
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def sweep_pairs(lo, hi, backward, convex, relax, grain, index, pair):
     """Visit the pairs lo <= k < hi; returns the largest change of an impulse times w_n, squared [m^2/s^2].
 
@@ -150,7 +150,7 @@ def sweep_pairs(lo, hi, backward, convex, relax, grain, index, pair):
     return largest
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def sweep_walls(lo, hi, backward, convex, relax, grain, body, index, wall):
     """The same for contacts with walls; ``index``: grain, body."""
     largest = 0.0
@@ -211,7 +211,7 @@ def sweep_walls(lo, hi, backward, convex, relax, grain, body, index, wall):
     return largest
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def _frame(wall, k):
     """Lever along the normal, lever in the tangent plane, and the unit tangent vector along it."""
     along = wall[k, LX] * wall[k, EX] + wall[k, LY] * wall[k, EY]
@@ -227,7 +227,7 @@ def _frame(wall, k):
     return along, 0.0, x / size, y / size, z / size
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def _block(wall, k, free, mu, u_n, ux, uy, uz, was):
     """The new impulse (world axes) of a contact with a free shaft; u_t in world axes, ``was`` the old r_n."""
     ex, ey, ez = wall[k, EX], wall[k, EY], wall[k, EZ]
@@ -244,7 +244,7 @@ def _block(wall, k, free, mu, u_n, ux, uy, uz, was):
     return n * ex + a * fx + b * gx, n * ey + a * fy + b * gy, n * ez + a * fz + b * gz
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def sweep_loads(body):
     """Dry friction on the free shafts: the brake's impulse stops them, up to its limit; returns the largest change."""
     largest = 0.0
@@ -259,7 +259,7 @@ def sweep_loads(body):
     return largest
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def sweep(backward, convex, relax, grain, body, pair_index, pair, wall_index, wall):
     """One sweep over everything, in the order or against it; returns the largest change [m/s]."""
     if backward:
@@ -272,7 +272,7 @@ def sweep(backward, convex, relax, grain, body, pair_index, pair, wall_index, wa
     return np.sqrt(max(a, b))
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def residual(convex, grain, body, pair_index, pair, wall_index, wall):
     """Largest natural map over all contacts [m/s], all at the same velocities."""
     law = convex is not None
@@ -303,7 +303,7 @@ def residual(convex, grain, body, pair_index, pair, wall_index, wall):
     return worst
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def _map(law, row, k, u_n, ux, uy, uz):
     """Natural map of contact k from its velocity, tangential part in world axes."""
     ex, ey, ez = row[k, EX], row[k, EY], row[k, EZ]

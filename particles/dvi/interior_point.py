@@ -23,7 +23,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from particles.dvi.accelerated import anderson
+from particles.dvi.accelerated import accelerate_records
 from particles.dvi.gauss_seidel import (
     ARM,
     BRAKE,
@@ -142,13 +142,13 @@ def solve_by_interior_point(
     sweeps = 0
     for trial in range(trials):
         # the load's impulse is held while the programme runs, and swept afterwards
-        problem.free[6 * len(grain) :] = (unbraked[6 * len(grain) :] - (body[:, IJ] * body[:, BRAKE])[shafts])
+        problem.free[6 * len(grain) :] = unbraked[6 * len(grain) :] - (body[:, IJ] * body[:, BRAKE])[shafts]
         impulse, velocity = cone_programme(problem, shift, tolerance)
         world = np.einsum("mi,mij->mj", impulse, problem.frame)
         pair[:, RX : RX + 3], wall[:, RX : RX + 3] = world[: len(pair)], world[len(pair) :]
         grain[:], body[:, SPEED] = free, free_body[:, SPEED]
         apply_impulses(1.0, grain, body, *records)
-        count, reached = anderson(convex, None, tolerance, POLISH, grain, body, *records)
+        count, reached = accelerate_records(convex, None, tolerance, POLISH, grain, body, *records)
         sweeps += count
         if best is None or reached < best[0]:
             best = reached, pair[:, RX : RX + 3].copy(), wall[:, RX : RX + 3].copy(), body[:, BRAKE].copy()
@@ -193,8 +193,10 @@ def cone_programme(problem: ConeProblem, shift: np.ndarray, tolerance: float, ca
         w, w_inverse = _scaling(s, z)
         lam = None if w is None else _times(w, z)
         # the scaled point leaves the cone when its digits are used up
-        if lam is None or not np.all(_square_norm(lam) > 0.0) or (
-            np.sqrt(gap * np.median(problem.inverse_mass)) < 0.1 * tolerance and np.abs(miss_s).max() < tolerance
+        if (
+            lam is None
+            or not np.all(_square_norm(lam) > 0.0)
+            or (np.sqrt(gap * np.median(problem.inverse_mass)) < 0.1 * tolerance and np.abs(miss_s).max() < tolerance)
         ):
             break
         square = w_inverse @ w_inverse

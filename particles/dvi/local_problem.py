@@ -29,7 +29,7 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def coulomb_isotropic(w_n, w_t, mu, q_n, q_1, q_2):
     """Exact Coulomb for W = diag(w_n, w_t, w_t)."""
     if q_n >= 0.0:
@@ -42,7 +42,7 @@ def coulomb_isotropic(w_n, w_t, mu, q_n, q_1, q_2):
     return r_n, r_1, r_2
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def convex_isotropic(w_n, w_t, mu, q_n, q_1, q_2):
     """Convex relaxation for W = diag(w_n, w_t, w_t)."""
     size = np.sqrt(q_1 * q_1 + q_2 * q_2)
@@ -55,7 +55,7 @@ def convex_isotropic(w_n, w_t, mu, q_n, q_1, q_2):
     return r_n, -mu * r_n * q_1 / size, -mu * r_n * q_2 / size
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def coulomb_block(w_nn, w_n1, w_n2, w_11, w_12, w_22, mu, q_n, q_1, q_2):
     """Exact Coulomb for a symmetric positive definite W."""
     if q_n >= 0.0:
@@ -113,7 +113,7 @@ def coulomb_block(w_nn, w_n1, w_n2, w_11, w_12, w_22, mu, q_n, q_1, q_2):
     return r_n, cos * x - sin * y, sin * x + cos * y
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def on_cone(mu, r_n, r_t):
     """Nearest point (n, t) of the friction cone to a vector with normal part r_n and tangential size r_t >= 0."""
     if r_t <= mu * r_n:
@@ -124,7 +124,7 @@ def on_cone(mu, r_n, r_t):
     return n, mu * n
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def natural_map(convex, w_n, mu, r_n, r_1, r_2, u_n, u_1, u_2):
     """|r - P_K(r - rho (u + mu |u_t| e_n))|/rho with rho = 1/w_n [m/s]; without the shift for the convex law."""
     if not convex:

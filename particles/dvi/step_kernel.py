@@ -9,6 +9,11 @@ it is reached, and the next middle is free of overlap whatever theta is (the mid
 e an approach faster than the threshold that would end in a contact within the step rebounds: u_n' >= -e u_n. What
 overlap is left by the curvature of paths is removed from the positions alone (`project`): no velocity is touched, no
 kinetic energy made; the work of the held forces on that displacement is reported.
+
+**Slop.** A gap of less than ``slop`` radii counts as closed, u_n' >= 0, as an overlap of so much is let be. Were it to
+be closed, to the last picometre that the tolerance of earlier steps has left, the contacts of a packing at rest would
+ask for velocities that contradict each other: more contacts than degrees of freedom. Its forces would then grow from
+sweep to sweep until something slips, which is what makes such iterations stall.
 """
 
 from __future__ import annotations
@@ -44,6 +49,7 @@ from particles.dvi.gauss_seidel import (
     VZ,
     B,
 )  # fmt: skip
+from particles.kernel_stamp import kernel_stamp
 from particles.walls.wall_kernels import _wall_gap
 
 # what the kernel answers
@@ -54,12 +60,18 @@ DONE, REBUILD, NOT_FINITE, OVERLAP, HAND_OVER = 0, 1, 2, 3, 4
     SWEEPS, RESIDUAL, MISSED, KEPT, LOADED, VISITS, TAKEN_OVER, PROJECTIONS, MAX_SWEEPS,
 ) = range(19)  # fmt: skip
 N_SUMS = 19
-TORQUE_N, TORQUE_T, FORCE_X, FORCE_Y, FORCE_Z, BODY_WORK, DRIVE_WORK, LOAD_WORK = range(8)
-N_BODY_SUMS = 8
+# columns of a body's sums: torques and forces of the normal and of the tangential impulses, and work
+TORQUE_N, TORQUE_T, NORMAL_X, NORMAL_Y, NORMAL_Z, FORCE_X, FORCE_Y, FORCE_Z, BODY_WORK, DRIVE_WORK, LOAD_WORK = range(
+    11
+)
+N_BODY_SUMS = 11
+# columns of what moves a body in a step, and of its constants
+PRESCRIBED, DRIVE, DRIVE_SLOPE, LOAD_TORQUE = range(4)
+FREE, INERTIA = range(2)
 PROJECTION_SWEEPS = 50  # a jam that needs more gets them in the next step
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def free_velocities(h, gravity, external, velocity, spin, radius, mass, grain, bound):
     """Fill the records of the grains with v + h F/m; ``bound`` (n,): the larger speed of before and after."""
     fastest = 0.0
@@ -80,9 +92,9 @@ def free_velocities(h, gravity, external, velocity, spin, radius, mass, grain, b
     return fastest
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def find_contacts(
-    h, law, margin, grain, bound, position, velocity, radius,
+    h, law, margin, slop, grain, bound, position, velocity, radius,
     pair_start, pair_other, pair_impulse, wall, wall_body, wall_start, wall_other, wall_impulse, body, old_speed,
     pair_index, pair_slot, pair, wall_index, wall_slot, wall_row,
 ):  # fmt: skip
@@ -110,7 +122,7 @@ def find_contacts(
             row[IWT] = 1.0 / (w_n * (1.0 + 2.5 * row[ARM] * row[ARM]))
             row[MU] = law[0, 0]
             gap = d - reach
-            row[B] = max(gap, 0.0) / h
+            row[B] = gap / h if gap > slop * min(ri, radius[j]) else 0.0
             if law[0, 1] > 0.0:
                 before = (
                     (velocity[i, 0] - velocity[j, 0]) * ex
@@ -136,7 +148,7 @@ def find_contacts(
             row[IWT] = 1.0 / (grain[i, IM] * (1.0 + 2.5 * row[ARM] * row[ARM]))
             row[MU] = law[1, 0]
             gap = distance - ri
-            row[B] = max(gap, 0.0) / h
+            row[B] = gap / h if gap > slop * ri else 0.0
             if law[1, 1] > 0.0:
                 before = -(velocity[i, 0] * nx + velocity[i, 1] * ny + velocity[i, 2] * nz) - old_speed[b] * along
                 if before < -law[1, 2] and gap + h * before < 0.0:
@@ -146,7 +158,7 @@ def find_contacts(
     return pairs, walls
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def _book(
     h, grain, velocity, spin, radius, mean_speed, pair_index, pair_slot, pair, pair_impulse,
     wall_index, wall_slot, wall, wall_impulse, totals, body_totals,
@@ -204,6 +216,9 @@ def _book(
         work += on_grain
         body_totals[b, TORQUE_N] -= r_n * lever_n / h
         body_totals[b, TORQUE_T] -= (lever - r_n * lever_n) / h
+        body_totals[b, NORMAL_X] -= r_n * ex / h
+        body_totals[b, NORMAL_Y] -= r_n * ey / h
+        body_totals[b, NORMAL_Z] -= r_n * ez / h
         body_totals[b, FORCE_X] -= x / h
         body_totals[b, FORCE_Y] -= y / h
         body_totals[b, FORCE_Z] -= z / h
@@ -216,7 +231,7 @@ def _book(
     totals[CONTACT_WORK] += work
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def _move(h, drift, gravity, external, grain, position, velocity, spin, radius, mass, reference, totals):
     """Take the new velocities and drift; returns the largest squared distance from the list's positions."""
     gravity_work = external_work = travel = fastest = 0.0
@@ -248,7 +263,7 @@ def _move(h, drift, gravity, external, grain, position, velocity, spin, radius, 
     return travel
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def project(
     slop, cap, gravity, external, position, radius, mass, pair_start, pair_other, wall, wall_start, wall_other,
 ):  # fmt: skip
@@ -302,7 +317,7 @@ def project(
     return deepest, at, work, sweeps
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def _shift(gravity, external, mass, position, i, x, y, z):
     """Move grain i; returns the work of gravity and the held force on it."""
     position[i, 0] += x
@@ -316,9 +331,9 @@ def _shift(gravity, external, mass, position, i, x, y, z):
     return work
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def _begin(
-    h, theta, n_sectors, law, gravity, external, slop, margin, speed_now,
+    h, theta, n_sectors, law, gravity, external, slop, margin, drive,
     position, velocity, spin, radius, mass, pair_start, pair_other, pair_impulse,
     wall_table, wall_body, wall_start, wall_other, wall_impulse, body_data, body_speed, brake,
     grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows, totals,
@@ -338,16 +353,18 @@ def _begin(
         totals[MAX_OVERLAP], totals[GRAIN] = deepest, at
 
     for b in range(body_speed.shape[0]):
-        if body_data[b, 0] != 0.0:
-            body[b, SPEED] = body_speed[b] + h / body_data[b, 1] * body_data[b, 2]
-            body[b, IJ] = n_sectors / body_data[b, 1]
-            body[b, LOAD] = h * body_data[b, 3] / n_sectors
+        if body_data[b, FREE] != 0.0:
+            # the slope of the drive is taken at the end of the step: it only adds to the inertia
+            inertia = body_data[b, INERTIA] + h * drive[b, DRIVE_SLOPE]
+            body[b, SPEED] = (body_data[b, INERTIA] * body_speed[b] + h * drive[b, DRIVE]) / inertia
+            body[b, IJ] = n_sectors / inertia
+            body[b, LOAD] = h * drive[b, LOAD_TORQUE] / n_sectors
         else:
-            body[b, SPEED], body[b, IJ], body[b, LOAD] = speed_now[b], 0.0, 0.0
+            body[b, SPEED], body[b, IJ], body[b, LOAD] = drive[b, PRESCRIBED], 0.0, 0.0
         body[b, BRAKE] = min(max(brake[b], -body[b, LOAD]), body[b, LOAD])
     fastest = free_velocities(h, gravity, external, velocity, spin, radius, mass, grain, bound)
     pairs, walls = find_contacts(
-        h, law, margin * h * fastest, grain, bound, position, velocity, radius, pair_start, pair_other,
+        h, law, margin * h * fastest, slop, grain, bound, position, velocity, radius, pair_start, pair_other,
         pair_impulse, wall_table, wall_body, wall_start, wall_other, wall_impulse, body, body_speed,
         pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows,
     )  # fmt: skip
@@ -355,14 +372,14 @@ def _begin(
     return pairs, walls, fastest
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def _finish(
     h, theta, n_sectors, gravity, external, tolerance, sweeps, reached, taken, fastest,
     position, velocity, spin, radius, mass, reference, pair_impulse, wall_impulse,
-    body_data, body_angle, body_speed, brake, mean,
+    drive, body_data, body_angle, body_speed, brake, mean,
     grain, body, pair_index, pair_slot, pair, wall_index, wall_slot, wall, totals, body_totals,
 ):  # fmt: skip
-    """Stages 5 and 6: books and drift; returns how far a grain may be from its place in the list after the next step."""
+    """Stages 5 and 6: books and drift; returns how far from its list a grain may be after the next step."""
     totals[SWEEPS] += sweeps
     totals[VISITS] += sweeps * (pair.shape[0] + wall.shape[0])
     totals[MAX_SWEEPS] = max(totals[MAX_SWEEPS], sweeps)
@@ -373,9 +390,10 @@ def _finish(
     for b in range(body_speed.shape[0]):
         brake[b] = body[b, BRAKE]
         mean[b] = body[b, SPEED]
-        if body_data[b, 0] != 0.0:
+        if body_data[b, FREE] != 0.0:
             mean[b] = 0.5 * (body_speed[b] + body[b, SPEED])
-            body_totals[b, DRIVE_WORK] += body_data[b, 2] * mean[b] * h
+            torque = drive[b, DRIVE] - drive[b, DRIVE_SLOPE] * body[b, SPEED]
+            body_totals[b, DRIVE_WORK] += torque * mean[b] * h
             body_totals[b, LOAD_WORK] += n_sectors * brake[b] * mean[b]
         body_speed[b] = body[b, SPEED]
         body_angle[b] += h * body_speed[b]
@@ -387,57 +405,71 @@ def _finish(
     return np.sqrt(travel) + h * fastest
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
-def run_steps(
-    n_steps, h, theta, n_sectors, law, gravity, external, travel_limit, overlap_limit, slop, margin,
-    convex, relax, method, tolerance, cap, open_step,
-    position, velocity, spin, radius, mass, reference,
-    pair_start, pair_other, pair_impulse, wall_table, wall_body, wall_start, wall_other, wall_impulse,
-    speeds, body_data, body_angle, body_speed, brake,
-    grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows, totals, body_totals,
-):  # fmt: skip
-    """Up to ``n_steps`` steps; stops early when the list must be rebuilt or a grain is in trouble.
+def _made(stamp: int):
+    """The kernel; ``stamp`` stands in its cache key (`particles.kernel_stamp`)."""
 
-    With ``method`` INTERIOR a step on which the sweeps stall is left open (HAND_OVER): ``open_step`` then holds the
-    numbers of pairs and walls, sweeps, residual and largest speed, and the next call finishes it; its last two entries
-    are the numbers of contacts of the last step in any case. Returns (answer,
-    steps done); every array is documented where it is made, in `particles.dvi.dvi`.
-    """
-    mean = np.empty(body_speed.shape[0])
-    for step in range(n_steps):
-        if open_step[0] >= 0.0:
-            pairs, walls, sweeps = int(open_step[0]), int(open_step[1]), int(open_step[2])
-            reached, fastest, taken = open_step[3], open_step[4], 1
-            open_step[0] = -1.0
-        else:
-            # 1-3. half drift, free velocities, contacts, warm start
-            pairs, walls, fastest = _begin(
-                h, theta, n_sectors, law, gravity, external, slop, margin, speeds[step],
-                position, velocity, spin, radius, mass, pair_start, pair_other, pair_impulse,
-                wall_table, wall_body, wall_start, wall_other, wall_impulse, body_data, body_speed, brake,
-                grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows, totals,
+    @njit(cache=True, error_model="numpy", fastmath={"contract"})
+    def run_steps(
+        n_steps, h, theta, n_sectors, law, gravity, external, travel_limit, overlap_limit, slop, margin,
+        convex, relax, method, tolerance, cap, open_step,
+        position, velocity, spin, radius, mass, reference,
+        pair_start, pair_other, pair_impulse, wall_table, wall_body, wall_start, wall_other, wall_impulse,
+        drives, body_data, body_angle, body_speed, brake,
+        grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows, totals, body_totals,
+    ):  # fmt: skip
+        """Up to ``n_steps`` steps; stops early when the list must be rebuilt or a grain is in trouble.
+
+        With ``method`` INTERIOR a step on which the sweeps stall is left open (HAND_OVER): ``open_step`` then holds the
+        numbers of pairs and walls, sweeps, residual and largest speed, and the next call finishes it; its last two
+        entries are the numbers of contacts of the last step in any case. Returns (answer, steps done); every array is
+        documented where it is made, in `particles.dvi.dvi`.
+        """
+        if stamp == 0:
+            return DONE, 0
+        mean = np.empty(body_speed.shape[0])
+        for step in range(n_steps):
+            if gravity is None:
+                pull = None
+            else:
+                pull = gravity[min(step, gravity.shape[0] - 1)]
+            if open_step[0] >= 0.0:
+                pairs, walls, sweeps = int(open_step[0]), int(open_step[1]), int(open_step[2])
+                reached, fastest, taken = open_step[3], open_step[4], 1
+                open_step[0] = -1.0
+            else:
+                # 1-3. half drift, free velocities, contacts, warm start
+                pairs, walls, fastest = _begin(
+                    h, theta, n_sectors, law, pull, external, slop, margin, drives[step],
+                    position, velocity, spin, radius, mass, pair_start, pair_other, pair_impulse,
+                    wall_table, wall_body, wall_start, wall_other, wall_impulse, body_data, body_speed, brake,
+                    grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows, totals,
+                )  # fmt: skip
+                open_step[5], open_step[6] = pairs, walls
+                if totals[MAX_OVERLAP] > overlap_limit:
+                    return OVERLAP, step
+                # 4. impulses
+                sweeps, reached, taken = solve(
+                    convex, relax, method, tolerance, cap, grain, body, pair_index[:pairs], pair_rows[:pairs],
+                    wall_index[:walls], wall_rows[:walls],
+                )  # fmt: skip
+                if method == INTERIOR and reached > tolerance:
+                    open_step[0], open_step[1], open_step[2] = pairs, walls, sweeps
+                    open_step[3], open_step[4] = reached, fastest
+                    return HAND_OVER, step
+            # 5-6. books, half drift
+            travel = _finish(
+                h, theta, n_sectors, pull, external, tolerance, sweeps, reached, taken, fastest,
+                position, velocity, spin, radius, mass, reference, pair_impulse, wall_impulse,
+                drives[step], body_data, body_angle, body_speed, brake, mean, grain, body,
+                pair_index, pair_slot, pair_rows[:pairs], wall_index, wall_slot, wall_rows[:walls], totals, body_totals,
             )  # fmt: skip
-            open_step[5], open_step[6] = pairs, walls
-            if totals[MAX_OVERLAP] > overlap_limit:
-                return OVERLAP, step
-            # 4. impulses
-            sweeps, reached, taken = solve(
-                convex, relax, method, tolerance, cap, grain, body, pair_index[:pairs], pair_rows[:pairs],
-                wall_index[:walls], wall_rows[:walls],
-            )  # fmt: skip
-            if method == INTERIOR and reached > tolerance:
-                open_step[0], open_step[1], open_step[2] = pairs, walls, sweeps
-                open_step[3], open_step[4] = reached, fastest
-                return HAND_OVER, step
-        # 5-6. books, half drift
-        travel = _finish(
-            h, theta, n_sectors, gravity, external, tolerance, sweeps, reached, taken, fastest,
-            position, velocity, spin, radius, mass, reference, pair_impulse, wall_impulse,
-            body_data, body_angle, body_speed, brake, mean, grain, body,
-            pair_index, pair_slot, pair_rows[:pairs], wall_index, wall_slot, wall_rows[:walls], totals, body_totals,
-        )  # fmt: skip
-        if not travel < np.inf:
-            return NOT_FINITE, step + 1
-        if travel > travel_limit:
-            return REBUILD, step + 1
-    return DONE, n_steps
+            if not travel < np.inf:
+                return NOT_FINITE, step + 1
+            if travel > travel_limit:
+                return REBUILD, step + 1
+        return DONE, n_steps
+
+    return run_steps
+
+
+run_steps = _made(kernel_stamp())

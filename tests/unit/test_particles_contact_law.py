@@ -34,8 +34,8 @@ class Contact:
     def force(self, delta, n, u, spin_n=0.0):
         """(force (3), f_rep, dashpot, pull, k_t, stored, lost normal, tangential, sliding)."""
         out = contact_force(
-            *self.flags, self.row, 0, None, self.cohesive, True, self.mass, self.radius, self.dt, 1.0 / self.dt,
-            delta, *n, *u, spin_n, self.history, 0, BOOKS,
+            *self.flags, self.row, 0, None, self.cohesive, True, None, self.mass, self.radius, self.dt, 1.0 / self.dt,
+            delta, *n, *u, 0.0, 0.0, 0.0, spin_n, self.history, 0, BOOKS,
         )  # fmt: skip
         return np.array(out[:3]), *out[3:]
 
