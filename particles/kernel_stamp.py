@@ -11,12 +11,12 @@ import zlib
 from functools import cache
 from pathlib import Path
 
-_FOLDERS = ("dem", "laws", "walls")  # everything that the step is made of
+_FOLDERS = ("dem", "dvi", "laws", "walls")  # everything that the steps are made of
 
 
 @cache
 def kernel_stamp() -> int:
-    """CRC-32 of the source files of laws, walls and step."""
+    """CRC-32 of the source files of laws, walls and steps."""
     stamp = 0
     for folder in _FOLDERS:
         for path in sorted((Path(__file__).parent / folder).glob("*.py")):

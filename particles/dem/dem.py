@@ -75,7 +75,7 @@ class DEM:
     overlap_limit : float
         Overlap, as a share of the diameter, at which the run is stopped.
     ledger : bool
-        Keep the books of energy; without them a step is about a tenth cheaper.
+        Keep the books of energy; without them a step is about a fifth cheaper.
 
     Attributes
     ----------

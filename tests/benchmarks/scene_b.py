@@ -115,7 +115,7 @@ def measure(n: int, vessel: str, way: dict, steps: int, warm_up: int) -> dict[st
         "missed": float(np.mean([t.missed_steps for t in parts])),
         "warm": float(np.mean([t.warm_hits for t in parts])),
         "overlap": max(t.max_overlap for t in parts),
-        "kinetic": float(np.mean([t.kinetic_energy for t in parts])),
+        "kinetic": float(np.mean([t.books.kinetic_energy for t in parts])),
         "stabilisation": sum(t.stabilisation_work for t in parts),
     }
 
@@ -132,15 +132,20 @@ def main() -> None:
     print(
         f"scene B in the {given.vessel}: {given.steps} steps of 1 ms after {given.warm_up}; processor time, one thread"
     )
-    print(f"{'grains':>6} {'way':24} {'ms/step':>8} {'Chrono':>7} {'ratio':>6} {'sweeps':>7} {'loaded':>7} {'visited':>8} "
-          f"{'ns':>5} {'residual':>9} {'worst':>8} {'missed':>6} {'warm':>5} {'overlap':>8} {'kinetic J':>9}")  # fmt: skip
+    print(
+        f"{'grains':>6} {'way':24} {'ms/step':>8} {'Chrono':>7} {'ratio':>6} {'sweeps':>7} {'loaded':>7} {'visited':>8}"
+        f" {'ns':>5} {'residual':>9} {'worst':>8} {'missed':>6} {'warm':>5} {'overlap':>8} {'kinetic J':>9}"
+    )
     for n in given.sizes:
         for name in given.ways:
             m = measure(n, given.vessel, WAYS[name], given.steps, given.warm_up)
             peer = CHRONO.get(n, float("nan"))
-            print(f"{n:6d} {name:24} {m['ms']:8.2f} {peer:7.1f} {peer / m['ms']:6.1f} {m['sweeps']:7.1f} "
-                  f"{m['contacts']:7.0f} {m['candidates']:8.0f} {m['ns']:5.1f} {m['residual']:9.1e} {m['worst']:8.1e} "
-                  f"{m['missed']:6.2f} {m['warm']:5.2f} {m['overlap']:8.1e} {m['kinetic']:9.2e}", flush=True)  # fmt: skip
+            print(
+                f"{n:6d} {name:24} {m['ms']:8.2f} {peer:7.1f} {peer / m['ms']:6.1f} {m['sweeps']:7.1f} "
+                f"{m['contacts']:7.0f} {m['candidates']:8.0f} {m['ns']:5.1f} {m['residual']:9.1e}"
+                f" {m['worst']:8.1e} {m['missed']:6.2f} {m['warm']:5.2f} {m['overlap']:8.1e} {m['kinetic']:9.2e}",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

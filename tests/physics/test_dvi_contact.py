@@ -76,7 +76,9 @@ def test_belt_pick_up():
     rho, speed = 1e3, 0.5
     grains = Grains.create([[rho, 0.0, R]], R, 7850.0)
     table = Body("table", PrescribedSpeed.constant(speed / rho))
-    dvi = DVI(grains, [annulus("face", "table", 0.0, 0.0, 2.0 * rho)], [table], RigidContact(0.5), dt=1e-3, gravity=DOWN)
+    dvi = DVI(
+        grains, [annulus("face", "table", 0.0, 0.0, 2.0 * rho)], [table], RigidContact(0.5), dt=1e-3, gravity=DOWN
+    )
     dvi.run(200)
     assert dvi.grains.velocity[0, 1] == pytest.approx(2.0 * speed / 7.0, rel=1e-3)
 

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from geometry import Box
 from geometry.walls import annulus, cylinder
-from particles import Body, FreeShaft, Grains, pack
+from particles import Body, FreeShaft, Grains
 from particles.dvi import gauss_seidel as gs
-from particles.dvi.accelerated import ANDERSON, GAUSS_SEIDEL, solve
+from particles.dvi.accelerated import ANDERSON, GAUSS_SEIDEL, solve_records
 from particles.dvi.dvi import DVI
 from particles.dvi.interior_point import cone_problem, cone_programme, solve_by_interior_point
 from particles.dvi.rigid_contact import RigidContact
@@ -52,9 +51,10 @@ def test_unit_stack_takes_the_known_number_of_sweeps(n, cold):
 def _records(n=60, inertia=1e-4, seed=3, speed=0.0, friction=0.4):
     """A bed of many sizes, just poured into a drum on a free shaft; free velocities, contacts without impulses."""
     rng = np.random.default_rng(seed)
-    side = (n * np.pi / 6.0 / 0.5) ** (1.0 / 3.0) * 0.01
-    box = Box((side, side, side))
-    where = pack(box, box.walls(), n, 0.005, seed=seed) * 0.985
+    count = int(np.ceil(n ** (1.0 / 3.0)))
+    side = 0.0102 * count
+    sites = np.stack(np.meshgrid(*[np.arange(count) + 0.5] * 3), axis=-1).reshape(-1, 3)[:n]
+    where = 0.0102 * (sites - [0.5 * count, 0.5 * count, 0.0])
     radius = 0.71 * side
     walls = [cylinder("shell", "drum", radius, -0.01, 2.0 * side), annulus("low", "drum", -0.0005, 0.0, radius)]
     grains = Grains.create(where, 0.005 * rng.uniform(0.9, 1.0, n), 7850.0)
@@ -77,7 +77,7 @@ def _copy(records):
 
 
 def _dense(records):
-    """Generalised masses, and (for each contact) the 3 x k matrix of its velocity in world axes, written out by hand."""
+    """Generalised masses, and (for each contact) the 3 x k matrix of its velocity in world axes, by hand."""
     grain, body, pair_index, pair, wall_index, wall = records
     n = len(grain)
     mass = np.concatenate(
@@ -153,10 +153,10 @@ def test_residual_equals_a_dense_reference_at_every_stage(convex):
 
 @pytest.mark.parametrize("inertia", [1e-6, 1e-4, 1e2])
 def test_converged_sweeps_satisfy_the_dense_laws(inertia):
-    """Exact Coulomb to 1e-12 m/s with a shaft 25 to 2.5e9 times as hard to turn as a grain (4e-8 kg m^2) in the system."""
+    """Exact Coulomb to 1e-12 m/s, with a shaft 25 to 2.5e9 times as hard to turn as a grain in the system."""
     records = _records(inertia=inertia)
     mass, matrices = _dense(records)
-    sweeps, reached, _ = solve(None, None, ANDERSON, 1e-12, 20_000, *records)
+    sweeps, reached, _ = solve_records(None, None, ANDERSON, 1e-12, 20_000, *records)
     assert reached <= 1e-12 and sweeps < 20_000
     assert _dense_residual(matrices, mass, _vector(*records[:2]), _rows(records)) < 2e-12
     loaded = sum(bool(np.any(row[gs.RX : gs.RZ + 1] != 0.0)) for row in _rows(records))
@@ -168,8 +168,8 @@ def test_convex_law_has_one_velocity_whatever_the_solver():
     records = _records(speed=0.1)
     records[1][:, gs.LOAD] = 0.0  # the programme holds the brake; here there is none
     a, b = _copy(records), _copy(records)
-    assert solve(True, None, GAUSS_SEIDEL, 1e-11, 50_000, *a)[1] <= 1e-11
-    assert solve(True, 1.0, GAUSS_SEIDEL, 1e-11, 200_000, *b)[1] <= 1e-11
+    assert solve_records(True, None, GAUSS_SEIDEL, 1e-11, 50_000, *a)[1] <= 1e-11
+    assert solve_records(True, 1.0, GAUSS_SEIDEL, 1e-11, 200_000, *b)[1] <= 1e-11
     problem = cone_problem(*records)
     impulse, velocity = cone_programme(problem, np.zeros(len(problem.friction)), 1e-11)
     assert _vector(*b[:2]) == pytest.approx(_vector(*a[:2]), abs=1e-8)
@@ -180,7 +180,7 @@ def test_convex_law_has_one_velocity_whatever_the_solver():
 def test_interior_point_and_sweeps_agree_on_exact_coulomb():
     records = _records(speed=0.1)
     a, b = _copy(records), _copy(records)
-    assert solve(None, None, ANDERSON, 1e-11, 50_000, *a)[1] <= 1e-11
+    assert solve_records(None, None, ANDERSON, 1e-11, 50_000, *a)[1] <= 1e-11
     assert solve_by_interior_point(None, 1e-11, *b)[1] <= 1e-11
     assert _vector(*b[:2]) == pytest.approx(_vector(*a[:2]), abs=1e-7)
 
@@ -188,8 +188,8 @@ def test_interior_point_and_sweeps_agree_on_exact_coulomb():
 def test_acceleration_needs_fewer_sweeps_for_the_same_residual():
     records = _records()
     plain, fast = _copy(records), _copy(records)
-    slow = solve(None, None, GAUSS_SEIDEL, 1e-10, 50_000, *plain)
-    quick = solve(None, None, ANDERSON, 1e-10, 50_000, *fast)
+    slow = solve_records(None, None, GAUSS_SEIDEL, 1e-10, 50_000, *plain)
+    quick = solve_records(None, None, ANDERSON, 1e-10, 50_000, *fast)
     assert max(slow[1], quick[1]) <= 1e-10
     assert 2 * quick[0] < slow[0]
     assert _vector(*fast[:2]) == pytest.approx(_vector(*plain[:2]), abs=1e-7)

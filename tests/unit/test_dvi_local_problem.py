@@ -37,7 +37,7 @@ def test_general_block_contains_the_isotropic_one(w_n, w_t, mu, q_n, q_1, q_2):
 
 
 def test_laws_hold_on_random_blocks():
-    """Signorini: r_n, u_n >= 0 and r_n u_n = 0; Coulomb: u_t opposes r_t, which is on the cone wherever u_t is not 0."""
+    """Signorini: r_n, u_n >= 0 and r_n u_n = 0; Coulomb: u_t opposes r_t, on the cone wherever u_t is not 0."""
     rng = np.random.default_rng(1)
     seen = {"open": 0, "stick": 0, "slide": 0}
     for _ in range(3000):
@@ -64,7 +64,7 @@ def test_laws_hold_on_random_blocks():
 
 
 def test_sliding_impulse_equals_a_search_over_directions():
-    """Independent: scan the direction d of r_t; u_n = 0 gives r_n, and u_t x d = 0 with u_t.d < 0 marks the solution."""
+    """Scan the direction d of r_t; u_n = 0 gives r_n, and u_t x d = 0 with u_t.d < 0 marks the solution."""
     rng = np.random.default_rng(2)
     found = 0
     while found < 40:
@@ -100,7 +100,7 @@ def test_sliding_impulse_equals_a_search_over_directions():
 @settings(deadline=None, max_examples=200)
 @given(st.floats(0.0, 1.0), st.floats(-3.0, 3.0), finite, finite)
 def test_free_rotor_row_slows_the_circumferential_direction_alone(angle, log_inertia, q_1, q_2):
-    """w_t + rho^2/J along one direction: sticks at (q_1/(w_t + rho^2/J), q_2/w_t) whatever the inertia, if mu allows."""
+    """w_t + rho^2/J along one direction: sticks at (q_1/(w_t + rho^2/J), q_2/w_t) whatever J, if mu allows."""
     w_t, extra = 3.5, 10.0**-log_inertia
     r = coulomb_block(1.0, 0.0, 0.0, w_t + extra, 0.0, w_t, 1e6, -1.0, q_1, q_2)
     assert r == pytest.approx((1.0, -q_1 / (w_t + extra), -q_2 / w_t), rel=1e-12, abs=1e-12)
