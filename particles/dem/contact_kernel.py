@@ -69,8 +69,9 @@ def contact_force(
     linear, hertz_mindlin, hertz, thesis, walton_braun, law, kind, equal, cohesive, ledger, pair,
     m_eff, r_eff, dt, inv_dt, delta, nx, ny, nz, ux, uy, uz, wx, wy, wz, spin_n, history, slot, books,
 ):  # fmt: skip
-    """Force on grain i; n points from i to its partner, u is the velocity of i relative to it at the contact; ``pair`` and w as in
-    `turned`.
+    """Force on grain i; n points from i to its partner, u is the velocity of i relative to it at the contact.
+
+    ``pair`` and w are those of `turned`.
 
     ``history[slot]`` is updated; ``books`` is the first column of the last forces. Returns the force (3), the
     repulsive part of the normal force (what friction scales with), its dashpot, the pull of cohesion, the tangential

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from particles.dem.contact_kernel import contact_force
+from particles.dem.contact_kernel import contact_force, turned
 from particles.laws.columns import COHESION_0
 from particles.laws.elastic import Elastic
 from particles.laws.hertz import HertzContact
@@ -81,6 +81,25 @@ def test_spring_turns_rigidly_with_the_pair(axis):
         assert np.linalg.norm(tangential) == pytest.approx(300.0 * np.linalg.norm(start), rel=1e-10)
     expected = -300.0 * Rotation.from_rotvec(axis * angle).apply(start)
     assert tangential == pytest.approx(expected, abs=0.01 * np.linalg.norm(expected))
+
+
+@pytest.mark.parametrize("steps, loss", [(100, 1e-6), (1000, 1e-9)])
+def test_spring_of_a_pair_follows_its_normal_through_a_quarter_turn(steps, loss):
+    """n turns from z to x in the plane of the spring's first component, the pair spins about n: a rigid turn."""
+    history = np.array([[3e-6, 4e-6, 0.0]])
+    turn = 0.5 * np.pi / steps
+    n = np.array([0.0, 0.0, 1.0])
+    for k in range(1, steps + 1):
+        new = np.array([np.sin(k * turn), 0.0, np.cos(k * turn)])
+        w = new - n
+        w -= (w @ new) * new
+        history[0] = turned(True, history, 0, 0, *new, *w, 0.0)
+        n = new
+    assert history[0] == pytest.approx([0.0, 4e-6, -3e-6], abs=10 * loss * 5e-6)
+    assert 1.0 - loss <= np.linalg.norm(history[0]) / 5e-6 <= 1.0 + 1e-12
+    for _ in range(steps):
+        history[0] = turned(True, history, 0, 0, *n, 0.0, 0.0, 0.0, turn)
+    assert history[0] == pytest.approx([0.0, 3e-6, 4e-6], abs=10 * loss * 5e-6)
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3, 5.0])

@@ -1,0 +1,71 @@
+"""Chunks of rows that threads share, and the width of the list's skin."""
+
+import numpy as np
+import pytest
+
+from particles import find_pairs
+from particles.lists.chunks import chunk_count, make_chunks
+from particles.lists.skin import LIST_COST, NARROWEST, WIDEST, next_skin
+
+
+def _list(n, seed=1):
+    rng = np.random.default_rng(seed)
+    x = rng.random((n, 3)) * (n / 0.6) ** (1 / 3)
+    x = x[np.lexsort((x[:, 0], x[:, 1], np.floor(x[:, 2])))]
+    return find_pairs(x, 1.2)
+
+
+@pytest.mark.parametrize("n", [1, 400, 700, 5000])
+def test_every_reaction_between_chunks_has_one_place_and_one_reader(n):
+    pairs = _list(n)
+    walls = np.zeros(n + 1, dtype=np.int64)
+    c = make_chunks(pairs.start, pairs.other, walls)
+    assert c.start[0] == 0 and c.start[-1] == n and np.all(np.diff(c.start) >= 0)
+    assert len(c.start) - 1 == min(chunk_count(n), n)
+    i, j = pairs.rows(), pairs.other
+    chunk_of = np.searchsorted(c.start, np.arange(n), side="right") - 1
+    crossing = np.flatnonzero(chunk_of[i] != chunk_of[j])
+    assert len(c.reaction) == len(crossing) == c.cross_start[-1]
+    # the buffer's places are in the order of the list, chunk by chunk; each late grain reads those of its own pairs
+    readers = np.repeat(c.late_grain, np.diff(c.in_start))
+    assert np.array_equal(np.sort(c.in_slot), np.arange(len(crossing)))
+    assert np.array_equal(j[crossing][c.in_slot], readers)
+    assert all(np.all(np.diff(c.in_slot[a:b]) > 0) for a, b in zip(c.in_start[:-1], c.in_start[1:], strict=True))
+    assert np.array_equal(np.flatnonzero(c.late), c.late_grain)
+    assert np.array_equal(np.searchsorted(c.late_grain, c.start), c.late_start)
+
+
+def test_chunks_share_the_work_evenly():
+    pairs = _list(8000)
+    c = make_chunks(pairs.start, pairs.other, np.zeros(8001, dtype=np.int64))
+    work = np.diff((pairs.start + 2 * np.arange(8001))[c.start])
+    assert len(work) == 5 and work.max() < 1.02 * work.mean()
+
+
+def test_number_of_chunks_follows_from_the_grains_and_leaves_them_thick():
+    assert [chunk_count(n) for n in (1, 499, 500, 1000, 10_000, 100_000, 1_000_000)] == [1, 2, 2, 2, 5, 12, 25]
+    # a cube of n grains has n^(1/3) layers: about four or more to a chunk
+    assert all(n ** (1 / 3) / chunk_count(n) > 3.5 for n in (1000, 10_000, 100_000, 1_000_000))
+
+
+def test_skin_approaches_the_least_of_its_price():
+    """Pairs and steps that grow linearly with the skin: price B s + C/(k s) is least at sqrt(C/(k B))."""
+    k, b = 3e5, 9000.0  # steps and extra pairs a metre
+    best, skin = np.sqrt(LIST_COST / (k * b)), 0.25e-3
+    for _ in range(40):
+        skin = next_skin(skin, round(k * skin), b * skin, 0.5e-3)
+    assert skin == pytest.approx(best, rel=0.01)
+    price = [b * s + LIST_COST / (k * s) for s in (0.9 * skin, skin, 1.1 * skin)]
+    assert price[1] == min(price)
+
+
+@pytest.mark.parametrize("steps, pairs, limit", [(1, 5.0, WIDEST), (10**9, 5.0, NARROWEST)])
+def test_skin_stays_within_its_limits(steps, pairs, limit):
+    skin = 0.25e-3
+    for _ in range(60):
+        skin = next_skin(skin, steps, pairs, 0.5e-3)
+    assert skin == pytest.approx(limit * 0.5e-3)
+
+
+def test_a_list_that_has_not_lived_says_nothing():
+    assert next_skin(1e-4, 0, 5.0, 5e-4) == 1e-4 and next_skin(1e-4, 10, 0.0, 5e-4) == 1e-4
