@@ -7,7 +7,6 @@ that `--help` and `schema` start at once.
 
 from __future__ import annotations
 
-import itertools
 import json
 import tomllib
 from collections.abc import Iterator
@@ -39,6 +38,13 @@ RunSource = Annotated[
 CaseFile = Annotated[Path, typer.Argument(metavar="CASE", help="scene file (.toml)")]
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="study file (.toml)")]
 RunPath = Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run")]
+RunPaths = Annotated[list[Path], typer.Argument(metavar="RUN...", help="folders of runs")]
+SpeedsAsked = Annotated[bool, typer.Option("--speeds", help="speeds of motor and output against time")]
+TorqueSpeedAsked = Annotated[bool, typer.Option("--torque-speed", help="torque on the output over the motor's speed")]
+Measured = Annotated[
+    Path | None,
+    typer.Option("--measured", metavar="FILE", help="CSV to lay over --speeds: time [s], then speeds [rpm], named"),
+]
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="new folder for the results")]
 Currents = Annotated[
     str | None,
@@ -209,19 +215,22 @@ def mesh(case: CaseFile, out: Out = None, sets: Sets = None) -> None:
 
 
 @app.command()
-def plot(folder: RunPath, out: NewPicture = None) -> None:
-    """Draw the torque of a run against time again, in a new file."""
+def plot(
+    folders: RunPaths,
+    speeds: SpeedsAsked = False,
+    torque_speed: TorqueSpeedAsked = False,
+    measured: Measured = None,
+    out: NewPicture = None,
+) -> None:
+    """Draw finished runs in a new file: the torque of one against time, or the speeds of one or several."""
     with _explained():
-        from emclutch.results import OutputError, load_result
-        from emclutch.results.torque_picture import torque_picture
+        from emclutch import plot_command as drawn
 
-        result = load_result(folder)
-        if out is None:
-            numbered = (folder / f"torque-{number}.png" for number in itertools.count(1))
-            out = next(path for path in numbered if not path.exists())
-        if out.exists():
-            raise OutputError(f"{out} exists; name another file with --out")
-        typer.echo(str(torque_picture(out, result.history, result.torque)))
+        if speeds and torque_speed:
+            message = "makes another picture than --speeds; ask for one at a time"
+            raise SceneError([Fault("--torque-speed", "", message)], "command line")
+        kind = drawn.SPEEDS if speeds else drawn.TORQUE_SPEED if torque_speed else drawn.TORQUE
+        typer.echo(str(drawn.plot_runs(folders, kind, measured=measured, out=out)))
 
 
 @app.command()

@@ -1,4 +1,9 @@
-"""What a window's row holds beside the ledgers: coil, gap and dimensionless numbers."""
+"""What a window's row holds beside the ledgers: coil, gap and dimensionless numbers.
+
+Fill and inertial number belong to a gap that is sheared as a whole. A box has none, and neither has a centrifugal
+clutch: its shot is a heap in front of each vane, a thin ring, or at rest between the vanes, and what says how it
+transmits are the speeds and torques of the ledgers. Their histories have no such columns.
+"""
 
 from __future__ import annotations
 
@@ -60,7 +65,7 @@ class Observables:
     def _shear_box(self):
         shape = self._device.shape
         if not isinstance(shape, (Clutch, ShearCell)):
-            return None
+            return None  # see the module's docstring
         boxes = shape.fill_boxes()
         return boxes.get("rim", next(iter(boxes.values())))
 

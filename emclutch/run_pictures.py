@@ -1,4 +1,4 @@
-"""The pictures of a finished run: section with |B| and flux lines, torque against time, grains with their chains."""
+"""The pictures of a finished run: section with |B| and flux lines, torque and speeds against time, grains."""
 
 from __future__ import annotations
 
@@ -7,13 +7,26 @@ import numpy as np
 from coupling import CoilField, SolidCoilField
 from emclutch.results import RunFolder, load_result
 from emclutch.results.field_pictures import gap_map_picture
-from emclutch.results.pictures import grains_picture, profile_picture, section_picture, torque_picture
+from emclutch.results.pictures import (
+    axial_picture,
+    grains_picture,
+    profile_picture,
+    section_picture,
+    speed_picture,
+    torque_picture,
+)
+from emclutch.results.speed_picture import speeds_vary
 from emclutch.snapshots import contact_lines
 from emclutch.solid_field_study import gap_map
+from geometry.centrifugal import CentrifugalClutch
 
 
 def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
-    """Write section.png (with a solved field), torque.png, grains.png and profiles.png (asked for) into the folder."""
+    """Write the pictures that the run has something to show in.
+
+    section.png or gap.png with a solved field, torque.png, speeds.png where a shaft's speed changes, grains.png, and
+    profiles.png where they were asked for.
+    """
     title = case.scene.scene.title
     grains, dem = simulation.dem.grains, simulation.dem
     source = simulation.source
@@ -35,16 +48,32 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
     result = load_result(folder.path)
     if "torque_disc" in result.history:  # a box has no disc
         torque_picture(folder.torque_picture, result.history, result.torque, title=title)
+    if speeds_vary(result.history):
+        speed_picture(folder.path / "speeds.png", {title: result.history}, title=title)
     if profiles:
         profile_picture(folder.path / "profiles.png", profiles, title=title)
     start, end, force = contact_lines(dem)
+    chains = start, end, np.linalg.norm(force, axis=1)
+    speed = np.linalg.norm(grains.velocity, axis=1)
+    if isinstance(device.shape, CentrifugalClutch):
+        axial_picture(
+            folder.grains_picture,
+            grains.position,
+            grains.radius,
+            speed,
+            walls=dem.walls,
+            angles={body.name: body.angle for body in dem.bodies},
+            chains=chains,
+            title=f"{title}, t = {dem.time:.3g} s",
+        )
+        return
     grains_picture(
         folder.grains_picture,
         grains.position,
         grains.radius,
-        np.linalg.norm(grains.velocity, axis=1),
+        speed,
         walls=dem.walls,
-        chains=(start, end, np.linalg.norm(force, axis=1)),
+        chains=chains,
         title=title,
         sector_angle=None if dem.sector is None else dem.sector.angle,
     )

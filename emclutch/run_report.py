@@ -58,7 +58,7 @@ def report(result: Result, page_folder: Path | None = None) -> str:
     way = Path(os.path.relpath(home, (page_folder or home).resolve()))
     pictures = [
         name
-        for name in ("section.png", "gap.png", "torque.png", "grains.png", "profiles.png")
+        for name in ("section.png", "gap.png", "torque.png", "speeds.png", "grains.png", "profiles.png")
         if (home / name).is_file()
     ]
     lines += [

@@ -1,14 +1,18 @@
-"""A parameter study: every point is a run in a folder of its own; a table and a picture of the torque at the end."""
+"""A parameter study: every point is a run in a folder of its own; tables and pictures over all of them."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from emclutch.results import OutputError, Result, RunFolder, load_result
 from emclutch.results.atomic_file import replace_text
-from emclutch.results.study_pictures import torque_against_current_picture
+from emclutch.results.speed_picture import speed_picture, speeds_vary
+from emclutch.results.study_pictures import torque_against_current_picture, torque_against_speed_picture
 from emclutch.run_case import Interrupted, run
 from emclutch.scene.study import Study, load_study
+
+STARTED = 0.01  # of the motor's fastest speed: an output that dry friction holds trembles below it
 
 
 def sweep(
@@ -21,8 +25,9 @@ def sweep(
 ) -> Path:
     """Run every point of a study, one after the other, and return the study's folder.
 
-    The folder holds point-000, point-001, ... (each a whole run), `study.csv` with a row a point, and for a sweep
-    of `coil.current` alone also `torque_vs_current.csv` and `.png`. Tables are written anew after every point.
+    The folder holds point-000, point-001, ... (each a whole run), `study.csv` with a row a point, `speeds.png` where
+    shafts change their speed, and for a sweep of `coil.current` or of a constant `motion.rotor.speed` alone also
+    `torque_vs_current.csv` or `torque_vs_speed.csv` with its `.png`. All are written anew after every point.
 
     Parameters
     ----------
@@ -41,6 +46,7 @@ def sweep(
         raise OutputError(f"{folder} is in use; continue it with --resume, or write elsewhere with --out")
     points = list(study.cases())
     rows: list[dict] = []
+    courses: dict[str, Any] = {}
     for number, (values, case) in enumerate(points):
         target = RunFolder(folder / f"point-{number:03d}")
         if resume and target.summary.is_file() and target.case.read_text(encoding="utf-8") == case.toml():
@@ -55,6 +61,9 @@ def sweep(
                 raise Interrupted(f"stopped at point {number + 1} of {len(points)}; {hint}") from stopped
         rows.append(_row(values, result))
         _write_tables(folder, study, rows)
+        if speeds_vary(result.history):
+            courses[_label(study, values) or target.path.name] = result.history
+            speed_picture(folder / "speeds.png", courses, title=study.title or None)
     return folder
 
 
@@ -75,7 +84,34 @@ def _row(values: dict, result: Result) -> dict:
         "reason": torque.reason,
         "folder": result.folder.path.name,
     }
+    if "rotor_speed" in result.history:
+        row["rotor_speed"] = float(result.history["rotor_speed"].iloc[-1])
+    if "lock_up_time" in summary:  # a shaft is free
+        row["output_start_time"], row["output_start_speed"] = output_start(result.history) or (None, None)
+        row["lock_up_time"] = summary["lock_up_time"]
     return row
+
+
+def output_start(history: Any) -> tuple[float, float] | None:
+    """Time [s] and the motor's speed [rad/s] then, at which an output at rest has begun to move; None if it does not.
+
+    It moves when it turns at `STARTED` times the fastest speed of the motor.
+    """
+    if "rotor_speed" not in history or "disc_speed" not in history:
+        return None
+    motor, output = history["rotor_speed"].to_numpy(), history["disc_speed"].to_numpy()
+    moving = abs(output) > STARTED * abs(motor).max()
+    if not moving.any() or moving[0]:
+        return None
+    first = int(moving.argmax())
+    return float(history["time"].iloc[first]), float(motor[first])
+
+
+def _label(study: Study, values: dict) -> str:
+    """What tells a point from the others: the last part of each key that has several values, with the value."""
+    several = [key for key, options in study.values.items() if len(options) > 1]
+    parts = (f"{key.rpartition('.')[2].replace('_', ' ')} {values[key]}" for key in several)
+    return ", ".join(parts) if not any(isinstance(values[key], (dict, list)) for key in several) else ""
 
 
 def _write_tables(folder: Path, study: Study, rows: list[dict]) -> None:
@@ -87,6 +123,14 @@ def _write_tables(folder: Path, study: Study, rows: list[dict]) -> None:
         table = table.drop(columns="coil.current").sort_values("current")
         replace_text(folder / "torque_vs_current.csv", table.to_csv(index=False))
         torque_against_current_picture(folder / "torque_vs_current.png", table, title=study.title or None)
+    if list(study.values) == ["motion.rotor.speed"] and not any(map(_is_course, study.values["motion.rotor.speed"])):
+        table = table.drop(columns="motion.rotor.speed").sort_values("rotor_speed")
+        replace_text(folder / "torque_vs_speed.csv", table.to_csv(index=False))
+        torque_against_speed_picture(folder / "torque_vs_speed.png", table, title=study.title or None)
+
+
+def _is_course(value: Any) -> bool:
+    return isinstance(value, dict)
 
 
 class _Part:

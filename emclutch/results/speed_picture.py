@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,18 @@ RPM = 60.0 / (2.0 * np.pi)
 MOTOR = "#c4540a"  # as the rotor in the other pictures
 OUTPUTS = ("#0b5fa5", "#2a8c3f", "#8a1c7c", "#b5179e", "#0a7d7d", "#7f6000")
 MARKERS = "osD^v<>P"
+LINES = ("-", "--", "-.", ":")  # the next one when the colours are used up
 LEAST_SLIP = 0.05  # of the motor's speed: below it the shot begins to hold
+VARIES = 1e-3  # of the fastest speed: a free shaft that is held by dry friction trembles
+
+
+def speeds_vary(history: Any) -> bool:
+    """Whether a history has both shafts and the speed of one of them changes."""
+    if "rotor_speed" not in history or "disc_speed" not in history:
+        return False
+    speeds = [_column(history, name) for name in ("rotor_speed", "disc_speed")]
+    fastest = max(float(np.max(np.abs(speed), initial=0.0)) for speed in speeds)
+    return any(bool(len(speed)) and float(np.ptp(speed)) > VARIES * fastest for speed in speeds)
 
 
 def speed_picture(
@@ -50,14 +62,15 @@ def speed_picture(
             label = "motor" if same == len(runs) else f"motor{of}"
             axis.plot(time, RPM * motor, color=MOTOR, lw=1.4, ls=("--", ":", "-.")[len(motors) % 3], label=label)
             motors.append((time, motor))
-        axis.plot(time, RPM * output, color=OUTPUTS[number % len(OUTPUTS)], lw=1.6, label=f"output{of}")
+        axis.plot(time, RPM * output, color=OUTPUTS[number % len(OUTPUTS)], lw=1.6, label=f"output{of}",
+                  ls=LINES[number // len(OUTPUTS) % len(LINES)])  # fmt: skip
     for number, (name, points) in enumerate((measured or {}).items()):
         every = max(1, len(points) // 60)  # a curve of markers says nothing
         axis.plot(*points[::every].T, ls="", marker=MARKERS[number % len(MARKERS)], ms=4.5, mfc="none", color="black",
                   label=f"measured: {name}")  # fmt: skip
     axis.set_xlabel("time [s]")
     axis.set_ylabel("speed [rpm]")
-    axis.axhline(0.0, color="black", lw=0.6)
+    axis.axhline(0.0, color="black", lw=0.6, zorder=1)
     axis.grid(alpha=0.25)
     axis.margins(x=0.0)
     axis.legend(loc="upper left", frameon=False, fontsize=9)
@@ -70,7 +83,8 @@ def speed_picture(
 def torque_speed_picture(path: str | Path, runs: Mapping[str, Any], *, title: str | None = None) -> Path:
     """Draw the torque on the output against the motor's speed while they slip, and the nearest parabola K omega^2.
 
-    Once locked the clutch carries the load, whatever it could: those windows are left out.
+    Once locked the clutch carries the load, whatever it could: those windows are left out. The parabola is that of the
+    windows in which the output stands, or nearly; a turning output meets the shot at another speed.
 
     Parameters
     ----------
@@ -84,20 +98,24 @@ def torque_speed_picture(path: str | Path, runs: Mapping[str, Any], *, title: st
     FigureCanvasAgg(figure)
     axis = figure.add_subplot()
     for number, (name, history) in enumerate(runs.items()):
-        speed, torque = np.abs(_column(history, "rotor_speed")), _column(history, "torque_disc")
-        slips = np.abs(_column(history, "rotor_speed") - _column(history, "disc_speed")) > LEAST_SLIP * speed
-        speed, torque = speed[slips], torque[slips]
+        motor, output = _column(history, "rotor_speed"), _column(history, "disc_speed")
+        speed, torque = np.abs(motor), _column(history, "torque_disc")
+        slips = np.abs(motor - output) > LEAST_SLIP * speed
+        stands = slips & (np.abs(output) <= LEAST_SLIP * speed)
         colour, of = OUTPUTS[number % len(OUTPUTS)], f"{name}: " if len(runs) > 1 else ""
-        axis.plot(RPM * speed, torque, ls="", marker=".", ms=2.5, alpha=0.5, color=colour)
-        factor = quadratic_factor(speed, torque)
+        axis.plot(RPM * speed[stands], torque[stands], ls="", marker=".", ms=3.5, alpha=0.6, color=colour)
+        moving = slips & ~stands
+        axis.plot(RPM * speed[moving], torque[moving], ls="", marker="o", ms=3.0, mfc="none", mew=0.6, alpha=0.6,
+                  color=colour, label=f"{of}the output turns" if moving.any() else None)  # fmt: skip
+        factor = quadratic_factor(speed[stands], torque[stands])
         if factor is not None:
-            along = np.linspace(0.0, float(speed.max()), 101)
+            along = np.linspace(0.0, float(speed[slips].max()), 101)
             at_1000 = factor * (1000.0 / RPM) ** 2
             axis.plot(RPM * along, factor * along**2, color=colour, lw=1.6,
                       label=f"{of}{at_1000:.3g} N m · (rpm/1000)²")  # fmt: skip
     axis.set_xlabel("speed of the motor [rpm]")
     axis.set_ylabel("torque on the output [N m]")
-    axis.axhline(0.0, color="black", lw=0.6)
+    axis.axhline(0.0, color="black", lw=0.6, zorder=1)
     axis.grid(alpha=0.25)
     axis.margins(x=0.0)
     if axis.get_legend_handles_labels()[0]:
@@ -112,6 +130,29 @@ def quadratic_factor(speed: np.ndarray, torque: np.ndarray) -> float | None:
     """K [N m s^2] of the parabola K omega^2 nearest to the torques; None where nothing turns."""
     square = np.square(np.asarray(speed, dtype=np.float64))
     return float(square @ torque / (square @ square)) if np.any(square) else None
+
+
+def power_law(speed: Any, torque: Any, error: Any = None) -> tuple[float, float, float] | None:
+    """Factor [N m s^p] and exponent p of the law factor speed^p nearest to the torques, and the error of p.
+
+    Least squares in ln torque over ln speed, each point by its standard ``error`` [N m] (all alike where one is
+    missing); where the points scatter more than their errors say, the scatter counts. None with fewer than three points
+    that turn and transmit, of two speeds at the least.
+    """
+    speed, torque = np.asarray(speed, dtype=np.float64), np.asarray(torque, dtype=np.float64)
+    used = (speed > 0.0) & (torque > 0.0)
+    if np.count_nonzero(used) < 3 or not np.ptp(speed[used]):
+        return None
+    x, y = np.log(speed[used]), np.log(torque[used])
+    sigma = np.ones_like(torque) if error is None else np.asarray(error, dtype=np.float64)
+    known = bool(np.all(np.isfinite(sigma[used]) & (sigma[used] > 0.0))) and error is not None
+    weight = (torque[used] / sigma[used]) ** 2 if known else np.ones_like(x)
+    middle = np.average(x, weights=weight)
+    spread = float(np.sum(weight * (x - middle) ** 2))
+    exponent = float(np.sum(weight * (x - middle) * y)) / spread
+    level = float(np.average(y, weights=weight)) - exponent * float(middle)
+    scatter = float(np.sum(weight * (y - level - exponent * x) ** 2)) / (len(x) - 2)
+    return math.exp(level), exponent, math.sqrt((max(1.0, scatter) if known else scatter) / spread)
 
 
 def read_measured_speeds(path: str | Path) -> dict[str, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Pictures of studies: torque against current, and what accuracy costs in time."""
+"""Pictures of studies: torque against current or speed, and what accuracy costs in time."""
 
 from __future__ import annotations
 
@@ -7,8 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from emclutch.results.speed_picture import RPM, power_law
+
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
 
 MARKERS = "osD^v<>Ph*"
 
@@ -22,45 +26,68 @@ def torque_against_current_picture(path: str | Path, table: Any, *, title: str |
     table : columns `current` [A], `torque` [N m], and where known `standard_error` [N m] and
         `converged`; points that are not converged are drawn hollow. Bars show ± 2 standard errors.
     """
+    figure, axis = _torque_axes(table, _column(table, "current"), title, joined=True)
+    axis.set_xlabel("coil current [A]")
+    axis.legend(frameon=False)
+    figure.savefig(path)
+    return Path(path)
+
+
+def torque_against_speed_picture(path: str | Path, table: Any, *, title: str | None = None) -> Path:
+    """Draw the torque that is transmitted at each speed of the motor, and the power law through it.
+
+    Parameters
+    ----------
+    path : PNG to write.
+    table : columns `rotor_speed` [rad/s], `torque` [N m], and `standard_error`, `converged` as for currents.
+    """
+    speed = np.abs(_column(table, "rotor_speed"))
+    figure, axis = _torque_axes(table, RPM * speed, title, joined=False)
+    law = power_law(speed, np.abs(_column(table, "torque")), _errors(table))
+    if law is not None:
+        factor, exponent, error = law
+        along = np.linspace(0.0, float(speed.max()), 201)[1:]
+        label = f"{factor * (1000.0 / RPM) ** exponent:.3g} N m · (rpm/1000)^({exponent:.2f} ± {error:.2f})"
+        sign = np.sign(np.nansum(_column(table, "torque")))
+        axis.plot(RPM * along, sign * factor * along**exponent, color="#c4540a", lw=1.2, label=label)
+    axis.set_xlabel("speed of the motor [rpm]")
+    axis.set_xlim(left=0.0)
+    axis.legend(frameon=False)
+    figure.savefig(path)
+    return Path(path)
+
+
+def _torque_axes(table: Any, x: np.ndarray, title: str | None, *, joined: bool) -> tuple[Figure, Axes]:
+    """Torques over x with their error bars; hollow where not converged."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    current = _column(table, "current")
-    torque = _column(table, "torque")
-    error = _column(table, "standard_error") if "standard_error" in table else np.zeros_like(torque)
+    torque, bars = _column(table, "torque"), 2.0 * np.nan_to_num(_errors(table))
     converged = np.asarray(table["converged"], dtype=bool) if "converged" in table else np.ones(len(torque), bool)
-    order = np.argsort(current, kind="stable")
     figure = Figure(figsize=(7.0, 4.8), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     axis = figure.add_subplot()
-    axis.plot(current[order], torque[order], color="#0b5fa5", lw=0.8, alpha=0.5)
-    bars = 2.0 * np.nan_to_num(error)
+    if joined:
+        order = np.argsort(x, kind="stable")
+        axis.plot(x[order], torque[order], color="#0b5fa5", lw=0.8, alpha=0.5)
     for chosen, fill, label in (
         (converged, "#0b5fa5", "± 2 standard errors"),
         (~converged, "white", "not converged"),
     ):
         if chosen.any():
-            axis.errorbar(
-                current[chosen],
-                torque[chosen],
-                bars[chosen],
-                fmt="o",
-                ms=6,
-                mfc=fill,
-                color="#0b5fa5",
-                capsize=4,
-                lw=1.2,
-                label=label,
-            )
+            axis.errorbar(x[chosen], torque[chosen], bars[chosen], fmt="o", ms=6, mfc=fill, color="#0b5fa5", capsize=4,
+                          lw=1.2, label=label)  # fmt: skip
     axis.axhline(0.0, color="black", lw=0.6)
-    axis.set_xlabel("coil current [A]")
     axis.set_ylabel("torque on the disc [N m]")
     axis.grid(alpha=0.25)
-    axis.legend(frameon=False)
     if title:
         axis.set_title(title, loc="left", fontsize=11)
-    figure.savefig(path)
-    return Path(path)
+    return figure, axis
+
+
+def _errors(table: Any) -> np.ndarray:
+    """Standard errors [N m]; 0 where the table has none."""
+    return _column(table, "standard_error") if "standard_error" in table else np.zeros(len(table["torque"]))
 
 
 def work_precision_picture(path: str | Path, table: Any, *, title: str | None = None) -> Path:

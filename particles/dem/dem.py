@@ -242,13 +242,12 @@ class DEM:
                 self._fit_scratch()
 
     def _contacts_of(self, contacts: ContactList) -> ContactTable:
-        pair_force, wall_force = np.zeros((contacts.pairs.count, 3)), np.zeros((len(contacts.wall_other), 3))
+        pair_force, wall_force = np.zeros((contacts.pairs.count, 3)), np.zeros((len(contacts.wall_other), 7))
         touching, wall_touching = contacts.touching.copy(), contacts.wall_touching.copy()
         with threads_for(self.grains.count):
             kernel.run_steps(*self._probe(pair_force, wall_force, touching, wall_touching))
-        angles = [body.angle for body in self.bodies]
         return contact_table(
-            self.grains, contacts, self._device, angles, self.sector, touching, wall_touching, pair_force, wall_force
+            self.grains, contacts, self._device.wall, self.sector, touching, wall_touching, pair_force, wall_force
         )
 
     def invalidate(self) -> None:

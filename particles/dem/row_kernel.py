@@ -419,7 +419,8 @@ def sweep_rows(
                 row[column.FORCE_T + 1] -= gy + both * ny
                 row[column.FORCE_T + 2] -= gz + both * nz
                 if wall_record.shape[0] > 0:
-                    wall_record[k, 0], wall_record[k, 1], wall_record[k, 2] = gx, gy, gz
+                    wall_record[k, 0], wall_record[k, 1], wall_record[k, 2], wall_record[k, 3] = gx, gy, gz, delta
+                    wall_record[k, 4], wall_record[k, 5], wall_record[k, 6] = nx, ny, nz
         fx, fy, fz = fx + motion[i, 6], fy + motion[i, 7], fz + motion[i, 8]
         tx, ty, tz = tx + motion[i, 9], ty + motion[i, 10], tz + motion[i, 11]
         if late[i] != 0:

@@ -43,15 +43,18 @@ class ContactTable:
 def contact_table(
     grains: Grains,
     contacts: ContactList,
-    walls: DeviceWalls,
-    angles: Sequence[float],
+    wall_of: np.ndarray,
     sector: CyclicSector | None,
     touching: np.ndarray,
     wall_touching: np.ndarray,
     pair_force: np.ndarray,
-    wall_force: np.ndarray,
+    at_walls: np.ndarray,
 ) -> ContactTable:
-    """Collect the slots that ``touching`` (p,), ``wall_touching`` (s,) name, with forces (p, 3), (s, 3) [N]."""
+    """Collect the slots that ``touching`` (p,) and ``wall_touching`` (s,) name.
+
+    ``pair_force`` (p, 3) [N]; ``at_walls`` (s, 7): force [N], overlap [m] and unit vector towards the wall, as the step
+    saw them; ``wall_of``: index of the wall of each smooth wall and triangle.
+    """
     x, radius = np.array(grains.position), np.array(grains.radius)
     k = np.flatnonzero(touching)
     i, j = contacts.pairs.rows()[k], contacts.pairs.other[k].astype(np.int64)
@@ -64,14 +67,13 @@ def contact_table(
 
     w = np.flatnonzero(wall_touching)
     row, number = contacts.wall_rows()[w], contacts.wall_other[w].astype(np.int64)
-    depth = walls.overlaps(x, radius, contacts.wall_start, contacts.wall_other, angles)[w]
-    at_wall = x[row] + (radius[row] - depth[:, 0])[:, None] * depth[:, 1:]
+    force, depth, towards = at_walls[w, :3], at_walls[w, 3], at_walls[w, 4:]
     none = np.full(len(row), -1)
     return ContactTable(
-        np.concatenate([i, row]), np.concatenate([j, none]),
-        np.concatenate([np.full(len(i), -1), walls.wall[number]]),
-        np.concatenate([shift, np.zeros(len(row), dtype=np.int64)]), np.concatenate([point, at_wall]),
-        np.concatenate([pair_force[k], wall_force[w]]), np.concatenate([reach - distance, depth[:, 0]]),
+        np.concatenate([i, row]), np.concatenate([j, none]), np.concatenate([np.full(len(i), -1), wall_of[number]]),
+        np.concatenate([shift, np.zeros(len(row), dtype=np.int64)]),
+        np.concatenate([point, x[row] + (radius[row] - depth)[:, None] * towards]),
+        np.concatenate([pair_force[k], force]), np.concatenate([reach - distance, depth]),
     )  # fmt: skip
 
 

@@ -4,9 +4,12 @@ import math
 from pathlib import Path
 
 import numpy as np
+import pandas
 import pytest
+from typer.testing import CliRunner
 
 import emclutch
+from emclutch.command_line import app
 from emclutch.run_report import report
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
@@ -137,3 +140,85 @@ def test_switch_on_at_toy_size(tmp_path):
     # what heats neither copper nor iron is the field's energy (and a little work on the grains)
     assert stored == pytest.approx(history["field_energy"].iloc[-1], rel=0.02)
     assert history["eddy_loss"].sum() > 0.0
+
+
+THESIS = CASES / "thesis"
+# a handful of shot, thrown at once: what the cases show takes seconds of simulated time, what they obey does not
+SHOT = {"particles.count": 24, "time.end": "40 ms", "time.window": "2 ms", "output.snapshots": 0}
+
+
+def test_centrifugal_at_toy_size(tmp_path):
+    """An output without load obeys J domega/dt = T; beside the shafts no more than its weight acts on the shot."""
+    toy = {
+        **SHOT,
+        "motion.rotor.speed": {"times": ["0 s", "10 ms"], "values": ["0 rpm", "1000 rpm"]},
+        "motion.disc.free": {"inertia": "0.01 kg m^2"},
+    }
+    result = emclutch.run(emclutch.load_case(THESIS / "centrifugal.toml").with_values(toy), out=tmp_path / "run")
+    history = result.history
+    assert {"torque.png", "speeds.png", "grains.png"} <= files(result) and "gap.png" not in files(result)
+    assert not {"inertial_number", "solid_fraction_gap", "current"} & set(history)
+    assert "speeds.png" in report(result)
+    assert history["disc_speed"].iloc[-1] > 1.0  # the shot takes it along
+    impulse = (history["torque_disc"] * np.diff(history["time"], prepend=0.0)).sum()
+    assert 0.01 * history["disc_speed"].iloc[-1] == pytest.approx(impulse, rel=1e-9)
+    momentum = np.diff(history["angular_momentum"]) / np.diff(history["time"])
+    weight = momentum + (history["torque_rotor"] + history["torque_disc"])[1:]
+    assert (weight.abs() < 24 * 7800 * math.pi / 6 * 0.015**3 * 9.81 * 0.12).all()
+    assert result.summary["lock_up_time"] is None
+    for asked, kind in (([], "torque"), (["--speeds"], "speeds"), (["--torque-speed"], "torque_speed")):
+        drawn = CliRunner().invoke(app, ["plot", str(result.folder.path), *asked])
+        assert drawn.exit_code == 0 and drawn.output.strip() == str(result.folder.path / f"{kind}-1.png")
+
+
+def test_centrifugal_study_at_toy_size(tmp_path):
+    """Speeds of all counts in one picture; a load that is too much holds every output."""
+    toy = {**SHOT, "time.end": "10 ms", "output.pictures": False,
+           "motion.rotor.speed": {"times": ["0 s", "10 ms"], "values": ["0 rpm", "100 rpm"]}}  # fmt: skip
+    study = emclutch.load_study(THESIS / "centrifugal_study.toml")
+    small = study.model_copy(update={"set": toy, "values": {**study.values, "particles.count": [2, 24]}})
+    small._path = study.path
+    folder = emclutch.sweep(small, out=tmp_path / "study")
+    assert (folder / "speeds.png").stat().st_size > 10_000
+    table = pandas.read_csv(folder / "study.csv")
+    assert table["particles.count"].tolist() == [2, 24]
+    assert table["rotor_speed"].to_numpy() == pytest.approx(100 * math.pi / 30, rel=1e-6)
+    assert table[["output_start_time", "output_start_speed", "lock_up_time"]].isna().all(axis=None)
+
+
+def test_centrifugal_held_at_toy_size(tmp_path):
+    """The motor's work goes into the shot alone: a held output takes none."""
+    toy = {**SHOT, "motion.rotor.speed": "500 rpm", "output.pictures": False}
+    result = emclutch.run(emclutch.load_case(THESIS / "centrifugal_held.toml").with_values(toy), out=tmp_path / "run")
+    history = result.history
+    assert (history["disc_speed"] == 0.0).all() and history["torque_disc"].iloc[-10:].mean() > 0.0
+    work = -history["torque_rotor"] * history["rotor_speed"] * np.diff(history["time"], prepend=0.0)
+    # in all: a window's work is at the mean of the torques at the ends of each step, its torque at one end
+    assert history["work_walls"].sum() == pytest.approx(work.sum(), rel=1e-6)
+
+
+def test_centrifugal_speeds_at_toy_size(tmp_path):
+    """Torques are listed by speed, whatever the order of the points, and drawn."""
+    toy = {**SHOT, "time.end": "20 ms", "output.pictures": False, "particles.count": 2}
+    study = emclutch.load_study(THESIS / "centrifugal_speeds.toml")
+    small = study.model_copy(update={"set": toy, "values": {"motion.rotor.speed": ["500 rpm", "250 rpm"]}})
+    small._path = study.path
+    folder = emclutch.sweep(small, out=tmp_path / "study")
+    table = pandas.read_csv(folder / "torque_vs_speed.csv")
+    assert table["rotor_speed"].to_numpy() == pytest.approx(np.array([250, 500]) * math.pi / 30)  # by speed
+    assert (folder / "torque_vs_speed.png").stat().st_size > 10_000
+
+
+def test_centrifugal_overload_at_toy_size(tmp_path):
+    """With hardly any shot the motor runs up by itself: omega = omega_0 (1 - exp(-t T_0/(J omega_0)))."""
+    toy = {**SHOT, "particles.count": 1, "motion.rotor.free.motor.switched_on": "10 ms"}
+    case = emclutch.load_case(THESIS / "centrifugal_overload.toml").with_values(toy)
+    result = emclutch.run(case, out=tmp_path / "run")
+    history, idle = result.history, 1100 * math.pi / 30
+    assert (history.loc[history["time"] < 9.9e-3, "rotor_speed"].abs() < 1e-3).all()
+    since = np.clip(history["time"] - 10e-3, 0.0, None)
+    alone = idle * (1.0 - np.exp(-since * 2500.0 / (8.0 * idle)))
+    assert history["rotor_speed"].to_numpy() == pytest.approx(
+        alone.to_numpy(), abs=0.02
+    )  # of 9 rad/s: the sphere's part
+    assert (history["disc_speed"] == 0.0).all()  # held by its load

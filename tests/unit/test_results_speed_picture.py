@@ -7,9 +7,11 @@ import pytest
 
 from emclutch.results import OutputError
 from emclutch.results.speed_picture import (
+    power_law,
     quadratic_factor,
     read_measured_speeds,
     speed_picture,
+    speeds_vary,
     torque_speed_picture,
 )
 
@@ -70,14 +72,60 @@ def test_a_run_that_has_just_begun_is_drawn(tmp_path):
         speed_picture(tmp_path / "x.png", {"box": {"time": [0.0], "rotor_speed": [0.0]}})
 
 
-def test_a_locked_clutch_says_nothing_about_what_it_could_transmit(tmp_path, monkeypatch):
-    slipping = history(2.0)
-    locked = {name: values.copy() for name, values in slipping.items()}
+def test_only_a_standing_output_shows_what_the_clutch_transmits_at_a_speed(tmp_path, monkeypatch):
+    """The parabola is that of the law while the output stands, whatever its torque when it turns or is locked."""
+    held = history(2.0)
+    held["disc_speed"][:] = 0.0
+    law = f"{0.05 * (1000 * math.pi / 30) ** 2:.3g} N m · (rpm/1000)²"
+    started = {name: values.copy() for name, values in held.items()}
+    started["disc_speed"][-10:] = 0.5 * started["rotor_speed"][-10:]
+    started["torque_disc"][-10:] = 3.0
+    locked = {name: values.copy() for name, values in held.items()}
     locked["disc_speed"][-10:] = locked["rotor_speed"][-10:]
     locked["torque_disc"][-10:] = 1.0  # a small load
-    legends = [labels_of(monkeypatch, lambda run=run: torque_speed_picture(tmp_path / "t.png", {"run": run}))
-               for run in (slipping, locked)]  # fmt: skip
-    assert legends[0] == legends[1] == [f"{0.05 * (1000 * math.pi / 30) ** 2:.3g} N m · (rpm/1000)²"]
+    for run, found in ((held, [law]), (started, ["the output turns", law]), (locked, [law])):
+        assert found == labels_of(monkeypatch, lambda run=run: torque_speed_picture(tmp_path / "t.png", {"run": run}))
+
+
+def test_speeds_are_drawn_where_a_shaft_changes_its_speed():
+    still = {"rotor_speed": np.full(5, 30.0), "disc_speed": np.zeros(5)}
+    assert not speeds_vary(still)
+    assert not speeds_vary({**still, "disc_speed": 1e-3 * np.arange(5.0)})  # dry friction holds it: it trembles
+    assert speeds_vary({**still, "disc_speed": np.arange(5.0)})
+    assert speeds_vary({"rotor_speed": np.arange(5.0), "disc_speed": np.zeros(5)})
+    assert not speeds_vary({"rotor_speed": np.zeros(0), "disc_speed": np.zeros(0)})
+    assert not speeds_vary({"rotor_speed": np.arange(5.0)})  # a box has no disc
+
+
+def test_an_exact_power_law_is_found():
+    speed = np.array([0.0, 10.0, 20.0, 50.0, 100.0])
+    factor, exponent, error = power_law(speed, 0.3 * speed**1.7)
+    assert (factor, exponent) == pytest.approx((0.3, 1.7))
+    assert error == pytest.approx(0.0, abs=1e-9)
+    for few in ([0.0, 10.0, 20.0], [10.0, 10.0, 10.0], []):
+        assert power_law(few, np.ones(len(few))) is None
+    assert power_law([10.0, 20.0, 30.0], [1.0, -1.0, 2.0]) is None  # two that transmit
+
+
+def test_the_exponents_error_is_that_of_least_squares():
+    """Against numpy's polyfit; errors smaller than the scatter are widened by it, larger ones are kept."""
+    rng = np.random.default_rng(1)
+    speed = np.linspace(20.0, 100.0, 12)
+    for noise in (0.01, 0.2):
+        torque = 0.05 * speed**2 * np.exp(noise * rng.normal(size=12))
+        sigma = 0.05 * torque * rng.uniform(0.5, 2.0, 12)
+        weight = torque / sigma
+        fit, covariance = np.polyfit(np.log(speed), np.log(torque), 1, w=weight, cov="unscaled")
+        left = np.log(torque) - np.polyval(fit, np.log(speed))
+        scatter = float(np.sum((weight * left) ** 2)) / 10
+        assert (scatter > 1.0) == (noise == 0.2)
+        found = power_law(speed, torque, sigma)
+        assert found == pytest.approx(
+            (math.exp(fit[1]), fit[0], math.sqrt(covariance[0, 0] * max(1.0, scatter))), rel=1e-9
+        )
+    sigma[3] = np.nan  # one unknown error: all points count alike
+    fit, covariance = np.polyfit(np.log(speed), np.log(torque), 1, cov=True)
+    assert power_law(speed, torque, sigma)[1:] == pytest.approx((fit[0], math.sqrt(covariance[0, 0])), rel=1e-9)
 
 
 def test_the_parabola_is_the_nearest_one():
