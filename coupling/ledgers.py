@@ -6,7 +6,8 @@ Torque about z, whole device:  torque on rotor + disc + housing + field + dL/dt 
 - on the field (poles and coil): minus the magnetic torque on the grains, from m and B for the pairs of dipoles
   (-sum m_i x B_j, see `coupling.dipoles`), from x x F for the gradient force and the images; where a slotted body
   carries the field round, the gradient force's part is booked on that body;
-- dL/dt: from positions and velocities at the window's ends, spins included.
+- dL/dt: from positions and velocities at the window's ends, spins included;
+- gravity: weight times lever of the centre of mass, mean of the window's ends: the one term that is no exact sum.
 
 Energy of the grains:  work of walls + magnetic forces + gravity - dissipated - d(kinetic + elastic) = residual,
 where every mechanism's loss is its own sum over contacts: the residual is the error of the grains' step, second order.
@@ -30,6 +31,7 @@ class Ledger:
         self._bookings: dict[str, list[float]] = {}
         self._steps: list = []
         self._momentum = simulation.dem.grains.angular_momentum_z()
+        self._weight = _weight_torque(simulation.dem)
 
     def clock(self, part: str | None) -> None:
         """From now on time counts for `part` ("field", "magnetic", "contact"; None: for nothing)."""
@@ -77,6 +79,7 @@ class Ledger:
             residual += row["torque_field"]
         row["angular_momentum"] = n * dem.grains.angular_momentum_z()
         residual += (row["angular_momentum"] - n * self._momentum) / duration
+        residual -= 0.5 * n * (self._weight + _weight_torque(dem))
         row["torque_residual"] = residual
         if dem.ledger:
             self._close_energy(row)
@@ -111,3 +114,12 @@ class Ledger:
             - row["dissipated"]
             - stored
         )
+
+
+def _weight_torque(dem) -> float:
+    """Torque of the grains' weight about z [N m]: sum of m (x g_y - y g_x)."""
+    g = dem.gravity_now
+    if g is None:
+        return 0.0
+    moment = dem.grains.mass @ dem.grains.position[:, :2]
+    return float(moment[0] * g[1] - moment[1] * g[0])
