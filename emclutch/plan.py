@@ -199,6 +199,9 @@ def _contact(scene, device: Device, M_max: float, speed: float, reasons: dict[st
     if scene.effects.gravity is not None:
         height = device.shape.size[2] if isinstance(device.shape, Box) else 2.0 * device.largest_radius
         loads["the weight of the bed"] = weight_load(particles.density, scene.effects.gravity.acceleration, height, d)
+    if scene.effects.cohesion is not None:
+        pull = scene.effects.cohesion.law().table()
+        loads["cohesion"] = float(max(pull[0] @ (1.0, 0.25 * d), pull[1] @ (1.0, 0.5 * d)))
     cause, force = max(loads.items(), key=lambda item: item[1])
     loaded = f"{force:.3g} N from {cause}" if force > 0.0 else ""
     hit = f"impacts at {speed:.3g} m/s" if speed > 0.0 else ""

@@ -29,6 +29,7 @@ from particles import DemError, Grains, PackingError
 
 log = logging.getLogger(__name__)
 MAY_CHANGE = ("time.end", "time.average_from", "output.", "accuracy.", "scene.title", "scene.description")
+MUST_STAY = ("output.energies",)  # what a contact remembers has a place for it
 LEAST_STRAIN = 5.0  # shear of the gap, slip times radius over width; packings forget their making in a few
 CHECKPOINT_SECONDS = 60.0  # wall-clock between checkpoints; a crash costs no more than this
 
@@ -111,7 +112,9 @@ def _run(case, folder, case_text, resume, progress, begin) -> Result:
     def checkpoint(simulation, row) -> bool:
         nonlocal last_save
         done = simulation.window >= plan.windows
-        if scene.output.checkpoint and (stop.asked or done or perf_counter() - last_save > CHECKPOINT_SECONDS):
+        if scene.output.checkpoint and (
+            stop.asked or done or simulation.window == 1 or perf_counter() - last_save > CHECKPOINT_SECONDS
+        ):
             snapshots.flush()
             save_checkpoint(folder.checkpoint, simulation, case_text)
             last_save = perf_counter()
@@ -173,7 +176,7 @@ def refuse_other_scene(old_text: str, new_text: str, target: str | Path) -> None
     differing = [
         f"{key}: {old.get(key, 'absent')} -> {new.get(key, 'absent')}"
         for key in sorted({*old, *new})
-        if old.get(key) != new.get(key) and not key.startswith(MAY_CHANGE)
+        if old.get(key) != new.get(key) and (key in MUST_STAY or not key.startswith(MAY_CHANGE))
     ]
     if differing:
         raise OutputError(

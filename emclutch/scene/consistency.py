@@ -105,6 +105,14 @@ def _sector_in_geometry(draft: Draft) -> Iterator[Fault]:
         )
 
 
+def _sector_in_surfaces(draft: Draft) -> Iterator[Fault]:
+    if draft.scene.particles.sector is not None and draft.scene.surfaces:
+        yield draft.fault(
+            "particles.sector",
+            "cannot stand beside [surfaces]: a mesh does not repeat from sector to sector; remove one of them",
+        )
+
+
 def _sector_in_gravity(draft: Draft) -> Iterator[Fault]:
     gravity = draft.scene.effects.gravity
     if draft.scene.particles.sector is not None and gravity is not None and any(gravity.direction[:2]):
@@ -294,9 +302,10 @@ def _slots(draft: Draft) -> Iterator[Fault]:
 
 def _motion(draft: Draft) -> Iterator[Fault]:
     if isinstance(draft.scene.geometry, BoxGeometry):
+        with_surfaces = {surface.body for surface in draft.scene.surfaces.values()}
         for shaft in ("rotor", "disc"):
             # a resolved scene has its defaults written out: a held shaft is no motion
-            if getattr(draft.scene.motion, shaft) != HELD:
+            if shaft not in with_surfaces and getattr(draft.scene.motion, shaft) != HELD:
                 yield Fault(
                     f"motion.{shaft}",
                     "",
@@ -316,6 +325,7 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (_field, ("geometry", "field")),
     (_region, ("geometry", "particles")),
     (_sector_in_geometry, ("geometry", "particles")),
+    (_sector_in_surfaces, ("particles", "surfaces")),
     (_sector_in_gravity, ("particles", "effects")),
     (_sector_in_field, ("particles", "field")),
     (_fill, ("geometry", "particles")),

@@ -75,8 +75,8 @@ def contact_force(
 
     ``history[slot]`` is updated; ``books`` is the first column of the last forces. Returns the force (3), the
     repulsive part of the normal force (what friction scales with), its dashpot, the pull of cohesion, the tangential
-    stiffness, the stored energy [J], and the energy lost in this step [J] to normal damping, tangential damping and
-    sliding (the last four are 0 without a ledger).
+    stiffness, the stored energy [J], the energy lost in this step [J] to normal damping, tangential damping and
+    sliding (these four are 0 without a ledger), and the tangential stiffness of the last step.
     """
     closing = ux * nx + uy * ny + uz * nz
     if linear is not None:
@@ -105,6 +105,7 @@ def contact_force(
 
     xi_x, xi_y, xi_z = turned(pair, history, slot, 0, nx, ny, nz, wx, wy, wz, spin_n * dt)
     lost_n = lost_t = lost_s = 0.0
+    last = k_t
     if linear is None:
         last = history[slot, LAST_STIFFNESS]
         held = 0.5 * (xi_x * xi_x + xi_y * xi_y + xi_z * xi_z)
@@ -151,13 +152,14 @@ def contact_force(
     if ledger is not None:
         stored += 0.5 * k_t * (xi_x * xi_x + xi_y * xi_y + xi_z * xi_z) - pull * delta
     return (
-        -f_n * nx - tx, -f_n * ny - ty, -f_n * nz - tz, f_rep, f_rep - f_el, pull, k_t, stored, lost_n, lost_t, lost_s,
+        -f_n * nx - tx, -f_n * ny - ty, -f_n * nz - tz, f_rep, f_rep - f_el, pull, k_t, stored,
+        lost_n, lost_t, lost_s, last,
     )  # fmt: skip
 
 
 @njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def rolling_couple(
-    law, kind, ledger, pair, arm, inertia, k_t, damping, dt, f_rep, nx, ny, nz, px, py, pz, wx, wy, wz, spin_n,
+    law, kind, ledger, pair, arm, inertia, k_t, last, damping, dt, f_rep, nx, ny, nz, px, py, pz, wx, wy, wz, spin_n,
     history, slot, first, books,
 ):  # fmt: skip
     """Rolling resistance on grain i (`particles.laws.rolling_friction`); p is its spin relative to the partner's.
@@ -168,6 +170,13 @@ def rolling_couple(
     k = k_t * arm * arm
     rate = 2.0 * damping * np.sqrt(k * inertia) / dt
     x, y, z = turned(pair, history, slot, first, nx, ny, nz, wx, wy, wz, spin_n * dt)
+    # a spring that stiffens while the contact closes keeps its couple, one that softens its angle (module docstring)
+    held = 0.5 * arm * arm * (x * x + y * y + z * z)
+    lost = (last - k_t) * held
+    if k_t > last:
+        share = last / k_t
+        x, y, z = x * share, y * share, z * share
+        lost = last * (1.0 - share) * held
     along = px * nx + py * ny + pz * nz
     sx, sy, sz = (px - along * nx) * dt, (py - along * ny) * dt, (pz - along * nz) * dt
     both = k + rate
@@ -181,11 +190,10 @@ def rolling_couple(
         slip_x, slip_y, slip_z = slip * tx, slip * ty, slip * tz
         sx, sy, sz = sx - slip_x, sy - slip_y, sz - slip_z
         tx, ty, tz = tx * share, ty * share, tz * share
-    lost = 0.0
     if ledger is not None:
         q = books + LAST_ROLLING
         lx, ly, lz = turned(pair, history, slot, q, nx, ny, nz, wx, wy, wz, spin_n * dt)
-        lost = 0.5 * (
+        lost += 0.5 * (
             (lx - k * x + rate * sx) * sx + (ly - k * y + rate * sy) * sy + (lz - k * z + rate * sz) * sz
             + (lx + tx) * slip_x + (ly + ty) * slip_y + (lz + tz) * slip_z
         )  # fmt: skip
@@ -196,7 +204,9 @@ def rolling_couple(
 
 
 @njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def twisting_couple(law, kind, ledger, arm, inertia, k_t, damping, dt, f_rep, spin, history, slot, first, books):
+def twisting_couple(
+    law, kind, ledger, arm, inertia, k_t, last, damping, dt, f_rep, spin, history, slot, first, books
+):  # fmt: skip
     """Twisting resistance about the normal on grain i (`particles.laws.twisting_friction`).
 
     ``spin`` is its spin about n relative to the partner's. Returns the couple along n [N m], the stored energy [J] and
@@ -205,6 +215,12 @@ def twisting_couple(law, kind, ledger, arm, inertia, k_t, damping, dt, f_rep, sp
     k = k_t * arm * arm
     rate = 2.0 * damping * np.sqrt(k * inertia) / dt
     angle, step = history[slot, first], spin * dt
+    held = 0.5 * arm * arm * angle * angle
+    lost = (last - k_t) * held
+    if k_t > last:
+        share = last / k_t
+        angle *= share
+        lost = last * (1.0 - share) * held
     couple = k * angle + (k + rate) * step
     limit = law[kind, MU_TWISTING] * arm * f_rep
     slip = 0.0
@@ -213,10 +229,9 @@ def twisting_couple(law, kind, ledger, arm, inertia, k_t, damping, dt, f_rep, sp
         slip = (couple - capped) / (k + rate)
         couple = capped
         step -= slip
-    lost = 0.0
     if ledger is not None:
-        last = history[slot, books + LAST_TWISTING]
-        lost = 0.5 * ((last - k * angle + rate * step) * step + (last + couple) * slip)
+        before = history[slot, books + LAST_TWISTING]
+        lost += 0.5 * ((before - k * angle + rate * step) * step + (before + couple) * slip)
         history[slot, books + LAST_TWISTING] = couple
     angle += step
     history[slot, first] = angle

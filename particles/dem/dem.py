@@ -6,6 +6,7 @@ sector, carry the history), sums become `StepTotals`, and what went wrong is exp
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -40,7 +41,9 @@ STEPS_PER_CALL = 512  # bounds the tables in time (speeds, torques, gravity)
 WALL_SKIN = 0.5  # of the skin: how far triangles may turn before the list is made anew
 
 # places of the records of forces among the kernel's arguments
-PAIR_RECORD, WALL_RECORD = 36, 53
+_NAMES = list(inspect.signature(kernel.run_steps.py_func).parameters)
+PAIR_RECORD, WALL_RECORD = _NAMES.index("pair_record"), _NAMES.index("wall_record")
+FASTEST = 1.0  # radii of the smallest grain in a step: beyond it a grain may pass through another
 
 Gravity = np.ndarray | Sequence[float] | Callable[[np.ndarray], np.ndarray]
 
@@ -124,7 +127,12 @@ class DEM:
         self.grains, self.walls, self.bodies, self.laws = grains, list(walls), list(bodies), laws
         self.dt, self.sector, self.overlap_limit, self.ledger = float(dt), sector, overlap_limit, ledger
         self.gravity = gravity if gravity is None or callable(gravity) else np.array(gravity, dtype=float).reshape(3)
+        if sector is not None and isinstance(self.gravity, np.ndarray) and self.gravity[:2].any():
+            raise ValueError(
+                f"gravity = {self.gravity} m/s^2 turns from sector to sector; allowed beside a sector: along z only"
+            )
         self._mean_radius = float(np.mean(grains.radius))
+        self._fastest = FASTEST * float(np.min(grains.radius)) / self.dt
         self._own_skin = skin is None
         self.skin = USUAL * self._mean_radius if skin is None else float(skin)
         if not 0.0 < self.skin < np.inf:
@@ -219,7 +227,7 @@ class DEM:
                 for body, a, w in zip(self.bodies, angle, speed, strict=True):
                     body.angle, body.speed = float(a), float(w)
                 self._stale = answer != sums.DONE
-                if answer in (sums.NOT_FINITE, sums.OVERLAP):
+                if answer in (sums.NOT_FINITE, sums.OVERLAP, sums.TOO_FAST):
                     self._explain(answer, totals)
         self._later = totals[sums.CONTACT_LATER : sums.CONTACT_LATER + 3].copy()
         self._last_torque = body_totals[:, sums.LAST_TORQUE].copy()
@@ -403,6 +411,7 @@ class DEM:
         return [
             n_steps, self.dt, float(self.n_sectors), last_call,
             (0.5 * self.skin) ** 2, WALL_SKIN * self.skin, self.overlap_limit,
+            self._fastest,
             *self._law_flags, self.laws.rows, self.laws.pair, self._wall_row, self._species, self._equal, self._columns,
             self._cohesive, self._rolling, self._twisting, True if self.ledger else None, self._turn, gravity, external,
             g.where, g.motion, g.mass, c.reference, self._net, k.late,
@@ -440,17 +449,21 @@ class DEM:
             r_eff = radius[i] * radius[j] / (radius[i] + radius[j])
             row = int(self.laws.pair[species[i], species[j]])
             stored = spring(self.laws.rows, row, pairs[k], m_eff, r_eff, 0.0)[4]
-            energy += stored
+            energy += stored - self._pull(row, r_eff) * pairs[k]
             if self.laws.kernel == "walton_braun":  # its losses are told from the change of what is stored
-                c.history[k, LAST_STORED] = stored
+                c.history[k, LAST_STORED], c.touching[k] = stored, 1
         for k in np.flatnonzero(walls > 0.0):
             i = int(np.searchsorted(c.wall_start, k, side="right") - 1)
             row = int(self._wall_row[species[i], c.wall_other[k]])
             stored = spring(self.laws.rows, row, walls[k], mass[i], radius[i], 0.0)[4]
-            energy += stored
+            energy += stored - self._pull(row, radius[i]) * walls[k]
             if self.laws.kernel == "walton_braun":
-                c.wall_history[k, LAST_STORED] = stored
+                c.wall_history[k, LAST_STORED], c.wall_touching[k] = stored, 1
         return energy
+
+    def _pull(self, row: int, r_eff: float) -> float:
+        """Pull of cohesion [N] in a contact of this row."""
+        return float(self.laws.rows[row, COHESION_0] + self.laws.rows[row, COHESION_1] * r_eff)
 
     def _fresh_list(self) -> ContactList:
         angles = [body.angle for body in self.bodies]
@@ -515,6 +528,15 @@ class DEM:
                 f"it overlaps a neighbour or a wall by {100.0 * totals[sums.MAX_OVERLAP]:.3g} % of the "
                 f"diameter (the limit is {100.0 * self.overlap_limit:.3g} %)",
                 f"raise the stiffness, too soft for the load, or shorten dt = {self.dt:.3g} s if grains are fast",
+                g.particle_id[k], g.position[k], self.time,
+            )  # fmt: skip
+        if answer == sums.TOO_FAST:
+            k = int(np.argmax(np.einsum("ij,ij->i", g.velocity, g.velocity)))
+            speed = float(np.linalg.norm(g.velocity[k]))
+            raise DemError(
+                f"at {speed:.3g} m/s it moves {speed * self.dt / g.radius.min():.2g} radii of the smallest grain in a "
+                f"step (the limit is {FASTEST:g})",
+                f"shorten dt = {self.dt:.3g} s, or find out what drives it",
                 g.particle_id[k], g.position[k], self.time,
             )  # fmt: skip
         state = np.concatenate([g.position, g.velocity, g.angular_velocity], axis=1)

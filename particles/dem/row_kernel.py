@@ -132,6 +132,11 @@ def touching_walls(
                 old, new = int(part[a, SLOT]), int(part[int(part[a, LEADER]), SLOT])
                 if wall_touching[old] != 0:
                     wall_touching[old] = 0
+                    if wall_touching[new] != 0 and ledger is not None:  # two contacts have become one
+                        row = wall_row[kind_row, wall_other[old]]
+                        add_left(
+                            linear, walton_braun, rolling, twisting, law, row, radius, wall_history, old, columns, lost
+                        )
                     if wall_touching[new] == 0:
                         wall_touching[new] = 1
                         for b in range(wall_history.shape[1]):
@@ -276,9 +281,14 @@ def sweep_rows(
             # by how much n has turned in the drift that has just ended
             hx, hy, hz = (ux - vx) * dt * inverse, (uy - vy) * dt * inverse, (uz - vz) * dt * inverse
             share = hx * nx + hy * ny + hz * nz
-            hx, hy, hz = hx - share * nx, hy - share * ny, hz - share * nz
+            inverse_last = 1.0 + share  # d/d_last
+            hx, hy, hz = (
+                (hx - share * nx) * inverse_last,
+                (hy - share * ny) * inverse_last,
+                (hz - share * nz) * inverse_last,
+            )
             spin_n = 0.5 * ((wx + qx) * nx + (wy + qy) * ny + (wz + qz) * nz)
-            gx, gy, gz, f_rep, dashpot, pull, k_t, e, lost_1, lost_2, lost_3 = contact_force(
+            gx, gy, gz, f_rep, dashpot, pull, k_t, e, lost_1, lost_2, lost_3, k_last = contact_force(
                 linear, hertz_mindlin, hertz, thesis, walton_braun, law, kind, equal, cohesive, ledger, True,
                 m_eff, r_eff, dt, inv_dt, delta, nx, ny, nz,
                 vx - ux + ay * nz - az * ny, vy - uy + az * nx - ax * nz, vz - uz + ax * ny - ay * nx,
@@ -307,7 +317,7 @@ def sweep_rows(
                 damping = law[kind, DAMPING_ROLLING]
                 if rolling is not None:
                     hx, hy, hz, e, lost_1 = rolling_couple(
-                        law, kind, ledger, True, r_eff, inertia, k_t, damping, dt, f_rep, nx, ny, nz,
+                        law, kind, ledger, True, r_eff, inertia, k_t, k_last, damping, dt, f_rep, nx, ny, nz,
                         wx - qx, wy - qy, wz - qz, hx, hy, hz, spin_n, pair_history, k, columns[0], books,
                     )  # fmt: skip
                     elastic += e
@@ -316,7 +326,7 @@ def sweep_rows(
                     mx, my, mz = mx - hx, my - hy, mz - hz
                 if twisting is not None:
                     couple, e, lost_1 = twisting_couple(
-                        law, kind, ledger, r_eff, inertia, k_t, damping, dt, f_rep,
+                        law, kind, ledger, r_eff, inertia, k_t, k_last, damping, dt, f_rep,
                         (wx - qx) * nx + (wy - qy) * ny + (wz - qz) * nz, pair_history, k, columns[1], books,
                     )  # fmt: skip
                     elastic += e
@@ -357,7 +367,7 @@ def sweep_rows(
                 omega = body_speed[body]
                 spin_n = 0.5 * (wx * nx + wy * ny + (wz + omega) * nz)
                 delta = ri - distance
-                gx, gy, gz, f_rep, dashpot, pull, k_t, e, lost_1, lost_2, lost_3 = contact_force(
+                gx, gy, gz, f_rep, dashpot, pull, k_t, e, lost_1, lost_2, lost_3, k_last = contact_force(
                     linear, hertz_mindlin, hertz, thesis, walton_braun, law, kind, equal, cohesive, ledger, None,
                     mi, ri, dt, inv_dt, delta, nx, ny, nz,
                     vx + distance * (wy * nz - wz * ny) + omega * py,
@@ -386,7 +396,7 @@ def sweep_rows(
                     damping = law[kind, DAMPING_ROLLING]
                     if rolling is not None:
                         hx, hy, hz, e, lost_1 = rolling_couple(
-                            law, kind, ledger, None, ri, inertia, k_t, damping, dt, f_rep, nx, ny, nz,
+                            law, kind, ledger, None, ri, inertia, k_t, k_last, damping, dt, f_rep, nx, ny, nz,
                             wx, wy, wz - omega, 0.0, 0.0, 0.0, spin_n, wall_history, k, columns[0], books,
                         )  # fmt: skip
                         elastic += e
@@ -395,7 +405,7 @@ def sweep_rows(
                         row[column.TORQUE_T] -= hz
                     if twisting is not None:
                         couple, e, lost_1 = twisting_couple(
-                            law, kind, ledger, ri, inertia, k_t, damping, dt, f_rep,
+                            law, kind, ledger, ri, inertia, k_t, k_last, damping, dt, f_rep,
                             wx * nx + wy * ny + (wz - omega) * nz, wall_history, k, columns[1], books,
                         )  # fmt: skip
                         elastic += e

@@ -45,6 +45,7 @@ from particles.dem.sums import (
     REBUILD,
     SHAFT_CONTACT_WORK,
     SPEED,
+    TOO_FAST,
     TORQUE_T,
 )  # fmt: skip
 from particles.kernel_stamp import kernel_stamp
@@ -86,7 +87,7 @@ def _turn_bodies(dt, n_sectors, drives, step, body_data, body_angle, body_speed,
 
 
 @njit(error_model="numpy", fastmath={"contract"})
-def _verdict(chunk_sums, totals, travel_limit, wall_travel, wall_limit, overlap_limit):
+def _verdict(chunk_sums, totals, travel_limit, wall_travel, wall_limit, overlap_limit, speed_limit):
     """Add the chunks in their order: energies accumulate, extremes are kept, contacts are the last."""
     contacts = elastic = travel = fastest = 0.0
     for c in range(chunk_sums.shape[0]):
@@ -114,6 +115,8 @@ def _verdict(chunk_sums, totals, travel_limit, wall_travel, wall_limit, overlap_
         return NOT_FINITE
     if totals[MAX_OVERLAP] > overlap_limit:
         return OVERLAP
+    if fastest > speed_limit * speed_limit:
+        return TOO_FAST
     return REBUILD if travel > travel_limit or wall_travel > wall_limit else DONE
 
 
@@ -122,7 +125,7 @@ def _made(stamp: int):
 
     @njit(parallel=True, cache=True, error_model="numpy", fastmath={"contract"})
     def run_steps(
-        n_steps, dt, n_sectors, last_call, travel_limit, wall_limit, overlap_limit,
+        n_steps, dt, n_sectors, last_call, travel_limit, wall_limit, overlap_limit, speed_limit,
         linear, hertz_mindlin, hertz, thesis, walton_braun, law, pair_row, wall_row, species, equal, columns,
         cohesive, rolling, twisting, ledger, turn, gravity, external,
         where, motion, mass, reference, net, late,
@@ -167,7 +170,7 @@ def _made(stamp: int):
             wall_travel = 0.0
             for b in range(body_speed.shape[0]):
                 wall_travel = max(wall_travel, abs(body_angle[b] - body_start_angle[b]) * body_reach[b])
-            answer = _verdict(chunk_sums, totals, travel_limit, wall_travel, wall_limit, overlap_limit)
+            answer = _verdict(chunk_sums, totals, travel_limit, wall_travel, wall_limit, overlap_limit, speed_limit)
             if answer != DONE:
                 return answer, step + 1
         return DONE, n_steps

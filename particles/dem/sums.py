@@ -1,7 +1,7 @@
 """Columns of the tables in which the step keeps its sums."""
 
 # what the kernel answers
-DONE, REBUILD, NOT_FINITE, OVERLAP = 0, 1, 2, 3
+DONE, REBUILD, NOT_FINITE, OVERLAP, TOO_FAST = range(5)
 # columns of a chunk's sums; GRAIN is the row at which the largest overlap was met
 CONTACTS, ELASTIC, NORMAL_DAMPING, TANGENTIAL_DAMPING, SLIDING, ROLLING, TWISTING, MAX_OVERLAP, GRAIN = range(9)
 # works of a kick: its half with the velocities before it, and further down its half with those after it

@@ -125,9 +125,12 @@ def settle(
         totals = dem.run(n)
         steps += n
         contacts = totals.n_contacts
+        moving, stored = dem.n_sectors * grains.kinetic_energy(), 0.0
+        if totals.energy is not None:
+            moving, stored = totals.energy.kinetic_energy, totals.energy.elastic_energy
         if g == 0.0:
-            reference = max(reference, totals.books.kinetic_energy + totals.books.elastic_energy)
-        ratio = totals.books.kinetic_energy / reference if reference > 0.0 else 0.0
+            reference = max(reference, moving + stored)
+        ratio = moving / reference if reference > 0.0 else 0.0
         still = still + 1 if ratio < kinetic else 0
         if kept < 1.0 and still < 2 and (g == 0.0 or ratio < _FALLS_OVER):
             dem.grains.velocity[:] *= kept

@@ -43,6 +43,9 @@ N_TRIANGLE = 15
 SLOT, DISTANCE, TOWARDS_X, TOWARDS_Y, TOWARDS_Z, LEADER, PLANE_X, PLANE_Y, PLANE_Z, HEIGHT = range(10)
 N_FOUND = 10
 
+# columns of a body's grid of cells (`particles.walls.triangle_search`)
+X0, Y0, Z0, PER_LENGTH, SHAPE_X, SHAPE_Y, SHAPE_Z, FIRST_CELL = range(8)
+
 FEATURE_ANGLE = np.deg2rad(21.0)  # tessellated circles of 18 sides, 20 degrees a corner, and more are round
 _TILT = float(np.cos(FEATURE_ANGLE))
 
@@ -265,3 +268,58 @@ def winding_number(position, rows, first, last):
             total += 2.0 * np.arctan2(-s * l * cy, a * b * c + ab * c + bc * a + ca * b)
         result[i] = total / (4.0 * np.pi)
     return result
+
+
+@njit(cache=True, error_model="numpy")
+def list_by_cell(rows, lo, hi, reach, lower, upper, grid, cursor, listed):
+    """Count the triangles of each cell in ``cursor``, or, where ``listed`` has room, write them there."""
+    per = grid[PER_LENGTH]
+    ny, nz = int(grid[SHAPE_Y]), int(grid[SHAPE_Z])
+    # half a cell's diagonal farther than the reach, with room for rounding
+    limit = reach + 0.5 * np.sqrt(3.0) / per * (1.0 + 1e-9)
+    for t in range(lo, hi):
+        ix0, ix1 = int((lower[t, 0] - grid[X0]) * per), int((upper[t, 0] - grid[X0]) * per)
+        iy0, iy1 = int((lower[t, 1] - grid[Y0]) * per), int((upper[t, 1] - grid[Y0]) * per)
+        iz0, iz1 = int((lower[t, 2] - grid[Z0]) * per), int((upper[t, 2] - grid[Z0]) * per)
+        for ix in range(ix0, min(ix1 + 1, int(grid[SHAPE_X]))):
+            for iy in range(iy0, min(iy1 + 1, ny)):
+                for iz in range(iz0, min(iz1 + 1, nz)):
+                    x, y, z = grid[X0] + (ix + 0.5) / per, grid[Y0] + (iy + 0.5) / per, grid[Z0] + (iz + 0.5) / per
+                    du, dv, s = _offset(rows, t, x, y, z)
+                    if du * du + dv * dv + s * s <= limit * limit:
+                        c = int(grid[FIRST_CELL]) + (ix * ny + iy) * nz + iz
+                        if listed.shape[0] > 0:
+                            listed[cursor[c]] = t
+                        cursor[c] += 1
+
+
+@njit(cache=True, error_model="numpy")
+def near_triangles(position, reach, rows, turn, grids, cell_start, cell_triangle, start, other):
+    """Fill ``start`` (n + 1,) and ``other`` as in `TriangleSearch.near`; returns their number, whatever fits."""
+    found = 0
+    for i in range(position.shape[0]):
+        start[i] = found
+        limit = reach[i] * reach[i]
+        z = position[i, 2]
+        for b in range(grids.shape[0]):
+            per = grids[b, PER_LENGTH]
+            if per == 0.0:  # a body without triangles
+                continue
+            x = turn[b, 0] * position[i, 0] + turn[b, 1] * position[i, 1]
+            y = turn[b, 0] * position[i, 1] - turn[b, 1] * position[i, 0]
+            fx, fy, fz = (x - grids[b, X0]) * per, (y - grids[b, Y0]) * per, (z - grids[b, Z0]) * per
+            inside = fx >= 0.0 and fy >= 0.0 and fz >= 0.0
+            if not (inside and fx < grids[b, SHAPE_X] and fy < grids[b, SHAPE_Y] and fz < grids[b, SHAPE_Z]):
+                continue
+            c = int(grids[b, FIRST_CELL]) + (int(fx) * int(grids[b, SHAPE_Y]) + int(fy)) * int(
+                grids[b, SHAPE_Z]
+            ) + int(fz)  # fmt: skip
+            for k in range(cell_start[c], cell_start[c + 1]):
+                t = cell_triangle[k]
+                du, dv, s = _offset(rows, t, x, y, z)
+                if du * du + dv * dv + s * s < limit:
+                    if found < other.shape[0]:
+                        other[found] = t
+                    found += 1
+    start[position.shape[0]] = found
+    return found

@@ -37,7 +37,7 @@ class Contact:
             *self.flags, self.row, 0, None, self.cohesive, True, None, self.mass, self.radius, self.dt, 1.0 / self.dt,
             delta, *n, *u, 0.0, 0.0, 0.0, spin_n, self.history, 0, BOOKS,
         )  # fmt: skip
-        return np.array(out[:3]), *out[3:]
+        return np.array(out[:3]), *out[3:-1]  # the last stiffness is for rolling and twisting alone
 
     @property
     def spring(self):

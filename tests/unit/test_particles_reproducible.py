@@ -158,3 +158,25 @@ def test_step_too_long_for_the_contact_is_refused():
     grains = Grains.create([[0.0, 0.0, 5e-3]], 0.5e-3, 7850.0)
     with pytest.raises(ValueError, match="5 steps a contact"):
         DEM(grains, [], [], LAW, dt=1e-3)
+
+
+def test_a_grain_that_could_pass_through_another_stops_the_run():
+    """Two grains that meet at 5 km/s: in a step of 1 us they would change places without touching."""
+    grains = Grains.create(
+        [[-2e-3, 0.0, 5e-3], [2e-3, 0.0, 5e-3]], 0.5e-3, 7850.0, velocity=[[2500, 0, 0], [-2500, 0, 0]]
+    )
+    dem = DEM(grains, Box((0.02, 0.02, 0.02)).walls(), [Body("housing")], LAW, dt=1e-6)
+    with pytest.raises(DemError, match=r"grain [01] at .*at 2.5e\+03 m/s it moves 5 radii .*shorten dt"):
+        dem.run(10)
+
+
+def test_contact_table_changes_nothing_even_when_the_list_is_stale():
+    looked, left_alone = _scene(300, speed=3.0), _scene(300, speed=3.0)
+    stale = 0
+    for _ in range(120):
+        looked.run(1)
+        left_alone.run(1)
+        stale += looked._stale
+        looked.contacts()
+    assert stale > 1
+    assert _same(looked, left_alone) == []
