@@ -171,9 +171,9 @@ def test_a_grain_that_could_pass_through_another_stops_the_run():
 
 
 def test_contact_table_changes_nothing_even_when_the_list_is_stale():
-    looked, left_alone = _scene(300, speed=3.0), _scene(300, speed=3.0)
+    looked, left_alone = _scene(300), _scene(300)
     stale = 0
-    for _ in range(120):
+    for _ in range(200):
         looked.run(1)
         left_alone.run(1)
         stale += looked._stale
