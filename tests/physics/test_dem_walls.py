@@ -5,9 +5,9 @@ import pytest
 from dem_laws import DENSITY, LAWS, MASS, RADIUS, SPEED, in_order, law, make_dem
 from scipy.spatial import Delaunay
 
-from geometry.triangle_wall import TriangleWall, box_surface
-from geometry.walls import Plane, annulus
-from particles import Body, FreeShaft, Grains, HertzContact, PrescribedSpeed
+from geometry.triangle_wall import TriangleWall, box_surface, extruded
+from geometry.walls import Plane, annulus, cylinder
+from particles import Body, FreeShaft, Grains, HertzContact, LinearContact, PairLaws, PrescribedSpeed
 
 G = 9.81
 FLOOR = Plane("floor", "housing", np.zeros(3), np.array([0.0, 0.0, 1.0]))
@@ -105,6 +105,50 @@ def test_a_contact_counted_twice_would_show():
 
 
 # ---- turning
+
+
+@pytest.mark.parametrize("drum", ["revolved", "tessellated"])
+def test_torque_of_a_drum_that_slips_under_a_held_grain(drum):
+    """A grain at the bottom of a lying drum is dragged against a rough stop beside it, which keeps it from rolling.
+
+    Couples on the grain: the friction at the stop is that at the drum, mu N, and presses the grain down besides,
+    N = m g + mu N. So the drum, of radius r, is braked by T = mu m g r/(1 - mu), and the stop bears as much.
+    720 facets stand back by 0.09 um from the circle, 0.5 % of the overlap: they shake, but drag as the circle does.
+    """
+    rc, mu, load, stiffness = 9.0 * RADIUS, 0.3, 0.1, law("linear").stiffness_n
+    frictions = {("grain", "grain"): 0.0, ("grain", "drum"): mu, ("grain", "stop"): 3.0}
+    laws = PairLaws.of_pairs(
+        ["grain"],
+        ["drum", "stop"],
+        {pair: LinearContact.from_restitution(stiffness, 0.3, friction) for pair, friction in frictions.items()},
+    )
+    angle = 2.0 * np.pi * (np.arange(720) + 0.5) / 720
+    polygon = rc / np.cos(np.pi / 720) * np.column_stack([np.cos(angle), np.sin(angle)])
+    wall = {
+        "revolved": cylinder("drum", "drum", rc, -0.01, 0.01),
+        "tessellated": extruded("drum", "drum", polygon, -0.01, 0.01, caps=False),
+    }[drum]
+    stop = Plane("stop", "stop", np.array([RADIUS, 0.0, 0.0]), np.array([-1.0, 0.0, 0.0]))
+    bodies = [Body("drum", PrescribedSpeed.constant(5.0)), Body("stop")]
+    grains = Grains.create([[0.0, RADIUS - rc + load / stiffness, 0.0]], RADIUS, DENSITY)
+    gravity = (0.0, -load / MASS, 0.0)
+    material = [0, 1] + [0] * (drum == "revolved")  # the triangle far away
+    dem = make_dem(grains, [wall, stop], bodies, laws, gravity=gravity, wall_material=material)
+    dem.run(int(0.01 / dem.dt))
+    totals = dem.run(int(0.05 / dem.dt))
+    # the same with the overlaps: arms of the two frictions, and the angle by which the grain stands beside the bottom
+    x, y, _ = dem.grains.position[0]
+    beside, arms = np.arctan2(x, -y), (rc - np.hypot(x, y)) / (RADIUS - x)
+    normal = load / (np.cos(beside) + mu * np.sin(beside) - mu * arms)
+    assert normal == pytest.approx(load / (1.0 - mu), rel=0.01)
+    torque, tolerance = mu * normal * rc, 1e-6 if drum == "revolved" else 1e-3
+    assert totals.torque_on("drum") == pytest.approx(-torque, rel=tolerance)
+    assert totals.torque_on("stop") == pytest.approx(torque - load * x, rel=tolerance)
+    across = normal * (mu * np.cos(beside) - np.sin(beside))
+    assert totals.force["stop"][0] == pytest.approx(across, rel=tolerance)
+    assert totals.force["drum"] == pytest.approx([-across, -load - mu * normal * arms, 0.0], abs=tolerance * normal)
+    assert totals.books.wall_work["drum"] == pytest.approx(5.0 * torque * totals.duration, rel=tolerance)
+    assert abs(dem.grains.angular_velocity[0, 2]) < 1.0
 
 
 def test_a_turning_vane_throws_as_a_bat_of_its_speed():
