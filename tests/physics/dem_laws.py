@@ -5,6 +5,8 @@ triangle (1 m away unless told), and with ``everything`` also two species of one
 resistance and cohesion: two combinations a law.
 """
 
+import os
+
 import numpy as np
 
 from geometry.triangle_wall import TriangleWall
@@ -29,6 +31,14 @@ from particles import (
 RADIUS, DENSITY, SPEED = 1e-3, 2500.0, 1.0
 MASS = DENSITY * 4.0 / 3.0 * np.pi * RADIUS**3
 LAWS = ("linear", "hertz_mindlin", "hertz", "thesis", "walton_braun")
+# every combination is a compilation of its own, some ten seconds with an empty cache: the gate takes a law of each kind
+# (linear; stiffness that follows the overlap), EMCLUTCH_ALL_LAWS=1 takes them all
+ALL = "EMCLUTCH_ALL_LAWS" in os.environ
+TWO = LAWS if ALL else LAWS[:2]
+EVERYTHING = [(name, False) for name in LAWS] + [(name, True) for name in TWO]
+FEW = (
+    [(name, rolls) for name in LAWS for rolls in (False, True)] if ALL else [("linear", False), ("hertz_mindlin", True)]
+)
 FAR = TriangleWall("far", "far", np.array([[1.0, 0, 0], [1.001, 0, 0], [1.0, 1e-3, 0]]), np.array([[0, 1, 2]]))
 
 

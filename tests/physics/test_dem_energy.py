@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from dem_laws import COHESION, DENSITY, LAWS, MASS, RADIUS, SPEED, impacts, in_order, law, make_dem
+from dem_laws import COHESION, DENSITY, EVERYTHING, LAWS, MASS, RADIUS, SPEED, TWO, impacts, in_order, law, make_dem
 
 from geometry.triangle_wall import box_surface
 from geometry.walls import Plane, outline
@@ -61,7 +61,7 @@ def test_friction_creates_no_energy_at_any_incidence(name, mu):
     assert np.all(after.sum(axis=1) < before.sum(axis=1) * (1.0 - 1e-3))  # friction does take energy, e = 1 here
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", TWO)
 def test_rolling_twisting_and_cohesion_create_no_energy_at_any_incidence(name):
     for e in (0.5, 1.0):
         before, after = swept(name, 0.3, e, everything=True)
@@ -114,8 +114,7 @@ def throughput(books):
     return books.dissipated + sum(abs(work) for work in books.wall_work.values())
 
 
-@pytest.mark.parametrize("everything", [False, True], ids=["friction", "everything"])
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name, everything", EVERYTHING)
 def test_losses_by_mechanism_close_to_a_millionth_of_the_throughput(name, everything):
     """With the step: normal forces close in second order, tangential ones in first with a small coefficient.
 
@@ -159,8 +158,7 @@ def device(name, everything, steps):
 SHAFT_INERTIA = 2e-10
 
 
-@pytest.mark.parametrize("everything", [False, True], ids=["friction", "everything"])
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name, everything", EVERYTHING)
 def test_books_of_a_device_close(name, everything):
     """Grains: kinetic_change = works, the free shaft: J omega^2/2 = drive - load + contact, both to round-off; the
     split by mechanism in first order at the least; what the grains do to the shaft is what it does to them.

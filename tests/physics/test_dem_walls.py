@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from dem_laws import DENSITY, LAWS, MASS, RADIUS, SPEED, in_order, law, make_dem
+from dem_laws import DENSITY, FEW, MASS, RADIUS, SPEED, in_order, law, make_dem
 from scipy.spatial import Delaunay
 
 from geometry.triangle_wall import TriangleWall, box_surface, extruded
@@ -42,8 +42,7 @@ def places(n):
         (k % 3 == 1)[:, None], corners[:, :2].mean(axis=1), corners[:, 0]))  # fmt: skip
 
 
-@pytest.mark.parametrize("everything", [False, True], ids=["friction", "everything"])
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name, everything", FEW)
 def test_grains_dropped_on_faces_edges_and_vertices_bounce_as_on_a_plane(name, everything):
     """Where, how fast, how spinning: to 1e-9, each in a scene of its own, so that nothing averages out."""
 
@@ -65,8 +64,7 @@ def test_grains_dropped_on_faces_edges_and_vertices_bounce_as_on_a_plane(name, e
         assert triangles[4].max_overlap == pytest.approx(plane[4].max_overlap, rel=1e-9)
 
 
-@pytest.mark.parametrize("everything", [False, True], ids=["friction", "everything"])
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name, everything", FEW)
 def test_a_grain_rolls_and_slides_across_edges_as_on_a_plane(name, everything):
     """Over twenty triangles, from slip to roll: the contact with its springs is handed on, nothing bumps."""
 
@@ -170,8 +168,7 @@ def test_a_turning_vane_throws_as_a_bat_of_its_speed():
     assert totals.books.wall_work["disc"] == pytest.approx(omega * gained, rel=1e-9)
 
 
-@pytest.mark.parametrize("everything", [False, True], ids=["friction", "everything"])
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name, everything", FEW)
 def test_a_loaded_contact_turned_with_its_body_keeps_its_friction(name, everything):
     """A grain clamped on the axis between two plates; a load along them and along z turns with them.
 
