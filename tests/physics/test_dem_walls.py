@@ -168,40 +168,45 @@ def test_a_turning_vane_throws_as_a_bat_of_its_speed():
     assert totals.books.wall_work["disc"] == pytest.approx(omega * gained, rel=1e-9)
 
 
+@pytest.mark.parametrize("axial", [False, True], ids=["across the shaft", "along the shaft"])
 @pytest.mark.parametrize("name, everything", FEW)
-def test_a_loaded_contact_turned_with_its_body_keeps_its_friction(name, everything):
-    """A grain clamped on the axis between two plates; a load along them and along z turns with them.
+def test_a_loaded_contact_turned_with_its_body_keeps_its_friction(name, everything, axial):
+    """A grain clamped on the axis between two plates, loaded along them; plates and load turn.
 
-    Each plate bears half of the load, for ever and to any angle; the springs turn as the body does, nothing creeps.
+    Each plate bears half of the load, for ever and to any angle: the springs turn with their normal (plates across) and
+    about it (plates along), nothing creeps.
     """
     omega, load = 100.0, 3.0
     contact = law(name, 0.5, 0.5)
     depth = contact.overlap_under(20.0 * MASS * load, MASS, 0.0, RADIUS)
-    at, size = 2.0 * RADIUS - depth, (2.0 * RADIUS, 8.0 * RADIUS, 8.0 * RADIUS)
-    plates = [box_surface(f"plate {x}", "disc", (x, 0.0, 0.0), size) for x in (-at, at)]
+    at, size = 2.0 * RADIUS - depth, [8.0 * RADIUS] * 3
+    size[2 if axial else 0] = 2.0 * RADIUS
+    plates = [box_surface(f"plate {x}", "disc", (0.0, 0.0, x) if axial else (x, 0.0, 0.0), size) for x in (-at, at)]
 
-    def turning(times):
+    def frame(times):
+        """Normal of the plates, and the load [m/s^2], both (k, 3)."""
         phase = omega * np.asarray(times)
-        along = load / np.sqrt(2.0)
-        return np.stack([-along * np.sin(phase), along * np.cos(phase), np.full(phase.shape, along)], axis=1)
+        zero, one = np.zeros(phase.shape), np.ones(phase.shape)
+        outward = np.stack([np.cos(phase), np.sin(phase), zero], axis=1)
+        round_, up = np.cross([0.0, 0.0, 1.0], outward), np.stack([zero, zero, one], axis=1)
+        normal, other = (up, outward) if axial else (outward, up)
+        return normal, load / np.sqrt(2.0) * (round_ + other)
 
     grains = Grains.create([[0.0, 0.0, 0.0]], RADIUS, DENSITY, angular_velocity=[[0.0, 0.0, omega]])
     bodies = [Body("disc", PrescribedSpeed.constant(omega))]
-    dem = make_dem(grains, plates, bodies, contact, everything=everything, gravity=turning)
+    dem = make_dem(grains, plates, bodies, contact, everything=everything, gravity=lambda times: frame(times)[1])
     quarter = int(0.5 * np.pi / omega / dem.dt)
     dem.run(4 * quarter)  # the start's swing dies away
     offset = []
     for _ in range(5):
         dem.run(quarter)
         table = dem.contacts()
-        phase = omega * dem.time
-        normal = np.array([np.cos(phase), np.sin(phase), 0.0])
+        normal, push = (vectors[0] for vectors in frame([dem.time]))
         tangential = table.force - np.outer(table.force @ normal, normal)
-        expected = -0.5 * MASS * turning([dem.time])
         assert len(tangential) == 2
         assert np.linalg.norm(tangential, axis=1) == pytest.approx(0.5 * MASS * load, rel=2e-3)
-        assert tangential == pytest.approx(np.repeat(expected, 2, axis=0), abs=5e-3 * MASS * load)
-        offset.append(dem.grains.position[0] @ np.array([-np.sin(phase), np.cos(phase), 0.0]))
+        assert tangential == pytest.approx(np.tile(-0.5 * MASS * push, (2, 1)), abs=5e-3 * MASS * load)
+        offset.append(dem.grains.position[0] @ push)
     assert np.ptp(offset) < 1e-3 * np.mean(offset)
 
 
