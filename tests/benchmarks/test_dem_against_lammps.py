@@ -39,7 +39,7 @@ def peer_runs() -> bool:
     return subprocess.run([PEER, "-c", program], cwd=HERE, capture_output=True, check=False).returncode == 0
 
 
-def answer(command: list[str], threads: int) -> dict:
+def answer(command: list[str], threads: int) -> str:
     """What a round says, its threads set by the environment."""
     environment = {
         **os.environ,
@@ -51,12 +51,12 @@ def answer(command: list[str], threads: int) -> dict:
         del environment["PYTHONPATH"]  # another environment finds its own packages
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-2000:]
-    return json.loads(done.stdout.strip().splitlines()[-1])
+    return done.stdout.strip()
 
 
 def ours(state: Path, threads: int, steps: int, windows: int) -> dict:
     command = [sys.executable, str(HERE / "scene_a.py"), str(state), "--steps", str(steps), "--windows", str(windows)]
-    return answer(command, threads)
+    return json.loads(answer(command, threads).splitlines()[-1])
 
 
 def theirs(scene: Path, threads: int, steps: int, windows: int, way: str, end: Path | None = None) -> dict:
@@ -68,7 +68,11 @@ def theirs(scene: Path, threads: int, steps: int, windows: int, way: str, end: P
         command = [str(Path(PEER).parent / "mpiexec"), "-n", str(threads), *command]
     if end is not None:
         command += ["--end", str(end)]
-    return answer(command, threads if way == "omp" else 1)
+    if way == "mpi":
+        said = scene.with_suffix(".answer")
+        answer([*command, "--answer", str(said)], 1)
+        return json.loads(said.read_text())
+    return json.loads(answer(command, threads if way == "omp" else 1).splitlines()[-1])
 
 
 @pytest.fixture(scope="module")
