@@ -47,8 +47,11 @@ class Chunks:
 
 
 def chunk_count(n: int) -> int:
-    """Number of chunks of ``n`` rows: one layer of a cube of n grains is the cube root of n squared."""
-    return max(1 if n < 500 else 2, round(n ** (1.0 / 3.0) / LAYERS))
+    """Number of chunks of ``n`` rows: one layer of a cube of n grains is the cube root of n squared.
+
+    Even, so that two threads have the same to do.
+    """
+    return 1 if n < 500 else 2 * max(1, round(0.5 * n ** (1.0 / 3.0) / LAYERS))
 
 
 def make_chunks(pair_start: np.ndarray, pair_other: np.ndarray, wall_start: np.ndarray) -> Chunks:
