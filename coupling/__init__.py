@@ -2,7 +2,7 @@
 
 from coupling.deposition import FillDeposition
 from coupling.effects import BackReaction, Effect, FixedDipoles, MagneticForce, WallImages
-from coupling.expected_load import magnetic_load, snap_in_overlap, weight_load
+from coupling.expected_load import magnetic_load, pair_attraction, snap_in_overlap, weight_load
 from coupling.field_source import CircuitCoilField, CoilField, EddyCoilField, ImposedField
 from coupling.magnetised_grains import MagnetisedGrains, moments
 from coupling.solid_field_source import SolidCoilField
@@ -24,6 +24,7 @@ __all__ = [
     "WallImages",
     "magnetic_load",
     "moments",
+    "pair_attraction",
     "run_staggered",
     "snap_in_overlap",
     "weight_load",

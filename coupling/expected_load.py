@@ -21,13 +21,18 @@ def magnetic_load(M: float, diameter: float) -> float:
     return PEAK * pi / 6.0 * MU_0 * M**2 * (0.5 * diameter) ** 2
 
 
+def pair_attraction(M: float, diameter: float) -> float:
+    """Largest force [N] between two touching grains magnetised to M [A/m]."""
+    return magnetic_load(M, diameter) / PEAK
+
+
 def snap_in_overlap(M: float, diameter: float, stiffness: float) -> float:
     """Overlap over diameter of two free grains magnetised to M [A/m] that attract each other from afar.
 
     They bring the energy F_pair d/3 of two coaxial dipoles in contact to a spring k: depth = sqrt(2 F_pair d/(3 k)),
     without damping. A packing settles below it; it shows when the coil is switched on.
     """
-    pair = magnetic_load(M, diameter) / PEAK
+    pair = pair_attraction(M, diameter)
     return sqrt(2.0 * pair / (3.0 * stiffness * diameter))
 
 

@@ -19,6 +19,8 @@ from time import perf_counter
 
 import numpy as np
 
+from particles import RigidTotals
+
 
 class Ledger:
     """Adds up one window; `close` returns its row of the history (SI units, whole device)."""
@@ -86,6 +88,8 @@ class Ledger:
         row["n_contacts"] = steps[-1].n_contacts
         row["max_overlap"] = max(s.max_overlap for s in steps)
         row["max_speed"] = max(s.max_speed for s in steps)
+        if isinstance(steps[-1], RigidTotals):
+            row |= _solver_row(steps)
         row["rebuilds"] = sum(s.rebuilds for s in steps)
         row["steps"] = sum(s.steps for s in steps)
         if simulation.magnetised is not None:
@@ -114,6 +118,19 @@ class Ledger:
             - row["dissipated"]
             - stored
         )
+
+
+def _solver_row(steps: list) -> dict[str, float]:
+    """What the solver of rigid contacts has done: sweeps a step, worst residual [m/s], steps that missed, ..."""
+    n = sum(s.steps for s in steps)
+    return {
+        "sweeps": sum(s.sweeps for s in steps) / n,
+        "largest_sweeps": max(s.max_sweeps for s in steps),
+        "solver_residual": max(s.residual for s in steps),
+        "missed_steps": sum(s.missed_steps for s in steps),
+        "warm_hits": sum(s.warm_hits * s.steps for s in steps) / n,
+        "stabilisation_work": sum(s.stabilisation_work for s in steps),
+    }
 
 
 def _weight_torque(dem) -> float:

@@ -19,7 +19,7 @@ from coupling.field_source import CoilField, ImposedField
 from coupling.ledgers import Ledger
 from coupling.magnetised_grains import MagnetisedGrains
 from coupling.neighbour_rows import NeighbourRows, neighbour_rows
-from particles import DEM, Body
+from particles import DEM, DVI, Body
 
 if TYPE_CHECKING:
     from coupling.solid_field_source import SolidCoilField
@@ -31,7 +31,8 @@ class Simulation:
 
     Attributes
     ----------
-    dem : DEM
+    dem : DEM or DVI
+        What moves the grains.
     effects : list of Effect
         Exactly those of the scene, in the order in which they act.
     magnetised : MagnetisedGrains or None
@@ -41,7 +42,7 @@ class Simulation:
         Grain steps between evaluations of the magnetic forces; such sub-cycles a window.
     """
 
-    dem: DEM
+    dem: DEM | DVI
     effects: list[Effect]
     magnetised: MagnetisedGrains | None
     source: CoilField | SolidCoilField | ImposedField | None

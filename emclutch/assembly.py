@@ -27,11 +27,12 @@ from emclutch.case import Case
 from emclutch.device import CoilDevice, Device, grain_law
 from emclutch.packed_grains import grains_of, packed, settled
 from emclutch.plan import Plan
+from emclutch.rigid_plan import RigidPlan
 from emclutch.scene.model import Scene
 from emclutch.scene.motion import FreeShaft as FreeShaftSection
 from emclutch.scene.time_table import points_of
 from field.section.eddy_currents import EddyCurrentProblem, VoltageDrive
-from particles import DEM, Body, FreeShaft, Grains, PrescribedSpeed
+from particles import DEM, DVI, Body, FreeShaft, Grains, PrescribedSpeed
 
 
 def assemble(case: Case, device: Device, plan: Plan) -> Simulation:
@@ -50,16 +51,21 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
     gravity = None
     if effects.gravity is not None:
         gravity = np.asarray(effects.gravity.vector, dtype=float)
-    dem = DEM(
-        grains,
-        walls,
-        shafts(scene, walls),
-        plan.contact,
-        dt=plan.dt,
-        gravity=gravity,
-        sector=plan.sector,
-        ledger=scene.output.energies,
-    )
+    bodies = shafts(scene, walls)
+    dem: DEM | DVI
+    if isinstance(plan.contact, RigidPlan):
+        dem = rigid_grains(scene, plan, plan.contact, grains, walls, bodies, gravity)
+    else:
+        dem = DEM(
+            grains,
+            walls,
+            bodies,
+            plan.contact,
+            dt=plan.dt,
+            gravity=gravity,
+            sector=plan.sector,
+            ledger=scene.output.energies,
+        )
     source = field_source(scene, device, dem.bodies)
     deposition = None
     fill_at = None
@@ -71,6 +77,24 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
     n_sectors = 1 if plan.sector is None else plan.sector.n_sectors
     return Simulation(
         dem, effects_of(scene, walls, deposition), magnetised, source, plan.steps_per_update, plan.updates, n_sectors
+    )
+
+
+def rigid_grains(scene: Scene, plan: Plan, rigid: RigidPlan, grains: Grains, walls, bodies, gravity) -> DVI:
+    """The grains of contact.method = 'dvi'."""
+    section = scene.contact.dvi
+    return DVI(
+        grains,
+        walls,
+        bodies,
+        rigid.contact,
+        dt=plan.dt,
+        gravity=gravity,
+        theta=section.theta,
+        friction=section.friction_law,
+        solver=section.solver,
+        tolerance=rigid.tolerance,
+        max_sweeps=section.max_sweeps,
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from coupling import magnetic_load, snap_in_overlap, weight_load
 from emclutch.case import Case
 from emclutch.device import CoilDevice, Device, build_device, grain_law
+from emclutch.rigid_plan import RigidPlan, plan_rigid
 from emclutch.scene.field_source import CoilField
 from emclutch.scene.time_table import largest
 from field import MagneticField
@@ -22,6 +23,7 @@ from particles import CyclicSector, PairLaws, RollingFriction, TwistingFriction,
 # nanoseconds a grain and step for contacts, and a neighbour for dipoles; measured on two cores, for estimates only
 CONTACT_NS = 95.0
 PAIR_NS = 9.0
+RIGID_NS = 3000.0  # of a step of rigid grains that takes some sixty sweeps
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +35,8 @@ class Plan:
     count : int
         Grains that are simulated (those of the sector).
     sector : CyclicSector or None
-    contact : PairLaws
+    contact : PairLaws or RigidPlan
+        By DEM, or by DVI.
     dt : float
         Step of the grains [s].
     steps_per_update, updates, windows : int
@@ -48,7 +51,7 @@ class Plan:
 
     count: int
     sector: CyclicSector | None
-    contact: PairLaws
+    contact: PairLaws | RigidPlan
     dt: float
     steps_per_update: int
     updates: int
@@ -87,6 +90,20 @@ def make_plan(case: Case, device: Device | None = None) -> tuple[Device, Plan]:
     if isinstance(field, MagneticField) and isinstance(device.coil, CoilDevice) and device.coil.resistance is not None:
         reasons["coil"] = _coil_in_words(scene, device.coil, field)
     speed = _largest_speed(scene, device)
+    contact: PairLaws | RigidPlan
+    if scene.contact.method == "dvi":
+        contact, dt = plan_rigid(scene, device, M_max, speed, reasons)
+    else:
+        contact, dt = _elastic(scene, device, M_max, speed, reasons)
+    per_update, updates, windows = _windows(scene, dt, speed, M_max > 0.0 or field is not None, reasons)
+    plan = Plan(fill.count, sector, contact, dt, per_update, updates, windows, field, M_max, reasons)
+    _estimates(scene, device, plan)
+    return device, plan
+
+
+def _elastic(scene, device: Device, M_max: float, speed: float, reasons: dict[str, str]) -> tuple[PairLaws, float]:
+    """The laws of all contacts and the step [s] by DEM."""
+    particles = scene.particles
     contact, load = _contact(scene, device, M_max, _impact_speed(scene, device, speed), reasons)
     lightest = particles.density * pi / 6.0 * particles.smallest_diameter**3
     step = choose_time_step(
@@ -100,10 +117,7 @@ def make_plan(case: Case, device: Device | None = None) -> tuple[Device, Plan]:
         dt=scene.time.step,
     )
     reasons["time step"] = step.reason
-    per_update, updates, windows = _windows(scene, step.dt, speed, M_max > 0.0 or field is not None, reasons)
-    plan = Plan(fill.count, sector, contact, step.dt, per_update, updates, windows, field, M_max, reasons)
-    _estimates(scene, device, plan)
-    return device, plan
+    return contact, step.dt
 
 
 def expected_magnetisation(case: Case, device: Device) -> tuple[MagneticField | SolidField | None, float]:
@@ -240,10 +254,11 @@ def _windows(scene, dt: float, speed: float, magnetic: bool, reasons: dict[str, 
     if magnetic:
         asked = scene.effects.dipoles.update_every if scene.effects.dipoles is not None else None
         travel = 0.01 * d / (speed * dt) if speed > 0.0 else np.inf
-        per_update = asked or max(1, floor(min(travel, 0.5 * scene.time.steps_per_contact)))
-        reasons["magnetic forces"] = f"evaluated every {per_update} steps" + (
-            " as asked" if asked else ": half a contact, 1 % of a diameter of travel"
-        )
+        rigid = scene.contact.method == "dvi"  # its step follows the forces themselves
+        per_update = asked or (1 if rigid else max(1, floor(min(travel, 0.5 * scene.time.steps_per_contact))))
+        every = f"evaluated every {per_update} steps" if per_update > 1 else "evaluated every step"
+        why = "" if rigid else ": half a contact, 1 % of a diameter of travel"
+        reasons["magnetic forces"] = every + (" as asked" if asked else why)
     if scene.time.window is not None:
         steps = max(1, round(scene.time.window / dt))
     else:
@@ -270,7 +285,8 @@ def _estimates(scene, device: Device, plan: Plan) -> None:
         pairs = device.fill.solid_fraction * 8.0 * (scene.effects.dipoles.cutoff + 0.25) ** 3
         pairs *= pi / 6.0 * scene.particles.largest_diameter**3 / scene.particles.grain_volume
         pairs *= 2.0 if scene.effects.wall_images is not None else 1.0
-    seconds = steps * plan.count * (CONTACT_NS + pairs * PAIR_NS / plan.steps_per_update) * 1e-9
+    per_grain = CONTACT_NS if isinstance(plan.contact, PairLaws) else RIGID_NS
+    seconds = steps * plan.count * (per_grain + pairs * PAIR_NS / plan.steps_per_update) * 1e-9
     if device.coil is not None:
         seconds += 5.0  # mesh, cold solve, and the few warm ones
     memory = plan.count * (1500 + 9 * pairs) / 2**20 + 400

@@ -25,7 +25,7 @@ from emclutch.results.grain_profiles import write_profiles
 from emclutch.results.statistics import Estimate
 from emclutch.snapshots import History, Snapshots, save_checkpoint
 from field import ConvergenceError, FluxLinkage, MagneticField, MeanFluxDensity, PointOutside, estimate_error
-from particles import DemError, Grains, PackingError
+from particles import Grains, ParticleError
 
 log = logging.getLogger(__name__)
 MAY_CHANGE = ("time.end", "time.average_from", "output.", "accuracy.", "scene.title", "scene.description")
@@ -79,7 +79,7 @@ def run(
     with folder.logging():
         try:
             return _run(case, folder, case_text, resume, progress, begin)
-        except (ConvergenceError, PackingError, DemError, PointOutside, ValueError) as error:
+        except (ConvergenceError, ParticleError, PointOutside, ValueError) as error:
             log.error("%s", error)
             raise RunError(f"{error}\n(log: {folder.log})") from error
 
@@ -131,7 +131,8 @@ def _run(case, folder, case_text, resume, progress, begin) -> Result:
 
     profiles = profile_average(scene, device)
     extra = () if profiles is None else (profiles,)
-    observers = (Observables(scene, device), history, snapshots, *extra, report, checkpoint)
+    solver = (MissedSteps(scene.contact.dvi.allowed_misses),) if scene.contact.method == "dvi" else ()
+    observers = (Observables(scene, device), history, *solver, snapshots, *extra, report, checkpoint)
     with _interruptible(stop):
         try:
             run_staggered(simulation, plan.end, observers)
@@ -158,6 +159,31 @@ def _run(case, folder, case_text, resume, progress, begin) -> Result:
 
         draw_run(case, folder, device, simulation, across)
     return load_result(folder.path)
+
+
+class MissedSteps:
+    """Callback that stops a run of rigid grains of whose steps too many miss the tolerance.
+
+    Raises
+    ------
+    ParticleError
+        If more than the share ``allowed`` of all steps so far, and of a hundred at the least, have missed it.
+    """
+
+    def __init__(self, allowed: float):
+        self._allowed = allowed
+        self._missed = self._steps = 0
+
+    def __call__(self, simulation, row: dict) -> None:
+        self._missed += row["missed_steps"]
+        self._steps += row["steps"]
+        if self._missed > self._allowed * max(self._steps, 100):
+            raise ParticleError(
+                f"t = {row['time']:.4g} s: {self._missed} of {self._steps} steps missed the tolerance of "
+                f"{simulation.dem.tolerance:.3g} m/s on the contacts (the last window's residual: "
+                f"{row['solver_residual']:.3g} m/s); raise contact.dvi.max_sweeps or contact.dvi.tolerance, shorten "
+                "contact.dvi.step, or allow more by contact.dvi.allowed_misses"
+            )
 
 
 def profile_average(scene, device):

@@ -12,7 +12,7 @@ from emclutch.results import HistoryWriter, RunFolder
 from emclutch.results.checkpoint import write_checkpoint
 from emclutch.results.record import Record
 from emclutch.results.vtk_series import PvdSeries
-from particles import DEM
+from particles import DEM, DVI
 
 
 class Snapshots:
@@ -115,7 +115,7 @@ class Snapshots:
             self.record.close()
 
 
-def contacts_per_grain(dem: DEM) -> np.ndarray:
+def contacts_per_grain(dem: DEM | DVI) -> np.ndarray:
     """Number of grains and walls that each grain touches, (n,) int64."""
     table = dem.contacts()
     return np.bincount(table.i, minlength=dem.grains.count) + np.bincount(
@@ -123,7 +123,7 @@ def contacts_per_grain(dem: DEM) -> np.ndarray:
     )
 
 
-def contact_lines(dem: DEM) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def contact_lines(dem: DEM | DVI) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Force chains: centre of grain i (m, 3), its partner's centre or the point on the wall, and the force [N] on i."""
     table, x = dem.contacts(), dem.grains.position
     partner = x[np.maximum(table.j, 0)]

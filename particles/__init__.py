@@ -4,6 +4,9 @@ from particles.bodies import Body, FreeShaft, PrescribedSpeed
 from particles.dem.dem import DEM
 from particles.dem.step_totals import EnergyTotals, StepTotals
 from particles.dem.time_step import TimeStep, choose_time_step, contact_time, stiffness_for_overlap
+from particles.dvi.dvi import DVI, RigidTotals
+from particles.dvi.rigid_contact import RigidContact
+from particles.dvi.rigid_step import choose_rigid_step
 from particles.faults import DemError, PackingError, ParticleError
 from particles.grains import Grains
 from particles.laws.cohesion import Cohesion
@@ -33,6 +36,7 @@ from particles.sector import CyclicSector
 
 __all__ = [
     "DEM",
+    "DVI",
     "Body",
     "Cohesion",
     "ContactLaw",
@@ -58,6 +62,8 @@ __all__ = [
     "PairList",
     "ParticleError",
     "PrescribedSpeed",
+    "RigidContact",
+    "RigidTotals",
     "RollingFriction",
     "Settling",
     "Space",
@@ -68,6 +74,7 @@ __all__ = [
     "UniformSizes",
     "WaltonBraun",
     "before_the_start",
+    "choose_rigid_step",
     "choose_time_step",
     "contact_time",
     "damping_ratio",

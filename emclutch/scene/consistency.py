@@ -133,6 +133,30 @@ def _sector_in_field(draft: Draft) -> Iterator[Fault]:
         )
 
 
+def _rigid(draft: Draft) -> Iterator[Fault]:
+    """What rigid grains cannot do yet, and what their solvers exclude."""
+    scene = draft.scene
+    contact = scene.contact
+    if contact.dvi.solver == "psor" and contact.dvi.friction_law != "convex":
+        yield draft.fault("contact.dvi.solver", "solves the convex law; add friction_law = 'convex', or take another")
+    if contact.method != "dvi":
+        return
+    if scene.particles is not None and scene.particles.sector is not None:
+        yield draft.fault(
+            "particles.sector",
+            "cannot stand beside contact.method = 'dvi'; remove it (the full ring is simulated), or take 'dem'",
+        )
+    if scene.effects is None:
+        return
+    for name in ("rolling_friction", "twisting_friction", "cohesion"):
+        if getattr(scene.effects, name) is not None:
+            yield Fault(
+                f"effects.{name}",
+                "",
+                "exists with contact.method = 'dem' only; remove the table, or take method = 'dem'",
+            )
+
+
 def _fill(draft: Draft) -> Iterator[Fault]:
     particles, shape = draft.scene.particles, draft.scene.shape()
     if shape.faults(particles.largest_diameter):
@@ -330,6 +354,7 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (_sector_in_field, ("particles", "field")),
     (_fill, ("geometry", "particles")),
     (_pour, ("particles", "effects")),
+    (_rigid, ("contact",)),
     (_sector_width, ("geometry", "particles", "effects")),
     (_needs_of_effects, ("effects",)),
     (_coil_transients, ("effects", "coil", "field", "geometry", "materials")),

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
+from emclutch.scene.rigid import Rigid
 from emclutch.scene.section import Choice, Section, refuse
 from emclutch.units import HertzStiffness, LinearSpeed, Modulus, Stiffness, number
 
@@ -50,12 +51,17 @@ _OWN_KEYS = {key for keys in KEYS_OF_LAWS.values() for key in keys}
 class Contact(Section):
     """Spring, dashpot and Coulomb friction; the stiffness follows from the overlap that is allowed, unless given."""
 
-    method: Annotated[str, Choice(("dem",), planned=("dvi",))] = Field(default="dem", description="contact method")
+    method: Annotated[str, Choice(("dem", "dvi"))] = Field(
+        default="dem",
+        description="dem: grains press in, step by contact; dvi: rigid grains, impulses that obey Coulomb's law, "
+        "longer steps",
+    )
     law: Annotated[str, Choice(tuple(KEYS_OF_LAWS))] = Field(
         default="linear",
         description="linear: spring and dashpot; hertz_mindlin: elastic spheres, Tsuji's damping; hertz: k delta^1.5 "
         "and a linear dashpot; thesis: f(delta/d)(k delta - gamma m v); walton_braun: stiffer when it unloads",
     )
+    dvi: Rigid = Field(default=Rigid(), description="solver of rigid contacts, read with method = 'dvi' only")
     friction: _Friction = Field(default=0.3, description="between grains")
     wall_friction: _Friction | None = Field(default=None, description="between grain and wall; default: friction")
     restitution: _Restitution = Field(default=0.5, description="speed after / before a head-on collision")

@@ -268,10 +268,7 @@ class DVI:
     def state(self) -> dict[str, np.ndarray]:
         """Everything that `restore` needs to go on bit for bit."""
         g = self.grains
-        arrays = {
-            name: np.array(getattr(g, name))
-            for name in ("position", "velocity", "angular_velocity", "radius", "mass", "particle_id")
-        }
+        arrays = {name: getattr(g, name).copy() for name in ("where", "motion", "mass", "particle_id")}
         for name, value in (("magnetic_moment", g.magnetic_moment), ("external_force", self.external_force)):
             if value is not None:
                 arrays[name] = value.copy()
@@ -292,12 +289,12 @@ class DVI:
         ValueError
             If the state has another number of grains or bodies.
         """
-        if len(state["radius"]) != self.grains.count or len(state["bodies"]) != len(self.bodies):
+        if len(state["mass"]) != self.grains.count or len(state["bodies"]) != len(self.bodies):
             raise ValueError(
-                f"the state has {len(state['radius'])} grains and {len(state['bodies'])} bodies, this DVI "
+                f"the state has {len(state['mass'])} grains and {len(state['bodies'])} bodies, this DVI "
                 f"{self.grains.count} and {len(self.bodies)}; restore it into the scene that it came from"
             )
-        for name in ("position", "velocity", "angular_velocity", "radius", "mass", "particle_id"):
+        for name in ("where", "motion", "mass", "particle_id"):
             setattr(self.grains, name, state[name].copy())
         moment, force = state.get("magnetic_moment"), state.get("external_force")
         self.grains.magnetic_moment = None if moment is None else moment.copy()

@@ -30,6 +30,7 @@ import numpy as np
 
 from particles.bodies import PrescribedSpeed
 from particles.dem.dem import DEM
+from particles.dvi.dvi import DVI
 from particles.faults import ParticleError
 
 KINETIC = 1e-6  # of the reference energy (module docstring)
@@ -69,7 +70,7 @@ class NotAtRestError(ParticleError):
 
 
 def settle(
-    dem: DEM,
+    dem: DEM | DVI,
     *,
     kinetic: float = KINETIC,
     longest: float | None = None,
@@ -146,7 +147,7 @@ def settle(
 
 
 @contextmanager
-def before_the_start(dem: DEM) -> Iterator[DEM]:
+def before_the_start(dem: DEM | DVI) -> Iterator[DEM | DVI]:
     """Hold every shaft while grains settle; afterwards shafts and clock are as at the beginning.
 
     Contact history and the grains' velocities stay: the run goes on from the settled bed without a bump.

@@ -1,0 +1,43 @@
+"""[contact.dvi]: how the impulses between rigid grains are found; read where contact.method = 'dvi', else idle."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, StrictBool
+
+from emclutch.scene.section import Automatic, Choice, Section, Whole
+from emclutch.units import LinearSpeed, Time, number
+
+
+class Rigid(Section):
+    """Solver of the rigid contacts. It may stand in a scene by DEM too: a study may then change the method alone."""
+
+    friction_law: Annotated[str, Choice(("coulomb", "convex"))] = Field(
+        default="coulomb",
+        description="coulomb: exact; convex: the cone complementarity of Project Chrono, which lifts sliding grains",
+    )
+    solver: Annotated[str, Choice(("accelerated", "gauss_seidel", "interior_point", "psor"))] = Field(
+        default="accelerated",
+        description="accelerated: Gauss-Seidel sweeps, accelerated where they stall; interior_point: an interior "
+        "point for steps on which these stall; psor: projected over-relaxation, convex only",
+    )
+    tolerance: Annotated[LinearSpeed | None, Automatic()] = Field(
+        default=None, description="on the natural map of every contact; default: 1e-4 of the largest speed expected"
+    )
+    max_sweeps: Annotated[int, Whole(1, 1_000_000, "500")] = Field(
+        default=500, description="sweeps over all contacts that a step may take"
+    )
+    allowed_misses: Annotated[float, number("0.1", 0.0, 1.0)] = Field(
+        default=0.5, description="share of the steps that may miss the tolerance before the run is stopped"
+    )
+    step: Annotated[Time | None, Automatic()] = Field(
+        default=None, description="step of the rigid grains; default: time.step, else by the rules of travel and force"
+    )
+    insist: StrictBool = Field(default=False, description="take a step that is longer than the rules allow")
+    theta: Annotated[float, number("1", 0.5, 1.0)] = Field(
+        default=1.0, description="weight of the new velocity in a step's drift"
+    )
+    threshold: Annotated[LinearSpeed | None, Automatic()] = Field(
+        default=None, description="approach below which nothing rebounds; default: 2 h g, at least 1 mm/s"
+    )

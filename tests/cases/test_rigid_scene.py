@@ -1,0 +1,95 @@
+"""One scene by DEM and by DVI: contact.method is the only line that differs."""
+
+import numpy as np
+import pytest
+
+import emclutch
+from emclutch.case import case_from
+from emclutch.results.checkpoint import read_checkpoint
+from emclutch.run_case import Interrupted, MissedSteps, RunError
+from particles import ParticleError
+
+SCENE = {
+    "scene": {"title": "Shot between a turning core and a free drum", "seed": 3},
+    "geometry": {"kind": "shear_cell", "inner_radius": "20 mm", "outer_radius": "40 mm", "height": "30 mm"},
+    "particles": {"diameter": "6 mm", "count": 200, "density": "7800 kg/m^3"},
+    "contact": {"friction": 0.3, "restitution": 0.5, "stiffness": "50 kN/m"},
+    "motion": {"rotor": {"speed": "120 rpm"}, "disc": {"free": {"inertia": "2e-4 kg m^2"}}},
+    "effects": {"gravity": {"direction": [0, 0, -1]}},
+    "time": {"end": "0.3 s", "window": "10 ms"},
+    "output": {"snapshots": 1, "pictures": False},
+}
+
+
+def scene(method, **values):
+    return case_from(SCENE, {"contact.method": method} | values)
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("methods")
+    return {method: emclutch.run(scene(method), out=folder / method) for method in ("dem", "dvi")}
+
+
+def test_both_methods_agree_on_momentum_and_load(runs):
+    """Torques balance, the drum's speed is what it got, and both beds lie alike; they are chaotic, so not exactly."""
+    dem, dvi = (runs[m].history for m in ("dem", "dvi"))
+    for history, share in ((dem, 1e-9), (dvi, 1e-3)):  # what removes overlap of rigid grains conserves no momentum
+        late = history[history["time"] > 0.15]
+        assert abs(late["torque_residual"]).max() < share * abs(late["torque_rotor"]).max()
+        steps = np.diff(history["disc_speed"], prepend=0.0) * 2e-4 / np.diff(history["time"], prepend=0.0)
+        np.testing.assert_allclose(history["torque_disc"], steps, atol=1e-9)
+    assert runs["dvi"].summary["dt"] > 10.0 * runs["dem"].summary["dt"]
+    height = [read_checkpoint(runs[m].folder.path / "checkpoint.h5")["dem"]["where"][:, 2].mean() for m in runs]
+    assert height[1] == pytest.approx(height[0], abs=0.1 * 6e-3)
+
+
+def test_the_books_of_rigid_grains_close(runs):
+    history = runs["dvi"].history
+    assert abs(history["energy_residual"]).max() < 1e-12 * history["dissipated"].max() + 1e-15
+    assert (history["dissipated_sliding"] >= -1e-15).all()
+    assert {"sweeps", "solver_residual", "missed_steps", "warm_hits", "stabilisation_work"} <= set(history)
+    assert "rigid grains" in runs["dvi"].summary["plan"]["contact"]
+
+
+def test_it_resumes_bit_for_bit(tmp_path, runs):
+    class InterruptAtHalf:
+        def update(self, fraction, text):
+            if 0.5 <= fraction < 1.0:
+                import signal
+
+                signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(Interrupted):
+        emclutch.run(scene("dvi"), out=tmp_path / "parts", progress=InterruptAtHalf())
+    emclutch.run(scene("dvi"), out=tmp_path / "parts", resume=True)
+    whole, parts = (
+        read_checkpoint(folder / "checkpoint.h5")["dem"] for folder in (runs["dvi"].folder.path, tmp_path / "parts")
+    )
+    for key in ("where", "motion", "particle_id", "bodies"):
+        assert np.array_equal(whole[key], parts[key])
+
+
+def test_a_step_beyond_the_rule_is_refused_unless_insisted_upon(tmp_path):
+    with pytest.raises(RunError, match="insist = true"):
+        emclutch.run(scene("dvi", **{"contact.dvi.step": "5 ms"}), out=tmp_path / "refused")
+    insisted = {"contact.dvi.step": "5 ms", "contact.dvi.insist": True, "time.end": "20 ms"}
+    assert emclutch.run(scene("dvi", **insisted), out=tmp_path / "taken").summary["dt"] == 5e-3
+
+
+def test_too_many_misses_stop_the_run(tmp_path):
+    hopeless = {"contact.dvi.max_sweeps": 1, "contact.dvi.tolerance": "1e-9 m/s", "contact.dvi.allowed_misses": 0.1}
+    with pytest.raises(RunError, match=r"missed the tolerance of 1e-09 m/s.*raise contact\.dvi\.max_sweeps"):
+        emclutch.run(scene("dvi", **hopeless), out=tmp_path / "run")
+
+
+def test_a_few_misses_are_recorded_only():
+    callback = MissedSteps(0.5)
+
+    class Simulation:
+        dem = type("Dem", (), {"tolerance": 1e-6})
+
+    for _ in range(10):
+        callback(Simulation, {"missed_steps": 5, "steps": 10, "time": 0.0, "solver_residual": 1e-5})
+    with pytest.raises(ParticleError, match="61 of 110"):
+        callback(Simulation, {"missed_steps": 11, "steps": 10, "time": 0.0, "solver_residual": 1e-5})
