@@ -23,19 +23,6 @@ def _angular_momentum(g):
     return g.mass @ np.cross(g.position, g.velocity) + g.inertia @ g.angular_velocity
 
 
-def test_momentum_and_angular_momentum_of_a_gas():
-    grains = _cloud()
-    dt = choose_time_step(LAW, grains.mass, grains.radius).dt
-    dem = DEM(grains, [], [], LAW, dt=dt)
-    p, spin = grains.momentum(), _angular_momentum(grains)
-    scale_p = np.sum(grains.mass * np.linalg.norm(grains.velocity, axis=1))
-    scale_l = np.sum(grains.mass * np.linalg.norm(np.cross(grains.position, grains.velocity), axis=1))
-    totals = dem.run(1500)
-    assert totals.books.dissipation["sliding"] > 0.01 * totals.books.kinetic_energy
-    assert np.abs(dem.grains.momentum() - p).max() < 1e-12 * scale_p
-    assert np.abs(_angular_momentum(dem.grains) - spin).max() < 1e-12 * scale_l
-
-
 def test_kinetic_energy_is_booked_exactly_and_losses_by_mechanism_to_first_order():
     grains = _cloud()
     dt = choose_time_step(LAW, grains.mass, grains.radius, steps_per_contact=80).dt

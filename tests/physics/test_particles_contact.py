@@ -1,10 +1,10 @@
-"""One sphere and one wall, or two spheres: restitution, rolling, sliding, incline, belt, cylinder, edges."""
+"""Unequal spheres, free fall, and a sphere that rolls over a convex edge; closed forms of each law are in test_dem_reference."""
 
 import numpy as np
 import pytest
 
-from geometry.walls import Plane, cylinder, outline
-from particles import DEM, Body, Grains, LinearContact, PrescribedSpeed, choose_time_step
+from geometry.walls import Plane, outline
+from particles import DEM, Body, Grains, LinearContact, choose_time_step
 
 G = 9.81
 
@@ -15,24 +15,6 @@ def _floor(body="housing"):
 
 def _sphere(position, radius, density, **state):
     return Grains.create([position], radius, density, **{name: [value] for name, value in state.items()})
-
-
-@pytest.mark.parametrize("e", [0.9, 0.5, 0.2])
-def test_restitution_on_a_wall(e):
-    """The asked restitution, and the duration of the force (pi - atan2(2 zeta s, 1 - 2 zeta^2))/(omega s)."""
-    law, r, v = LinearContact.from_restitution(1e4, e, 0.3), 1e-3, 0.5
-    grains = _sphere([0.0, 0.0, r], r, 2500.0, velocity=[0.0, 0.0, -v])
-    omega, zeta = np.sqrt(law.stiffness_n / grains.mass[0]), law.damping_n
-    s = np.sqrt(1.0 - zeta**2)
-    duration = (np.pi - np.arctan2(2.0 * zeta * s, 1.0 - 2.0 * zeta**2)) / (omega * s)
-    dt = 1e-8
-    dem = DEM(grains, [_floor()], [Body("housing")], law, dt=dt)
-    pushed = 0
-    while dem.grains.position[0, 2] < r or dem.time < 1e-5:
-        dem.run(10)
-        pushed += 10 * bool(dem.contact_force[0, 2] > 0.0)
-    assert dem.grains.velocity[0, 2] / v == pytest.approx(e, rel=2e-3)
-    assert pushed * dt == pytest.approx(duration, abs=3e-7)
 
 
 @pytest.mark.parametrize("e", [0.9, 0.5])
@@ -57,132 +39,10 @@ def test_free_fall_is_an_exact_parabola():
     assert dem.grains.position[0] == pytest.approx([0.2 * t, 0.0, 1.0 + t - 0.5 * G * t**2], rel=1e-12)
 
 
-def test_oblique_impact_in_gross_sliding():
-    """d = 5 mm, rho 2700, e .98, mu .092: v_x' = v_x - mu (1 + e) |v_z|, omega = 5 mu (1 + e) |v_z|/(2 R)."""
-    law, r = LinearContact.from_restitution(1e9, 0.98, 0.092), 2.5e-3
-    grains = _sphere([0.0, 0.0, r * 1.0001], r, 2700.0, velocity=[2.5069, 0.0, -2.9876])
-    dt = choose_time_step(law, grains.mass, grains.radius, steps_per_contact=400).dt
-    dem = DEM(grains, [_floor()], [Body("housing")], law, dt=dt)
-    while dem.grains.position[0, 2] < 1.001 * r:
-        dem.run(100)
-    assert dem.grains.velocity[0, 0] == pytest.approx(1.962679, rel=1e-3)
-    assert dem.grains.velocity[0, 2] == pytest.approx(2.927848, rel=1e-3)
-    assert dem.grains.angular_velocity[0, 1] == pytest.approx(544.221, rel=2e-3)
-
-
-@pytest.mark.parametrize("friction", [0.05, 0.3, 1.0])
-@pytest.mark.parametrize("e", [0.5, 0.9, 1.0])
-def test_friction_creates_no_energy(friction, e):
-    """One sphere for each incidence from 0 to 89 degrees, three initial spins each."""
-    law, r = LinearContact.from_restitution(1e4, e, friction), 1e-3
-    angle, spin = (a.ravel() for a in np.meshgrid(np.radians(np.arange(0.0, 90.0, 1.0)), [-500.0, 0.0, 500.0]))
-    n = len(angle)
-    position = np.stack([np.arange(n) * 4.0 * r, np.zeros(n), np.full(n, 1.01 * r)], axis=1)
-    velocity = np.stack([np.zeros(n), np.sin(angle), -np.cos(angle)], axis=1)
-    w = np.stack([spin, np.zeros(n), np.zeros(n)], axis=1)
-    grains = Grains.create(position, r, 2500.0, velocity=velocity, angular_velocity=w)
-    mass, inertia = grains.mass[0], grains.inertia[0]
-    dt = choose_time_step(law, grains.mass, grains.radius, steps_per_contact=50).dt
-    before = 0.5 * mass + 0.5 * inertia * spin**2
-    dem = DEM(grains, [_floor()], [Body("housing")], law, dt=dt)
-    dem.run(int(3.0e-3 / dt))
-    g = dem.grains
-    order = np.argsort(g.particle_id)
-    after = (0.5 * mass * np.sum(g.velocity**2, axis=1) + 0.5 * inertia * np.sum(g.angular_velocity**2, axis=1))[order]
-    assert (g.velocity[order, 2] > 0.0).all() and len(dem.contacts().i) == 0
-    # the phase of the impact in its first step leaves an error of second order in dt, of either sign
-    assert (after <= before * (1.0 + 1e-3)).all()
-
-
 def _on_the_floor(law, r, density, gravity=G):
     grains = _sphere([0.0, 0.0, r], r, density)
     grains.position[0, 2] -= grains.mass[0] * gravity / law.stiffness_n  # at rest on its static overlap
     return grains
-
-
-def test_slip_to_roll():
-    """t_s = 2 u0/(7 mu g); then u = 5 u0/7, omega = 5 u0/(7 R)."""
-    law, r, u0 = LinearContact.from_restitution(1e5, 0.5, 0.2), 5e-3, 0.5
-    grains = _on_the_floor(law, r, 2500.0)
-    grains.velocity[0, 0] = u0
-    dt = choose_time_step(law, grains.mass, grains.radius).dt
-    dem = DEM(grains, [_floor()], [Body("housing")], law, dt=dt, gravity=(0.0, 0.0, -G))
-    t_s = 2.0 * u0 / (7.0 * 0.2 * G)
-    dem.run(int(0.9 * t_s / dt))
-    assert dem.grains.velocity[0, 0] == pytest.approx(u0 - 0.2 * G * dem.time, rel=1e-3)
-    dem.run(int(0.3 * t_s / dt))
-    assert dem.grains.velocity[0, 0] == pytest.approx(5.0 * u0 / 7.0, rel=1e-3)
-    assert dem.grains.angular_velocity[0, 1] == pytest.approx(5.0 * u0 / (7.0 * r), rel=1e-3)
-
-
-def test_belt_picks_a_sphere_up_to_two_sevenths():
-    """A floor that turns slowly, 100 m from its axis, is a belt of speed U; the sphere ends at 2 U/7."""
-    law, r, far, belt = LinearContact.from_restitution(1e5, 0.5, 0.3), 5e-3, 100.0, 0.7
-    grains = _on_the_floor(law, r, 2500.0)
-    grains.position[0, 0] = far
-    dt = choose_time_step(law, grains.mass, grains.radius).dt
-    rotor = Body("rotor", PrescribedSpeed.constant(belt / far))
-    dem = DEM(grains, [_floor("rotor")], [rotor], law, dt=dt, gravity=(0.0, 0.0, -G))
-    totals = dem.run(int(0.15 / dt))
-    assert dem.grains.velocity[0, 1] == pytest.approx(2.0 * belt / 7.0, rel=2e-3)
-    # torque on the belt is minus the change of angular momentum of the sphere
-    assert totals.torque["rotor"]["tangential"] * totals.duration == pytest.approx(-dem.grains.angular_momentum_z())
-    assert totals.books.wall_work["rotor"] == pytest.approx(
-        totals.books.contact_work + totals.books.dissipated + totals.books.elastic_change, rel=1e-12
-    )
-    assert totals.books.dissipation["sliding"] == pytest.approx(totals.books.dissipated, rel=1e-2)
-
-
-@pytest.mark.parametrize("degrees", [10.0, 30.0, 50.0, 70.0])
-def test_incline_rolls_or_slides(degrees):
-    """Rolls with a = (5/7) g sin if tan <= 3.5 mu, else slides with a = g (sin - mu cos)."""
-    law, r, mu = LinearContact.from_restitution(1e5, 0.3, 0.3), 5e-3, 0.3
-    alpha = np.radians(degrees)
-    grains = _on_the_floor(law, r, 2500.0, G * np.cos(alpha))
-    dt = choose_time_step(law, grains.mass, grains.radius).dt
-    gravity = (G * np.sin(alpha), 0.0, -G * np.cos(alpha))
-    dem = DEM(grains, [_floor()], [Body("housing")], law, dt=dt, gravity=gravity)
-    dem.run(int(0.1 / dt))
-    if np.tan(alpha) <= 3.5 * mu:
-        a, rate = 5.0 / 7.0 * G * np.sin(alpha), 5.0 / 7.0 * G * np.sin(alpha) / r
-    else:
-        a, rate = G * (np.sin(alpha) - mu * np.cos(alpha)), 2.5 * mu * G * np.cos(alpha) / r
-    assert dem.grains.velocity[0, 0] / dem.time == pytest.approx(a, rel=3e-3)
-    assert dem.grains.angular_velocity[0, 1] / dem.time == pytest.approx(rate, rel=3e-3)
-
-
-@pytest.mark.parametrize("friction, factor", [(1.0, 1.4), (0.0, 1.0)])
-def test_small_oscillations_in_a_cylinder(friction, factor):
-    """Period 2 pi sqrt(factor (R_c - R)/g): 7/5 rolling, 1 without friction."""
-    law, r, rc, amplitude = LinearContact.from_restitution(1e5, 0.5, friction), 5e-3, 50e-3, 0.02
-    at = rc - r + 1.3e-3 * G / law.stiffness_n
-    grains = _sphere([at * np.sin(amplitude), -at * np.cos(amplitude), 0.0], r, 2500.0)
-    dt = choose_time_step(law, grains.mass, grains.radius).dt
-    wall = cylinder("drum", "housing", rc, -0.1, 0.1)
-    dem = DEM(grains, [wall], [Body("housing")], law, dt=dt, gravity=(0.0, -G, 0.0))
-    crossings, last, every = [], dem.grains.position[0, 0], 20
-    while len(crossings) < 5:
-        dem.run(every)
-        now = dem.grains.position[0, 0]
-        if last * now < 0.0:
-            crossings.append(dem.time - every * dt * now / (now - last))
-        last = now
-    period = (crossings[4] - crossings[0]) / 2.0
-    assert period == pytest.approx(2.0 * np.pi * np.sqrt(factor * (rc - r) / G), rel=2e-3)
-
-
-def test_eight_balls_press_their_weight():
-    """Eight balls of 5 kg stand on the floor with 392.4 N; the force of the floor is that at every step."""
-    r = 0.05
-    density = 5.0 / (4.0 / 3.0 * np.pi * r**3)
-    law = LinearContact.from_restitution(1e6, 0.3, 0.3)
-    position = np.array([[x, y, r] for x in range(4) for y in range(2)]) * [3 * r, 3 * r, 1.0]
-    position[:, 2] -= 5.0 * G / law.stiffness_n
-    grains = Grains.create(position, r, density)
-    dt = choose_time_step(law, grains.mass, grains.radius).dt
-    dem = DEM(grains, [_floor()], [Body("housing")], law, dt=dt, gravity=(0.0, 0.0, -G))
-    for _ in range(50):
-        assert dem.run(1).force["housing"][2] == pytest.approx(-392.4, rel=1e-9)
 
 
 def test_rolling_over_a_convex_edge_keeps_one_contact_and_a_continuous_force():

@@ -39,11 +39,12 @@ def test_chunks_share_the_work_evenly():
     pairs = _list(8000)
     c = make_chunks(pairs.start, pairs.other, np.zeros(8001, dtype=np.int64))
     work = np.diff((pairs.start + 2 * np.arange(8001))[c.start])
-    assert len(work) == 5 and work.max() < 1.02 * work.mean()
+    assert len(work) == 4 and work.max() < 1.02 * work.mean()
 
 
 def test_number_of_chunks_follows_from_the_grains_and_leaves_them_thick():
-    assert [chunk_count(n) for n in (1, 499, 500, 1000, 10_000, 100_000, 1_000_000)] == [1, 2, 2, 2, 5, 12, 25]
+    counts = [chunk_count(n) for n in (1, 499, 500, 1000, 10_000, 100_000, 1_000_000)]
+    assert counts == [1, 1, 2, 2, 6, 12, 24]  # even, so that two threads have the same to do
     # a cube of n grains has n^(1/3) layers: about four or more to a chunk
     assert all(n ** (1 / 3) / chunk_count(n) > 3.5 for n in (1000, 10_000, 100_000, 1_000_000))
 
