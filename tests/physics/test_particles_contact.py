@@ -1,4 +1,4 @@
-"""Unequal spheres, free fall, and a sphere that rolls over a convex edge; closed forms of each law are in test_dem_reference."""
+"""Unequal spheres, free fall, and a sphere that rolls over a convex edge; closed forms: test_dem_reference."""
 
 import numpy as np
 import pytest
