@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from functools import partial
 from math import pi
@@ -34,13 +35,22 @@ from emclutch.scene.time_table import points_of
 from field.section.eddy_currents import EddyCurrentProblem, VoltageDrive
 from particles import DEM, DVI, Body, FreeShaft, Grains, PrescribedSpeed
 
+log = logging.getLogger(__name__)
+
 
 def assemble(case: Case, device: Device, plan: Plan) -> Simulation:
     """Pack the grains (seeded), build the simulation and let them settle; raises PackingError when they do not fit."""
     scene = case.scene
     packing = packed(scene, device.boxes, device.walls(), plan.count, plan.sector)
     simulation = simulation_of(case, device, plan, grains_of(packing, scene.particles.density))
-    settled(scene, simulation.dem)
+    settling = settled(scene, simulation.dem)
+    if settling is not None:
+        log.info(
+            "settled in %.4g s of simulated time, before time 0: kinetic energy %.2g of the reference, %d contacts",
+            settling.time,
+            settling.kinetic,
+            settling.contacts,
+        )
     return simulation
 
 

@@ -127,7 +127,11 @@ def run(
         if as_json:
             _print_json(result.summary)
         else:
+            from emclutch.run_report import closing_lines
+
             typer.echo(torque_line(result.summary.get("torque")))
+            for line in closing_lines(result):
+                typer.echo(line)
             typer.echo(f"results and pictures: {result.folder.path}")
 
 

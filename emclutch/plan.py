@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import ceil, floor, pi
 
@@ -11,13 +12,17 @@ import numpy as np
 from coupling import magnetic_load, snap_in_overlap, weight_load
 from emclutch.case import Case
 from emclutch.device import CoilDevice, Device, build_device, grain_law
+from emclutch.overlaps import SOFT, STOPS
 from emclutch.rigid_plan import RigidPlan, plan_rigid
+from emclutch.scene.contact import Contact
 from emclutch.scene.field_source import CoilField
+from emclutch.scene.surfaces import extent_in_words
 from emclutch.scene.time_table import largest
 from field import MagneticField
 from field.factorisation import describe_backend
 from field.solid import SolidField
 from geometry import AnnularBox, Box, Clutch, ShearCell
+from geometry.centrifugal import CentrifugalClutch
 from particles import CyclicSector, PairLaws, RollingFriction, TwistingFriction, choose_time_step
 
 # nanoseconds a grain and step for contacts, and a neighbour for dipoles; measured on two cores, for estimates only
@@ -74,7 +79,8 @@ class Plan:
 def make_plan(case: Case, device: Device | None = None) -> tuple[Device, Plan]:
     """Build the device (unless given) and decide stiffness, step, windows and numbers of the run.
 
-    Raises ValueError with a remedy when the scene's own step is too long, or no stiffness follows from it.
+    Raises ValueError with a remedy when the scene's own step is too long, or its stiffness is too low or does
+    not follow from it.
     """
     scene = case.scene
     device = device or build_device(scene)
@@ -84,8 +90,13 @@ def make_plan(case: Case, device: Device | None = None) -> tuple[Device, Plan]:
     where = particles.region if isinstance(device.shape, Clutch) else "space"
     reasons = {
         "grains": f"{fill.count} simulated of {fill.count * particles.n_sectors} in the device "
-        f"({fill.mass * 1e3:.3g} g), solid fraction {fill.solid_fraction:.3f} of the {where} filled"
+        f"({fill.mass * 1e3:.3g} g), solid fraction {fill.solid_fraction:.3f} of the {where} filled",
+        "packing": _packing_in_words(scene, device),
     }
+    for surface in device.surfaces:
+        reasons[f"surface {surface.name}"] = (
+            f"{len(surface.triangles)} triangles, {extent_in_words(*surface.bounds)} mm, on body {surface.body}"
+        )
     field, M_max = expected_magnetisation(case, device)
     if isinstance(field, MagneticField) and isinstance(device.coil, CoilDevice) and device.coil.resistance is not None:
         reasons["coil"] = _coil_in_words(scene, device.coil, field)
@@ -172,11 +183,13 @@ def _sample_points(boxes: list[AnnularBox], diameter: float) -> np.ndarray:
 
 def _largest_speed(scene, device: Device) -> float:
     """Largest speed [m/s] that a driven wall gives to grains, or that weight can."""
-    speeds = [0.0]
-    for motion in (scene.motion.rotor, scene.motion.disc):
-        speeds.append(motion.free.largest_speed if motion.free is not None else largest(motion.speed))
-    wall = max(speeds) * device.largest_radius
+    wall = max(_shaft_speed(scene.motion.rotor), _shaft_speed(scene.motion.disc)) * device.largest_radius
     return max(wall, _fall_speed(scene, device))
+
+
+def _shaft_speed(motion) -> float:
+    """Largest speed [rad/s] of a shaft, driven or free."""
+    return motion.free.largest_speed if motion.free is not None else largest(motion.speed)
 
 
 def _fall_speed(scene, device: Device) -> float:
@@ -187,20 +200,47 @@ def _fall_speed(scene, device: Device) -> float:
     height = device.shear_gap
     if scene.particles.packing == "pour":
         along = np.abs(gravity.direction)
-        if isinstance(device.boxes, Box):
-            size = np.asarray(device.boxes.size)
-        else:
-            low, high = min(box.z0 for box in device.boxes), max(box.z1 for box in device.boxes)
-            size = np.array([2.0 * device.largest_radius, 2.0 * device.largest_radius, high - low])
-        height = float(along @ size) / float(np.linalg.norm(along))
+        height = float(along @ _size(device)) / float(np.linalg.norm(along))
     return float(np.sqrt(2 * gravity.acceleration * height))
+
+
+def _size(device: Device) -> np.ndarray:
+    """Extent [m] of what is filled with grains along x, y, z."""
+    if isinstance(device.boxes, Box):
+        return np.asarray(device.boxes.size)
+    low, high = min(box.z0 for box in device.boxes), max(box.z1 for box in device.boxes)
+    return np.array([2.0 * device.largest_radius, 2.0 * device.largest_radius, high - low])
+
+
+def _packing_in_words(scene, device: Device) -> str:
+    """How the grains are packed, and to what they settle."""
+    particles, gravity = scene.particles, scene.effects.gravity
+    lattice = f" ({particles.lattice})" if particles.packing == "lattice" else ""
+    if not particles.settles:
+        return f"{particles.packing}{lattice}; time 0 begins with the grains as packed"
+    longest = particles.settle_longest
+    weight = 0.0 if gravity is None else gravity.acceleration
+    if longest is not None:
+        limit = f"{longest:.3g} s as asked"
+    elif weight > 0.0:
+        limit = f"100 falls through the device ({100.0 * np.sqrt(2.0 * _size(device).max() / weight):.3g} s)"
+    else:
+        limit = "1e5 steps"
+    energy = "m g d" if weight > 0.0 else "the energy stored in contacts"
+    return (
+        f"{particles.packing}{lattice}; before time 0 the grains settle, shafts held and no magnetic forces, to a "
+        f"kinetic energy of {particles.settle_kinetic:.2g} of {energy}; longest: {limit}, not counted in the cost"
+    )
 
 
 def _impact_speed(scene, device: Device, speed: float) -> float:
     """Largest normal speed [m/s] of two grains to be expected: a sheared gap of g/d grains has v d/g between layers.
 
-    Twice that, for the fluctuations; never more than the speed itself, which holds for falling grains and boxes.
+    Twice that, for the fluctuations; never more than the speed itself, which holds for falling grains and boxes. Shot
+    at rest meets the vanes of a centrifugal clutch, which go at the speed of their tips.
     """
+    if isinstance(device.shape, CentrifugalClutch):
+        return max(_fall_speed(scene, device), _shaft_speed(scene.motion.rotor) * device.shape.tip_radius)
     return max(_fall_speed(scene, device), speed * min(1.0, 2.0 * scene.particles.largest_diameter / device.shear_gap))
 
 
@@ -227,9 +267,16 @@ def _contact(scene, device: Device, M_max: float, speed: float, reasons: dict[st
             f"give {contact.stiffness_key}"
         )
     between, at_walls = contact.laws(mass=mass, diameter=d, force=force, speed=speed)
-    deepest = max(
-        between.overlap_under(force, 0.5 * mass, speed, 0.25 * d), at_walls.overlap_under(force, mass, speed, 0.5 * d)
-    )
+
+    def deepest_of(chosen: Contact) -> float:
+        inner, outer = chosen.laws(mass=mass, diameter=d, force=force, speed=speed)
+        return max(
+            inner.overlap_under(force, 0.5 * mass, speed, 0.25 * d), outer.overlap_under(force, mass, speed, 0.5 * d)
+        )
+
+    deepest = deepest_of(contact)
+    if deepest > STOPS * d:
+        raise ValueError(_too_soft(contact, lambda chosen: deepest_of(chosen) / d, why))
     stiffness = between.stiffness_at(deepest, 0.25 * d)
     overlap = f"overlap {100 * deepest / d:.2g} % of the diameter" + (f" under {why}" if why else "")
     asked = "" if contact.needs_a_load else " as asked"
@@ -238,12 +285,31 @@ def _contact(scene, device: Device, M_max: float, speed: float, reasons: dict[st
     if M_max > 0.0:
         snap = snap_in_overlap(M_max, d, stiffness)
         reasons["stiffness"] += f"; grains that snap together from afar press in by {100 * snap:.2g} % for an instant"
+    if deepest > SOFT * d:
+        reasons["stiffness"] += f"; WARNING: above {100 * SOFT:g} % grains are too soft for peaks of the torque"
     rolls, twists = effects.rolling_friction, effects.twisting_friction
     rolling = None if rolls is None else RollingFriction(rolls.coefficient, rolls.wall_coefficient)
     twisting = None if twists is None else TwistingFriction(twists.coefficient, twists.wall_coefficient)
     cohesion = None if effects.cohesion is None else effects.cohesion.law()
     laws = PairLaws.of_one(between, at_walls=at_walls, rolling=rolling, twisting=twisting, cohesion=cohesion)
     return laws, force
+
+
+def _too_soft(contact: Contact, overlap: Callable[[Contact], float], why: str) -> str:
+    """What is said of a stiffness with which the run would stop; `overlap` over the diameter."""
+    key = contact.stiffness_key.partition(",")[0].removeprefix("contact.")
+    unit = {"hertz_stiffness": "N/m^1.5", "youngs_modulus": "Pa"}.get(key, "N/m")
+    given = {name: value for name in (key, f"wall_{key}") if (value := getattr(contact, name)) is not None}
+    factor = 1.0
+    while overlap(contact.model_copy(update={name: factor * v for name, v in given.items()})) > SOFT and factor < 1e12:
+        factor *= 1.25
+    told = " and ".join(f"contact.{name} = {value:.4g} {unit}" for name, value in given.items())
+    higher = " and ".join(f"'{factor * value:.2g} {unit}'" for value in given.values())
+    return (
+        f"{told} is too soft: grains would overlap by {100 * overlap(contact):.2g} % of the diameter under {why}, and "
+        f"a run stops at {100 * STOPS:g} %; raise it to about {higher}, or leave it out: it then follows from "
+        f"contact.max_overlap = {contact.max_overlap:g}"
+    )
 
 
 def _windows(scene, dt: float, speed: float, magnetic: bool, reasons: dict[str, str]) -> tuple[int, int, int]:

@@ -25,12 +25,13 @@ from emclutch.results.grain_profiles import write_profiles
 from emclutch.results.statistics import Estimate
 from emclutch.snapshots import History, Snapshots, save_checkpoint
 from field import ConvergenceError, FluxLinkage, MagneticField, MeanFluxDensity, PointOutside, estimate_error
-from particles import Grains, ParticleError
+from particles import DemError, Grains, ParticleError
 
 log = logging.getLogger(__name__)
 MAY_CHANGE = ("time.end", "time.average_from", "output.", "accuracy.", "scene.title", "scene.description")
 MUST_STAY = ("output.energies",)  # what a contact remembers has a place for it
 LEAST_STRAIN = 5.0  # shear of the gap, slip times radius over width; packings forget their making in a few
+JAM = 1e3  # tolerances of the solver of rigid contacts, beyond which a step counts as jammed
 CHECKPOINT_SECONDS = 60.0  # wall-clock between checkpoints; a crash costs no more than this
 
 
@@ -80,8 +81,9 @@ def run(
         try:
             return _run(case, folder, case_text, resume, progress, begin)
         except (ConvergenceError, ParticleError, PointOutside, ValueError) as error:
-            log.error("%s", error)
-            raise RunError(f"{error}\n(log: {folder.log})") from error
+            text = f"{error}{remedy_in_scene(case, error)}"
+            log.error("%s", text)
+            raise RunError(f"{text}\n(log: {folder.log})") from error
 
 
 def _run(case, folder, case_text, resume, progress, begin) -> Result:
@@ -161,6 +163,21 @@ def _run(case, folder, case_text, resume, progress, begin) -> Result:
     return load_result(folder.path)
 
 
+def remedy_in_scene(case: Case, error: Exception) -> str:
+    """Which keys of the scene mend grains that were pressed in too far; empty for other errors."""
+    contact = case.scene.contact
+    if contact.method != "dem" or not isinstance(error, DemError) or "overlaps" not in str(error):
+        return ""
+    key = contact.stiffness_key.partition(",")[0]
+    softer = getattr(contact, key.removeprefix("contact."))
+    if softer is None:
+        change = f"lower contact.max_overlap = {contact.max_overlap:g} to a quarter, or give {contact.stiffness_key}"
+    else:
+        change = f"raise {key} = {softer:g} fourfold, or leave it out: it then follows from contact.max_overlap"
+    step = "; time.step too must then be shorter" if case.scene.time.step is not None else ""
+    return f". In the scene: {change}{step}. A changed contact needs a new run: take another --out, not --resume"
+
+
 class MissedSteps:
     """Callback that stops a run of rigid grains of whose steps too many miss the tolerance.
 
@@ -205,9 +222,11 @@ def refuse_other_scene(old_text: str, new_text: str, target: str | Path) -> None
         if old.get(key) != new.get(key) and (key in MUST_STAY or not key.startswith(MAY_CHANGE))
     ]
     if differing:
+        contact = any(text.startswith("contact.") for text in differing)
+        why = "a changed contact needs a new run: " if contact else ""
         raise OutputError(
-            f"the checkpoint in {target} belongs to another scene ({'; '.join(differing)}); continue it with "
-            f"emclutch run {target} --resume, or start anew in another folder with --out"
+            f"the checkpoint in {target} belongs to another scene ({'; '.join(differing)}); {why}start anew in another "
+            f"folder with --out, or continue the old scene with emclutch run {target} --resume"
         )
 
 
@@ -256,6 +275,8 @@ def summarise(case, folder: RunFolder, device, plan, simulation, seconds: float)
         }
         summary |= {f"{name}_rise_time": rise_time(history, name) for name in ("current", "gap_flux_density")}
         summary["field_error_estimate"] = field_error_estimate(simulation.source.solution)
+    if "missed_steps" in history:
+        summary["solver"] = solver_summary(history, simulation.dem.tolerance)
     if "inertial_number" in history:
         late = history["inertial_number"].iloc[len(history) // 2 :].dropna()
         summary["inertial_number"] = float(late.median()) if len(late) else None
@@ -283,6 +304,24 @@ def summarise(case, folder: RunFolder, device, plan, simulation, seconds: float)
         "plan": plan.reasons,
     }
     folder.write_summary(summary)
+
+
+def solver_summary(history, tolerance: float) -> dict[str, float | str]:
+    """How the solver of rigid contacts did; a caution where steps ended far from the law of contact."""
+    missed, worst = int(history["missed_steps"].sum()), float(history["solver_residual"].max())
+    summary: dict[str, float | str] = {
+        "tolerance": tolerance,
+        "sweeps_per_step": float(np.average(history["sweeps"], weights=history["steps"])),
+        "missed_share": missed / float(history["steps"].sum()),
+        "worst_residual": worst,
+        "stabilisation_work": float(history["stabilisation_work"].sum()),
+    }
+    if worst > JAM * tolerance:
+        summary["caution"] = (
+            f"contacts ended a step {worst:.2g} m/s off the law of contact: rigid grains were jammed between walls "
+            "that push, where no finite force may exist; torques near that time are not to be trusted"
+        )
+    return summary
 
 
 def field_error_estimate(solution) -> dict[str, float] | None:

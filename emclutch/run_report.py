@@ -2,12 +2,42 @@
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
+from emclutch.overlaps import SOFT
 from emclutch.results import COLUMNS, OutputError, Result
 from emclutch.results.grain_profiles import profile_column, read_profiles
+
+RPM = 30.0 / math.pi
+
+
+def closing_lines(result: Result) -> list[str]:
+    """What a run says last, beside its torque: whether the output locked, and a caution about soft grains."""
+    summary, lines = result.summary, []
+    if "lock_up_time" in summary:
+        history = result.history
+        rotor, disc = (abs(float(history[name].iloc[-1])) * RPM for name in ("rotor_speed", "disc_speed"))
+        if summary["lock_up_time"] is not None:
+            lines.append(f"output locked at {summary['lock_up_time']:.4g} s, at {disc:.4g} rpm at the end")
+        else:
+            lines.append(f"output not locked: {disc:.4g} rpm at the end, the motor {rotor:.4g} rpm")
+    caution = soft_grains(summary)
+    return lines + ([f"caution: {caution}"] if caution else [])
+
+
+def soft_grains(summary: dict[str, Any]) -> str:
+    """A caution where grains by DEM overlapped too much; else empty."""
+    overlap = summary.get("max_overlap") or 0.0
+    if "stiffness" not in summary.get("plan", {}) or overlap <= SOFT:  # rigid grains have no stiffness
+        return ""
+    return (
+        f"the largest overlap is {100 * overlap:.2g} % of the diameter: grains too soft; torque peaks are not to be "
+        "trusted"
+    )
 
 
 def report(result: Result, page_folder: Path | None = None) -> str:
@@ -26,6 +56,7 @@ def report(result: Result, page_folder: Path | None = None) -> str:
         error = "unknown" if torque.standard_error is None else f"{torque.standard_error:.2g} N m"
         mean = "none" if torque.mean is None else f"{torque.mean:.4g} N m"
         lines += [f"**Torque on the disc: {mean}, standard error {error}** ({torque.reason}).", ""]
+    lines += [f"**{line[:1].upper()}{line[1:]}.**\n" for line in closing_lines(result)]
     rows = [("effects", ", ".join(summary["effects"]) or "none")]
     for key, label, unit in (
         ("current", "current at the end", "A"),

@@ -138,6 +138,11 @@ class Quantity:
             raise ValueError(f"is not a number; {self._needed()}")
         if not math.isfinite(value):
             raise ValueError(f"is not finite; {self._needed()}")
+        if self.unit == "m" and value > self.maximum and not isinstance(given, str):
+            raise ValueError(
+                f"is read as {value:g} m, out of range; allowed: {self.range_text}; write '{value:g} mm' if "
+                "millimetres are meant"
+            )
         below = value < self.minimum or (self.open_minimum and value == self.minimum)
         if below or value > self.maximum:
             raise ValueError(f"is out of range; allowed: {self.range_text}, e.g. {self.given_example}")

@@ -80,7 +80,7 @@ def triangle_wall_from_file(
     vertices, triangles = _mesh(path) if is_mesh else _cad(path, None if size is None else size / scale)
     vertices = scale * vertices
     if len(triangles) == 0:
-        raise SurfaceError(f"{path} holds no triangles; export the surface, not curves or solid cells alone")
+        raise SurfaceError(f"{path} holds no triangles; export it anew: the surface, not curves or solid cells alone")
     if not np.isfinite(vertices[triangles]).all():
         raise SurfaceError(f"{path} holds coordinates that are not finite; export it anew")
     extent = float(np.ptp(vertices[triangles].reshape(-1, 3), axis=0).max())
@@ -105,8 +105,13 @@ def _mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
         with np.errstate(over="ignore"):  # of a text's bytes, read as the number of triangles of a binary STL
             mesh = meshio.read(path)
     except (Exception, SystemExit) as error:  # each of meshio's readers fails in a way of its own
+        if path.suffix.lower() == ".stl":
+            raise SurfaceError(f"{path} {_wrong_stl(path)}; export it anew") from None
         reason = " ".join(str(error).split()) or type(error).__name__
         raise SurfaceError(f"{path} cannot be read as {path.suffix.lower()} ({reason}); export it anew") from None
+    if len(mesh.points) == 0:  # also what is made of some files that are no STL
+        found_instead = _wrong_stl(path) if path.suffix.lower() == ".stl" else "holds no triangles"
+        raise SurfaceError(f"{path} {found_instead}; export it anew")
     points = np.asarray(mesh.points, dtype=float).reshape(len(mesh.points), -1)
     vertices = np.zeros((len(points), 3))
     vertices[:, : points.shape[1]] = points
@@ -118,6 +123,20 @@ def _mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
         elif block.type == "quad":
             found += [cells[:, [0, 1, 2]], cells[:, [0, 2, 3]]]
     return vertices, np.vstack(found).astype(np.int64)
+
+
+def _wrong_stl(path: Path) -> str:
+    """What is wrong with an STL file that could not be read."""
+    content = path.read_bytes()
+    is_text = content.lstrip()[:5].lower() == b"solid" and b"\0" not in content
+    announced = int.from_bytes(content[80:84], "little") if len(content) >= 84 else -1
+    if (is_text and b"endsolid" in content and b"facet" not in content) or (not is_text and announced == 0):
+        return "holds no triangles"
+    if is_text and b"endsolid" not in content:
+        return "is cut off, or neither ASCII nor binary STL"
+    if not is_text and announced > 0 and len(content) < 84 + 50 * announced:
+        return f"is neither ASCII nor binary STL (a binary one would announce {announced} triangles and is cut off)"
+    return "is neither ASCII nor binary STL"
 
 
 def _cad(path: Path, size: float | None) -> tuple[np.ndarray, np.ndarray]:

@@ -218,7 +218,7 @@ def _gap_window(
         (r0, z0), (r1, z1) = grains[:, :2].min(axis=0), grains[:, :2].max(axis=0)
         side = 1.15 * max(min(r1 - r0, z1 - z0) * 4.0, 12.0 * float(grains[:, 2].max()))
         centres = grains[:, :2]
-        extent = max(r1 - r0, z1 - z0)
+        extent = max(r1 - r0, z1 - z0, 10.0 * float(grains[:, 2].max()))  # a single grain has no extent
     else:
         centres = corners.mean(axis=1)
         extent = float(np.ptp(corners.reshape(-1, 2), axis=0).max())

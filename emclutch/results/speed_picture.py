@@ -18,6 +18,7 @@ MOTOR = "#c4540a"  # as the rotor in the other pictures
 OUTPUTS = ("#0b5fa5", "#2a8c3f", "#8a1c7c", "#b5179e", "#0a7d7d", "#7f6000")
 MARKERS = "osD^v<>P"
 LINES = ("-", "--", "-.", ":")  # the next one when the colours are used up
+LEAST_EXPLAINED = 0.5  # of the torque's variance: a parabola that explains less is not drawn
 LEAST_SLIP = 0.05  # of the motor's speed: below it the shot begins to hold
 VARIES = 1e-3  # of the fastest speed: a free shaft that is held by dry friction trembles
 
@@ -84,7 +85,8 @@ def torque_speed_picture(path: str | Path, runs: Mapping[str, Any], *, title: st
     """Draw the torque on the output against the motor's speed while they slip, and the nearest parabola K omega^2.
 
     Once locked the clutch carries the load, whatever it could: those windows are left out. The parabola is that of the
-    windows in which the output stands, or nearly; a turning output meets the shot at another speed.
+    windows in which the output stands, or nearly; a turning output meets the shot at another speed. Its R^2 is in the
+    legend; below `LEAST_EXPLAINED` there is no parabola to speak of.
 
     Parameters
     ----------
@@ -108,11 +110,12 @@ def torque_speed_picture(path: str | Path, runs: Mapping[str, Any], *, title: st
         axis.plot(RPM * speed[moving], torque[moving], ls="", marker="o", ms=3.0, mfc="none", mew=0.6, alpha=0.6,
                   color=colour, label=f"{of}the output turns" if moving.any() else None)  # fmt: skip
         factor = quadratic_factor(speed[stands], torque[stands])
-        if factor is not None:
+        explained = None if factor is None else explained_share(factor, speed[stands], torque[stands])
+        if factor is not None and explained is not None and explained >= LEAST_EXPLAINED:
             along = np.linspace(0.0, float(speed[slips].max()), 101)
             at_1000 = factor * (1000.0 / RPM) ** 2
             axis.plot(RPM * along, factor * along**2, color=colour, lw=1.6,
-                      label=f"{of}{at_1000:.3g} N m · (rpm/1000)²")  # fmt: skip
+                      label=f"{of}{at_1000:.3g} N m · (rpm/1000)², R² = {explained:.2f}")  # fmt: skip
     axis.set_xlabel("speed of the motor [rpm]")
     axis.set_ylabel("torque on the output [N m]")
     axis.axhline(0.0, color="black", lw=0.6, zorder=1)
@@ -130,6 +133,13 @@ def quadratic_factor(speed: np.ndarray, torque: np.ndarray) -> float | None:
     """K [N m s^2] of the parabola K omega^2 nearest to the torques; None where nothing turns."""
     square = np.square(np.asarray(speed, dtype=np.float64))
     return float(square @ torque / (square @ square)) if np.any(square) else None
+
+
+def explained_share(factor: float, speed: np.ndarray, torque: np.ndarray) -> float | None:
+    """R^2 of the parabola: the share of the torques' variance about their mean that it explains; None of one torque."""
+    total = float(np.sum((torque - np.mean(torque)) ** 2))
+    left = float(np.sum((torque - factor * np.square(speed)) ** 2))
+    return 1.0 - left / total if total > 0.0 else None
 
 
 def power_law(speed: Any, torque: Any, error: Any = None) -> tuple[float, float, float] | None:

@@ -14,6 +14,7 @@ from emclutch.scene.fill import fill_of
 from emclutch.scene.geometry import BoxGeometry, CadGeometry, CentrifugalGeometry, ClutchGeometry, ShearCellGeometry
 from emclutch.scene.motion import HELD
 from emclutch.scene.section import did_you_mean
+from emclutch.scene.surfaces import extent_in_words
 from emclutch.scene.time_table import largest
 
 # Reach of a contact in grain diameters: the Verlet list holds pairs that may touch before it is built anew.
@@ -42,11 +43,19 @@ def faults_between_sections(draft: Draft) -> list[Fault]:
     return [fault for check, sections in CHECKS if not draft.broken & set(sections) for fault in check(draft)]
 
 
+def _size_key(particles: Any) -> str:
+    """The key of [particles] that says how large the grains are."""
+    return "sizes" if particles.sizes is not None else "packing_file" if particles.diameter is None else "diameter"
+
+
 def _shape(draft: Draft) -> Iterator[Fault]:
     """The shape itself, and that a grain fits into it."""
     particles = draft.scene.particles
     for fault in draft.scene.geometry.shape().faults(None if particles is None else particles.largest_diameter):
-        told = draft.fault(fault.key, f"cannot be: {fault.message}".replace("`", ""))
+        message = f"cannot be: {fault.message}".replace("`", "")
+        if particles is not None:
+            message = message.replace("particles.diameter", f"particles.{_size_key(particles)}")
+        told = draft.fault(fault.key, message)
         yield (told if told.value else Fault(fault.key, fault.value, told.message))  # a default has no entry to show
 
 
@@ -96,13 +105,46 @@ def _region(draft: Draft) -> Iterator[Fault]:
 
 
 def _sector_in_geometry(draft: Draft) -> Iterator[Fault]:
-    if draft.scene.particles.sector is not None and isinstance(
-        draft.scene.geometry, (BoxGeometry, CentrifugalGeometry)
-    ):
+    if draft.scene.particles.sector is None:
+        return
+    if isinstance(draft.scene.geometry, BoxGeometry):
         yield draft.fault(
             "particles.sector",
             "needs a shape with an axis; remove it, or take another geometry.kind than 'box'",
         )
+    if isinstance(draft.scene.geometry, CentrifugalGeometry):
+        yield draft.fault(
+            "particles.sector",
+            "cannot stand in a centrifugal clutch: its vanes and ribs do not repeat from sector to sector as one turns "
+            "past the other; remove it (the full ring is simulated)",
+        )
+
+
+def _surfaces(draft: Draft) -> Iterator[Fault]:
+    """A surface that no grain can reach, wherever its body turns to."""
+    geometry, shape = draft.scene.geometry, draft.scene.shape()
+    if isinstance(geometry, CadGeometry) or shape.faults(None):
+        return  # only the boxes that a CAD device is filled in are known, not all of its cavity; the latter is told
+    inner = 0.0
+    if isinstance(geometry, BoxGeometry):
+        lower, upper = shape.lower, shape.upper
+    else:
+        boxes = shape.fill_boxes().values()
+        inner, outer = min(box.r0 for box in boxes), max(box.r1 for box in boxes)
+        lower = (-outer, -outer, min(box.z0 for box in boxes))
+        upper = (outer, outer, max(box.z1 for box in boxes))
+    for name, surface in draft.scene.surfaces.items():
+        wall = surface.wall(name)
+        low, high = wall.bounds
+        beyond = any(a > up or b < down for a, b, up, down in zip(low, high, upper, lower, strict=True))
+        within = max(math.hypot(x, y) for x, y, _ in wall.vertices) < inner
+        if beyond or within:
+            hole = f", r above {1e3 * inner:.4g}" if inner > 0.0 else ""
+            yield draft.fault(
+                f"surfaces.{name}.file",
+                f"lies wholly outside the grains' space ({extent_in_words(lower, upper)}{hole} mm): it is at "
+                f"{extent_in_words(low, high)} mm; move it, or check surfaces.{name}.scale",
+            )
 
 
 def _sector_in_surfaces(draft: Draft) -> Iterator[Fault]:
@@ -137,7 +179,7 @@ def _rigid(draft: Draft) -> Iterator[Fault]:
     """What rigid grains cannot do yet, and what their solvers exclude."""
     scene = draft.scene
     contact = scene.contact
-    if contact.dvi.solver == "psor" and contact.dvi.friction_law != "convex":
+    if contact.dvi.solver in ("psor", "apgd") and contact.dvi.friction_law != "convex":
         yield draft.fault("contact.dvi.solver", "solves the convex law; add friction_law = 'convex', or take another")
     if contact.method != "dvi":
         return
@@ -182,7 +224,7 @@ def _fill(draft: Draft) -> Iterator[Fault]:
     if fill.count < 1:
         yield draft.fault(
             f"particles.{key}",
-            "is less than one grain; raise it, widen particles.sector, or lower particles.diameter",
+            f"is less than one grain; raise it, widen particles.sector, or lower particles.{_size_key(particles)}",
         )
 
 
@@ -211,7 +253,7 @@ def _sector_width(draft: Draft) -> Iterator[Fault]:
             "particles.sector",
             f"is {1e3 * chord:.4g} mm wide at r = {1e3 * radius:.4g} mm, less than two "
             f"reaches of a grain ({2e3 * reach:.4g} mm); allowed: at least '{wider:.10g} deg'; widen it, "
-            f"lower particles.diameter{shorter}",
+            f"lower particles.{_size_key(particles)}{shorter}",
         )
 
 
@@ -349,6 +391,7 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (_field, ("geometry", "field")),
     (_region, ("geometry", "particles")),
     (_sector_in_geometry, ("geometry", "particles")),
+    (_surfaces, ("geometry", "surfaces")),
     (_sector_in_surfaces, ("particles", "surfaces")),
     (_sector_in_gravity, ("particles", "effects")),
     (_sector_in_field, ("particles", "field")),
@@ -375,7 +418,10 @@ def warnings_of(scene: Any) -> Iterator[str]:
         )
     if magnetic and effects.saturation is None:
         yield "[effects.saturation] is missing: the grains are linear and magnetise without limit"
-    if scene.coil is not None and not isinstance(scene.field, CoilField):
+    if scene.coil is not None and not isinstance(scene.geometry, (ClutchGeometry, CadGeometry)):
+        kind = scene.geometry.kind
+        yield f"[coil] is not used: a device of geometry.kind = '{kind}' has none; remove the table"
+    elif scene.coil is not None and not isinstance(scene.field, CoilField):
         yield "[coil] is not used: that needs [field] with source = 'coil'"
     if scene.field is not None and not magnetic:
         yield "[field] moves no grain: that needs [effects.dipoles] or [effects.magnetic_force]"

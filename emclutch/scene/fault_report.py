@@ -58,11 +58,16 @@ def _fault(details: ErrorDetails, root: type[Section], data: dict[str, Any]) -> 
     if kind == "extra_forbidden":
         return Fault(dotted(path), value, _unknown_key(path, root, data))
     if kind == "rule":
-        path = (*path, context["key"]) if context["key"] else path
+        if context["key"] and path[-1:] != (context["key"],):  # a member of a union may have the key's name
+            path = (*path, context["key"])
         entry = entry_at(data, path)
         return Fault(dotted(path), "" if entry is None or isinstance(entry, dict) else shown(entry), context["message"])
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         return _wrong_tag(path, str(context["discriminator"]).strip("'"), given, root, data)
+    if kind == "choice" and path == ("contact", "law") and str(given).lower() in ("jkr", "dmt"):
+        model = str(given).lower()
+        hint = f"is a cohesion, not a contact law; add [effects.cohesion] with model = '{model}' beside a law; "
+        return Fault(dotted(path), value, hint + context["message"].partition("; ")[2])
     if kind in ("quantity", "choice", "whole"):
         return Fault(dotted(path), value, context["message"])
     return Fault(dotted(path), value, _plain(kind, details["msg"], context, path))
@@ -106,13 +111,14 @@ def _unknown_key(path: Path, root: type[Section], data: dict[str, Any]) -> str:
     if path[:-1] == ("effects",) and name in PLANNED_EFFECTS:
         return f"is planned but not in this version; remove its table; {_listed(root, path[:-1], data)}"
     allowed = _keys_at(path[:-1], root, data)
+    elsewhere = list(dict.fromkeys(other for other in _all_keys(root) if other.rsplit(".", 1)[-1] == name))
+    if dotted(path) in elsewhere:  # a member of the section's union has it, but not the one that is named
+        tag = next(key for key in ("kind", "law", "source") if key in allowed)
+        hint = f"with {tag} = {shown(entry_at(data, (*path[:-1], tag)))}"
+        hint += ", which has no coil; " if name.startswith("coil_") else "; "
+        return f"is not a key {hint}remove it, or change {tag}; {_listed(root, path[:-1], data)}"
     hint = did_you_mean(name, allowed)
     if not hint:
-        elsewhere = list(dict.fromkeys(other for other in _all_keys(root) if other.rsplit(".", 1)[-1] == name))
-        if dotted(path) in elsewhere:  # a member of the section's union has it, but not the one that is named
-            tag = next(key for key in ("kind", "law", "source") if key in allowed)
-            hint = f"with {tag} = {shown(entry_at(data, (*path[:-1], tag)))}; remove it, or change {tag}; "
-            return f"is not a key {hint}{_listed(root, path[:-1], data)}"
         hint = f"did you mean {elsewhere[0]}? " if elsewhere else ""
     return f"is not a known key; {hint}{_listed(root, path[:-1], data)}"
 

@@ -17,10 +17,11 @@ class Rigid(Section):
         default="coulomb",
         description="coulomb: exact; convex: the cone complementarity of Project Chrono, which lifts sliding grains",
     )
-    solver: Annotated[str, Choice(("accelerated", "gauss_seidel", "interior_point", "psor"))] = Field(
+    solver: Annotated[str, Choice(("accelerated", "gauss_seidel", "interior_point", "psor", "apgd"))] = Field(
         default="accelerated",
         description="accelerated: Gauss-Seidel sweeps, accelerated where they stall; interior_point: an interior "
-        "point for steps on which these stall; psor: projected over-relaxation, convex only",
+        "point for steps on which these stall; psor, apgd: projected "
+        "over-relaxation, accelerated projected gradients, both convex only",
     )
     tolerance: Annotated[LinearSpeed | None, Automatic()] = Field(
         default=None, description="on the natural map of every contact; default: 1e-4 of the largest speed expected"

@@ -22,11 +22,34 @@ class _Distribution(Section):
 
     @model_validator(mode="after")
     def _can_be_drawn(self) -> Self:
+        self._check()
         try:
             self.distribution()
         except (ValueError, OSError) as error:
             raise refuse(str(error)) from None
         return self
+
+    def _check(self) -> None:
+        """Refuse what can be told by its key."""
+
+    def _check_limits(self, middle: str, width: str, smallest: float, largest: float) -> None:
+        """Refuse limits that are no diameters in order, or that the key ``middle`` is not between."""
+        given = self.model_fields_set
+        if smallest <= 0.0:
+            raise refuse(
+                f"is missing, and three deviations below {middle} is {1e3 * smallest:.4g} mm, no diameter; give it, "
+                f"or lower {width}",
+                key="min",
+            )
+        if smallest >= largest:
+            key, other = ("min", f"max = {1e3 * largest:.4g} mm") if "min" in given else ("max", "the smallest")
+            side = "not below" if key == "min" else "not above"
+            raise refuse(f"is {side} {other}; the smallest diameter must be below the largest", key=key)
+        if not smallest <= getattr(self, middle) <= largest:
+            raise refuse(
+                f"is not between the limits {1e3 * smallest:.4g} and {1e3 * largest:.4g} mm; move it, or min and max",
+                key=middle,
+            )
 
     def distribution(self) -> GrainSizes:
         """Return the distribution, in SI."""
@@ -39,6 +62,10 @@ class UniformDiameters(_Distribution):
     kind: Literal["uniform"]
     min: Length = Field(description="smallest diameter")
     max: Length = Field(description="largest diameter")
+
+    def _check(self) -> None:
+        if self.min >= self.max:
+            raise refuse(f"is not below max = {1e3 * self.max:.4g} mm; the smallest diameter comes first", key="min")
 
     def distribution(self) -> GrainSizes:
         """Return the distribution, in SI."""
@@ -56,6 +83,11 @@ class NormalDiameters(_Distribution):
     min: Length | None = Field(default=None, description="smallest diameter; default: mean - 3 deviations")
     max: Length | None = Field(default=None, description="largest diameter; default: mean + 3 deviations")
 
+    def _check(self) -> None:
+        smallest = self.mean - 3.0 * self.deviation if self.min is None else self.min
+        largest = self.mean + 3.0 * self.deviation if self.max is None else self.max
+        self._check_limits("mean", "deviation", smallest, largest)
+
     def distribution(self) -> GrainSizes:
         """Return the distribution, in SI."""
         from particles.packing.sizes import NormalSizes
@@ -72,6 +104,11 @@ class LogNormalDiameters(_Distribution):
     min: Length | None = Field(default=None, description="smallest diameter; default: median / spread^3")
     max: Length | None = Field(default=None, description="largest diameter; default: median * spread^3")
 
+    def _check(self) -> None:
+        smallest = self.median / self.spread**3 if self.min is None else self.min
+        largest = self.median * self.spread**3 if self.max is None else self.max
+        self._check_limits("median", "spread", smallest, largest)
+
     def distribution(self) -> GrainSizes:
         """Return the distribution, in SI."""
         from particles.packing.sizes import LogNormalSizes
@@ -86,6 +123,17 @@ class ListedDiameters(_Distribution):
     diameters: tuple[Length, ...] = Field(min_length=1, description="diameters")
     shares: tuple[_Weight, ...] | None = Field(default=None, description="share of each, any scale; default: alike")
     by: Annotated[str, Choice(("number", "mass"))] = Field(default="number", description="shares of what")
+
+    def _check(self) -> None:
+        if self.shares is None:
+            return
+        if len(self.shares) != len(self.diameters):
+            raise refuse(
+                f"has {len(self.shares)} entries, but diameters {len(self.diameters)}; give a share for each diameter",
+                key="shares",
+            )
+        if not any(self.shares):
+            raise refuse("are all 0; raise one at least", key="shares")
 
     def distribution(self) -> GrainSizes:
         """Return the distribution, in SI."""
@@ -104,6 +152,17 @@ class DiametersOfFile(_Distribution):
     @classmethod
     def _from_the_scenes_folder(cls, given: str, info: ValidationInfo) -> str:
         return from_the_scenes_folder(given, info.context)
+
+    def _check(self) -> None:
+        """A head without a unit is in metres for the reader; of diameters that was hardly ever meant."""
+        try:
+            self.distribution()
+            with open(self.file, encoding="utf-8-sig") as stream:
+                head = next(line for line in stream if line.strip() and not line.lstrip().startswith("#"))
+        except (ValueError, OSError) as error:
+            raise refuse(str(error).removeprefix(self.file).lstrip(":, "), key="file") from None
+        if any(name.strip().lower() == "diameter" for name in head.split(",")):
+            raise refuse("has no unit in its column 'diameter'; write 'diameter [mm]' in the head", key="file")
 
     def distribution(self) -> GrainSizes:
         """Return the distribution, in SI."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Self
@@ -58,6 +58,12 @@ class Surface(Section):
 def surface_walls(surfaces: Mapping[str, Surface]) -> list[TriangleWall]:
     """Return the walls of the tables [surfaces.NAME], in their order."""
     return [surface.wall(name) for name, surface in surfaces.items()]
+
+
+def extent_in_words(low: Iterable[float], high: Iterable[float]) -> str:
+    """The box between two corners [m] as text, in mm."""
+    sides = zip("xyz", low, high, strict=True)
+    return ", ".join(f"{axis} {1e3 * a:.4g} to {1e3 * b:.4g}" for axis, a, b in sides)
 
 
 @lru_cache(maxsize=16)

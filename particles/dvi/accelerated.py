@@ -9,8 +9,13 @@ type II (J. ACM 12 (1965) 547; Walker & Ni, SIAM J. Numer. Anal. 49 (2011) 1715)
 and takes these modes out together. Velocities are kept consistent, v = v_free + M^-1 H r, and the following sweep puts
 every impulse back into its cone. Norms weigh an impulse by sqrt(w_n): an energy, so that light and heavy grains count
 alike. **Safeguard**: the map has kinks, where contacts open, stick or slip. When |F| exceeds twice the smallest one of
-this history, the history is dropped and the iteration goes on from the best G(r). When |F| has not shrunk by a tenth in
-PATIENCE sweeps, as many plain ones follow: they carry the contacts' states over a kink that extrapolation circles.
+this history, the history is dropped and the iteration goes on from the best G(r).
+
+**Stalls.** In a bed that shears, a warm start often makes more contacts stick than its motion allows. Each sweep then
+adds the same small change to a pattern of forces that the velocities hardly feel, until a contact at its end slips,
+and so forth from contact to contact: thousands of sweeps, with little to fit in between. So when |F| has not shrunk by
+a tenth in PATIENCE sweeps, over-relaxed ones follow (exact Coulomb; plain ones for the convex law), twice as many as
+the last time: they make that way in larger steps, and tolerate the kinks.
 """
 
 from __future__ import annotations
@@ -21,10 +26,12 @@ from numba import njit
 from particles.dvi.gauss_seidel import BRAKE, IWN, RX, apply_impulses, residual, sweep
 from particles.kernel_stamp import kernel_stamp
 
-GAUSS_SEIDEL, ANDERSON, INTERIOR = 0, 1, 2  # methods: sweeps alone, then accelerated, then an interior point
+# methods: sweeps alone, accelerated, then an interior point; accelerated projected gradients (convex only)
+GAUSS_SEIDEL, ANDERSON, INTERIOR, APGD = range(4)
 PLAIN_SWEEPS = 30  # before the acceleration begins: most warm-started steps are done by then
 HISTORY = 8
-PATIENCE = 60  # sweeps in which |F| must have found a new minimum; as many plain ones follow otherwise
+PATIENCE = 60  # sweeps in which |F| must have found a new minimum; as many without extrapolation follow otherwise
+OVER = 1.6  # over-relaxation of these; beyond 1.8 sheared beds do not converge
 
 
 @njit(error_model="numpy", fastmath={"contract"})
@@ -65,26 +72,33 @@ def anderson(convex, relax, tolerance, cap, grain, body, pair_index, pair, wall_
     gram, c = np.zeros((HISTORY, HISTORY)), np.zeros(HISTORY)
     known, slot, best = 0, 0, np.inf
     first = True
-    waited, plain, mark = 0, 0, np.inf
+    waited, plain, mark, pause = 0, 0, np.inf, PATIENCE
     _collect(r, pair, wall, body)
     for count in range(cap):
-        change = sweep(False, convex, relax, grain, body, pair_index, pair, wall_index, wall)
+        if convex is None:
+            if plain > 0:
+                change = sweep(False, convex, OVER, grain, body, pair_index, pair, wall_index, wall)
+            else:
+                change = sweep(False, convex, relax, grain, body, pair_index, pair, wall_index, wall)
+        else:
+            change = sweep(False, convex, relax, grain, body, pair_index, pair, wall_index, wall)
         if change <= tolerance:
             reached = residual(convex, grain, body, pair_index, pair, wall_index, wall)
             if reached <= tolerance:
                 return count + 1, reached
+        if plain > 0:
+            plain -= 1
+            if plain == 0:
+                _collect(r, pair, wall, body)
+                waited, best, mark = 0, np.inf, np.inf
+            continue
         _collect(g, pair, wall, body)
         f[:] = weight * (g - r)
         norm = np.sqrt(_dot(f, f))
         waited += 1
-        if plain > 0:
-            plain -= 1
-            waited, best, mark = 0, np.inf, np.inf
-            r[:] = g
-            continue
         if waited > PATIENCE:
-            known, slot, best, first, plain = 0, 0, np.inf, True, PATIENCE
-            r[:] = g
+            known, slot, best, first, plain = 0, 0, np.inf, True, pause
+            pause *= 2
             continue
         if norm > 2.0 * best:
             known, slot, best, first = 0, 0, np.inf, True

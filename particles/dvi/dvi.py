@@ -10,22 +10,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geometry.triangle_wall import TriangleWall
 from geometry.walls import Wall
 from particles.bodies import Body, FreeShaft, PrescribedSpeed
 from particles.dem.step_totals import EnergyTotals, StepTotals
 from particles.dvi import gauss_seidel as gs
 from particles.dvi import step_kernel as kernel
-from particles.dvi.accelerated import ANDERSON, GAUSS_SEIDEL, INTERIOR
+from particles.dvi.accelerated import ANDERSON, APGD, GAUSS_SEIDEL, INTERIOR
 from particles.dvi.impulse_list import ImpulseList
 from particles.dvi.interior_point import solve_by_interior_point
 from particles.dvi.rigid_contact import RigidContact
+from particles.dvi.rigid_triangles import N_TURN
 from particles.faults import DemError, ParticleError
 from particles.grains import Grains
 from particles.lists.contact_table import ContactTable
 from particles.lists.neighbours import cell_order
+from particles.walls.device_walls import DeviceWalls
+from particles.walls.triangle_kernels import N_FOUND, closest_on_triangle
 from particles.walls.wall_kernels import wall_overlaps
-from particles.walls.wall_table import outside, wall_table
+from particles.walls.wall_table import outside
 
 Gravity = np.ndarray | Sequence[float] | Callable[[np.ndarray], np.ndarray]
 
@@ -34,6 +36,8 @@ STEPS_PER_CALL = 512  # bounds the table of prescribed speeds
 # way is added
 MARGIN = 0.25
 FAST_SKIN = 4.0  # skin, in ways of the fastest grain in a step: a step from the list and the next, for two grains
+FAST_WALLS = 4.0  # the same for triangles, in ways of their fastest point: three steps from the list and the next
+SHOT_OFF = 20.0  # radii a step: what no wall of a device throws a grain at
 SLOP = 1e-4  # overlap, as a share of the radius, below which positions are left alone
 
 
@@ -91,9 +95,9 @@ class DVI:
         Weight of the new velocity in the drift, 1/2 to 1; at 1 velocities lag by half a step, as in `DEM`.
     friction : "coulomb" or "convex"
         Exact Coulomb, or the convex relaxation that Project Chrono solves.
-    solver : "gauss_seidel", "accelerated", "interior_point" or "psor"
+    solver : "gauss_seidel", "accelerated", "interior_point" or "psor" or "apgd"
         Sweeps alone; accelerated sweeps after the first; these, and an interior point for steps on which they stall;
-        projected over-relaxation (convex only).
+        projected over-relaxation, accelerated projected gradients (both convex only).
     tolerance : float
         On the natural map [m/s].
     max_sweeps : int
@@ -133,8 +137,6 @@ class DVI:
     ) -> None:
         if sector is not None:
             raise ValueError("rigid grains (DVI) need the full ring; leave the sector out, or use DEM")
-        if any(isinstance(wall, TriangleWall) for wall in walls):
-            raise ValueError("rigid grains (DVI) touch planes and walls of revolution only, not triangles; use DEM")
         if not 0.0 < dt < np.inf:
             raise ValueError(f"dt = {dt:g} s; allowed: more than 0")
         if not 0.5 <= theta <= 1.0:
@@ -143,12 +145,12 @@ class DVI:
             raise ValueError(f"tolerance = {tolerance:g} m/s; allowed: more than 0")
         for name, value, allowed in (
             ("friction", friction, ("coulomb", "convex")),
-            ("solver", solver, ("gauss_seidel", "accelerated", "interior_point", "psor")),
+            ("solver", solver, ("gauss_seidel", "accelerated", "interior_point", "psor", "apgd")),
         ):
             if value not in allowed:
                 raise ValueError(f"{name} = {value!r}; allowed: {', '.join(allowed)}")
-        if solver == "psor" and friction != "convex":
-            raise ValueError('solver = "psor" solves the convex law; choose friction = "convex"')
+        if solver in ("psor", "apgd") and friction != "convex":
+            raise ValueError(f'solver = "{solver}" solves the convex law; choose friction = "convex"')
         self.grains, self.walls, self.bodies, self.contact = grains, list(walls), list(bodies), contact
         self.dt, self.theta, self.sector, self.overlap_limit = float(dt), float(theta), sector, overlap_limit
         self.tolerance, self.max_sweeps, self.warm_start = float(tolerance), int(max_sweeps), warm_start
@@ -161,9 +163,10 @@ class DVI:
         self.step_count = self.order_version = self.list_version = 0
         self._convex = None if friction == "coulomb" else True
         self._relax = float(relaxation) if solver == "psor" else None
-        self._method = {"accelerated": ANDERSON, "interior_point": INTERIOR}.get(solver, GAUSS_SEIDEL)
+        self._method = {"accelerated": ANDERSON, "interior_point": INTERIOR, "apgd": APGD}.get(solver, GAUSS_SEIDEL)
         self._open_step = np.array([-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-        self._table = wall_table(self.walls, self.bodies)
+        self._device = DeviceWalls(self.walls, self.bodies)
+        self._turn = None if self._device.triangles is None else np.zeros((len(self.bodies), N_TURN))
         self._law = contact.table()
         self._encloses = not outside(grains.position, self.walls, 0.0).any()
         n = grains.count
@@ -235,6 +238,7 @@ class DVI:
             self._stale = answer != kernel.DONE
             if answer in (kernel.NOT_FINITE, kernel.OVERLAP):
                 self._explain(answer, totals)
+            self._refuse_shot_off(totals[kernel.MAX_SPEED])
         return self._summary(n_steps, totals, body_totals, kinetic, rebuilds)
 
     def contacts(self) -> ContactTable:
@@ -248,14 +252,14 @@ class DVI:
         point = x[i] + away * (radius[i] / reach)[:, None]
         w = np.flatnonzero(c.wall_impulse.any(axis=1))
         row, wall = c.wall_rows()[w], c.wall_other[w].astype(np.int64)
-        depth = wall_overlaps(x, radius, self._table.rows, row, wall)
+        depth = self._depths(row, wall)
         seen = np.isfinite(depth[:, 0])
         row, wall, w, depth = row[seen], wall[seen], w[seen], depth[seen]
         at_wall = x[row] + (radius[row] - depth[:, 0])[:, None] * depth[:, 1:]
         none = np.full(len(row), -1)
         return ContactTable(
             np.concatenate([i, row]), np.concatenate([j, none]),
-            np.concatenate([np.full(len(i), -1), self._table.wall[wall]]),
+            np.concatenate([np.full(len(i), -1), self._device.wall[wall]]),
             np.zeros(len(i) + len(row), dtype=np.int64), np.concatenate([point, at_wall]),
             np.concatenate([c.pair_impulse[k], c.wall_impulse[w]]) / self.dt,
             np.concatenate([reach - np.linalg.norm(away, axis=1), depth[:, 0]]),
@@ -330,11 +334,12 @@ class DVI:
         position, velocity, spin = (np.ascontiguousarray(a) for a in (g.position, g.velocity, g.angular_velocity))
         answer = kernel.run_steps(
             n_steps, self.dt, self.theta, float(self.n_sectors), self._law, self._pull(n_steps), external,
-            0.5 * self._reach, self.overlap_limit, SLOP, MARGIN,
+            0.5 * self._reach, c.wall_way, self.overlap_limit, SLOP, MARGIN,
             self._convex, self._relax, self._method, self.tolerance, self.max_sweeps, self._open_step,
             position, velocity, spin, np.ascontiguousarray(g.radius), g.mass, c.reference,
-            c.pairs.start, c.pairs.other, c.pair_impulse, self._table.rows, self._table.body, c.wall_start,
-            c.wall_other, c.wall_impulse, drives, data, angle, speed, self._brake,
+            c.pairs.start, c.pairs.other, c.pair_impulse, self._device.rows, self._device.triangles,
+            self._device.body, c.wall_start, c.wall_other, c.wall_impulse, self._device.reach, c.angles,
+            self._turn, self._found, self._tally, drives, data, angle, speed, self._brake,
             self._grain, self._bound, self._body, self._pair_index, self._pair_slot, self._pair,
             self._wall_index, self._wall_slot, self._wall, totals, body_totals,
         )  # fmt: skip
@@ -356,7 +361,8 @@ class DVI:
         drives, data = np.zeros((n_steps, len(self.bodies), 4)), np.zeros((len(self.bodies), 2))
         for b, body in enumerate(self.bodies):
             if isinstance(body.motion, PrescribedSpeed):
-                drives[:, b, kernel.PRESCRIBED] = body.motion.at(times)
+                # the new velocities are those of the end of the step at theta = 1/2, and lag behind it at 1
+                drives[:, b, kernel.PRESCRIBED] = body.motion.at(times + 2.0 * (1.0 - self.theta) * self.dt)
             elif isinstance(body.motion, FreeShaft):
                 motion = body.motion
                 data[b] = 1.0, motion.inertia
@@ -387,6 +393,8 @@ class DVI:
         self._pair_index, self._wall_index = np.zeros((p, 2), dtype=np.int32), np.zeros((s, 2), dtype=np.int32)
         self._pair_slot, self._wall_slot = np.zeros(p, dtype=np.int32), np.zeros(s, dtype=np.int32)
         self._pair, self._wall = np.zeros((p, gs.N_PAIR)), np.zeros((s, gs.N_WALL_CONTACT))
+        triangles = 0 if self._device.triangles is None else s
+        self._found, self._tally = np.zeros((triangles, N_FOUND)), np.zeros((triangles, 2), dtype=np.int64)
 
     def _rebuild(self) -> None:
         """Sort by cells, list the neighbours anew, and carry the impulses into it."""
@@ -403,14 +411,36 @@ class DVI:
             self.order_version += 1
         # whatever the step may move must be in the list: fast grains need a thicker skin
         fastest = float(np.sqrt(np.max(np.sum(g.velocity**2, axis=1))))
+        vane = max((abs(b.speed) * r for b, r in zip(self.bodies, self._device.reach, strict=True)), default=0.0)
+        fastest = max(fastest, (1.0 + float(self._law[1, 1])) * vane)  # what it strikes
         self._reach = max(self.skin, FAST_SKIN * self.dt * fastest)
-        made = ImpulseList.make(np.ascontiguousarray(g.position), g.radius, self._reach, self._table.rows)
+        made = ImpulseList.make(
+            np.ascontiguousarray(g.position), g.radius, self._reach, self._device, [b.angle for b in self.bodies],
+            max(0.5 * self.skin, FAST_WALLS * self.dt * vane),
+        )  # fmt: skip
         if self._impulses is not None:
             made.take_impulses(self._impulses, old_id, g.particle_id)
         self._impulses = made
         self._make_room()
         self.list_version += 1
         self._stale = False
+
+    def _depths(self, row: np.ndarray, wall: np.ndarray) -> np.ndarray:
+        """Overlap [m] and unit vector towards the wall, (s, 4), of grains ``row`` at walls or triangles ``wall``."""
+        x, radius, device = self.grains.position, self.grains.radius, self._device
+        depth = np.zeros((len(row), 4))
+        smooth = wall < len(device.rows)
+        depth[smooth] = wall_overlaps(x, radius, device.rows, row[smooth], wall[smooth])
+        for k in np.flatnonzero(~smooth):
+            angle = self.bodies[device.body[wall[k]]].angle
+            cos, sin = np.cos(angle), np.sin(angle)
+            to_world = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+            centre = x[row[k]] @ to_world
+            away = to_world @ (np.array(closest_on_triangle(device.triangles, wall[k], *centre)) - centre)
+            distance = float(np.linalg.norm(away))
+            depth[k, 0] = radius[row[k]] - distance
+            depth[k, 1:] = away / max(distance, np.finfo(float).tiny)
+        return depth
 
     def _refuse_escaped(self) -> None:
         g = self.grains
@@ -422,6 +452,20 @@ class DVI:
                 f"the walls may have a slot; or shorten dt = {self.dt:.3g} s",
                 g.particle_id[k], g.position[k], self.time,
             )  # fmt: skip
+
+    def _refuse_shot_off(self, fastest: float) -> None:
+        """A solution that missed its tolerance by far may shoot a grain out of the device within a step."""
+        g = self.grains
+        if fastest * self.dt <= SHOT_OFF * float(g.radius.min()):
+            return
+        k = int(np.argmax(np.sum(g.velocity**2, axis=1)))
+        raise DemError(
+            f"it was shot off at {fastest:.3g} m/s, {0.5 * fastest * self.dt / g.radius[k]:.3g} diameters in a step, "
+            f"by contacts whose impulses did not converge to {self.tolerance:.3g} m/s",
+            f"rigid grains jammed between walls that push have no finite forces: shorten dt = {self.dt:.3g} s, allow "
+            "more sweeps, leave more clearance, or use DEM",
+            g.particle_id[k], g.position[k], self.time,
+        )  # fmt: skip
 
     def _explain(self, answer: int, totals: np.ndarray) -> None:
         g = self.grains

@@ -83,7 +83,8 @@ def apply_impulses(sign, grain, body, pair_index, pair, wall_index, wall):
 def sweep_pairs(lo, hi, backward, convex, relax, grain, index, pair):
     """Visit the pairs lo <= k < hi; returns the largest change of an impulse times w_n, squared [m^2/s^2].
 
-    ``convex`` None: exact Coulomb; ``relax`` not None: a projected gradient step of that length instead (PSOR).
+    ``convex`` None: exact Coulomb; ``relax`` not None: over-relaxed by it, for the convex law as a projected gradient
+    step of that length (PSOR).
     """
     largest = 0.0
     for step in range(hi - lo):
@@ -95,6 +96,8 @@ def sweep_pairs(lo, hi, backward, convex, relax, grain, index, pair):
         u_n = ux * ex + uy * ey + uz * ez
         was = rx * ex + ry * ey + rz * ez
         inverse = pair[k, IWN]
+        if convex is None and relax is not None:
+            inverse *= relax
         r_n = was - (u_n + pair[k, B]) * inverse
         if convex is None:
             if r_n <= 0.0 and rx == 0.0 and ry == 0.0 and rz == 0.0:
@@ -105,6 +108,8 @@ def sweep_pairs(lo, hi, backward, convex, relax, grain, index, pair):
         uy = uy - u_n * ey - arm * (sz * ex - sx * ez)
         uz = uz - u_n * ez - arm * (sx * ey - sy * ex)
         slow, mu = pair[k, IWT], pair[k, MU]
+        if convex is None and relax is not None:
+            slow *= relax
         if convex is not None:
             if relax is not None:
                 # one length for all three directions, from the mean of the diagonal
@@ -164,6 +169,8 @@ def sweep_walls(lo, hi, backward, convex, relax, grain, body, index, wall):
         u_n = ux * ex + uy * ey + uz * ez
         was = rx * ex + ry * ey + rz * ez
         inverse, mu = wall[k, IWN], wall[k, MU]
+        if convex is None and relax is not None:
+            inverse *= relax
         r_n = was - (u_n + wall[k, B]) * inverse
         free = body[b, IJ]
         if convex is None:
@@ -174,6 +181,8 @@ def sweep_walls(lo, hi, backward, convex, relax, grain, body, index, wall):
         uy = uy - u_n * ey - arm * (grain[i, PZ] * ex - grain[i, PX] * ez)
         uz = uz - u_n * ez - arm * (grain[i, PX] * ey - grain[i, PY] * ex)
         slow = wall[k, IWT]
+        if convex is None and relax is not None:
+            slow *= relax
         if convex is None and free > 0.0:
             x, y, z = _block(wall, k, free, mu, u_n + wall[k, B], ux, uy, uz, was)
             x, y, z = x - rx, y - ry, z - rz

@@ -2,17 +2,18 @@
 
 A new list takes the impulses over by the sorted keys of its pairs: (smaller id, larger id) of two grains, (id, wall)
 at a wall. An impulse is kept in world axes and acts on the first grain of its pair; where the pair stands the other
-way round in the new list its sign turns.
+way round in the new list its sign turns. Triangles count as walls, numbered on after the smooth ones.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from particles.lists.neighbours import PairList, find_pairs
-from particles.walls.wall_kernels import near_walls
+from particles.walls.device_walls import DeviceWalls
 
 
 @dataclass(slots=True)
@@ -29,28 +30,39 @@ class ImpulseList:
         Walls near each grain.
     reference : ndarray, shape (n, 3)
         Positions [m] at which the list was made.
+    angles : ndarray, shape (n_bodies,)
+        Angles of the bodies [rad] at that time.
+    wall_way : float
+        How far triangles may move from there before the list is made anew, the step to come included [m].
     """
 
     pairs: PairList
     wall_start: np.ndarray
     wall_other: np.ndarray
     reference: np.ndarray
+    angles: np.ndarray
+    wall_way: float
     pair_impulse: np.ndarray
     wall_impulse: np.ndarray
 
     @classmethod
-    def make(cls, position: np.ndarray, radius: np.ndarray, skin: float, walls: np.ndarray) -> ImpulseList:
-        """The list at ``position`` (n, 3) [m] with ``skin`` [m]; ``walls``: rows of a `WallTable`."""
-        pairs = find_pairs(position, 2.0 * float(radius.max()) + skin, None, radius + 0.5 * skin)
-        start = np.zeros(len(position) + 1, dtype=np.int64)
-        other = np.zeros(2 * len(position), dtype=np.int32)
-        found = near_walls(position, radius + 0.5 * skin, walls, start, other)
-        if found > len(other):
-            other = np.zeros(found, dtype=np.int32)
-            near_walls(position, radius + 0.5 * skin, walls, start, other)
+    def make(
+        cls,
+        position: np.ndarray,
+        radius: np.ndarray,
+        skin: float,
+        walls: DeviceWalls,
+        angles: Sequence[float],
+        wall_way: float,
+    ) -> ImpulseList:
+        """The list at ``position`` (n, 3) [m] and ``angles`` [rad], with ``skin`` [m]."""
+        reach = radius + 0.5 * skin
+        pairs = find_pairs(position, 2.0 * float(radius.max()) + skin, None, reach)
+        start, other = walls.near(position, reach, 2.0 * wall_way, angles)
         return cls(
-            pairs, start, other[:found].copy(), position.copy(), np.zeros((pairs.count, 3)), np.zeros((found, 3))
-        )
+            pairs, start, other, position.copy(), np.array(angles, dtype=float), float(wall_way),
+            np.zeros((pairs.count, 3)), np.zeros((len(other), 3)),
+        )  # fmt: skip
 
     def wall_rows(self) -> np.ndarray:
         """The grain of each wall slot, int64, shape (s,)."""
@@ -79,15 +91,19 @@ class ImpulseList:
         return {
             "pair_start": self.pairs.start, "pair_other": self.pairs.other, "pair_shift": self.pairs.shift,
             "pair_impulse": self.pair_impulse, "wall_start": self.wall_start, "wall_other": self.wall_other,
-            "wall_impulse": self.wall_impulse, "reference": self.reference,
+            "wall_impulse": self.wall_impulse, "reference": self.reference, "angles": self.angles,
+            "wall_way": np.array(self.wall_way),
         }  # fmt: skip
 
     @classmethod
     def from_arrays(cls, state: dict[str, np.ndarray]) -> ImpulseList:
         """The inverse of `arrays`."""
         pairs = PairList(*(state[f"pair_{name}"].copy() for name in ("start", "other", "shift")))
-        names = ("wall_start", "wall_other", "reference", "pair_impulse", "wall_impulse")
-        return cls(pairs, *(state[name].copy() for name in names))
+        start, other, reference, angles, pair_impulse, wall_impulse = (
+            state[name].copy()
+            for name in ("wall_start", "wall_other", "reference", "angles", "pair_impulse", "wall_impulse")
+        )
+        return cls(pairs, start, other, reference, angles, float(state["wall_way"]), pair_impulse, wall_impulse)
 
 
 def _found(key: np.ndarray, old_key: np.ndarray, value: np.ndarray) -> np.ndarray:

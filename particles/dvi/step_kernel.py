@@ -8,7 +8,8 @@ A contact at the gap g > 0 in x_m may close within the step, not cross: u_n' >= 
 it is reached, and the next middle is free of overlap whatever theta is (the middles are h v' apart). With restitution
 e an approach faster than the threshold that would end in a contact within the step rebounds: u_n' >= -e u_n. What
 overlap is left by the curvature of paths is removed from the positions alone (`project`): no velocity is touched, no
-kinetic energy made; the work of the held forces on that displacement is reported.
+kinetic energy made; the work of the held forces on that displacement is reported. Bodies turn to the same middle as
+the grains; triangles, in scenes that have them, are met there (`particles.dvi.rigid_triangles`).
 
 **Slop.** A gap of less than ``slop`` radii counts as closed, u_n' >= 0, as an overlap of so much is let be. Were it to
 be closed, to the last picometre that the tolerance of earlier steps has left, the contacts of a packing at rest would
@@ -22,7 +23,8 @@ import numpy as np
 from numba import njit
 
 from particles.dvi import gauss_seidel as gs
-from particles.dvi.accelerated import INTERIOR, solve
+from particles.dvi.accelerated import APGD, INTERIOR, solve
+from particles.dvi.apgd import apgd
 from particles.dvi.gauss_seidel import (
     ARM,
     BRAKE,
@@ -49,7 +51,9 @@ from particles.dvi.gauss_seidel import (
     VZ,
     B,
 )  # fmt: skip
+from particles.dvi.rigid_triangles import overlapping, pass_on, record, search, turn_bodies
 from particles.kernel_stamp import kernel_stamp
+from particles.walls.triangle_kernels import DISTANCE, TOWARDS_X, TOWARDS_Y, TOWARDS_Z
 from particles.walls.wall_kernels import _wall_gap
 
 # what the kernel answers
@@ -95,8 +99,8 @@ def free_velocities(h, gravity, external, velocity, spin, radius, mass, grain, b
 @njit(error_model="numpy", fastmath={"contract"})
 def find_contacts(
     h, law, margin, slop, grain, bound, position, velocity, radius,
-    pair_start, pair_other, pair_impulse, wall, wall_body, wall_start, wall_other, wall_impulse, body, old_speed,
-    pair_index, pair_slot, pair, wall_index, wall_slot, wall_row,
+    pair_start, pair_other, pair_impulse, wall, triangle, wall_body, wall_start, wall_other, wall_impulse,
+    body, old_speed, pair_index, pair_slot, pair, wall_index, wall_slot, wall_row,
 ):  # fmt: skip
     """Fill the records of contacts from the slots whose gap may close within the step; returns their numbers."""
     pairs = walls = 0
@@ -134,6 +138,9 @@ def find_contacts(
             pair_index[pairs, 0], pair_index[pairs, 1], pair_slot[pairs] = i, j, k
             pairs += 1
         for k in range(wall_start[i], wall_start[i + 1]):
+            if triangle is not None:
+                if wall_other[k] >= wall.shape[0]:
+                    break
             distance, nx, ny, nz, owned = _wall_gap(wall, wall_other[k], x, y, z)
             b = wall_body[wall_other[k]]
             if not owned or distance >= ri + h * 2.0 * bound[i] + margin:
@@ -265,7 +272,8 @@ def _move(h, drift, gravity, external, grain, position, velocity, spin, radius, 
 
 @njit(error_model="numpy", fastmath={"contract"})
 def project(
-    slop, cap, gravity, external, position, radius, mass, pair_start, pair_other, wall, wall_start, wall_other,
+    slop, cap, gravity, external, position, radius, mass, pair_start, pair_other,
+    wall, triangle, wall_body, wall_start, wall_other, turn, found,
 ):  # fmt: skip
     """Push overlapping grains apart, positions only, by inverse masses, until none overlaps by more than slop*radius.
 
@@ -298,6 +306,9 @@ def project(
                 work += _shift(gravity, external, mass, position, i, a * dx, a * dy, a * dz)
                 work += _shift(gravity, external, mass, position, j, -b * dx, -b * dy, -b * dz)
             for k in range(wall_start[i], wall_start[i + 1]):
+                if triangle is not None:
+                    if wall_other[k] >= wall.shape[0]:
+                        break
                 distance, nx, ny, nz, owned = _wall_gap(
                     wall, wall_other[k], position[i, 0], position[i, 1], position[i, 2]
                 )
@@ -311,6 +322,32 @@ def project(
                     continue
                 depth *= radius[i]
                 work += _shift(gravity, external, mass, position, i, -depth * nx, -depth * ny, -depth * nz)
+            if triangle is not None:
+                k, end = wall_start[i], wall_start[i + 1]
+                while k < end and wall_other[k] < wall.shape[0]:
+                    k += 1
+                while k < end:
+                    first, b = k, wall_body[wall_other[k]]
+                    while k < end and wall_body[wall_other[k]] == b:
+                        k += 1
+                    x, y, z = position[i, 0], position[i, 1], position[i, 2]
+                    count = overlapping(
+                        triangle, wall_body, wall_other, first, k, x, y, z, radius[i], turn, found[first:k]
+                    )
+                    for a in range(first, first + count):
+                        nx, ny, nz = found[a, TOWARDS_X], found[a, TOWARDS_Y], found[a, TOWARDS_Z]
+                        # what earlier pushes have already moved it away from this wall
+                        gone = -(nx * (position[i, 0] - x) + ny * (position[i, 1] - y) + nz * (position[i, 2] - z))
+                        depth = 1.0 - (found[a, DISTANCE] + gone) / radius[i]
+                        if depth <= 0.0:
+                            continue
+                        if sweep == 0 and 0.5 * depth > deepest:
+                            deepest, at = 0.5 * depth, i
+                        worst = max(worst, depth)
+                        if sweep == 0 and worst <= slop:
+                            continue
+                        depth *= radius[i]
+                        work += _shift(gravity, external, mass, position, i, -depth * nx, -depth * ny, -depth * nz)
         if worst <= (slop if sweep == 0 else 0.1 * slop):
             break
         sweeps += 1
@@ -335,7 +372,8 @@ def _shift(gravity, external, mass, position, i, x, y, z):
 def _begin(
     h, theta, n_sectors, law, gravity, external, slop, margin, drive,
     position, velocity, spin, radius, mass, pair_start, pair_other, pair_impulse,
-    wall_table, wall_body, wall_start, wall_other, wall_impulse, body_data, body_speed, brake,
+    wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse, body_reach, turn, found, tally,
+    body_data, body_angle, body_speed, brake,
     grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows, totals,
 ):  # fmt: skip
     """Stages 1 to 3: half drift, overlap, free velocities, contacts, warm start; returns the numbers of contacts."""
@@ -343,9 +381,10 @@ def _begin(
         for i in range(mass.shape[0]):
             for c in range(3):
                 position[i, c] += (1.0 - theta) * h * velocity[i, c]
+    turn_bodies(h, theta, body_angle, body_speed, turn)
     deepest, at, work, count = project(
         slop, PROJECTION_SWEEPS, gravity, external, position, radius, mass, pair_start, pair_other,
-        wall_table, wall_start, wall_other,
+        wall_table, triangle, wall_body, wall_start, wall_other, turn, found,
     )  # fmt: skip
     totals[STABILISATION] += work
     totals[PROJECTIONS] += count
@@ -363,11 +402,25 @@ def _begin(
             body[b, SPEED], body[b, IJ], body[b, LOAD] = drive[b, PRESCRIBED], 0.0, 0.0
         body[b, BRAKE] = min(max(brake[b], -body[b, LOAD]), body[b, LOAD])
     fastest = free_velocities(h, gravity, external, velocity, spin, radius, mass, grain, bound)
+    if triangle is not None:
+        raised = search(
+            h, law, margin * h * fastest, bound, position, radius, triangle, wall_table.shape[0],
+            wall_body, wall_start, wall_other, body, body_speed, body_reach, turn, found, tally,
+        )  # fmt: skip
+        if raised > 0.0:
+            fastest = max(fastest, raised)
+            pass_on(h, bound, position, radius, pair_start, pair_other)
     pairs, walls = find_contacts(
         h, law, margin * h * fastest, slop, grain, bound, position, velocity, radius, pair_start, pair_other,
-        pair_impulse, wall_table, wall_body, wall_start, wall_other, wall_impulse, body, body_speed,
+        pair_impulse, wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse, body, body_speed,
         pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows,
     )  # fmt: skip
+    if triangle is not None:
+        walls = record(
+            h, law, margin * h * fastest, slop, grain, bound, position, velocity, radius, wall_table.shape[0],
+            wall_body, wall_start, wall_other, wall_impulse, body, body_speed, turn, found, tally,
+            walls, wall_index, wall_slot, wall_rows,
+        )  # fmt: skip
     gs.apply_impulses(1.0, grain, body, pair_index[:pairs], pair_rows[:pairs], wall_index[:walls], wall_rows[:walls])
     return pairs, walls, fastest
 
@@ -396,7 +449,7 @@ def _finish(
             body_totals[b, DRIVE_WORK] += torque * mean[b] * h
             body_totals[b, LOAD_WORK] += n_sectors * brake[b] * mean[b]
         body_speed[b] = body[b, SPEED]
-        body_angle[b] += h * body_speed[b]
+        body_angle[b] += theta * h * body_speed[b]
     _book(
         h, grain, velocity, spin, radius, mean, pair_index, pair_slot, pair, pair_impulse,
         wall_index, wall_slot, wall, wall_impulse, totals, body_totals,
@@ -410,11 +463,11 @@ def _made(stamp: int):
 
     @njit(cache=True, error_model="numpy", fastmath={"contract"})
     def run_steps(
-        n_steps, h, theta, n_sectors, law, gravity, external, travel_limit, overlap_limit, slop, margin,
+        n_steps, h, theta, n_sectors, law, gravity, external, travel_limit, wall_limit, overlap_limit, slop, margin,
         convex, relax, method, tolerance, cap, open_step,
         position, velocity, spin, radius, mass, reference,
-        pair_start, pair_other, pair_impulse, wall_table, wall_body, wall_start, wall_other, wall_impulse,
-        drives, body_data, body_angle, body_speed, brake,
+        pair_start, pair_other, pair_impulse, wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse,
+        body_reach, list_angle, turn, found, tally, drives, body_data, body_angle, body_speed, brake,
         grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows, totals, body_totals,
     ):  # fmt: skip
         """Up to ``n_steps`` steps; stops early when the list must be rebuilt or a grain is in trouble.
@@ -441,17 +494,30 @@ def _made(stamp: int):
                 pairs, walls, fastest = _begin(
                     h, theta, n_sectors, law, pull, external, slop, margin, drives[step],
                     position, velocity, spin, radius, mass, pair_start, pair_other, pair_impulse,
-                    wall_table, wall_body, wall_start, wall_other, wall_impulse, body_data, body_speed, brake,
+                    wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse, body_reach, turn, found,
+                    tally, body_data, body_angle, body_speed, brake,
                     grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows, totals,
                 )  # fmt: skip
                 open_step[5], open_step[6] = pairs, walls
                 if totals[MAX_OVERLAP] > overlap_limit:
                     return OVERLAP, step
                 # 4. impulses
-                sweeps, reached, taken = solve(
-                    convex, relax, method, tolerance, cap, grain, body, pair_index[:pairs], pair_rows[:pairs],
-                    wall_index[:walls], wall_rows[:walls],
-                )  # fmt: skip
+                taken = 0
+                if convex is None:
+                    sweeps, reached, taken = solve(
+                        convex, relax, method, tolerance, cap, grain, body, pair_index[:pairs], pair_rows[:pairs],
+                        wall_index[:walls], wall_rows[:walls],
+                    )  # fmt: skip
+                elif method == APGD:
+                    sweeps, reached = apgd(
+                        tolerance, cap, grain, body, pair_index[:pairs], pair_rows[:pairs],
+                        wall_index[:walls], wall_rows[:walls],
+                    )  # fmt: skip
+                else:
+                    sweeps, reached, taken = solve(
+                        convex, relax, method, tolerance, cap, grain, body, pair_index[:pairs], pair_rows[:pairs],
+                        wall_index[:walls], wall_rows[:walls],
+                    )  # fmt: skip
                 if method == INTERIOR and reached > tolerance:
                     open_step[0], open_step[1], open_step[2] = pairs, walls, sweeps
                     open_step[3], open_step[4] = reached, fastest
@@ -467,6 +533,11 @@ def _made(stamp: int):
                 return NOT_FINITE, step + 1
             if travel > travel_limit:
                 return REBUILD, step + 1
+            if triangle is not None:
+                for b in range(body_speed.shape[0]):
+                    way = abs(body_angle[b] - list_angle[b]) + h * abs(body_speed[b])
+                    if way * body_reach[b] > wall_limit:
+                        return REBUILD, step + 1
         return DONE, n_steps
 
     return run_steps

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -52,6 +53,13 @@ EDITS = {
         "raise geometry.coil_radius"),
     "impossible fill": ({"particles.mass": "3 kg"}, "particles.mass", "allowed: at most"),
     "less than a grain": ({"particles.mass": "1 ug"}, "particles.mass", "less than one grain; raise it"),
+    "a number read as metres": ({"geometry.disc_radius": 80}, "geometry.disc_radius = 80", "write '80 mm'"),
+    "cohesion as a law": ({"contact.law": "JKR"}, "contact.law = 'JKR'", "add [effects.cohesion] with model = 'jkr'"),
+    "no grain by its sizes": ({"particles.mass": "1 ug", "particles.diameter": None,
+        "particles.sizes": {"kind": "uniform", "min": "0.2 mm", "max": "0.3 mm"}}, "particles.mass",
+        "lower particles.sizes"),
+    "contacts too soft": ({"contact.stiffness": "10 N/m"}, "contact.stiffness = 10 N/m is too soft",
+        "or leave it out: it then follows from contact.max_overlap"),
     "two amounts": ({"particles.count": 10}, "particles.count", "keep exactly one of"),
     "sector that does not divide": ({"particles.sector": "7 deg"}, "particles.sector", "take 360 deg / n"),
     "sector within the cut-off": ({"particles.sector": "0.5 deg"}, "particles.sector", "allowed: at least"),
@@ -237,6 +245,36 @@ def test_a_box_has_no_mesh(tmp_path):
     assert output.count("geometry.kind") == 1
     refused(["accuracy", str(scene), "--out", str(tmp_path / "new")], "geometry.kind = 'box'", "has no disc")
     assert not (tmp_path / "new").exists()
+
+
+def test_a_surface_that_no_grain_reaches_is_refused(tmp_path):
+    for name, x in (("away", 50), ("near", 4)):
+        corners = f"vertex {x} 0 1\nvertex {x + 1} 0 1\nvertex {x} 1 1"
+        text = f"solid\nfacet normal 0 0 1\nouter loop\n{corners}\nendloop\nendfacet\nendsolid\n"
+        (tmp_path / f"{name}.stl").write_text(text)
+    values = {"geometry": BOX, "field": None, "effects": {"gravity": {}}, "coil": None, "motion": None,
+              "particles.sector": None, "particles.mass": "1 g"}  # fmt: skip
+    scene = tmp_path / "scene.toml"
+    surfaces = {name: {"file": f"{name}.stl", "scale": 0.001} for name in ("away", "near")}
+    scene.write_text(tomli_w.dumps(edited(values | {"surfaces": surfaces})))
+    output = refused(["check", str(scene)], "surfaces.away.file", "wholly outside", "x 50 to 51")
+    assert "surfaces.near" not in output
+    scene.write_text(tomli_w.dumps(edited(values | {"surfaces": {"near": surfaces["near"]}})))
+    told = CliRunner().invoke(app, ["check", str(scene), "--json"])
+    plan = json.loads(told.stdout)["plan"]
+    assert plan["surface near"] == "1 triangles, x 4 to 5, y 0 to 1, z 1 to 1 mm, on body housing"
+    assert plan["packing"].startswith("random")
+
+
+def test_what_a_clutch_of_shot_cannot_have():
+    scene = str(Path(__file__).parents[2] / "cases" / "thesis" / "centrifugal.toml")
+    refused(["check", scene, "--set", "particles.sector=60 deg"], "particles.sector", "vanes and ribs do not repeat")
+    refused(["check", scene, "--set", "geometry.coil_radius=3 mm"], "geometry.coil_radius", "which has no coil")
+    refused(["check", scene, "--set", "contact.stiffness=100 kN/m"], "impacts at 12.1 m/s", "a run stops at 10 %")
+    told = CliRunner().invoke(app, ["check", scene, "--json", "--set", "particles.settle=true"])
+    plan = json.loads(told.stdout)["plan"]
+    assert "impacts at 12.1 m/s" in plan["stiffness"] and "WARNING" in plan["stiffness"]
+    assert "longest: 100 falls" in plan["packing"]
 
 
 def test_schema_overwrites_nothing(tmp_path):

@@ -1,5 +1,7 @@
 """One scene by DEM and by DVI: contact.method is the only line that differs."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -93,3 +95,24 @@ def test_a_few_misses_are_recorded_only():
         callback(Simulation, {"missed_steps": 5, "steps": 10, "time": 0.0, "solver_residual": 1e-5})
     with pytest.raises(ParticleError, match="61 of 110"):
         callback(Simulation, {"missed_steps": 11, "steps": 10, "time": 0.0, "solver_residual": 1e-5})
+
+
+def test_magnetic_forces_move_rigid_grains_as_elastic_ones(tmp_path):
+    """The thesis' electromagnetic clutch, current on at once: before grains meet, both methods follow one motion."""
+    case = Path(__file__).parents[2] / "cases" / "thesis" / "electromagnetic.toml"
+    short = {"time.end": "0.4 ms", "time.window": "0.2 ms", "particles.count": 60, "coil.current": "8 A"}
+    short |= {"output.snapshots": 1, "output.pictures": False}
+    where = {}
+    for method in ("dem", "dvi"):
+        result = emclutch.run(emclutch.load_case(case, short | {"contact.method": method}), out=tmp_path / method)
+        state = read_checkpoint(result.folder.path / "checkpoint.h5")["dem"]
+        order = np.argsort(state["particle_id"])
+        where[method] = state["where"][order, :3], state["motion"][order, :3], result.summary["time"]
+        share = {"dem": 1e-2, "dvi": 1e-12}[method]  # DEM's books hold the integrator's error
+        assert abs(result.history["energy_residual"]).max() < share * abs(result.history["work_magnetic"]).max()
+    begun = np.linalg.norm(where["dem"][1], axis=1) > 1e-2  # moved by the field
+    assert begun.sum() > 20
+    # velocities grow linearly at first: compare them at one time
+    scaled = [velocity / time for _, velocity, time in where.values()]
+    apart = np.linalg.norm(scaled[0] - scaled[1], axis=1) / np.linalg.norm(scaled[0], axis=1)
+    assert np.median(apart[begun]) < 0.1

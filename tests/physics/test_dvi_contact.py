@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from geometry.walls import Plane, annulus, cylinder
-from particles import Body, FreeShaft, Grains, PrescribedSpeed
+from particles import Body, DemError, FreeShaft, Grains, PrescribedSpeed
 from particles.dvi.dvi import DVI
 from particles.dvi.rigid_contact import RigidContact
 
@@ -34,15 +34,20 @@ def test_sliding_speed_is_exact_for_every_step(h):
 def test_the_convex_law_floats_where_exact_coulomb_touches():
     """REFERENCE section 5: h mu v = 1e-3 * 0.5 * 2 = 1.0 mm for a contact that is kept sliding at 2 m/s; exact: 0."""
     gaps = {}
-    for law in ("coulomb", "convex"):
-        dvi = _on_floor([2.0, 0.0, 0.0], 1e-3, RigidContact(0.5), friction=law)
+    for name, law, solver in (
+        ("coulomb", "coulomb", "accelerated"),
+        ("convex", "convex", "accelerated"),
+        ("apgd", "convex", "apgd"),
+    ):
+        dvi = _on_floor([2.0, 0.0, 0.0], 1e-3, RigidContact(0.5), friction=law, solver=solver)
         for _ in range(400):
             dvi.grains.velocity[:, :2] = 2.0, 0.0  # driven at 2 m/s without spin
             dvi.grains.angular_velocity[:] = 0.0
             dvi.run(1)
-        gaps[law] = dvi.grains.position[0, 2] - R
+        gaps[name] = dvi.grains.position[0, 2] - R
     assert gaps["coulomb"] == pytest.approx(0.0, abs=1e-12)
     assert gaps["convex"] == pytest.approx(1e-3, rel=0.02)
+    assert gaps["apgd"] == pytest.approx(gaps["convex"], rel=1e-3)
 
 
 @pytest.mark.parametrize("h", [1e-4, 1e-3, 1e-2])
@@ -194,3 +199,11 @@ def test_theta_moves_positions_by_a_part_of_a_step_only():
         dvi = _on_floor([0.2, 0.0, 1.0 + G * lag], h, RigidContact(0.3), height=2.0, theta=theta)
         dvi.run(n)
         assert dvi.grains.position[0] == pytest.approx([0.2 * t, 0.0, R + 2.0 + t - 0.5 * G * t**2], rel=1e-12)
+
+
+def test_a_grain_that_is_shot_off_stops_the_run():
+    """Twenty radii in a step are what no wall throws a grain at: the message names grain, speed and remedy."""
+    grains = Grains.create([[0.0, 0.0, 0.0]], 1e-3, 7800.0, velocity=[[500.0, 0.0, 0.0]])
+    dvi = DVI(grains, [], [], RigidContact(0.3), dt=1e-4)
+    with pytest.raises(DemError, match=r"shot off at 500 m/s, 25 diameters in a step.*more clearance"):
+        dvi.run(10)

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
+import pandas
 import pytest
 import typer
 from typer.testing import CliRunner
 
 from emclutch import __version__
+from emclutch.case import load_case
 from emclutch.command_line import _assignments, _explained, _load, app, torque_line
-from emclutch.run_case import Interrupted
+from emclutch.results import OutputError
+from emclutch.run_case import Interrupted, refuse_other_scene, remedy_in_scene
+from emclutch.run_report import closing_lines
 from emclutch.scene.reference import scene_reference
+from particles import DemError
 
 GOOD = Path(__file__).parents[1] / "cases" / "broken" / "good.toml"
 
@@ -60,6 +68,37 @@ def test_torque_comes_with_its_error():
         "not converged: too short"
     )
     assert torque_line(None) == "torque on the disc: none"
+
+
+def test_a_lock_and_soft_grains_are_told_last():
+    last = pandas.DataFrame({"rotor_speed": [0.0, 10.0 * math.pi], "disc_speed": [0.0, 9.0 * math.pi]})
+    plan = {"stiffness": "k_n"}
+    soft = {"plan": plan, "max_overlap": 0.05, "lock_up_time": 1.25}
+    assert closing_lines(SimpleNamespace(summary=soft, history=last)) == [
+        "output locked at 1.25 s, at 270 rpm at the end",
+        "caution: the largest overlap is 5 % of the diameter: grains too soft; torque peaks are not to be trusted",
+    ]
+    slips = {"plan": plan, "max_overlap": 0.02, "lock_up_time": None}
+    (line,) = closing_lines(SimpleNamespace(summary=slips, history=last))
+    assert line == "output not locked: 270 rpm at the end, the motor 300 rpm"
+    rigid = {"plan": {"contact": "rigid grains"}, "max_overlap": 0.05}
+    assert closing_lines(SimpleNamespace(summary=rigid, history=last)) == []
+
+
+@pytest.mark.parametrize(
+    ("values", "told"),
+    [
+        ({"contact.stiffness": "20 kN/m"}, "raise contact.stiffness = 20000 fourfold"),
+        ({"contact.law": "hertz"}, "lower contact.max_overlap = 0.005 to a quarter, or give contact.hertz_stiffness"),
+    ],
+)
+def test_grains_pressed_in_too_far_name_the_key(values, told):
+    case = load_case(GOOD, values)
+    text = remedy_in_scene(case, DemError("it overlaps a wall by 11 %", "raise it", 3, np.zeros(3), 0.1))
+    assert told in text and "take another --out, not --resume" in text
+    assert remedy_in_scene(case, DemError("it has left the device", "", 3, np.zeros(3), 0.1)) == ""
+    with pytest.raises(OutputError, match="a changed contact needs a new run"):
+        refuse_other_scene("[contact]\nfriction = 0.1", "[contact]\nfriction = 0.2", "runs/a")
 
 
 def test_none_and_off_remove_and_on_adds():

@@ -182,7 +182,11 @@ def test_a_cad_file_is_meshed_to_its_size(rod, suffix, size):
     [
         ("wall.xyz", "", r"ends in '.xyz'; read are .stl"),
         ("wall.stl", None, "does not exist"),
-        ("wall.stl", "solid\nfacet\nrubbish", "cannot be read as .stl"),
+        ("wall.stl", "solid\nfacet\nrubbish", "is cut off, or neither ASCII nor binary STL; export it anew"),
+        ("wall.stl", "solid a\nendsolid a\n", "holds no triangles; export it anew"),
+        ("wall.stl", "\0" * 84, "holds no triangles; export it anew"),
+        ("wall.stl", "\0" * 80 + "\x02\0\0\0" + "\0" * 60, r"announce 2 triangles and is cut off\); export it anew"),
+        ("wall.stl", "", "is neither ASCII nor binary STL; export it anew"),
         ("wall.ply", "rubbish", "cannot be read as .ply"),
         ("wall.step", "rubbish", "cannot be read and meshed"),
         ("wall.obj", "v 0 0 0\nv 1 0 0\n", "holds no triangles"),

@@ -7,6 +7,7 @@ import pytest
 
 from emclutch.results import OutputError
 from emclutch.results.speed_picture import (
+    explained_share,
     power_law,
     quadratic_factor,
     read_measured_speeds,
@@ -76,7 +77,7 @@ def test_only_a_standing_output_shows_what_the_clutch_transmits_at_a_speed(tmp_p
     """The parabola is that of the law while the output stands, whatever its torque when it turns or is locked."""
     held = history(2.0)
     held["disc_speed"][:] = 0.0
-    law = f"{0.05 * (1000 * math.pi / 30) ** 2:.3g} N m · (rpm/1000)²"
+    law = f"{0.05 * (1000 * math.pi / 30) ** 2:.3g} N m · (rpm/1000)², R² = 1.00"
     started = {name: values.copy() for name, values in held.items()}
     started["disc_speed"][-10:] = 0.5 * started["rotor_speed"][-10:]
     started["torque_disc"][-10:] = 3.0
@@ -85,6 +86,19 @@ def test_only_a_standing_output_shows_what_the_clutch_transmits_at_a_speed(tmp_p
     locked["torque_disc"][-10:] = 1.0  # a small load
     for run, found in ((held, [law]), (started, ["the output turns", law]), (locked, [law])):
         assert found == labels_of(monkeypatch, lambda run=run: torque_speed_picture(tmp_path / "t.png", {"run": run}))
+    rng = np.random.default_rng(1)
+    noise = {**held, "torque_disc": rng.normal(size=50)}  # no parabola: none is drawn
+    assert labels_of(monkeypatch, lambda: torque_speed_picture(tmp_path / "t.png", {"run": noise})) == []
+
+
+def test_the_share_explained_is_r_squared():
+    speed, torque = np.array([1.0, 2.0, 3.0]), np.array([1.0, 5.0, 8.0])
+    factor = quadratic_factor(speed, torque)
+    assert factor == pytest.approx((1.0 + 20.0 + 72.0) / 98.0)
+    left = np.sum((torque - factor * speed**2) ** 2)
+    assert explained_share(factor, speed, torque) == pytest.approx(1.0 - left / (3.0 * np.var(torque)))
+    assert explained_share(1.0, speed, speed**2) == 1.0
+    assert explained_share(1.0, speed, np.ones(3)) is None
 
 
 def test_speeds_are_drawn_where_a_shaft_changes_its_speed():

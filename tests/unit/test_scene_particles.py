@@ -139,12 +139,16 @@ EQUAL = {"diameter": "1 mm", "count": 10}
     [
         ({"count": 10}, "particles.diameter", "is missing; a length is needed"),
         (EQUAL | {"sizes": UNIFORM}, "particles.sizes", "stands beside diameter"),
-        ({"count": 10, "sizes": {"kind": "uniform", "min": "2 mm", "max": "1 mm"}}, "particles.sizes",
-         "from 2 to 1 mm"),
+        ({"count": 10, "sizes": {"kind": "uniform", "min": "2 mm", "max": "1 mm"}}, "particles.sizes.min",
+         "is not below max = 1 mm"),
         ({"count": 10, "sizes": {"kind": "uniform", "min": "2 mm"}}, "particles.sizes.max", "a length is needed"),
         ({"count": 10, "sizes": {"kind": "weibull"}}, "particles.sizes.kind", "available: uniform, normal"),
-        ({"count": 10, "sizes": {"kind": "normal", "mean": "1 mm", "deviation": "0.5 mm"}}, "particles.sizes",
-         "three standard deviations below the mean"),
+        ({"count": 10, "sizes": {"kind": "normal", "mean": "1 mm", "deviation": "0.5 mm"}}, "particles.sizes.min",
+         "three deviations below mean is -0.5 mm"),
+        ({"count": 10, "sizes": {"kind": "log_normal", "median": "1 mm", "spread": 1.2, "min": "1.1 mm"}},
+         "particles.sizes.median", "is not between the limits 1.1 and"),
+        ({"count": 10, "sizes": {"kind": "list", "diameters": ["1 mm", "2 mm"], "shares": [1]}},
+         "particles.sizes.shares", "has 1 entries, but diameters 2"),
         ({"count": 10, "sizes": {"kind": "file", "file": "no.csv"}}, "particles.sizes.file", "does not exist"),
         (EQUAL | {"packing": "file"}, "particles.count", "says how many grains"),
         ({"diameter": "1 mm", "packing": "file"}, "particles.packing_file", "is missing"),
@@ -158,3 +162,11 @@ EQUAL = {"diameter": "1 mm", "count": 10}
 def test_wrong_combinations_are_told(particles, key, words):
     faults = _faults(particles)
     assert key in faults and words in faults[key]
+
+
+def test_diameters_in_a_file_need_their_unit(tmp_path):
+    particles = {"count": 10, "sizes": {"kind": "file", "file": str(tmp_path / "sieve.csv")}}
+    (tmp_path / "sieve.csv").write_text("# of a sieve\ndiameter, mass [%]\n1, 40\n1.2, 60\n")
+    assert "write 'diameter [mm]'" in _faults(particles)["particles.sizes.file"]
+    (tmp_path / "sieve.csv").write_text("# of a sieve\ndiameter [mm], mass [%]\n1, 40\n1.2, 60\n")
+    assert _case(particles).scene.particles.largest_diameter == pytest.approx(1.2e-3)

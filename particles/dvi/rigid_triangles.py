@@ -1,0 +1,180 @@
+"""Rigid grains at triangles: which contacts may close within a step, and what overlaps.
+
+What counts as one contact is decided as for grains that deform (`particles.walls.triangle_kernels`), only for a larger
+sphere: radius, and the way that grain and wall can come nearer within the step. What the rule hides lies behind the
+plane of a contact that is there, which cannot be crossed in the step.
+
+**Pushed grains.** A vane strikes a grain at rest to its own speed, and that one the next. So that these also find what
+they meet within the same step, the way that a grain is looked ahead along is made as long as the wall's (`search`) and
+passed on through the neighbours: over a gap g, a speed v pushes at v - g/h (`pass_on`).
+
+**Impulses** belong to the slot of a triangle. One of a slot that another now hides goes to the contact that hides it;
+all turn with the body from step to step.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from particles.dvi.gauss_seidel import ARM, EX, EY, EZ, IJ, IM, IWN, IWT, LX, LY, MU, RX, RY, RZ, SPEED, B
+from particles.walls.triangle_kernels import (
+    DISTANCE,
+    LEADER,
+    SLOT,
+    TOWARDS_X,
+    TOWARDS_Y,
+    TOWARDS_Z,
+    triangle_contacts,
+)  # fmt: skip
+
+# columns of a body's turn: cosine and sine of its angle, and of what it has turned since the last step
+COS, SIN, COS_STEP, SIN_STEP = range(4)
+N_TURN = 4
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def turn_bodies(h, theta, body_angle, body_speed, turn):
+    """Half drift of the bodies, to the middle of the step, and the frames that the triangles are met in."""
+    for b in range(body_angle.shape[0]):
+        if theta < 1.0:
+            body_angle[b] += (1.0 - theta) * h * body_speed[b]
+        if turn is not None:
+            turn[b, COS], turn[b, SIN] = np.cos(body_angle[b]), np.sin(body_angle[b])
+            turn[b, COS_STEP], turn[b, SIN_STEP] = np.cos(h * body_speed[b]), np.sin(h * body_speed[b])
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def search(
+    h, law, margin, bound, position, radius, triangle, n_smooth, wall_body, wall_start, wall_other,
+    body, old_speed, body_reach, turn, found, tally,
+):  # fmt: skip
+    """Contacts of all grains with triangles into ``found`` and ``tally``, and the bounds that walls push grains to.
+
+    ``found`` (s, N_FOUND): those of a grain with a body from its first slot of that body on, directions in world axes;
+    ``tally`` (s, 2), at that slot: how many count, and how many were seen. Returns the largest bound that was raised.
+    """
+    push, top = 1.0 + law[1, 1], 0.0
+    for b in range(body_reach.shape[0]):
+        top = max(top, push * max(abs(old_speed[b]), abs(body[b, SPEED])) * body_reach[b])
+    raised = 0.0
+    for i in range(radius.shape[0]):
+        k, end = wall_start[i], wall_start[i + 1]
+        while k < end and wall_other[k] < n_smooth:
+            k += 1
+        x, y, z, ri, own = position[i, 0], position[i, 1], position[i, 2], radius[i], bound[i]
+        while k < end:
+            b = wall_body[wall_other[k]]
+            begin = k
+            while k < end and wall_body[wall_other[k]] == b:
+                k += 1
+            c, s = turn[b, COS], turn[b, SIN]
+            speed = max(abs(old_speed[b]), abs(body[b, SPEED]))
+            far = ri + h * (max(own, top) + speed * body_reach[b]) + margin
+            part = found[begin:k]
+            count, seen = triangle_contacts(triangle, wall_other, begin, k, c * x + s * y, c * y - s * x, z, far, part)
+            tally[begin, 0], tally[begin, 1] = count, seen
+            for a in range(count):
+                nx, ny, d = part[a, TOWARDS_X], part[a, TOWARDS_Y], part[a, DISTANCE]
+                nx, ny = c * nx - s * ny, s * nx + c * ny
+                part[a, TOWARDS_X], part[a, TOWARDS_Y] = nx, ny
+                if speed > 0.0:
+                    px, py = x + d * nx, y + d * ny
+                    if d < ri + h * (own + speed * np.sqrt(px * px + py * py)) + margin:
+                        pushed = push * speed * abs(px * ny - py * nx)
+                        if pushed > bound[i]:
+                            bound[i] = pushed
+                            raised = max(raised, pushed)
+    return raised
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def pass_on(h, bound, position, radius, pair_start, pair_other):
+    """Raise the bounds of grains that others push: once down the list and once up it."""
+    n = radius.shape[0]
+    for backward in range(2):
+        for step in range(n):
+            i = n - 1 - step if backward == 1 else step
+            for k in range(pair_start[i], pair_start[i + 1]):
+                j = pair_other[k]
+                larger = max(bound[i], bound[j])
+                touch = radius[i] + radius[j]
+                reach = touch + h * (larger - min(bound[i], bound[j]))
+                dx, dy, dz = (
+                    position[i, 0] - position[j, 0], position[i, 1] - position[j, 1], position[i, 2] - position[j, 2],
+                )  # fmt: skip
+                d2 = dx * dx + dy * dy + dz * dz
+                if d2 < reach * reach:
+                    pushed = larger - max(np.sqrt(d2) - touch, 0.0) / h
+                    bound[i], bound[j] = max(bound[i], pushed), max(bound[j], pushed)
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def record(
+    h, law, margin, slop, grain, bound, position, velocity, radius, n_smooth, wall_body, wall_start, wall_other,
+    wall_impulse, body, old_speed, turn, found, tally, walls, wall_index, wall_slot, wall_row,
+):  # fmt: skip
+    """Fill the records, from number ``walls`` on, of what may close within the step; returns how many there are then.
+
+    Impulses of slots that hold no contact any more are handed over, or forgotten.
+    """
+    for i in range(radius.shape[0]):
+        k, end = wall_start[i], wall_start[i + 1]
+        while k < end and wall_other[k] < n_smooth:
+            k += 1
+        x, y, ri = position[i, 0], position[i, 1], radius[i]
+        while k < end:
+            b = wall_body[wall_other[k]]
+            begin, first = k, walls
+            while k < end and wall_body[wall_other[k]] == b:
+                k += 1
+            part = found[begin:k]
+            for a in range(tally[begin, 0], tally[begin, 1]):
+                old, new = int(part[a, SLOT]), int(part[int(part[a, LEADER]), SLOT])
+                if wall_impulse[new, 0] == 0.0 and wall_impulse[new, 1] == 0.0 and wall_impulse[new, 2] == 0.0:
+                    for q in range(3):
+                        wall_impulse[new, q] = wall_impulse[old, q]
+            speed = max(abs(old_speed[b]), abs(body[b, SPEED]))
+            for a in range(tally[begin, 0]):
+                slot, d = int(part[a, SLOT]), part[a, DISTANCE]
+                nx, ny, nz = part[a, TOWARDS_X], part[a, TOWARDS_Y], part[a, TOWARDS_Z]
+                px, py = x + d * nx, y + d * ny
+                if d >= ri + h * (bound[i] + speed * np.sqrt(px * px + py * py)) + margin:
+                    continue
+                row = wall_row[walls]
+                row[EX], row[EY], row[EZ], row[ARM] = -nx, -ny, -nz, d / ri
+                rx, ry = wall_impulse[slot, 0], wall_impulse[slot, 1]
+                row[RX] = turn[b, COS_STEP] * rx - turn[b, SIN_STEP] * ry
+                row[RY] = turn[b, SIN_STEP] * rx + turn[b, COS_STEP] * ry
+                row[RZ] = wall_impulse[slot, 2]
+                row[LX], row[LY] = -py, px
+                along = row[LX] * row[EX] + row[LY] * row[EY]
+                row[IWN] = 1.0 / (grain[i, IM] + body[b, IJ] * along * along)
+                row[IWT] = 1.0 / (grain[i, IM] * (1.0 + 2.5 * row[ARM] * row[ARM]))
+                row[MU] = law[1, 0]
+                gap = d - ri
+                row[B] = gap / h if gap > slop * ri else 0.0
+                if law[1, 1] > 0.0:
+                    before = -(velocity[i, 0] * nx + velocity[i, 1] * ny + velocity[i, 2] * nz) - old_speed[b] * along
+                    if before < -law[1, 2] and gap + h * before < 0.0:
+                        row[B] = law[1, 1] * before
+                wall_index[walls, 0], wall_index[walls, 1], wall_slot[walls] = i, b, slot
+                walls += 1
+            for q in range(begin, k):
+                wall_impulse[q, 0] = wall_impulse[q, 1] = wall_impulse[q, 2] = 0.0
+            for w in range(first, walls):  # the books ask whether a contact has had an impulse
+                for q in range(3):
+                    wall_impulse[wall_slot[w], q] = wall_row[w, RX + q]
+    return walls
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def overlapping(triangle, wall_body, wall_other, first, last, x, y, z, radius, turn, found):
+    """Triangles of one body that a grain overlaps, among slots first <= k < last; directions in world axes."""
+    b = wall_body[wall_other[first]]
+    c, s = turn[b, COS], turn[b, SIN]
+    count, _ = triangle_contacts(triangle, wall_other, first, last, c * x + s * y, c * y - s * x, z, radius, found)
+    for a in range(count):
+        nx, ny = found[a, TOWARDS_X], found[a, TOWARDS_Y]
+        found[a, TOWARDS_X], found[a, TOWARDS_Y] = c * nx - s * ny, s * nx + c * ny
+    return count

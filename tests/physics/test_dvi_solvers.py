@@ -1,0 +1,84 @@
+"""Solvers of one step of a dense bed that moves: accelerated sweeps, interior point, and APGD for the convex law."""
+
+import numpy as np
+import pytest
+
+from geometry import Box
+from particles import Body, Grains
+from particles.dvi import gauss_seidel as gs
+from particles.dvi.accelerated import ANDERSON, GAUSS_SEIDEL, solve_records
+from particles.dvi.apgd import apgd_records
+from particles.dvi.dvi import DVI
+from particles.dvi.interior_point import cone_problem, cone_programme
+from particles.dvi.rigid_contact import RigidContact
+
+G = 9.81
+R = 5e-3
+
+
+@pytest.fixture(scope="module")
+def sheared():
+    """A contact problem of 64 spheres in a box whose gravity has turned to the side; impulses of the step before."""
+    side = 4 * 2.05 * R
+    sites = np.stack(np.meshgrid(*[np.arange(4) + 0.5] * 3), axis=-1).reshape(-1, 3) * 2.05 * R
+    where = sites - [0.5 * side, 0.5 * side, 0.0] + 2e-4 * R * np.random.default_rng(2).normal(size=sites.shape)
+    box = Box((side, side, 1.1 * side))
+    dvi = DVI(Grains.create(where, R, 7850.0), box.walls(), [Body("housing")], RigidContact(0.3), dt=1e-3,
+              gravity=(0.0, 0.0, -G), tolerance=1e-5, max_sweeps=500)  # fmt: skip
+    dvi.run(150)
+    dvi.gravity = np.array([G, 0.0, 0.0])
+    dvi.run(40)
+    return dvi._records()
+
+
+def _cold(records):
+    records = [a.copy() for a in records]
+    gs.apply_impulses(-1.0, *records)
+    for rows in (records[3], records[5]):
+        rows[:, gs.RX : gs.RZ + 1] = 0.0
+    return records
+
+
+def _velocities(records):
+    return records[0][:, [0, 1, 2, 4, 5, 6]].ravel()
+
+
+def test_over_relaxed_sweeps_have_the_fixed_points_of_plain_ones(sheared):
+    """A solution stays where it is, and its residual with it, at any over-relaxation."""
+    records = _cold(sheared)
+    reached = solve_records(None, None, ANDERSON, 1e-12, 100_000, *records)[1]
+    assert reached <= 1e-12
+    solved = [a.copy() for a in records]
+    for over in (0.5, 1.6):
+        for _ in range(5):
+            gs.sweep(False, None, over, *records)
+    assert _velocities(records) == pytest.approx(_velocities(solved), abs=1e-9)
+    assert gs.residual(None, *records) < 1e-10
+
+
+def test_apgd_finds_the_velocities_of_the_convex_law(sheared):
+    """They are unique: a cone programme with sparse factors and first-order gradients must meet."""
+    records = _cold(sheared)
+    problem = cone_problem(*records)
+    velocity = cone_programme(problem, np.zeros(len(problem.friction)), 1e-10)[1]
+    count, reached = apgd_records(1e-8, 20_000, *records)
+    assert reached <= 1e-8 and count < 20_000
+    assert reached == pytest.approx(gs.residual(True, *records))
+    assert _velocities(records) == pytest.approx(velocity, abs=1e-5)
+    sweeps = _cold(sheared)
+    assert solve_records(True, None, GAUSS_SEIDEL, 1e-9, 200_000, *sweeps)[1] <= 1e-9
+    assert _velocities(records) == pytest.approx(_velocities(sweeps), abs=1e-5)
+
+
+def test_linearised_shift_solves_exact_coulomb(sheared):
+    """One programme, no sweeps: the natural map of the exact law is met, that of the convex law is not."""
+    records = _cold(sheared)
+    problem = cone_problem(*records)
+    impulse, velocity = cone_programme(problem, None, 1e-9, 100)
+    world = np.einsum("mi,mij->mj", impulse, problem.frame)
+    p = len(records[3])
+    records[3][:, gs.RX : gs.RZ + 1], records[5][:, gs.RX : gs.RZ + 1] = world[:p], world[p:]
+    gs.apply_impulses(1.0, *records)
+    assert gs.residual(None, *records) < 1e-7  # the programme bounds the mean over the contacts, not the largest
+    assert gs.residual(True, *records) > 1e-4
+    assert _velocities(records) == pytest.approx(velocity, abs=1e-7)
