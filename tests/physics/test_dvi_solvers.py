@@ -79,6 +79,6 @@ def test_linearised_shift_solves_exact_coulomb(sheared):
     p = len(records[3])
     records[3][:, gs.RX : gs.RZ + 1], records[5][:, gs.RX : gs.RZ + 1] = world[:p], world[p:]
     gs.apply_impulses(1.0, *records)
-    assert gs.residual(None, *records) < 1e-7  # the programme bounds the mean over the contacts, not the largest
+    assert gs.residual(None, *records) < 1e-6  # the programme bounds the mean over the contacts, not the largest
     assert gs.residual(True, *records) > 1e-4
-    assert _velocities(records) == pytest.approx(velocity, abs=1e-7)
+    assert _velocities(records) == pytest.approx(velocity, abs=1e-6)
