@@ -105,6 +105,7 @@ def rigid_grains(scene: Scene, plan: Plan, rigid: RigidPlan, grains: Grains, wal
         solver=section.solver,
         tolerance=rigid.tolerance,
         max_sweeps=section.max_sweeps,
+        stiffness=rigid.stiffness,
     )
 
 

@@ -103,7 +103,7 @@ def make_plan(case: Case, device: Device | None = None) -> tuple[Device, Plan]:
     speed = _largest_speed(scene, device)
     contact: PairLaws | RigidPlan
     if scene.contact.method == "dvi":
-        contact, dt = plan_rigid(scene, device, M_max, speed, reasons)
+        contact, dt = plan_rigid(scene, M_max, speed, _springs(scene, device, M_max, speed, reasons), reasons)
     else:
         contact, dt = _elastic(scene, device, M_max, speed, reasons)
     per_update, updates, windows = _windows(scene, dt, speed, M_max > 0.0 or field is not None, reasons)
@@ -129,6 +129,27 @@ def _elastic(scene, device: Device, M_max: float, speed: float, reasons: dict[st
     )
     reasons["time step"] = step.reason
     return contact, step.dt
+
+
+def _springs(scene, device: Device, M_max: float, speed: float, reasons: dict[str, str]) -> np.ndarray | None:
+    """[[k_n, k_t] between grains, [k_n, k_t] at walls] [N/m] of rigid grains that give way, None for rigid ones.
+
+    Of a law that is not linear, the stiffness at the largest overlap to be expected.
+    """
+    if not scene.contact.dvi.gives_way:
+        return None
+    if scene.contact.tangential_ratio == 0.0:
+        raise ValueError("contact.tangential_ratio = 0; with contact.dvi.springs it must be more than 0")
+    hit = _impact_speed(scene, device, speed)
+    pairs, force = _contact(scene, device, M_max, hit, reasons)
+    d = scene.particles.largest_diameter
+    mass = scene.particles.density * pi / 6.0 * d**3
+    ratio = 2.0 / 7.0 if scene.contact.tangential_ratio is None else scene.contact.tangential_ratio
+    stiffness = np.empty((2, 2))
+    for row, law, m_eff, r_eff in zip(stiffness, pairs.laws, (0.5 * mass, mass), (0.25 * d, 0.5 * d), strict=True):
+        k = law.stiffness_at(law.overlap_under(force, m_eff, hit, r_eff), r_eff)
+        row[:] = k, ratio * k
+    return stiffness
 
 
 def expected_magnetisation(case: Case, device: Device) -> tuple[MagneticField | SolidField | None, float]:

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from coupling import pair_attraction
 from emclutch.scene.model import Scene
 from particles import RigidContact, choose_rigid_step
-
-if TYPE_CHECKING:
-    from emclutch.device import Device
 
 TOLERANCE = 1e-4  # of the largest speed to be expected
 LEAST_TOLERANCE = 1e-7  # [m/s]
@@ -29,14 +25,17 @@ class RigidPlan:
     contact : RigidContact
     tolerance : float
         On the natural map [m/s].
+    stiffness : ndarray, shape (2, 2), or None
+        [[k_n, k_t] between grains, [k_n, k_t] at walls] [N/m] of contacts that give way.
     """
 
     contact: RigidContact
     tolerance: float
+    stiffness: np.ndarray | None
 
 
 def plan_rigid(
-    scene: Scene, device: Device, M_max: float, speed: float, reasons: dict[str, str]
+    scene: Scene, M_max: float, speed: float, stiffness: np.ndarray | None, reasons: dict[str, str]
 ) -> tuple[RigidPlan, float]:
     """Decide contact and solver of the scene, and the step [s].
 
@@ -46,6 +45,8 @@ def plan_rigid(
         Largest magnetisation of a grain to be expected [A/m].
     speed : float
         Largest speed to be expected [m/s].
+    stiffness : ndarray, shape (2, 2), or None
+        Of contacts that give way [N/m].
     reasons : dict
         Gets a line for each decision.
 
@@ -71,7 +72,13 @@ def plan_rigid(
         threshold = max(2.0 * step.dt * pull, LEAST_THRESHOLD)
     tolerance = max(TOLERANCE * speed, LEAST_TOLERANCE) if section.tolerance is None else section.tolerance
     law = {"coulomb": "exact Coulomb friction", "convex": "the convex cone"}[section.friction_law]
-    reasons["contact"] = f"rigid grains, {law}; stiffness and contact law are not used"
+    reasons["contact"] = f"rigid grains, {law}; " + (
+        "stiffness and contact law are not used"
+        if stiffness is None
+        else f"contacts give way by springs of {stiffness[0, 0]:.3g} N/m"
+        + ("" if stiffness[0, 0] == stiffness[1, 0] else f", {stiffness[1, 0]:.3g} N/m at walls")
+        + ", taken implicitly"
+    )
     reasons["time step"] = step.reason
     reasons["solver"] = (
         f"{section.solver}: to {tolerance:.3g} m/s on the natural map"
@@ -85,4 +92,4 @@ def plan_rigid(
         contact.wall_restitution,
         threshold=threshold,
     )
-    return RigidPlan(rigid, tolerance), step.dt
+    return RigidPlan(rigid, tolerance, stiffness), step.dt

@@ -181,6 +181,10 @@ def _rigid(draft: Draft) -> Iterator[Fault]:
     contact = scene.contact
     if contact.dvi.solver in ("psor", "apgd") and contact.dvi.friction_law != "convex":
         yield draft.fault("contact.dvi.solver", "solves the convex law; add friction_law = 'convex', or take another")
+    if contact.dvi.springs and contact.dvi.solver in ("interior_point", "apgd"):
+        yield draft.fault(
+            "contact.dvi.springs", f"cannot stand beside solver = '{contact.dvi.solver}'; remove one of them"
+        )
     if contact.method != "dvi":
         return
     if scene.particles is not None and scene.particles.sector is not None:

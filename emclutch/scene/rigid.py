@@ -23,6 +23,11 @@ class Rigid(Section):
         "point for steps on which these stall; psor, apgd: projected "
         "over-relaxation, accelerated projected gradients, both convex only",
     )
+    springs: Annotated[StrictBool | None, Automatic()] = Field(
+        default=None,
+        description="contacts give way with the scene's stiffness, taken implicitly: jams have finite forces, and "
+        "those of packings are unique; false: perfectly rigid; default: true, false with interior_point and apgd",
+    )
     tolerance: Annotated[LinearSpeed | None, Automatic()] = Field(
         default=None, description="on the natural map of every contact; default: 1e-4 of the largest speed expected"
     )
@@ -42,3 +47,8 @@ class Rigid(Section):
     threshold: Annotated[LinearSpeed | None, Automatic()] = Field(
         default=None, description="approach below which nothing rebounds; default: 2 h g, at least 1 mm/s"
     )
+
+    @property
+    def gives_way(self) -> bool:
+        """Whether contacts have springs."""
+        return self.solver not in ("interior_point", "apgd") if self.springs is None else self.springs

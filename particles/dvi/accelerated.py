@@ -1,13 +1,14 @@
 """Sweeps to a tolerance, and their Anderson acceleration when they stall.
 
-A sweep is a map r -> G(r) whose fixed points solve the contact problem. In a dense packing its slowest modes, chains
-of contacts that are nearly mechanisms or nearly self-stressed, shrink by less than 1 % a sweep. Anderson's method of
-type II (J. ACM 12 (1965) 547; Walker & Ni, SIAM J. Numer. Anal. 49 (2011) 1715) fits the last m changes,
+A few sweeps are a map r -> G(r) whose fixed points solve the contact problem. In a dense packing its slowest modes,
+chains of contacts that are nearly mechanisms or nearly self-stressed, shrink by less than 1 % a sweep. Anderson's
+method of type II (J. ACM 12 (1965) 547; Walker & Ni, SIAM J. Numer. Anal. 49 (2011) 1715) fits the last m changes,
 
     r_{k+1} = G(r_k) - sum_j c_j dG_j,     c = argmin |F_k - sum_j c_j dF_j|,     F_k = G(r_k) - r_k,
 
-and takes these modes out together. Velocities are kept consistent, v = v_free + M^-1 H r, and the following sweep puts
-every impulse back into its cone. Norms weigh an impulse by sqrt(w_n): an energy, so that light and heavy grains count
+and takes these modes out together. Velocities, which are linear in the impulses, v = v_free + M^-1 H r, are
+extrapolated with them, and the following sweep puts every impulse back into its cone.
+Norms weigh an impulse by sqrt(w_n): an energy, so that light and heavy grains count
 alike. **Safeguard**: the map has kinks, where contacts open, stick or slip. When |F| exceeds twice the smallest one of
 this history, the history is dropped and the iteration goes on from the best G(r).
 
@@ -23,79 +24,93 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from particles.dvi.gauss_seidel import BRAKE, IWN, RX, apply_impulses, residual, sweep
+from particles.dvi.gauss_seidel import (
+    BRAKE,
+    IWN,
+    PX,
+    PY,
+    PZ,
+    RX,
+    SPEED,
+    VX,
+    VY,
+    VZ,
+    residual,
+    sweep,
+)  # fmt: skip
 from particles.kernel_stamp import kernel_stamp
 
 # methods: sweeps alone, accelerated, then an interior point; accelerated projected gradients (convex only)
 GAUSS_SEIDEL, ANDERSON, INTERIOR, APGD = range(4)
 PLAIN_SWEEPS = 30  # before the acceleration begins: most warm-started steps are done by then
-HISTORY = 8
+HISTORY = 5
+SWEEPS = 3  # in one application of G: they cost less than an extrapolation
 PATIENCE = 60  # sweeps in which |F| must have found a new minimum; as many without extrapolation follow otherwise
-OVER = 1.6  # over-relaxation of these; beyond 1.8 sheared beds do not converge
+SLIGHTLY_OVER = 1.3  # over-relaxation within G
+OVER = 1.6  # over-relaxation of the sweeps after a stall; beyond 1.8 sheared beds do not converge
 
 
 @njit(error_model="numpy", fastmath={"contract"})
-def solve(convex, relax, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
+def solve(convex, relax, soft, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
     """Plain sweeps, then (unless ``method`` is GAUSS_SEIDEL) accelerated ones.
 
     Returns sweeps, the honest residual [m/s], and whether acceleration took over.
     """
     first = cap if method == GAUSS_SEIDEL else min(cap, PLAIN_SWEEPS)
     for count in range(first):
-        change = sweep(False, convex, relax, grain, body, pair_index, pair, wall_index, wall)
+        change = sweep(False, convex, relax, soft, grain, body, pair_index, pair, wall_index, wall)
         if change <= tolerance:
-            reached = residual(convex, grain, body, pair_index, pair, wall_index, wall)
+            reached = residual(convex, soft, grain, body, pair_index, pair, wall_index, wall)
             if reached <= tolerance:
                 return count + 1, reached, 0
     if first == cap:
-        return cap, residual(convex, grain, body, pair_index, pair, wall_index, wall), 0
-    done, reached = anderson(convex, relax, tolerance, cap - first, grain, body, pair_index, pair, wall_index, wall)
+        return cap, residual(convex, soft, grain, body, pair_index, pair, wall_index, wall), 0
+    done, reached = anderson(
+        convex, relax, soft, tolerance, cap - first, grain, body, pair_index, pair, wall_index, wall
+    )
     return first + done, reached, 1
 
 
 @njit(error_model="numpy", fastmath={"contract"})
-def anderson(convex, relax, tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
+def anderson(convex, relax, soft, tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
     """Up to ``cap`` accelerated sweeps from the impulses in the records; returns their number and the residual."""
-    p, w, n_bodies = pair.shape[0], wall.shape[0], body.shape[0]
-    size = 3 * (p + w) + n_bodies
-    free, free_body = grain.copy(), body.copy()
-    apply_impulses(-1.0, free, free_body, pair_index, pair, wall_index, wall)
-    weight = np.empty(size)
-    for k in range(p):
-        weight[3 * k : 3 * k + 3] = 1.0 / np.sqrt(pair[k, IWN])
-    for k in range(w):
-        weight[3 * (p + k) : 3 * (p + k) + 3] = 1.0 / np.sqrt(wall[k, IWN])
-    weight[3 * (p + w) :] = np.sqrt(body[:, 1])
-    r, g, f = np.empty(size), np.empty(size), np.empty(size)
-    old_g, old_f, best_g = np.empty(size), np.empty(size), np.empty(size)
-    d_g, d_f = np.empty((HISTORY, size)), np.empty((HISTORY, size))
+    contacts = 3 * (pair.shape[0] + wall.shape[0]) + body.shape[0]
+    size = contacts + 6 * grain.shape[0] + body.shape[0]
+    weight = np.empty(contacts)
+    _weights(weight, pair, wall, body)
+    r, g, old_g, best_g = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
+    f, old_f = np.empty(contacts), np.empty(contacts)
+    d_g, d_f = np.empty((HISTORY, size)), np.empty((HISTORY, contacts))
     gram, c = np.zeros((HISTORY, HISTORY)), np.zeros(HISTORY)
     known, slot, best = 0, 0, np.inf
     first = True
     waited, plain, mark, pause = 0, 0, np.inf, PATIENCE
-    _collect(r, pair, wall, body)
-    for count in range(cap):
-        if convex is None:
-            if plain > 0:
-                change = sweep(False, convex, OVER, grain, body, pair_index, pair, wall_index, wall)
+    done = 0
+    _read(r, contacts, pair, wall, grain, body)
+    while done < cap:
+        change = 0.0
+        for _ in range(min(SWEEPS, cap - done)):
+            if convex is None:
+                over = OVER if plain > 0 else SLIGHTLY_OVER
+                change = sweep(False, convex, over, soft, grain, body, pair_index, pair, wall_index, wall)
             else:
-                change = sweep(False, convex, relax, grain, body, pair_index, pair, wall_index, wall)
-        else:
-            change = sweep(False, convex, relax, grain, body, pair_index, pair, wall_index, wall)
+                change = sweep(False, convex, relax, soft, grain, body, pair_index, pair, wall_index, wall)
+            done += 1
         if change <= tolerance:
-            reached = residual(convex, grain, body, pair_index, pair, wall_index, wall)
+            reached = residual(convex, soft, grain, body, pair_index, pair, wall_index, wall)
             if reached <= tolerance:
-                return count + 1, reached
+                return done, reached
         if plain > 0:
-            plain -= 1
-            if plain == 0:
-                _collect(r, pair, wall, body)
+            plain -= SWEEPS
+            if plain <= 0:
+                _read(r, contacts, pair, wall, grain, body)
                 waited, best, mark = 0, np.inf, np.inf
             continue
-        _collect(g, pair, wall, body)
-        f[:] = weight * (g - r)
+        _read(g, contacts, pair, wall, grain, body)
+        for q in range(contacts):
+            f[q] = weight[q] * (g[q] - r[q])
         norm = np.sqrt(_dot(f, f))
-        waited += 1
+        waited += SWEEPS
         if waited > PATIENCE:
             known, slot, best, first, plain = 0, 0, np.inf, True, pause
             pause *= 2
@@ -110,8 +125,10 @@ def anderson(convex, relax, tolerance, cap, grain, body, pair_index, pair, wall_
                 best = norm
                 best_g[:] = g
             if not first:
-                d_g[slot] = g - old_g
-                d_f[slot] = f - old_f
+                for q in range(size):
+                    d_g[slot, q] = g[q] - old_g[q]
+                for q in range(contacts):
+                    d_f[slot, q] = f[q] - old_f[q]
                 known = min(known + 1, HISTORY)
                 for q in range(known):
                     gram[slot, q] = gram[q, slot] = _dot(d_f[slot], d_f[q])
@@ -124,13 +141,48 @@ def anderson(convex, relax, tolerance, cap, grain, body, pair_index, pair, wall_
                     c[q] = _dot(d_f[q], f)
                 if _solve_gram(gram, c, known):
                     for q in range(known):
-                        r -= c[q] * d_g[q]
-        grain[:] = free
-        body[:, 0] = free_body[:, 0]
-        _spread(r, pair, wall, body)
-        apply_impulses(1.0, grain, body, pair_index, pair, wall_index, wall)
-    sweep(False, convex, relax, grain, body, pair_index, pair, wall_index, wall)
-    return cap, residual(convex, grain, body, pair_index, pair, wall_index, wall)
+                        for k in range(size):
+                            r[k] -= c[q] * d_g[q, k]
+        _write(r, contacts, pair, wall, grain, body)
+    sweep(False, convex, relax, soft, grain, body, pair_index, pair, wall_index, wall)
+    return done, residual(convex, soft, grain, body, pair_index, pair, wall_index, wall)
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def _weights(weight, pair, wall, body):
+    """sqrt(w_n) for each component of an impulse, sqrt(1/J) for the loads of shafts."""
+    p = pair.shape[0]
+    for k in range(p):
+        weight[3 * k : 3 * k + 3] = 1.0 / np.sqrt(pair[k, IWN])
+    for k in range(wall.shape[0]):
+        weight[3 * (p + k) : 3 * (p + k) + 3] = 1.0 / np.sqrt(wall[k, IWN])
+    weight[3 * (p + wall.shape[0]) :] = np.sqrt(body[:, 1])
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def _read(r, contacts, pair, wall, grain, body):
+    """Impulses, then velocities, into ``r``: these are linear in those, so that both are extrapolated alike."""
+    _collect(r, pair, wall, body)
+    q = contacts
+    for i in range(grain.shape[0]):
+        r[q], r[q + 1], r[q + 2] = grain[i, VX], grain[i, VY], grain[i, VZ]
+        r[q + 3], r[q + 4], r[q + 5] = grain[i, PX], grain[i, PY], grain[i, PZ]
+        q += 6
+    for b in range(body.shape[0]):
+        r[q + b] = body[b, SPEED]
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def _write(r, contacts, pair, wall, grain, body):
+    """The inverse of `_read`."""
+    _spread(r, pair, wall, body)
+    q = contacts
+    for i in range(grain.shape[0]):
+        grain[i, VX], grain[i, VY], grain[i, VZ] = r[q], r[q + 1], r[q + 2]
+        grain[i, PX], grain[i, PY], grain[i, PZ] = r[q + 3], r[q + 4], r[q + 5]
+        q += 6
+    for b in range(body.shape[0]):
+        body[b, SPEED] = r[q + b]
 
 
 @njit(error_model="numpy", fastmath={"contract"})
@@ -211,16 +263,16 @@ def _entries(stamp: int):
     """`solve` and `anderson` for calls from Python; ``stamp`` stands in their cache keys (`particles.kernel_stamp`)."""
 
     @njit(cache=True, error_model="numpy", fastmath={"contract"})
-    def solve_records(convex, relax, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
+    def solve_records(convex, relax, soft, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
         if stamp == 0:
             return 0, np.inf, 0
-        return solve(convex, relax, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall)
+        return solve(convex, relax, soft, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall)
 
     @njit(cache=True, error_model="numpy", fastmath={"contract"})
-    def accelerate_records(convex, relax, tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
+    def accelerate_records(convex, relax, soft, tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
         if stamp == 0:
             return 0, np.inf
-        return anderson(convex, relax, tolerance, cap, grain, body, pair_index, pair, wall_index, wall)
+        return anderson(convex, relax, soft, tolerance, cap, grain, body, pair_index, pair, wall_index, wall)
 
     return solve_records, accelerate_records
 

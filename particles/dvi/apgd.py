@@ -68,7 +68,7 @@ def apgd(tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
         weight[3 * (p + k) : 3 * (p + k) + 3] = 1.0 / wall[k, IWN]
     _collect(r, pair, wall, body)
     y[:], best[:] = r, r
-    reached = residual(True, grain, body, pair_index, pair, wall_index, wall)
+    reached = residual(True, None, grain, body, pair_index, pair, wall_index, wall)
     length, theta, count = FIRST_LENGTH, 1.0, 0
     while count < cap and reached > tolerance:
         # the energy at y, and its gradient
@@ -102,12 +102,12 @@ def apgd(tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
             length = min(LONGER * length, 1.0)
         _swept_loads(r, y, body)
         if count % CHECK == 0 or count == cap:
-            now = residual(True, grain, body, pair_index, pair, wall_index, wall)
+            now = residual(True, None, grain, body, pair_index, pair, wall_index, wall)
             if now < reached:
                 reached = now
                 _collect(best, pair, wall, body)
     _put(best, free, free_body, grain, body, pair_index, pair, wall_index, wall)
-    return count, residual(True, grain, body, pair_index, pair, wall_index, wall)
+    return count, residual(True, None, grain, body, pair_index, pair, wall_index, wall)
 
 
 @njit(error_model="numpy", fastmath={"contract"})

@@ -20,6 +20,7 @@ from particles.dvi.impulse_list import ImpulseList
 from particles.dvi.interior_point import solve_by_interior_point
 from particles.dvi.rigid_contact import RigidContact
 from particles.dvi.rigid_triangles import N_TURN
+from particles.dvi.springs import spring_table
 from particles.faults import DemError, ParticleError
 from particles.grains import Grains
 from particles.lists.contact_table import ContactTable
@@ -108,6 +109,9 @@ class DVI:
         Overlap, as a share of the diameter, at which the run is stopped.
     warm_start : bool
         Begin from the impulses of the last step.
+    stiffness : array_like, shape (2, 2), optional
+        [[k_n, k_t] between grains, [k_n, k_t] at walls] [N/m] of contacts that give way (`particles.dvi.springs`);
+        rigid ones without.
 
     Attributes
     ----------
@@ -134,6 +138,7 @@ class DVI:
         skin: float | None = None,
         overlap_limit: float = 0.1,
         warm_start: bool = True,
+        stiffness: np.ndarray | None = None,
     ) -> None:
         if sector is not None:
             raise ValueError("rigid grains (DVI) need the full ring; leave the sector out, or use DEM")
@@ -161,13 +166,20 @@ class DVI:
         self.ledger = True  # the books of energy are a by-product here
         self.external_force: np.ndarray | None = None
         self.step_count = self.order_version = self.list_version = 0
+        if stiffness is not None and (solver in ("apgd", "interior_point") or not warm_start):
+            raise ValueError(
+                f'solver = "{solver}", warm_start = {warm_start}: springs (stiffness) need their impulses of the step '
+                'before and "accelerated", "gauss_seidel" or "psor"; or leave stiffness out'
+            )
+        self._law = contact.table()
+        self._soft = None if stiffness is None else spring_table(self.dt, np.asarray(stiffness), self._law[:, 1])
+        self._springs = np.zeros(2)
         self._convex = None if friction == "coulomb" else True
         self._relax = float(relaxation) if solver == "psor" else None
         self._method = {"accelerated": ANDERSON, "interior_point": INTERIOR, "apgd": APGD}.get(solver, GAUSS_SEIDEL)
         self._open_step = np.array([-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
         self._device = DeviceWalls(self.walls, self.bodies)
         self._turn = None if self._device.triangles is None else np.zeros((len(self.bodies), N_TURN))
-        self._law = contact.table()
         self._encloses = not outside(grains.position, self.walls, 0.0).any()
         n = grains.count
         self._grain = np.zeros((n, gs.N_GRAIN))
@@ -222,6 +234,7 @@ class DVI:
         totals[kernel.GRAIN] = -1.0
         body_totals = np.zeros((len(self.bodies), kernel.N_BODY_SUMS))
         kinetic, rebuilds, left = self.grains.kinetic_energy(), 0, n_steps
+        elastic = float(self._springs.sum())
         angle, speed = (np.array([getattr(b, name) for b in self.bodies]) for name in ("angle", "speed"))
         while left > 0:
             if self._stale:
@@ -239,7 +252,7 @@ class DVI:
             if answer in (kernel.NOT_FINITE, kernel.OVERLAP):
                 self._explain(answer, totals)
             self._refuse_shot_off(totals[kernel.MAX_SPEED])
-        return self._summary(n_steps, totals, body_totals, kinetic, rebuilds)
+        return self._summary(n_steps, totals, body_totals, kinetic, elastic, rebuilds)
 
     def contacts(self) -> ContactTable:
         """The loaded contacts of the last step."""
@@ -278,7 +291,7 @@ class DVI:
                 arrays[name] = value.copy()
         arrays |= {f"list_{name}": value.copy() for name, value in self._list.arrays().items()}
         arrays["bodies"] = np.array([[b.angle, b.speed, b.external_torque] for b in self.bodies]).reshape(-1, 3)
-        arrays["brake"] = self._brake.copy()
+        arrays["brake"], arrays["springs"] = self._brake.copy(), self._springs.copy()
         arrays["counters"] = np.array(
             [self.step_count, self.order_version, self._stale, self.list_version], dtype=np.int64
         )
@@ -309,7 +322,7 @@ class DVI:
         )
         for body, (angle, speed, torque) in zip(self.bodies, state["bodies"], strict=True):
             body.angle, body.speed, body.external_torque = float(angle), float(speed), float(torque)
-        self._brake = state["brake"].copy()
+        self._brake, self._springs = state["brake"].copy(), state["springs"].copy()
         self.step_count, self.order_version = (int(v) for v in state["counters"][:2])
         self._stale, self.list_version = bool(state["counters"][2]), int(state["counters"][3])
         self.dt, self.skin, self._reach = (float(v) for v in state["scalars"])
@@ -333,7 +346,8 @@ class DVI:
             c.pair_impulse[:], c.wall_impulse[:], self._brake[:] = 0.0, 0.0, 0.0
         position, velocity, spin = (np.ascontiguousarray(a) for a in (g.position, g.velocity, g.angular_velocity))
         answer = kernel.run_steps(
-            n_steps, self.dt, self.theta, float(self.n_sectors), self._law, self._pull(n_steps), external,
+            n_steps, self.dt, self.theta, float(self.n_sectors), self._law, self._soft, self._springs,
+            self._pull(n_steps), external,
             0.5 * self._reach, c.wall_way, self.overlap_limit, SLOP, MARGIN,
             self._convex, self._relax, self._method, self.tolerance, self.max_sweeps, self._open_step,
             position, velocity, spin, np.ascontiguousarray(g.radius), g.mass, c.reference,
@@ -392,7 +406,8 @@ class DVI:
         p, s = self._list.pairs.count, len(self._list.wall_other)
         self._pair_index, self._wall_index = np.zeros((p, 2), dtype=np.int32), np.zeros((s, 2), dtype=np.int32)
         self._pair_slot, self._wall_slot = np.zeros(p, dtype=np.int32), np.zeros(s, dtype=np.int32)
-        self._pair, self._wall = np.zeros((p, gs.N_PAIR)), np.zeros((s, gs.N_WALL_CONTACT))
+        memory = 0 if self._soft is None else gs.N_SPRING
+        self._pair, self._wall = np.zeros((p, gs.N_PAIR + memory)), np.zeros((s, gs.N_WALL_CONTACT + memory))
         triangles = 0 if self._device.triangles is None else s
         self._found, self._tally = np.zeros((triangles, N_FOUND)), np.zeros((triangles, 2), dtype=np.int64)
 
@@ -487,7 +502,7 @@ class DVI:
         )  # fmt: skip
 
     def _summary(
-        self, steps: int, totals: np.ndarray, bodies: np.ndarray, kinetic: float, rebuilds: int
+        self, steps: int, totals: np.ndarray, bodies: np.ndarray, kinetic: float, elastic: float, rebuilds: int
     ) -> RigidTotals:
         share = 1.0 / max(steps, 1)
         names = [body.name for body in self.bodies]
@@ -527,8 +542,8 @@ class DVI:
                 external_work=float(totals[kernel.EXTERNAL_WORK]),
                 kinetic_energy=now,
                 kinetic_change=now - kinetic,
-                elastic_energy=0.0,
-                elastic_change=0.0,
+                elastic_energy=float(self._springs.sum()),
+                elastic_change=float(self._springs.sum()) - elastic,
             ),
             max_overlap=float(totals[kernel.MAX_OVERLAP]),
             n_contacts=int(totals[kernel.CONTACTS]),

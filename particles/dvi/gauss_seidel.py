@@ -17,6 +17,10 @@ distance of the centres (a = 1 where they touch): angular momentum is conserved 
 alone.
 
 A contact that is open and stays open is left after five multiplications.
+
+**Springs.** With ``soft`` every contact gives way like the springs of `LinearContact`, taken at the end of the step
+(`particles.dvi.springs`): instead of u the laws hold for u + o + C r, with C = diag(c_n, c_t, c_t), and
+an offset o that holds the springs of now. 1/w_n and 1/w_t then hold c as well. None: rigid.
 """
 
 from __future__ import annotations
@@ -32,11 +36,16 @@ N_GRAIN = 8
 # columns of a body: speed [rad/s], sectors/inertia (0: prescribed), largest impulse of the load, and the present one
 SPEED, IJ, LOAD, BRAKE = range(4)
 N_BODY = 4
-# columns of a contact: normal, arm, impulse on the first grain, offset of the normal velocity, 1/w_n, 1/w_t, friction;
-# of a wall contact also the lever z x (contact point) of its body
-EX, EY, EZ, ARM, RX, RY, RZ, B, IWN, IWT, MU, ROLL, LX, LY = range(14)
+# columns of a contact: normal, arm, impulse on the first grain, offset of the normal velocity, 1/w_n, 1/w_t, friction,
+# with springs the gap; of a wall contact also the lever z x (contact point) of its body
+EX, EY, EZ, ARM, RX, RY, RZ, B, IWN, IWT, MU, GAP, LX, LY = range(14)
 N_PAIR = 12
 N_WALL_CONTACT = 14
+N_SPRING = 4  # behind these, with springs: the tangential offset in world axes, and c_n
+# rows of ``soft``: between grains, at walls; columns: k_n [N/m], c_t [1/kg], and what K follows from
+# (`particles.dvi.springs`): the largest sqrt(a) at which the restitution is met, log K against sqrt(a)
+PAIRS, WALLS = 0, 1
+STIFFNESS, TANGENTIAL, MET, SHARES = range(4)
 
 
 @njit(error_model="numpy", fastmath={"contract"})
@@ -80,7 +89,7 @@ def apply_impulses(sign, grain, body, pair_index, pair, wall_index, wall):
 
 
 @njit(error_model="numpy", fastmath={"contract"})
-def sweep_pairs(lo, hi, backward, convex, relax, grain, index, pair):
+def sweep_pairs(lo, hi, backward, convex, relax, soft, grain, index, pair):
     """Visit the pairs lo <= k < hi; returns the largest change of an impulse times w_n, squared [m^2/s^2].
 
     ``convex`` None: exact Coulomb; ``relax`` not None: over-relaxed by it, for the convex law as a projected gradient
@@ -93,20 +102,28 @@ def sweep_pairs(lo, hi, backward, convex, relax, grain, index, pair):
         ex, ey, ez = pair[k, EX], pair[k, EY], pair[k, EZ]
         rx, ry, rz = pair[k, RX], pair[k, RY], pair[k, RZ]
         ux, uy, uz = grain[i, VX] - grain[j, VX], grain[i, VY] - grain[j, VY], grain[i, VZ] - grain[j, VZ]
-        u_n = ux * ex + uy * ey + uz * ez
+        v_n = ux * ex + uy * ey + uz * ez
         was = rx * ex + ry * ey + rz * ez
         inverse = pair[k, IWN]
         if convex is None and relax is not None:
             inverse *= relax
-        r_n = was - (u_n + pair[k, B]) * inverse
+        u_n = v_n + pair[k, B]
+        if soft is not None:
+            u_n += pair[k, N_PAIR + 3] * was
+        r_n = was - u_n * inverse
         if convex is None:
             if r_n <= 0.0 and rx == 0.0 and ry == 0.0 and rz == 0.0:
                 continue
         arm = pair[k, ARM]
         sx, sy, sz = grain[i, PX] + grain[j, PX], grain[i, PY] + grain[j, PY], grain[i, PZ] + grain[j, PZ]
-        ux = ux - u_n * ex - arm * (sy * ez - sz * ey)
-        uy = uy - u_n * ey - arm * (sz * ex - sx * ez)
-        uz = uz - u_n * ez - arm * (sx * ey - sy * ex)
+        ux = ux - v_n * ex - arm * (sy * ez - sz * ey)
+        uy = uy - v_n * ey - arm * (sz * ex - sx * ez)
+        uz = uz - v_n * ez - arm * (sx * ey - sy * ex)
+        if soft is not None:
+            c = soft[PAIRS, TANGENTIAL]
+            ux += pair[k, N_PAIR] + c * (rx - was * ex)
+            uy += pair[k, N_PAIR + 1] + c * (ry - was * ey)
+            uz += pair[k, N_PAIR + 2] + c * (rz - was * ez)
         slow, mu = pair[k, IWT], pair[k, MU]
         if convex is None and relax is not None:
             slow *= relax
@@ -114,7 +131,7 @@ def sweep_pairs(lo, hi, backward, convex, relax, grain, index, pair):
             if relax is not None:
                 # one length for all three directions, from the mean of the diagonal
                 slow = relax * 3.0 * inverse * slow / (slow + 2.0 * inverse)
-                r_n = was - (u_n + pair[k, B]) * slow
+                r_n = was - u_n * slow
         tx, ty, tz = rx - was * ex - slow * ux, ry - was * ey - slow * uy, rz - was * ez - slow * uz
         size2 = tx * tx + ty * ty + tz * tz
         if convex is None:
@@ -156,7 +173,7 @@ def sweep_pairs(lo, hi, backward, convex, relax, grain, index, pair):
 
 
 @njit(error_model="numpy", fastmath={"contract"})
-def sweep_walls(lo, hi, backward, convex, relax, grain, body, index, wall):
+def sweep_walls(lo, hi, backward, convex, relax, soft, grain, body, index, wall):
     """The same for contacts with walls; ``index``: grain, body."""
     largest = 0.0
     for step in range(hi - lo):
@@ -166,35 +183,43 @@ def sweep_walls(lo, hi, backward, convex, relax, grain, body, index, wall):
         rx, ry, rz = wall[k, RX], wall[k, RY], wall[k, RZ]
         omega = body[b, SPEED]
         ux, uy, uz = grain[i, VX] - omega * wall[k, LX], grain[i, VY] - omega * wall[k, LY], grain[i, VZ]
-        u_n = ux * ex + uy * ey + uz * ez
+        v_n = ux * ex + uy * ey + uz * ez
         was = rx * ex + ry * ey + rz * ez
         inverse, mu = wall[k, IWN], wall[k, MU]
         if convex is None and relax is not None:
             inverse *= relax
-        r_n = was - (u_n + wall[k, B]) * inverse
+        u_n = v_n + wall[k, B]
+        if soft is not None:
+            u_n += wall[k, N_WALL_CONTACT + 3] * was
+        r_n = was - u_n * inverse
         free = body[b, IJ]
         if convex is None:
             if r_n <= 0.0 and rx == 0.0 and ry == 0.0 and rz == 0.0:
                 continue
         arm = wall[k, ARM]
-        ux = ux - u_n * ex - arm * (grain[i, PY] * ez - grain[i, PZ] * ey)
-        uy = uy - u_n * ey - arm * (grain[i, PZ] * ex - grain[i, PX] * ez)
-        uz = uz - u_n * ez - arm * (grain[i, PX] * ey - grain[i, PY] * ex)
+        ux = ux - v_n * ex - arm * (grain[i, PY] * ez - grain[i, PZ] * ey)
+        uy = uy - v_n * ey - arm * (grain[i, PZ] * ex - grain[i, PX] * ez)
+        uz = uz - v_n * ez - arm * (grain[i, PX] * ey - grain[i, PY] * ex)
+        if soft is not None:
+            c = soft[WALLS, TANGENTIAL]
+            ux += wall[k, N_WALL_CONTACT] + c * (rx - was * ex)
+            uy += wall[k, N_WALL_CONTACT + 1] + c * (ry - was * ey)
+            uz += wall[k, N_WALL_CONTACT + 2] + c * (rz - was * ez)
         slow = wall[k, IWT]
         if convex is None and relax is not None:
             slow *= relax
         if convex is None and free > 0.0:
-            x, y, z = _block(wall, k, free, mu, u_n + wall[k, B], ux, uy, uz, was)
+            x, y, z = _block(wall, k, free, mu, u_n, ux, uy, uz, was)
             x, y, z = x - rx, y - ry, z - rz
         else:
             if convex is not None:
                 if free > 0.0:  # a gradient step, short enough for every direction of the block
                     slow = 1.0 / (1.0 / slow + free * (wall[k, LX] ** 2 + wall[k, LY] ** 2))
-                    r_n = was - (u_n + wall[k, B]) * slow
+                    r_n = was - u_n * slow
                     inverse = slow
                 elif relax is not None:
                     slow = relax * 3.0 * inverse * slow / (slow + 2.0 * inverse)
-                    r_n = was - (u_n + wall[k, B]) * slow
+                    r_n = was - u_n * slow
             tx, ty, tz = rx - was * ex - slow * ux, ry - was * ey - slow * uy, rz - was * ez - slow * uz
             size = np.sqrt(tx * tx + ty * ty + tz * tz)
             if convex is None:
@@ -269,20 +294,20 @@ def sweep_loads(body):
 
 
 @njit(error_model="numpy", fastmath={"contract"})
-def sweep(backward, convex, relax, grain, body, pair_index, pair, wall_index, wall):
+def sweep(backward, convex, relax, soft, grain, body, pair_index, pair, wall_index, wall):
     """One sweep over everything, in the order or against it; returns the largest change [m/s]."""
     if backward:
-        a = sweep_walls(0, wall.shape[0], True, convex, relax, grain, body, wall_index, wall)
-        b = sweep_pairs(0, pair.shape[0], True, convex, relax, grain, pair_index, pair)
+        a = sweep_walls(0, wall.shape[0], True, convex, relax, soft, grain, body, wall_index, wall)
+        b = sweep_pairs(0, pair.shape[0], True, convex, relax, soft, grain, pair_index, pair)
     else:
-        b = sweep_pairs(0, pair.shape[0], False, convex, relax, grain, pair_index, pair)
-        a = sweep_walls(0, wall.shape[0], False, convex, relax, grain, body, wall_index, wall)
+        b = sweep_pairs(0, pair.shape[0], False, convex, relax, soft, grain, pair_index, pair)
+        a = sweep_walls(0, wall.shape[0], False, convex, relax, soft, grain, body, wall_index, wall)
     sweep_loads(body)
     return np.sqrt(max(a, b))
 
 
 @njit(error_model="numpy", fastmath={"contract"})
-def residual(convex, grain, body, pair_index, pair, wall_index, wall):
+def residual(convex, soft, grain, body, pair_index, pair, wall_index, wall):
     """Largest natural map over all contacts [m/s], all at the same velocities."""
     law = convex is not None
     worst = 0.0
@@ -298,7 +323,7 @@ def residual(convex, grain, body, pair_index, pair, wall_index, wall):
         ux = ux - u_n * ex - arm * (sy * ez - sz * ey)
         uy = uy - u_n * ey - arm * (sz * ex - sx * ez)
         uz = uz - u_n * ez - arm * (sx * ey - sy * ex)
-        worst = max(worst, _map(law, pair, k, u_n, ux, uy, uz))
+        worst = max(worst, _map(law, soft, PAIRS, N_PAIR, pair, k, u_n, ux, uy, uz))
     for k in range(wall.shape[0]):
         i, b = wall_index[k, 0], wall_index[k, 1]
         ex, ey, ez = wall[k, EX], wall[k, EY], wall[k, EZ]
@@ -308,16 +333,22 @@ def residual(convex, grain, body, pair_index, pair, wall_index, wall):
         ux = ux - u_n * ex - arm * (grain[i, PY] * ez - grain[i, PZ] * ey)
         uy = uy - u_n * ey - arm * (grain[i, PZ] * ex - grain[i, PX] * ez)
         uz = uz - u_n * ez - arm * (grain[i, PX] * ey - grain[i, PY] * ex)
-        worst = max(worst, _map(law, wall, k, u_n, ux, uy, uz))
+        worst = max(worst, _map(law, soft, WALLS, N_WALL_CONTACT, wall, k, u_n, ux, uy, uz))
     return worst
 
 
 @njit(error_model="numpy", fastmath={"contract"})
-def _map(law, row, k, u_n, ux, uy, uz):
+def _map(law, soft, kind, offset, row, k, u_n, ux, uy, uz):
     """Natural map of contact k from its velocity, tangential part in world axes."""
     ex, ey, ez = row[k, EX], row[k, EY], row[k, EZ]
     r_n = row[k, RX] * ex + row[k, RY] * ey + row[k, RZ] * ez
     tx, ty, tz = row[k, RX] - r_n * ex, row[k, RY] - r_n * ey, row[k, RZ] - r_n * ez
+    if soft is not None:
+        u_n += row[k, offset + 3] * r_n
+        c = soft[kind, TANGENTIAL]
+        ux += row[k, offset] + c * tx
+        uy += row[k, offset + 1] + c * ty
+        uz += row[k, offset + 2] + c * tz
     # two coordinates span the tangent plane: along t (along u without t), and what is left of u across it
     size = np.sqrt(tx * tx + ty * ty + tz * tz)
     if size > 0.0:

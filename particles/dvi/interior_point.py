@@ -144,7 +144,7 @@ def solve_by_interior_point(
     unbraked = problem.free.copy()
     shift = np.zeros(len(problem.friction))
     sweeps = 0
-    begun = residual(convex, grain, body, *records)
+    begun = residual(convex, None, grain, body, *records)
     best = begun, pair[:, RX : RX + 3].copy(), wall[:, RX : RX + 3].copy(), body[:, BRAKE].copy()
     for trial in range(trials):
         # the load's impulse is held while the programme runs, and swept afterwards
@@ -155,7 +155,7 @@ def solve_by_interior_point(
         pair[:, RX : RX + 3], wall[:, RX : RX + 3] = world[: len(pair)], world[len(pair) :]
         grain[:], body[:, SPEED] = free, free_body[:, SPEED]
         apply_impulses(1.0, grain, body, *records)
-        count, reached = accelerate_records(convex, None, tolerance, POLISH, grain, body, *records)
+        count, reached = accelerate_records(convex, None, None, tolerance, POLISH, grain, body, *records)
         sweeps += count
         if reached < best[0]:
             best = reached, pair[:, RX : RX + 3].copy(), wall[:, RX : RX + 3].copy(), body[:, BRAKE].copy()

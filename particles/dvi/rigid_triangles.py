@@ -17,7 +17,27 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from particles.dvi.gauss_seidel import ARM, EX, EY, EZ, IJ, IM, IWN, IWT, LX, LY, MU, RX, RY, RZ, SPEED, B
+from particles.dvi.gauss_seidel import (
+    ARM,
+    EX,
+    EY,
+    EZ,
+    IJ,
+    IM,
+    IWN,
+    IWT,
+    LX,
+    LY,
+    MU,
+    N_WALL_CONTACT,
+    RX,
+    RY,
+    RZ,
+    SPEED,
+    WALLS,
+    B,
+)  # fmt: skip
+from particles.dvi.springs import remember
 from particles.walls.triangle_kernels import (
     DISTANCE,
     LEADER,
@@ -111,7 +131,7 @@ def pass_on(h, bound, position, radius, pair_start, pair_other):
 
 @njit(error_model="numpy", fastmath={"contract"})
 def record(
-    h, law, margin, slop, grain, bound, position, velocity, radius, n_smooth, wall_body, wall_start, wall_other,
+    h, law, soft, margin, slop, grain, bound, position, velocity, radius, n_smooth, wall_body, wall_start, wall_other,
     wall_impulse, body, old_speed, turn, found, tally, walls, wall_index, wall_slot, wall_row,
 ):  # fmt: skip
     """Fill the records, from number ``walls`` on, of what may close within the step; returns how many there are then.
@@ -152,12 +172,15 @@ def record(
                 row[IWN] = 1.0 / (grain[i, IM] + body[b, IJ] * along * along)
                 row[IWT] = 1.0 / (grain[i, IM] * (1.0 + 2.5 * row[ARM] * row[ARM]))
                 row[MU] = law[1, 0]
-                gap = d - ri
-                row[B] = gap / h if gap > slop * ri else 0.0
-                if law[1, 1] > 0.0:
+                gap, give = d - ri, 0.0
+                if soft is None:
+                    row[B] = gap / h if gap > slop * ri else 0.0
+                else:
+                    give = remember(h, soft, WALLS, gap, row, N_WALL_CONTACT)
+                if law[1, 1] > 0.0 and give >= 0.0:
                     before = -(velocity[i, 0] * nx + velocity[i, 1] * ny + velocity[i, 2] * nz) - old_speed[b] * along
                     if before < -law[1, 2] and gap + h * before < 0.0:
-                        row[B] = law[1, 1] * before
+                        row[B] = (law[1, 1] + (1.0 + law[1, 1]) * give) * before
                 wall_index[walls, 0], wall_index[walls, 1], wall_slot[walls] = i, b, slot
                 walls += 1
             for q in range(begin, k):

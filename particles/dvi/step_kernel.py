@@ -52,6 +52,7 @@ from particles.dvi.gauss_seidel import (
     B,
 )  # fmt: skip
 from particles.dvi.rigid_triangles import overlapping, pass_on, record, search, turn_bodies
+from particles.dvi.springs import remember, stored
 from particles.kernel_stamp import kernel_stamp
 from particles.walls.triangle_kernels import DISTANCE, TOWARDS_X, TOWARDS_Y, TOWARDS_Z
 from particles.walls.wall_kernels import _wall_gap
@@ -98,7 +99,7 @@ def free_velocities(h, gravity, external, velocity, spin, radius, mass, grain, b
 
 @njit(error_model="numpy", fastmath={"contract"})
 def find_contacts(
-    h, law, margin, slop, grain, bound, position, velocity, radius,
+    h, law, soft, margin, slop, grain, bound, position, velocity, radius,
     pair_start, pair_other, pair_impulse, wall, triangle, wall_body, wall_start, wall_other, wall_impulse,
     body, old_speed, pair_index, pair_slot, pair, wall_index, wall_slot, wall_row,
 ):  # fmt: skip
@@ -125,16 +126,19 @@ def find_contacts(
             row[IWN] = 1.0 / w_n
             row[IWT] = 1.0 / (w_n * (1.0 + 2.5 * row[ARM] * row[ARM]))
             row[MU] = law[0, 0]
-            gap = d - reach
-            row[B] = gap / h if gap > slop * min(ri, radius[j]) else 0.0
-            if law[0, 1] > 0.0:
+            gap, give = d - reach, 0.0
+            if soft is None:
+                row[B] = gap / h if gap > slop * min(ri, radius[j]) else 0.0
+            else:
+                give = remember(h, soft, gs.PAIRS, gap, row, gs.N_PAIR)
+            if law[0, 1] > 0.0 and give >= 0.0:
                 before = (
                     (velocity[i, 0] - velocity[j, 0]) * ex
                     + (velocity[i, 1] - velocity[j, 1]) * ey
                     + (velocity[i, 2] - velocity[j, 2]) * ez
                 )
                 if before < -law[0, 2] and gap + h * before < 0.0:
-                    row[B] = law[0, 1] * before
+                    row[B] = (law[0, 1] + (1.0 + law[0, 1]) * give) * before
             pair_index[pairs, 0], pair_index[pairs, 1], pair_slot[pairs] = i, j, k
             pairs += 1
         for k in range(wall_start[i], wall_start[i + 1]):
@@ -154,12 +158,15 @@ def find_contacts(
             row[IWN] = 1.0 / (grain[i, IM] + body[b, IJ] * along * along)
             row[IWT] = 1.0 / (grain[i, IM] * (1.0 + 2.5 * row[ARM] * row[ARM]))
             row[MU] = law[1, 0]
-            gap = distance - ri
-            row[B] = gap / h if gap > slop * ri else 0.0
-            if law[1, 1] > 0.0:
+            gap, give = distance - ri, 0.0
+            if soft is None:
+                row[B] = gap / h if gap > slop * ri else 0.0
+            else:
+                give = remember(h, soft, gs.WALLS, gap, row, gs.N_WALL_CONTACT)
+            if law[1, 1] > 0.0 and give >= 0.0:
                 before = -(velocity[i, 0] * nx + velocity[i, 1] * ny + velocity[i, 2] * nz) - old_speed[b] * along
                 if before < -law[1, 2] and gap + h * before < 0.0:
-                    row[B] = law[1, 1] * before
+                    row[B] = (law[1, 1] + (1.0 + law[1, 1]) * give) * before
             wall_index[walls, 0], wall_index[walls, 1], wall_slot[walls] = i, b, k
             walls += 1
     return pairs, walls
@@ -167,12 +174,12 @@ def find_contacts(
 
 @njit(error_model="numpy", fastmath={"contract"})
 def _book(
-    h, grain, velocity, spin, radius, mean_speed, pair_index, pair_slot, pair, pair_impulse,
+    h, soft, springs, grain, velocity, spin, radius, body_speed, mean_speed, pair_index, pair_slot, pair, pair_impulse,
     wall_index, wall_slot, wall, wall_impulse, totals, body_totals,
 ):  # fmt: skip
     """Keep the impulses for the next step; book work and torques with the mean of old and new velocity."""
     loaded = kept = 0
-    impact = sliding = work = 0.0
+    impact = sliding = work = spring_n = spring_t = 0.0
     for k in range(pair.shape[0]):
         s = pair_slot[k]
         x, y, z = pair[k, RX], pair[k, RY], pair[k, RZ]
@@ -190,6 +197,11 @@ def _book(
         ux = grain[i, VX] - grain[j, VX] + velocity[i, 0] - velocity[j, 0] - arm * (sy * ez - sz * ey)
         uy = grain[i, VY] - grain[j, VY] + velocity[i, 1] - velocity[j, 1] - arm * (sz * ex - sx * ez)
         uz = grain[i, VZ] - grain[j, VZ] + velocity[i, 2] - velocity[j, 2] - arm * (sx * ey - sy * ex)
+        if soft is not None:
+            u_n = (grain[i, VX] - grain[j, VX]) * ex + (grain[i, VY] - grain[j, VY]) * ey
+            u_n += (grain[i, VZ] - grain[j, VZ]) * ez
+            a, b = stored(soft, gs.PAIRS, pair[k, gs.GAP] + h * u_n, x, y, z, ex, ey, ez)
+            spring_n, spring_t = spring_n + a, spring_t + b
         whole = 0.5 * (x * ux + y * uy + z * uz)
         normal = 0.5 * (x * ex + y * ey + z * ez) * (ux * ex + uy * ey + uz * ez)
         impact -= normal
@@ -217,6 +229,10 @@ def _book(
         lever_n = wall[k, LX] * ex + wall[k, LY] * ey
         lever = wall[k, LX] * x + wall[k, LY] * y
         omega = mean_speed[b]
+        if soft is not None:
+            u_n = grain[i, VX] * ex + grain[i, VY] * ey + grain[i, VZ] * ez - body_speed[b] * lever_n
+            a, c = stored(soft, gs.WALLS, wall[k, gs.GAP] + h * u_n, x, y, z, ex, ey, ez)
+            spring_n, spring_t = spring_n + a, spring_t + c
         normal = r_n * (ux * ex + uy * ey + uz * ez - omega * lever_n)
         impact -= normal
         sliding -= on_grain - omega * lever - normal
@@ -233,6 +249,9 @@ def _book(
     totals[CONTACTS] = loaded
     totals[KEPT] += kept
     totals[LOADED] += loaded
+    if soft is not None:
+        impact, sliding = impact - spring_n + springs[0], sliding - spring_t + springs[1]
+        springs[0], springs[1] = spring_n, spring_t
     totals[IMPACT] += impact
     totals[SLIDING] += sliding
     totals[CONTACT_WORK] += work
@@ -277,8 +296,9 @@ def project(
 ):  # fmt: skip
     """Push overlapping grains apart, positions only, by inverse masses, until none overlaps by more than slop*radius.
 
-    Nonlinear Gauss-Seidel on the gaps. Returns the deepest overlap met at first (share of the smaller diameter), the
-    grain, the work of the held forces on the displacements [J], and the sweeps.
+    Nonlinear Gauss-Seidel on the gaps; with an infinite ``slop``, that of springs, they are only looked at. Returns the
+    deepest overlap met at first (share of the smaller diameter), the grain, the work of the held forces on the
+    displacements [J], and the sweeps.
     """
     deepest, at, work, sweeps = 0.0, -1, 0.0, 0
     for sweep in range(cap):
@@ -370,7 +390,7 @@ def _shift(gravity, external, mass, position, i, x, y, z):
 
 @njit(error_model="numpy", fastmath={"contract"})
 def _begin(
-    h, theta, n_sectors, law, gravity, external, slop, margin, drive,
+    h, theta, n_sectors, law, soft, gravity, external, slop, margin, drive,
     position, velocity, spin, radius, mass, pair_start, pair_other, pair_impulse,
     wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse, body_reach, turn, found, tally,
     body_data, body_angle, body_speed, brake,
@@ -383,8 +403,8 @@ def _begin(
                 position[i, c] += (1.0 - theta) * h * velocity[i, c]
     turn_bodies(h, theta, body_angle, body_speed, turn)
     deepest, at, work, count = project(
-        slop, PROJECTION_SWEEPS, gravity, external, position, radius, mass, pair_start, pair_other,
-        wall_table, triangle, wall_body, wall_start, wall_other, turn, found,
+        slop if soft is None else np.inf, PROJECTION_SWEEPS, gravity, external, position, radius, mass,
+        pair_start, pair_other, wall_table, triangle, wall_body, wall_start, wall_other, turn, found,
     )  # fmt: skip
     totals[STABILISATION] += work
     totals[PROJECTIONS] += count
@@ -411,13 +431,13 @@ def _begin(
             fastest = max(fastest, raised)
             pass_on(h, bound, position, radius, pair_start, pair_other)
     pairs, walls = find_contacts(
-        h, law, margin * h * fastest, slop, grain, bound, position, velocity, radius, pair_start, pair_other,
+        h, law, soft, margin * h * fastest, slop, grain, bound, position, velocity, radius, pair_start, pair_other,
         pair_impulse, wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse, body, body_speed,
         pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows,
     )  # fmt: skip
     if triangle is not None:
         walls = record(
-            h, law, margin * h * fastest, slop, grain, bound, position, velocity, radius, wall_table.shape[0],
+            h, law, soft, margin * h * fastest, slop, grain, bound, position, velocity, radius, wall_table.shape[0],
             wall_body, wall_start, wall_other, wall_impulse, body, body_speed, turn, found, tally,
             walls, wall_index, wall_slot, wall_rows,
         )  # fmt: skip
@@ -427,7 +447,7 @@ def _begin(
 
 @njit(error_model="numpy", fastmath={"contract"})
 def _finish(
-    h, theta, n_sectors, gravity, external, tolerance, sweeps, reached, taken, fastest,
+    h, theta, n_sectors, soft, springs, gravity, external, tolerance, sweeps, reached, taken, fastest,
     position, velocity, spin, radius, mass, reference, pair_impulse, wall_impulse,
     drive, body_data, body_angle, body_speed, brake, mean,
     grain, body, pair_index, pair_slot, pair, wall_index, wall_slot, wall, totals, body_totals,
@@ -451,7 +471,7 @@ def _finish(
         body_speed[b] = body[b, SPEED]
         body_angle[b] += theta * h * body_speed[b]
     _book(
-        h, grain, velocity, spin, radius, mean, pair_index, pair_slot, pair, pair_impulse,
+        h, soft, springs, grain, velocity, spin, radius, body_speed, mean, pair_index, pair_slot, pair, pair_impulse,
         wall_index, wall_slot, wall, wall_impulse, totals, body_totals,
     )  # fmt: skip
     travel = _move(h, theta * h, gravity, external, grain, position, velocity, spin, radius, mass, reference, totals)
@@ -463,7 +483,8 @@ def _made(stamp: int):
 
     @njit(cache=True, error_model="numpy", fastmath={"contract"})
     def run_steps(
-        n_steps, h, theta, n_sectors, law, gravity, external, travel_limit, wall_limit, overlap_limit, slop, margin,
+        n_steps, h, theta, n_sectors, law, soft, springs, gravity, external, travel_limit, wall_limit,
+        overlap_limit, slop, margin,
         convex, relax, method, tolerance, cap, open_step,
         position, velocity, spin, radius, mass, reference,
         pair_start, pair_other, pair_impulse, wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse,
@@ -492,7 +513,7 @@ def _made(stamp: int):
             else:
                 # 1-3. half drift, free velocities, contacts, warm start
                 pairs, walls, fastest = _begin(
-                    h, theta, n_sectors, law, pull, external, slop, margin, drives[step],
+                    h, theta, n_sectors, law, soft, pull, external, slop, margin, drives[step],
                     position, velocity, spin, radius, mass, pair_start, pair_other, pair_impulse,
                     wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse, body_reach, turn, found,
                     tally, body_data, body_angle, body_speed, brake,
@@ -505,7 +526,7 @@ def _made(stamp: int):
                 taken = 0
                 if convex is None:
                     sweeps, reached, taken = solve(
-                        convex, relax, method, tolerance, cap, grain, body, pair_index[:pairs], pair_rows[:pairs],
+                        convex, relax, soft, method, tolerance, cap, grain, body, pair_index[:pairs], pair_rows[:pairs],
                         wall_index[:walls], wall_rows[:walls],
                     )  # fmt: skip
                 elif method == APGD:
@@ -515,7 +536,7 @@ def _made(stamp: int):
                     )  # fmt: skip
                 else:
                     sweeps, reached, taken = solve(
-                        convex, relax, method, tolerance, cap, grain, body, pair_index[:pairs], pair_rows[:pairs],
+                        convex, relax, soft, method, tolerance, cap, grain, body, pair_index[:pairs], pair_rows[:pairs],
                         wall_index[:walls], wall_rows[:walls],
                     )  # fmt: skip
                 if method == INTERIOR and reached > tolerance:
@@ -524,7 +545,7 @@ def _made(stamp: int):
                     return HAND_OVER, step
             # 5-6. books, half drift
             travel = _finish(
-                h, theta, n_sectors, pull, external, tolerance, sweeps, reached, taken, fastest,
+                h, theta, n_sectors, soft, springs, pull, external, tolerance, sweeps, reached, taken, fastest,
                 position, velocity, spin, radius, mass, reference, pair_impulse, wall_impulse,
                 drives[step], body_data, body_angle, body_speed, brake, mean, grain, body,
                 pair_index, pair_slot, pair_rows[:pairs], wall_index, wall_slot, wall_rows[:walls], totals, body_totals,
