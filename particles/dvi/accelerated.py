@@ -47,6 +47,7 @@ HISTORY = 5
 SWEEPS = 3  # in one application of G: they cost less than an extrapolation
 PATIENCE = 60  # sweeps in which |F| must have found a new minimum; as many without extrapolation follow otherwise
 SLIGHTLY_OVER = 1.3  # over-relaxation within G
+FURTHEST = 1e2  # largest coefficient: beyond, changes do not shrink, as of contacts that contradict each other
 OVER = 1.6  # over-relaxation of the sweeps after a stall; beyond 1.8 sheared beds do not converge
 
 
@@ -139,7 +140,7 @@ def anderson(convex, relax, soft, tolerance, cap, grain, body, pair_index, pair,
             if known > 0:
                 for q in range(known):
                     c[q] = _dot(d_f[q], f)
-                if _solve_gram(gram, c, known):
+                if _solve_gram(gram, c, known) and _largest(c, known) < FURTHEST:
                     for q in range(known):
                         for k in range(size):
                             r[k] -= c[q] * d_g[q, k]
@@ -226,6 +227,14 @@ def _dot(a, b):
     for k in range(whole, a.shape[0]):
         s0 += a[k] * b[k]
     return ((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7))
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def _largest(c, n):
+    worst = 0.0
+    for q in range(n):
+        worst = max(worst, abs(c[q]))
+    return worst
 
 
 @njit(error_model="numpy", fastmath={"contract"})

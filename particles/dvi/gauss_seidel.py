@@ -43,9 +43,9 @@ N_PAIR = 12
 N_WALL_CONTACT = 14
 N_SPRING = 4  # behind these, with springs: the tangential offset in world axes, and c_n
 # rows of ``soft``: between grains, at walls; columns: k_n [N/m], c_t [1/kg], and what K follows from
-# (`particles.dvi.springs`): the largest sqrt(a) at which the restitution is met, log K against sqrt(a)
+# (`particles.dvi.springs`): the largest sqrt(a) at which the restitution is met, 2 zeta, log K against sqrt(a)
 PAIRS, WALLS = 0, 1
-STIFFNESS, TANGENTIAL, MET, SHARES = range(4)
+STIFFNESS, TANGENTIAL, MET, DASHPOT, SHARES = range(5)
 
 
 @njit(error_model="numpy", fastmath={"contract"})

@@ -101,7 +101,7 @@ def cone_problem(
     p, m = len(pair), len(pair) + len(wall)
     offset, friction, inverse_mass = (np.concatenate([pair[:, c], wall[:, c]]) for c in (B, MU, IWN))
     moving = np.zeros((m, 3))  # velocity of prescribed walls in the contact's frame
-    for index, row, first in ((pair_index, pair, 0), (wall_index, wall, p)):
+    for index, row, first, between in ((pair_index, pair, 0, True), (wall_index, wall, p, False)):
         k = first + np.arange(len(row))
         f = frame[k]
         spin = -row[:, ARM, None, None] * np.cross(row[:, None, EX : EX + 3], f)
@@ -109,7 +109,7 @@ def cone_problem(
         add(k, i, f)
         add(k, i + 3, spin)
         j = index[:, 1].astype(np.int64)
-        if first == 0:
+        if between:
             add(k, 6 * j, -f)
             add(k, 6 * j + 3, spin)
         elif len(row):

@@ -131,7 +131,11 @@ def natural_map(convex, w_n, mu, r_n, r_1, r_2, u_n, u_1, u_2):
         u_n = u_n + mu * np.sqrt(u_1 * u_1 + u_2 * u_2)
     n, x, y = r_n - u_n / w_n, r_1 - u_1 / w_n, r_2 - u_2 / w_n
     t = np.sqrt(x * x + y * y)
-    p_n, p_t = on_cone(mu, n, t)
-    scale = p_t / t if t > 0.0 else 0.0
-    d_n, d_1, d_2 = r_n - p_n, r_1 - scale * x, r_2 - scale * y
-    return w_n * np.sqrt(d_n * d_n + d_1 * d_1 + d_2 * d_2)
+    # from the velocity, not from the difference of impulses: where these have run away it would round to nothing
+    if t <= mu * n:
+        return np.sqrt(u_n * u_n + u_1 * u_1 + u_2 * u_2)
+    if mu * t <= -n:
+        return w_n * np.sqrt(r_n * r_n + r_1 * r_1 + r_2 * r_2)
+    out = w_n * (t - mu * n) / (1.0 + mu * mu)  # from the cone's surface
+    d_n, d_1, d_2 = u_n - mu * out, u_1 + out * x / t, u_2 + out * y / t
+    return np.sqrt(d_n * d_n + d_1 * d_1 + d_2 * d_2)

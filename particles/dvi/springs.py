@@ -34,10 +34,28 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from particles.dvi.gauss_seidel import EX, EY, EZ, GAP, IWN, IWT, MET, RX, RY, RZ, SHARES, STIFFNESS, TANGENTIAL, B
+from particles.dvi.gauss_seidel import (
+    DASHPOT,
+    EX,
+    EY,
+    EZ,
+    GAP,
+    IWN,
+    IWT,
+    MET,
+    RX,
+    RY,
+    RZ,
+    SHARES,
+    STIFFNESS,
+    TANGENTIAL,
+    B,
+)
+from particles.laws.restitution import damping_ratio
 
 FIRST_ROOT, PER_OCTAVE, OCTAVES = 0.0625, 8, 9
 ROOTS = FIRST_ROOT * 2.0 ** (np.arange(OCTAVES * PER_OCTAVE + 1) / PER_OCTAVE)
+LEAST = 1e-3  # restitution, for which the dashpot is critical already
 PHASES = (np.arange(16) + 0.5) / 16.0  # of the first gap, in ways of a step
 
 
@@ -67,7 +85,8 @@ def spring_table(dt: float, stiffness: np.ndarray, restitution: np.ndarray) -> n
     for (k_n, k_t), e in zip(given, restitution, strict=True):
         share, met = calibrated(ROOTS, float(e))
         limit = ROOTS[met].max() if met.any() else 0.0
-        rows.append(np.concatenate([[k_n, 1.0 / (k_t * dt * dt), limit], np.log(share)]))
+        dashpot = 2.0 * min(damping_ratio(max(float(e), LEAST)), 1.0)
+        rows.append(np.concatenate([[k_n, 1.0 / (k_t * dt * dt), limit, dashpot], np.log(share)]))
     return np.array(rows)
 
 
@@ -98,7 +117,8 @@ def rebound(root: np.ndarray, share: np.ndarray) -> np.ndarray:
 def implicit_share(root, row):
     """K for sqrt(a) = ``root`` from a row of the table."""
     if root <= FIRST_ROOT:
-        return np.exp(row[SHARES]) * root / FIRST_ROOT
+        beyond = np.exp(row[SHARES]) - row[DASHPOT] * FIRST_ROOT
+        return row[DASHPOT] * root + beyond * (root / FIRST_ROOT) ** 2
     x = PER_OCTAVE * np.log2(root / FIRST_ROOT)
     k = int(x)
     if k >= PER_OCTAVE * OCTAVES:

@@ -73,7 +73,7 @@ N_BODY_SUMS = 11
 # columns of what moves a body in a step, and of its constants
 PRESCRIBED, DRIVE, DRIVE_SLOPE, LOAD_TORQUE = range(4)
 FREE, INERTIA = range(2)
-PROJECTION_SWEEPS = 50  # a jam that needs more gets them in the next step
+PROJECTION_SWEEPS = 5  # a jam that needs more gets them in the next steps
 
 
 @njit(error_model="numpy", fastmath={"contract"})
@@ -111,7 +111,7 @@ def find_contacts(
             j = pair_other[k]
             dx, dy, dz = x - position[j, 0], y - position[j, 1], z - position[j, 2]
             reach = ri + radius[j]
-            far = reach + h * (bound[i] + bound[j]) + margin
+            far = reach + h * (bound[i] + bound[j]) + margin + slop * ri  # a touch at rest is a contact
             d2 = dx * dx + dy * dy + dz * dz
             if d2 >= far * far:
                 pair_impulse[k, 0] = pair_impulse[k, 1] = pair_impulse[k, 2] = 0.0
@@ -147,7 +147,7 @@ def find_contacts(
                     break
             distance, nx, ny, nz, owned = _wall_gap(wall, wall_other[k], x, y, z)
             b = wall_body[wall_other[k]]
-            if not owned or distance >= ri + h * 2.0 * bound[i] + margin:
+            if not owned or distance >= ri + h * 2.0 * bound[i] + margin + slop * ri:
                 wall_impulse[k, 0] = wall_impulse[k, 1] = wall_impulse[k, 2] = 0.0
                 continue
             row = wall_row[walls]

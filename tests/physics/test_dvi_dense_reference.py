@@ -1,9 +1,9 @@
 """One step of random dense packings against a dense reference made from positions alone.
 
-The reference shares no line with the code. It knows the rules of a step (theta = 1: contacts at the positions x' - h
-v', a gap g may close, u_n' >= -g/h, gaps below 1e-4 radii count as closed) and writes them with full matrices: six
-degrees of freedom a grain, true spins, the point of contact dividing the line of centres as the radii do. u = H v + b
-for the three world components of all contacts; impulses p; M (v' - v_free) = H' p. Contacts are the gaps that the
+The reference shares no line with the code. It knows the rules of a step (theta = 1: contacts at the positions
+x' - h v', a gap g may close, u_n' >= -g/h, gaps below 1e-4 radii count as closed) and writes them with full matrices:
+six degrees of freedom a grain, true spins, the point of contact dividing the line of centres as the radii do. u = H v
++ b for the three world components of all contacts; impulses p; M (v' - v_free) = H' p. Contacts are the gaps that the
 grains' own speeds, and a quarter of the fastest one's, may close: a rule that matters to the convex law only, under
 which a contact that slides nearby is felt through its gap.
 
