@@ -163,6 +163,9 @@ def sweep(
 
         with Progress() as progress:
             folder = sweep_study(read, out=out, threads=threads, resume=resume, progress=progress)
+        compared = folder / "methods.txt"
+        if compared.is_file():
+            typer.echo(compared.read_text(encoding="utf-8"), nl=False)
         typer.echo(f"results and pictures: {folder}")
 
 

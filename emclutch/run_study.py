@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from emclutch.method_comparison import METHOD, compare_methods, comparison_lines
 from emclutch.results import OutputError, Result, RunFolder, load_result
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.speed_picture import speed_picture, speeds_vary
@@ -24,6 +25,8 @@ def sweep(
     progress=None,
 ) -> Path:
     """Run every point of a study, one after the other, and return the study's folder.
+
+    With ``contact.method`` among the values, `methods.csv` and `methods.txt` compare DEM and DVI.
 
     The folder holds point-000, point-001, ... (each a whole run), `study.csv` with a row a point, `speeds.png` where
     shafts change their speed, and for a sweep of `coil.current` or of a constant `motion.rotor.speed` alone also
@@ -46,6 +49,7 @@ def sweep(
         raise OutputError(f"{folder} is in use; continue it with --resume, or write elsewhere with --out")
     points = list(study.cases())
     rows: list[dict] = []
+    done: list[tuple[dict, Result]] = []
     courses: dict[str, Any] = {}
     for number, (values, case) in enumerate(points):
         target = RunFolder(folder / f"point-{number:03d}")
@@ -60,11 +64,24 @@ def sweep(
                 hint = f"go on with: emclutch sweep {study.path} --out {folder} --resume"
                 raise Interrupted(f"stopped at point {number + 1} of {len(points)}; {hint}") from stopped
         rows.append(_row(values, result))
+        done.append((values, result))
         _write_tables(folder, study, rows)
         if speeds_vary(result.history):
             courses[_label(study, values) or target.path.name] = result.history
             speed_picture(folder / "speeds.png", courses, title=study.title or None)
+        if METHOD in study.values:
+            _write_comparison(folder, study, done)
     return folder
+
+
+def _write_comparison(folder: Path, study: Study, done: list[tuple[dict, Result]]) -> None:
+    import pandas
+
+    compared = compare_methods(done)
+    if compared:
+        others = [key for key in study.values if key != METHOD]
+        replace_text(folder / "methods.csv", pandas.DataFrame(compared).to_csv(index=False))
+        replace_text(folder / "methods.txt", "\n".join(comparison_lines(compared, others)) + "\n")
 
 
 def _row(values: dict, result: Result) -> dict:

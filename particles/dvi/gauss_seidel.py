@@ -128,6 +128,9 @@ def sweep_pairs(lo, hi, backward, convex, relax, soft, grain, index, pair):
         if convex is None and relax is not None:
             slow *= relax
         if convex is not None:
+            # open, and further than sliding lifts it
+            if u_n >= mu * np.sqrt(ux * ux + uy * uy + uz * uz) and rx == 0.0 and ry == 0.0 and rz == 0.0:
+                continue
             if relax is not None:
                 # one length for all three directions, from the mean of the diagonal
                 slow = relax * 3.0 * inverse * slow / (slow + 2.0 * inverse)

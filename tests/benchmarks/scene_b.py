@@ -48,7 +48,7 @@ TIME_STEP = 1e-3
 DRUM_SPEED = 2.0 * np.pi  # rad/s: 60 rpm
 CHRONO = {200: 6.8, 500: 18.0, 1000: 37.0}  # ms a step in the box
 
-# of steel spheres of 10 mm that press with their weight m g: k = (6 E*^2 R* F)^(1/3) of Hertz, E* = 115 GPa, R* = 2.5 mm
+# of steel spheres of 10 mm under their weight: Hertz' k = (6 E*^2 R* F)^(1/3), E* = 115 GPa, R* = 2.5 mm, F = m g
 SPRINGS = ((2e6, 4e6 / 7.0), (2e6, 4e6 / 7.0))
 
 WAYS: dict[str, dict] = {

@@ -1,0 +1,58 @@
+"""DEM against DVI: rows and words from two runs of one scene."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from emclutch.method_comparison import compare_methods, comparison_lines
+
+
+def _run(torque, disc, *, dt, missed=0, lock_up=None):
+    n = len(torque)
+    history = pd.DataFrame(
+        {
+            "time": 0.1 * np.arange(1, n + 1),
+            "torque_disc": torque,
+            "disc_speed": disc,
+            "rotor_speed": np.full(n, 50.0),
+            "steps": np.full(n, 10),
+            "missed_steps": np.full(n, missed),
+        }
+    )
+    summary = {"dt": dt, "seconds": {"whole_run": 3.0}, "max_overlap": 0.01, "lock_up_time": lock_up}
+    return SimpleNamespace(history=history, summary=summary)
+
+
+def test_only_points_run_by_both_methods_are_compared():
+    rng = np.random.default_rng(0)
+    n = 200
+    dem = _run(np.r_[np.zeros(n), 2.0 + 0.1 * rng.normal(size=n)], np.linspace(0.0, 20.0, 2 * n), dt=1e-6, lock_up=0.4)
+    dvi = _run(np.r_[np.ones(n), 2.1 + 0.1 * rng.normal(size=n)], np.linspace(0.0, 25.0, 2 * n), dt=1e-5, missed=1)
+    points = [
+        ({"contact.method": "dem", "particles.count": 200}, dem),
+        ({"contact.method": "dem", "particles.count": 500}, dem),
+        ({"contact.method": "dvi", "particles.count": 200}, dvi),
+    ]
+    rows = compare_methods(points)
+    assert len(rows) == 1
+    row = rows[0]
+    assert row["particles.count"] == 200 and "contact.method" not in row
+    assert row["torque_dem"] == pytest.approx(2.0, abs=0.03)  # the second half alone
+    assert row["torque_error_dem"] == pytest.approx(0.1 / np.sqrt(n), rel=0.6)
+    assert row["torque_difference"] == pytest.approx(0.05, abs=0.015)
+    assert row["speed_difference"] == pytest.approx(5.0 / 50.0)
+    assert row["missed_steps_dvi"] == pytest.approx(0.1)
+    (line,) = comparison_lines(rows, ["particles.count"])
+    assert line.startswith("particles.count = 200: torque 2.")
+    assert "locks not at all by DVI, at 0.4 s by DEM" in line and "10 % of the steps by DVI missed" in line
+
+
+def test_runs_of_different_lengths_are_compared_while_both_go():
+    dem = _run(np.ones(100), np.linspace(0.0, 10.0, 100), dt=1e-6)
+    dvi = _run(np.ones(50), np.linspace(0.0, 10.0, 100)[:50], dt=1e-6)
+    (row,) = compare_methods([({"contact.method": "dem"}, dem), ({"contact.method": "dvi"}, dvi)])
+    assert row["speed_difference"] == pytest.approx(0.0, abs=1e-12)
+    assert row["torque_difference_bars"] is None  # neither has any scatter
+    assert comparison_lines([row], [])[0].startswith("torque 1 +- 0 N m by DVI")
