@@ -55,7 +55,8 @@ def speed_picture(
     FigureCanvasAgg(figure)
     axis = figure.add_subplot()
     motors: list[tuple[np.ndarray, np.ndarray]] = []
-    for number, (name, history) in enumerate(runs.items()):
+    styles = _styles(list(runs))
+    for name, history in runs.items():
         time, motor, output = (_column(history, column) for column in ("time", "rotor_speed", "disc_speed"))
         of = f", {name}" if len(runs) > 1 else ""
         if not any(_alike(other, (time, motor)) for other in motors):
@@ -63,8 +64,8 @@ def speed_picture(
             label = "motor" if same == len(runs) else f"motor{of}"
             axis.plot(time, RPM * motor, color=MOTOR, lw=1.4, ls=("--", ":", "-.")[len(motors) % 3], label=label)
             motors.append((time, motor))
-        axis.plot(time, RPM * output, color=OUTPUTS[number % len(OUTPUTS)], lw=1.6, label=f"output{of}",
-                  ls=LINES[number // len(OUTPUTS) % len(LINES)])  # fmt: skip
+        color, line = styles[name]
+        axis.plot(time, RPM * output, color=color, lw=1.6, label=f"output{of}", ls=line)
     for number, (name, points) in enumerate((measured or {}).items()):
         every = max(1, len(points) // 60)  # a curve of markers says nothing
         axis.plot(*points[::every].T, ls="", marker=MARKERS[number % len(MARKERS)], ms=4.5, mfc="none", color="black",
@@ -79,6 +80,21 @@ def speed_picture(
         axis.set_title(title, loc="left", fontsize=11)
     figure.savefig(path)
     return Path(path)
+
+
+def _styles(names: list[str]) -> dict[str, tuple[str, str]]:
+    """Colour and line of each run; one colour for a point that was run by DEM (full line) and by DVI (dashed)."""
+    methods = ("method dem", "method dvi")
+    points = [", ".join(part for part in name.split(", ") if part not in methods) for name in names]
+    order = list(dict.fromkeys(points))
+    if len(order) == len(names):
+        return {
+            name: (OUTPUTS[k % len(OUTPUTS)], LINES[k // len(OUTPUTS) % len(LINES)]) for k, name in enumerate(names)
+        }
+    return {
+        name: (OUTPUTS[order.index(point) % len(OUTPUTS)], "--" if "method dvi" in name.split(", ") else "-")
+        for name, point in zip(names, points, strict=True)
+    }
 
 
 def torque_speed_picture(path: str | Path, runs: Mapping[str, Any], *, title: str | None = None) -> Path:

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from emclutch.method_comparison import compare_methods, comparison_lines
+from emclutch.results.speed_picture import _styles
 
 
 def _run(torque, disc, *, dt, missed=0, lock_up=None):
@@ -56,3 +57,11 @@ def test_runs_of_different_lengths_are_compared_while_both_go():
     assert row["speed_difference"] == pytest.approx(0.0, abs=1e-12)
     assert row["torque_difference_bars"] is None  # neither has any scatter
     assert comparison_lines([row], [])[0].startswith("torque 1 +- 0 N m by DVI")
+
+
+def test_a_point_has_one_colour_by_both_methods():
+    names = ["method dem, count 200", "method dem, count 500", "method dvi, count 200", "method dvi, count 500"]
+    styles = _styles(names)
+    assert styles[names[0]][0] == styles[names[2]][0] != styles[names[1]][0] == styles[names[3]][0]
+    assert [styles[name][1] for name in names] == ["-", "-", "--", "--"]
+    assert len(set(_styles([f"count {k}" for k in range(8)]).values())) == 8
