@@ -188,9 +188,9 @@ def _at_free_shaft(own, free, row, r_n, ex, ey, ez, wx, wy, wz):
     # rolling sees what twisting has changed
     wz += added * ez * (twist - was)
     # axes of the tangent plane: what is left of e_z, and across
-    size = np.sqrt(max(1.0 - ez * ez, 0.0))
+    size = np.sqrt(ex * ex + ey * ey)  # 1 - e_z^2 would lose a normal along z to round-off
     if size > 1e-12:
-        fx, fy, fz = -ez * ex / size, -ez * ey / size, (1.0 - ez * ez) / size
+        fx, fy, fz = -ez * ex / size, -ez * ey / size, size
     else:  # W is the same in all directions of the plane
         fx, fy, fz, size = 1.0, 0.0, 0.0, 0.0
     gx, gy, gz = ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx
