@@ -6,7 +6,9 @@ R_eff c, to i and its opposite to j; c is an impulse [N s], dual to the velocity
 
     |c_t| <= mu_r r_n,   c_t opposite to w_t where it is equal;      |c_n| <= mu_w r_n,   c_n opposite to w_n.
 
-Springs of the angle are left out: a couple below its limit allows no w at all. With q_i = R_eff/R_i and the scaled
+A couple below its limit allows no w at all; where contacts give way (`particles.dvi.springs`), its spring has the
+stiffness k_t R_eff^2 of DEM, without the dashpot: w' + c_t (c' - c) = 0, with the c_t of the tangential spring, c the
+couple of the step before, and energy c_t c^2/2. With q_i = R_eff/R_i and the scaled
 spins p = R omega of `particles.dvi.gauss_seidel`,
 
     w = q_i p_i - q_j p_j,    dp_i = (5/2) q_i c/m_i,    dp_j = -(5/2) q_j c/m_j,
@@ -25,18 +27,37 @@ import numpy as np
 from numba import njit
 
 from particles.dvi import gauss_seidel as gs
-from particles.dvi.gauss_seidel import EX, EY, EZ, IJ, IM, PX, PY, PZ, RX, RY, RZ, SPEED
+from particles.dvi.gauss_seidel import (
+    EX,
+    EY,
+    EZ,
+    GAP,
+    IJ,
+    IM,
+    PAIRS,
+    PX,
+    PY,
+    PZ,
+    RX,
+    RY,
+    RZ,
+    SPEED,
+    TANGENTIAL,
+    WALLS,
+)  # fmt: skip
 from particles.dvi.rigid_triangles import COS_STEP, SIN_STEP
 
-# columns of a couple: c, R_eff/R_i, R_eff/R_j (at a wall R_i itself), 1/W (the largest W), mu_r, mu_w
-CX, CY, CZ, QI, QJ, IW, ROLL, TWIST = range(8)
+# columns of a couple: c, R_eff/R_i, R_eff/R_j (at a wall R_i itself), 1/W (the largest W), mu_r, mu_w; with springs
+# also c_t and the offset of w
+CX, CY, CZ, QI, QJ, IW, ROLL, TWIST, GIVE, OX, OY, OZ = range(12)
 N_COUPLE = 8
+N_SPRING_COUPLE = 12
 
 
 @njit(error_model="numpy", fastmath={"contract"})
 def begin_couples(
-    law, radius, grain, body, pair_index, pair_slot, pair, pair_impulse, wall_index, wall_slot, wall, wall_impulse,
-    n_smooth, wall_other, turn, pair_couple, wall_couple,
+    law, soft, radius, grain, body, pair_index, pair_slot, pair, pair_impulse, wall_index, wall_slot, wall,
+    wall_impulse, n_smooth, wall_other, turn, pair_couple, wall_couple,
 ):  # fmt: skip
     """Fill the records of the couples, those of the last step first in line, and let them act on the velocities.
 
@@ -53,6 +74,8 @@ def begin_couples(
         held = pair[k, RX] != 0.0 or pair[k, RY] != 0.0 or pair[k, RZ] != 0.0
         for a in range(3):
             row[CX + a] = pair_impulse[s, 3 + a] if held else 0.0
+        if soft is not None:
+            _remember(soft[PAIRS, TANGENTIAL], pair[k, GAP], row)
     for k in range(wall.shape[0]):
         row, s = wall_couple[k], wall_slot[k]
         i, b = wall_index[k, 0], wall_index[k, 1]
@@ -67,9 +90,20 @@ def begin_couples(
                 x, y = row[CX], row[CY]
                 row[CX] = turn[b, COS_STEP] * x - turn[b, SIN_STEP] * y
                 row[CY] = turn[b, SIN_STEP] * x + turn[b, COS_STEP] * y
+        if soft is not None:
+            _remember(soft[WALLS, TANGENTIAL], wall[k, GAP], row)
     pair_impulse[:, 3:] = 0.0
     wall_impulse[:, 3:] = 0.0
     apply_couples(1.0, grain, body, pair_index, pair_couple, wall_index, wall_couple)
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def _remember(give, gap, row):
+    """Put the spring into a couple's row, which holds the couple of the step before."""
+    row[GIVE] = give
+    row[IW] = 1.0 / (1.0 / row[IW] + give)
+    for a in range(3):
+        row[OX + a] = -give * row[CX + a] if gap <= 0.0 else 0.0
 
 
 @njit(error_model="numpy", fastmath={"contract"})
@@ -125,16 +159,32 @@ def _admissible(row, r_n, ex, ey, ez, x, y, z):
 
 
 @njit(error_model="numpy", fastmath={"contract"})
-def _pair_velocity(grain, i, j, row):
-    """w [m/s] of two grains."""
+def _pair_velocity(soft, grain, i, j, row):
+    """w [m/s] of two grains, and what their spring gives."""
     a, b = row[QI], row[QJ]
-    return (
-        a * grain[i, PX] - b * grain[j, PX], a * grain[i, PY] - b * grain[j, PY], a * grain[i, PZ] - b * grain[j, PZ],
-    )  # fmt: skip
+    x, y, z = (
+        a * grain[i, PX] - b * grain[j, PX],
+        a * grain[i, PY] - b * grain[j, PY],
+        a * grain[i, PZ] - b * grain[j, PZ],
+    )
+    if soft is not None:
+        c = row[GIVE]
+        x, y, z = x + row[OX] + c * row[CX], y + row[OY] + c * row[CY], z + row[OZ] + c * row[CZ]
+    return x, y, z
 
 
 @njit(error_model="numpy", fastmath={"contract"})
-def sweep_couples(relax, grain, body, pair_index, pair, wall_index, wall, pair_couple, wall_couple):
+def _wall_velocity(soft, grain, body, i, b, row):
+    """The same of a grain at a body."""
+    x, y, z = grain[i, PX], grain[i, PY], grain[i, PZ] - row[QJ] * body[b, SPEED]
+    if soft is not None:
+        c = row[GIVE]
+        x, y, z = x + row[OX] + c * row[CX], y + row[OY] + c * row[CY], z + row[OZ] + c * row[CZ]
+    return x, y, z
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def sweep_couples(relax, soft, grain, body, pair_index, pair, wall_index, wall, pair_couple, wall_couple):
     """Visit every couple once; returns the largest change of a couple times W [m/s]."""
     largest = 0.0
     over = 1.0
@@ -148,7 +198,7 @@ def sweep_couples(relax, grain, body, pair_index, pair, wall_index, wall, pair_c
         if r_n <= 0.0 and cx == 0.0 and cy == 0.0 and cz == 0.0:
             continue
         i, j, step = pair_index[k, 0], pair_index[k, 1], over * row[IW]
-        x, y, z = _pair_velocity(grain, i, j, row)
+        x, y, z = _pair_velocity(soft, grain, i, j, row)
         x, y, z = _admissible(row, r_n, ex, ey, ez, cx - step * x, cy - step * y, cz - step * z)
         row[CX], row[CY], row[CZ] = x, y, z
         x, y, z = x - cx, y - cy, z - cz
@@ -162,9 +212,12 @@ def sweep_couples(relax, grain, body, pair_index, pair, wall_index, wall, pair_c
         if r_n <= 0.0 and cx == 0.0 and cy == 0.0 and cz == 0.0:
             continue
         i, b = wall_index[k, 0], wall_index[k, 1]
-        x, y, z = grain[i, PX], grain[i, PY], grain[i, PZ] - row[QJ] * body[b, SPEED]
+        x, y, z = _wall_velocity(soft, grain, body, i, b, row)
         if body[b, IJ] > 0.0:
-            x, y, z = _at_free_shaft(2.5 * grain[i, IM], body[b, IJ], row, r_n, ex, ey, ez, x, y, z)
+            own = 2.5 * grain[i, IM]
+            if soft is not None:
+                own += row[GIVE]
+            x, y, z = _at_free_shaft(own, body[b, IJ], row, r_n, ex, ey, ez, x, y, z)
         else:
             step = over * row[IW]
             x, y, z = _admissible(row, r_n, ex, ey, ez, cx - step * x, cy - step * y, cz - step * z)
@@ -226,16 +279,15 @@ def in_disc(a, b, limit, f, g):
 
 
 @njit(error_model="numpy", fastmath={"contract"})
-def couple_residual(grain, body, pair_index, pair, wall_index, wall, pair_couple, wall_couple):
+def couple_residual(soft, grain, body, pair_index, pair, wall_index, wall, pair_couple, wall_couple):
     """Largest natural map |c - P(c - w/W)| W over all couples [m/s], P the nearest admissible one."""
     worst = 0.0
     for k in range(pair.shape[0]):
-        x, y, z = _pair_velocity(grain, pair_index[k, 0], pair_index[k, 1], pair_couple[k])
+        x, y, z = _pair_velocity(soft, grain, pair_index[k, 0], pair_index[k, 1], pair_couple[k])
         worst = max(worst, _violation(pair_couple[k], pair, k, x, y, z))
     for k in range(wall.shape[0]):
-        i, b = wall_index[k, 0], wall_index[k, 1]
-        z = grain[i, PZ] - wall_couple[k, QJ] * body[b, SPEED]
-        worst = max(worst, _violation(wall_couple[k], wall, k, grain[i, PX], grain[i, PY], z))
+        x, y, z = _wall_velocity(soft, grain, body, wall_index[k, 0], wall_index[k, 1], wall_couple[k])
+        worst = max(worst, _violation(wall_couple[k], wall, k, x, y, z))
     return worst
 
 
@@ -257,7 +309,7 @@ def sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_inde
     """
     change = gs.sweep(False, convex, relax, soft, grain, body, pair_index, pair, wall_index, wall)
     if couples is not None:
-        turned = sweep_couples(relax, grain, body, pair_index, pair, wall_index, wall, couples[1], couples[2])
+        turned = sweep_couples(relax, soft, grain, body, pair_index, pair, wall_index, wall, couples[1], couples[2])
         change = max(change, turned)
     return change
 
@@ -267,7 +319,7 @@ def residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, w
     """The honest residual of impulses and, where ``couples`` is not None, couples [m/s]."""
     worst = gs.residual(convex, soft, grain, body, pair_index, pair, wall_index, wall)
     if couples is not None:
-        turning = couple_residual(grain, body, pair_index, pair, wall_index, wall, couples[1], couples[2])
+        turning = couple_residual(soft, grain, body, pair_index, pair, wall_index, wall, couples[1], couples[2])
         worst = max(worst, turning)
     return worst
 
@@ -304,14 +356,15 @@ def weigh_couples(weight, first, pairs, walls, couples):
 
 @njit(error_model="numpy", fastmath={"contract"})
 def book_couples(
-    h, grain, spin, radius, mean_speed, pair_index, pair_slot, pair, pair_impulse, pair_couple,
+    h, soft, springs, grain, spin, radius, mean_speed, pair_index, pair_slot, pair, pair_impulse, pair_couple,
     wall_index, wall_slot, wall, wall_impulse, wall_couple, body_totals, torque, body_work,
 ):  # fmt: skip
     """Keep the couples for the next step; book work and torques with the mean of old and new spin.
 
     Returns the losses to rolling and to twisting and the work on the grains [J]; ``torque``, ``body_work``: columns.
+    ``springs[2:]``: energy in those of rolling and of twisting, renewed.
     """
-    rolling = twisting = work = 0.0
+    rolling = twisting = work = spring_r = spring_w = 0.0
     for k in range(pair.shape[0]):
         row, s = pair_couple[k], pair_slot[k]
         x, y, z = row[CX], row[CY], row[CZ]
@@ -325,7 +378,11 @@ def book_couples(
         wz = a * (grain[i, PZ] + radius[i] * spin[i, 2]) - b * (grain[j, PZ] + radius[j] * spin[j, 2])
         ex, ey, ez = pair[k, EX], pair[k, EY], pair[k, EZ]
         whole = x * wx + y * wy + z * wz
-        along = (x * ex + y * ey + z * ez) * (wx * ex + wy * ey + wz * ez)
+        c_n = x * ex + y * ey + z * ez
+        along = c_n * (wx * ex + wy * ey + wz * ez)
+        if soft is not None:
+            spring_r += 0.5 * row[GIVE] * max(x * x + y * y + z * z - c_n * c_n, 0.0)
+            spring_w += 0.5 * row[GIVE] * c_n * c_n
         rolling -= whole - along
         twisting -= along
         work += whole
@@ -343,9 +400,16 @@ def book_couples(
         wz -= row[QJ] * mean_speed[b]
         ex, ey, ez = wall[k, EX], wall[k, EY], wall[k, EZ]
         whole = x * wx + y * wy + z * wz
-        along = (x * ex + y * ey + z * ez) * (wx * ex + wy * ey + wz * ez)
+        c_n = x * ex + y * ey + z * ez
+        along = c_n * (wx * ex + wy * ey + wz * ez)
+        if soft is not None:
+            spring_r += 0.5 * row[GIVE] * max(x * x + y * y + z * z - c_n * c_n, 0.0)
+            spring_w += 0.5 * row[GIVE] * c_n * c_n
         rolling -= whole - along
         twisting -= along
         body_totals[b, torque] -= row[QJ] * z / h
         body_totals[b, body_work] += row[QJ] * z * mean_speed[b]
+    if soft is not None:
+        rolling, twisting = rolling - spring_r + springs[2], twisting - spring_w + springs[3]
+        springs[2], springs[3] = spring_r, spring_w
     return rolling, twisting, work

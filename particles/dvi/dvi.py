@@ -16,7 +16,7 @@ from particles.dem.step_totals import EnergyTotals, StepTotals
 from particles.dvi import gauss_seidel as gs
 from particles.dvi import step_kernel as kernel
 from particles.dvi.accelerated import ANDERSON, APGD, GAUSS_SEIDEL, INTERIOR
-from particles.dvi.couples import N_COUPLE
+from particles.dvi.couples import N_COUPLE, N_SPRING_COUPLE
 from particles.dvi.impulse_list import ImpulseList
 from particles.dvi.interior_point import solve_by_interior_point
 from particles.dvi.rigid_contact import RigidContact
@@ -190,7 +190,7 @@ class DVI:
             )
         self._law = contact.table()
         self._soft = None if stiffness is None else spring_table(self.dt, np.asarray(stiffness), self._law[:, 1])
-        self._springs = np.zeros(2)
+        self._springs = np.zeros(4)  # energy [J]: normal, tangential, of rolling, of twisting
         self._convex = None if friction == "coulomb" else True
         self._relax = float(relaxation) if solver == "psor" else None
         self._method = {"accelerated": ANDERSON, "interior_point": INTERIOR, "apgd": APGD}.get(solver, GAUSS_SEIDEL)
@@ -433,7 +433,8 @@ class DVI:
         self._pair, self._wall = np.zeros((p, gs.N_PAIR + memory)), np.zeros((s, gs.N_WALL_CONTACT + memory))
         self._couples = None
         if self._resist.any():
-            self._couples = self._resist, np.zeros((p, N_COUPLE)), np.zeros((s, N_COUPLE))
+            columns = N_COUPLE if self._soft is None else N_SPRING_COUPLE
+            self._couples = self._resist, np.zeros((p, columns)), np.zeros((s, columns))
         triangles = 0 if self._device.triangles is None else s
         self._found, self._tally = np.zeros((triangles, N_FOUND)), np.zeros((triangles, 2), dtype=np.int64)
 

@@ -445,8 +445,8 @@ def _begin(
     gs.apply_impulses(1.0, grain, body, pair_index[:pairs], pair_rows[:pairs], wall_index[:walls], wall_rows[:walls])
     if couples is not None:
         begin_couples(
-            couples[0], radius, grain, body, pair_index[:pairs], pair_slot[:pairs], pair_rows[:pairs], pair_impulse,
-            wall_index[:walls], wall_slot[:walls], wall_rows[:walls], wall_impulse, wall_table.shape[0],
+            couples[0], soft, radius, grain, body, pair_index[:pairs], pair_slot[:pairs], pair_rows[:pairs],
+            pair_impulse, wall_index[:walls], wall_slot[:walls], wall_rows[:walls], wall_impulse, wall_table.shape[0],
             wall_other, turn, couples[1], couples[2],
         )  # fmt: skip
     return pairs, walls, fastest
@@ -483,7 +483,7 @@ def _finish(
     )  # fmt: skip
     if couples is not None:
         rolling, twisting, work = book_couples(
-            h, grain, spin, radius, mean, pair_index, pair_slot, pair, pair_impulse, couples[1],
+            h, soft, springs, grain, spin, radius, mean, pair_index, pair_slot, pair, pair_impulse, couples[1],
             wall_index, wall_slot, wall, wall_impulse, couples[2], body_totals, TORQUE_T, BODY_WORK,
         )  # fmt: skip
         totals[ROLLING] += rolling
