@@ -106,6 +106,8 @@ def rigid_grains(scene: Scene, plan: Plan, rigid: RigidPlan, grains: Grains, wal
         tolerance=rigid.tolerance,
         max_sweeps=section.max_sweeps,
         stiffness=rigid.stiffness,
+        rolling=rigid.rolling,
+        twisting=rigid.twisting,
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from coupling import pair_attraction
 from emclutch.scene.model import Scene
-from particles import RigidContact, choose_rigid_step
+from particles import RigidContact, RollingFriction, TwistingFriction, choose_rigid_step
 
 TOLERANCE = 1e-4  # of the largest speed to be expected
 LEAST_TOLERANCE = 1e-7  # [m/s]
@@ -23,6 +23,8 @@ class RigidPlan:
     Attributes
     ----------
     contact : RigidContact
+    rolling : RollingFriction or None
+    twisting : TwistingFriction or None
     tolerance : float
         On the natural map [m/s].
     stiffness : ndarray, shape (2, 2), or None
@@ -30,6 +32,8 @@ class RigidPlan:
     """
 
     contact: RigidContact
+    rolling: RollingFriction | None
+    twisting: TwistingFriction | None
     tolerance: float
     stiffness: np.ndarray | None
 
@@ -92,4 +96,7 @@ def plan_rigid(
         contact.wall_restitution,
         threshold=threshold,
     )
-    return RigidPlan(rigid, tolerance, stiffness), step.dt
+    rolls, twists = scene.effects.rolling_friction, scene.effects.twisting_friction
+    rolling = None if rolls is None else RollingFriction(rolls.coefficient, rolls.wall_coefficient)
+    twisting = None if twists is None else TwistingFriction(twists.coefficient, twists.wall_coefficient)
+    return RigidPlan(rigid, rolling, twisting, tolerance, stiffness), step.dt

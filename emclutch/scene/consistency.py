@@ -194,12 +194,17 @@ def _rigid(draft: Draft) -> Iterator[Fault]:
         )
     if scene.effects is None:
         return
-    for name in ("rolling_friction", "twisting_friction", "cohesion"):
-        if getattr(scene.effects, name) is not None:
+    if scene.effects.cohesion is not None:
+        yield Fault(
+            "effects.cohesion", "", "exists with contact.method = 'dem' only; remove the table, or take method = 'dem'"
+        )
+    for name in ("rolling_friction", "twisting_friction"):
+        if getattr(scene.effects, name) is not None and contact.dvi.solver in ("interior_point", "apgd"):
             yield Fault(
                 f"effects.{name}",
                 "",
-                "exists with contact.method = 'dem' only; remove the table, or take method = 'dem'",
+                f"cannot stand beside contact.dvi.solver = '{contact.dvi.solver}'; remove the table, or "
+                "take 'accelerated'",
             )
 
 

@@ -24,6 +24,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from particles.dvi.couples import put_couples, residual, sweep, take_couples, weigh_couples
 from particles.dvi.gauss_seidel import (
     BRAKE,
     IWN,
@@ -35,8 +36,6 @@ from particles.dvi.gauss_seidel import (
     VX,
     VY,
     VZ,
-    residual,
-    sweep,
 )  # fmt: skip
 from particles.kernel_stamp import kernel_stamp
 
@@ -52,33 +51,36 @@ OVER = 1.6  # over-relaxation of the sweeps after a stall; beyond 1.8 sheared be
 
 
 @njit(error_model="numpy", fastmath={"contract"})
-def solve(convex, relax, soft, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
+def solve(convex, relax, soft, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples=None):
     """Plain sweeps, then (unless ``method`` is GAUSS_SEIDEL) accelerated ones.
 
-    Returns sweeps, the honest residual [m/s], and whether acceleration took over.
+    ``couples``: as in `particles.dvi.couples.sweep`. Returns sweeps, the honest residual [m/s], and whether
+    acceleration took over.
     """
     first = cap if method == GAUSS_SEIDEL else min(cap, PLAIN_SWEEPS)
     for count in range(first):
-        change = sweep(False, convex, relax, soft, grain, body, pair_index, pair, wall_index, wall)
+        change = sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall)
         if change <= tolerance:
-            reached = residual(convex, soft, grain, body, pair_index, pair, wall_index, wall)
+            reached = residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall)
             if reached <= tolerance:
                 return count + 1, reached, 0
     if first == cap:
-        return cap, residual(convex, soft, grain, body, pair_index, pair, wall_index, wall), 0
+        return cap, residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall), 0
     done, reached = anderson(
-        convex, relax, soft, tolerance, cap - first, grain, body, pair_index, pair, wall_index, wall
+        convex, relax, soft, tolerance, cap - first, grain, body, pair_index, pair, wall_index, wall, couples
     )
     return first + done, reached, 1
 
 
 @njit(error_model="numpy", fastmath={"contract"})
-def anderson(convex, relax, soft, tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
+def anderson(convex, relax, soft, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples=None):
     """Up to ``cap`` accelerated sweeps from the impulses in the records; returns their number and the residual."""
     contacts = 3 * (pair.shape[0] + wall.shape[0]) + body.shape[0]
+    if couples is not None:
+        contacts += 3 * (pair.shape[0] + wall.shape[0])
     size = contacts + 6 * grain.shape[0] + body.shape[0]
     weight = np.empty(contacts)
-    _weights(weight, pair, wall, body)
+    _weights(weight, pair, wall, body, couples)
     r, g, old_g, best_g = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
     f, old_f = np.empty(contacts), np.empty(contacts)
     d_g, d_f = np.empty((HISTORY, size)), np.empty((HISTORY, contacts))
@@ -87,27 +89,27 @@ def anderson(convex, relax, soft, tolerance, cap, grain, body, pair_index, pair,
     first = True
     waited, plain, mark, pause = 0, 0, np.inf, PATIENCE
     done = 0
-    _read(r, contacts, pair, wall, grain, body)
+    _read(r, contacts, pair, wall, grain, body, couples)
     while done < cap:
         change = 0.0
         for _ in range(min(SWEEPS, cap - done)):
             if convex is None:
                 over = OVER if plain > 0 else SLIGHTLY_OVER
-                change = sweep(False, convex, over, soft, grain, body, pair_index, pair, wall_index, wall)
+                change = sweep(convex, over, soft, couples, grain, body, pair_index, pair, wall_index, wall)
             else:
-                change = sweep(False, convex, relax, soft, grain, body, pair_index, pair, wall_index, wall)
+                change = sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall)
             done += 1
         if change <= tolerance:
-            reached = residual(convex, soft, grain, body, pair_index, pair, wall_index, wall)
+            reached = residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall)
             if reached <= tolerance:
                 return done, reached
         if plain > 0:
             plain -= SWEEPS
             if plain <= 0:
-                _read(r, contacts, pair, wall, grain, body)
+                _read(r, contacts, pair, wall, grain, body, couples)
                 waited, best, mark = 0, np.inf, np.inf
             continue
-        _read(g, contacts, pair, wall, grain, body)
+        _read(g, contacts, pair, wall, grain, body, couples)
         for q in range(contacts):
             f[q] = weight[q] * (g[q] - r[q])
         norm = np.sqrt(_dot(f, f))
@@ -144,26 +146,32 @@ def anderson(convex, relax, soft, tolerance, cap, grain, body, pair_index, pair,
                     for q in range(known):
                         for k in range(size):
                             r[k] -= c[q] * d_g[q, k]
-        _write(r, contacts, pair, wall, grain, body)
-    sweep(False, convex, relax, soft, grain, body, pair_index, pair, wall_index, wall)
-    return done, residual(convex, soft, grain, body, pair_index, pair, wall_index, wall)
+        _write(r, contacts, pair, wall, grain, body, couples)
+    sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall)
+    return done, residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall)
 
 
 @njit(error_model="numpy", fastmath={"contract"})
-def _weights(weight, pair, wall, body):
-    """sqrt(w_n) for each component of an impulse, sqrt(1/J) for the loads of shafts."""
+def _weights(weight, pair, wall, body, couples):
+    """sqrt(w_n) for each component of an impulse, sqrt(1/J) for the loads of shafts, sqrt(W) for couples."""
     p = pair.shape[0]
     for k in range(p):
         weight[3 * k : 3 * k + 3] = 1.0 / np.sqrt(pair[k, IWN])
     for k in range(wall.shape[0]):
         weight[3 * (p + k) : 3 * (p + k) + 3] = 1.0 / np.sqrt(wall[k, IWN])
-    weight[3 * (p + wall.shape[0]) :] = np.sqrt(body[:, 1])
+    q = 3 * (p + wall.shape[0])
+    weight[q : q + body.shape[0]] = np.sqrt(body[:, 1])
+    if couples is not None:
+        weigh_couples(weight, q + body.shape[0], p, wall.shape[0], couples)
 
 
 @njit(error_model="numpy", fastmath={"contract"})
-def _read(r, contacts, pair, wall, grain, body):
+def _read(r, contacts, pair, wall, grain, body, couples):
     """Impulses, then velocities, into ``r``: these are linear in those, so that both are extrapolated alike."""
     _collect(r, pair, wall, body)
+    if couples is not None:
+        p, w = pair.shape[0], wall.shape[0]
+        put_couples(r, 3 * (p + w) + body.shape[0], p, w, couples)
     q = contacts
     for i in range(grain.shape[0]):
         r[q], r[q + 1], r[q + 2] = grain[i, VX], grain[i, VY], grain[i, VZ]
@@ -174,9 +182,12 @@ def _read(r, contacts, pair, wall, grain, body):
 
 
 @njit(error_model="numpy", fastmath={"contract"})
-def _write(r, contacts, pair, wall, grain, body):
+def _write(r, contacts, pair, wall, grain, body, couples):
     """The inverse of `_read`."""
     _spread(r, pair, wall, body)
+    if couples is not None:
+        p, w = pair.shape[0], wall.shape[0]
+        take_couples(r, 3 * (p + w) + body.shape[0], p, w, couples)
     q = contacts
     for i in range(grain.shape[0]):
         grain[i, VX], grain[i, VY], grain[i, VZ] = r[q], r[q + 1], r[q + 2]
@@ -272,10 +283,14 @@ def _entries(stamp: int):
     """`solve` and `anderson` for calls from Python; ``stamp`` stands in their cache keys (`particles.kernel_stamp`)."""
 
     @njit(cache=True, error_model="numpy", fastmath={"contract"})
-    def solve_records(convex, relax, soft, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
+    def solve_records(
+        convex, relax, soft, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples=None
+    ):
         if stamp == 0:
             return 0, np.inf, 0
-        return solve(convex, relax, soft, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall)
+        return solve(
+            convex, relax, soft, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples
+        )
 
     @njit(cache=True, error_model="numpy", fastmath={"contract"})
     def accelerate_records(convex, relax, soft, tolerance, cap, grain, body, pair_index, pair, wall_index, wall):

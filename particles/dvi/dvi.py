@@ -16,6 +16,7 @@ from particles.dem.step_totals import EnergyTotals, StepTotals
 from particles.dvi import gauss_seidel as gs
 from particles.dvi import step_kernel as kernel
 from particles.dvi.accelerated import ANDERSON, APGD, GAUSS_SEIDEL, INTERIOR
+from particles.dvi.couples import N_COUPLE, N_SPRING_COUPLE
 from particles.dvi.impulse_list import ImpulseList
 from particles.dvi.interior_point import solve_by_interior_point
 from particles.dvi.rigid_contact import RigidContact
@@ -23,6 +24,8 @@ from particles.dvi.rigid_triangles import N_TURN
 from particles.dvi.springs import spring_table
 from particles.faults import DemError, ParticleError
 from particles.grains import Grains
+from particles.laws.rolling_friction import RollingFriction
+from particles.laws.twisting_friction import TwistingFriction
 from particles.lists.contact_table import ContactTable
 from particles.lists.neighbours import cell_order
 from particles.walls.device_walls import DeviceWalls
@@ -44,7 +47,8 @@ SLOP = 1e-4  # overlap, as a share of the radius, below which positions are left
 
 @dataclass(frozen=True, slots=True)
 class RigidTotals(StepTotals):
-    """Totals of a run of rigid grains; ``energy.dissipation`` has "impact" and "sliding"; no force is "damping".
+    """Totals of a run of rigid grains; ``energy.dissipation`` has "impact" and "sliding", where they are simulated also
+    "rolling" and "twisting"; no force is "damping".
 
     Attributes
     ----------
@@ -112,6 +116,8 @@ class DVI:
     stiffness : array_like, shape (2, 2), optional
         [[k_n, k_t] between grains, [k_n, k_t] at walls] [N/m] of contacts that give way (`particles.dvi.springs`);
         rigid ones without.
+    rolling, twisting : optional
+        Resistance to rolling and to twisting (`particles.dvi.couples`).
 
     Attributes
     ----------
@@ -139,6 +145,8 @@ class DVI:
         overlap_limit: float = 0.1,
         warm_start: bool = True,
         stiffness: np.ndarray | None = None,
+        rolling: RollingFriction | None = None,
+        twisting: TwistingFriction | None = None,
     ) -> None:
         if sector is not None:
             raise ValueError("rigid grains (DVI) need the full ring; leave the sector out, or use DEM")
@@ -171,9 +179,18 @@ class DVI:
                 f'solver = "{solver}", warm_start = {warm_start}: springs (stiffness) need their impulses of the step '
                 'before and "accelerated", "gauss_seidel" or "psor"; or leave stiffness out'
             )
+        self._resist = np.zeros((2, 2))  # mu_r and mu_w between grains, at walls
+        for column, part in enumerate((rolling, twisting)):
+            if part is not None:
+                self._resist[:, column] = part.table()
+        if self._resist.any() and solver in ("apgd", "interior_point"):
+            raise ValueError(
+                f'solver = "{solver}" solves no rolling or twisting friction; choose "accelerated", "gauss_seidel" or '
+                '"psor", or leave them out'
+            )
         self._law = contact.table()
         self._soft = None if stiffness is None else spring_table(self.dt, np.asarray(stiffness), self._law[:, 1])
-        self._springs = np.zeros(2)
+        self._springs = np.zeros(4)  # energy [J]: normal, tangential, of rolling, of twisting
         self._convex = None if friction == "coulomb" else True
         self._relax = float(relaxation) if solver == "psor" else None
         self._method = {"accelerated": ANDERSON, "interior_point": INTERIOR, "apgd": APGD}.get(solver, GAUSS_SEIDEL)
@@ -186,6 +203,7 @@ class DVI:
         self._bound = np.zeros(n)
         self._body = np.zeros((len(self.bodies), gs.N_BODY))
         self._brake = np.zeros(len(self.bodies))
+        self._couples: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._stale = True
         self._reach = self.skin
         self._impulses: ImpulseList | None = None
@@ -212,9 +230,9 @@ class DVI:
         """Sum of the contact forces on each grain, mean over the last step [N], shape (n, 3)."""
         c = self._list
         net = np.zeros((self.grains.count, 3))
-        np.add.at(net, c.pairs.rows(), c.pair_impulse)
-        np.subtract.at(net, c.pairs.other, c.pair_impulse)
-        np.add.at(net, c.wall_rows(), c.wall_impulse)
+        np.add.at(net, c.pairs.rows(), c.pair_impulse[:, :3])
+        np.subtract.at(net, c.pairs.other, c.pair_impulse[:, :3])
+        np.add.at(net, c.wall_rows(), c.wall_impulse[:, :3])
         return net / self.dt
 
     @property
@@ -258,12 +276,12 @@ class DVI:
         """The loaded contacts of the last step."""
         g, c = self.grains, self._list
         x, radius = g.position, g.radius
-        k = np.flatnonzero(c.pair_impulse.any(axis=1))
+        k = np.flatnonzero(c.pair_impulse[:, :3].any(axis=1))
         i, j = c.pairs.rows()[k], c.pairs.other[k].astype(np.int64)
         away = x[j] - x[i]
         reach = radius[i] + radius[j]
         point = x[i] + away * (radius[i] / reach)[:, None]
-        w = np.flatnonzero(c.wall_impulse.any(axis=1))
+        w = np.flatnonzero(c.wall_impulse[:, :3].any(axis=1))
         row, wall = c.wall_rows()[w], c.wall_other[w].astype(np.int64)
         depth = self._depths(row, wall)
         seen = np.isfinite(depth[:, 0])
@@ -274,7 +292,7 @@ class DVI:
             np.concatenate([i, row]), np.concatenate([j, none]),
             np.concatenate([np.full(len(i), -1), self._device.wall[wall]]),
             np.zeros(len(i) + len(row), dtype=np.int64), np.concatenate([point, at_wall]),
-            np.concatenate([c.pair_impulse[k], c.wall_impulse[w]]) / self.dt,
+            np.concatenate([c.pair_impulse[k, :3], c.wall_impulse[w, :3]]) / self.dt,
             np.concatenate([reach - np.linalg.norm(away, axis=1), depth[:, 0]]),
         )  # fmt: skip
 
@@ -304,12 +322,17 @@ class DVI:
         Raises
         ------
         ValueError
-            If the state has another number of grains or bodies.
+            If the state has another number of grains or bodies, or couples where this DVI has none, or none.
         """
         if len(state["mass"]) != self.grains.count or len(state["bodies"]) != len(self.bodies):
             raise ValueError(
                 f"the state has {len(state['mass'])} grains and {len(state['bodies'])} bodies, this DVI "
                 f"{self.grains.count} and {len(self.bodies)}; restore it into the scene that it came from"
+            )
+        if state["list_pair_impulse"].shape[1] != self._list.pair_impulse.shape[1]:
+            raise ValueError(
+                "of the state and this DVI, one has rolling or twisting friction and the other none; restore it into "
+                "the scene that it came from"
             )
         for name in ("where", "motion", "mass", "particle_id"):
             setattr(self.grains, name, state[name].copy())
@@ -346,7 +369,7 @@ class DVI:
             c.pair_impulse[:], c.wall_impulse[:], self._brake[:] = 0.0, 0.0, 0.0
         position, velocity, spin = (np.ascontiguousarray(a) for a in (g.position, g.velocity, g.angular_velocity))
         answer = kernel.run_steps(
-            n_steps, self.dt, self.theta, float(self.n_sectors), self._law, self._soft, self._springs,
+            n_steps, self.dt, self.theta, float(self.n_sectors), self._law, self._soft, self._couples, self._springs,
             self._pull(n_steps), external,
             0.5 * self._reach, c.wall_way, self.overlap_limit, SLOP, MARGIN,
             self._convex, self._relax, self._method, self.tolerance, self.max_sweeps, self._open_step,
@@ -408,6 +431,10 @@ class DVI:
         self._pair_slot, self._wall_slot = np.zeros(p, dtype=np.int32), np.zeros(s, dtype=np.int32)
         memory = 0 if self._soft is None else gs.N_SPRING
         self._pair, self._wall = np.zeros((p, gs.N_PAIR + memory)), np.zeros((s, gs.N_WALL_CONTACT + memory))
+        self._couples = None
+        if self._resist.any():
+            columns = N_COUPLE if self._soft is None else N_SPRING_COUPLE
+            self._couples = self._resist, np.zeros((p, columns)), np.zeros((s, columns))
         triangles = 0 if self._device.triangles is None else s
         self._found, self._tally = np.zeros((triangles, N_FOUND)), np.zeros((triangles, 2), dtype=np.int64)
 
@@ -431,7 +458,7 @@ class DVI:
         self._reach = max(self.skin, FAST_SKIN * self.dt * fastest)
         made = ImpulseList.make(
             np.ascontiguousarray(g.position), g.radius, self._reach, self._device, [b.angle for b in self.bodies],
-            max(0.5 * self.skin, FAST_WALLS * self.dt * vane),
+            max(0.5 * self.skin, FAST_WALLS * self.dt * vane), 6 if self._resist.any() else 3,
         )  # fmt: skip
         if self._impulses is not None:
             made.take_impulses(self._impulses, old_id, g.particle_id)
@@ -536,7 +563,12 @@ class DVI:
             },
             energy=EnergyTotals(
                 wall_work={name: float(t[kernel.BODY_WORK]) for name, t in zip(names, bodies, strict=True)},
-                dissipation={"impact": float(totals[kernel.IMPACT]), "sliding": float(totals[kernel.SLIDING])},
+                dissipation={
+                    "impact": float(totals[kernel.IMPACT]),
+                    "sliding": float(totals[kernel.SLIDING]),
+                    **({"rolling": float(totals[kernel.ROLLING])} if self._resist[:, 0].any() else {}),
+                    **({"twisting": float(totals[kernel.TWISTING])} if self._resist[:, 1].any() else {}),
+                },
                 contact_work=float(totals[kernel.CONTACT_WORK]),
                 gravity_work=float(totals[kernel.GRAVITY_WORK]),
                 external_work=float(totals[kernel.EXTERNAL_WORK]),

@@ -24,8 +24,9 @@ class ImpulseList:
     ----------
     pairs : PairList
         Half list.
-    pair_impulse, wall_impulse : ndarray, shapes (p, 3), (s, 3)
-        Impulse on the (first) grain in the last step [N s]; zero where there was none.
+    pair_impulse, wall_impulse : ndarray, shapes (p, 3), (s, 3); with couples (p, 6), (s, 6)
+        Impulse on the (first) grain in the last step [N s]; zero where there was none. Behind it its couple
+        over R_eff [N s] (`particles.dvi.couples`).
     wall_start, wall_other : ndarray, shapes (n + 1,), (s,)
         Walls near each grain.
     reference : ndarray, shape (n, 3)
@@ -54,14 +55,15 @@ class ImpulseList:
         walls: DeviceWalls,
         angles: Sequence[float],
         wall_way: float,
+        columns: int = 3,
     ) -> ImpulseList:
-        """The list at ``position`` (n, 3) [m] and ``angles`` [rad], with ``skin`` [m]."""
+        """The list at ``position`` (n, 3) [m] and ``angles`` [rad], with ``skin`` [m]; ``columns`` of an impulse."""
         reach = radius + 0.5 * skin
         pairs = find_pairs(position, 2.0 * float(radius.max()) + skin, None, reach)
         start, other = walls.near(position, reach, 2.0 * wall_way, angles)
         return cls(
             pairs, start, other, position.copy(), np.array(angles, dtype=float), float(wall_way),
-            np.zeros((pairs.count, 3)), np.zeros((len(other), 3)),
+            np.zeros((pairs.count, columns)), np.zeros((len(other), columns)),
         )  # fmt: skip
 
     def wall_rows(self) -> np.ndarray:
@@ -107,8 +109,8 @@ class ImpulseList:
 
 
 def _found(key: np.ndarray, old_key: np.ndarray, value: np.ndarray) -> np.ndarray:
-    """Rows of ``value`` (m, 3) at the places of ``key`` in ``old_key``; zero where it is not there."""
-    result = np.zeros((len(key), 3))
+    """Rows of ``value`` (m, columns) at the places of ``key`` in ``old_key``; zero where it is not there."""
+    result = np.zeros((len(key), value.shape[1]))
     used = np.flatnonzero(value.any(axis=1))
     if len(used) == 0:
         return result

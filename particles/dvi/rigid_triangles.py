@@ -152,7 +152,7 @@ def record(
             for a in range(tally[begin, 0], tally[begin, 1]):
                 old, new = int(part[a, SLOT]), int(part[int(part[a, LEADER]), SLOT])
                 if wall_impulse[new, 0] == 0.0 and wall_impulse[new, 1] == 0.0 and wall_impulse[new, 2] == 0.0:
-                    for q in range(3):
+                    for q in range(wall_impulse.shape[1]):  # and its couple
                         wall_impulse[new, q] = wall_impulse[old, q]
             speed = max(abs(old_speed[b]), abs(body[b, SPEED]))
             for a in range(tally[begin, 0]):

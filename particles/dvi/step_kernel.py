@@ -25,6 +25,7 @@ from numba import njit
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.accelerated import APGD, INTERIOR, solve
 from particles.dvi.apgd import apgd
+from particles.dvi.couples import begin_couples, book_couples
 from particles.dvi.gauss_seidel import (
     ARM,
     BRAKE,
@@ -62,9 +63,9 @@ DONE, REBUILD, NOT_FINITE, OVERLAP, HAND_OVER = 0, 1, 2, 3, 4
 # columns of the totals
 (
     CONTACTS, IMPACT, SLIDING, CONTACT_WORK, GRAVITY_WORK, EXTERNAL_WORK, STABILISATION, MAX_OVERLAP, GRAIN, MAX_SPEED,
-    SWEEPS, RESIDUAL, MISSED, KEPT, LOADED, VISITS, TAKEN_OVER, PROJECTIONS, MAX_SWEEPS,
-) = range(19)  # fmt: skip
-N_SUMS = 19
+    SWEEPS, RESIDUAL, MISSED, KEPT, LOADED, VISITS, TAKEN_OVER, PROJECTIONS, MAX_SWEEPS, ROLLING, TWISTING,
+) = range(21)  # fmt: skip
+N_SUMS = 21
 # columns of a body's sums: torques and forces of the normal and of the tangential impulses, and work
 TORQUE_N, TORQUE_T, NORMAL_X, NORMAL_Y, NORMAL_Z, FORCE_X, FORCE_Y, FORCE_Z, BODY_WORK, DRIVE_WORK, LOAD_WORK = range(
     11
@@ -390,7 +391,7 @@ def _shift(gravity, external, mass, position, i, x, y, z):
 
 @njit(error_model="numpy", fastmath={"contract"})
 def _begin(
-    h, theta, n_sectors, law, soft, gravity, external, slop, margin, drive,
+    h, theta, n_sectors, law, soft, couples, gravity, external, slop, margin, drive,
     position, velocity, spin, radius, mass, pair_start, pair_other, pair_impulse,
     wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse, body_reach, turn, found, tally,
     body_data, body_angle, body_speed, brake,
@@ -442,12 +443,18 @@ def _begin(
             walls, wall_index, wall_slot, wall_rows,
         )  # fmt: skip
     gs.apply_impulses(1.0, grain, body, pair_index[:pairs], pair_rows[:pairs], wall_index[:walls], wall_rows[:walls])
+    if couples is not None:
+        begin_couples(
+            couples[0], soft, radius, grain, body, pair_index[:pairs], pair_slot[:pairs], pair_rows[:pairs],
+            pair_impulse, wall_index[:walls], wall_slot[:walls], wall_rows[:walls], wall_impulse, wall_table.shape[0],
+            wall_other, turn, couples[1], couples[2],
+        )  # fmt: skip
     return pairs, walls, fastest
 
 
 @njit(error_model="numpy", fastmath={"contract"})
 def _finish(
-    h, theta, n_sectors, soft, springs, gravity, external, tolerance, sweeps, reached, taken, fastest,
+    h, theta, n_sectors, soft, couples, springs, gravity, external, tolerance, sweeps, reached, taken, fastest,
     position, velocity, spin, radius, mass, reference, pair_impulse, wall_impulse,
     drive, body_data, body_angle, body_speed, brake, mean,
     grain, body, pair_index, pair_slot, pair, wall_index, wall_slot, wall, totals, body_totals,
@@ -474,6 +481,14 @@ def _finish(
         h, soft, springs, grain, velocity, spin, radius, body_speed, mean, pair_index, pair_slot, pair, pair_impulse,
         wall_index, wall_slot, wall, wall_impulse, totals, body_totals,
     )  # fmt: skip
+    if couples is not None:
+        rolling, twisting, work = book_couples(
+            h, soft, springs, grain, spin, radius, mean, pair_index, pair_slot, pair, pair_impulse, couples[1],
+            wall_index, wall_slot, wall, wall_impulse, couples[2], body_totals, TORQUE_T, BODY_WORK,
+        )  # fmt: skip
+        totals[ROLLING] += rolling
+        totals[TWISTING] += twisting
+        totals[CONTACT_WORK] += work
     travel = _move(h, theta * h, gravity, external, grain, position, velocity, spin, radius, mass, reference, totals)
     return np.sqrt(travel) + h * fastest
 
@@ -483,7 +498,7 @@ def _made(stamp: int):
 
     @njit(cache=True, error_model="numpy", fastmath={"contract"})
     def run_steps(
-        n_steps, h, theta, n_sectors, law, soft, springs, gravity, external, travel_limit, wall_limit,
+        n_steps, h, theta, n_sectors, law, soft, couples, springs, gravity, external, travel_limit, wall_limit,
         overlap_limit, slop, margin,
         convex, relax, method, tolerance, cap, open_step,
         position, velocity, spin, radius, mass, reference,
@@ -513,7 +528,7 @@ def _made(stamp: int):
             else:
                 # 1-3. half drift, free velocities, contacts, warm start
                 pairs, walls, fastest = _begin(
-                    h, theta, n_sectors, law, soft, pull, external, slop, margin, drives[step],
+                    h, theta, n_sectors, law, soft, couples, pull, external, slop, margin, drives[step],
                     position, velocity, spin, radius, mass, pair_start, pair_other, pair_impulse,
                     wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse, body_reach, turn, found,
                     tally, body_data, body_angle, body_speed, brake,
@@ -527,7 +542,7 @@ def _made(stamp: int):
                 if convex is None:
                     sweeps, reached, taken = solve(
                         convex, relax, soft, method, tolerance, cap, grain, body, pair_index[:pairs], pair_rows[:pairs],
-                        wall_index[:walls], wall_rows[:walls],
+                        wall_index[:walls], wall_rows[:walls], couples,
                     )  # fmt: skip
                 elif method == APGD:
                     sweeps, reached = apgd(
@@ -537,7 +552,7 @@ def _made(stamp: int):
                 else:
                     sweeps, reached, taken = solve(
                         convex, relax, soft, method, tolerance, cap, grain, body, pair_index[:pairs], pair_rows[:pairs],
-                        wall_index[:walls], wall_rows[:walls],
+                        wall_index[:walls], wall_rows[:walls], couples,
                     )  # fmt: skip
                 if method == INTERIOR and reached > tolerance:
                     open_step[0], open_step[1], open_step[2] = pairs, walls, sweeps
@@ -545,7 +560,7 @@ def _made(stamp: int):
                     return HAND_OVER, step
             # 5-6. books, half drift
             travel = _finish(
-                h, theta, n_sectors, soft, springs, pull, external, tolerance, sweeps, reached, taken, fastest,
+                h, theta, n_sectors, soft, couples, springs, pull, external, tolerance, sweeps, reached, taken, fastest,
                 position, velocity, spin, radius, mass, reference, pair_impulse, wall_impulse,
                 drives[step], body_data, body_angle, body_speed, brake, mean, grain, body,
                 pair_index, pair_slot, pair_rows[:pairs], wall_index, wall_slot, wall_rows[:walls], totals, body_totals,
