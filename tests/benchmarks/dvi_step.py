@@ -56,7 +56,7 @@ def draw(path: Path, dem: tuple, rows: list[tuple], stopped: list[float], title:
     for k, value in enumerate(stopped):
         axes.axvline(1e6 * value, color="C3", linestyle=":", label="DVI stops: overlap above 10 %" if k == 0 else None)
     axes.set_xscale("log")
-    axes.set_ylim(0.0, None)
+    axes.set_ylim(0.0, 1.15 * max(torque, *(r[0] for r in rows)))
     axes.set_xlabel("step [us]")
     axes.set_ylabel("torque on the held output [N m]")
     axes.set_title(title, fontsize=10)
