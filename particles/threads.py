@@ -21,11 +21,18 @@ numba.config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]  # type: ign
 @contextmanager
 def threads_for(count: int) -> Iterator[None]:
     """One thread inside, when there are too few grains to share."""
+    with at_most(numba.get_num_threads() if count >= WORTH_SHARING else 1):
+        yield
+
+
+@contextmanager
+def at_most(threads: int) -> Iterator[None]:
+    """No more than ``threads`` threads inside."""
     before = numba.get_num_threads()
-    if count >= WORTH_SHARING or before == 1:
+    if before <= threads:
         yield
         return
-    numba.set_num_threads(1)
+    numba.set_num_threads(threads)
     try:
         yield
     finally:

@@ -24,25 +24,15 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from particles.dvi.couples import put_couples, residual, sweep, take_couples, weigh_couples
-from particles.dvi.gauss_seidel import (
-    BRAKE,
-    IWN,
-    PX,
-    PY,
-    PZ,
-    RX,
-    SPEED,
-    VX,
-    VY,
-    VZ,
-)  # fmt: skip
+from particles.dvi.couples import residual, sweep, weigh_couples
+from particles.dvi.gauss_seidel import BRAKE, IWN, RX
+from particles.dvi.history import HISTORY, N_PRODUCTS, extrapolate, gather, remember
+from particles.dvi.shares import extrapolate_shares, gather_shares, remember_shares, residual_of_shares, sweep_shares
 from particles.kernel_stamp import kernel_stamp
 
 # methods: sweeps alone, accelerated, then an interior point; accelerated projected gradients (convex only)
 GAUSS_SEIDEL, ANDERSON, INTERIOR, APGD = range(4)
 PLAIN_SWEEPS = 30  # before the acceleration begins: most warm-started steps are done by then
-HISTORY = 5
 SWEEPS = 3  # in one application of G: they cost less than an extrapolation
 PATIENCE = 60  # sweeps in which |F| must have found a new minimum; as many without extrapolation follow otherwise
 SLIGHTLY_OVER = 1.3  # over-relaxation within G
@@ -51,29 +41,34 @@ OVER = 1.6  # over-relaxation of the sweeps after a stall; beyond 1.8 sheared be
 
 
 @njit(error_model="numpy", fastmath={"contract"})
-def solve(convex, relax, soft, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples=None):
+def solve(
+    convex, relax, soft, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples=None,
+    share=None,
+):  # fmt: skip
     """Plain sweeps, then (unless ``method`` is GAUSS_SEIDEL) accelerated ones.
 
-    ``couples``: as in `particles.dvi.couples.sweep`. Returns sweeps, the honest residual [m/s], and whether
-    acceleration took over.
+    ``couples``: as in `particles.dvi.couples.sweep`; ``share`` not None: threads share the sweeps
+    (`particles.dvi.shares`). Returns sweeps, the honest residual [m/s], and whether acceleration took over.
     """
     first = cap if method == GAUSS_SEIDEL else min(cap, PLAIN_SWEEPS)
     for count in range(first):
-        change = sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall)
+        change = _sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall, share)
         if change <= tolerance:
-            reached = residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall)
+            reached = _residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall, share)
             if reached <= tolerance:
                 return count + 1, reached, 0
     if first == cap:
-        return cap, residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall), 0
+        return cap, _residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall, share), 0
     done, reached = anderson(
-        convex, relax, soft, tolerance, cap - first, grain, body, pair_index, pair, wall_index, wall, couples
+        convex, relax, soft, tolerance, cap - first, grain, body, pair_index, pair, wall_index, wall, couples, share
     )
     return first + done, reached, 1
 
 
 @njit(error_model="numpy", fastmath={"contract"})
-def anderson(convex, relax, soft, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples=None):
+def anderson(
+    convex, relax, soft, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples=None, share=None
+):
     """Up to ``cap`` accelerated sweeps from the impulses in the records; returns their number and the residual."""
     contacts = 3 * (pair.shape[0] + wall.shape[0]) + body.shape[0]
     if couples is not None:
@@ -82,73 +77,83 @@ def anderson(convex, relax, soft, tolerance, cap, grain, body, pair_index, pair,
     weight = np.empty(contacts)
     _weights(weight, pair, wall, body, couples)
     r, g, old_g, best_g = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
-    f, old_f = np.empty(contacts), np.empty(contacts)
+    f, old_f = np.zeros(contacts), np.zeros(contacts)
     d_g, d_f = np.empty((HISTORY, size)), np.empty((HISTORY, contacts))
     gram, c = np.zeros((HISTORY, HISTORY)), np.zeros(HISTORY)
-    known, slot, best = 0, 0, np.inf
-    first = True
+    products = np.zeros(N_PRODUCTS)
+    none = gram.shape[0] - HISTORY  # a plain 0 is a type of its own, and would compile what takes it twice
+    known, slot, best, first = none, none, np.inf, True
     waited, plain, mark, pause = 0, 0, np.inf, PATIENCE
     done = 0
-    _read(r, contacts, pair, wall, grain, body, couples)
+    _gather(r, r, weight, f, products, grain, body, pair, wall, couples, share)
     while done < cap:
         change = 0.0
         for _ in range(min(SWEEPS, cap - done)):
             if convex is None:
                 over = OVER if plain > 0 else SLIGHTLY_OVER
-                change = sweep(convex, over, soft, couples, grain, body, pair_index, pair, wall_index, wall)
+                change = _sweep(convex, over, soft, couples, grain, body, pair_index, pair, wall_index, wall, share)
             else:
-                change = sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall)
+                change = _sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall, share)
             done += 1
         if change <= tolerance:
-            reached = residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall)
+            reached = _residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall, share)
             if reached <= tolerance:
                 return done, reached
         if plain > 0:
             plain -= SWEEPS
             if plain <= 0:
-                _read(r, contacts, pair, wall, grain, body, couples)
+                _gather(r, r, weight, f, products, grain, body, pair, wall, couples, share)
                 waited, best, mark = 0, np.inf, np.inf
             continue
-        _read(g, contacts, pair, wall, grain, body, couples)
-        for q in range(contacts):
-            f[q] = weight[q] * (g[q] - r[q])
-        norm = np.sqrt(_dot(f, f))
+        _gather(g, r, weight, f, products, grain, body, pair, wall, couples, share)
+        norm = np.sqrt(products[0])
         waited += SWEEPS
         if waited > PATIENCE:
-            known, slot, best, first, plain = 0, 0, np.inf, True, pause
+            known, slot, best, first, plain = none, none, np.inf, True, pause
             pause *= 2
             continue
         if norm > 2.0 * best:
-            known, slot, best, first = 0, 0, np.inf, True
-            r[:] = best_g
-        else:
-            if norm < best:
-                if norm < 0.9 * mark:
-                    waited, mark = 0, norm
-                best = norm
-                best_g[:] = g
-            if not first:
-                for q in range(size):
-                    d_g[slot, q] = g[q] - old_g[q]
-                for q in range(contacts):
-                    d_f[slot, q] = f[q] - old_f[q]
-                known = min(known + 1, HISTORY)
-                for q in range(known):
-                    gram[slot, q] = gram[q, slot] = _dot(d_f[slot], d_f[q])
-                slot = (slot + 1) % HISTORY
-            old_g[:], old_f[:] = g, f
-            first = False
-            r[:] = g
-            if known > 0:
-                for q in range(known):
-                    c[q] = _dot(d_f[q], f)
-                if _solve_gram(gram, c, known) and _largest(c, known) < FURTHEST:
-                    for q in range(known):
-                        for k in range(size):
-                            r[k] -= c[q] * d_g[q, k]
-        _write(r, contacts, pair, wall, grain, body, couples)
-    sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall)
-    return done, residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall)
+            known, slot, best, first = none, none, np.inf, True
+            _extrapolate(r, best_g, c, known, d_g, grain, body, pair, wall, couples, share)
+            continue
+        better = norm < best
+        if better:
+            if norm < 0.9 * mark:
+                waited, mark = 0, norm
+            best = norm
+        if not first:
+            known = min(known + 1, HISTORY)
+        _remember(
+            better,
+            first,
+            slot,
+            known,
+            g,
+            old_g,
+            best_g,
+            f,
+            old_f,
+            d_g,
+            d_f,
+            products,
+            grain,
+            body,
+            pair,
+            wall,
+            couples,
+            share,
+        )
+        if not first:
+            for q in range(known):
+                gram[slot, q] = gram[q, slot] = products[q]
+            slot = (slot + 1) % HISTORY
+        first = False
+        for q in range(known):
+            c[q] = products[HISTORY + q]
+        solved = known > 0 and _solve_gram(gram, c, known) and _largest(c, known) < FURTHEST
+        _extrapolate(r, g, c, known if solved else none, d_g, grain, body, pair, wall, couples, share)
+    _sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall, share)
+    return done, _residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall, share)
 
 
 @njit(error_model="numpy", fastmath={"contract"})
@@ -165,36 +170,112 @@ def _weights(weight, pair, wall, body, couples):
         weigh_couples(weight, q + body.shape[0], p, wall.shape[0], couples)
 
 
-@njit(error_model="numpy", fastmath={"contract"})
-def _read(r, contacts, pair, wall, grain, body, couples):
-    """Impulses, then velocities, into ``r``: these are linear in those, so that both are extrapolated alike."""
-    _collect(r, pair, wall, body)
-    if couples is not None:
-        p, w = pair.shape[0], wall.shape[0]
-        put_couples(r, 3 * (p + w) + body.shape[0], p, w, couples)
-    q = contacts
-    for i in range(grain.shape[0]):
-        r[q], r[q + 1], r[q + 2] = grain[i, VX], grain[i, VY], grain[i, VZ]
-        r[q + 3], r[q + 4], r[q + 5] = grain[i, PX], grain[i, PY], grain[i, PZ]
-        q += 6
-    for b in range(body.shape[0]):
-        r[q + b] = body[b, SPEED]
+# what follows is done in one piece, or in shares
+@njit(inline="always", error_model="numpy", fastmath={"contract"})
+def _sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall, share):
+    if share is None:
+        return sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall)
+    if convex is None and relax is None:  # the same function as with over-relaxation
+        return sweep_shares(
+            convex,
+            1.0,
+            soft,
+            couples,
+            grain,
+            body,
+            pair_index,
+            pair,
+            wall_index,
+            wall,
+            share.pairs,
+            share.walls,
+            share.sums,
+        )
+    return sweep_shares(
+        convex,
+        relax,
+        soft,
+        couples,
+        grain,
+        body,
+        pair_index,
+        pair,
+        wall_index,
+        wall,
+        share.pairs,
+        share.walls,
+        share.sums,
+    )
 
 
-@njit(error_model="numpy", fastmath={"contract"})
-def _write(r, contacts, pair, wall, grain, body, couples):
-    """The inverse of `_read`."""
-    _spread(r, pair, wall, body)
-    if couples is not None:
-        p, w = pair.shape[0], wall.shape[0]
-        take_couples(r, 3 * (p + w) + body.shape[0], p, w, couples)
-    q = contacts
-    for i in range(grain.shape[0]):
-        grain[i, VX], grain[i, VY], grain[i, VZ] = r[q], r[q + 1], r[q + 2]
-        grain[i, PX], grain[i, PY], grain[i, PZ] = r[q + 3], r[q + 4], r[q + 5]
-        q += 6
-    for b in range(body.shape[0]):
-        body[b, SPEED] = r[q + b]
+@njit(inline="always", error_model="numpy", fastmath={"contract"})
+def _residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall, share):
+    if share is None:
+        return residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall)
+    return residual_of_shares(
+        convex,
+        soft,
+        couples,
+        grain,
+        body,
+        pair_index,
+        pair,
+        wall_index,
+        wall,
+        share.pairs,
+        share.walls,
+        share.sums,
+    )
+
+
+@njit(inline="always", error_model="numpy", fastmath={"contract"})
+def _gather(g, r, weight, f, products, grain, body, pair, wall, couples, share):
+    if share is None:
+        part = (0, pair.shape[0], 0, wall.shape[0], 0, grain.shape[0], 1)
+        gather(part, g, r, weight, f, products, grain, body, pair, wall, couples)
+    else:
+        gather_shares(
+            g,
+            r,
+            weight,
+            f,
+            products,
+            grain,
+            body,
+            pair,
+            wall,
+            couples,
+            share.rows,
+            share.pairs,
+            share.walls,
+            share.sums,
+        )
+
+
+@njit(inline="always", error_model="numpy", fastmath={"contract"})
+def _remember(
+    better, first, slot, known, g, old_g, best_g, f, old_f, d_g, d_f, products, grain, body, pair, wall, couples, share
+):  # fmt: skip
+    if share is None:
+        part = (0, pair.shape[0], 0, wall.shape[0], 0, grain.shape[0], 1)
+        remember(
+            part, better, first, slot, known, g, old_g, best_g, f, old_f, d_g, d_f, products, grain, body, pair, wall,
+            couples,
+        )  # fmt: skip
+    else:
+        remember_shares(
+            better, first, slot, known, g, old_g, best_g, f, old_f, d_g, d_f, products, grain, body, pair, wall,
+            couples, share.rows, share.pairs, share.walls, share.sums,
+        )  # fmt: skip
+
+
+@njit(inline="always", error_model="numpy", fastmath={"contract"})
+def _extrapolate(r, g, c, known, d_g, grain, body, pair, wall, couples, share):
+    if share is None:
+        part = (0, pair.shape[0], 0, wall.shape[0], 0, grain.shape[0], 1)
+        extrapolate(part, r, g, c, known, d_g, grain, body, pair, wall, couples)
+    else:
+        extrapolate_shares(r, g, c, known, d_g, grain, body, pair, wall, couples, share.rows, share.pairs, share.walls)
 
 
 @njit(error_model="numpy", fastmath={"contract"})
@@ -219,25 +300,6 @@ def _spread(r, pair, wall, body):
         wall[k, RX], wall[k, RX + 1], wall[k, RX + 2] = r[q], r[q + 1], r[q + 2]
     for b in range(body.shape[0]):
         body[b, BRAKE] = r[3 * (p + w) + b]
-
-
-@njit(error_model="numpy", fastmath={"contract"})
-def _dot(a, b):
-    """Sum of products in eight partial sums: a fixed order that the processor can still do side by side."""
-    s0 = s1 = s2 = s3 = s4 = s5 = s6 = s7 = 0.0
-    whole = 8 * (a.shape[0] // 8)
-    for k in range(0, whole, 8):
-        s0 += a[k] * b[k]
-        s1 += a[k + 1] * b[k + 1]
-        s2 += a[k + 2] * b[k + 2]
-        s3 += a[k + 3] * b[k + 3]
-        s4 += a[k + 4] * b[k + 4]
-        s5 += a[k + 5] * b[k + 5]
-        s6 += a[k + 6] * b[k + 6]
-        s7 += a[k + 7] * b[k + 7]
-    for k in range(whole, a.shape[0]):
-        s0 += a[k] * b[k]
-    return ((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7))
 
 
 @njit(error_model="numpy", fastmath={"contract"})

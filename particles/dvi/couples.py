@@ -140,7 +140,8 @@ def _turn_at_wall(grain, body, i, b, row, x, y, z):
     grain[i, PX] += a * x
     grain[i, PY] += a * y
     grain[i, PZ] += a * z
-    body[b, SPEED] -= body[b, IJ] * row[QJ] * z
+    if body[b, IJ] > 0.0:  # several threads share a body of prescribed speed
+        body[b, SPEED] -= body[b, IJ] * row[QJ] * z
 
 
 @njit(error_model="numpy", fastmath={"contract"})
@@ -325,28 +326,8 @@ def residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, w
 
 
 @njit(error_model="numpy", fastmath={"contract"})
-def put_couples(r, first, pairs, walls, couples):
-    """Put the couples of so many pairs and walls into ``r``, from place ``first`` on."""
-    for k in range(pairs):
-        r[first + 3 * k : first + 3 * k + 3] = couples[1][k, CX : CZ + 1]
-    first += 3 * pairs
-    for k in range(walls):
-        r[first + 3 * k : first + 3 * k + 3] = couples[2][k, CX : CZ + 1]
-
-
-@njit(error_model="numpy", fastmath={"contract"})
-def take_couples(r, first, pairs, walls, couples):
-    """The inverse of `put_couples`."""
-    for k in range(pairs):
-        couples[1][k, CX : CZ + 1] = r[first + 3 * k : first + 3 * k + 3]
-    first += 3 * pairs
-    for k in range(walls):
-        couples[2][k, CX : CZ + 1] = r[first + 3 * k : first + 3 * k + 3]
-
-
-@njit(error_model="numpy", fastmath={"contract"})
 def weigh_couples(weight, first, pairs, walls, couples):
-    """sqrt(W) in the same places."""
+    """sqrt(W) of so many pairs and walls, from place ``first`` on."""
     for k in range(pairs):
         weight[first + 3 * k : first + 3 * k + 3] = 1.0 / np.sqrt(couples[1][k, IW])
     first += 3 * pairs

@@ -21,6 +21,7 @@ from particles.dvi.impulse_list import ImpulseList
 from particles.dvi.interior_point import solve_by_interior_point
 from particles.dvi.rigid_contact import RigidContact
 from particles.dvi.rigid_triangles import N_TURN
+from particles.dvi.shares import make_shares
 from particles.dvi.springs import spring_table
 from particles.faults import DemError, ParticleError
 from particles.grains import Grains
@@ -28,6 +29,7 @@ from particles.laws.rolling_friction import RollingFriction
 from particles.laws.twisting_friction import TwistingFriction
 from particles.lists.contact_table import ContactTable
 from particles.lists.neighbours import cell_order
+from particles.threads import at_most
 from particles.walls.device_walls import DeviceWalls
 from particles.walls.triangle_kernels import N_FOUND, closest_on_triangle
 from particles.walls.wall_kernels import wall_overlaps
@@ -368,18 +370,20 @@ class DVI:
             n_steps = 1  # impulses are forgotten between calls
             c.pair_impulse[:], c.wall_impulse[:], self._brake[:] = 0.0, 0.0, 0.0
         position, velocity, spin = (np.ascontiguousarray(a) for a in (g.position, g.velocity, g.angular_velocity))
-        answer = kernel.run_steps(
-            n_steps, self.dt, self.theta, float(self.n_sectors), self._law, self._soft, self._couples, self._springs,
-            self._pull(n_steps), external,
-            0.5 * self._reach, c.wall_way, self.overlap_limit, SLOP, MARGIN,
-            self._convex, self._relax, self._method, self.tolerance, self.max_sweeps, self._open_step,
-            position, velocity, spin, np.ascontiguousarray(g.radius), g.mass, c.reference,
-            c.pairs.start, c.pairs.other, c.pair_impulse, self._device.rows, self._device.triangles,
-            self._device.body, c.wall_start, c.wall_other, c.wall_impulse, self._device.reach, c.angles,
-            self._turn, self._found, self._tally, drives, data, angle, speed, self._brake,
-            self._grain, self._bound, self._body, self._pair_index, self._pair_slot, self._pair,
-            self._wall_index, self._wall_slot, self._wall, totals, body_totals,
-        )  # fmt: skip
+        with at_most(1 if self._share is None else len(self._share.pairs) // 2):
+            answer = kernel.run_steps(
+                n_steps, self.dt, self.theta, float(self.n_sectors), self._law, self._soft, self._couples,
+                self._springs,
+                self._pull(n_steps), external,
+                0.5 * self._reach, c.wall_way, self.overlap_limit, SLOP, MARGIN,
+                self._convex, self._relax, self._method, self.tolerance, self.max_sweeps, self._open_step,
+                position, velocity, spin, np.ascontiguousarray(g.radius), g.mass, c.reference,
+                c.pairs.start, c.pairs.other, c.pair_impulse, self._device.rows, self._device.triangles,
+                self._device.body, c.wall_start, c.wall_other, c.wall_impulse, self._device.reach, c.angles,
+                self._turn, self._found, self._tally, drives, data, angle, speed, self._brake,
+                self._grain, self._bound, self._body, self._pair_index, self._pair_slot, self._pair,
+                self._wall_index, self._wall_slot, self._wall, self._share, totals, body_totals,
+            )  # fmt: skip
         g.position[:], g.velocity[:], g.angular_velocity[:] = position, velocity, spin
         return answer
 
@@ -435,6 +439,10 @@ class DVI:
         if self._resist.any():
             columns = N_COUPLE if self._soft is None else N_SPRING_COUPLE
             self._couples = self._resist, np.zeros((p, columns)), np.zeros((s, columns))
+        self._share = make_shares(
+            self._list.pairs.start, self._list.pairs.other, self._list.wall_start,
+            (len(self.bodies), kernel.N_BODY_SUMS), self._wall.shape[1],
+        )  # fmt: skip
         triangles = 0 if self._device.triangles is None else s
         self._found, self._tally = np.zeros((triangles, N_FOUND)), np.zeros((triangles, 2), dtype=np.int64)
 

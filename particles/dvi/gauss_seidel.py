@@ -13,8 +13,8 @@ Methods Appl. Mech. Engrg. 177 (1999) 235).
 so that its radius is needed nowhere, and its record is one cache line. The arms R_i a and R_j a add up to the
 distance of the centres (a = 1 where they touch): angular momentum is conserved to round-off.
 
-**Order.** Rows of the neighbour list in the order of memory, forward and backward in turns. It follows from the list
-alone.
+**Order.** Rows of the neighbour list in the order of memory, or in shares of them (`particles.dvi.shares`). It follows
+from the list alone.
 
 A contact that is open and stays open is left after five multiplications.
 
@@ -51,6 +51,13 @@ STIFFNESS, TANGENTIAL, MET, DASHPOT, SHARES = range(5)
 @njit(error_model="numpy", fastmath={"contract"})
 def apply_impulses(sign, grain, body, pair_index, pair, wall_index, wall):
     """Add to the velocities ``sign`` times what the impulses in the records do."""
+    apply_contacts(sign, grain, body, pair_index, pair, wall_index, wall)
+    apply_loads(sign, body)
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def apply_contacts(sign, grain, body, pair_index, pair, wall_index, wall):
+    """The part of the contacts."""
     for k in range(pair.shape[0]):
         i, j = pair_index[k, 0], pair_index[k, 1]
         x, y, z = sign * pair[k, RX], sign * pair[k, RY], sign * pair[k, RZ]
@@ -83,7 +90,13 @@ def apply_impulses(sign, grain, body, pair_index, pair, wall_index, wall):
         grain[i, PX] += c * (wall[k, EY] * z - wall[k, EZ] * y)
         grain[i, PY] += c * (wall[k, EZ] * x - wall[k, EX] * z)
         grain[i, PZ] += c * (wall[k, EX] * y - wall[k, EY] * x)
-        body[b, SPEED] -= body[b, IJ] * (wall[k, LX] * x + wall[k, LY] * y)
+        if body[b, IJ] > 0.0:
+            body[b, SPEED] -= body[b, IJ] * (wall[k, LX] * x + wall[k, LY] * y)
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def apply_loads(sign, body):
+    """The same for the loads of free shafts."""
     for b in range(body.shape[0]):
         body[b, SPEED] -= sign * body[b, IJ] * body[b, BRAKE]
 
@@ -244,7 +257,8 @@ def sweep_walls(lo, hi, backward, convex, relax, soft, grain, body, index, wall)
         grain[i, PX] += arm * (ey * z - ez * y)
         grain[i, PY] += arm * (ez * x - ex * z)
         grain[i, PZ] += arm * (ex * y - ey * x)
-        body[b, SPEED] -= free * (wall[k, LX] * x + wall[k, LY] * y)
+        if free > 0.0:  # several threads share a body of prescribed speed
+            body[b, SPEED] -= free * (wall[k, LX] * x + wall[k, LY] * y)
     return largest
 
 

@@ -66,10 +66,10 @@ def turn_bodies(h, theta, body_angle, body_speed, turn):
 
 @njit(error_model="numpy", fastmath={"contract"})
 def search(
-    h, law, margin, bound, position, radius, triangle, n_smooth, wall_body, wall_start, wall_other,
+    lo, hi, h, law, margin, bound, position, radius, triangle, n_smooth, wall_body, wall_start, wall_other,
     body, old_speed, body_reach, turn, found, tally,
 ):  # fmt: skip
-    """Contacts of all grains with triangles into ``found`` and ``tally``, and the bounds that walls push grains to.
+    """Contacts of grains lo <= i < hi with triangles into ``found``, ``tally``; bounds that walls push grains to.
 
     ``found`` (s, N_FOUND): those of a grain with a body from its first slot of that body on, directions in world axes;
     ``tally`` (s, 2), at that slot: how many count, and how many were seen. Returns the largest bound that was raised.
@@ -78,7 +78,7 @@ def search(
     for b in range(body_reach.shape[0]):
         top = max(top, push * max(abs(old_speed[b]), abs(body[b, SPEED])) * body_reach[b])
     raised = 0.0
-    for i in range(radius.shape[0]):
+    for i in range(lo, hi):
         k, end = wall_start[i], wall_start[i + 1]
         while k < end and wall_other[k] < n_smooth:
             k += 1
@@ -131,14 +131,17 @@ def pass_on(h, bound, position, radius, pair_start, pair_other):
 
 @njit(error_model="numpy", fastmath={"contract"})
 def record(
-    h, law, soft, margin, slop, grain, bound, position, velocity, radius, n_smooth, wall_body, wall_start, wall_other,
-    wall_impulse, body, old_speed, turn, found, tally, walls, wall_index, wall_slot, wall_row,
+    lo, hi, h, law, soft, margin, slop, grain, bound, position, velocity, radius, n_smooth,
+    wall_body, wall_start, wall_other, wall_impulse, body, old_speed, turn, found, tally,
+    walls, wall_index, wall_slot, wall_row,
 ):  # fmt: skip
-    """Fill the records, from number ``walls`` on, of what may close within the step; returns how many there are then.
+    """Fill the records of rows lo <= i < hi, from number ``walls`` on, of what may close within the step.
+
+    Returns the number behind the last one.
 
     Impulses of slots that hold no contact any more are handed over, or forgotten.
     """
-    for i in range(radius.shape[0]):
+    for i in range(lo, hi):
         k, end = wall_start[i], wall_start[i + 1]
         while k < end and wall_other[k] < n_smooth:
             k += 1

@@ -20,7 +20,7 @@ sweep to sweep until something slips, which is what makes such iterations stall.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from numba import njit, prange
 
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.accelerated import APGD, INTERIOR, solve
@@ -53,6 +53,7 @@ from particles.dvi.gauss_seidel import (
     B,
 )  # fmt: skip
 from particles.dvi.rigid_triangles import overlapping, pass_on, record, search, turn_bodies
+from particles.dvi.shares import sort_walls
 from particles.dvi.springs import remember, stored
 from particles.kernel_stamp import kernel_stamp
 from particles.walls.triangle_kernels import DISTANCE, TOWARDS_X, TOWARDS_Y, TOWARDS_Z
@@ -71,6 +72,9 @@ TORQUE_N, TORQUE_T, NORMAL_X, NORMAL_Y, NORMAL_Z, FORCE_X, FORCE_Y, FORCE_Z, BOD
     11
 )
 N_BODY_SUMS = 11
+# columns of what `_book` adds up in a step
+LOADED_NOW, KEPT_NOW, IMPACT_NOW, SLIDING_NOW, WORK_NOW, SPRING_N, SPRING_T = range(7)
+N_BOOKED = 7
 # columns of what moves a body in a step, and of its constants
 PRESCRIBED, DRIVE, DRIVE_SLOPE, LOAD_TORQUE = range(4)
 FREE, INERTIA = range(2)
@@ -100,21 +104,28 @@ def free_velocities(h, gravity, external, velocity, spin, radius, mass, grain, b
 
 @njit(error_model="numpy", fastmath={"contract"})
 def find_contacts(
-    h, law, soft, margin, slop, grain, bound, position, velocity, radius,
+    lo, hi, pairs, walls, near, h, law, soft, margin, slop, grain, bound, position, velocity, radius,
     pair_start, pair_other, pair_impulse, wall, triangle, wall_body, wall_start, wall_other, wall_impulse,
     body, old_speed, pair_index, pair_slot, pair, wall_index, wall_slot, wall_row,
 ):  # fmt: skip
-    """Fill the records of contacts from the slots whose gap may close within the step; returns their numbers."""
-    pairs = walls = 0
-    for i in range(radius.shape[0]):
+    """Fill the records of contacts, from the numbers ``pairs`` and ``walls`` on, of the rows lo <= i < hi.
+
+    These are the slots whose gap may close within the step; ``near`` says of which pairs it is already known. Returns
+    the numbers behind the last ones.
+    """
+    for i in range(lo, hi):
         x, y, z, ri = position[i, 0], position[i, 1], position[i, 2], radius[i]
         for k in range(pair_start[i], pair_start[i + 1]):
             j = pair_other[k]
             dx, dy, dz = x - position[j, 0], y - position[j, 1], z - position[j, 2]
             reach = ri + radius[j]
-            far = reach + h * (bound[i] + bound[j]) + margin + slop * ri  # a touch at rest is a contact
             d2 = dx * dx + dy * dy + dz * dz
-            if d2 >= far * far:
+            if near is None:
+                far = reach + h * (bound[i] + bound[j]) + margin + slop * ri  # a touch at rest is a contact
+                apart = d2 >= far * far
+            else:
+                apart = near[k] == 0
+            if apart:
                 pair_impulse[k, 0] = pair_impulse[k, 1] = pair_impulse[k, 2] = 0.0
                 continue
             d = np.sqrt(d2)
@@ -174,9 +185,76 @@ def find_contacts(
 
 
 @njit(error_model="numpy", fastmath={"contract"})
+def _near(lo, hi, h, margin, slop, bound, position, radius, pair_start, pair_other, near):
+    """Mark the pairs of rows lo <= i < hi whose gap may close within the step; returns how many."""
+    count = 0
+    for i in range(lo, hi):
+        x, y, z, ri = position[i, 0], position[i, 1], position[i, 2], radius[i]
+        for k in range(pair_start[i], pair_start[i + 1]):
+            j = pair_other[k]
+            dx, dy, dz = x - position[j, 0], y - position[j, 1], z - position[j, 2]
+            far = ri + radius[j] + h * (bound[i] + bound[j]) + margin + slop * ri
+            near[k] = 1 if dx * dx + dy * dy + dz * dz < far * far else 0
+            count += near[k]
+    return count
+
+
+@njit(parallel=True, error_model="numpy", fastmath={"contract"})
+def _find_shares(
+    h, law, soft, margin, slop, grain, bound, position, velocity, radius,
+    pair_start, pair_other, pair_impulse, wall, triangle, wall_body, wall_start, wall_other, wall_impulse,
+    body, old_speed, turn, found, tally, pair_index, pair_slot, pair, wall_index, wall_slot, wall_row,
+    rows, pairs, near, ends,
+):  # fmt: skip
+    """`find_contacts` and `record` by shares: pairs without gaps, walls from the first slot of each share to ``ends``.
+
+    How many contacts the shares before it have must be known before a share can fill its records.
+    """
+    count = rows.shape[0] - 1
+    for c in prange(count):
+        pairs[c + 1] = _near(
+            rows[c], rows[c + 1], h, margin, slop, bound, position, radius, pair_start, pair_other, near
+        )
+    for c in range(count):
+        pairs[c + 1] += pairs[c]
+    for c in prange(count):
+        _, end = find_contacts(
+            rows[c], rows[c + 1], pairs[c], wall_start[rows[c]], near,
+            h, law, soft, margin, slop, grain, bound, position, velocity, radius, pair_start, pair_other, pair_impulse,
+            wall, triangle, wall_body, wall_start, wall_other, wall_impulse, body, old_speed,
+            pair_index, pair_slot, pair, wall_index, wall_slot, wall_row,
+        )  # fmt: skip
+        if triangle is not None:
+            end = record(
+                rows[c], rows[c + 1], h, law, soft, margin, slop, grain, bound, position, velocity, radius,
+                wall.shape[0], wall_body, wall_start, wall_other, wall_impulse, body, old_speed, turn, found, tally,
+                end, wall_index, wall_slot, wall_row,
+            )  # fmt: skip
+        ends[c] = end
+
+
+@njit(parallel=True, error_model="numpy", fastmath={"contract"})
+def _search_shares(
+    h, law, margin, bound, position, radius, triangle, n_smooth, wall_body, wall_start, wall_other,
+    body, old_speed, body_reach, turn, found, tally, rows, sums,
+):  # fmt: skip
+    """`search` by shares."""
+    count = rows.shape[0] - 1
+    for c in prange(count):
+        sums[c, 0] = search(
+            rows[c], rows[c + 1], h, law, margin, bound, position, radius, triangle, n_smooth,
+            wall_body, wall_start, wall_other, body, old_speed, body_reach, turn, found, tally,
+        )  # fmt: skip
+    raised = 0.0
+    for c in range(count):
+        raised = max(raised, sums[c, 0])
+    return raised
+
+
+@njit(error_model="numpy", fastmath={"contract"})
 def _book(
-    h, soft, springs, grain, velocity, spin, radius, body_speed, mean_speed, pair_index, pair_slot, pair, pair_impulse,
-    wall_index, wall_slot, wall, wall_impulse, totals, body_totals,
+    h, soft, grain, velocity, spin, radius, body_speed, mean_speed, pair_index, pair_slot, pair, pair_impulse,
+    wall_index, wall_slot, wall, wall_impulse, sums, body_sums,
 ):  # fmt: skip
     """Keep the impulses for the next step; book work and torques with the mean of old and new velocity."""
     loaded = kept = 0
@@ -238,24 +316,57 @@ def _book(
         impact -= normal
         sliding -= on_grain - omega * lever - normal
         work += on_grain
-        body_totals[b, TORQUE_N] -= r_n * lever_n / h
-        body_totals[b, TORQUE_T] -= (lever - r_n * lever_n) / h
-        body_totals[b, NORMAL_X] -= r_n * ex / h
-        body_totals[b, NORMAL_Y] -= r_n * ey / h
-        body_totals[b, NORMAL_Z] -= r_n * ez / h
-        body_totals[b, FORCE_X] -= x / h
-        body_totals[b, FORCE_Y] -= y / h
-        body_totals[b, FORCE_Z] -= z / h
-        body_totals[b, BODY_WORK] += omega * lever
+        body_sums[b, TORQUE_N] -= r_n * lever_n / h
+        body_sums[b, TORQUE_T] -= (lever - r_n * lever_n) / h
+        body_sums[b, NORMAL_X] -= r_n * ex / h
+        body_sums[b, NORMAL_Y] -= r_n * ey / h
+        body_sums[b, NORMAL_Z] -= r_n * ez / h
+        body_sums[b, FORCE_X] -= x / h
+        body_sums[b, FORCE_Y] -= y / h
+        body_sums[b, FORCE_Z] -= z / h
+        body_sums[b, BODY_WORK] += omega * lever
+    sums[LOADED_NOW], sums[KEPT_NOW], sums[IMPACT_NOW], sums[SLIDING_NOW] = loaded, kept, impact, sliding
+    sums[WORK_NOW], sums[SPRING_N], sums[SPRING_T] = work, spring_n, spring_t
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def _enter(soft, springs, sums, totals):
+    """Add the books of a step, one row a share."""
+    loaded = impact = sliding = spring_n = spring_t = 0.0
+    for c in range(sums.shape[0]):
+        loaded += sums[c, LOADED_NOW]
+        totals[KEPT] += sums[c, KEPT_NOW]
+        impact, sliding = impact + sums[c, IMPACT_NOW], sliding + sums[c, SLIDING_NOW]
+        totals[CONTACT_WORK] += sums[c, WORK_NOW]
+        spring_n, spring_t = spring_n + sums[c, SPRING_N], spring_t + sums[c, SPRING_T]
     totals[CONTACTS] = loaded
-    totals[KEPT] += kept
     totals[LOADED] += loaded
     if soft is not None:
         impact, sliding = impact - spring_n + springs[0], sliding - spring_t + springs[1]
         springs[0], springs[1] = spring_n, spring_t
     totals[IMPACT] += impact
     totals[SLIDING] += sliding
-    totals[CONTACT_WORK] += work
+
+
+@njit(parallel=True, error_model="numpy", fastmath={"contract"})
+def _book_shares(
+    h, soft, grain, velocity, spin, radius, body_speed, mean_speed, pair_index, pair_slot, pair, pair_impulse,
+    wall_index, wall_slot, wall, wall_impulse, pairs, walls, sums, body_sums, body_totals,
+):  # fmt: skip
+    """`_book` by shares."""
+    count = pairs.shape[0] - 1
+    for c in prange(count + 1):
+        p0, p1, w0, w1 = pairs[c], pairs[min(c + 1, count)], walls[c], walls[c + 1]
+        body_sums[c] = 0.0
+        _book(
+            h, soft, grain, velocity, spin, radius, body_speed, mean_speed,
+            pair_index[p0:p1], pair_slot[p0:p1], pair[p0:p1], pair_impulse,
+            wall_index[w0:w1], wall_slot[w0:w1], wall[w0:w1], wall_impulse, sums[c], body_sums[c],
+        )  # fmt: skip
+    for c in range(count + 1):
+        for b in range(body_totals.shape[0]):
+            for q in range(N_BODY_SUMS):
+                body_totals[b, q] += body_sums[c, b, q]
 
 
 @njit(error_model="numpy", fastmath={"contract"})
@@ -293,7 +404,7 @@ def _move(h, drift, gravity, external, grain, position, velocity, spin, radius, 
 @njit(error_model="numpy", fastmath={"contract"})
 def project(
     slop, cap, gravity, external, position, radius, mass, pair_start, pair_other,
-    wall, triangle, wall_body, wall_start, wall_other, turn, found,
+    wall, triangle, wall_body, wall_start, wall_other, turn, found, share=None,
 ):  # fmt: skip
     """Push overlapping grains apart, positions only, by inverse masses, until none overlaps by more than slop*radius.
 
@@ -303,76 +414,118 @@ def project(
     """
     deepest, at, work, sweeps = 0.0, -1, 0.0, 0
     for sweep in range(cap):
-        worst = 0.0
-        for i in range(radius.shape[0]):
-            for k in range(pair_start[i], pair_start[i + 1]):
-                j = pair_other[k]
-                dx, dy, dz = (
-                    position[i, 0] - position[j, 0], position[i, 1] - position[j, 1], position[i, 2] - position[j, 2],
-                )  # fmt: skip
-                reach = radius[i] + radius[j]
-                d2 = dx * dx + dy * dy + dz * dz
-                if d2 >= reach * reach:
-                    continue
-                d = np.sqrt(d2)
-                small = min(radius[i], radius[j])
-                depth = (reach - d) / small
-                if sweep == 0 and 0.5 * depth > deepest:
-                    deepest, at = 0.5 * depth, i
-                worst = max(worst, depth)
-                if sweep == 0 and worst <= slop:
-                    continue
-                share = (reach - d) / (max(d, 1e-300) * (mass[i] + mass[j]))
-                a, b = share * mass[j], share * mass[i]
-                work += _shift(gravity, external, mass, position, i, a * dx, a * dy, a * dz)
-                work += _shift(gravity, external, mass, position, j, -b * dx, -b * dy, -b * dz)
-            for k in range(wall_start[i], wall_start[i + 1]):
-                if triangle is not None:
-                    if wall_other[k] >= wall.shape[0]:
-                        break
-                distance, nx, ny, nz, owned = _wall_gap(
-                    wall, wall_other[k], position[i, 0], position[i, 1], position[i, 2]
-                )
-                depth = 1.0 - distance / radius[i]
-                if depth <= 0.0 or not owned:
-                    continue
-                if sweep == 0 and 0.5 * depth > deepest:
-                    deepest, at = 0.5 * depth, i
-                worst = max(worst, depth)
-                if sweep == 0 and worst <= slop:
-                    continue
-                depth *= radius[i]
-                work += _shift(gravity, external, mass, position, i, -depth * nx, -depth * ny, -depth * nz)
-            if triangle is not None:
-                k, end = wall_start[i], wall_start[i + 1]
-                while k < end and wall_other[k] < wall.shape[0]:
-                    k += 1
-                while k < end:
-                    first, b = k, wall_body[wall_other[k]]
-                    while k < end and wall_body[wall_other[k]] == b:
-                        k += 1
-                    x, y, z = position[i, 0], position[i, 1], position[i, 2]
-                    count = overlapping(
-                        triangle, wall_body, wall_other, first, k, x, y, z, radius[i], turn, found[first:k]
-                    )
-                    for a in range(first, first + count):
-                        nx, ny, nz = found[a, TOWARDS_X], found[a, TOWARDS_Y], found[a, TOWARDS_Z]
-                        # what earlier pushes have already moved it away from this wall
-                        gone = -(nx * (position[i, 0] - x) + ny * (position[i, 1] - y) + nz * (position[i, 2] - z))
-                        depth = 1.0 - (found[a, DISTANCE] + gone) / radius[i]
-                        if depth <= 0.0:
-                            continue
-                        if sweep == 0 and 0.5 * depth > deepest:
-                            deepest, at = 0.5 * depth, i
-                        worst = max(worst, depth)
-                        if sweep == 0 and worst <= slop:
-                            continue
-                        depth *= radius[i]
-                        work += _shift(gravity, external, mass, position, i, -depth * nx, -depth * ny, -depth * nz)
+        if share is None:
+            worst, depth, where, done = _project_rows(
+                0, radius.shape[0], sweep == 0, slop, gravity, external, position, radius, mass, pair_start, pair_other,
+                wall, triangle, wall_body, wall_start, wall_other, turn, found,
+            )  # fmt: skip
+        else:
+            worst, depth, where, done = _project_shares(
+                sweep == 0, slop, gravity, external, position, radius, mass, pair_start, pair_other,
+                wall, triangle, wall_body, wall_start, wall_other, turn, found, share.rows, share.sums,
+            )  # fmt: skip
+        if sweep == 0:
+            deepest, at = depth, where
+        work += done
         if worst <= (slop if sweep == 0 else 0.1 * slop):
             break
         sweeps += 1
     return deepest, at, work, sweeps
+
+
+@njit(parallel=True, error_model="numpy", fastmath={"contract"})
+def _project_shares(
+    first, slop, gravity, external, position, radius, mass, pair_start, pair_other,
+    wall, triangle, wall_body, wall_start, wall_other, turn, found, rows, sums,
+):  # fmt: skip
+    """`_project_rows` by shares."""
+    count = rows.shape[0] - 1
+    for odd in range(2):
+        for half in prange((count + 1 - odd) // 2):
+            c = 2 * half + odd
+            sums[c, 0], sums[c, 1], sums[c, 2], sums[c, 3] = _project_rows(
+                rows[c], rows[c + 1], first, slop, gravity, external, position, radius, mass, pair_start, pair_other,
+                wall, triangle, wall_body, wall_start, wall_other, turn, found,
+            )  # fmt: skip
+    worst, deepest, at, work = 0.0, 0.0, -1, 0.0
+    for c in range(count):
+        worst = max(worst, sums[c, 0])
+        if sums[c, 1] > deepest:
+            deepest, at = sums[c, 1], int(sums[c, 2])
+        work += sums[c, 3]
+    return worst, deepest, at, work
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def _project_rows(
+    lo, hi, first, slop, gravity, external, position, radius, mass, pair_start, pair_other,
+    wall, triangle, wall_body, wall_start, wall_other, turn, found,
+):  # fmt: skip
+    """One sweep over the rows lo <= i < hi; returns the largest overlap as a share of the radius and, the first time,
+    of the diameter, whose it is, and the work."""
+    worst, deepest, at, work = 0.0, 0.0, -1, 0.0
+    for i in range(lo, hi):
+        for k in range(pair_start[i], pair_start[i + 1]):
+            j = pair_other[k]
+            dx, dy, dz = (
+                position[i, 0] - position[j, 0], position[i, 1] - position[j, 1], position[i, 2] - position[j, 2],
+            )  # fmt: skip
+            reach = radius[i] + radius[j]
+            d2 = dx * dx + dy * dy + dz * dz
+            if d2 >= reach * reach:
+                continue
+            d = np.sqrt(d2)
+            small = min(radius[i], radius[j])
+            depth = (reach - d) / small
+            if first and 0.5 * depth > deepest:
+                deepest, at = 0.5 * depth, i
+            worst = max(worst, depth)
+            if first and worst <= slop:
+                continue
+            share = (reach - d) / (max(d, 1e-300) * (mass[i] + mass[j]))
+            a, b = share * mass[j], share * mass[i]
+            work += _shift(gravity, external, mass, position, i, a * dx, a * dy, a * dz)
+            work += _shift(gravity, external, mass, position, j, -b * dx, -b * dy, -b * dz)
+        for k in range(wall_start[i], wall_start[i + 1]):
+            if triangle is not None:
+                if wall_other[k] >= wall.shape[0]:
+                    break
+            distance, nx, ny, nz, owned = _wall_gap(wall, wall_other[k], position[i, 0], position[i, 1], position[i, 2])
+            depth = 1.0 - distance / radius[i]
+            if depth <= 0.0 or not owned:
+                continue
+            if first and 0.5 * depth > deepest:
+                deepest, at = 0.5 * depth, i
+            worst = max(worst, depth)
+            if first and worst <= slop:
+                continue
+            depth *= radius[i]
+            work += _shift(gravity, external, mass, position, i, -depth * nx, -depth * ny, -depth * nz)
+        if triangle is not None:
+            k, end = wall_start[i], wall_start[i + 1]
+            while k < end and wall_other[k] < wall.shape[0]:
+                k += 1
+            while k < end:
+                first, b = k, wall_body[wall_other[k]]
+                while k < end and wall_body[wall_other[k]] == b:
+                    k += 1
+                x, y, z = position[i, 0], position[i, 1], position[i, 2]
+                count = overlapping(triangle, wall_body, wall_other, first, k, x, y, z, radius[i], turn, found[first:k])
+                for a in range(first, first + count):
+                    nx, ny, nz = found[a, TOWARDS_X], found[a, TOWARDS_Y], found[a, TOWARDS_Z]
+                    # what earlier pushes have already moved it away from this wall
+                    gone = -(nx * (position[i, 0] - x) + ny * (position[i, 1] - y) + nz * (position[i, 2] - z))
+                    depth = 1.0 - (found[a, DISTANCE] + gone) / radius[i]
+                    if depth <= 0.0:
+                        continue
+                    if first and 0.5 * depth > deepest:
+                        deepest, at = 0.5 * depth, i
+                    worst = max(worst, depth)
+                    if first and worst <= slop:
+                        continue
+                    depth *= radius[i]
+                    work += _shift(gravity, external, mass, position, i, -depth * nx, -depth * ny, -depth * nz)
+    return worst, deepest, at, work
 
 
 @njit(error_model="numpy", fastmath={"contract"})
@@ -395,7 +548,7 @@ def _begin(
     position, velocity, spin, radius, mass, pair_start, pair_other, pair_impulse,
     wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse, body_reach, turn, found, tally,
     body_data, body_angle, body_speed, brake,
-    grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows, totals,
+    grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows, share, totals,
 ):  # fmt: skip
     """Stages 1 to 3: half drift, overlap, free velocities, contacts, warm start; returns the numbers of contacts."""
     if theta < 1.0:
@@ -405,7 +558,7 @@ def _begin(
     turn_bodies(h, theta, body_angle, body_speed, turn)
     deepest, at, work, count = project(
         slop if soft is None else np.inf, PROJECTION_SWEEPS, gravity, external, position, radius, mass,
-        pair_start, pair_other, wall_table, triangle, wall_body, wall_start, wall_other, turn, found,
+        pair_start, pair_other, wall_table, triangle, wall_body, wall_start, wall_other, turn, found, share,
     )  # fmt: skip
     totals[STABILISATION] += work
     totals[PROJECTIONS] += count
@@ -424,23 +577,43 @@ def _begin(
         body[b, BRAKE] = min(max(brake[b], -body[b, LOAD]), body[b, LOAD])
     fastest = free_velocities(h, gravity, external, velocity, spin, radius, mass, grain, bound)
     if triangle is not None:
-        raised = search(
-            h, law, margin * h * fastest, bound, position, radius, triangle, wall_table.shape[0],
-            wall_body, wall_start, wall_other, body, body_speed, body_reach, turn, found, tally,
-        )  # fmt: skip
+        if share is None:
+            raised = search(
+                0, mass.shape[0], h, law, margin * h * fastest, bound, position, radius, triangle, wall_table.shape[0],
+                wall_body, wall_start, wall_other, body, body_speed, body_reach, turn, found, tally,
+            )  # fmt: skip
+        else:
+            raised = _search_shares(
+                h, law, margin * h * fastest, bound, position, radius, triangle, wall_table.shape[0],
+                wall_body, wall_start, wall_other, body, body_speed, body_reach, turn, found, tally,
+                share.rows, share.sums,
+            )  # fmt: skip
         if raised > 0.0:
             fastest = max(fastest, raised)
             pass_on(h, bound, position, radius, pair_start, pair_other)
-    pairs, walls = find_contacts(
-        h, law, soft, margin * h * fastest, slop, grain, bound, position, velocity, radius, pair_start, pair_other,
-        pair_impulse, wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse, body, body_speed,
-        pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows,
-    )  # fmt: skip
-    if triangle is not None:
-        walls = record(
-            h, law, soft, margin * h * fastest, slop, grain, bound, position, velocity, radius, wall_table.shape[0],
-            wall_body, wall_start, wall_other, wall_impulse, body, body_speed, turn, found, tally,
-            walls, wall_index, wall_slot, wall_rows,
+    if share is None:
+        pairs, walls = find_contacts(
+            0, mass.shape[0], 0, 0, None, h, law, soft, margin * h * fastest, slop, grain, bound, position, velocity,
+            radius, pair_start, pair_other, pair_impulse, wall_table, triangle, wall_body, wall_start, wall_other,
+            wall_impulse, body, body_speed, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows,
+        )  # fmt: skip
+        if triangle is not None:
+            walls = record(
+                0, mass.shape[0], h, law, soft, margin * h * fastest, slop, grain, bound, position, velocity, radius,
+                wall_table.shape[0], wall_body, wall_start, wall_other, wall_impulse, body, body_speed,
+                turn, found, tally, walls, wall_index, wall_slot, wall_rows,
+            )  # fmt: skip
+    else:
+        _find_shares(
+            h, law, soft, margin * h * fastest, slop, grain, bound, position, velocity, radius, pair_start, pair_other,
+            pair_impulse, wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse, body, body_speed,
+            turn, found, tally, pair_index, pair_slot, pair_rows, share.met_index, share.met_slot, share.met,
+            share.rows, share.pairs, share.near, share.ends,
+        )  # fmt: skip
+        pairs = share.pairs[-1]
+        walls = sort_walls(
+            share.rows, share.walls, wall_start, share.ends, body, share.met_index, share.met_slot, share.met,
+            wall_index, wall_slot, wall_rows,
         )  # fmt: skip
     gs.apply_impulses(1.0, grain, body, pair_index[:pairs], pair_rows[:pairs], wall_index[:walls], wall_rows[:walls])
     if couples is not None:
@@ -457,7 +630,7 @@ def _finish(
     h, theta, n_sectors, soft, couples, springs, gravity, external, tolerance, sweeps, reached, taken, fastest,
     position, velocity, spin, radius, mass, reference, pair_impulse, wall_impulse,
     drive, body_data, body_angle, body_speed, brake, mean,
-    grain, body, pair_index, pair_slot, pair, wall_index, wall_slot, wall, totals, body_totals,
+    grain, body, pair_index, pair_slot, pair, wall_index, wall_slot, wall, share, totals, body_totals,
 ):  # fmt: skip
     """Stages 5 and 6: books and drift; returns how far from its list a grain may be after the next step."""
     totals[SWEEPS] += sweeps
@@ -477,10 +650,19 @@ def _finish(
             body_totals[b, LOAD_WORK] += n_sectors * brake[b] * mean[b]
         body_speed[b] = body[b, SPEED]
         body_angle[b] += theta * h * body_speed[b]
-    _book(
-        h, soft, springs, grain, velocity, spin, radius, body_speed, mean, pair_index, pair_slot, pair, pair_impulse,
-        wall_index, wall_slot, wall, wall_impulse, totals, body_totals,
-    )  # fmt: skip
+    if share is None:
+        booked = np.zeros((1, N_BOOKED))
+        _book(
+            h, soft, grain, velocity, spin, radius, body_speed, mean, pair_index, pair_slot, pair, pair_impulse,
+            wall_index, wall_slot, wall, wall_impulse, booked[0], body_totals,
+        )  # fmt: skip
+    else:
+        booked = share.sums
+        _book_shares(
+            h, soft, grain, velocity, spin, radius, body_speed, mean, pair_index, pair_slot, pair, pair_impulse,
+            wall_index, wall_slot, wall, wall_impulse, share.pairs, share.walls, booked, share.body_sums, body_totals,
+        )  # fmt: skip
+    _enter(soft, springs, booked, totals)
     if couples is not None:
         rolling, twisting, work = book_couples(
             h, soft, springs, grain, spin, radius, mean, pair_index, pair_slot, pair, pair_impulse, couples[1],
@@ -504,7 +686,8 @@ def _made(stamp: int):
         position, velocity, spin, radius, mass, reference,
         pair_start, pair_other, pair_impulse, wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse,
         body_reach, list_angle, turn, found, tally, drives, body_data, body_angle, body_speed, brake,
-        grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows, totals, body_totals,
+        grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows,
+        share, totals, body_totals,
     ):  # fmt: skip
         """Up to ``n_steps`` steps; stops early when the list must be rebuilt or a grain is in trouble.
 
@@ -532,7 +715,8 @@ def _made(stamp: int):
                     position, velocity, spin, radius, mass, pair_start, pair_other, pair_impulse,
                     wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse, body_reach, turn, found,
                     tally, body_data, body_angle, body_speed, brake,
-                    grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows, totals,
+                    grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows,
+                    share, totals,
                 )  # fmt: skip
                 open_step[5], open_step[6] = pairs, walls
                 if totals[MAX_OVERLAP] > overlap_limit:
@@ -542,7 +726,7 @@ def _made(stamp: int):
                 if convex is None:
                     sweeps, reached, taken = solve(
                         convex, relax, soft, method, tolerance, cap, grain, body, pair_index[:pairs], pair_rows[:pairs],
-                        wall_index[:walls], wall_rows[:walls], couples,
+                        wall_index[:walls], wall_rows[:walls], couples, share,
                     )  # fmt: skip
                 elif method == APGD:
                     sweeps, reached = apgd(
@@ -552,7 +736,7 @@ def _made(stamp: int):
                 else:
                     sweeps, reached, taken = solve(
                         convex, relax, soft, method, tolerance, cap, grain, body, pair_index[:pairs], pair_rows[:pairs],
-                        wall_index[:walls], wall_rows[:walls], couples,
+                        wall_index[:walls], wall_rows[:walls], couples, share,
                     )  # fmt: skip
                 if method == INTERIOR and reached > tolerance:
                     open_step[0], open_step[1], open_step[2] = pairs, walls, sweeps
@@ -563,7 +747,8 @@ def _made(stamp: int):
                 h, theta, n_sectors, soft, couples, springs, pull, external, tolerance, sweeps, reached, taken, fastest,
                 position, velocity, spin, radius, mass, reference, pair_impulse, wall_impulse,
                 drives[step], body_data, body_angle, body_speed, brake, mean, grain, body,
-                pair_index, pair_slot, pair_rows[:pairs], wall_index, wall_slot, wall_rows[:walls], totals, body_totals,
+                pair_index, pair_slot, pair_rows[:pairs], wall_index, wall_slot, wall_rows[:walls],
+                share, totals, body_totals,
             )  # fmt: skip
             if not travel < np.inf:
                 return NOT_FINITE, step + 1
