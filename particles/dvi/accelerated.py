@@ -43,32 +43,34 @@ OVER = 1.6  # over-relaxation of the sweeps after a stall; beyond 1.8 sheared be
 @njit(error_model="numpy", fastmath={"contract"})
 def solve(
     convex, relax, soft, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples=None,
-    share=None,
+    share=None, alone=True,
 ):  # fmt: skip
     """Plain sweeps, then (unless ``method`` is GAUSS_SEIDEL) accelerated ones.
 
-    ``couples``: as in `particles.dvi.couples.sweep`; ``share`` not None: threads share the sweeps
-    (`particles.dvi.shares`). Returns sweeps, the honest residual [m/s], and whether acceleration took over.
+    ``couples``: as in `particles.dvi.couples.sweep`; ``share`` not None, and ``alone`` None: threads share the
+    sweeps (`particles.dvi.shares`). Returns sweeps, the honest residual [m/s], and whether acceleration took over.
     """
     first = cap if method == GAUSS_SEIDEL else min(cap, PLAIN_SWEEPS)
     for count in range(first):
-        change = _sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall, share)
+        change = _sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall, share, alone)
         if change <= tolerance:
-            reached = _residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall, share)
+            reached = _residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall, share, alone)
             if reached <= tolerance:
                 return count + 1, reached, 0
     if first == cap:
-        return cap, _residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall, share), 0
+        return cap, _residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall, share, alone), 0
     done, reached = anderson(
-        convex, relax, soft, tolerance, cap - first, grain, body, pair_index, pair, wall_index, wall, couples, share
-    )
+        convex, relax, soft, tolerance, cap - first, grain, body, pair_index, pair, wall_index, wall, couples, share,
+        alone,
+    )  # fmt: skip
     return first + done, reached, 1
 
 
 @njit(error_model="numpy", fastmath={"contract"})
 def anderson(
-    convex, relax, soft, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples=None, share=None
-):
+    convex, relax, soft, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples=None, share=None,
+    alone=True,
+):  # fmt: skip
     """Up to ``cap`` accelerated sweeps from the impulses in the records; returns their number and the residual."""
     contacts = 3 * (pair.shape[0] + wall.shape[0]) + body.shape[0]
     if couples is not None:
@@ -85,27 +87,31 @@ def anderson(
     known, slot, best, first = none, none, np.inf, True
     waited, plain, mark, pause = 0, 0, np.inf, PATIENCE
     done = 0
-    _gather(r, r, weight, f, products, grain, body, pair, wall, couples, share)
+    _gather(r, r, weight, f, products, grain, body, pair, wall, couples, share, alone)
     while done < cap:
         change = 0.0
         for _ in range(min(SWEEPS, cap - done)):
             if convex is None:
                 over = OVER if plain > 0 else SLIGHTLY_OVER
-                change = _sweep(convex, over, soft, couples, grain, body, pair_index, pair, wall_index, wall, share)
+                change = _sweep(
+                    convex, over, soft, couples, grain, body, pair_index, pair, wall_index, wall, share, alone
+                )
             else:
-                change = _sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall, share)
+                change = _sweep(
+                    convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall, share, alone
+                )
             done += 1
         if change <= tolerance:
-            reached = _residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall, share)
+            reached = _residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall, share, alone)
             if reached <= tolerance:
                 return done, reached
         if plain > 0:
             plain -= SWEEPS
             if plain <= 0:
-                _gather(r, r, weight, f, products, grain, body, pair, wall, couples, share)
+                _gather(r, r, weight, f, products, grain, body, pair, wall, couples, share, alone)
                 waited, best, mark = 0, np.inf, np.inf
             continue
-        _gather(g, r, weight, f, products, grain, body, pair, wall, couples, share)
+        _gather(g, r, weight, f, products, grain, body, pair, wall, couples, share, alone)
         norm = np.sqrt(products[0])
         waited += SWEEPS
         if waited > PATIENCE:
@@ -114,7 +120,7 @@ def anderson(
             continue
         if norm > 2.0 * best:
             known, slot, best, first = none, none, np.inf, True
-            _extrapolate(r, best_g, c, known, d_g, grain, body, pair, wall, couples, share)
+            _extrapolate(r, best_g, c, known, d_g, grain, body, pair, wall, couples, share, alone)
             continue
         better = norm < best
         if better:
@@ -124,25 +130,9 @@ def anderson(
         if not first:
             known = min(known + 1, HISTORY)
         _remember(
-            better,
-            first,
-            slot,
-            known,
-            g,
-            old_g,
-            best_g,
-            f,
-            old_f,
-            d_g,
-            d_f,
-            products,
-            grain,
-            body,
-            pair,
-            wall,
-            couples,
-            share,
-        )
+            better, first, slot, known, g, old_g, best_g, f, old_f, d_g, d_f, products, grain, body, pair, wall,
+            couples, share, alone,
+        )  # fmt: skip
         if not first:
             for q in range(known):
                 gram[slot, q] = gram[q, slot] = products[q]
@@ -151,9 +141,9 @@ def anderson(
         for q in range(known):
             c[q] = products[HISTORY + q]
         solved = known > 0 and _solve_gram(gram, c, known) and _largest(c, known) < FURTHEST
-        _extrapolate(r, g, c, known if solved else none, d_g, grain, body, pair, wall, couples, share)
-    _sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall, share)
-    return done, _residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall, share)
+        _extrapolate(r, g, c, known if solved else none, d_g, grain, body, pair, wall, couples, share, alone)
+    _sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall, share, alone)
+    return done, _residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall, share, alone)
 
 
 @njit(error_model="numpy", fastmath={"contract"})
@@ -170,99 +160,63 @@ def _weights(weight, pair, wall, body, couples):
         weigh_couples(weight, q + body.shape[0], p, wall.shape[0], couples)
 
 
-# what follows is done in one piece, or in shares
+# What follows is done in one piece, or in shares: numba leaves out a branch that asks for something that is None
 @njit(inline="always", error_model="numpy", fastmath={"contract"})
-def _sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall, share):
-    if share is None:
-        return sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall)
-    if convex is None and relax is None:  # the same function as with over-relaxation
-        return sweep_shares(
-            convex,
-            1.0,
-            soft,
-            couples,
-            grain,
-            body,
-            pair_index,
-            pair,
-            wall_index,
-            wall,
-            share.pairs,
-            share.walls,
-            share.sums,
-        )
-    return sweep_shares(
-        convex,
-        relax,
-        soft,
-        couples,
-        grain,
-        body,
-        pair_index,
-        pair,
-        wall_index,
-        wall,
-        share.pairs,
-        share.walls,
-        share.sums,
-    )
+def _sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall, share, alone):
+    change = 0.0
+    if alone is not None:
+        change = sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall)
+    if share is not None:
+        at = share.pairs, share.walls, share.sums
+        if convex is None:
+            if relax is None:  # as a number, so that sweeps with and without over-relaxation are one function
+                change = sweep_shares(convex, 1.0, soft, couples, grain, body, pair_index, pair, wall_index, wall, *at)
+            if relax is not None:
+                change = sweep_shares(
+                    convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall, *at
+                )
+        if convex is not None:
+            change = sweep_shares(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall, *at)
+    return change
 
 
 @njit(inline="always", error_model="numpy", fastmath={"contract"})
-def _residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall, share):
-    if share is None:
-        return residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall)
-    return residual_of_shares(
-        convex,
-        soft,
-        couples,
-        grain,
-        body,
-        pair_index,
-        pair,
-        wall_index,
-        wall,
-        share.pairs,
-        share.walls,
-        share.sums,
-    )
+def _residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall, share, alone):
+    reached = 0.0
+    if alone is not None:
+        reached = residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall)
+    if share is not None:
+        reached = residual_of_shares(
+            convex, soft, couples, grain, body, pair_index, pair, wall_index, wall,
+            share.pairs, share.walls, share.sums,
+        )  # fmt: skip
+    return reached
 
 
 @njit(inline="always", error_model="numpy", fastmath={"contract"})
-def _gather(g, r, weight, f, products, grain, body, pair, wall, couples, share):
-    if share is None:
+def _gather(g, r, weight, f, products, grain, body, pair, wall, couples, share, alone):
+    if alone is not None:
         part = (0, pair.shape[0], 0, wall.shape[0], 0, grain.shape[0], 1)
         gather(part, g, r, weight, f, products, grain, body, pair, wall, couples)
-    else:
+    if share is not None:
         gather_shares(
-            g,
-            r,
-            weight,
-            f,
-            products,
-            grain,
-            body,
-            pair,
-            wall,
-            couples,
-            share.rows,
-            share.pairs,
-            share.walls,
-            share.sums,
-        )
+            g, r, weight, f, products, grain, body, pair, wall, couples,
+            share.rows, share.pairs, share.walls, share.sums,
+        )  # fmt: skip
 
 
 @njit(inline="always", error_model="numpy", fastmath={"contract"})
 def _remember(
-    better, first, slot, known, g, old_g, best_g, f, old_f, d_g, d_f, products, grain, body, pair, wall, couples, share
+    better, first, slot, known, g, old_g, best_g, f, old_f, d_g, d_f, products, grain, body, pair, wall, couples,
+    share, alone,
 ):  # fmt: skip
-    if share is None:
+    if alone is not None:
         part = (0, pair.shape[0], 0, wall.shape[0], 0, grain.shape[0], 1)
         remember(
             part, better, first, slot, known, g, old_g, best_g, f, old_f, d_g, d_f, products, grain, body, pair, wall,
             couples,
         )  # fmt: skip
-    else:
+    if share is not None:
         remember_shares(
             better, first, slot, known, g, old_g, best_g, f, old_f, d_g, d_f, products, grain, body, pair, wall,
             couples, share.rows, share.pairs, share.walls, share.sums,
@@ -270,11 +224,11 @@ def _remember(
 
 
 @njit(inline="always", error_model="numpy", fastmath={"contract"})
-def _extrapolate(r, g, c, known, d_g, grain, body, pair, wall, couples, share):
-    if share is None:
+def _extrapolate(r, g, c, known, d_g, grain, body, pair, wall, couples, share, alone):
+    if alone is not None:
         part = (0, pair.shape[0], 0, wall.shape[0], 0, grain.shape[0], 1)
         extrapolate(part, r, g, c, known, d_g, grain, body, pair, wall, couples)
-    else:
+    if share is not None:
         extrapolate_shares(r, g, c, known, d_g, grain, body, pair, wall, couples, share.rows, share.pairs, share.walls)
 
 

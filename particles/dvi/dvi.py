@@ -382,7 +382,8 @@ class DVI:
                 self._device.body, c.wall_start, c.wall_other, c.wall_impulse, self._device.reach, c.angles,
                 self._turn, self._found, self._tally, drives, data, angle, speed, self._brake,
                 self._grain, self._bound, self._body, self._pair_index, self._pair_slot, self._pair,
-                self._wall_index, self._wall_slot, self._wall, self._share, totals, body_totals,
+                self._wall_index, self._wall_slot, self._wall, self._share, True if self._share is None else None,
+                totals, body_totals,
             )  # fmt: skip
         g.position[:], g.velocity[:], g.angular_velocity[:] = position, velocity, spin
         return answer

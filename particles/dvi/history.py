@@ -29,12 +29,11 @@ def _contacts(contacts, bodies, couples):
 @njit(error_model="numpy", fastmath={"contract"})
 def _impulses(p0, p1, w0, w1, pairs, loads, own, bodies, couples):
     """Stretches of impulses, loads and couples."""
-    impulses = ((3 * p0, 3 * p1), (3 * (pairs + w0), 3 * (pairs + w1)), (loads, loads + own))
-    if couples is None:
-        return impulses
     first = loads + bodies
-    couple = ((first + 3 * p0, first + 3 * p1), (first + 3 * (pairs + w0), first + 3 * (pairs + w1)))
-    return impulses + couple
+    a0, a1, b0, b1 = first, first, first, first
+    if couples is not None:
+        a0, a1, b0, b1 = first + 3 * p0, first + 3 * p1, first + 3 * (pairs + w0), first + 3 * (pairs + w1)
+    return (3 * p0, 3 * p1), (3 * (pairs + w0), 3 * (pairs + w1)), (loads, loads + own), (a0, a1), (b0, b1)
 
 
 @njit(error_model="numpy", fastmath={"contract"})

@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, prange
 
-from particles.dvi.couples import residual, sweep_couples
-from particles.dvi.gauss_seidel import IJ, sweep_loads, sweep_pairs, sweep_walls
+from particles.dvi.couples import couple_residual, sweep_couples
+from particles.dvi.gauss_seidel import IJ, residual, sweep_loads, sweep_pairs, sweep_walls
 from particles.dvi.history import N_PRODUCTS, extrapolate, gather, remember
 
 WORTH_SHARING = 2000  # grains; for fewer the gain is small beside the longer compilation
@@ -117,17 +117,15 @@ def sort_walls(rows, walls, first, ends, body, from_index, from_slot, from_row, 
 
 
 @njit(error_model="numpy", fastmath={"contract"})
-def _sweep(
-    p0, p1, w0, w1, convex, relax, soft, pair_couple, wall_couple, grain, body, pair_index, pair, wall_index, wall
-):
+def _sweep(p0, p1, w0, w1, convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall):
     """Impulses of pairs p0 to p1 and walls w0 to w1, then their couples; returns the largest change [m/s]."""
     a = sweep_pairs(p0, p1, False, convex, relax, soft, grain, pair_index, pair)
     b = sweep_walls(w0, w1, False, convex, relax, soft, grain, body, wall_index, wall)
     change = np.sqrt(max(a, b))
-    if pair_couple is not None:
+    if couples is not None:
         turned = sweep_couples(
             relax, soft, grain, body, pair_index[p0:p1], pair[p0:p1], wall_index[w0:w1], wall[w0:w1],
-            pair_couple[p0:p1], wall_couple[w0:w1],
+            couples[1][p0:p1], couples[2][w0:w1],
         )  # fmt: skip
         change = max(change, turned)
     return change
@@ -137,30 +135,21 @@ def _sweep(
 def sweep_shares(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall, pairs, walls, sums):
     """One sweep over everything; returns the largest change [m/s]."""
     count = pairs.shape[0] - 1
-    pair_couple, wall_couple = _records(couples)
     for odd in range(2):
         for half in prange((count + 1 - odd) // 2):
             c = 2 * half + odd
             sums[c, 0] = _sweep(
-                pairs[c], pairs[c + 1], walls[c], walls[c + 1], convex, relax, soft, pair_couple, wall_couple,
+                pairs[c], pairs[c + 1], walls[c], walls[c + 1], convex, relax, soft, couples,
                 grain, body, pair_index, pair, wall_index, wall,
             )  # fmt: skip
     largest = _sweep(
-        0, 0, walls[count], walls[count + 1], convex, relax, soft, pair_couple, wall_couple,
+        0, 0, walls[count], walls[count + 1], convex, relax, soft, couples,
         grain, body, pair_index, pair, wall_index, wall,
     )  # fmt: skip
     sweep_loads(body)
     for c in range(count):
         largest = max(largest, sums[c, 0])
     return largest
-
-
-@njit(error_model="numpy", fastmath={"contract"})
-def _records(couples):
-    """Those of pairs and of walls, None where there are none."""
-    if couples is None:
-        return None, None
-    return couples[1], couples[2]
 
 
 @njit(parallel=True, error_model="numpy", fastmath={"contract"})
@@ -170,21 +159,18 @@ def residual_of_shares(convex, soft, couples, grain, body, pair_index, pair, wal
     for c in prange(count + 1):
         p0, p1 = pairs[c], pairs[min(c + 1, count)]
         w0, w1 = walls[c], walls[c + 1]
-        sums[c, 0] = residual(
-            convex, soft, _slice(couples, p0, p1, w0, w1), grain, body,
-            pair_index[p0:p1], pair[p0:p1], wall_index[w0:w1], wall[w0:w1],
-        )  # fmt: skip
+        worst = residual(convex, soft, grain, body, pair_index[p0:p1], pair[p0:p1], wall_index[w0:w1], wall[w0:w1])
+        if couples is not None:
+            turning = couple_residual(
+                soft, grain, body, pair_index[p0:p1], pair[p0:p1], wall_index[w0:w1], wall[w0:w1],
+                couples[1][p0:p1], couples[2][w0:w1],
+            )  # fmt: skip
+            worst = max(worst, turning)
+        sums[c, 0] = worst
     largest = 0.0
     for c in range(count + 1):
         largest = max(largest, sums[c, 0])
     return largest
-
-
-@njit(error_model="numpy", fastmath={"contract"})
-def _slice(couples, p0, p1, w0, w1):
-    if couples is None:
-        return None
-    return couples[0], couples[1][p0:p1], couples[2][w0:w1]
 
 
 @njit(error_model="numpy", fastmath={"contract"})

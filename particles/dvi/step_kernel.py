@@ -120,10 +120,9 @@ def find_contacts(
             dx, dy, dz = x - position[j, 0], y - position[j, 1], z - position[j, 2]
             reach = ri + radius[j]
             d2 = dx * dx + dy * dy + dz * dz
-            if near is None:
-                far = reach + h * (bound[i] + bound[j]) + margin + slop * ri  # a touch at rest is a contact
-                apart = d2 >= far * far
-            else:
+            far = reach + h * (bound[i] + bound[j]) + margin + slop * ri  # a touch at rest is a contact
+            apart = d2 >= far * far
+            if near is not None:
                 apart = near[k] == 0
             if apart:
                 pair_impulse[k, 0] = pair_impulse[k, 1] = pair_impulse[k, 2] = 0.0
@@ -404,7 +403,7 @@ def _move(h, drift, gravity, external, grain, position, velocity, spin, radius, 
 @njit(error_model="numpy", fastmath={"contract"})
 def project(
     slop, cap, gravity, external, position, radius, mass, pair_start, pair_other,
-    wall, triangle, wall_body, wall_start, wall_other, turn, found, share=None,
+    wall, triangle, wall_body, wall_start, wall_other, turn, found, share=None, alone=True,
 ):  # fmt: skip
     """Push overlapping grains apart, positions only, by inverse masses, until none overlaps by more than slop*radius.
 
@@ -414,12 +413,12 @@ def project(
     """
     deepest, at, work, sweeps = 0.0, -1, 0.0, 0
     for sweep in range(cap):
-        if share is None:
+        if alone is not None:
             worst, depth, where, done = _project_rows(
                 0, radius.shape[0], sweep == 0, slop, gravity, external, position, radius, mass, pair_start, pair_other,
                 wall, triangle, wall_body, wall_start, wall_other, turn, found,
             )  # fmt: skip
-        else:
+        if share is not None:
             worst, depth, where, done = _project_shares(
                 sweep == 0, slop, gravity, external, position, radius, mass, pair_start, pair_other,
                 wall, triangle, wall_body, wall_start, wall_other, turn, found, share.rows, share.sums,
@@ -548,7 +547,7 @@ def _begin(
     position, velocity, spin, radius, mass, pair_start, pair_other, pair_impulse,
     wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse, body_reach, turn, found, tally,
     body_data, body_angle, body_speed, brake,
-    grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows, share, totals,
+    grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows, share, alone, totals,
 ):  # fmt: skip
     """Stages 1 to 3: half drift, overlap, free velocities, contacts, warm start; returns the numbers of contacts."""
     if theta < 1.0:
@@ -558,7 +557,7 @@ def _begin(
     turn_bodies(h, theta, body_angle, body_speed, turn)
     deepest, at, work, count = project(
         slop if soft is None else np.inf, PROJECTION_SWEEPS, gravity, external, position, radius, mass,
-        pair_start, pair_other, wall_table, triangle, wall_body, wall_start, wall_other, turn, found, share,
+        pair_start, pair_other, wall_table, triangle, wall_body, wall_start, wall_other, turn, found, share, alone,
     )  # fmt: skip
     totals[STABILISATION] += work
     totals[PROJECTIONS] += count
@@ -577,12 +576,12 @@ def _begin(
         body[b, BRAKE] = min(max(brake[b], -body[b, LOAD]), body[b, LOAD])
     fastest = free_velocities(h, gravity, external, velocity, spin, radius, mass, grain, bound)
     if triangle is not None:
-        if share is None:
+        if alone is not None:
             raised = search(
                 0, mass.shape[0], h, law, margin * h * fastest, bound, position, radius, triangle, wall_table.shape[0],
                 wall_body, wall_start, wall_other, body, body_speed, body_reach, turn, found, tally,
             )  # fmt: skip
-        else:
+        if share is not None:
             raised = _search_shares(
                 h, law, margin * h * fastest, bound, position, radius, triangle, wall_table.shape[0],
                 wall_body, wall_start, wall_other, body, body_speed, body_reach, turn, found, tally,
@@ -591,7 +590,7 @@ def _begin(
         if raised > 0.0:
             fastest = max(fastest, raised)
             pass_on(h, bound, position, radius, pair_start, pair_other)
-    if share is None:
+    if alone is not None:
         pairs, walls = find_contacts(
             0, mass.shape[0], 0, 0, None, h, law, soft, margin * h * fastest, slop, grain, bound, position, velocity,
             radius, pair_start, pair_other, pair_impulse, wall_table, triangle, wall_body, wall_start, wall_other,
@@ -603,7 +602,7 @@ def _begin(
                 wall_table.shape[0], wall_body, wall_start, wall_other, wall_impulse, body, body_speed,
                 turn, found, tally, walls, wall_index, wall_slot, wall_rows,
             )  # fmt: skip
-    else:
+    if share is not None:
         _find_shares(
             h, law, soft, margin * h * fastest, slop, grain, bound, position, velocity, radius, pair_start, pair_other,
             pair_impulse, wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse, body, body_speed,
@@ -630,7 +629,7 @@ def _finish(
     h, theta, n_sectors, soft, couples, springs, gravity, external, tolerance, sweeps, reached, taken, fastest,
     position, velocity, spin, radius, mass, reference, pair_impulse, wall_impulse,
     drive, body_data, body_angle, body_speed, brake, mean,
-    grain, body, pair_index, pair_slot, pair, wall_index, wall_slot, wall, share, totals, body_totals,
+    grain, body, pair_index, pair_slot, pair, wall_index, wall_slot, wall, share, alone, totals, body_totals,
 ):  # fmt: skip
     """Stages 5 and 6: books and drift; returns how far from its list a grain may be after the next step."""
     totals[SWEEPS] += sweeps
@@ -650,13 +649,13 @@ def _finish(
             body_totals[b, LOAD_WORK] += n_sectors * brake[b] * mean[b]
         body_speed[b] = body[b, SPEED]
         body_angle[b] += theta * h * body_speed[b]
-    if share is None:
-        booked = np.zeros((1, N_BOOKED))
+    booked = np.zeros((1, N_BOOKED))
+    if alone is not None:
         _book(
             h, soft, grain, velocity, spin, radius, body_speed, mean, pair_index, pair_slot, pair, pair_impulse,
             wall_index, wall_slot, wall, wall_impulse, booked[0], body_totals,
         )  # fmt: skip
-    else:
+    if share is not None:
         booked = share.sums
         _book_shares(
             h, soft, grain, velocity, spin, radius, body_speed, mean, pair_index, pair_slot, pair, pair_impulse,
@@ -687,7 +686,7 @@ def _made(stamp: int):
         pair_start, pair_other, pair_impulse, wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse,
         body_reach, list_angle, turn, found, tally, drives, body_data, body_angle, body_speed, brake,
         grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows,
-        share, totals, body_totals,
+        share, alone, totals, body_totals,
     ):  # fmt: skip
         """Up to ``n_steps`` steps; stops early when the list must be rebuilt or a grain is in trouble.
 
@@ -716,7 +715,7 @@ def _made(stamp: int):
                     wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse, body_reach, turn, found,
                     tally, body_data, body_angle, body_speed, brake,
                     grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows,
-                    share, totals,
+                    share, alone, totals,
                 )  # fmt: skip
                 open_step[5], open_step[6] = pairs, walls
                 if totals[MAX_OVERLAP] > overlap_limit:
@@ -726,7 +725,7 @@ def _made(stamp: int):
                 if convex is None:
                     sweeps, reached, taken = solve(
                         convex, relax, soft, method, tolerance, cap, grain, body, pair_index[:pairs], pair_rows[:pairs],
-                        wall_index[:walls], wall_rows[:walls], couples, share,
+                        wall_index[:walls], wall_rows[:walls], couples, share, alone,
                     )  # fmt: skip
                 elif method == APGD:
                     sweeps, reached = apgd(
@@ -736,7 +735,7 @@ def _made(stamp: int):
                 else:
                     sweeps, reached, taken = solve(
                         convex, relax, soft, method, tolerance, cap, grain, body, pair_index[:pairs], pair_rows[:pairs],
-                        wall_index[:walls], wall_rows[:walls], couples, share,
+                        wall_index[:walls], wall_rows[:walls], couples, share, alone,
                     )  # fmt: skip
                 if method == INTERIOR and reached > tolerance:
                     open_step[0], open_step[1], open_step[2] = pairs, walls, sweeps
@@ -748,7 +747,7 @@ def _made(stamp: int):
                 position, velocity, spin, radius, mass, reference, pair_impulse, wall_impulse,
                 drives[step], body_data, body_angle, body_speed, brake, mean, grain, body,
                 pair_index, pair_slot, pair_rows[:pairs], wall_index, wall_slot, wall_rows[:walls],
-                share, totals, body_totals,
+                share, alone, totals, body_totals,
             )  # fmt: skip
             if not travel < np.inf:
                 return NOT_FINITE, step + 1
