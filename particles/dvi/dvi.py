@@ -14,6 +14,7 @@ from geometry.walls import Wall
 from particles.bodies import Body, FreeShaft, PrescribedSpeed
 from particles.dem.step_totals import EnergyTotals, StepTotals
 from particles.dvi import gauss_seidel as gs
+from particles.dvi import step_books as books
 from particles.dvi import step_kernel as kernel
 from particles.dvi.accelerated import ANDERSON, APGD, GAUSS_SEIDEL, INTERIOR
 from particles.dvi.couples import N_COUPLE, N_SPRING_COUPLE
@@ -250,9 +251,9 @@ class DVI:
         DemError
             For overlap beyond the limit, a number that is not finite, a grain outside the device.
         """
-        totals = np.zeros(kernel.N_SUMS)
+        totals = np.zeros(books.N_SUMS)
         totals[kernel.GRAIN] = -1.0
-        body_totals = np.zeros((len(self.bodies), kernel.N_BODY_SUMS))
+        body_totals = np.zeros((len(self.bodies), books.N_BODY_SUMS))
         kinetic, rebuilds, left = self.grains.kinetic_energy(), 0, n_steps
         elastic = float(self._springs.sum())
         angle, speed = (np.array([getattr(b, name) for b in self.bodies]) for name in ("angle", "speed"))
@@ -271,7 +272,7 @@ class DVI:
             self._stale = answer != kernel.DONE
             if answer in (kernel.NOT_FINITE, kernel.OVERLAP):
                 self._explain(answer, totals)
-            self._refuse_shot_off(totals[kernel.MAX_SPEED])
+            self._refuse_shot_off(totals[books.MAX_SPEED])
         return self._summary(n_steps, totals, body_totals, kinetic, elastic, rebuilds)
 
     def contacts(self) -> ContactTable:
@@ -442,7 +443,7 @@ class DVI:
             self._couples = self._resist, np.zeros((p, columns)), np.zeros((s, columns))
         self._share = make_shares(
             self._list.pairs.start, self._list.pairs.other, self._list.wall_start,
-            (len(self.bodies), kernel.N_BODY_SUMS), self._wall.shape[1],
+            (len(self.bodies), books.N_BODY_SUMS), self._wall.shape[1],
         )  # fmt: skip
         triangles = 0 if self._device.triangles is None else s
         self._found, self._tally = np.zeros((triangles, N_FOUND)), np.zeros((triangles, 2), dtype=np.int64)
@@ -543,16 +544,16 @@ class DVI:
         share = 1.0 / max(steps, 1)
         names = [body.name for body in self.bodies]
         now = self.grains.kinetic_energy()
-        normal = bodies[:, kernel.NORMAL_X : kernel.NORMAL_Z + 1] * share
-        whole = bodies[:, kernel.FORCE_X : kernel.FORCE_Z + 1] * share
+        normal = bodies[:, books.NORMAL_X : books.NORMAL_Z + 1] * share
+        whole = bodies[:, books.FORCE_X : books.FORCE_Z + 1] * share
         return RigidTotals(
             steps=steps,
             duration=steps * self.dt,
             torque={
                 name: {
-                    "normal": float(t[kernel.TORQUE_N]) * share,
+                    "normal": float(t[books.TORQUE_N]) * share,
                     "damping": 0.0,
-                    "tangential": float(t[kernel.TORQUE_T]) * share,
+                    "tangential": float(t[books.TORQUE_T]) * share,
                 }
                 for name, t in zip(names, bodies, strict=True)
             },
@@ -565,30 +566,30 @@ class DVI:
                 body.name: {
                     "drive": float(t[kernel.DRIVE_WORK]),
                     "load": float(t[kernel.LOAD_WORK]),
-                    "contact": -float(t[kernel.BODY_WORK]),
+                    "contact": -float(t[books.BODY_WORK]),
                 }
                 for body, t in zip(self.bodies, bodies, strict=True)
                 if body.is_free
             },
             energy=EnergyTotals(
-                wall_work={name: float(t[kernel.BODY_WORK]) for name, t in zip(names, bodies, strict=True)},
+                wall_work={name: float(t[books.BODY_WORK]) for name, t in zip(names, bodies, strict=True)},
                 dissipation={
-                    "impact": float(totals[kernel.IMPACT]),
-                    "sliding": float(totals[kernel.SLIDING]),
+                    "impact": float(totals[books.IMPACT]),
+                    "sliding": float(totals[books.SLIDING]),
                     **({"rolling": float(totals[kernel.ROLLING])} if self._resist[:, 0].any() else {}),
                     **({"twisting": float(totals[kernel.TWISTING])} if self._resist[:, 1].any() else {}),
                 },
                 contact_work=float(totals[kernel.CONTACT_WORK]),
-                gravity_work=float(totals[kernel.GRAVITY_WORK]),
-                external_work=float(totals[kernel.EXTERNAL_WORK]),
+                gravity_work=float(totals[books.GRAVITY_WORK]),
+                external_work=float(totals[books.EXTERNAL_WORK]),
                 kinetic_energy=now,
                 kinetic_change=now - kinetic,
                 elastic_energy=float(self._springs.sum()),
                 elastic_change=float(self._springs.sum()) - elastic,
             ),
             max_overlap=float(totals[kernel.MAX_OVERLAP]),
-            n_contacts=int(totals[kernel.CONTACTS]),
-            max_speed=float(totals[kernel.MAX_SPEED]),
+            n_contacts=int(totals[books.CONTACTS]),
+            max_speed=float(totals[books.MAX_SPEED]),
             rebuilds=rebuilds,
             sweeps=int(totals[kernel.SWEEPS]),
             max_sweeps=int(totals[kernel.MAX_SWEEPS]),
@@ -596,7 +597,7 @@ class DVI:
             residual=float(totals[kernel.RESIDUAL]),
             missed_steps=int(totals[kernel.MISSED]),
             taken_over=int(totals[kernel.TAKEN_OVER]),
-            warm_hits=float(totals[kernel.KEPT] / max(totals[kernel.LOADED], 1.0)),
+            warm_hits=float(totals[books.KEPT] / max(totals[books.LOADED], 1.0)),
             projections=int(totals[kernel.PROJECTIONS]),
             stabilisation_work=float(totals[kernel.STABILISATION]),
         )

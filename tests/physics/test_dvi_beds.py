@@ -134,8 +134,12 @@ def test_a_pile_does_not_creep_in_a_hundred_thousand_steps():
 def settled():
     """The contact problem of a settled bed of 100 grains, with the impulses of the step before."""
     dvi = _bed(100, seed=4, tolerance=1e-6, max_sweeps=1000)
-    dvi.run(900)
-    assert dvi.grains.kinetic_energy() < 1e-5 * dvi.grains.mass.sum() * G * R
+    still = 1e-5 * dvi.grains.mass.sum() * G * R
+    for _ in range(20):  # the last grains that roll come to rest late
+        dvi.run(300)
+        if dvi.grains.kinetic_energy() < still:
+            break
+    assert dvi.grains.kinetic_energy() < still
     dvi.run(1)
     return dvi._records()
 

@@ -1,0 +1,203 @@
+"""Free velocities of rigid grains, and the contacts that may close within a step, with their records."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+from particles.dvi import gauss_seidel as gs
+from particles.dvi.gauss_seidel import (
+    ARM,
+    EX,
+    EY,
+    EZ,
+    IJ,
+    IM,
+    IWN,
+    IWT,
+    LX,
+    LY,
+    MU,
+    PX,
+    PY,
+    PZ,
+    RX,
+    RY,
+    RZ,
+    VX,
+    VY,
+    VZ,
+    B,
+)  # fmt: skip
+from particles.dvi.rigid_triangles import record, search
+from particles.dvi.springs import remember
+from particles.walls.wall_kernels import _wall_gap
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def free_velocities(h, gravity, external, velocity, spin, radius, mass, grain, bound):
+    """Fill the records of the grains with v + h F/m; ``bound`` (n,): the larger speed of before and after."""
+    fastest = 0.0
+    for i in range(mass.shape[0]):
+        x, y, z = velocity[i, 0], velocity[i, 1], velocity[i, 2]
+        before = x * x + y * y + z * z
+        if gravity is not None:
+            x, y, z = x + h * gravity[0], y + h * gravity[1], z + h * gravity[2]
+        if external is not None:
+            a = h / mass[i]
+            x, y, z = x + a * external[i, 0], y + a * external[i, 1], z + a * external[i, 2]
+        grain[i, VX], grain[i, VY], grain[i, VZ] = x, y, z
+        grain[i, IM] = 1.0 / mass[i]
+        r = radius[i]
+        grain[i, PX], grain[i, PY], grain[i, PZ] = r * spin[i, 0], r * spin[i, 1], r * spin[i, 2]
+        bound[i] = np.sqrt(max(before, x * x + y * y + z * z))
+        fastest = max(fastest, bound[i])
+    return fastest
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def find_contacts(
+    lo, hi, pairs, walls, near, h, law, soft, margin, slop, grain, bound, position, velocity, radius,
+    pair_start, pair_other, pair_impulse, wall, triangle, wall_body, wall_start, wall_other, wall_impulse,
+    body, old_speed, pair_index, pair_slot, pair, wall_index, wall_slot, wall_row,
+):  # fmt: skip
+    """Fill the records of contacts, from the numbers ``pairs`` and ``walls`` on, of the rows lo <= i < hi.
+
+    These are the slots whose gap may close within the step; ``near`` says of which pairs it is already known. Returns
+    the numbers behind the last ones.
+    """
+    for i in range(lo, hi):
+        x, y, z, ri = position[i, 0], position[i, 1], position[i, 2], radius[i]
+        for k in range(pair_start[i], pair_start[i + 1]):
+            j = pair_other[k]
+            dx, dy, dz = x - position[j, 0], y - position[j, 1], z - position[j, 2]
+            reach = ri + radius[j]
+            d2 = dx * dx + dy * dy + dz * dz
+            far = reach + h * (bound[i] + bound[j]) + margin + slop * ri  # a touch at rest is a contact
+            apart = d2 >= far * far
+            if near is not None:
+                apart = near[k] == 0
+            if apart:
+                pair_impulse[k, 0] = pair_impulse[k, 1] = pair_impulse[k, 2] = 0.0
+                continue
+            d = np.sqrt(d2)
+            inverse = 1.0 / d if d > 0.0 else 0.0
+            ex, ey, ez = dx * inverse, dy * inverse, dz * inverse
+            row = pair[pairs]
+            row[EX], row[EY], row[EZ], row[ARM] = ex, ey, ez, d / reach
+            row[RX], row[RY], row[RZ] = pair_impulse[k, 0], pair_impulse[k, 1], pair_impulse[k, 2]
+            w_n = grain[i, IM] + grain[j, IM]
+            row[IWN] = 1.0 / w_n
+            row[IWT] = 1.0 / (w_n * (1.0 + 2.5 * row[ARM] * row[ARM]))
+            row[MU] = law[0, 0]
+            gap, give = d - reach, 0.0
+            if soft is None:
+                row[B] = gap / h if gap > slop * min(ri, radius[j]) else 0.0
+            else:
+                give = remember(h, soft, gs.PAIRS, gap, row, gs.N_PAIR)
+            if law[0, 1] > 0.0 and give >= 0.0:
+                before = (
+                    (velocity[i, 0] - velocity[j, 0]) * ex
+                    + (velocity[i, 1] - velocity[j, 1]) * ey
+                    + (velocity[i, 2] - velocity[j, 2]) * ez
+                )
+                if before < -law[0, 2] and gap + h * before < 0.0:
+                    row[B] = (law[0, 1] + (1.0 + law[0, 1]) * give) * before
+            pair_index[pairs, 0], pair_index[pairs, 1], pair_slot[pairs] = i, j, k
+            pairs += 1
+        for k in range(wall_start[i], wall_start[i + 1]):
+            if triangle is not None:
+                if wall_other[k] >= wall.shape[0]:
+                    break
+            distance, nx, ny, nz, owned = _wall_gap(wall, wall_other[k], x, y, z)
+            b = wall_body[wall_other[k]]
+            if not owned or distance >= ri + h * 2.0 * bound[i] + margin + slop * ri:
+                wall_impulse[k, 0] = wall_impulse[k, 1] = wall_impulse[k, 2] = 0.0
+                continue
+            row = wall_row[walls]
+            row[EX], row[EY], row[EZ], row[ARM] = -nx, -ny, -nz, distance / ri
+            row[RX], row[RY], row[RZ] = wall_impulse[k, 0], wall_impulse[k, 1], wall_impulse[k, 2]
+            row[LX], row[LY] = -(y + distance * ny), x + distance * nx
+            along = row[LX] * row[EX] + row[LY] * row[EY]
+            row[IWN] = 1.0 / (grain[i, IM] + body[b, IJ] * along * along)
+            row[IWT] = 1.0 / (grain[i, IM] * (1.0 + 2.5 * row[ARM] * row[ARM]))
+            row[MU] = law[1, 0]
+            gap, give = distance - ri, 0.0
+            if soft is None:
+                row[B] = gap / h if gap > slop * ri else 0.0
+            else:
+                give = remember(h, soft, gs.WALLS, gap, row, gs.N_WALL_CONTACT)
+            if law[1, 1] > 0.0 and give >= 0.0:
+                before = -(velocity[i, 0] * nx + velocity[i, 1] * ny + velocity[i, 2] * nz) - old_speed[b] * along
+                if before < -law[1, 2] and gap + h * before < 0.0:
+                    row[B] = (law[1, 1] + (1.0 + law[1, 1]) * give) * before
+            wall_index[walls, 0], wall_index[walls, 1], wall_slot[walls] = i, b, k
+            walls += 1
+    return pairs, walls
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def _near(lo, hi, h, margin, slop, bound, position, radius, pair_start, pair_other, near):
+    """Mark the pairs of rows lo <= i < hi whose gap may close within the step; returns how many."""
+    count = 0
+    for i in range(lo, hi):
+        x, y, z, ri = position[i, 0], position[i, 1], position[i, 2], radius[i]
+        for k in range(pair_start[i], pair_start[i + 1]):
+            j = pair_other[k]
+            dx, dy, dz = x - position[j, 0], y - position[j, 1], z - position[j, 2]
+            far = ri + radius[j] + h * (bound[i] + bound[j]) + margin + slop * ri
+            near[k] = 1 if dx * dx + dy * dy + dz * dz < far * far else 0
+            count += near[k]
+    return count
+
+
+@njit(parallel=True, error_model="numpy", fastmath={"contract"})
+def find_in_shares(
+    h, law, soft, margin, slop, grain, bound, position, velocity, radius,
+    pair_start, pair_other, pair_impulse, wall, triangle, wall_body, wall_start, wall_other, wall_impulse,
+    body, old_speed, turn, found, tally, pair_index, pair_slot, pair, wall_index, wall_slot, wall_row,
+    rows, pairs, near, ends,
+):  # fmt: skip
+    """`find_contacts` and `record` by shares: pairs without gaps, walls from the first slot of each share to ``ends``.
+
+    How many contacts the shares before it have must be known before a share can fill its records.
+    """
+    count = rows.shape[0] - 1
+    for c in prange(count):
+        pairs[c + 1] = _near(
+            rows[c], rows[c + 1], h, margin, slop, bound, position, radius, pair_start, pair_other, near
+        )
+    for c in range(count):
+        pairs[c + 1] += pairs[c]
+    for c in prange(count):
+        _, end = find_contacts(
+            rows[c], rows[c + 1], pairs[c], wall_start[rows[c]], near,
+            h, law, soft, margin, slop, grain, bound, position, velocity, radius, pair_start, pair_other, pair_impulse,
+            wall, triangle, wall_body, wall_start, wall_other, wall_impulse, body, old_speed,
+            pair_index, pair_slot, pair, wall_index, wall_slot, wall_row,
+        )  # fmt: skip
+        if triangle is not None:
+            end = record(
+                rows[c], rows[c + 1], h, law, soft, margin, slop, grain, bound, position, velocity, radius,
+                wall.shape[0], wall_body, wall_start, wall_other, wall_impulse, body, old_speed, turn, found, tally,
+                end, wall_index, wall_slot, wall_row,
+            )  # fmt: skip
+        ends[c] = end
+
+
+@njit(parallel=True, error_model="numpy", fastmath={"contract"})
+def search_in_shares(
+    h, law, margin, bound, position, radius, triangle, n_smooth, wall_body, wall_start, wall_other,
+    body, old_speed, body_reach, turn, found, tally, rows, sums,
+):  # fmt: skip
+    """`search` by shares."""
+    count = rows.shape[0] - 1
+    for c in prange(count):
+        sums[c, 0] = search(
+            rows[c], rows[c + 1], h, law, margin, bound, position, radius, triangle, n_smooth,
+            wall_body, wall_start, wall_other, body, old_speed, body_reach, turn, found, tally,
+        )  # fmt: skip
+    raised = 0.0
+    for c in range(count):
+        raised = max(raised, sums[c, 0])
+    return raised

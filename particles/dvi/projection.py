@@ -1,0 +1,151 @@
+"""Overlap removed from the positions alone: no velocity is touched, no kinetic energy made."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+from particles.dvi.rigid_triangles import overlapping
+from particles.walls.triangle_kernels import DISTANCE, TOWARDS_X, TOWARDS_Y, TOWARDS_Z
+from particles.walls.wall_kernels import _wall_gap
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def project(
+    slop, cap, gravity, external, position, radius, mass, pair_start, pair_other,
+    wall, triangle, wall_body, wall_start, wall_other, turn, found, share=None, alone=True,
+):  # fmt: skip
+    """Push overlapping grains apart, positions only, by inverse masses, until none overlaps by more than slop*radius.
+
+    Nonlinear Gauss-Seidel on the gaps; with an infinite ``slop``, that of springs, they are only looked at. Returns the
+    deepest overlap met at first (share of the smaller diameter), the grain, the work of the held forces on the
+    displacements [J], and the sweeps.
+    """
+    deepest, at, work, sweeps = 0.0, -1, 0.0, 0
+    for sweep in range(cap):
+        if alone is not None:
+            worst, depth, where, done = _project_rows(
+                0, radius.shape[0], sweep == 0, slop, gravity, external, position, radius, mass, pair_start, pair_other,
+                wall, triangle, wall_body, wall_start, wall_other, turn, found,
+            )  # fmt: skip
+        if share is not None:
+            worst, depth, where, done = _project_shares(
+                sweep == 0, slop, gravity, external, position, radius, mass, pair_start, pair_other,
+                wall, triangle, wall_body, wall_start, wall_other, turn, found, share.rows, share.sums,
+            )  # fmt: skip
+        if sweep == 0:
+            deepest, at = depth, where
+        work += done
+        if worst <= (slop if sweep == 0 else 0.1 * slop):
+            break
+        sweeps += 1
+    return deepest, at, work, sweeps
+
+
+@njit(parallel=True, error_model="numpy", fastmath={"contract"})
+def _project_shares(
+    first, slop, gravity, external, position, radius, mass, pair_start, pair_other,
+    wall, triangle, wall_body, wall_start, wall_other, turn, found, rows, sums,
+):  # fmt: skip
+    """`_project_rows` by shares."""
+    count = rows.shape[0] - 1
+    for odd in range(2):
+        for half in prange((count + 1 - odd) // 2):
+            c = 2 * half + odd
+            sums[c, 0], sums[c, 1], sums[c, 2], sums[c, 3] = _project_rows(
+                rows[c], rows[c + 1], first, slop, gravity, external, position, radius, mass, pair_start, pair_other,
+                wall, triangle, wall_body, wall_start, wall_other, turn, found,
+            )  # fmt: skip
+    worst, deepest, at, work = 0.0, 0.0, -1, 0.0
+    for c in range(count):
+        worst = max(worst, sums[c, 0])
+        if sums[c, 1] > deepest:
+            deepest, at = sums[c, 1], int(sums[c, 2])
+        work += sums[c, 3]
+    return worst, deepest, at, work
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def _project_rows(
+    lo, hi, first, slop, gravity, external, position, radius, mass, pair_start, pair_other,
+    wall, triangle, wall_body, wall_start, wall_other, turn, found,
+):  # fmt: skip
+    """One sweep over the rows lo <= i < hi; returns the largest overlap as a share of the radius and, the first time,
+    of the diameter, whose it is, and the work."""
+    worst, deepest, at, work = 0.0, 0.0, -1, 0.0
+    for i in range(lo, hi):
+        for k in range(pair_start[i], pair_start[i + 1]):
+            j = pair_other[k]
+            dx, dy, dz = (
+                position[i, 0] - position[j, 0], position[i, 1] - position[j, 1], position[i, 2] - position[j, 2],
+            )  # fmt: skip
+            reach = radius[i] + radius[j]
+            d2 = dx * dx + dy * dy + dz * dz
+            if d2 >= reach * reach:
+                continue
+            d = np.sqrt(d2)
+            small = min(radius[i], radius[j])
+            depth = (reach - d) / small
+            if first and 0.5 * depth > deepest:
+                deepest, at = 0.5 * depth, i
+            worst = max(worst, depth)
+            if first and worst <= slop:
+                continue
+            share = (reach - d) / (max(d, 1e-300) * (mass[i] + mass[j]))
+            a, b = share * mass[j], share * mass[i]
+            work += _shift(gravity, external, mass, position, i, a * dx, a * dy, a * dz)
+            work += _shift(gravity, external, mass, position, j, -b * dx, -b * dy, -b * dz)
+        for k in range(wall_start[i], wall_start[i + 1]):
+            if triangle is not None:
+                if wall_other[k] >= wall.shape[0]:
+                    break
+            distance, nx, ny, nz, owned = _wall_gap(wall, wall_other[k], position[i, 0], position[i, 1], position[i, 2])
+            depth = 1.0 - distance / radius[i]
+            if depth <= 0.0 or not owned:
+                continue
+            if first and 0.5 * depth > deepest:
+                deepest, at = 0.5 * depth, i
+            worst = max(worst, depth)
+            if first and worst <= slop:
+                continue
+            depth *= radius[i]
+            work += _shift(gravity, external, mass, position, i, -depth * nx, -depth * ny, -depth * nz)
+        if triangle is not None:
+            k, end = wall_start[i], wall_start[i + 1]
+            while k < end and wall_other[k] < wall.shape[0]:
+                k += 1
+            while k < end:
+                first, b = k, wall_body[wall_other[k]]
+                while k < end and wall_body[wall_other[k]] == b:
+                    k += 1
+                x, y, z = position[i, 0], position[i, 1], position[i, 2]
+                count = overlapping(triangle, wall_body, wall_other, first, k, x, y, z, radius[i], turn, found[first:k])
+                for a in range(first, first + count):
+                    nx, ny, nz = found[a, TOWARDS_X], found[a, TOWARDS_Y], found[a, TOWARDS_Z]
+                    # what earlier pushes have already moved it away from this wall
+                    gone = -(nx * (position[i, 0] - x) + ny * (position[i, 1] - y) + nz * (position[i, 2] - z))
+                    depth = 1.0 - (found[a, DISTANCE] + gone) / radius[i]
+                    if depth <= 0.0:
+                        continue
+                    if first and 0.5 * depth > deepest:
+                        deepest, at = 0.5 * depth, i
+                    worst = max(worst, depth)
+                    if first and worst <= slop:
+                        continue
+                    depth *= radius[i]
+                    work += _shift(gravity, external, mass, position, i, -depth * nx, -depth * ny, -depth * nz)
+    return worst, deepest, at, work
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def _shift(gravity, external, mass, position, i, x, y, z):
+    """Move grain i; returns the work of gravity and the held force on it."""
+    position[i, 0] += x
+    position[i, 1] += y
+    position[i, 2] += z
+    work = 0.0
+    if gravity is not None:
+        work += mass[i] * (gravity[0] * x + gravity[1] * y + gravity[2] * z)
+    if external is not None:
+        work += external[i, 0] * x + external[i, 1] * y + external[i, 2] * z
+    return work
