@@ -9,7 +9,7 @@ GMSH_PACKAGES  := libglu1-mesa libgl1 libxrender1 libxcursor1 libxft2 libxineram
 
 .PHONY: run test bench stability setup lint sweep clean
 run: setup ; @$(BIN)/emclutch run $(CASE)
-test: setup ; $(BIN)/python -m pytest tests/unit tests/physics tests/cases
+test: setup ; $(BIN)/python -m pytest -n 2 --dist loadfile tests/unit tests/physics tests/cases
 bench: setup ; $(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]' && $(BIN)/python -m pytest tests/benchmarks -s
 stability: setup ; $(BIN)/python -m pytest tests/physics/test_hard_cases.py tests/physics/test_field_hard_cases.py -v
 sweep: setup ; $(BIN)/emclutch sweep cases/current_to_torque.toml
