@@ -7,9 +7,9 @@ Moreau-Jean with the middle of the step at x_m:
 A contact at the gap g > 0 in x_m may close within the step, not cross: u_n' >= -g/h. So it holds its impulse only if
 it is reached, and the next middle is free of overlap whatever theta is (the middles are h v' apart). With restitution
 e an approach faster than the threshold that would end in a contact within the step rebounds: u_n' >= -e u_n. What
-overlap is left by the curvature of paths is removed from the positions alone (`particles.dvi.projection`): no velocity is touched, no
-kinetic energy made; the work of the held forces on that displacement is reported. Bodies turn to the same middle as
-the grains; triangles, in scenes that have them, are met there (`particles.dvi.rigid_triangles`).
+overlap is left by the curvature of paths is removed from the positions alone (`particles.dvi.projection`): no velocity
+is touched, no kinetic energy made; the work of the held forces on that displacement is reported. Bodies turn to the
+same middle as the grains; triangles, in scenes that have them, are met there (`particles.dvi.rigid_triangles`).
 
 **Slop.** A gap of less than ``slop`` radii counts as closed, u_n' >= 0, as an overlap of so much is let be. Were it to
 be closed, to the last picometre that the tolerance of earlier steps has left, the contacts of a packing at rest would
