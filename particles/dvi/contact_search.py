@@ -30,7 +30,7 @@ from particles.dvi.gauss_seidel import (
     B,
 )  # fmt: skip
 from particles.dvi.rigid_triangles import record, search
-from particles.dvi.springs import remember
+from particles.dvi.springs import remember, strike
 from particles.walls.wall_kernels import _wall_gap
 
 
@@ -102,7 +102,9 @@ def find_contacts(
                     + (velocity[i, 2] - velocity[j, 2]) * ez
                 )
                 if before < -law[0, 2] and gap + h * before < 0.0:
-                    row[B] = (law[0, 1] + (1.0 + law[0, 1]) * give) * before
+                    row[B] = law[0, 1] * before
+                    if soft is not None:
+                        strike(law[0, 1], before, give, row, gs.N_PAIR)
             pair_index[pairs, 0], pair_index[pairs, 1], pair_slot[pairs] = i, j, k
             pairs += 1
         for k in range(wall_start[i], wall_start[i + 1]):
@@ -130,7 +132,9 @@ def find_contacts(
             if law[1, 1] > 0.0 and give >= 0.0:
                 before = -(velocity[i, 0] * nx + velocity[i, 1] * ny + velocity[i, 2] * nz) - old_speed[b] * along
                 if before < -law[1, 2] and gap + h * before < 0.0:
-                    row[B] = (law[1, 1] + (1.0 + law[1, 1]) * give) * before
+                    row[B] = law[1, 1] * before
+                    if soft is not None:
+                        strike(law[1, 1], before, give, row, gs.N_WALL_CONTACT)
             wall_index[walls, 0], wall_index[walls, 1], wall_slot[walls] = i, b, k
             walls += 1
     return pairs, walls

@@ -192,7 +192,8 @@ class DVI:
                 '"psor", or leave them out'
             )
         self._law = contact.table()
-        self._soft = None if stiffness is None else spring_table(self.dt, np.asarray(stiffness), self._law[:, 1])
+        self._stiffness = None if stiffness is None else np.array(stiffness, dtype=float)
+        self._soft = None if stiffness is None else spring_table(self.dt, self._stiffness, self._law[:, 1])
         self._springs = np.zeros(4)  # energy [J]: normal, tangential, of rolling, of twisting
         self._convex = None if friction == "coulomb" else True
         self._relax = float(relaxation) if solver == "psor" else None
@@ -352,6 +353,8 @@ class DVI:
         self.step_count, self.order_version = (int(v) for v in state["counters"][:2])
         self._stale, self.list_version = bool(state["counters"][2]), int(state["counters"][3])
         self.dt, self.skin, self._reach = (float(v) for v in state["scalars"])
+        if self._stiffness is not None:
+            self._soft = spring_table(self.dt, self._stiffness, self._law[:, 1])
         self._make_room()
 
     # -- inside

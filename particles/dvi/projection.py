@@ -115,12 +115,12 @@ def _project_rows(
             while k < end and wall_other[k] < wall.shape[0]:
                 k += 1
             while k < end:
-                first, b = k, wall_body[wall_other[k]]
+                begin, b = k, wall_body[wall_other[k]]
                 while k < end and wall_body[wall_other[k]] == b:
                     k += 1
                 x, y, z = position[i, 0], position[i, 1], position[i, 2]
-                count = overlapping(triangle, wall_body, wall_other, first, k, x, y, z, radius[i], turn, found[first:k])
-                for a in range(first, first + count):
+                count = overlapping(triangle, wall_body, wall_other, begin, k, x, y, z, radius[i], turn, found[begin:k])
+                for a in range(begin, begin + count):
                     nx, ny, nz = found[a, TOWARDS_X], found[a, TOWARDS_Y], found[a, TOWARDS_Z]
                     # what earlier pushes have already moved it away from this wall
                     gone = -(nx * (position[i, 0] - x) + ny * (position[i, 1] - y) + nz * (position[i, 2] - z))

@@ -37,7 +37,7 @@ from particles.dvi.gauss_seidel import (
     WALLS,
     B,
 )  # fmt: skip
-from particles.dvi.springs import remember
+from particles.dvi.springs import remember, strike
 from particles.walls.triangle_kernels import (
     DISTANCE,
     LEADER,
@@ -183,7 +183,9 @@ def record(
                 if law[1, 1] > 0.0 and give >= 0.0:
                     before = -(velocity[i, 0] * nx + velocity[i, 1] * ny + velocity[i, 2] * nz) - old_speed[b] * along
                     if before < -law[1, 2] and gap + h * before < 0.0:
-                        row[B] = (law[1, 1] + (1.0 + law[1, 1]) * give) * before
+                        row[B] = law[1, 1] * before
+                        if soft is not None:
+                            strike(law[1, 1], before, give, row, N_WALL_CONTACT)
                 wall_index[walls, 0], wall_index[walls, 1], wall_slot[walls] = i, b, slot
                 walls += 1
             for q in range(begin, k):

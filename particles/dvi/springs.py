@@ -55,6 +55,7 @@ from particles.laws.restitution import damping_ratio
 
 FIRST_ROOT, PER_OCTAVE, OCTAVES = 0.0625, 8, 9
 ROOTS = FIRST_ROOT * 2.0 ** (np.arange(OCTAVES * PER_OCTAVE + 1) / PER_OCTAVE)
+HARD = 0.01  # c_n/w_n of a contact that rebounds by Newton's law: hard, yet finite where it jams
 LEAST = 1e-3  # restitution, for which the dashpot is critical already
 PHASES = (np.arange(16) + 0.5) / 16.0  # of the first gap, in ways of a step
 
@@ -148,6 +149,20 @@ def remember(h, soft, kind, gap, row, offset):
         row[offset + 1] = -c_t * (row[RY] - r_n * row[EY])
         row[offset + 2] = -c_t * (row[RZ] - r_n * row[EZ])
     return -1.0 if root <= soft[kind, MET] or (gap <= 0.0 and r_n > 0.0) else 1.0 / share
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def strike(e, before, give, row, offset):
+    """Newton's restitution for a contact that `remember` has filled, with c_n/w_n = ``give``; ``before`` is u_n [m/s].
+
+    That law is a rigid one: it would rebound from each of several contacts as if it were alone, to the compliance's
+    share of the impulse. So c_n falls to `HARD` for this step; a grain alone rebounds at e exactly.
+    """
+    hard = min(give, HARD)
+    w_n = 1.0 / (row[IWN] * (1.0 + give))
+    row[IWN] = 1.0 / (w_n * (1.0 + hard))
+    row[offset + 3] = w_n * hard
+    row[B] = (e + (1.0 + e) * hard) * before
 
 
 @njit(error_model="numpy", fastmath={"contract"})

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from geometry import Box
-from geometry.walls import annulus
+from geometry.triangle_wall import TriangleWall
+from geometry.walls import Plane, annulus
 from particles import DEM, Body, Grains, LinearContact, PrescribedSpeed
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.accelerated import ANDERSON, solve_records
@@ -153,7 +154,6 @@ def test_a_jam_between_driven_plates_has_a_finite_force():
 
     Rigid contacts have no solution there.
     """
-    from geometry.triangle_wall import TriangleWall
 
     def vane(name, body, x):
         corners = np.array([[x, 0.0, -0.05], [x, 0.2, -0.05], [x, 0.2, 0.05], [x, 0.0, 0.05]])
@@ -194,6 +194,48 @@ def test_energy_never_grows(e=0.5):
             )
             energy = now
         assert energy < 0.7 * first
+
+
+@pytest.mark.parametrize("e", [0.2, 0.9, 1.0])
+@pytest.mark.parametrize("a", [0.01, 0.1, 1.0, 4.0, 10.0, 100.0])
+def test_a_groove_gives_back_no_more_than_a_plane(e, a):
+    """Two contacts at once, 20 degrees between them, no friction: the rebound is at most e and the percent that is left soft."""
+    slope = np.deg2rad(10.0)
+    walls = [Plane(name, "housing", (0.0, 0.0, 0.0), (side * np.sin(slope), 0.0, np.cos(slope)))
+             for name, side in (("left", 1.0), ("right", -1.0))]  # fmt: skip
+    h = np.sqrt(a * MASS / K)
+    rebounds = []
+    for phase in (0.1, 0.3, 0.5, 0.7, 0.9):
+        grains = Grains.create([[0.0, 0.0, R / np.cos(slope) + phase * h]], R, 7850.0)
+        grains.velocity[:] = [[0.0, 0.0, -1.0]]
+        dvi = DVI(grains, walls, [Body("housing")], RigidContact(0.0, e, threshold=1e-3), dt=h, tolerance=1e-12,
+                  stiffness=STIFF)  # fmt: skip
+        dvi.run(round(4.0 * np.pi / np.sqrt(a)) + 6)
+        rebounds.append(grains.velocity[0, 2])
+    assert np.mean(rebounds) <= e + 0.012
+
+
+def test_a_flat_mesh_carries_as_a_plane_does():
+    """Spheres at rest on two triangles: m g/k deep, and no position is touched."""
+    corners = np.array([[-0.1, -0.1, 0.0], [0.1, -0.1, 0.0], [0.1, 0.1, 0.0], [-0.1, 0.1, 0.0]])
+    floor = TriangleWall("floor", "housing", corners, np.array([[0, 1, 2], [0, 2, 3]]))
+    grains = Grains.create([[-0.03, 0.01, R], [0.0, 0.02, R], [0.04, -0.03, R]], R, 7850.0)
+    dvi = DVI(grains, [floor], [Body("housing")], RigidContact(0.3, 0.5), dt=1e-3, gravity=(0.0, 0.0, -G),
+              tolerance=1e-12, stiffness=STIFF)  # fmt: skip
+    totals = dvi.run(400)
+    assert R - grains.position[:, 2] == pytest.approx(np.full(3, MASS * G / K), rel=1e-6)
+    assert totals.stabilisation_work == 0.0
+
+
+def test_a_state_brings_its_step_and_springs_follow():
+    made, other = (_box_of(27, STIFF, tolerance=1e-9) for _ in range(2))
+    made.run(30)
+    other = DVI(Grains.create(np.zeros((27, 3)) + 0.02, R, 7850.0), made.walls, [Body("housing")], RigidContact(0.3),
+                dt=2e-3, gravity=(0.0, 0.0, -G), stiffness=STIFF, tolerance=1e-9)  # fmt: skip
+    other.restore(made.state())
+    made.run(20)
+    other.run(20)
+    assert np.array_equal(other.grains.motion, made.grains.motion)
 
 
 def test_restart_is_bit_exact():
