@@ -193,7 +193,7 @@ class DVI:
             )
         self._law = contact.table()
         self._stiffness = None if stiffness is None else np.array(stiffness, dtype=float)
-        self._soft = None if stiffness is None else spring_table(self.dt, self._stiffness, self._law[:, 1])
+        self._soft = self._springs_of_step()
         self._springs = np.zeros(4)  # energy [J]: normal, tangential, of rolling, of twisting
         self._convex = None if friction == "coulomb" else True
         self._relax = float(relaxation) if solver == "psor" else None
@@ -353,8 +353,7 @@ class DVI:
         self.step_count, self.order_version = (int(v) for v in state["counters"][:2])
         self._stale, self.list_version = bool(state["counters"][2]), int(state["counters"][3])
         self.dt, self.skin, self._reach = (float(v) for v in state["scalars"])
-        if self._stiffness is not None:
-            self._soft = spring_table(self.dt, self._stiffness, self._law[:, 1])
+        self._soft = self._springs_of_step()
         self._make_room()
 
     # -- inside
@@ -417,6 +416,10 @@ class DVI:
                 drives[:, b, kernel.DRIVE_SLOPE] = on * motion.drive_slope
                 drives[:, b, kernel.LOAD_TORQUE] = motion.load_at(times)
         return drives, data
+
+    def _springs_of_step(self) -> np.ndarray | None:
+        """The table of springs for the present step; None for rigid contacts."""
+        return None if self._stiffness is None else spring_table(self.dt, self._stiffness, self._law[:, 1])
 
     def _records(self) -> list[np.ndarray]:
         """Grains, bodies and contacts as the last step left them (`particles.dvi.gauss_seidel`), copied."""

@@ -199,7 +199,7 @@ def test_energy_never_grows(e=0.5):
 @pytest.mark.parametrize("e", [0.2, 0.9, 1.0])
 @pytest.mark.parametrize("a", [0.01, 0.1, 1.0, 4.0, 10.0, 100.0])
 def test_a_groove_gives_back_no_more_than_a_plane(e, a):
-    """Two contacts at once, 20 degrees between them, no friction: the rebound is at most e and the percent that is left soft."""
+    """Two contacts at once, 20 degrees between them, no friction: at most e and the percent that is left soft."""
     slope = np.deg2rad(10.0)
     walls = [Plane(name, "housing", (0.0, 0.0, 0.0), (side * np.sin(slope), 0.0, np.cos(slope)))
              for name, side in (("left", 1.0), ("right", -1.0))]  # fmt: skip
