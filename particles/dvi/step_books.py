@@ -54,10 +54,14 @@ def book(
         x, y, z = pair[k, RX], pair[k, RY], pair[k, RZ]
         old = pair_impulse[s, 0] != 0.0 or pair_impulse[s, 1] != 0.0 or pair_impulse[s, 2] != 0.0
         pair_impulse[s, 0], pair_impulse[s, 1], pair_impulse[s, 2] = x, y, z
-        if x == 0.0 and y == 0.0 and z == 0.0:
-            continue
-        loaded += 1
-        kept += old
+        idle = x == 0.0 and y == 0.0 and z == 0.0
+        if idle:
+            if soft is None:
+                continue
+            if pair[k, gs.GAP] >= 0.0:  # an overlap that its dashpot has let go still holds energy
+                continue
+        loaded += not idle
+        kept += old and not idle
         i, j = pair_index[k, 0], pair_index[k, 1]
         ex, ey, ez, arm = pair[k, EX], pair[k, EY], pair[k, EZ], pair[k, ARM]
         sx = grain[i, PX] + grain[j, PX] + radius[i] * spin[i, 0] + radius[j] * spin[j, 0]
@@ -81,10 +85,14 @@ def book(
         x, y, z = wall[k, RX], wall[k, RY], wall[k, RZ]
         old = wall_impulse[s, 0] != 0.0 or wall_impulse[s, 1] != 0.0 or wall_impulse[s, 2] != 0.0
         wall_impulse[s, 0], wall_impulse[s, 1], wall_impulse[s, 2] = x, y, z
-        if x == 0.0 and y == 0.0 and z == 0.0:
-            continue
-        loaded += 1
-        kept += old
+        idle = x == 0.0 and y == 0.0 and z == 0.0
+        if idle:
+            if soft is None:
+                continue
+            if wall[k, gs.GAP] >= 0.0:  # an overlap that its dashpot has let go still holds energy
+                continue
+        loaded += not idle
+        kept += old and not idle
         i, b = wall_index[k, 0], wall_index[k, 1]
         ex, ey, ez, arm = wall[k, EX], wall[k, EY], wall[k, EZ], wall[k, ARM]
         sx = grain[i, PX] + radius[i] * spin[i, 0]

@@ -181,7 +181,11 @@ def test_centrifugal_study_at_toy_size(tmp_path):
     folder = emclutch.sweep(small, out=tmp_path / "study")
     assert (folder / "speeds.png").stat().st_size > 10_000
     table = pandas.read_csv(folder / "study.csv")
-    assert table["particles.count"].tolist() == [2, 24]
+    assert table["particles.count"].tolist() == [2, 24, 2, 24]
+    assert table["contact.method"].tolist() == ["dem", "dem", "dvi", "dvi"]
+    compared = pandas.read_csv(folder / "methods.csv")
+    assert compared["particles.count"].tolist() == [2, 24] and (compared["missed_steps_dvi"] == 0.0).all()
+    assert (folder / "methods.txt").read_text().count("neither locks") == 2
     assert table["rotor_speed"].to_numpy() == pytest.approx(100 * math.pi / 30, rel=1e-6)
     assert table[["output_start_time", "output_start_speed", "lock_up_time"]].isna().all(axis=None)
 
