@@ -98,7 +98,10 @@ def _differences(a, b):
     return [name for name in one if not np.array_equal(one[name], two[name])]
 
 
-@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one thread only")
+@pytest.mark.skipif(
+    numba.config.NUMBA_NUM_THREADS < 2,
+    reason="numba began with one thread and cannot be given a second; test_four_threads has its own",
+)
 @pytest.mark.usefixtures("few_are_worth_sharing")
 @pytest.mark.parametrize(
     ("make", "n", "steps", "more"),
