@@ -9,10 +9,12 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
+from geometry.kernel_cache import inner
+
 FACES_NO_WALL = 1e30
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _pair(ax, ay, az, bx, by, bz, dx, dy, dz, r, cutoff):
     """Force on moment a from moment b, the unit vector d pointing from b to a, at distance r; switched energy, and
     mu_0/(4 pi r^3) times the switch s(r), with which s B_b(a) = that [3 (b.d) d - b]."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import signal
 import threading
 import tomllib
@@ -17,6 +16,8 @@ import numpy as np
 from coupling import CoilField, SolidCoilField, run_staggered
 from emclutch.assembly import assemble, simulation_of
 from emclutch.case import Case
+from emclutch.heartbeat import Heartbeat
+from emclutch.kernel_compilation import compilation_told
 from emclutch.observables import Observables
 from emclutch.plan import make_plan
 from emclutch.results import OutputError, Result, RunFolder, load_result, read_history, steady_mean
@@ -25,6 +26,8 @@ from emclutch.results.grain_profiles import write_profiles
 from emclutch.results.statistics import Estimate
 from emclutch.snapshots import History, Snapshots, save_checkpoint
 from field import ConvergenceError, FluxLinkage, MagneticField, MeanFluxDensity, PointOutside, estimate_error
+from geometry.kernel_cache import specialisations
+from geometry.threads import default_threads
 from particles import DemError, Grains, ParticleError
 
 log = logging.getLogger(__name__)
@@ -59,9 +62,9 @@ def run(
     ----------
     case : Case
     out : folder of the run; default: the scene's `output.folder`, or the next free runs/<case>-<nnn>.
-    threads : of the kernels; default: all cores. The result does not depend on it.
+    threads : of the kernels; default: ``OMP_NUM_THREADS``, or all cores. The result does not depend on it.
     resume : continue from the checkpoint in `out`.
-    progress : object with update(fraction, text), or None.
+    progress : object with update(fraction, text), or None; if it has announce(text) too, what is being compiled.
 
     Raises
     ------
@@ -77,16 +80,16 @@ def run(
     if resume and RunFolder(target).checkpoint.is_file():  # compared before anything in the folder is touched
         refuse_other_scene(read_checkpoint(RunFolder(target).checkpoint)["case"], case_text, target)
     folder = RunFolder.create(target, case_text, resume=resume)
-    with folder.logging():
+    with folder.logging(), compilation_told(lambda text: _announce(progress, text)) as compiled:
         try:
-            return _run(case, folder, case_text, resume, progress, begin)
+            return _run(case, folder, case_text, resume, progress, begin, compiled)
         except (ConvergenceError, ParticleError, PointOutside, ValueError) as error:
             text = f"{error}{remedy_in_scene(case, error)}"
             log.error("%s", text)
             raise RunError(f"{text}\n(log: {folder.log})") from error
 
 
-def _run(case, folder, case_text, resume, progress, begin) -> Result:
+def _run(case, folder, case_text, resume, progress, begin, compiled) -> Result:
     scene = case.scene
     _say(progress, 0.0, "mesh and field")
     device, plan = make_plan(case)
@@ -135,12 +138,20 @@ def _run(case, folder, case_text, resume, progress, begin) -> Result:
     extra = () if profiles is None else (profiles,)
     solver = (MissedSteps(scene.contact.dvi.allowed_misses),) if scene.contact.method == "dvi" else ()
     observers = (Observables(scene, device), history, *solver, snapshots, *extra, report, checkpoint)
-    with _interruptible(stop):
+    alive = Heartbeat(progress, simulation, plan.end)
+    observers = (alive.stop, *observers)
+    with _interruptible(stop), alive:
         try:
             run_staggered(simulation, plan.end, observers)
         finally:
             history.close()
             snapshots.close()
+    log.info(
+        "kernels: %d specialisations, %d of them compiled in %.1f s",
+        len(specialisations()),
+        compiled.count,
+        compiled.seconds,
+    )
     if stop.asked and simulation.window < plan.windows:
         log.info("stopped by the user at t = %g s", simulation.dem.time)
         raise Interrupted(
@@ -405,7 +416,7 @@ def use_threads(threads: int | None) -> None:
     available: int = getattr(numba.config, "NUMBA_NUM_THREADS")  # noqa: B009 (numba's stubs hide it)
     if threads is not None and not 1 <= threads <= available:
         raise ValueError(f"threads = {threads}; allowed: 1 to {available}, the cores of this machine")
-    numba.set_num_threads(threads or min(available, os.cpu_count() or 1))
+    numba.set_num_threads(threads or default_threads(available))
 
 
 def _threads() -> int:
@@ -427,6 +438,13 @@ def _threading_layer() -> str:
 def _say(progress, fraction: float, text: str) -> None:
     if progress is not None:
         progress.update(fraction, text)
+
+
+def _announce(progress, text: str) -> None:
+    log.info("%s", text)
+    announce = getattr(progress, "announce", None)
+    if announce is not None:
+        announce(text)
 
 
 class _interruptible:

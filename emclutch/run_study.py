@@ -157,6 +157,10 @@ class _Part:
         self._progress, self._number, self._total = progress, number, total
 
     def update(self, fraction: float, text: str) -> None:
-        self._progress.update(
-            (self._number + fraction) / self._total, f"point {self._number + 1} of {self._total}: {text}"
-        )
+        self._progress.update((self._number + fraction) / self._total, self._of_point(text))
+
+    def announce(self, text: str) -> None:
+        self._progress.announce(self._of_point(text))
+
+    def _of_point(self, text: str) -> str:
+        return f"point {self._number + 1} of {self._total}: {text}"

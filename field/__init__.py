@@ -3,6 +3,7 @@
 The field in space, for devices with slots or teeth, is the sub-package `field.solid`.
 """
 
+import geometry.kernel_cache  # noqa: F401 (before the first kernel is defined)
 from field.coil.coil_circuit import solve_at_flux_linkage
 from field.coil.inductance import FluxLinkageCurve
 from field.coil.magnetic_circuit import Branch, FilledPowder, FluxTube, MagneticCircuit, clutch_circuit

@@ -14,9 +14,6 @@ import numba
 
 WORTH_SHARING = 500  # grains
 
-# read by numba when the first parallel kernel starts; an explicit NUMBA_THREADING_LAYER still wins
-numba.config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]  # type: ignore[attr-defined]
-
 
 @contextmanager
 def threads_for(count: int) -> Iterator[None]:

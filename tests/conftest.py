@@ -1,13 +1,61 @@
-"""Where two workers run tests at a time, each has its own cache of compiled kernels.
+"""One thread a test worker, one cache of kernels for all of them, and a count of what was compiled.
 
-numba numbers the files of a cache by how many signatures its index holds: two processes that compile one function for
-different arguments at the same time may take each other's code.
+The machine code of a kernel is made anew for every combination of its arguments' types. That is what made the test run
+slow once, so the number of combinations is printed after it, and a run with more of them than `MOST` fails: whoever
+needs one more raises the number, and says in the commit what for.
 """
 
 import os
-from pathlib import Path
 
-worker = os.environ.get("PYTEST_XDIST_WORKER")
-if worker is not None:
-    home = os.environ.get("NUMBA_CACHE_DIR") or Path(__file__).parents[1] / ".pytest_cache" / "numba"
-    os.environ["NUMBA_CACHE_DIR"] = str(Path(home) / worker)
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy and numba are loaded; two workers share two cores
+
+import numba
+import pytest
+
+from geometry.kernel_cache import specialisations
+
+# Specialisations that the whole run may use, of all kernels and of the two that take longest to compile
+MOST = {"": 10_000, "particles.dem.step_kernel.run_steps": 1000, "particles.dvi.step_kernel.run_steps": 1000}
+found: set[str] = set()  # in the process that prints: those of all workers
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    """Every test begins with one thread, whatever the one before it has set; tests of threads take more."""
+    numba.set_num_threads(1)
+
+
+def pytest_sessionfinish(session):
+    """A worker sends what it has; the process that collects compares the whole with what is allowed."""
+    if hasattr(session.config, "workeroutput"):
+        session.config.workeroutput["specialisations"] = sorted(specialisations())
+        return
+    found.update(specialisations())
+    if too_many():
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node):
+    """pytest-xdist: a worker has ended."""
+    found.update(getattr(node, "workeroutput", {}).get("specialisations", ()))
+
+
+def counts() -> dict[str, int]:
+    """How many of each that `MOST` bounds."""
+    return {name: sum(one.startswith(f"{name}(" if name else "") for one in found) for name in MOST}
+
+
+def too_many() -> list[str]:
+    return [name for name, number in counts().items() if number > MOST[name]]
+
+
+def pytest_terminal_summary(terminalreporter):
+    number = counts()
+    terminalreporter.write_sep("-", "compiled specialisations")
+    for name in MOST:
+        terminalreporter.write_line(f"{name or 'all kernels'}: {number[name]} (at most {MOST[name]})")
+    for name in too_many():
+        terminalreporter.write_line(
+            f"FAILED: more specialisations of {name or 'all kernels'} than tests/conftest.py allows", red=True
+        )

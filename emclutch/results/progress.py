@@ -74,6 +74,15 @@ class Progress:
             print(f"{100.0 * fraction:3.0f} %  {self.text}  {left}".rstrip(), file=self.stream, flush=True)
             self._line_time, self._line_fraction = now, fraction
 
+    def announce(self, text: str) -> None:
+        """Show at once what is being waited for."""
+        self.text = text
+        if self._bar is not None:
+            self._bar.update(self._task, description=text)
+            return
+        print(f"{100.0 * self._latest:3.0f} %  {text}", file=self.stream, flush=True)
+        self._line_time = time.monotonic()
+
     def _left(self, fraction: float) -> str:
         now = time.monotonic()
         if fraction >= 1.0:

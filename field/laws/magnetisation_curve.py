@@ -17,6 +17,7 @@ from numba import njit
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from field.laws.reluctivity import MU_0, NU_0, Law, LinearLaw
+from geometry.kernel_cache import inner
 
 # Cubics of a sampled law: 1e-6 takes 50 to 150 for the laws here, 1e-9 up to a thousand.
 _MOST_INTERVALS = 20_000
@@ -76,7 +77,7 @@ class HSpline:
         return w
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@inner(error_model="numpy")
 def _interval(B, breaks, last):
     """Index of the interval that holds B, by bisection; `last` is tried first (neighbours in an element are alike)."""
     if breaks[last] <= B and (last == breaks.size - 2 or B < breaks[last + 1]):

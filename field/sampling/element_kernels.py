@@ -9,6 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
+from geometry.kernel_cache import inner
+
 CHUNK = 1024  # points a task; each point's result depends on that point alone, so any number would do
 
 # A remembered triangle is taken only if the point is inside it by this much in barycentric coordinates:
@@ -16,7 +18,7 @@ CHUNK = 1024  # points a task; each point's result depends on that point alone, 
 _INSIDE = 1e-9
 
 
-@njit(cache=True, error_model="numpy", nogil=True, inline="always")
+@inner(error_model="numpy", inline="always")
 def _triangle_at(r, z, hint, affine, start, items, origin, inverse_size, shape, margin):
     """Element (-1 outside) and its last two barycentric coordinates."""
     found, best = -1, -margin

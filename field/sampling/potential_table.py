@@ -25,6 +25,7 @@ from field.sampling.locate import PointOutside
 from field.sampling.result_arrays import result_arrays
 from field.sampling.table_grid import TableGrid
 from field.sampling.thread_count import shared_by
+from geometry.kernel_cache import inner
 
 _CHUNK = 1024  # points a task
 # Powers of t beside one of s; a constant from another file would go stale in the kernel's cache.
@@ -101,7 +102,7 @@ class TableSampler:
         return H, grad
 
 
-@njit(cache=True, error_model="numpy", nogil=True, inline="always")
+@inner(error_model="numpy", inline="always")
 def _cell_at(r, z, r_lines, z_lines, r_bins, z_bins, number):
     """Cell of the grid, -1 outside."""
     # written so that a NaN coordinate is outside

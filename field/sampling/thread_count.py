@@ -7,10 +7,6 @@ from contextlib import contextmanager
 
 import numba
 
-# OpenMP first, before any parallel kernel starts: tbb was slower than a single thread for such short loops.  An
-# explicit NUMBA_THREADING_LAYER still wins.
-numba.config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]  # type: ignore[attr-defined]
-
 # Starting a parallel loop costs some microseconds, a point 40 to 80 ns.
 WORTH_SHARING = 2000  # points
 

@@ -6,6 +6,8 @@ import numpy as np
 import scipy.sparse as sp
 from numba import njit
 
+from geometry.kernel_cache import inner
+
 
 class FixedPattern:
     """Pattern of the free unknowns; the staggered loop solves on the same mesh again and again.
@@ -119,7 +121,7 @@ def _columns(local, start, owner, in_clique, clique, mark, count, indptr, indice
             indices[indptr[column] : indptr[column] + n].sort()
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _place(indptr, indices, row, column):
     low, high = indptr[column], indptr[column + 1] - 1
     while low < high:

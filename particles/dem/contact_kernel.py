@@ -24,6 +24,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from geometry.kernel_cache import inner
 from particles.laws.columns import COHESION_0, COHESION_1, MU, MU_ROLLING, MU_TWISTING
 from particles.laws.hertz import hertz_spring
 from particles.laws.hertz_mindlin import hertz_mindlin_spring
@@ -99,7 +100,7 @@ def contact_force(
     f_rep = max(f_el + gamma_n * closing, 0.0)  # an impact never pulls
     f_n = f_rep
     pull = 0.0
-    if cohesive is not None:
+    if cohesive:
         pull = law[kind, COHESION_0] + law[kind, COHESION_1] * r_eff
         f_n -= pull
 
@@ -157,7 +158,7 @@ def contact_force(
     )  # fmt: skip
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def rolling_couple(
     law, kind, ledger, pair, arm, inertia, k_t, last, damping, dt, f_rep, nx, ny, nz, px, py, pz, wx, wy, wz, spin_n,
     history, slot, first, books,
@@ -203,7 +204,7 @@ def rolling_couple(
     return -tx, -ty, -tz, 0.5 * k * (x * x + y * y + z * z), lost
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def twisting_couple(
     law, kind, ledger, arm, inertia, k_t, last, damping, dt, f_rep, spin, history, slot, first, books
 ):  # fmt: skip
@@ -238,8 +239,8 @@ def twisting_couple(
     return -couple, 0.5 * k * angle * angle, lost
 
 
-@njit(error_model="numpy", fastmath={"contract"})
-def left_in_springs(linear, walton_braun, rolling, twisting, law, kind, arm, closed, history, slot, columns):
+@inner(error_model="numpy", fastmath={"contract"})
+def left_in_springs(linear, walton_braun, resisting, law, kind, arm, closed, history, slot, columns):
     """What a contact that has just parted still held, by the mechanism that it is lost to [J].
 
     ``closed`` is the distance by which its last drift closed it (negative: opened) [m]. Returns the losses to normal
@@ -256,9 +257,10 @@ def left_in_springs(linear, walton_braun, rolling, twisting, law, kind, arm, clo
     lost_s = 0.5 * k_t * (history[slot, 0] ** 2 + history[slot, 1] ** 2 + history[slot, 2] ** 2)
     lost_r = lost_w = 0.0
     k = k_t * arm * arm
-    if rolling is not None:
-        r = columns[0]
-        lost_r = 0.5 * k * (history[slot, r] ** 2 + history[slot, r + 1] ** 2 + history[slot, r + 2] ** 2)
-    if twisting is not None:
-        lost_w = 0.5 * k * history[slot, columns[1]] ** 2
+    if resisting is not None:
+        if columns[0] >= 0:
+            r = columns[0]
+            lost_r = 0.5 * k * (history[slot, r] ** 2 + history[slot, r + 1] ** 2 + history[slot, r + 2] ** 2)
+        if columns[1] >= 0:
+            lost_w = 0.5 * k * history[slot, columns[1]] ** 2
     return lost_n, lost_s, lost_r, lost_w

@@ -338,13 +338,16 @@ class DEM:
         rows = self.laws.rows
         on = {name: True if self.laws.kernel == name else None for name in SPRINGS}
         self._law_flags = [on[name] for name in ("linear", "hertz_mindlin", "hertz", "thesis", "walton_braun")]
-        self._rolling = True if rows[:, MU_ROLLING].any() else None
-        self._twisting = True if rows[:, MU_TWISTING].any() else None
-        self._cohesive = True if rows[:, [COHESION_0, COHESION_1]].any() else None
+        self._rolling, self._twisting = bool(rows[:, MU_ROLLING].any()), bool(rows[:, MU_TWISTING].any())
+        self._resisting = True if self._rolling or self._twisting else None
+        self._cohesive = bool(rows[:, [COHESION_0, COHESION_1]].any())
         rolling = 3 if self.laws.kernel == "linear" else 6
         twisting = rolling + (3 if self._rolling else 0)
         books = twisting + (1 if self._twisting else 0)
-        self._columns = np.array([rolling, twisting, books], dtype=np.int64)
+        # what a contact does not remember has no column
+        self._columns = np.array(
+            [rolling if self._rolling else -1, twisting if self._twisting else -1, books], dtype=np.int64
+        )
         kept = 0
         if self.ledger:
             kept = 8 if self._twisting else 7 if self._rolling else 4
@@ -394,26 +397,26 @@ class DEM:
         body_totals: np.ndarray,
     ) -> list:
         g, c = self.grains, self._list
-        external = self.external_force
-        if external is not None:
-            external = np.ascontiguousarray(external, dtype=float)
+        none = np.zeros((0, 3))
+        external = gravity = none
+        if self.external_force is not None:
+            external = np.ascontiguousarray(self.external_force, dtype=float)
             if external.shape != (g.count, 3):
                 raise ValueError(f"external_force has shape {external.shape}; it must be ({g.count}, 3)")
-        gravity = None
         if callable(self.gravity):
             times = (self.step_count + np.arange(n_steps)) * self.dt
             gravity = np.ascontiguousarray(self.gravity(times), dtype=float).reshape(n_steps, 3)
         elif self.gravity is not None:
             gravity = np.array(self.gravity, dtype=float).reshape(1, 3)
+        species = np.zeros(0, dtype=np.int64) if self._species is None else self._species
         drives, data = self._drives(n_steps)
-        none = np.zeros((0, 3))
         k = c.chunks
         return [
             n_steps, self.dt, float(self.n_sectors), last_call,
             (0.5 * self.skin) ** 2, WALL_SKIN * self.skin, self.overlap_limit,
             self._fastest,
-            *self._law_flags, self.laws.rows, self.laws.pair, self._wall_row, self._species, self._equal, self._columns,
-            self._cohesive, self._rolling, self._twisting, True if self.ledger else None, self._turn, gravity, external,
+            *self._law_flags, self.laws.rows, self.laws.pair, self._wall_row, species, self._equal, self._columns,
+            self._cohesive, self._resisting, True if self.ledger else None, self._turn, gravity, external,
             g.where, g.motion, g.mass, c.reference, self._net, k.late,
             c.pairs.start, c.pairs.other, None if self.sector is None else c.pairs.shift, c.touching, c.history, none,
             k.start, k.cross_start, k.reaction, k.late_start, k.late_grain, k.in_start, k.in_slot,
@@ -582,8 +585,8 @@ class DEM:
                     "normal_damping": float(work[sums.NORMAL_DAMPING]),
                     "tangential_damping": float(work[sums.TANGENTIAL_DAMPING]),
                     "sliding": float(work[sums.SLIDING]),
-                    **({} if self._rolling is None else {"rolling": float(work[sums.ROLLING])}),
-                    **({} if self._twisting is None else {"twisting": float(work[sums.TWISTING])}),
+                    **({} if not self._rolling else {"rolling": float(work[sums.ROLLING])}),
+                    **({} if not self._twisting else {"twisting": float(work[sums.TWISTING])}),
                 },
                 contact_work=float(work[sums.CONTACT_WORK]),
                 gravity_work=float(work[sums.GRAVITY_WORK]),

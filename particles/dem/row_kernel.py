@@ -12,8 +12,8 @@ conserved to round-off.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from geometry.kernel_cache import inner
 from particles.dem import sums as column
 from particles.dem.contact_kernel import contact_force, left_in_springs, rolling_couple, twisting_couple
 from particles.laws.columns import DAMPING_ROLLING
@@ -21,7 +21,7 @@ from particles.walls.triangle_kernels import LEADER, SLOT, triangle_contacts
 from particles.walls.wall_kernels import _wall_gap
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def drift(i, dt, ledger, gravity, step, external, where, motion, m, reference, net, last, fx, fy, fz, tx, ty, tz, row):
     """Kick and drift of grain i under contact force f and torque t; clears its place for the next step.
 
@@ -31,10 +31,10 @@ def drift(i, dt, ledger, gravity, step, external, where, motion, m, reference, n
     radius = where[i, 3]
     turn = kick / (0.4 * radius * radius)
     ax, ay, az = fx, fy, fz
-    if gravity is not None:
+    if gravity.shape[0] > 0:
         g = min(step, gravity.shape[0] - 1)
         ax, ay, az = ax + m * gravity[g, 0], ay + m * gravity[g, 1], az + m * gravity[g, 2]
-    if external is not None:
+    if external.shape[0] > 0:
         ax, ay, az = ax + external[i, 0], ay + external[i, 1], az + external[i, 2]
     vx, vy, vz = motion[i, 0], motion[i, 1], motion[i, 2]
     wx, wy, wz = motion[i, 3], motion[i, 4], motion[i, 5]
@@ -50,11 +50,11 @@ def drift(i, dt, ledger, gravity, step, external, where, motion, m, reference, n
         half = 0.5 * dt
         row[column.CONTACT_WORK] += half * (fx * vx + fy * vy + fz * vz + tx * wx + ty * wy + tz * wz)
         row[column.CONTACT_LATER] += half * (fx * bx + fy * by + fz * bz + tx * ox + ty * oy + tz * oz)
-        if gravity is not None:
+        if gravity.shape[0] > 0:
             g = min(step, gravity.shape[0] - 1)
             row[column.GRAVITY_WORK] += half * m * (gravity[g, 0] * vx + gravity[g, 1] * vy + gravity[g, 2] * vz)
             row[column.GRAVITY_LATER] += half * m * (gravity[g, 0] * bx + gravity[g, 1] * by + gravity[g, 2] * bz)
-        if external is not None:
+        if external.shape[0] > 0:
             row[column.EXTERNAL_WORK] += half * (external[i, 0] * vx + external[i, 1] * vy + external[i, 2] * vz)
             row[column.EXTERNAL_LATER] += half * (external[i, 0] * bx + external[i, 1] * by + external[i, 2] * bz)
         if last:  # at the time of the positions that the forces belong to
@@ -70,11 +70,11 @@ def drift(i, dt, ledger, gravity, step, external, where, motion, m, reference, n
     return travel, bx * bx + by * by + bz * bz
 
 
-@njit(error_model="numpy", fastmath={"contract"})
-def add_left(linear, walton_braun, rolling, twisting, law, kind, radius, history, slot, columns, lost):
+@inner(error_model="numpy", fastmath={"contract"})
+def add_left(linear, walton_braun, resisting, law, kind, radius, history, slot, columns, lost):
     """Book what the springs of a wall's slot held when the grain left it."""
     a, b, c, d = left_in_springs(
-        linear, walton_braun, rolling, twisting, law, kind, radius, 0.0, history, slot, columns
+        linear, walton_braun, resisting, law, kind, radius, 0.0, history, slot, columns
     )
     lost[0] += a
     lost[1] += b
@@ -82,9 +82,9 @@ def add_left(linear, walton_braun, rolling, twisting, law, kind, radius, history
     lost[3] += d
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def touching_walls(
-    first, end, x, y, z, radius, linear, walton_braun, rolling, twisting, ledger, law, wall_row, kind_row, columns,
+    first, end, x, y, z, radius, linear, walton_braun, resisting, ledger, law, wall_row, kind_row, columns,
     wall, triangle, wall_body, body_turn, wall_other, wall_touching, wall_history, found, lost,
 ):  # fmt: skip
     """What grain i touches among its wall slots first <= k < end: rows (slot, distance, unit vector towards the wall).
@@ -103,7 +103,7 @@ def touching_walls(
             wall_touching[first] = 0
             if ledger is not None:
                 row = wall_row[kind_row, wall_other[first]]
-                add_left(linear, walton_braun, rolling, twisting, law, row, radius, wall_history, first, columns, lost)
+                add_left(linear, walton_braun, resisting, law, row, radius, wall_history, first, columns, lost)
             for a in range(wall_history.shape[1]):
                 wall_history[first, a] = 0.0
         return 0
@@ -118,7 +118,7 @@ def touching_walls(
                 found[count, 0], found[count, 1] = k - 1, distance
                 found[count, 2], found[count, 3], found[count, 4] = nx, ny, nz
                 count += 1
-        elif triangle is not None:  # all triangles of one body at once, in the frame that turns with it
+        else:  # all triangles of one body at once, in the frame that turns with it
             body = wall_body[w]
             begin = k - 1
             while k < end and wall_body[wall_other[k]] == body:
@@ -135,7 +135,7 @@ def touching_walls(
                     if wall_touching[new] != 0 and ledger is not None:  # two contacts have become one
                         row = wall_row[kind_row, wall_other[old]]
                         add_left(
-                            linear, walton_braun, rolling, twisting, law, row, radius, wall_history, old, columns, lost
+                            linear, walton_braun, resisting, law, row, radius, wall_history, old, columns, lost
                         )
                     if wall_touching[new] == 0:
                         wall_touching[new] = 1
@@ -163,7 +163,7 @@ def touching_walls(
                     break
             if ledger is not None and not handed:
                 row = wall_row[kind_row, wall_other[k]]
-                add_left(linear, walton_braun, rolling, twisting, law, row, radius, wall_history, k, columns, lost)
+                add_left(linear, walton_braun, resisting, law, row, radius, wall_history, k, columns, lost)
             for b in range(wall_history.shape[1]):
                 wall_history[k, b] = 0.0
     for a in range(count):
@@ -171,11 +171,11 @@ def touching_walls(
     return count
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def sweep_rows(
     chunk, lo, hi, dt, step, last,
     linear, hertz_mindlin, hertz, thesis, walton_braun, law, pair_row, wall_row, species, equal, columns,
-    cohesive, rolling, twisting, ledger, turn, gravity, external,
+    cohesive, resisting, ledger, turn, gravity, external,
     where, motion, mass, reference, net, late,
     pair_start, pair_other, pair_shift, pair_touching, pair_history, pair_record, cross_start, cross,
     wall, triangle, wall_body, body_speed, body_turn,
@@ -223,7 +223,10 @@ def sweep_rows(
                     pair_touching[k] = 0
                     if ledger is not None:
                         d = np.sqrt(d2)
-                        kind = 0 if species is None else pair_row[species[i], species[j]]
+                        kind = 0
+                        if equal is None:
+                            if species.shape[0] > 0:
+                                kind = pair_row[species[i], species[j]]
                         ux, uy = motion[j, 0], motion[j, 1]
                         if turn is not None:
                             if pair_shift[k] != 0:
@@ -233,8 +236,7 @@ def sweep_rows(
                         lost_1, lost_2, lost_3, lost_4 = left_in_springs(
                             linear,
                             walton_braun,
-                            rolling,
-                            twisting,
+                            resisting,
                             law,
                             kind,
                             arm,
@@ -274,8 +276,9 @@ def sweep_rows(
                 r_eff = rj * share
             lj = d - li
             kind = 0
-            if species is not None:
-                kind = pair_row[species[i], species[j]]
+            if equal is None:
+                if species.shape[0] > 0:
+                    kind = pair_row[species[i], species[j]]
             delta = reach - d
             ax, ay, az = li * wx + lj * qx, li * wy + lj * qy, li * wz + lj * qz
             # by how much n has turned in the drift that has just ended
@@ -311,11 +314,11 @@ def sweep_rows(
             fx, fy, fz = fx + gx, fy + gy, fz + gz
             tx, ty, tz = tx + li * mx, ty + li * my, tz + li * mz
             mx, my, mz = lj * mx, lj * my, lj * mz
-            if rolling is not None or twisting is not None:
+            if resisting is not None:
                 own, others = mi * ri * ri, mj * rj * rj
                 inertia = 0.4 * own * others / (own + others)
                 damping = law[kind, DAMPING_ROLLING]
-                if rolling is not None:
+                if columns[0] >= 0:
                     hx, hy, hz, e, lost_1 = rolling_couple(
                         law, kind, ledger, True, r_eff, inertia, k_t, k_last, damping, dt, f_rep, nx, ny, nz,
                         wx - qx, wy - qy, wz - qz, hx, hy, hz, spin_n, pair_history, k, columns[0], books,
@@ -324,7 +327,7 @@ def sweep_rows(
                     lost_r += lost_1
                     tx, ty, tz = tx + hx, ty + hy, tz + hz
                     mx, my, mz = mx - hx, my - hy, mz - hz
-                if twisting is not None:
+                if columns[1] >= 0:
                     couple, e, lost_1 = twisting_couple(
                         law, kind, ledger, r_eff, inertia, k_t, k_last, damping, dt, f_rep,
                         (wx - qx) * nx + (wy - qy) * ny + (wz - qz) * nz, pair_history, k, columns[1], books,
@@ -352,9 +355,12 @@ def sweep_rows(
 
         first, end = wall_start[i], wall_start[i + 1]
         if end > first:
-            kind_row = 0 if species is None else species[i]
+            kind_row = 0
+            if equal is None:
+                if species.shape[0] > 0:
+                    kind_row = species[i]
             count = touching_walls(
-                first, end, x, y, z, ri, linear, walton_braun, rolling, twisting, ledger, law, wall_row, kind_row,
+                first, end, x, y, z, ri, linear, walton_braun, resisting, ledger, law, wall_row, kind_row,
                 columns, wall, triangle, wall_body, body_turn, wall_other, wall_touching, wall_history, found, lost,
             )  # fmt: skip
             for a in range(count):
@@ -391,10 +397,10 @@ def sweep_rows(
                 ty += distance * (nz * gx - nx * gz)
                 tz += distance * (nx * gy - ny * gx)
                 row = body_chunks[chunk, body]
-                if rolling is not None or twisting is not None:
+                if resisting is not None:
                     inertia = 0.4 * mi * ri * ri
                     damping = law[kind, DAMPING_ROLLING]
-                    if rolling is not None:
+                    if columns[0] >= 0:
                         hx, hy, hz, e, lost_1 = rolling_couple(
                             law, kind, ledger, None, ri, inertia, k_t, k_last, damping, dt, f_rep, nx, ny, nz,
                             wx, wy, wz - omega, 0.0, 0.0, 0.0, spin_n, wall_history, k, columns[0], books,
@@ -403,7 +409,7 @@ def sweep_rows(
                         lost_r += lost_1
                         tx, ty, tz = tx + hx, ty + hy, tz + hz
                         row[column.TORQUE_T] -= hz
-                    if twisting is not None:
+                    if columns[1] >= 0:
                         couple, e, lost_1 = twisting_couple(
                             law, kind, ledger, ri, inertia, k_t, k_last, damping, dt, f_rep,
                             wx * nx + wy * ny + (wz - omega) * nz, wall_history, k, columns[1], books,
@@ -471,7 +477,7 @@ def sweep_rows(
     totals[column.MAX_TRAVEL], totals[column.MAX_SPEED] = travel, fastest
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def finish_rows(
     chunk, dt, step, last, equal, ledger, gravity, external, where, motion, mass, reference, net,
     late_start, late_grain, in_start, in_slot, cross, sums,
@@ -481,7 +487,7 @@ def finish_rows(
     travel, fastest = totals[column.MAX_TRAVEL], totals[column.MAX_SPEED]
     m = mass[0]
     for a in range(late_start[chunk], late_start[chunk + 1]):
-        i = late_grain[a]
+        i = np.int64(late_grain[a])
         if equal is None:
             m = mass[i]
         fx, fy, fz = motion[i, 6], motion[i, 7], motion[i, 8]

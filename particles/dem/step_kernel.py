@@ -8,8 +8,10 @@ and the same for spins (2/5 m R^2). A step has two parallel stages over chunks o
 number of grains alone (`particles.dem.row_kernel`); sums over grains are kept by chunk and added in the order of the
 chunks. So nothing depends on the number of threads, bit for bit.
 
-Parts that a scene has not (``turn``, ``gravity``, ``external``, ``rolling``, ``ledger``, the laws but one, ...) are
-passed as None: numba prunes their branches, the compiled code does not contain them.
+What would cost in the loop over pairs and is not in the scene (``turn``, ``resisting``, ``ledger``, ``equal``, the laws
+but one) is passed as None: numba prunes its branches, the compiled code does not contain it. What is done once a grain
+or once a contact (gravity, held forces, triangles, species, cohesion, which of rolling and twisting) is a branch at run
+time, on an empty array or a flag: every combination compiled would be 2 816 variants of ten seconds and more.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
+from geometry.kernel_cache import inner
 from particles.dem.row_kernel import finish_rows, sweep_rows
 from particles.dem.sums import (
     BODY_WORK,
@@ -48,10 +51,9 @@ from particles.dem.sums import (
     TOO_FAST,
     TORQUE_T,
 )  # fmt: skip
-from particles.kernel_stamp import kernel_stamp
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _turn_bodies(dt, n_sectors, drives, step, body_data, body_angle, body_speed, body_chunks, body_totals):
     """Add the chunks in their order, turn the shafts (`particles.bodies`)."""
     for b in range(body_speed.shape[0]):
@@ -86,7 +88,7 @@ def _turn_bodies(dt, n_sectors, drives, step, body_data, body_angle, body_speed,
         body_angle[b] += body_speed[b] * dt
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _verdict(chunk_sums, totals, travel_limit, wall_travel, wall_limit, overlap_limit, speed_limit):
     """Add the chunks in their order: energies accumulate, extremes are kept, contacts are the last."""
     contacts = elastic = travel = fastest = 0.0
@@ -120,62 +122,52 @@ def _verdict(chunk_sums, totals, travel_limit, wall_travel, wall_limit, overlap_
     return REBUILD if travel > travel_limit or wall_travel > wall_limit else DONE
 
 
-def _made(stamp: int):
-    """The kernel; ``stamp`` stands in its cache key (`particles.kernel_stamp`)."""
+@njit(parallel=True, cache=True, error_model="numpy", fastmath={"contract"})
+def run_steps(
+    n_steps, dt, n_sectors, last_call, travel_limit, wall_limit, overlap_limit, speed_limit,
+    linear, hertz_mindlin, hertz, thesis, walton_braun, law, pair_row, wall_row, species, equal, columns,
+    cohesive, resisting, ledger, turn, gravity, external,
+    where, motion, mass, reference, net, late,
+    pair_start, pair_other, pair_shift, pair_touching, pair_history, pair_record,
+    chunk, cross_start, cross, late_start, late_grain, in_start, in_slot,
+    wall, triangle, wall_body, body_reach, body_start_angle,
+    wall_start, wall_other, wall_touching, wall_history, wall_record, scratch,
+    drives, body_data, body_angle, body_speed, body_turn, chunk_sums, body_chunks, totals, body_totals,
+):  # fmt: skip
+    """Up to ``n_steps`` steps; stops early when a list must be rebuilt or a grain is in trouble.
 
-    @njit(parallel=True, cache=True, error_model="numpy", fastmath={"contract"})
-    def run_steps(
-        n_steps, dt, n_sectors, last_call, travel_limit, wall_limit, overlap_limit, speed_limit,
-        linear, hertz_mindlin, hertz, thesis, walton_braun, law, pair_row, wall_row, species, equal, columns,
-        cohesive, rolling, twisting, ledger, turn, gravity, external,
-        where, motion, mass, reference, net, late,
-        pair_start, pair_other, pair_shift, pair_touching, pair_history, pair_record,
-        chunk, cross_start, cross, late_start, late_grain, in_start, in_slot,
-        wall, triangle, wall_body, body_reach, body_start_angle,
-        wall_start, wall_other, wall_touching, wall_history, wall_record, scratch,
-        drives, body_data, body_angle, body_speed, body_turn, chunk_sums, body_chunks, totals, body_totals,
-    ):  # fmt: skip
-        """Up to ``n_steps`` steps; stops early when a list must be rebuilt or a grain is in trouble.
-
-        Returns (answer, steps done); every array is documented where it is made, in `particles.dem.dem`.
-        """
-        if stamp == 0:
-            return DONE, 0
-        n_chunks = chunk.shape[0] - 1
-        for step in range(n_steps):
-            last = last_call and step == n_steps - 1
-            for b in range(body_speed.shape[0]):
-                if body_data[b, FREE] == 0.0:
-                    body_speed[b] = drives[step, b, SPEED]
-                if triangle is not None:
-                    body_turn[b, 0], body_turn[b, 1] = np.cos(body_angle[b]), np.sin(body_angle[b])
+    Returns (answer, steps done); every array is documented where it is made, in `particles.dem.dem`.
+    """
+    n_chunks = chunk.shape[0] - 1
+    for step in range(n_steps):
+        last = last_call and step == n_steps - 1
+        for b in range(body_speed.shape[0]):
+            if body_data[b, FREE] == 0.0:
+                body_speed[b] = drives[step, b, SPEED]
+            if triangle.shape[0] > 0:
+                body_turn[b, 0], body_turn[b, 1] = np.cos(body_angle[b]), np.sin(body_angle[b])
+        for c in prange(n_chunks):
+            sweep_rows(  # int64: numba's own index is unsigned, and everything would be compiled for both
+                np.int64(c), chunk[c], chunk[c + 1], dt, step, last,
+                linear, hertz_mindlin, hertz, thesis, walton_braun, law, pair_row, wall_row, species, equal,
+                columns, cohesive, resisting, ledger, turn, gravity, external,
+                where, motion, mass, reference, net, late,
+                pair_start, pair_other, pair_shift, pair_touching, pair_history, pair_record, cross_start, cross,
+                wall, triangle, wall_body, body_speed, body_turn,
+                wall_start, wall_other, wall_touching, wall_history, wall_record, scratch,
+                chunk_sums, body_chunks,
+            )  # fmt: skip
+        if late_grain.shape[0] > 0:
             for c in prange(n_chunks):
-                sweep_rows(
-                    c, chunk[c], chunk[c + 1], dt, step, last,
-                    linear, hertz_mindlin, hertz, thesis, walton_braun, law, pair_row, wall_row, species, equal,
-                    columns, cohesive, rolling, twisting, ledger, turn, gravity, external,
-                    where, motion, mass, reference, net, late,
-                    pair_start, pair_other, pair_shift, pair_touching, pair_history, pair_record, cross_start, cross,
-                    wall, triangle, wall_body, body_speed, body_turn,
-                    wall_start, wall_other, wall_touching, wall_history, wall_record, scratch,
-                    chunk_sums, body_chunks,
+                finish_rows(
+                    np.int64(c), dt, step, last, equal, ledger, gravity, external, where, motion, mass, reference, net,
+                    late_start, late_grain, in_start, in_slot, cross, chunk_sums,
                 )  # fmt: skip
-            if late_grain.shape[0] > 0:
-                for c in prange(n_chunks):
-                    finish_rows(
-                        c, dt, step, last, equal, ledger, gravity, external, where, motion, mass, reference, net,
-                        late_start, late_grain, in_start, in_slot, cross, chunk_sums,
-                    )  # fmt: skip
-            _turn_bodies(dt, n_sectors, drives, step, body_data, body_angle, body_speed, body_chunks, body_totals)
-            wall_travel = 0.0
-            for b in range(body_speed.shape[0]):
-                wall_travel = max(wall_travel, abs(body_angle[b] - body_start_angle[b]) * body_reach[b])
-            answer = _verdict(chunk_sums, totals, travel_limit, wall_travel, wall_limit, overlap_limit, speed_limit)
-            if answer != DONE:
-                return answer, step + 1
-        return DONE, n_steps
-
-    return run_steps
-
-
-run_steps = _made(kernel_stamp())
+        _turn_bodies(dt, n_sectors, drives, step, body_data, body_angle, body_speed, body_chunks, body_totals)
+        wall_travel = 0.0
+        for b in range(body_speed.shape[0]):
+            wall_travel = max(wall_travel, abs(body_angle[b] - body_start_angle[b]) * body_reach[b])
+        answer = _verdict(chunk_sums, totals, travel_limit, wall_travel, wall_limit, overlap_limit, speed_limit)
+        if answer != DONE:
+            return answer, step + 1
+    return DONE, n_steps

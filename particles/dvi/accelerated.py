@@ -24,11 +24,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from geometry.kernel_cache import inner
 from particles.dvi.couples import residual, sweep, weigh_couples
 from particles.dvi.gauss_seidel import BRAKE, IWN, RX
 from particles.dvi.history import HISTORY, N_PRODUCTS, extrapolate, gather, remember
 from particles.dvi.shares import extrapolate_shares, gather_shares, remember_shares, residual_of_shares, sweep_shares
-from particles.kernel_stamp import kernel_stamp
 
 # methods: sweeps alone, accelerated, then an interior point; accelerated projected gradients (convex only)
 GAUSS_SEIDEL, ANDERSON, INTERIOR, APGD = range(4)
@@ -40,7 +40,7 @@ FURTHEST = 1e2  # largest coefficient: beyond, changes do not shrink, as of cont
 OVER = 1.6  # over-relaxation of the sweeps after a stall; beyond 1.8 sheared beds do not converge
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def solve(
     convex, relax, soft, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples=None,
     share=None, alone=True,
@@ -66,7 +66,7 @@ def solve(
     return first + done, reached, 1
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def anderson(
     convex, relax, soft, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples=None, share=None,
     alone=True,
@@ -146,7 +146,7 @@ def anderson(
     return done, _residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall, share, alone)
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _weights(weight, pair, wall, body, couples):
     """sqrt(w_n) for each component of an impulse, sqrt(1/J) for the loads of shafts, sqrt(W) for couples."""
     p = pair.shape[0]
@@ -161,7 +161,7 @@ def _weights(weight, pair, wall, body, couples):
 
 
 # What follows is done in one piece, or in shares: numba leaves out a branch that asks for something that is None
-@njit(inline="always", error_model="numpy", fastmath={"contract"})
+@inner(inline="always", error_model="numpy", fastmath={"contract"})
 def _sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall, share, alone):
     change = 0.0
     if alone is not None:
@@ -180,7 +180,7 @@ def _sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_ind
     return change
 
 
-@njit(inline="always", error_model="numpy", fastmath={"contract"})
+@inner(inline="always", error_model="numpy", fastmath={"contract"})
 def _residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall, share, alone):
     reached = 0.0
     if alone is not None:
@@ -193,7 +193,7 @@ def _residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, 
     return reached
 
 
-@njit(inline="always", error_model="numpy", fastmath={"contract"})
+@inner(inline="always", error_model="numpy", fastmath={"contract"})
 def _gather(g, r, weight, f, products, grain, body, pair, wall, couples, share, alone):
     if alone is not None:
         part = (0, pair.shape[0], 0, wall.shape[0], 0, grain.shape[0], 1)
@@ -205,7 +205,7 @@ def _gather(g, r, weight, f, products, grain, body, pair, wall, couples, share, 
         )  # fmt: skip
 
 
-@njit(inline="always", error_model="numpy", fastmath={"contract"})
+@inner(inline="always", error_model="numpy", fastmath={"contract"})
 def _remember(
     better, first, slot, known, g, old_g, best_g, f, old_f, d_g, d_f, products, grain, body, pair, wall, couples,
     share, alone,
@@ -223,7 +223,7 @@ def _remember(
         )  # fmt: skip
 
 
-@njit(inline="always", error_model="numpy", fastmath={"contract"})
+@inner(inline="always", error_model="numpy", fastmath={"contract"})
 def _extrapolate(r, g, c, known, d_g, grain, body, pair, wall, couples, share, alone):
     if alone is not None:
         part = (0, pair.shape[0], 0, wall.shape[0], 0, grain.shape[0], 1)
@@ -232,7 +232,7 @@ def _extrapolate(r, g, c, known, d_g, grain, body, pair, wall, couples, share, a
         extrapolate_shares(r, g, c, known, d_g, grain, body, pair, wall, couples, share.rows, share.pairs, share.walls)
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _collect(r, pair, wall, body):
     p, w = pair.shape[0], wall.shape[0]
     for k in range(p):
@@ -244,7 +244,7 @@ def _collect(r, pair, wall, body):
         r[3 * (p + w) + b] = body[b, BRAKE]
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _spread(r, pair, wall, body):
     p, w = pair.shape[0], wall.shape[0]
     for k in range(p):
@@ -256,7 +256,7 @@ def _spread(r, pair, wall, body):
         body[b, BRAKE] = r[3 * (p + w) + b]
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _largest(c, n):
     worst = 0.0
     for q in range(n):
@@ -264,7 +264,7 @@ def _largest(c, n):
     return worst
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _solve_gram(gram, c, n):
     """Solve gram x = c (leading n) by Cholesky; x replaces c. False where the history is dependent."""
     trace = 0.0
@@ -295,26 +295,16 @@ def _solve_gram(gram, c, n):
     return True
 
 
-def _entries(stamp: int):
-    """`solve` and `anderson` for calls from Python; ``stamp`` stands in their cache keys (`particles.kernel_stamp`)."""
-
-    @njit(cache=True, error_model="numpy", fastmath={"contract"})
-    def solve_records(
-        convex, relax, soft, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples=None
-    ):
-        if stamp == 0:
-            return 0, np.inf, 0
-        return solve(
-            convex, relax, soft, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples
-        )
-
-    @njit(cache=True, error_model="numpy", fastmath={"contract"})
-    def accelerate_records(convex, relax, soft, tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
-        if stamp == 0:
-            return 0, np.inf
-        return anderson(convex, relax, soft, tolerance, cap, grain, body, pair_index, pair, wall_index, wall)
-
-    return solve_records, accelerate_records
+# for calls from Python: the functions above are compiled into the step and have no cache of their own
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def solve_records(
+    convex, relax, soft, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples=None
+):
+    """`solve` for calls from Python."""
+    return solve(convex, relax, soft, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples)
 
 
-solve_records, accelerate_records = _entries(kernel_stamp())
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def accelerate_records(convex, relax, soft, tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
+    """`anderson` for calls from Python."""
+    return anderson(convex, relax, soft, tolerance, cap, grain, body, pair_index, pair, wall_index, wall)

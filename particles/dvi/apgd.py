@@ -16,6 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from geometry.kernel_cache import inner
 from particles.dvi.accelerated import _collect, _spread
 from particles.dvi.gauss_seidel import (
     ARM,
@@ -43,14 +44,13 @@ from particles.dvi.gauss_seidel import (
     sweep_loads,
 )
 from particles.dvi.local_problem import on_cone
-from particles.kernel_stamp import kernel_stamp
 
 FIRST_LENGTH = 0.25  # of 1/w_n
 LONGER = 1.1  # growth of the step length after an iteration that needed no shorter one
 CHECK = 10  # iterations between two looks at the natural map
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def apgd(tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
     """Up to ``cap`` iterations from the impulses in the records; returns their number and the residual [m/s].
 
@@ -110,7 +110,7 @@ def apgd(tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
     return count, residual(True, None, grain, body, pair_index, pair, wall_index, wall)
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _swept_loads(r, y, body):
     """One visit to the loads; their impulses stand behind those of the contacts."""
     first = r.shape[0] - body.shape[0]
@@ -119,7 +119,7 @@ def _swept_loads(r, y, body):
         r[first + b] = y[first + b] = body[b, BRAKE]
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _put(r, free, free_body, grain, body, pair_index, pair, wall_index, wall):
     """Write impulses into the records, velocities to match; returns the energy [J] less that of resting grains."""
     grain[:], body[:, SPEED] = free, free_body[:, SPEED]
@@ -146,7 +146,7 @@ def _put(r, free, free_body, grain, body, pair_index, pair, wall_index, wall):
     return energy
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _gradient(slope, grain, body, pair_index, pair, wall_index, wall):
     """Relative velocity of every contact, b added along its normal."""
     for k in range(pair.shape[0]):
@@ -166,7 +166,7 @@ def _gradient(slope, grain, body, pair_index, pair, wall_index, wall):
         slope[q + 2] = grain[i, VZ] - arm * (sx * ey - sy * ex) + wall[k, B] * ez
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _step(new, y, slope, length, pair, wall):
     """A gradient step of ``length``/w_n for each contact, put back into its cone."""
     p = pair.shape[0]
@@ -186,16 +186,7 @@ def _step(new, y, slope, length, pair, wall):
         new[q + 2] = n * row[EZ] + scale * tz
 
 
-def _entry(stamp: int):
-    """`apgd` for calls from Python; ``stamp`` stands in its cache key (`particles.kernel_stamp`)."""
-
-    @njit(cache=True, error_model="numpy", fastmath={"contract"})
-    def apgd_records(tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
-        if stamp == 0:
-            return 0, np.inf
-        return apgd(tolerance, cap, grain, body, pair_index, pair, wall_index, wall)
-
-    return apgd_records
-
-
-apgd_records = _entry(kernel_stamp())
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def apgd_records(tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
+    """`apgd` for calls from Python."""
+    return apgd(tolerance, cap, grain, body, pair_index, pair, wall_index, wall)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 
+from geometry.kernel_cache import inner
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.gauss_seidel import (
     ARM,
@@ -34,16 +35,16 @@ from particles.dvi.springs import remember, strike
 from particles.walls.wall_kernels import _wall_gap
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def free_velocities(h, gravity, external, velocity, spin, radius, mass, grain, bound):
     """Fill the records of the grains with v + h F/m; ``bound`` (n,): the larger speed of before and after."""
     fastest = 0.0
     for i in range(mass.shape[0]):
         x, y, z = velocity[i, 0], velocity[i, 1], velocity[i, 2]
         before = x * x + y * y + z * z
-        if gravity is not None:
+        if gravity.shape[0] > 0:
             x, y, z = x + h * gravity[0], y + h * gravity[1], z + h * gravity[2]
-        if external is not None:
+        if external.shape[0] > 0:
             a = h / mass[i]
             x, y, z = x + a * external[i, 0], y + a * external[i, 1], z + a * external[i, 2]
         grain[i, VX], grain[i, VY], grain[i, VZ] = x, y, z
@@ -55,7 +56,7 @@ def free_velocities(h, gravity, external, velocity, spin, radius, mass, grain, b
     return fastest
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def find_contacts(
     lo, hi, pairs, walls, near, h, law, soft, margin, slop, grain, bound, position, velocity, radius,
     pair_start, pair_other, pair_impulse, wall, triangle, wall_body, wall_start, wall_other, wall_impulse,
@@ -108,9 +109,8 @@ def find_contacts(
             pair_index[pairs, 0], pair_index[pairs, 1], pair_slot[pairs] = i, j, k
             pairs += 1
         for k in range(wall_start[i], wall_start[i + 1]):
-            if triangle is not None:
-                if wall_other[k] >= wall.shape[0]:
-                    break
+            if wall_other[k] >= wall.shape[0]:  # triangles
+                break
             distance, nx, ny, nz, owned = _wall_gap(wall, wall_other[k], x, y, z)
             b = wall_body[wall_other[k]]
             if not owned or distance >= ri + h * 2.0 * bound[i] + margin + slop * ri:
@@ -140,7 +140,7 @@ def find_contacts(
     return pairs, walls
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _near(lo, hi, h, margin, slop, bound, position, radius, pair_start, pair_other, near):
     """Mark the pairs of rows lo <= i < hi whose gap may close within the step; returns how many."""
     count = 0
@@ -155,7 +155,7 @@ def _near(lo, hi, h, margin, slop, bound, position, radius, pair_start, pair_oth
     return count
 
 
-@njit(parallel=True, error_model="numpy", fastmath={"contract"})
+@inner(parallel=True, error_model="numpy", fastmath={"contract"})
 def find_in_shares(
     h, law, soft, margin, slop, grain, bound, position, velocity, radius,
     pair_start, pair_other, pair_impulse, wall, triangle, wall_body, wall_start, wall_other, wall_impulse,
@@ -180,7 +180,7 @@ def find_in_shares(
             wall, triangle, wall_body, wall_start, wall_other, wall_impulse, body, old_speed,
             pair_index, pair_slot, pair, wall_index, wall_slot, wall_row,
         )  # fmt: skip
-        if triangle is not None:
+        if triangle.shape[0] > 0:
             end = record(
                 rows[c], rows[c + 1], h, law, soft, margin, slop, grain, bound, position, velocity, radius,
                 wall.shape[0], wall_body, wall_start, wall_other, wall_impulse, body, old_speed, turn, found, tally,
@@ -189,7 +189,7 @@ def find_in_shares(
         ends[c] = end
 
 
-@njit(parallel=True, error_model="numpy", fastmath={"contract"})
+@inner(parallel=True, error_model="numpy", fastmath={"contract"})
 def search_in_shares(
     h, law, margin, bound, position, radius, triangle, n_smooth, wall_body, wall_start, wall_other,
     body, old_speed, body_reach, turn, found, tally, rows, sums,

@@ -26,6 +26,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from geometry.kernel_cache import inner
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.gauss_seidel import (
     EX,
@@ -54,7 +55,7 @@ N_COUPLE = 8
 N_SPRING_COUPLE = 12
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def begin_couples(
     law, soft, radius, grain, body, pair_index, pair_slot, pair, pair_impulse, wall_index, wall_slot, wall,
     wall_impulse, n_smooth, wall_other, turn, pair_couple, wall_couple,
@@ -85,7 +86,7 @@ def begin_couples(
         held = wall[k, RX] != 0.0 or wall[k, RY] != 0.0 or wall[k, RZ] != 0.0
         for a in range(3):
             row[CX + a] = wall_impulse[s, 3 + a] if held else 0.0
-        if turn is not None:
+        if turn.shape[0] > 0:
             if wall_other[s] >= n_smooth:
                 x, y = row[CX], row[CY]
                 row[CX] = turn[b, COS_STEP] * x - turn[b, SIN_STEP] * y
@@ -97,7 +98,7 @@ def begin_couples(
     apply_couples(1.0, grain, body, pair_index, pair_couple, wall_index, wall_couple)
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _remember(give, gap, row):
     """Put the spring into a couple's row, which holds the couple of the step before."""
     row[GIVE] = give
@@ -106,7 +107,7 @@ def _remember(give, gap, row):
         row[OX + a] = -give * row[CX + a] if gap <= 0.0 else 0.0
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def apply_couples(sign, grain, body, pair_index, pair_couple, wall_index, wall_couple):
     """Add to the spins ``sign`` times what the couples in the records do."""
     for k in range(pair_index.shape[0]):
@@ -121,7 +122,7 @@ def apply_couples(sign, grain, body, pair_index, pair_couple, wall_index, wall_c
         )  # fmt: skip
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _turn_pair(grain, i, j, row, x, y, z):
     """What the couple (x, y, z) adds to the spins of two grains."""
     a, b = 2.5 * row[QI] * grain[i, IM], 2.5 * row[QJ] * grain[j, IM]
@@ -133,7 +134,7 @@ def _turn_pair(grain, i, j, row, x, y, z):
     grain[j, PZ] -= b * z
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _turn_at_wall(grain, body, i, b, row, x, y, z):
     """The same for a grain and a body."""
     a = 2.5 * grain[i, IM]
@@ -144,7 +145,7 @@ def _turn_at_wall(grain, body, i, b, row, x, y, z):
         body[b, SPEED] -= body[b, IJ] * row[QJ] * z
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _admissible(row, r_n, ex, ey, ez, x, y, z):
     """The nearest couple to (x, y, z) that the contact bears under the normal impulse r_n."""
     load = max(r_n, 0.0)
@@ -159,7 +160,7 @@ def _admissible(row, r_n, ex, ey, ez, x, y, z):
     return x + along * ex, y + along * ey, z + along * ez
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _pair_velocity(soft, grain, i, j, row):
     """w [m/s] of two grains, and what their spring gives."""
     a, b = row[QI], row[QJ]
@@ -174,7 +175,7 @@ def _pair_velocity(soft, grain, i, j, row):
     return x, y, z
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _wall_velocity(soft, grain, body, i, b, row):
     """The same of a grain at a body."""
     x, y, z = grain[i, PX], grain[i, PY], grain[i, PZ] - row[QJ] * body[b, SPEED]
@@ -184,7 +185,7 @@ def _wall_velocity(soft, grain, body, i, b, row):
     return x, y, z
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def sweep_couples(relax, soft, grain, body, pair_index, pair, wall_index, wall, pair_couple, wall_couple):
     """Visit every couple once; returns the largest change of a couple times W [m/s]."""
     largest = 0.0
@@ -229,7 +230,7 @@ def sweep_couples(relax, soft, grain, body, pair_index, pair, wall_index, wall, 
     return np.sqrt(largest)
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _at_free_shaft(own, free, row, r_n, ex, ey, ez, wx, wy, wz):
     """The new couple at a body that its z-component turns: W = own + free R^2 e_z e_z^T; (wx, wy, wz) is w."""
     load = max(r_n, 0.0)
@@ -279,7 +280,7 @@ def in_disc(a, b, limit, f, g):
     return x * (limit / size), y * (limit / size)
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def couple_residual(soft, grain, body, pair_index, pair, wall_index, wall, pair_couple, wall_couple):
     """Largest natural map |c - P(c - w/W)| W over all couples [m/s], P the nearest admissible one."""
     worst = 0.0
@@ -292,7 +293,7 @@ def couple_residual(soft, grain, body, pair_index, pair, wall_index, wall, pair_
     return worst
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _violation(row, contact, k, wx, wy, wz):
     ex, ey, ez = contact[k, EX], contact[k, EY], contact[k, EZ]
     r_n = contact[k, RX] * ex + contact[k, RY] * ey + contact[k, RZ] * ez
@@ -325,7 +326,7 @@ def residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, w
     return worst
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def weigh_couples(weight, first, pairs, walls, couples):
     """sqrt(W) of so many pairs and walls, from place ``first`` on."""
     for k in range(pairs):
@@ -335,7 +336,7 @@ def weigh_couples(weight, first, pairs, walls, couples):
         weight[first + 3 * k : first + 3 * k + 3] = 1.0 / np.sqrt(couples[2][k, IW])
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def book_couples(
     h, soft, springs, grain, spin, radius, mean_speed, pair_index, pair_slot, pair, pair_impulse, pair_couple,
     wall_index, wall_slot, wall, wall_impulse, wall_couple, body_totals, torque, body_work,

@@ -200,7 +200,7 @@ class DVI:
         self._method = {"accelerated": ANDERSON, "interior_point": INTERIOR, "apgd": APGD}.get(solver, GAUSS_SEIDEL)
         self._open_step = np.array([-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
         self._device = DeviceWalls(self.walls, self.bodies)
-        self._turn = None if self._device.triangles is None else np.zeros((len(self.bodies), N_TURN))
+        self._turn = np.zeros((len(self.bodies) if len(self._device.triangles) else 0, N_TURN))
         self._encloses = not outside(grains.position, self.walls, 0.0).any()
         n = grains.count
         self._grain = np.zeros((n, gs.N_GRAIN))
@@ -222,7 +222,7 @@ class DVI:
     def gravity_now(self) -> np.ndarray | None:
         """Acceleration of gravity [m/s^2] at this time, shape (3,)."""
         pull = self._pull(1)
-        return None if pull is None else pull[0]
+        return pull[0] if len(pull) else None
 
     @property
     def n_sectors(self) -> int:
@@ -364,9 +364,9 @@ class DVI:
     ) -> tuple[int, int]:
         g, c = self.grains, self._list
         drives, data = self._drives(n_steps)
-        external = self.external_force
-        if external is not None:
-            external = np.ascontiguousarray(external, dtype=float)
+        external = np.zeros((0, 3))
+        if self.external_force is not None:
+            external = np.ascontiguousarray(self.external_force, dtype=float)
             if external.shape != (g.count, 3):
                 raise ValueError(f"external_force has shape {external.shape}; it must be ({g.count}, 3)")
         if not self.warm_start and self._open_step[0] < 0.0:
@@ -391,10 +391,10 @@ class DVI:
         g.position[:], g.velocity[:], g.angular_velocity[:] = position, velocity, spin
         return answer
 
-    def _pull(self, n_steps: int) -> np.ndarray | None:
-        """Gravity at the coming steps, (n_steps, 3) or (1, 3)."""
+    def _pull(self, n_steps: int) -> np.ndarray:
+        """Gravity at the coming steps, (n_steps, 3) or (1, 3); (0, 3) without."""
         if self.gravity is None:
-            return None
+            return np.zeros((0, 3))
         if callable(self.gravity):
             times = (self.step_count + np.arange(n_steps)) * self.dt
             return np.ascontiguousarray(self.gravity(times), dtype=float).reshape(n_steps, 3)
@@ -451,7 +451,7 @@ class DVI:
             self._list.pairs.start, self._list.pairs.other, self._list.wall_start,
             (len(self.bodies), books.N_BODY_SUMS), self._wall.shape[1],
         )  # fmt: skip
-        triangles = 0 if self._device.triangles is None else s
+        triangles = s if len(self._device.triangles) else 0
         self._found, self._tally = np.zeros((triangles, N_FOUND)), np.zeros((triangles, 2), dtype=np.int64)
 
     def _rebuild(self) -> None:

@@ -28,6 +28,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from geometry.kernel_cache import inner
 from particles.dvi.local_problem import coulomb_block, natural_map
 
 # columns of a grain: velocity, 1/m, scaled spin
@@ -55,7 +56,7 @@ def apply_impulses(sign, grain, body, pair_index, pair, wall_index, wall):
     apply_loads(sign, body)
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def apply_contacts(sign, grain, body, pair_index, pair, wall_index, wall):
     """The part of the contacts."""
     for k in range(pair.shape[0]):
@@ -94,7 +95,7 @@ def apply_contacts(sign, grain, body, pair_index, pair, wall_index, wall):
             body[b, SPEED] -= body[b, IJ] * (wall[k, LX] * x + wall[k, LY] * y)
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def apply_loads(sign, body):
     """The same for the loads of free shafts."""
     for b in range(body.shape[0]):
@@ -188,7 +189,7 @@ def sweep_pairs(lo, hi, backward, convex, relax, soft, grain, index, pair):
     return largest
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def sweep_walls(lo, hi, backward, convex, relax, soft, grain, body, index, wall):
     """The same for contacts with walls; ``index``: grain, body."""
     largest = 0.0
@@ -262,7 +263,7 @@ def sweep_walls(lo, hi, backward, convex, relax, soft, grain, body, index, wall)
     return largest
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _frame(wall, k):
     """Lever along the normal, lever in the tangent plane, and the unit tangent vector along it."""
     along = wall[k, LX] * wall[k, EX] + wall[k, LY] * wall[k, EY]
@@ -278,7 +279,7 @@ def _frame(wall, k):
     return along, 0.0, x / size, y / size, z / size
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _block(wall, k, free, mu, u_n, ux, uy, uz, was):
     """The new impulse (world axes) of a contact with a free shaft; u_t in world axes, ``was`` the old r_n."""
     ex, ey, ez = wall[k, EX], wall[k, EY], wall[k, EZ]
@@ -295,7 +296,7 @@ def _block(wall, k, free, mu, u_n, ux, uy, uz, was):
     return n * ex + a * fx + b * gx, n * ey + a * fy + b * gy, n * ez + a * fz + b * gz
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def sweep_loads(body):
     """Dry friction on the free shafts: the brake's impulse stops them, up to its limit; returns the largest change."""
     largest = 0.0
@@ -354,7 +355,7 @@ def residual(convex, soft, grain, body, pair_index, pair, wall_index, wall):
     return worst
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _map(law, soft, kind, offset, row, k, u_n, ux, uy, uz):
     """Natural map of contact k from its velocity, tangential part in world axes."""
     ex, ey, ez = row[k, EX], row[k, EY], row[k, EZ]

@@ -8,8 +8,7 @@ several.
 
 from __future__ import annotations
 
-from numba import njit
-
+from geometry.kernel_cache import inner
 from particles.dvi.couples import CX
 from particles.dvi.gauss_seidel import BRAKE, PX, PY, PZ, RX, SPEED, VX, VY, VZ
 
@@ -18,7 +17,7 @@ HISTORY = 5
 N_PRODUCTS = 2 * HISTORY
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _contacts(contacts, bodies, couples):
     """Where the velocities begin."""
     if couples is None:
@@ -26,7 +25,7 @@ def _contacts(contacts, bodies, couples):
     return 6 * contacts + bodies
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _impulses(p0, p1, w0, w1, pairs, loads, own, bodies, couples):
     """Stretches of impulses, loads and couples."""
     first = loads + bodies
@@ -36,7 +35,7 @@ def _impulses(p0, p1, w0, w1, pairs, loads, own, bodies, couples):
     return (3 * p0, 3 * p1), (3 * (pairs + w0), 3 * (pairs + w1)), (loads, loads + own), (a0, a1), (b0, b1)
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def gather(part, g, r, weight, f, products, grain, body, pair, wall, couples):
     """Read impulses and velocities into ``g``, weigh how far it is from r, f = weight (g - r), and add up f.f."""
     p0, p1, w0, w1, i0, i1, shafts = part
@@ -68,14 +67,14 @@ def gather(part, g, r, weight, f, products, grain, body, pair, wall, couples):
     products[0] = product
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _weigh(lo, hi, g, r, weight, f):
     for q in range(lo, hi):
         f[q] = weight[q] * (g[q] - r[q])
     return _dot(f[lo:hi], f[lo:hi])
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def remember(
     part, better, first, slot, known, g, old_g, best_g, f, old_f, d_g, d_f, products, grain, body, pair, wall, couples
 ):
@@ -105,7 +104,7 @@ def remember(
                 products[HISTORY + q] += _dot(d_f[q, lo:hi], f[lo:hi])
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def extrapolate(part, r, g, c, known, d_g, grain, body, pair, wall, couples):
     """r = g less the changes of g times ``c``, into the records as well."""
     p0, p1, w0, w1, i0, i1, shafts = part
@@ -137,7 +136,7 @@ def extrapolate(part, r, g, c, known, d_g, grain, body, pair, wall, couples):
                 couple[k, CX], couple[k, CX + 1], couple[k, CX + 2] = r[q], r[q + 1], r[q + 2]
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _dot(a, b):
     """Sum of products in eight partial sums: a fixed order that the processor can still do side by side."""
     s0 = s1 = s2 = s3 = s4 = s5 = s6 = s7 = 0.0

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 
+from geometry.kernel_cache import inner
 from particles.dvi.rigid_triangles import overlapping
 from particles.walls.triangle_kernels import DISTANCE, TOWARDS_X, TOWARDS_Y, TOWARDS_Z
 from particles.walls.wall_kernels import _wall_gap
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def project(
     slop, cap, gravity, external, position, radius, mass, pair_start, pair_other,
     wall, triangle, wall_body, wall_start, wall_other, turn, found, share=None, alone=True,
@@ -42,7 +43,7 @@ def project(
     return deepest, at, work, sweeps
 
 
-@njit(parallel=True, error_model="numpy", fastmath={"contract"})
+@inner(parallel=True, error_model="numpy", fastmath={"contract"})
 def _project_shares(
     first, slop, gravity, external, position, radius, mass, pair_start, pair_other,
     wall, triangle, wall_body, wall_start, wall_other, turn, found, rows, sums,
@@ -65,7 +66,7 @@ def _project_shares(
     return worst, deepest, at, work
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _project_rows(
     lo, hi, first, slop, gravity, external, position, radius, mass, pair_start, pair_other,
     wall, triangle, wall_body, wall_start, wall_other, turn, found,
@@ -96,9 +97,8 @@ def _project_rows(
             work += _shift(gravity, external, mass, position, i, a * dx, a * dy, a * dz)
             work += _shift(gravity, external, mass, position, j, -b * dx, -b * dy, -b * dz)
         for k in range(wall_start[i], wall_start[i + 1]):
-            if triangle is not None:
-                if wall_other[k] >= wall.shape[0]:
-                    break
+            if wall_other[k] >= wall.shape[0]:  # triangles
+                break
             distance, nx, ny, nz, owned = _wall_gap(wall, wall_other[k], position[i, 0], position[i, 1], position[i, 2])
             depth = 1.0 - distance / radius[i]
             if depth <= 0.0 or not owned:
@@ -110,7 +110,7 @@ def _project_rows(
                 continue
             depth *= radius[i]
             work += _shift(gravity, external, mass, position, i, -depth * nx, -depth * ny, -depth * nz)
-        if triangle is not None:
+        if triangle.shape[0] > 0:
             k, end = wall_start[i], wall_start[i + 1]
             while k < end and wall_other[k] < wall.shape[0]:
                 k += 1
@@ -137,15 +137,15 @@ def _project_rows(
     return worst, deepest, at, work
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _shift(gravity, external, mass, position, i, x, y, z):
     """Move grain i; returns the work of gravity and the held force on it."""
     position[i, 0] += x
     position[i, 1] += y
     position[i, 2] += z
     work = 0.0
-    if gravity is not None:
+    if gravity.shape[0] > 0:
         work += mass[i] * (gravity[0] * x + gravity[1] * y + gravity[2] * z)
-    if external is not None:
+    if external.shape[0] > 0:
         work += external[i, 0] * x + external[i, 1] * y + external[i, 2] * z
     return work

@@ -15,8 +15,8 @@ all turn with the body from step to step.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from geometry.kernel_cache import inner
 from particles.dvi.gauss_seidel import (
     ARM,
     EX,
@@ -53,18 +53,18 @@ COS, SIN, COS_STEP, SIN_STEP = range(4)
 N_TURN = 4
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def turn_bodies(h, theta, body_angle, body_speed, turn):
     """Half drift of the bodies, to the middle of the step, and the frames that the triangles are met in."""
     for b in range(body_angle.shape[0]):
         if theta < 1.0:
             body_angle[b] += (1.0 - theta) * h * body_speed[b]
-        if turn is not None:
+        if turn.shape[0] > 0:
             turn[b, COS], turn[b, SIN] = np.cos(body_angle[b]), np.sin(body_angle[b])
             turn[b, COS_STEP], turn[b, SIN_STEP] = np.cos(h * body_speed[b]), np.sin(h * body_speed[b])
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def search(
     lo, hi, h, law, margin, bound, position, radius, triangle, n_smooth, wall_body, wall_start, wall_other,
     body, old_speed, body_reach, turn, found, tally,
@@ -108,7 +108,7 @@ def search(
     return raised
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def pass_on(h, bound, position, radius, pair_start, pair_other):
     """Raise the bounds of grains that others push: once down the list and once up it."""
     n = radius.shape[0]
@@ -129,7 +129,7 @@ def pass_on(h, bound, position, radius, pair_start, pair_other):
                     bound[i], bound[j] = max(bound[i], pushed), max(bound[j], pushed)
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def record(
     lo, hi, h, law, soft, margin, slop, grain, bound, position, velocity, radius, n_smooth,
     wall_body, wall_start, wall_other, wall_impulse, body, old_speed, turn, found, tally,
@@ -196,7 +196,7 @@ def record(
     return walls
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def overlapping(triangle, wall_body, wall_other, first, last, x, y, z, radius, turn, found):
     """Triangles of one body that a grain overlaps, among slots first <= k < last; directions in world axes."""
     b = wall_body[wall_other[first]]

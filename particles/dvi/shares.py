@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, prange
 
+from geometry.kernel_cache import inner
 from particles.dvi.couples import couple_residual, sweep_couples
 from particles.dvi.gauss_seidel import IJ, residual, sweep_loads, sweep_pairs, sweep_walls
 from particles.dvi.history import N_PRODUCTS, extrapolate, gather, remember
@@ -95,7 +96,7 @@ def _furthest(start, other, furthest):
         furthest[i] = last
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def sort_walls(rows, walls, first, ends, body, from_index, from_slot, from_row, index, slot, row):
     """Put wall contacts in the order of shares, those of free shafts last; returns how many there are.
 
@@ -116,7 +117,7 @@ def sort_walls(rows, walls, first, ends, body, from_index, from_slot, from_row, 
     return to
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _sweep(p0, p1, w0, w1, convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall):
     """Impulses of pairs p0 to p1 and walls w0 to w1, then their couples; returns the largest change [m/s]."""
     a = sweep_pairs(p0, p1, False, convex, relax, soft, grain, pair_index, pair)
@@ -131,7 +132,7 @@ def _sweep(p0, p1, w0, w1, convex, relax, soft, couples, grain, body, pair_index
     return change
 
 
-@njit(parallel=True, error_model="numpy", fastmath={"contract"})
+@inner(parallel=True, error_model="numpy", fastmath={"contract"})
 def sweep_shares(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall, pairs, walls, sums):
     """One sweep over everything; returns the largest change [m/s]."""
     count = pairs.shape[0] - 1
@@ -152,7 +153,7 @@ def sweep_shares(convex, relax, soft, couples, grain, body, pair_index, pair, wa
     return largest
 
 
-@njit(parallel=True, error_model="numpy", fastmath={"contract"})
+@inner(parallel=True, error_model="numpy", fastmath={"contract"})
 def residual_of_shares(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall, pairs, walls, sums):
     """Largest natural map over all contacts [m/s], all at the same velocities."""
     count = pairs.shape[0] - 1
@@ -173,7 +174,7 @@ def residual_of_shares(convex, soft, couples, grain, body, pair_index, pair, wal
     return largest
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _part(c, rows, pairs, walls):
     """What share c has of the vectors of `particles.dvi.history`; c = number of shares: the free shafts."""
     count = rows.shape[0] - 1
@@ -181,7 +182,7 @@ def _part(c, rows, pairs, walls):
     return pairs[c], pairs[after], walls[c], walls[c + 1], rows[c], rows[after], 1 if c == count else 0
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _add_products(products, sums):
     for q in range(N_PRODUCTS):
         products[q] = 0.0
@@ -189,7 +190,7 @@ def _add_products(products, sums):
             products[q] += sums[c, q]
 
 
-@njit(parallel=True, error_model="numpy", fastmath={"contract"})
+@inner(parallel=True, error_model="numpy", fastmath={"contract"})
 def gather_shares(g, r, weight, f, products, grain, body, pair, wall, couples, rows, pairs, walls, sums):
     """`gather` by shares."""
     for c in prange(rows.shape[0]):
@@ -197,7 +198,7 @@ def gather_shares(g, r, weight, f, products, grain, body, pair, wall, couples, r
     _add_products(products, sums)
 
 
-@njit(parallel=True, error_model="numpy", fastmath={"contract"})
+@inner(parallel=True, error_model="numpy", fastmath={"contract"})
 def remember_shares(
     better, first, slot, known, g, old_g, best_g, f, old_f, d_g, d_f, products, grain, body, pair, wall, couples,
     rows, pairs, walls, sums,
@@ -211,7 +212,7 @@ def remember_shares(
     _add_products(products, sums)
 
 
-@njit(parallel=True, error_model="numpy", fastmath={"contract"})
+@inner(parallel=True, error_model="numpy", fastmath={"contract"})
 def extrapolate_shares(r, g, c, known, d_g, grain, body, pair, wall, couples, rows, pairs, walls):
     """`extrapolate` by shares."""
     for k in prange(rows.shape[0]):

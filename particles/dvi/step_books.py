@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 
+from geometry.kernel_cache import inner
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.gauss_seidel import (
     ARM,
@@ -41,7 +42,7 @@ LOADED_NOW, KEPT_NOW, IMPACT_NOW, SLIDING_NOW, WORK_NOW, SPRING_N, SPRING_T = ra
 N_BOOKED = 7
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def book(
     h, soft, grain, velocity, spin, radius, body_speed, mean_speed, pair_index, pair_slot, pair, pair_impulse,
     wall_index, wall_slot, wall, wall_impulse, sums, body_sums,
@@ -127,7 +128,7 @@ def book(
     sums[WORK_NOW], sums[SPRING_N], sums[SPRING_T] = work, spring_n, spring_t
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def enter(soft, springs, sums, totals):
     """Add the books of a step, one row a share."""
     loaded = impact = sliding = spring_n = spring_t = 0.0
@@ -146,7 +147,7 @@ def enter(soft, springs, sums, totals):
     totals[SLIDING] += sliding
 
 
-@njit(parallel=True, error_model="numpy", fastmath={"contract"})
+@inner(parallel=True, error_model="numpy", fastmath={"contract"})
 def book_shares(
     h, soft, grain, velocity, spin, radius, body_speed, mean_speed, pair_index, pair_slot, pair, pair_impulse,
     wall_index, wall_slot, wall, wall_impulse, pairs, walls, sums, body_sums, body_totals,
@@ -167,16 +168,16 @@ def book_shares(
                 body_totals[b, q] += body_sums[c, b, q]
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def move(h, drift, gravity, external, grain, position, velocity, spin, radius, mass, reference, totals):
     """Take the new velocities and drift; returns the largest squared distance from the list's positions."""
     gravity_work = external_work = travel = fastest = 0.0
     for i in range(mass.shape[0]):
         x, y, z = grain[i, VX], grain[i, VY], grain[i, VZ]
         sx, sy, sz = velocity[i, 0] + x, velocity[i, 1] + y, velocity[i, 2] + z
-        if gravity is not None:
+        if gravity.shape[0] > 0:
             gravity_work += 0.5 * h * mass[i] * (gravity[0] * sx + gravity[1] * sy + gravity[2] * sz)
-        if external is not None:
+        if external.shape[0] > 0:
             external_work += 0.5 * h * (external[i, 0] * sx + external[i, 1] * sy + external[i, 2] * sz)
         velocity[i, 0], velocity[i, 1], velocity[i, 2] = x, y, z
         inverse = 1.0 / radius[i]

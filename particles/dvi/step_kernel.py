@@ -22,6 +22,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from geometry.kernel_cache import inner
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.accelerated import APGD, INTERIOR, solve
 from particles.dvi.apgd import apgd
@@ -60,7 +61,6 @@ from particles.dvi.step_books import (
     enter,
     move,
 )
-from particles.kernel_stamp import kernel_stamp
 
 # what the kernel answers
 DONE, REBUILD, NOT_FINITE, OVERLAP, HAND_OVER = 0, 1, 2, 3, 4
@@ -70,7 +70,7 @@ FREE, INERTIA = range(2)
 PROJECTION_SWEEPS = 5  # a jam that needs more gets them in the next steps
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _begin(
     h, theta, n_sectors, law, soft, couples, gravity, external, slop, margin, drive,
     position, velocity, spin, radius, mass, pair_start, pair_other, pair_impulse,
@@ -104,7 +104,7 @@ def _begin(
             body[b, SPEED], body[b, IJ], body[b, LOAD] = drive[b, PRESCRIBED], 0.0, 0.0
         body[b, BRAKE] = min(max(brake[b], -body[b, LOAD]), body[b, LOAD])
     fastest = free_velocities(h, gravity, external, velocity, spin, radius, mass, grain, bound)
-    if triangle is not None:
+    if triangle.shape[0] > 0:
         if alone is not None:
             raised = search(
                 0, mass.shape[0], h, law, margin * h * fastest, bound, position, radius, triangle, wall_table.shape[0],
@@ -125,7 +125,7 @@ def _begin(
             radius, pair_start, pair_other, pair_impulse, wall_table, triangle, wall_body, wall_start, wall_other,
             wall_impulse, body, body_speed, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows,
         )  # fmt: skip
-        if triangle is not None:
+        if triangle.shape[0] > 0:
             walls = record(
                 0, mass.shape[0], h, law, soft, margin * h * fastest, slop, grain, bound, position, velocity, radius,
                 wall_table.shape[0], wall_body, wall_start, wall_other, wall_impulse, body, body_speed,
@@ -153,7 +153,7 @@ def _begin(
     return pairs, walls, fastest
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _finish(
     h, theta, n_sectors, soft, couples, springs, gravity, external, tolerance, sweeps, reached, taken, fastest,
     position, velocity, spin, radius, mass, reference, pair_impulse, wall_impulse,
@@ -203,93 +203,82 @@ def _finish(
     return np.sqrt(travel) + h * fastest
 
 
-def _made(stamp: int):
-    """The kernel; ``stamp`` stands in its cache key (`particles.kernel_stamp`)."""
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def run_steps(
+    n_steps, h, theta, n_sectors, law, soft, couples, springs, gravity, external, travel_limit, wall_limit,
+    overlap_limit, slop, margin,
+    convex, relax, method, tolerance, cap, open_step,
+    position, velocity, spin, radius, mass, reference,
+    pair_start, pair_other, pair_impulse, wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse,
+    body_reach, list_angle, turn, found, tally, drives, body_data, body_angle, body_speed, brake,
+    grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows,
+    share, alone, totals, body_totals,
+):  # fmt: skip
+    """Up to ``n_steps`` steps; stops early when the list must be rebuilt or a grain is in trouble.
 
-    @njit(cache=True, error_model="numpy", fastmath={"contract"})
-    def run_steps(
-        n_steps, h, theta, n_sectors, law, soft, couples, springs, gravity, external, travel_limit, wall_limit,
-        overlap_limit, slop, margin,
-        convex, relax, method, tolerance, cap, open_step,
-        position, velocity, spin, radius, mass, reference,
-        pair_start, pair_other, pair_impulse, wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse,
-        body_reach, list_angle, turn, found, tally, drives, body_data, body_angle, body_speed, brake,
-        grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows,
-        share, alone, totals, body_totals,
-    ):  # fmt: skip
-        """Up to ``n_steps`` steps; stops early when the list must be rebuilt or a grain is in trouble.
-
-        With ``method`` INTERIOR a step on which the sweeps stall is left open (HAND_OVER): ``open_step`` then holds the
-        numbers of pairs and walls, sweeps, residual and largest speed, and the next call finishes it; its last two
-        entries are the numbers of contacts of the last step in any case. Returns (answer, steps done); every array is
-        documented where it is made, in `particles.dvi.dvi`.
-        """
-        if stamp == 0:
-            return DONE, 0
-        mean = np.empty(body_speed.shape[0])
-        for step in range(n_steps):
-            if gravity is None:
-                pull = None
-            else:
-                pull = gravity[min(step, gravity.shape[0] - 1)]
-            if open_step[0] >= 0.0:
-                pairs, walls, sweeps = int(open_step[0]), int(open_step[1]), int(open_step[2])
-                reached, fastest, taken = open_step[3], open_step[4], 1
-                open_step[0] = -1.0
-            else:
-                # 1-3. half drift, free velocities, contacts, warm start
-                pairs, walls, fastest = _begin(
-                    h, theta, n_sectors, law, soft, couples, pull, external, slop, margin, drives[step],
-                    position, velocity, spin, radius, mass, pair_start, pair_other, pair_impulse,
-                    wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse, body_reach, turn, found,
-                    tally, body_data, body_angle, body_speed, brake,
-                    grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows,
-                    share, alone, totals,
-                )  # fmt: skip
-                open_step[5], open_step[6] = pairs, walls
-                if totals[MAX_OVERLAP] > overlap_limit:
-                    return OVERLAP, step
-                # 4. impulses
-                taken = 0
-                if convex is None:
-                    sweeps, reached, taken = solve(
-                        convex, relax, soft, method, tolerance, cap, grain, body, pair_index[:pairs], pair_rows[:pairs],
-                        wall_index[:walls], wall_rows[:walls], couples, share, alone,
-                    )  # fmt: skip
-                elif method == APGD:
-                    sweeps, reached = apgd(
-                        tolerance, cap, grain, body, pair_index[:pairs], pair_rows[:pairs],
-                        wall_index[:walls], wall_rows[:walls],
-                    )  # fmt: skip
-                else:
-                    sweeps, reached, taken = solve(
-                        convex, relax, soft, method, tolerance, cap, grain, body, pair_index[:pairs], pair_rows[:pairs],
-                        wall_index[:walls], wall_rows[:walls], couples, share, alone,
-                    )  # fmt: skip
-                if method == INTERIOR and reached > tolerance:
-                    open_step[0], open_step[1], open_step[2] = pairs, walls, sweeps
-                    open_step[3], open_step[4] = reached, fastest
-                    return HAND_OVER, step
-            # 5-6. books, half drift
-            travel = _finish(
-                h, theta, n_sectors, soft, couples, springs, pull, external, tolerance, sweeps, reached, taken, fastest,
-                position, velocity, spin, radius, mass, reference, pair_impulse, wall_impulse,
-                drives[step], body_data, body_angle, body_speed, brake, mean, grain, body,
-                pair_index, pair_slot, pair_rows[:pairs], wall_index, wall_slot, wall_rows[:walls],
-                share, alone, totals, body_totals,
+    With ``method`` INTERIOR a step on which the sweeps stall is left open (HAND_OVER): ``open_step`` then holds the
+    numbers of pairs and walls, sweeps, residual and largest speed, and the next call finishes it; its last two
+    entries are the numbers of contacts of the last step in any case. Returns (answer, steps done); every array is
+    documented where it is made, in `particles.dvi.dvi`.
+    """
+    mean, weightless = np.empty(body_speed.shape[0]), np.empty(0)
+    for step in range(n_steps):
+        pull = weightless
+        if gravity.shape[0] > 0:
+            pull = gravity[min(step, gravity.shape[0] - 1)]
+        if open_step[0] >= 0.0:
+            pairs, walls, sweeps = int(open_step[0]), int(open_step[1]), int(open_step[2])
+            reached, fastest, taken = open_step[3], open_step[4], 1
+            open_step[0] = -1.0
+        else:
+            # 1-3. half drift, free velocities, contacts, warm start
+            pairs, walls, fastest = _begin(
+                h, theta, n_sectors, law, soft, couples, pull, external, slop, margin, drives[step],
+                position, velocity, spin, radius, mass, pair_start, pair_other, pair_impulse,
+                wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse, body_reach, turn, found,
+                tally, body_data, body_angle, body_speed, brake,
+                grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows,
+                share, alone, totals,
             )  # fmt: skip
-            if not travel < np.inf:
-                return NOT_FINITE, step + 1
-            if travel > travel_limit:
-                return REBUILD, step + 1
-            if triangle is not None:
-                for b in range(body_speed.shape[0]):
-                    way = abs(body_angle[b] - list_angle[b]) + h * abs(body_speed[b])
-                    if way * body_reach[b] > wall_limit:
-                        return REBUILD, step + 1
-        return DONE, n_steps
-
-    return run_steps
-
-
-run_steps = _made(kernel_stamp())
+            open_step[5], open_step[6] = pairs, walls
+            if totals[MAX_OVERLAP] > overlap_limit:
+                return OVERLAP, step
+            # 4. impulses
+            taken = 0
+            if convex is None:
+                sweeps, reached, taken = solve(
+                    convex, relax, soft, method, tolerance, cap, grain, body, pair_index[:pairs], pair_rows[:pairs],
+                    wall_index[:walls], wall_rows[:walls], couples, share, alone,
+                )  # fmt: skip
+            elif method == APGD:
+                sweeps, reached = apgd(
+                    tolerance, cap, grain, body, pair_index[:pairs], pair_rows[:pairs],
+                    wall_index[:walls], wall_rows[:walls],
+                )  # fmt: skip
+            else:
+                sweeps, reached, taken = solve(
+                    convex, relax, soft, method, tolerance, cap, grain, body, pair_index[:pairs], pair_rows[:pairs],
+                    wall_index[:walls], wall_rows[:walls], couples, share, alone,
+                )  # fmt: skip
+            if method == INTERIOR and reached > tolerance:
+                open_step[0], open_step[1], open_step[2] = pairs, walls, sweeps
+                open_step[3], open_step[4] = reached, fastest
+                return HAND_OVER, step
+        # 5-6. books, half drift
+        travel = _finish(
+            h, theta, n_sectors, soft, couples, springs, pull, external, tolerance, sweeps, reached, taken, fastest,
+            position, velocity, spin, radius, mass, reference, pair_impulse, wall_impulse,
+            drives[step], body_data, body_angle, body_speed, brake, mean, grain, body,
+            pair_index, pair_slot, pair_rows[:pairs], wall_index, wall_slot, wall_rows[:walls],
+            share, alone, totals, body_totals,
+        )  # fmt: skip
+        if not travel < np.inf:
+            return NOT_FINITE, step + 1
+        if travel > travel_limit:
+            return REBUILD, step + 1
+        if triangle.shape[0] > 0:
+            for b in range(body_speed.shape[0]):
+                way = abs(body_angle[b] - list_angle[b]) + h * abs(body_speed[b])
+                if way * body_reach[b] > wall_limit:
+                    return REBUILD, step + 1
+    return DONE, n_steps

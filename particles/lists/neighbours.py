@@ -25,6 +25,7 @@ import numba
 import numpy as np
 from numba import njit
 
+from geometry.kernel_cache import inner
 from particles.lists.cells import MARGIN, CellGrid, bounds, cell_order
 from particles.sector import CyclicSector
 
@@ -375,7 +376,7 @@ def _fill_rows(
     return stop, found
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@inner(error_model="numpy")
 def _span(u, width, inverse, count):
     """Cells from .. to (exclusive) of one axis that [u - width, u + width] touches; both zero if there are none."""
     low, high = (u - width) * inverse, (u + width) * inverse
@@ -384,7 +385,7 @@ def _span(u, width, inverse, count):
     return int(max(low, 0.0)), int(min(high, count - 1.0)) + 1
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@inner(error_model="numpy")
 def _first_from(value, ascending, begin, end):
     """First place in ``ascending[begin:end]`` that holds ``value`` or more."""
     while begin < end:
@@ -396,7 +397,7 @@ def _first_from(value, ascending, begin, end):
     return begin
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@inner(error_model="numpy")
 def _heap_sort(key, near, count):
     """Sort the first ``count`` of both by key, equal ones by near."""
     for end in range(2 * count - 1, 0, -1):
@@ -421,7 +422,7 @@ def _heap_sort(key, near, count):
         key[root], near[root] = moved, whose
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@inner(error_model="numpy")
 def _before(key, whose, other_key, other_whose):
     return key < other_key or (key == other_key and whose < other_whose)
 

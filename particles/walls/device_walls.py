@@ -23,8 +23,8 @@ class DeviceWalls:
     ----------
     rows : ndarray, shape (n_smooth, N_WALL)
         Smooth walls.
-    triangles : ndarray, shape (n_smooth + n_triangles, N_TRIANGLE), or None
-        Triangles stand at their number, after as many empty rows as there are smooth walls; None without any.
+    triangles : ndarray, shape (n_smooth + n_triangles, N_TRIANGLE)
+        Triangles stand at their number, after as many empty rows as there are smooth walls; no rows without any.
     body, wall : ndarray of int64, shape (n_smooth + n_triangles,)
         Index of the body that each turns with, and of the wall, in the order given, that it is part of.
     reach : ndarray, shape (n_bodies,)
@@ -37,7 +37,7 @@ class DeviceWalls:
         self.rows = smooth.rows
         self.body = np.concatenate([smooth.body, flat.body]).astype(np.int64)
         self.wall = np.concatenate([smooth.wall, flat.wall]).astype(np.int64)
-        self.triangles = None
+        self.triangles = np.zeros((0, N_TRIANGLE))
         self.reach = np.zeros(len(bodies))
         self._search = None
         if len(flat.rows):
@@ -77,7 +77,7 @@ class DeviceWalls:
         found = np.empty((len(other), 4))
         smooth = other < len(self.rows)
         found[smooth] = wall_overlaps(position, radius, self.rows, row[smooth], other[smooth].astype(np.int64))
-        if self.triangles is not None:
+        if len(self.triangles):
             turn = np.column_stack([np.cos(angles), np.sin(angles)])
             more = np.zeros(len(start), dtype=np.int64)
             np.cumsum(np.bincount(row[~smooth], minlength=len(start) - 1), out=more[1:])

@@ -35,6 +35,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from geometry.kernel_cache import inner
+
 # columns of a triangle's row: point A, axes e1 and e2, normal, and the flat coordinates of B and C
 AX, AY, AZ, UX, UY, UZ, VX, VY, VZ, NX, NY, NZ, LENGTH, CX, CY = range(15)
 N_TRIANGLE = 15
@@ -50,7 +52,7 @@ FEATURE_ANGLE = np.deg2rad(21.0)  # tessellated circles of 18 sides, 20 degrees 
 _TILT = float(np.cos(FEATURE_ANGLE))
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _offset(rows, t, x, y, z):
     """Closest point minus centre in the frame of the triangle: along e1, along e2, and the height s above it."""
     x, y, z = x - rows[t, AX], y - rows[t, AY], z - rows[t, AZ]
@@ -88,7 +90,7 @@ def closest_on_triangle(rows, t, x, y, z):
     )
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def _hides(found, a, counts, c):
     x, y, z = found[c, TOWARDS_X], found[c, TOWARDS_Y], found[c, TOWARDS_Z]
     d = found[c, DISTANCE]

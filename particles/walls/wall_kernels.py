@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from geometry.kernel_cache import inner
+
 # columns of the wall table (`particles.walls.wall_table`)
 KIND, R0, Z0, R1, Z1, UR, UZ, OWN0, NR0, NZ0, OWN1, NR1, NZ1 = range(13)
 N_WALL = 13
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _wall_gap(wall, w, x, y, z):
     """Distance of the centre to a wall, unit vector towards it (3), and whether this wall owns the point."""
     if wall[w, KIND] == 1.0:  # plane: point in columns 1-3, normal in 4-6

@@ -1,0 +1,240 @@
+"""The cache of compiled kernels follows their syntax, and may be shared by processes that run at the same time.
+
+Numba's own cache has two faults that matter here. It asks whether the *file* of a kernel has changed: a comma in a
+docstring compiles everything in that file anew, while a change of a callee or of a constant in another file goes
+unseen, and a stale kernel comes back silently. And it numbers its files by how many entries its index holds: two
+processes that compile one function for different arguments at the same time may take each other's code.
+
+So (1) a kernel's stamp is a hash of what it is made of (`kernel_stamp`): its own instructions and constants, without
+docstrings, comments and line numbers, the values of the globals that it reads, and the same of every compiled function
+that it calls, whichever file it stands in; (2) index and code are read and written under a lock.
+
+It stands in this package because `field` and `particles` both have kernels and import nothing else in common; each
+imports it before its first kernel is defined. Kernels of other packages keep numba's own rule.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import CodeType, ModuleType
+from typing import Any
+
+import numba
+import numpy as np
+from numba.core import caching
+from numba.core.dispatcher import Dispatcher
+
+try:
+    import fcntl
+except ImportError:  # no such locks on Windows: there numba's own rule holds
+    fcntl = None  # type: ignore[assignment]
+
+PACKAGES = ("geometry", "field", "particles", "coupling", "emclutch")
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def inner(**options: Any) -> Callable[[Callable], Any]:
+    """`numba.njit` for a function that kernels call and Python does not.
+
+    It is compiled into them, without a cache of its own and without the wrappers for calls from Python and C: these,
+    and the machine code of a function that nobody calls by itself, take as long to compile as the rest.
+    """
+    return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)
+
+
+def is_own(function: Callable) -> bool:
+    """Whether a function stands in one of the five packages."""
+    return function.__module__.partition(".")[0] in PACKAGES
+
+
+def specialisations() -> set[str]:
+    """``module.kernel(types of its arguments)`` of all that this process has compiled or read from the cache.
+
+    Of functions that are compiled into kernels, not those: they have no cache of their own.
+    """
+    return {
+        f"{name}.{kernel}{signature}"
+        for name, module in list(sys.modules.items())
+        if name.partition(".")[0] in PACKAGES
+        for kernel, value in list(vars(module).items())
+        if isinstance(value, Dispatcher)
+        and value.py_func.__module__ == name
+        and not isinstance(value._cache, caching.NullCache)
+        for signature in value.overloads
+    }
+
+
+def kernel_stamp(function: Callable) -> str:
+    """Hash of all that the machine code of a kernel is made of.
+
+    Parameters
+    ----------
+    function : callable
+        The Python function of a kernel.
+
+    Returns
+    -------
+    str
+        Hexadecimal digest. It stays when comments, docstrings, line breaks and anything that the kernel does not use
+        are changed, and differs when an instruction, a constant, a compiler option or one of these of a callee does.
+    """
+    digest = hashlib.sha256()
+    _add_function(function, digest, set())
+    return digest.hexdigest()
+
+
+def _add_function(function: Any, digest: Any, seen: set[int]) -> None:
+    if id(function) in seen:
+        return
+    seen.add(id(function))
+    digest.update(f"def {function.__module__}.{function.__qualname__}{function.__defaults__!r}".encode())
+    names = _add_code(function.__code__, function.__doc__, digest)
+    found = function.__globals__
+    values = {name: found[name] for name in names if name in found}
+    for cell, name in zip(function.__closure__ or (), function.__code__.co_freevars, strict=True):
+        values[name] = cell.cell_contents
+    for name in sorted(values):
+        value = values[name]
+        if isinstance(value, ModuleType) and value.__name__.partition(".")[0] in PACKAGES:
+            for attribute in sorted(names & vars(value).keys()):  # more than is read of it, never less
+                _add_value(f"{name}.{attribute}", vars(value)[attribute], digest, seen)
+        else:
+            _add_value(name, value, digest, seen)
+
+
+def _add_code(code: CodeType, doc: str | None, digest: Any) -> set[str]:
+    """Instructions and constants of a function and of those inside it; returns the global names that they read."""
+    digest.update(code.co_code)
+    digest.update(repr((code.co_varnames, code.co_names, code.co_freevars, code.co_argcount)).encode())
+    names = set(code.co_names)
+    for number, constant in enumerate(code.co_consts):
+        if isinstance(constant, CodeType):
+            names |= _add_code(constant, None, digest)
+        elif not (number == 0 and doc is not None and constant == doc):
+            digest.update(_shown(constant).encode())
+    return names
+
+
+def _add_value(name: str, value: Any, digest: Any, seen: set[int]) -> None:
+    if isinstance(value, Dispatcher):
+        options = tuple((key, _shown(value.targetoptions[key])) for key in sorted(value.targetoptions))
+        digest.update(f"{name}: kernel {options!r}".encode())
+        if is_own(value.py_func):
+            _add_function(value.py_func, digest, seen)
+    elif isinstance(value, bool | int | float | complex | str | tuple | frozenset | type(None)):
+        digest.update(f"{name} = {_shown(value)}".encode())
+    elif isinstance(value, np.generic | np.ndarray):  # an array that is read as a global is part of the code
+        digest.update(f"{name}: {value.dtype} {value.shape}".encode() + value.tobytes())
+    elif isinstance(value, type):
+        digest.update(f"{name}: {value.__qualname__}{getattr(value, '_fields', ())!r}".encode())
+    else:  # numpy, math and what they hold come with numba's version
+        digest.update(f"{name}: {type(value).__name__} {getattr(value, '__name__', '')}".encode())
+
+
+def _shown(value: Any) -> str:
+    """Text of a constant that does not depend on the order of a set."""
+    if isinstance(value, set | frozenset):
+        return f"set {sorted(map(_shown, value))!r}"
+    if isinstance(value, tuple):
+        return f"({', '.join(map(_shown, value))})"
+    return f"{type(value).__name__} {value!r}"
+
+
+class _Stamp:
+    """A kernel's stamp, found when the cache is first asked: callees may be defined below their caller.
+
+    Pickled and compared as the text that it is.
+    """
+
+    def __init__(self, function: Callable) -> None:
+        self._function = function
+        self._text: str | None = None
+
+    def __str__(self) -> str:
+        if self._text is None:
+            self._text = kernel_stamp(self._function)
+        return self._text
+
+    def __eq__(self, other: object) -> bool:
+        return str(self) == str(other)
+
+    def __hash__(self) -> int:
+        return hash(str(self))
+
+    def __reduce__(self) -> tuple:
+        return str, (str(self),)
+
+
+class _BySyntax:
+    """A place for the cache of a kernel of ours; none for others'."""
+
+    def __init__(self, py_func: Callable, py_file: str) -> None:
+        super().__init__(py_func, py_file)  # type: ignore[call-arg]
+        self._stamp = _Stamp(py_func)
+
+    @classmethod
+    def from_function(cls, py_func: Callable, py_file: str) -> Any:
+        if not is_own(py_func) or not Path(py_file).resolve().is_relative_to(ROOT):
+            return None
+        return super().from_function(py_func, py_file)  # type: ignore[misc]
+
+    def get_source_stamp(self) -> _Stamp:
+        return self._stamp
+
+    def get_disambiguator(self) -> str:
+        return "s"  # numba's is the line's number; names are unique within a file of ours
+
+
+class AskedFor(_BySyntax, caching.UserProvidedCacheLocator):
+    """In ``NUMBA_CACHE_DIR``."""
+
+
+class BesideSource(_BySyntax, caching.InTreeCacheLocator):
+    """In the ``__pycache__`` beside the source."""
+
+
+class OfUser(_BySyntax, caching.UserWideCacheLocator):
+    """In the user's cache folder, where the source may not be written."""
+
+
+@contextmanager
+def _locked(path: str, *, alone: bool) -> Iterator[None]:
+    """Hold the lock of an index; without one where the file system has none."""
+    if fcntl is None:
+        yield
+        return
+    try:
+        file = open(f"{path}.lock", "a")
+    except OSError:  # a cache that may only be read, or is not there yet
+        yield
+        return
+    with file:
+        fcntl.flock(file, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)  # released when the file is closed
+        yield
+
+
+def _install() -> None:
+    """Put locators and locks into numba; once a process."""
+    numba.config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]  # type: ignore[attr-defined]
+    if not numba.config.CACHE_LOCATOR_CLASSES:  # type: ignore[attr-defined]
+        own = [f"{__name__}.{locator.__name__}" for locator in (AskedFor, BesideSource, OfUser)]
+        usual = [locator.__name__ for locator in caching.CacheImpl._locator_classes]
+        numba.config.CACHE_LOCATOR_CLASSES = ",".join(own + usual)  # type: ignore[attr-defined]
+    save, load = caching.IndexDataCacheFile.save, caching.IndexDataCacheFile.load
+
+    def locked_save(self, key, data):
+        with _locked(self._index_path, alone=True):
+            save(self, key, data)
+
+    def locked_load(self, key):
+        with _locked(self._index_path, alone=False):
+            return load(self, key)
+
+    caching.IndexDataCacheFile.save, caching.IndexDataCacheFile.load = locked_save, locked_load  # type: ignore
+
+
+_install()

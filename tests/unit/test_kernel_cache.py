@@ -1,0 +1,149 @@
+"""The cache of kernels follows what a kernel is made of, and no process takes another's code."""
+
+import multiprocessing
+import os
+import subprocess
+import sys
+import types
+
+import numpy as np
+import pytest
+from numba import njit
+from numba.core.caching import IndexDataCacheFile
+
+from geometry.kernel_cache import kernel_stamp, specialisations
+
+CALLEE = """
+FACTOR = 2.0
+UNUSED = 3.0
+
+@njit(error_model="numpy")
+def scaled(x):
+    '''Twice.'''
+    return FACTOR * x
+"""
+KERNEL = """
+import constants
+
+@njit(error_model="numpy")
+def kernel(x):
+    '''What it does.'''
+    total = 0.0
+    for i in range(10):  # ten
+        total += later(x) + constants.SHIFT
+    return total
+
+@njit(error_model="numpy")
+def later(x):
+    return scaled(x) if x > 0.0 else 0.0
+"""
+
+
+def stamp(callee=CALLEE, kernel=KERNEL, shift=1.0):
+    """The stamp of a kernel whose callee and constants stand in other modules."""
+    constants = types.ModuleType("particles.constants")
+    constants.SHIFT, constants.OTHER = shift, 5.0
+    sys.modules["constants"] = constants
+    try:
+        below = {"njit": njit, "__name__": "particles.callee"}
+        exec(callee, below)
+        above = {"njit": njit, "__name__": "particles.kernel", "scaled": below["scaled"]}
+        exec(kernel, above)
+        return kernel_stamp(above["kernel"].py_func)
+    finally:
+        del sys.modules["constants"]
+
+
+@pytest.mark.parametrize(
+    ("what", "change"),
+    [
+        ("nothing", {}),
+        ("a docstring", {"kernel": KERNEL.replace("What it does.", "What else\n    it does.")}),
+        ("the docstring of a callee", {"callee": CALLEE.replace("'''Twice.'''", "'''Two times.'''")}),
+        ("a comment and the lines", {"kernel": "\n\n# here\n" + KERNEL.replace("# ten", "# 10 times")}),
+        ("a constant that it does not read", {"callee": CALLEE.replace("UNUSED = 3.0", "UNUSED = 4.0")}),
+    ],
+)
+def test_the_stamp_stays(what, change):
+    assert stamp(**change) == stamp()
+
+
+@pytest.mark.parametrize(
+    ("what", "change"),
+    [
+        ("an instruction", {"kernel": KERNEL.replace("total +=", "total -=")}),
+        ("a number", {"kernel": KERNEL.replace("range(10)", "range(11)")}),
+        ("an instruction of a callee", {"callee": CALLEE.replace("FACTOR * x", "FACTOR + x")}),
+        ("a constant of a callee's module", {"callee": CALLEE.replace("FACTOR = 2.0", "FACTOR = 2.5")}),
+        ("a callee that stands below", {"kernel": KERNEL.replace("x > 0.0", "x >= 0.0")}),
+        ("a constant read through its module", {"shift": 1.5}),
+        ("a compiler option", {"callee": CALLEE.replace('error_model="numpy"', 'error_model="python"')}),
+    ],
+)
+def test_the_stamp_changes(what, change):
+    assert stamp(**change) != stamp()
+
+
+def test_the_stamp_is_the_same_in_every_process():
+    """Hash seeds order sets differently."""
+    code = (
+        "from geometry.kernel_cache import kernel_stamp\n"
+        "from particles.dem.step_kernel import run_steps\n"
+        "from particles.dvi.step_kernel import run_steps as rigid\n"
+        "print(kernel_stamp(run_steps.py_func), kernel_stamp(rigid.py_func))"
+    )
+    stamps = [
+        subprocess.run(
+            [sys.executable, "-c", code], env={**os.environ, "PYTHONHASHSEED": seed}, capture_output=True, text=True,
+            check=True,
+        ).stdout.split()
+        for seed in ("1", "2")
+    ]  # fmt: skip
+    assert stamps[0] == stamps[1]
+    assert stamps[0][0] != stamps[0][1]
+
+
+def test_kernels_of_ours_are_cached_by_syntax_and_those_of_others_are_not():
+    from particles.dem.step_kernel import run_steps
+
+    assert type(run_steps._cache._impl.locator).__module__ == "geometry.kernel_cache"
+
+    @njit(cache=True)
+    def foreign(x):
+        return x
+
+    assert type(foreign._cache._impl.locator).__module__ == "numba.core.caching"
+
+
+def write(folder, worker, count):
+    """Save ``count`` entries under keys of this worker's."""
+    file = IndexDataCacheFile(folder, "kernel-s.py311", "stamp")
+    for k in range(count):
+        file.save((worker, k), f"code {worker} {k}")
+
+
+def test_processes_that_write_one_index_keep_every_entry(tmp_path):
+    count, workers = 25, 3
+    context = multiprocessing.get_context("fork")
+    tasks = [context.Process(target=write, args=(str(tmp_path), w, count)) for w in range(workers)]
+    for task in tasks:
+        task.start()
+    for task in tasks:
+        task.join()
+        assert task.exitcode == 0
+    file = IndexDataCacheFile(str(tmp_path), "kernel-s.py311", "stamp")
+    for w in range(workers):
+        for k in range(count):
+            assert file.load((w, k)) == f"code {w} {k}"
+
+
+def test_specialisations_are_counted_by_kernel_and_types():
+    from particles.walls.device_walls import _merge
+
+    start, other = np.array([0, 1], dtype=np.int64), np.array([3], dtype=np.int32)
+    merged = np.empty(2, dtype=np.int32)
+    _merge(start, other, start, other + np.int32(1), 2 * start, merged)
+    assert merged.tolist() == [3, 4]
+    mine = {one for one in specialisations() if one.startswith("particles.walls.device_walls._merge(")}
+    assert len(mine) == len(_merge.overloads) >= 1
+    assert not any("foreign" in one for one in specialisations())
