@@ -94,10 +94,19 @@ def test_wrong_arrays_are_told(tmp_path, arrays, radius, words):
         ("a.csv", "x, y, z\n1, 2\n", "line 2: 2 entries, but 3 columns"),
         ("a.dat", "", "suffix '.dat'"),
         ("a.npz", "text", "no npz archive"),
+        ("a.npz", b"", "no npz archive"),
+        ("a.npz", b"\x89HDF\r\n\x1a\n" + bytes(90), "no npz archive"),
+        ("a.npz", b"PK\x03\x04 a zip that was cut off", "no npz archive"),
+        ("a.npz", b"\x93NUMPY\x01\x00v\x00{'descr': '<f8', 'fortran_order': False, 'shape': (1,), }"
+         + b" " * 58 + b"\n" + bytes(8), "no npz archive .*one array without a name"),
+        ("a.vtp", "text", "no VTK file in XML"),
+        ("a.vtp", b"\x89HDF\r\n\x1a\n" + bytes(90), "no VTK file in XML"),
+        ("a.vtp", '<VTKFile type="PolyData"><PolyData><Piece NumberOfPoints="3"><Points>', "cannot be read as VTK"),
+        ("a.csv", b"\x89HDF\r\n\x1a\n" + bytes(90), "not text in UTF-8"),
     ],
-)
+)  # fmt: skip
 def test_wrong_files_are_told(tmp_path, name, text, words):
-    (tmp_path / name).write_text(text)
+    (tmp_path / name).write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(ValueError, match=words):
         read_packing(tmp_path / name)
     with pytest.raises(FileNotFoundError, match="does not exist"):
