@@ -127,11 +127,12 @@ def _from_csv(path: Path) -> dict[str, np.ndarray]:
 
 def _from_npz(path: Path) -> dict[str, np.ndarray]:
     try:
-        archive = np.load(path, allow_pickle=False)
-        if not isinstance(archive, np.lib.npyio.NpzFile):
-            raise ValueError("it holds one array without a name; write it by numpy.savez")
-        with archive:
-            return dict(archive)
+        with open(path, "rb") as stream:  # numpy leaves the file open that is no archive
+            archive = np.load(stream, allow_pickle=False)
+            if not isinstance(archive, np.lib.npyio.NpzFile):
+                raise ValueError("it holds one array without a name; write it by numpy.savez")
+            with archive:
+                return dict(archive)
     except (ValueError, OSError, EOFError, BadZipFile, zlib.error, NotImplementedError) as error:
         raise ValueError(f"{path} is no npz archive of arrays ({error})") from None
 

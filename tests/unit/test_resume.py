@@ -12,7 +12,7 @@ from emclutch.resume import refuse_changed_files, refuse_other_scene, run_checkp
 from emclutch.scene.input_files import hashed_input_files
 
 GOOD = Path(__file__).parents[1] / "cases" / "broken" / "good.toml"
-CORNER = "v 0 0 {}\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+CORNER = "v 35 0 {}\nv 36 0 0\nv 35 1 0\nf 1 2 3\n"
 
 
 @pytest.fixture
@@ -23,6 +23,7 @@ def begun(tmp_path):
     sizes.write_text("diameter [mm]\n0.2\n0.21\n")
     changes = {
         "surfaces.vane": {"file": str(wall), "scale": 1e-3},
+        "particles.sector": None,
         "particles.diameter": None,
         "particles.sizes": {"kind": "file", "file": str(sizes)},
     }

@@ -75,7 +75,7 @@ def test_values_may_be_inserted_removed_and_put_in_another_order(tmp_path, runs)
 
 
 def test_a_later_end_continues_every_point_and_is_in_the_table(tmp_path, runs):
-    values = {"coil.current": ["0.1 A", "0.2 A"]}
+    values = {FRICTION: [0.1, 0.3]}
     out = sweep(study_of(tmp_path, values, **{"time.end": "4 ms"}), out=tmp_path / "out")
     runs.asked.clear()
     sweep(study_of(tmp_path, values, **{"time.end": "5 ms"}), out=out, resume=True)
