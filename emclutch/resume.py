@@ -38,7 +38,7 @@ def refuse_other_scene(old_text: str, new_text: str, target: str | Path) -> None
     """OutputError unless two scenes differ at most in what a continued run may change: its end and its output."""
     old, new = flat_scene(old_text), flat_scene(new_text)
     differing = [
-        f"{key}: {old.get(key, 'absent')} -> {new.get(key, 'absent')}"
+        f"{key}: {_in_short(old.get(key, 'absent'))} -> {_in_short(new.get(key, 'absent'))}"
         for key in differing_keys(old, new)
         if not may_change(key)
     ]
@@ -95,6 +95,12 @@ def differing_keys(old: dict[str, Any], new: dict[str, Any]) -> list[str]:
 def may_change(key: str) -> bool:
     """Whether a continued run may have another value of a dotted key."""
     return key not in MUST_STAY and key.startswith(MAY_CHANGE)
+
+
+def _in_short(value: Any) -> str:
+    """A value as text; the points of a curve are too many for a message."""
+    text = str(value)
+    return text if len(text) <= 60 else f"{text[:50]} ..."
 
 
 def _flat(table: dict, prefix: str = "") -> dict:

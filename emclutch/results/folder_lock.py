@@ -19,7 +19,7 @@ import json
 import os
 import platform
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from emclutch.results.output_error import OutputError
@@ -58,9 +58,10 @@ def locked_folder(folder: str | Path) -> Iterator[None]:
     finally:
         if fcntl is None:
             os.close(held)  # such systems remove no open file
+        with suppress(OSError):  # a folder that was moved or made read-only meanwhile is no reason to fail
+            # While it is held: whoever opened the file before finds in `_take` that it is not the folder's any more.
             path.unlink(missing_ok=True)
-        else:  # while it is held: whoever opened the file before finds in `_take` that it is not the folder's any more
-            path.unlink(missing_ok=True)
+        if fcntl is not None:
             os.close(held)
 
 

@@ -60,6 +60,18 @@ def test_a_run_of_an_older_version_goes_on_with_a_warning(begun):
         refuse_changed_files(case, folder)
 
 
+def test_a_curve_that_changed_is_named_in_short(tmp_path):
+    """Its points stand in the resolved scene: the file is no part of a run any more."""
+    rows = [f"{10.0 * k}, {0.01 * k}" for k in range(100)]
+    texts = []
+    for last in ("5000, 1.2", "5000, 1.3"):
+        (tmp_path / "curve.csv").write_text("\n".join(["H [A/m], B [T]", *rows, last]))
+        texts.append(load_case(GOOD, {"materials.mine": {"table": str(tmp_path / "curve.csv")}}).toml())
+    with pytest.raises(OutputError, match=r"\(materials\.mine\.B: \[0\.0, .* \.\.\. -> ") as refused:
+        refuse_other_scene(*texts, tmp_path)
+    assert len(str(refused.value)) < 600
+
+
 def test_broken_provenance_is_told(begun):
     case, folder, *_ = begun
     for text in ("half {", "[]"):
