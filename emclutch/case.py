@@ -30,12 +30,14 @@ class Case:
     path : the file, or None for a scene made in Python
     warnings : what is allowed and yet likely not meant
     data : the scene as the user wrote it, with the values that were set since
+    trust_scripts : whether scripts that the scene names (.geo) may be run; they can run any command
     """
 
     scene: Scene
     path: Path | None = None
     warnings: tuple[str, ...] = ()
     data: dict[str, Any] = field(default_factory=dict, repr=False)
+    trust_scripts: bool = False
 
     @property
     def name(self) -> str:
@@ -50,7 +52,7 @@ class Case:
         SceneError
             The scene is not right with them.
         """
-        return case_from(self.data, values, self.path)
+        return case_from(self.data, values, self.path, trust_scripts=self.trust_scripts)
 
     def resolved(self) -> dict[str, Any]:
         """Return the whole scene in SI, defaults written out; it loads to an equal scene."""
@@ -73,8 +75,10 @@ class Case:
             stream.write(self.toml())
 
 
-def load_case(path: str | Path, overrides: Mapping[str, Any] | None = None) -> Case:
+def load_case(path: str | Path, overrides: Mapping[str, Any] | None = None, *, trust_scripts: bool = False) -> Case:
     """Read and check a scene file; `overrides` as in `Case.with_values`.
+
+    `trust_scripts` allows a script as the geometry's file (.geo), which may run any command on this machine.
 
     Raises
     ------
@@ -88,20 +92,26 @@ def load_case(path: str | Path, overrides: Mapping[str, Any] | None = None) -> C
             [Fault("study", "", f"makes this file a study of many scenes; use: emclutch sweep {path}")],
             str(path),
         )
-    return case_from(data, overrides or {}, path)
+    return case_from(data, overrides or {}, path, trust_scripts=trust_scripts)
 
 
-def case_from(data: Mapping[str, Any], values: Mapping[str, Any] | None = None, path: Path | None = None) -> Case:
-    """Check a scene given as nested dictionaries, with dotted `values` set in a copy of it."""
+def case_from(
+    data: Mapping[str, Any],
+    values: Mapping[str, Any] | None = None,
+    path: Path | None = None,
+    *,
+    trust_scripts: bool = False,
+) -> Case:
+    """Check a scene given as nested dictionaries, with dotted `values` set in a copy of it; else as `load_case`."""
     changed = copy.deepcopy(dict(data))
     source = "scene" if path is None else str(path)
     faults = [fault for key, value in (values or {}).items() for fault in _set(changed, key, value)]
     if faults:
         raise SceneError(faults, source)
-    scene, faults = _validate(changed, Path() if path is None else path.parent)
+    scene, faults = _validate(changed, Path() if path is None else path.parent, trust_scripts)
     if scene is None or faults:
         raise SceneError(faults, source)
-    return Case(scene, path, tuple(warnings_of(scene)), changed)
+    return Case(scene, path, tuple(warnings_of(scene)), changed, trust_scripts)
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -145,9 +155,9 @@ def _set(data: dict[str, Any], key: str, value: Any) -> list[Fault]:
     return []
 
 
-def _validate(data: dict[str, Any], folder: Path) -> tuple[Scene | None, list[Fault]]:
+def _validate(data: dict[str, Any], folder: Path, trust_scripts: bool) -> tuple[Scene | None, list[Fault]]:
     """Return the scene, or None, and every fault: within the sections and between those that are right."""
-    context = {"folder": folder}
+    context = {"folder": folder, "trust_scripts": trust_scripts}
     try:
         scene = Scene.model_validate(data, context=context)
     except ValidationError as error:

@@ -69,6 +69,12 @@ Sets = Annotated[
 Resume = Annotated[bool, typer.Option("--resume", help="go on from the last checkpoint")]
 Threads = Annotated[int | None, typer.Option("--threads", help="threads; results do not depend on them")]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="stop after the plan; nothing is written")]
+TrustScripts = Annotated[
+    bool,
+    typer.Option(
+        "--trust-scripts", help="run a script (.geo) that the scene names as its geometry; it may run any command"
+    ),
+]
 AsMarkdown = Annotated[bool, typer.Option("--markdown", help="a page of all keys for people to read")]
 MaterialNames = Annotated[
     list[str] | None, typer.Argument(metavar="[NAME]...", help="materials, or files of a curve (.csv); default: all")
@@ -106,13 +112,14 @@ def run(
     threads: Threads = None,
     dry_run: DryRun = False,
     as_json: AsJson = False,
+    trust_scripts: TrustScripts = False,
 ) -> None:
     """Simulate one scene."""
     with _explained():
         _check_threads(threads)
         if resume and case.is_dir():
             case, out = _run_to_resume(case, out)
-        read = _load(case, sets)
+        read = _load(case, sets, trust_scripts)
         if resume and out is None and read.scene.output.folder is None:
             message = f"needs a run; name the run's folder: emclutch run FOLDER --resume, not the scene {case}"
             raise SceneError([Fault("--resume", "", message)], "command line")
@@ -136,10 +143,10 @@ def run(
 
 
 @app.command()
-def check(case: CaseFile, sets: Sets = None, as_json: AsJson = False) -> None:
+def check(case: CaseFile, sets: Sets = None, as_json: AsJson = False, trust_scripts: TrustScripts = False) -> None:
     """Validate a scene, and say what follows from it."""
     with _explained():
-        _tell_plan(_load(case, sets), as_json)
+        _tell_plan(_load(case, sets, trust_scripts), as_json)
 
 
 @app.command()
@@ -148,6 +155,7 @@ def sweep(
     out: Out = None,
     resume: Resume = False,
     threads: Threads = None,
+    trust_scripts: TrustScripts = False,
 ) -> None:
     """Simulate every point of a parameter study, one after the other."""
     with _explained():
@@ -157,7 +165,7 @@ def sweep(
         if resume and out is None:
             message = "needs a study that was begun; name the study's folder with --out"
             raise SceneError([Fault("--resume", "", message)], "command line")
-        read = load_study(study)
+        read = load_study(study, trust_scripts=trust_scripts)
         from emclutch.results import Progress
         from emclutch.run_study import sweep as sweep_study
 
@@ -170,11 +178,13 @@ def sweep(
 
 
 @app.command()
-def accuracy(case: CaseFile, out: Out = None, sets: Sets = None, threads: Threads = None) -> None:
+def accuracy(
+    case: CaseFile, out: Out = None, sets: Sets = None, threads: Threads = None, trust_scripts: TrustScripts = False
+) -> None:
     """Measure what accuracy costs in time."""
     with _explained():
         _check_threads(threads)
-        read = _load(case, sets)
+        read = _load(case, sets, trust_scripts)
         from emclutch.price_tag import accuracy as measure_accuracy
         from emclutch.results import Progress
 
@@ -191,10 +201,11 @@ def field(
     out: Out = None,
     sets: Sets = None,
     as_json: AsJson = False,
+    trust_scripts: TrustScripts = False,
 ) -> None:
     """Solve the field alone: gap field, inductance, energy, force, error, at one current or along a sweep."""
     with _explained():
-        read = _load(case, sets)
+        read = _load(case, sets, trust_scripts)
         from emclutch import field_study
 
         with _bad_input_for(case):
@@ -210,10 +221,10 @@ def field(
 
 
 @app.command()
-def mesh(case: CaseFile, out: Out = None, sets: Sets = None) -> None:
+def mesh(case: CaseFile, out: Out = None, sets: Sets = None, trust_scripts: TrustScripts = False) -> None:
     """Write the mesh of the cross-section (.msh) and its picture with the regions named."""
     with _explained():
-        read = _load(case, sets)
+        read = _load(case, sets, trust_scripts)
         from emclutch.mesh_command import mesh_case
 
         with _bad_input_for(case):
@@ -313,7 +324,7 @@ def torque_line(torque: dict[str, Any] | None) -> str:
     return text if torque.get("converged") else f"{text}; {torque.get('reason')}"
 
 
-def _load(path: Path, sets: list[str] | None = None) -> Case:
+def _load(path: Path, sets: list[str] | None = None, trust_scripts: bool = False) -> Case:
     values = _assignments(sets)
     if any(value == {} for value in values.values()):
         # an effect that is switched on keeps the entries that it has, in the file or by other settings
@@ -322,7 +333,7 @@ def _load(path: Path, sets: list[str] | None = None) -> Case:
         kept = {key for key in adding if isinstance(effects, dict) and key.removeprefix("effects.") in effects}
         others = {key: value for key, value in values.items() if key not in adding}
         values = {key: {} for key in adding if key not in kept} | others
-    case = load_case(path, values)
+    case = load_case(path, values, trust_scripts=trust_scripts)
     for warning in case.warnings:
         typer.echo(f"warning: {warning}", err=True)
     return case

@@ -7,6 +7,7 @@ from pathlib import Path
 from emclutch.case import Case
 from emclutch.device import mesh_of
 from emclutch.results import OutputError, RunFolder
+from emclutch.results.folder_lock import locked_folder
 from geometry import Clutch, draw_section
 from geometry.cad_shape import CadShape
 
@@ -28,9 +29,9 @@ def mesh_case(case: Case, out: str | Path | None = None) -> tuple[Path, Path, in
         if file.exists():
             raise OutputError(f"{file} exists; name another folder with --out")
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        mesh = mesh_of(case.scene, files[0])
-        draw_section(mesh, files[1], title=case.scene.scene.title)
+        with locked_folder(folder):
+            mesh = mesh_of(case.scene, files[0])
+            draw_section(mesh, files[1], title=case.scene.scene.title)
     except OSError as error:
         raise OutputError(
             f"cannot write to {folder}: {error.strerror or error}; name another folder with --out"

@@ -24,6 +24,7 @@ from emclutch.packed_grains import packed
 from emclutch.plan import make_plan
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.atomic_file import replace_text
+from emclutch.results.folder_lock import has_files, locked_folder
 from emclutch.results.study_pictures import work_precision_picture
 from emclutch.run_case import run, use_threads
 from emclutch.scene.field_source import CoilField
@@ -133,8 +134,14 @@ def accuracy(case: Case, *, out: str | Path | None = None, threads: int | None =
     _refuse_what_has_no_price(case)
     use_threads(threads)
     folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-accuracy", "studies")
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise OutputError(f"{folder} is in use; write elsewhere with --out")
+    with locked_folder(folder):
+        if has_files(folder):
+            raise OutputError(f"{folder} is not empty; write elsewhere with --out")
+        _turn_all(case, folder, progress)
+    return folder
+
+
+def _turn_all(case: Case, folder: Path, progress) -> None:
     quiet = {"output.snapshots": 0, "output.pictures": False, "output.checkpoint": False, "output.formats": []}
     if case.scene.accuracy.time_end is not None:
         quiet["time.end"] = case.scene.accuracy.time_end
@@ -155,7 +162,6 @@ def accuracy(case: Case, *, out: str | Path | None = None, threads: int | None =
     work_precision_picture(folder / "accuracy.png", table, title=case.scene.scene.title)
     _say(progress, 1.0, "done")
     show(table)
-    return folder
 
 
 def _refuse_what_has_no_price(case: Case) -> None:

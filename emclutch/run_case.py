@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import signal
 import threading
-import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
@@ -20,10 +19,12 @@ from emclutch.heartbeat import Heartbeat
 from emclutch.kernel_compilation import compilation_told
 from emclutch.observables import Observables
 from emclutch.plan import make_plan
-from emclutch.results import OutputError, Result, RunFolder, load_result, read_history, steady_mean
-from emclutch.results.checkpoint import read_checkpoint
+from emclutch.results import Result, RunFolder, load_result, read_history, steady_mean
+from emclutch.results.folder_lock import locked_folder
 from emclutch.results.grain_profiles import write_profiles
 from emclutch.results.statistics import Estimate
+from emclutch.resume import refuse_changed_files, refuse_other_scene, run_checkpoint
+from emclutch.scene.input_files import hashed_input_files
 from emclutch.snapshots import History, Snapshots, save_checkpoint
 from field import ConvergenceError, FluxLinkage, MagneticField, MeanFluxDensity, PointOutside, estimate_error
 from geometry.kernel_cache import specialisations
@@ -31,8 +32,6 @@ from geometry.threads import default_threads
 from particles import DemError, Grains, ParticleError
 
 log = logging.getLogger(__name__)
-MAY_CHANGE = ("time.end", "time.average_from", "output.", "accuracy.", "scene.title", "scene.description")
-MUST_STAY = ("output.energies",)  # what a contact remembers has a place for it
 LEAST_STRAIN = 5.0  # shear of the gap, slip times radius over width; packings forget their making in a few
 JAM = 1e3  # tolerances of the solver of rigid contacts, beyond which a step counts as jammed
 CHECKPOINT_SECONDS = 60.0  # wall-clock between checkpoints; a crash costs no more than this
@@ -69,7 +68,8 @@ def run(
     Raises
     ------
     OutputError
-        The folder is in use or cannot be written.
+        The folder is in use or cannot be written; what is to be resumed belongs to another scene, or a file that the
+        scene names has changed.
     RunError
         A solver did not converge, grains do not fit, a contact failed; `Interrupted` after Ctrl-C.
     """
@@ -77,16 +77,22 @@ def run(
     use_threads(threads)
     target = out or case.scene.output.folder or RunFolder.next_path(case.name)
     case_text = case.toml()
-    if resume and RunFolder(target).checkpoint.is_file():  # compared before anything in the folder is touched
-        refuse_other_scene(read_checkpoint(RunFolder(target).checkpoint)["case"], case_text, target)
-    folder = RunFolder.create(target, case_text, resume=resume)
-    with folder.logging(), compilation_told(lambda text: _announce(progress, text)) as compiled:
-        try:
-            return _run(case, folder, case_text, resume, progress, begin, compiled)
-        except (ConvergenceError, ParticleError, PointOutside, ValueError) as error:
-            text = f"{error}{remedy_in_scene(case, error)}"
-            log.error("%s", text)
-            raise RunError(f"{text}\n(log: {folder.log})") from error
+    if resume:  # before the lock makes a folder
+        RunFolder(target).require_checkpoint()
+    with locked_folder(target):
+        if resume:  # compared before anything in the folder is touched
+            folder = RunFolder(target)
+            refuse_other_scene(run_checkpoint(folder.checkpoint)["case"], case_text, target)
+            with folder.logging():
+                refuse_changed_files(case, folder)
+        folder = RunFolder.create(target, case_text, resume=resume)
+        with folder.logging(), compilation_told(lambda text: _announce(progress, text)) as compiled:
+            try:
+                return _run(case, folder, case_text, resume, progress, begin, compiled)
+            except (ConvergenceError, ParticleError, PointOutside, ValueError) as error:
+                text = f"{error}{remedy_in_scene(case, error)}"
+                log.error("%s", text)
+                raise RunError(f"{text}\n(log: {folder.log})") from error
 
 
 def _run(case, folder, case_text, resume, progress, begin, compiled) -> Result:
@@ -97,11 +103,15 @@ def _run(case, folder, case_text, resume, progress, begin, compiled) -> Result:
         log.info("%s: %s", label, reason)
     mesh_hash = None if device.coil is None else device.coil.mesh.hash()
     folder.write_provenance(
-        seed=scene.scene.seed, mesh_hash=mesh_hash, threads=_threads(), threading_layer=_threading_layer()
+        seed=scene.scene.seed,
+        mesh_hash=mesh_hash,
+        threads=_threads(),
+        threading_layer=_threading_layer(),
+        input_files=hashed_input_files(scene),
     )
     _say(progress, 0.0, f"packing {plan.count} grains")
     if resume:
-        state = read_checkpoint(folder.checkpoint)
+        state = run_checkpoint(folder.checkpoint)
         plan = plan.continued(state["steps_per_update"], state["updates"], scene.time.end)
         simulation, resume_time = restore(case, device, plan, state)
         log.info("resumed at t = %g s, window %d of %d", resume_time, simulation.window, plan.windows)
@@ -222,31 +232,6 @@ def profile_average(scene, device):
 
     start = scene.time.average_from
     return ProfileAverage(device.shape, 0.5 * scene.time.end if start is None else start)
-
-
-def refuse_other_scene(old_text: str, new_text: str, target: str | Path) -> None:
-    """OutputError unless two scenes differ at most in what a continued run may change: its end and its output."""
-    old, new = (_flat(tomllib.loads(text)) for text in (old_text, new_text))
-    differing = [
-        f"{key}: {old.get(key, 'absent')} -> {new.get(key, 'absent')}"
-        for key in sorted({*old, *new})
-        if old.get(key) != new.get(key) and (key in MUST_STAY or not key.startswith(MAY_CHANGE))
-    ]
-    if differing:
-        contact = any(text.startswith("contact.") for text in differing)
-        why = "a changed contact needs a new run: " if contact else ""
-        raise OutputError(
-            f"the checkpoint in {target} belongs to another scene ({'; '.join(differing)}); {why}start anew in another "
-            f"folder with --out, or continue the old scene with emclutch run {target} --resume"
-        )
-
-
-def _flat(table: dict, prefix: str = "") -> dict:
-    """Nested tables as dotted keys."""
-    flat: dict = {}
-    for key, value in table.items():
-        flat |= _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
-    return flat
 
 
 def restore(case, device, plan, state: dict):

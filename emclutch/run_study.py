@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 from typing import Any
 
+from emclutch.case import Case
 from emclutch.method_comparison import METHOD, compare_methods, comparison_lines
 from emclutch.results import OutputError, Result, RunFolder, load_result
 from emclutch.results.atomic_file import replace_text
+from emclutch.results.folder_lock import has_files, locked_folder
+from emclutch.results.run_folder import logging_to
 from emclutch.results.speed_picture import speed_picture, speeds_vary
 from emclutch.results.study_pictures import torque_against_current_picture, torque_against_speed_picture
 from emclutch.run_case import Interrupted, run
 from emclutch.scene.study import Study, load_study
+from emclutch.study_points import PointFolder, folders_of_points, set_aside, unclaimed
 
+log = logging.getLogger(__name__)
 STARTED = 0.01  # of the motor's fastest speed: an output that dry friction holds trembles below it
 
 
@@ -28,15 +34,18 @@ def sweep(
 
     With ``contact.method`` among the values, `methods.csv` and `methods.txt` compare DEM and DVI.
 
-    The folder holds point-000, point-001, ... (each a whole run), `study.csv` with a row a point, `speeds.png` where
-    shafts change their speed, and for a sweep of `coil.current` or of a constant `motion.rotor.speed` alone also
-    `torque_vs_current.csv` or `torque_vs_speed.csv` with its `.png`. All are written anew after every point.
+    The folder holds point-000, point-001, ... (each a whole run), `study.csv` with a row a point, `study.log` with what
+    became of each, `speeds.png` where shafts change their speed, and for a sweep of `coil.current` or of a constant
+    `motion.rotor.speed` alone also `torque_vs_current.csv` or `torque_vs_speed.csv` with its `.png`. The tables and
+    pictures are written anew after every point.
 
     Parameters
     ----------
     study : a Study, or the path of a study file.
     out : folder; default: the next free studies/<name>-<nnn>.
-    resume : keep the points that are done and continue the others from their checkpoints.
+    resume : keep the points that are done and continue the others from their checkpoints, also to a later time.end.
+        A point is known by its values, so that values may be inserted, removed and put in another order; the folders
+        keep their names, and new points get the next numbers.
 
     Raises
     ------
@@ -45,25 +54,32 @@ def sweep(
     """
     study = study if isinstance(study, Study) else load_study(study)
     folder = Path(out) if out is not None else RunFolder.next_path(study.path.stem, "studies")
-    if not resume and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise OutputError(f"{folder} is in use; continue it with --resume, or write elsewhere with --out")
+    if resume and not folder.is_dir():  # before the lock makes it
+        raise OutputError(f"nothing to resume in {folder}: there is no such folder; name the study's folder with --out")
+    with locked_folder(folder):
+        if not resume and has_files(folder):
+            raise OutputError(f"{folder} is not empty; continue it with --resume, or write elsewhere with --out")
+        with logging_to(folder / "study.log", [__name__]):
+            _run_points(study, folder, threads, resume, progress)
+    return folder
+
+
+def _run_points(study: Study, folder: Path, threads: int | None, resume: bool, progress) -> None:
     points = list(study.cases())
+    targets = folders_of_points(folder, [case for _, case in points], fixed=study.values)
+    if others := unclaimed(folder, targets):
+        log.info("of none of the study's points, and left as they are: %s", ", ".join(others))
     rows: list[dict] = []
     done: list[tuple[dict, Result]] = []
     courses: dict[str, Any] = {}
-    for number, (values, case) in enumerate(points):
-        target = RunFolder(folder / f"point-{number:03d}")
-        if resume and target.summary.is_file() and target.case.read_text(encoding="utf-8") == case.toml():
-            result = load_result(target.path)
-        else:
-            part = None if progress is None else _Part(progress, number, len(points))
-            resumed = resume and target.checkpoint.is_file()
-            try:
-                result = run(case, out=target.path, threads=threads, progress=part, resume=resumed)
-            except Interrupted as stopped:
-                hint = f"go on with: emclutch sweep {study.path} --out {folder} --resume"
-                raise Interrupted(f"stopped at point {number + 1} of {len(points)}; {hint}") from stopped
-        rows.append(_row(values, result))
+    for number, ((values, case), target) in enumerate(zip(points, targets, strict=True)):
+        part = None if progress is None else _Part(progress, number, len(points))
+        try:
+            result = _run_point(case, target, threads, resume, part)
+        except Interrupted as stopped:
+            hint = f"go on with: emclutch sweep {study.path} --out {folder} --resume"
+            raise Interrupted(f"stopped at point {number + 1} of {len(points)}; {hint}") from stopped
+        rows.append(_row(values, case, result))
         done.append((values, result))
         _write_tables(folder, study, rows)
         if speeds_vary(result.history):
@@ -71,7 +87,24 @@ def sweep(
             speed_picture(folder / "speeds.png", courses, title=study.title or None)
         if METHOD in study.values:
             _write_comparison(folder, study, done)
-    return folder
+
+
+def _run_point(case: Case, point: PointFolder, threads: int | None, resume: bool, progress) -> Result:
+    """The result of a point: as it lies there, continued, or computed."""
+    name = point.path.name
+    resumed = resume and RunFolder(point.path).checkpoint.is_file()
+    if resume and point.is_done:
+        point.refuse_changed_files(case)
+        log.info("%s is done: kept", name)
+        return load_result(point.path)
+    if resumed:
+        log.info("%s goes on from its checkpoint to t = %g s", name, case.scene.time.end)
+    elif point.path.is_dir() and has_files(point.path):
+        aside = set_aside(point.path)
+        log.warning("%s has no checkpoint to go on from: started anew, its files are kept as %s", name, aside.name)
+    else:
+        log.info("%s starts", name)
+    return run(case, out=point.path, threads=threads, progress=progress, resume=resumed)
 
 
 def _write_comparison(folder: Path, study: Study, done: list[tuple[dict, Result]]) -> None:
@@ -84,9 +117,9 @@ def _write_comparison(folder: Path, study: Study, done: list[tuple[dict, Result]
         replace_text(folder / "methods.txt", "\n".join(comparison_lines(compared, others)) + "\n")
 
 
-def _row(values: dict, result: Result) -> dict:
+def _row(values: dict, case: Case, result: Result) -> dict:
     torque, summary = result.torque, result.summary
-    row = dict(values)
+    row = {**values, "end_time": case.scene.time.end}  # [s]; of points that are kept, too: others are continued
     if "current" in summary:
         row["current"] = summary["current"]
     row |= {

@@ -9,7 +9,8 @@ What may be in the file (STEP, IGES, BREP, or gmsh's own .geo with the OpenCASCA
 A part's region is its name in the file (the STEP product, or the instance, of the tree that a CAD program shows),
 without regard to case and without the counter that CAD programs append («cover:2», «cover-1» are ``cover``); other
 names are translated by the caller.  Air need not be drawn: what no part fills is air, out to a half disc around all.
-STEP carries its unit of length; a BREP or .geo file is read in millimetres; ``scale`` mends a wrong unit.
+STEP carries its unit of length; a BREP or .geo file is read in millimetres; ``scale`` mends a wrong unit.  A .geo file
+is a script, and refused unless the caller trusts it (`geometry.file_content`).
 """
 
 from __future__ import annotations
@@ -23,9 +24,10 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
+from geometry.file_content import SCRIPT, SHAPE_FORMATS, content_fault, untrusted_script
 from geometry.meshing import _OPTIONS, MILLIMETRE, gmsh_model
 
-SUFFIXES = (".step", ".stp", ".iges", ".igs", ".brep", ".geo")
+SUFFIXES = (*SHAPE_FORMATS, SCRIPT)
 # Outside of it a unit is wrong by a thousand: the devices meant here measure 5 mm to 5 m.
 SMALLEST, LARGEST = 2e-3, 10.0
 # Part names that a translator makes up where the file has none.
@@ -102,6 +104,7 @@ def imported_section(
     known: Sequence[str] | None = None,
     axis: str = "z",
     scale: float = 1.0,
+    trust_scripts: bool = False,
 ) -> Iterator[tuple[Any, list[CadPart], list[int]]]:
     """Open a file in a gmsh model of its own: its section in the plane x = r, y = z, in millimetres.
 
@@ -118,6 +121,8 @@ def imported_section(
         Axis of revolution of solids; sections of faces say it by their plane.
     scale : float
         Factor on all lengths.
+    trust_scripts : bool
+        Whether a .geo file may be run; it can run any command.
 
     Yields
     ------
@@ -127,10 +132,10 @@ def imported_section(
     Raises
     ------
     CadError
-        A file that is missing or no CAD file, parts without a name, unknown or missing regions, lengths that are
-        none of a device, parts beyond the axis or that are no solids of revolution.
+        A file that is missing or no CAD file, a script without trust, parts without a name, unknown or missing regions,
+        lengths that are none of a device, parts beyond the axis or that are no solids of revolution.
     """
-    path = _checked(Path(path), axis, scale)
+    path = _checked(Path(path), axis, scale, trust_scripts)
     with _opened(path, scale, _OPTIONS) as (gmsh, raw):
         dim = max(part[0] for part in raw)
         flat = _flat_section(gmsh, path, raw) if dim == 2 else _cut(gmsh, path, raw, axis)
@@ -152,12 +157,13 @@ def imported_solids(
     needed: Sequence[str] = (),
     known: Sequence[str] | None = None,
     scale: float = 1.0,
+    trust_scripts: bool = False,
 ) -> Iterator[tuple[Any, list[CadSolid], list[int]]]:
     """Open a file of solids in a gmsh model of its own, in millimetres; otherwise as `imported_section`.
 
     `options` are gmsh's for the mesh.
     """
-    path = _checked(Path(path), "z", scale)
+    path = _checked(Path(path), "z", scale, trust_scripts)
     with _opened(path, scale, options) as (gmsh, raw):
         if max(dim for dim, _ in raw) < 3:
             raise CadError(f"{path} holds faces but no solids; export solid bodies, or take it as a section")
@@ -203,15 +209,16 @@ def _spelt(name: str) -> str:
     return re.sub(r"[\s-]+", "_", name.strip().lower())
 
 
-def _checked(path: Path, axis: str, scale: float) -> Path:
+def _checked(path: Path, axis: str, scale: float, trust_scripts: bool) -> Path:
     if path.suffix.lower() not in SUFFIXES:
         raise CadError(f"{path} is no CAD file that is read here; give one of {', '.join(SUFFIXES)}")
     if not path.is_file():
         raise CadError(f"{path} does not exist; check the path, which is relative to the scene's folder")
-    if path.suffix.lower() in (".step", ".stp"):
-        with open(path, "rb") as stream:
-            if b"ISO-10303-21" not in stream.read(1000):
-                raise CadError(f"{path} is not a STEP file: it does not begin with ISO-10303-21; export it anew")
+    if path.suffix.lower() == SCRIPT:
+        if not trust_scripts:
+            raise CadError(untrusted_script(path))
+    elif fault := content_fault(path):
+        raise CadError(f"{path} {fault}")
     if axis not in ("x", "y", "z"):
         raise CadError(f"`axis` = {axis!r}: allowed are x, y and z")
     if not (math.isfinite(scale) and scale > 0.0):
@@ -222,11 +229,13 @@ def _checked(path: Path, axis: str, scale: float) -> Path:
 def _read(gmsh: Any, path: Path) -> dict[tuple[int, int], str]:
     """Solids or faces of a file, each with its name (a path of the tree, or a physical group's)."""
     try:
-        if path.suffix.lower() == ".geo":
+        if path.suffix.lower() == SCRIPT:
             gmsh.merge(str(path))
             shapes = _of_groups(gmsh, path)
         else:
-            found = gmsh.model.occ.importShapes(str(path), highestDimOnly=True)
+            found = gmsh.model.occ.importShapes(
+                str(path), highestDimOnly=True, format=SHAPE_FORMATS[path.suffix.lower()]
+            )
             gmsh.model.occ.synchronize()
             shapes = {(dim, tag): gmsh.model.getEntityName(dim, tag) for dim, tag in found if dim >= 2}
     except CadError:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from geometry.cad_import import CadError
+from geometry.file_content import content_fault, lone_copy
 from geometry.meshing import gmsh_model
 from geometry.section import SectionMesh
 
@@ -31,14 +32,16 @@ def read_section_mesh(path: str | Path, *, scale: float = 1.0) -> SectionMesh:
     Raises
     ------
     CadError
-        A missing or unreadable file, triangles without a name or beyond the axis.
+        A missing or unreadable file, one that is no mesh of gmsh, triangles without a name or beyond the axis.
     """
     path = Path(path)
     if not path.is_file():
         raise CadError(f"{path} does not exist; check the path")
-    with gmsh_model({"General.Terminal": 0}) as gmsh:
+    if fault := content_fault(path):
+        raise CadError(f"{path} {fault}")
+    with lone_copy(path) as copy, gmsh_model({"General.Terminal": 0}) as gmsh:
         try:
-            gmsh.merge(str(path))
+            gmsh.merge(str(copy))
         except Exception as error:  # gmsh raises plain Exception, with its own last message
             raise CadError(f"{path} cannot be read ({error}); write it anew from gmsh as .msh") from None
         regions = _blocks(gmsh, 2, 2, 3)

@@ -11,11 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
+from geometry.file_content import SHAPE_FORMATS, content_fault
 from geometry.meshing import MILLIMETRE, gmsh_model
 from geometry.triangle_wall import MERGED, TriangleWall, _heights
 
 MESH_SUFFIXES = (".stl", ".obj", ".ply", ".vtk", ".vtu", ".msh")
-CAD_SUFFIXES = (".step", ".stp", ".iges", ".igs", ".brep")
+CAD_SUFFIXES = tuple(SHAPE_FORMATS)
 LARGEST = 10.0  # m; the devices meant here measure 5 mm to 5 m, so that a larger wall was drawn in millimetres
 
 _OPTIONS = {
@@ -77,6 +78,8 @@ def triangle_wall_from_file(
     is_mesh = suffix in MESH_SUFFIXES
     if is_mesh and size is not None:
         raise SurfaceError(f"`size` is for CAD files; {path} is a mesh and keeps its triangles: remove `size`")
+    if not is_mesh and (fault := content_fault(path)):
+        raise SurfaceError(f"{path} {fault}")
     vertices, triangles = _mesh(path) if is_mesh else _cad(path, None if size is None else size / scale)
     vertices = scale * vertices
     if len(triangles) == 0:
@@ -144,7 +147,7 @@ def _cad(path: Path, size: float | None) -> tuple[np.ndarray, np.ndarray]:
     options = _OPTIONS | {"Mesh.MeshSizeMax": 1e22 if size is None else size / MILLIMETRE}
     with gmsh_model(options) as gmsh:
         try:
-            gmsh.model.occ.importShapes(str(path), highestDimOnly=False)
+            gmsh.model.occ.importShapes(str(path), highestDimOnly=False, format=SHAPE_FORMATS[path.suffix.lower()])
             gmsh.model.occ.synchronize()
             gmsh.model.mesh.generate(2)
         except Exception as error:  # gmsh raises plain Exception, with its own last message

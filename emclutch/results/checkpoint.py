@@ -20,6 +20,8 @@ import numpy as np
 from emclutch.results.output_error import OutputError
 
 VERSION = 1
+DAMAGED = (KeyError, ValueError, TypeError, AttributeError, RuntimeError)
+"""What h5py and numpy raise, beside OSError, on a file of other groups and types than ours, or with damaged ones."""
 
 
 def write_checkpoint(path: str | Path, state: dict[str, Any]) -> None:
@@ -44,17 +46,30 @@ def write_checkpoint(path: str | Path, state: dict[str, Any]) -> None:
 
 
 def read_checkpoint(path: str | Path) -> dict[str, Any]:
-    """The state as it was given to `write_checkpoint`."""
+    """The state as it was given to `write_checkpoint`.
+
+    Raises
+    ------
+    OutputError : the file cannot be read, is damaged, is no checkpoint, or one of another layout.
+    """
     try:
         with h5py.File(path, "r") as file:
-            version = int(file.attrs.get("version", 0))
+            version = file.attrs.get("version")
+            if version is None or "state" not in file:
+                raise OutputError(
+                    f"{path} is an HDF5 file, but no checkpoint that this program wrote; name the right folder, or "
+                    "start the run anew without --resume"
+                )
             if version != VERSION:
                 raise OutputError(
                     f"{path} has layout {version}, this program reads {VERSION}; resume with the program that wrote it"
                 )
-            return _read(file["state"])
-    except OSError as error:
+            state = _read(file["state"])
+    except (OSError, *DAMAGED) as error:
         raise OutputError(f"cannot read {path}: {error}; start the run anew without --resume") from error
+    if not isinstance(state, dict):
+        raise OutputError(f"{path} holds no state of a run; start the run anew without --resume")
+    return state
 
 
 def _write(parent: h5py.Group, name: str, value: Any, where: str) -> None:

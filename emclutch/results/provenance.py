@@ -22,6 +22,7 @@ def provenance(
     mesh_hash: str | None = None,
     threads: int | None = None,
     threading_layer: str | None = None,
+    input_files: dict[str, dict[str, str]] | None = None,
 ) -> dict[str, Any]:
     """All that a reader needs to repeat a run; what cannot be found out is None.
 
@@ -30,6 +31,7 @@ def provenance(
     seed : of the random numbers.
     mesh_hash : sha256 of the field's mesh.
     threads, threading_layer : as used by the kernels; None asks numba's settings, if numba is loaded.
+    input_files : key of the scene -> path and sha256 of the file that it names.
     """
     numba = sys.modules.get("numba")  # a run without compiled kernels need not load it for this
     if numba is not None:
@@ -43,6 +45,7 @@ def provenance(
         "commit": _commit(),
         "seed": seed,
         "mesh_hash": mesh_hash,
+        "input_files": input_files,
         "threads": threads,
         "threading_layer": threading_layer,
         "machine": {

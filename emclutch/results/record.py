@@ -20,7 +20,8 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -29,6 +30,7 @@ import h5py
 import numpy as np
 
 from emclutch.results.array_units import ARRAY_UNITS
+from emclutch.results.checkpoint import DAMAGED
 from emclutch.results.history import COLUMNS
 from emclutch.results.output_error import OutputError
 
@@ -66,6 +68,10 @@ class Record:
 
         With "a", a record that a crash left unreadable is kept under another name and a new one started:
         a run must be able to go on from its checkpoint.
+
+        Raises
+        ------
+        OutputError : with "r", the file is missing, cannot be read or is no record.
         """
         record = cls(Path(path), writable=mode != "r")
         if mode not in ("r", "a", "w"):
@@ -73,14 +79,15 @@ class Record:
         if mode == "r":
             if not record.path.is_file():
                 raise OutputError(f"{path} does not exist; name a run's folder that has a run.h5")
-            return record
+            with record._reading():
+                return record
         if mode == "a" and record.path.is_file():
             try:
                 with h5py.File(record.path, "r+") as file:
                     if resume_time is not None:
                         _cut_back(file, resume_time)
                 return record
-            except OSError as error:
+            except (OSError, *DAMAGED) as error:
                 number = 1
                 while (broken := record.path.with_name(f"run-broken-{number}.h5")).exists():
                     number += 1
@@ -155,25 +162,46 @@ class Record:
 
     def frames(self) -> np.ndarray:
         """Times of the frames of grains, (k,) [s]."""
-        with h5py.File(self.path, "r") as file:
+        with self._reading() as file:
             group = file[GRAINS]
             names = [name for name in group if "time" in group[name]]
             return group[names[0]]["time"][:] if names else np.zeros(0)
 
     def grains(self, frame: int = -1) -> dict[str, np.ndarray]:
         """Arrays of one frame by name, in the order of the ids; negative numbers count from the end."""
-        with h5py.File(self.path, "r") as file:
+        times = self.frames()
+        if not -len(times) <= frame < len(times):
+            raise OutputError(f"{self.path} has {len(times)} frames of grains, none of number {frame}")
+        with self._reading() as file:
             group = file[GRAINS]
             return {name: group[name]["value"][frame] for name in group if "value" in group[name]}
 
     def observable(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """Times [s] and values of one column."""
-        with h5py.File(self.path, "r") as file:
+        with self._reading() as file:
             if f"observables/{name}" not in file:
                 known = ", ".join(file["observables"])
                 raise OutputError(f"{self.path} has no observable {name}; it has {known}")
             group = file[f"observables/{name}"]
             return group["time"][:], group["value"][:]
+
+    @contextmanager
+    def _reading(self) -> Iterator[h5py.File]:
+        """The open file of a record; OutputError where it is none, or damaged."""
+        try:
+            with h5py.File(self.path, "r") as file:
+                missing = [name for name in (GRAINS, "observables") if name not in file]
+                if missing:
+                    raise OutputError(
+                        f"{self.path} is an HDF5 file, but no record that this program wrote: it lacks "
+                        f"{' and '.join(missing)}; name the folder of a run"
+                    )
+                yield file
+        except (OSError, *DAMAGED) as error:
+            raise OutputError(
+                f"cannot read {self.path}: {error}; it is no HDF5 file, was cut off or is being written; the history "
+                "of a run stands in history.csv too"
+            ) from error
 
     def close(self) -> None:
         self.flush()
@@ -191,7 +219,7 @@ class Record:
             raise OutputError(f"{self.path} is open for reading only; open it with mode 'a'")
 
     def _n_rows(self) -> int:
-        with h5py.File(self.path, "r") as file:
+        with self._reading() as file:
             return max((g["step"][-1] + 1 for g in file["observables"].values() if g["step"].size), default=0)
 
 

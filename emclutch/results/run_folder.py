@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import logging
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from emclutch.results.atomic_file import replace_json, replace_text
+from emclutch.results.folder_lock import has_files
 from emclutch.results.output_error import OutputError
 from emclutch.results.provenance import provenance
 
@@ -30,7 +31,8 @@ class RunFolder:
     def create(cls, path: str | Path, case_toml_text: str, *, resume: bool = False) -> RunFolder:
         """Make the folder with its ``case.toml``, or open one to resume from its checkpoint.
 
-        On resuming with another scene text the old one is kept as ``case-1.toml``, ``case-2.toml``, …
+        On resuming with another scene text the old one is kept as ``case-1.toml``, ``case-2.toml``, …, and its summary
+        as ``summary-1.json``, …
 
         Raises
         ------
@@ -41,12 +43,9 @@ class RunFolder:
         try:
             if folder.path.exists() and not folder.path.is_dir():
                 raise OutputError(f"{folder.path} is a file; name a folder with --out")
-            if resume and not folder.checkpoint.is_file():
-                raise OutputError(
-                    f"nothing to resume in {folder.path}: it has no {folder.checkpoint.name}; "
-                    "start without --resume in a new folder, or name the right one with --out"
-                )
-            if not resume and folder.path.is_dir() and any(folder.path.iterdir()):
+            if resume:
+                folder.require_checkpoint()
+            if not resume and folder.path.is_dir() and has_files(folder.path):
                 remedy = "continue it with --resume, or " if folder.checkpoint.is_file() else ""
                 raise OutputError(f"{folder.path} is not empty; {remedy}write elsewhere with --out")
             folder.path.mkdir(parents=True, exist_ok=True)
@@ -54,6 +53,8 @@ class RunFolder:
                 number = 1
                 while (older := folder.path / f"case-{number}.toml").exists():
                     number += 1
+                if folder.summary.is_file():  # it is that of the old scene: a new one comes when the run ends
+                    os.replace(folder.summary, folder.path / f"summary-{number}.json")
                 os.replace(folder.case, older)
             replace_text(folder.case, case_toml_text)
         except OSError as error:
@@ -62,6 +63,14 @@ class RunFolder:
                 "write elsewhere with --out, or make room or permissions there"
             ) from error
         return folder
+
+    def require_checkpoint(self) -> None:
+        """OutputError where there is nothing to resume."""
+        if not self.checkpoint.is_file():
+            raise OutputError(
+                f"nothing to resume in {self.path}: it has no {self.checkpoint.name}; "
+                "start without --resume in a new folder, or name the right one with --out"
+            )
 
     @staticmethod
     def next_path(case_stem: str, parent: str | Path = "runs") -> Path:
@@ -150,9 +159,26 @@ class RunFolder:
         """
         values = provenance(**known)
         if self.provenance.is_file():
-            first = json.loads(self.provenance.read_text(encoding="utf-8"))
+            first = self.read_provenance()
             values = {**first, "resumed": [*first.get("resumed", []), values]}
         replace_json(self.provenance, values)
+
+    def read_provenance(self) -> dict[str, Any]:
+        """``provenance.json``; empty where there is none.
+
+        Raises
+        ------
+        OutputError : it is not what a run writes.
+        """
+        try:
+            found = json.loads(self.provenance.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            return {}
+        except (OSError, ValueError) as error:
+            raise OutputError(f"cannot read {self.provenance}: {error}; remove it, or start anew with --out") from error
+        if not isinstance(found, dict):
+            raise OutputError(f"{self.provenance} is none that a run writes; remove it, or start anew with --out")
+        return found
 
     def write_summary(self, values: dict[str, Any]) -> None:
         """Replace ``summary.json`` in one step; numbers that are not finite become null."""
@@ -167,19 +193,26 @@ class RunFolder:
     @contextmanager
     def logging(self, level: int = logging.INFO) -> Iterator[None]:
         """Append the messages of the five packages' loggers to ``run.log`` inside a ``with`` block."""
-        handler = logging.FileHandler(self.log, encoding="utf-8")
-        handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(name)s: %(message)s"))
-        handler.setLevel(level)
-        before = {}
-        for name in LOGGERS:
-            logger = logging.getLogger(name)
-            before[name] = logger.level
-            logger.setLevel(min(level, logger.level) if logger.level else level)
-            logger.addHandler(handler)
-        try:
+        with logging_to(self.log, LOGGERS, level):
             yield
-        finally:
-            for name in LOGGERS:
-                logging.getLogger(name).removeHandler(handler)
-                logging.getLogger(name).setLevel(before[name])
-            handler.close()
+
+
+@contextmanager
+def logging_to(path: Path, loggers: Iterable[str], level: int = logging.INFO) -> Iterator[None]:
+    """Append the messages of some loggers to a file inside a ``with`` block."""
+    handler = logging.FileHandler(path, encoding="utf-8")
+    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(name)s: %(message)s"))
+    handler.setLevel(level)
+    before = {}
+    for name in loggers:
+        logger = logging.getLogger(name)
+        before[name] = logger.level
+        logger.setLevel(min(level, logger.level) if logger.level else level)
+        logger.addHandler(handler)
+    try:
+        yield
+    finally:
+        for name in loggers:
+            logging.getLogger(name).removeHandler(handler)
+            logging.getLogger(name).setLevel(before[name])
+        handler.close()

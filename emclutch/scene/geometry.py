@@ -6,7 +6,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
 from emclutch.scene.section import Choice, Section, Whole, refuse
 from emclutch.units import Length, LengthOrNone, number
@@ -192,7 +192,7 @@ class CadGeometry(Section):
     kind: Literal["cad"]
     file: str = Field(
         min_length=1,
-        description="STEP file (or IGES, BREP, .geo in mm), from the scene's folder; names are those of PRODUCT",
+        description="STEP (or IGES, BREP, trusted .geo in mm), from the scene's folder; names are those of PRODUCT",
     )
     materials: dict[str, str] = Field(description="a material's name for each part but coil and powder")
     names: dict[str, str] = Field(default={}, description="region for a part's name in the file, where they differ")
@@ -203,6 +203,7 @@ class CadGeometry(Section):
     axis: Annotated[str, Choice(("x", "y", "z"))] = Field(default="z", description="axis of revolution of solids")
     scale: Annotated[float, number("0.001", 1e-9, 1e9)] = Field(default=1.0, description="factor on the file's lengths")
     air_factor: Annotated[float, number("3", 1.5, 20.0)] = Field(default=3.0, description="air box / device size")
+    _trust_scripts: bool = PrivateAttr(default=False)  # the caller's word: no scene may give it to itself
 
     @field_validator("file")
     @classmethod
@@ -211,8 +212,9 @@ class CadGeometry(Section):
         return str(((info.context or {}).get("folder", Path()) / given).resolve())
 
     @model_validator(mode="after")
-    def _is_a_device(self) -> Self:
+    def _is_a_device(self, info: ValidationInfo) -> Self:
         """Read the file once, so that what is wrong with it is told with the scene's other faults."""
+        self._trust_scripts = bool((info.context or {}).get("trust_scripts", False))
         try:
             self._section()
         except (ValueError, OSError) as error:
@@ -229,6 +231,7 @@ class CadGeometry(Section):
             "known": ("powder", "air"),
             "axis": self.axis,
             "scale": self.scale,
+            "trust_scripts": self._trust_scripts,
         }
 
     def shape(self, without_flux: frozenset[str] = frozenset()) -> CadShape:
@@ -258,7 +261,16 @@ class CadGeometry(Section):
         path = Path(self.file)
         changed = path.stat().st_mtime_ns if path.is_file() else 0
         names = tuple(sorted(self.names.items()))
-        return _read_section(self.file, changed, names, options["needed"], options["known"], self.axis, self.scale)
+        return _read_section(
+            self.file,
+            changed,
+            names,
+            options["needed"],
+            options["known"],
+            self.axis,
+            self.scale,
+            self._trust_scripts,
+        )
 
 
 @lru_cache(maxsize=8)
@@ -270,11 +282,14 @@ def _read_section(
     known: tuple[str, ...],
     axis: str,
     scale: float,
+    trust_scripts: bool,
 ) -> CadSection:
     """Read a file once for the many that ask; `changed` is its time, so that a new export is seen."""
     from geometry.cad_meshing import cad_section
 
-    return cad_section(file, names=dict(names), needed=needed, known=known, axis=axis, scale=scale)
+    return cad_section(
+        file, names=dict(names), needed=needed, known=known, axis=axis, scale=scale, trust_scripts=trust_scripts
+    )
 
 
 Geometry = Annotated[

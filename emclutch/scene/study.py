@@ -46,6 +46,7 @@ class Study(Section):
         default={}, description="dotted key = value, for every point"
     )
     _path: Path = PrivateAttr(default=Path("study.toml"))
+    _trust_scripts: bool = PrivateAttr(default=False)
 
     @property
     def path(self) -> Path:
@@ -64,7 +65,7 @@ class Study(Section):
 
     def cases(self) -> Iterator[tuple[dict[str, Any], Case]]:
         """Yield each point's values with its checked case."""
-        base = load_case(self.case_path)
+        base = load_case(self.case_path, trust_scripts=self._trust_scripts)
         for point in self.points():
             yield point, base.with_values({**self.set, **point})
 
@@ -73,8 +74,8 @@ class _StudyFile(Section):
     study: Study
 
 
-def load_study(path: str | Path) -> Study:
-    """Read a study file and check every point of it.
+def load_study(path: str | Path, *, trust_scripts: bool = False) -> Study:
+    """Read a study file and check every point of it; `trust_scripts` as in `emclutch.case.load_case`.
 
     Raises
     ------
@@ -91,7 +92,7 @@ def load_study(path: str | Path) -> Study:
         study = _StudyFile.model_validate(data).study
     except ValidationError as error:
         raise SceneError(faults_from(error, _StudyFile, data), str(path)) from None
-    study._path = path
+    study._path, study._trust_scripts = path, trust_scripts
     faults = [
         Fault(f"study.{table}.{key}", "", reason)
         for table, entries in (("values", study.values), ("set", study.set))
@@ -111,7 +112,7 @@ def load_study(path: str | Path) -> Study:
 
 def _check_points(study: Study) -> None:
     """Check every point; a fault that all of them share is told once."""
-    base = load_case(study.case_path)
+    base = load_case(study.case_path, trust_scripts=study._trust_scripts)
     faults: dict[Fault, str] = {}
     for point in study.points():
         try:

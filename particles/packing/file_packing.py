@@ -11,8 +11,11 @@ Diameters are needed somewhere: in the file, or given by the caller.
 
 from __future__ import annotations
 
+import warnings
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -124,16 +127,29 @@ def _from_csv(path: Path) -> dict[str, np.ndarray]:
 
 def _from_npz(path: Path) -> dict[str, np.ndarray]:
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            return dict(archive)
-    except (ValueError, OSError, EOFError) as error:
+        with open(path, "rb") as stream:  # numpy leaves the file open that is no archive
+            archive = np.load(stream, allow_pickle=False)
+            if not isinstance(archive, np.lib.npyio.NpzFile):
+                raise ValueError("it holds one array without a name; write it by numpy.savez")
+            with archive:
+                return dict(archive)
+    except (ValueError, OSError, EOFError, BadZipFile, zlib.error, NotImplementedError) as error:
         raise ValueError(f"{path} is no npz archive of arrays ({error})") from None
 
 
 def _from_vtp(path: Path) -> dict[str, np.ndarray]:
     import pyvista  # local: it takes a second to import
 
-    mesh = pyvista.read(path)
+    with open(path, "rb") as stream:
+        if b"<VTKFile" not in stream.read(1000):
+            raise ValueError(f"{path} is no VTK file in XML: it does not begin with <VTKFile; export it anew")
+    try:
+        with pyvista.vtk_verbosity("off"), warnings.catch_warnings():
+            # the reader's errors arrive as warnings, and the file as one without points
+            warnings.filterwarnings("error", message="The VTK reader")
+            mesh = pyvista.read(path)
+    except Exception as error:  # VTK's and pyvista's readers fail each in a way of their own
+        raise ValueError(f"{path} cannot be read as VTK PolyData ({error}); export it anew") from None
     if not isinstance(mesh, pyvista.PolyData):
         raise ValueError(f"{path} holds {type(mesh).__name__}, not the points of a PolyData")
     return {

@@ -70,9 +70,18 @@ def test_faces_of_steel_mirror_dipoles_and_others_do_not(drawn):
 def test_it_runs_with_grains(drawn, tmp_path):
     folder, data = drawn
     toy = {"time.end": "0.05 ms", "output.snapshots": 2}
-    result = emclutch.run(load_case(written(folder, data)).with_values(toy), out=tmp_path / "run")
+    case = load_case(written(folder, data)).with_values(toy)
+    result = emclutch.run(case, out=tmp_path / "run")
     assert result.summary["gap_flux_density"] > 0.1 and (result.folder.path / "section.png").stat().st_size > 10_000
     assert "torque_disc" in result.history and np.isfinite(result.history["torque_disc"]).all()
+    drawing = folder / "device.step"
+    before = drawing.read_bytes()
+    drawing.write_bytes(before + b"\n")
+    try:
+        with pytest.raises(emclutch.OutputError, match=r"another content of geometry\.file = .*device\.step"):
+            emclutch.run(case, out=tmp_path / "run", resume=True)
+    finally:
+        drawing.write_bytes(before)
 
 
 def test_its_mesh_is_drawn(drawn, tmp_path):

@@ -428,7 +428,8 @@ NOTHING = r"cannot be read|neither solids nor faces"
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [("none.step", None, "does not exist"), ("a.stl", "solid", "no CAD file"), ("a.step", "solid", "not a STEP file"),
-     ("a.step", EMPTY_STEP, NOTHING), ("a.brep", "nonsense", NOTHING), ("a.geo", "Point(1) = {0, 0, 0", NOTHING),
+     ("a.step", EMPTY_STEP, NOTHING), ("a.brep", "nonsense", "not a BREP file"), ("a.igs", "nonsense", "not an IGES"),
+     ("a.brep", "DBRep_DrawableShape nonsense", NOTHING), ("a.geo", "Point(1) = {0, 0, 0", NOTHING),
      ("a.geo", BUILT_IN, "built-in kernel")],
 )  # fmt: skip
 def test_files_that_are_no_cad_are_told(name, content, words, tmp_path):
@@ -436,7 +437,7 @@ def test_files_that_are_no_cad_are_told(name, content, words, tmp_path):
     if content is not None:
         path.write_text(content)
     with pytest.raises(CadError, match=words):
-        read_cad(path)
+        read_cad(path, trust_scripts=True)
     assert not gmsh.isInitialized()
 
 
@@ -486,7 +487,7 @@ def test_a_mesh_of_another_program_gets_its_axis_and_outline(tmp_path):
 
 @pytest.mark.parametrize(
     ("text", "words"),
-    [("nonsense", r"cannot be read|no triangles"),
+    [("nonsense", "is not a mesh of gmsh"), ("$MeshFormat\nnonsense", r"cannot be read|no triangles"),
      (MESH_OF_ANOTHER_PROGRAM.replace('2 1 "coil"', '2 3 "coil"'), "no name"),
      (MESH_OF_ANOTHER_PROGRAM.replace("2 20 0 0", "2 -20 0 0"), "beyond the axis")],
 )  # fmt: skip
@@ -501,14 +502,14 @@ def test_a_wrong_mesh_file_is_told(text, words, tmp_path):
 def test_a_geo_file_with_physical_names_is_a_section(tmp_path):
     path = tmp_path / "a.geo"
     path.write_text('SetFactory("OpenCASCADE");\nRectangle(1) = {20, 0, 0, 10, 5};\nPhysical Surface("coil") = {1};\n')
-    part = read_cad(path, needed=["coil"])[0]
+    part = read_cad(path, needed=["coil"], trust_scripts=True)[0]
     assert part.region == "coil" and part.area == pytest.approx(50e-6)
     path.write_text(
         'SetFactory("OpenCASCADE");\nRectangle(1) = {0, -10, 0, 20, 20};\nRectangle(2) = {20, -10, 0, 1, 20};\n'
         'Rectangle(3) = {21, -5, 0, 8, 10};\nPhysical Surface("disc") = {1};\nPhysical Surface("powder") = {2};\n'
         'Physical Surface("coil") = {3};\n'
     )
-    mesh = mesh_cad(path, needed=["coil", "disc"], known=["powder"])
+    mesh = mesh_cad(path, needed=["coil", "disc"], known=["powder"], trust_scripts=True)
     areas = {"disc": 400e-6, "powder": 20e-6, "coil": 80e-6}
     assert set(mesh.regions) == {*areas, "air"}
     for region, area in areas.items():

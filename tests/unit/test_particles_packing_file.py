@@ -1,5 +1,6 @@
 """Packings from files: what is written comes back, units count, what is wrong is told with its place."""
 
+import io
 import math
 
 import numpy as np
@@ -86,6 +87,10 @@ def test_wrong_arrays_are_told(tmp_path, arrays, radius, words):
         read_packing(_npz(tmp_path, **arrays), radius=radius)
 
 
+LONE_ARRAY = io.BytesIO()
+np.save(LONE_ARRAY, np.zeros((2, 3)))
+
+
 @pytest.mark.parametrize(
     "name, text, words",
     [
@@ -94,10 +99,18 @@ def test_wrong_arrays_are_told(tmp_path, arrays, radius, words):
         ("a.csv", "x, y, z\n1, 2\n", "line 2: 2 entries, but 3 columns"),
         ("a.dat", "", "suffix '.dat'"),
         ("a.npz", "text", "no npz archive"),
+        ("a.npz", b"", "no npz archive"),
+        ("a.npz", b"\x89HDF\r\n\x1a\n" + bytes(90), "no npz archive"),
+        ("a.npz", b"PK\x03\x04 a zip that was cut off", "no npz archive"),
+        ("a.npz", LONE_ARRAY.getvalue(), "no npz archive .*one array without a name"),
+        ("a.vtp", "text", "no VTK file in XML"),
+        ("a.vtp", b"\x89HDF\r\n\x1a\n" + bytes(90), "no VTK file in XML"),
+        ("a.vtp", '<VTKFile type="PolyData"><PolyData><Piece NumberOfPoints="3"><Points>', "cannot be read as VTK"),
+        ("a.csv", b"\x89HDF\r\n\x1a\n" + bytes(90), "not text in UTF-8"),
     ],
 )
 def test_wrong_files_are_told(tmp_path, name, text, words):
-    (tmp_path / name).write_text(text)
+    (tmp_path / name).write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(ValueError, match=words):
         read_packing(tmp_path / name)
     with pytest.raises(FileNotFoundError, match="does not exist"):

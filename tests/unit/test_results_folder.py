@@ -220,6 +220,63 @@ def test_failed_checkpoint_leaves_the_former_one(tmp_path):
         read_checkpoint(path)
 
 
+def _hdf5(path, **groups):
+    with h5py.File(path, "w") as file:
+        for name, value in groups.items():
+            file[name.replace("__", "/")] = value
+    return path.read_bytes()
+
+
+def test_files_that_are_no_checkpoint_are_told(tmp_path):
+    path = tmp_path / "checkpoint.h5"
+    write_checkpoint(path, {"a": np.arange(10_000)})
+    whole = path.read_bytes()
+    foreign = {
+        "a text": (b"a text", "cannot be read|cannot read"),
+        "cut off": (whole[: len(whole) // 2], "cannot read"),
+        "of another program": (_hdf5(tmp_path / "other.h5", particles__position=np.zeros(3)), "no checkpoint that"),
+    }
+    for content, words in foreign.values():
+        path.write_bytes(content)
+        with pytest.raises(OutputError, match=rf"checkpoint\.h5.*({words}).*|({words}).*checkpoint\.h5"):
+            read_checkpoint(path)
+    for state in ({"kind": "dict"}, {"kind": "int"}, {}):  # a layout like ours, with something else in it
+        with h5py.File(path, "w") as file:
+            file.attrs["version"] = 1
+            file.create_group("state").attrs.update(state)
+            file["state"].create_dataset("a", data=b"no number")
+        with pytest.raises(OutputError, match=r"checkpoint\.h5.*without --resume"):
+            read_checkpoint(path)
+
+
+def test_files_that_are_no_record_are_told(tmp_path):
+    path = tmp_path / "run.h5"
+    with Record.open(path, "w") as record:
+        record.append_grains(0, 0.0, {"position": np.random.default_rng(0).random((500, 3))})
+    whole = path.read_bytes()
+    foreign = (b"a text", b"", whole[: len(whole) // 2], _hdf5(tmp_path / "other.h5", a=np.zeros(3)))
+    for content in foreign:
+        path.write_bytes(content)
+        with pytest.raises(OutputError, match=r"run\.h5.*(no HDF5 file|no record that this program wrote)"):
+            Record.open(path)
+    # a group of that name without its arrays: found when it is asked for
+    path.write_bytes(_hdf5(tmp_path / "hollow.h5", particles__grains__position__time=1.0, observables__current=2.0))
+    hollow = Record.open(path)
+    for read in (hollow.frames, hollow.grains, lambda: hollow.observable("current")):
+        with pytest.raises(OutputError, match=r"cannot read .*run\.h5"):
+            read()
+
+
+def test_a_record_of_another_program_does_not_stop_a_resumed_run(tmp_path):
+    path = tmp_path / "run.h5"
+    content = _hdf5(path, a=np.zeros(3))
+    with Record.open(path, "a", resume_time=0.0) as record:
+        record.append_grains(0, 0.0, {"position": np.zeros((1, 3))})
+    assert (tmp_path / "run-broken-1.h5").read_bytes() == content and len(record.frames()) == 1
+    with pytest.raises(OutputError, match="has 1 frames of grains, none of number 1"):
+        record.grains(1)
+
+
 def test_result_reads_the_folder(tmp_path):
     folder = RunFolder.create(tmp_path / "run", "")
     with pytest.raises(OutputError, match=r"has no history\.csv"):

@@ -1,0 +1,111 @@
+"""What a run may be resumed with: its own checkpoint, the same input files, the same scene but for end and output."""
+
+from __future__ import annotations
+
+import logging
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from emclutch.case import Case, case_from
+from emclutch.faults import SceneError
+from emclutch.results import OutputError, RunFolder
+from emclutch.results.checkpoint import read_checkpoint
+from emclutch.scene.input_files import hashed_input_files
+
+log = logging.getLogger(__name__)
+MAY_CHANGE = ("time.end", "time.average_from", "output.", "accuracy.", "scene.title", "scene.description")
+MUST_STAY = ("output.energies",)  # what a contact remembers has a place for it
+_OF_A_RUN = ("case", "window", "steps_per_update", "updates", "dem", "rows", "source")
+
+
+def run_checkpoint(path: str | Path) -> dict[str, Any]:
+    """The checkpoint of a run, see `emclutch.snapshots.save_checkpoint`.
+
+    Raises
+    ------
+    OutputError
+        It cannot be read, or holds something else.
+    """
+    state = read_checkpoint(path)
+    missing = [name for name in _OF_A_RUN if name not in state]
+    if missing:
+        raise OutputError(f"{path} is no checkpoint of a run: it lacks {', '.join(missing)}; start anew with --out")
+    return state
+
+
+def refuse_other_scene(old_text: str, new_text: str, target: str | Path) -> None:
+    """OutputError unless two scenes differ at most in what a continued run may change: its end and its output."""
+    old, new = flat_scene(old_text), flat_scene(new_text)
+    differing = [
+        f"{key}: {_in_short(old.get(key, 'absent'))} -> {_in_short(new.get(key, 'absent'))}"
+        for key in differing_keys(old, new)
+        if not may_change(key)
+    ]
+    if differing:
+        contact = any(text.startswith("contact.") for text in differing)
+        why = "a changed contact needs a new run: " if contact else ""
+        raise OutputError(
+            f"the checkpoint in {target} belongs to another scene ({'; '.join(differing)}); {why}start anew in another "
+            f"folder with --out, or continue the old scene with emclutch run {target} --resume"
+        )
+
+
+def refuse_changed_files(case: Case, folder: RunFolder) -> None:
+    """OutputError where a file that the scene names has another content than when the run began.
+
+    A run of a version that kept no hashes goes on with a warning in its log.
+    """
+    now = hashed_input_files(case.scene)
+    if not now:
+        return
+    written = folder.read_provenance()
+    entries = [written, *written.get("resumed", [])]  # a run of an older version may have been resumed by this one
+    before = next((entry["input_files"] for entry in entries if entry.get("input_files") is not None), None)
+    if before is None:
+        log.warning("the run did not note what its input files held; whether they changed since cannot be told")
+        return
+    changed = [
+        f"{key} = {file['path']}"
+        for key, file in now.items()
+        if before.get(key, {}).get("sha256", file["sha256"]) != file["sha256"]
+    ]
+    if changed:
+        raise OutputError(
+            f"the run in {folder.path} began with another content of {', '.join(changed)} (its sha256 differs from the "
+            f"one in {folder.provenance.name}); put the former file back, or start anew in another folder with --out"
+        )
+
+
+def flat_scene(text: str) -> dict[str, Any]:
+    """The resolved scene of a TOML text as dotted keys; entries of this version that it lacks have their defaults."""
+    data = tomllib.loads(text)
+    try:
+        data = case_from(data).resolved()
+    except SceneError:  # of another version, or its files are gone: what can be compared is the text
+        pass
+    return _flat(data)
+
+
+def differing_keys(old: dict[str, Any], new: dict[str, Any]) -> list[str]:
+    """Keys of two flat scenes whose values differ, sorted."""
+    return [key for key in sorted({*old, *new}) if old.get(key) != new.get(key)]
+
+
+def may_change(key: str) -> bool:
+    """Whether a continued run may have another value of a dotted key."""
+    return key not in MUST_STAY and key.startswith(MAY_CHANGE)
+
+
+def _in_short(value: Any) -> str:
+    """A value as text; the points of a curve are too many for a message."""
+    text = str(value)
+    return text if len(text) <= 60 else f"{text[:50]} ..."
+
+
+def _flat(table: dict, prefix: str = "") -> dict:
+    """Nested tables as dotted keys."""
+    flat: dict = {}
+    for key, value in table.items():
+        flat |= _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
+    return flat
