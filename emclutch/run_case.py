@@ -25,7 +25,7 @@ from emclutch.results.grain_profiles import write_profiles
 from emclutch.results.statistics import Estimate
 from emclutch.snapshots import History, Snapshots, save_checkpoint
 from field import ConvergenceError, FluxLinkage, MagneticField, MeanFluxDensity, PointOutside, estimate_error
-from particles import DemError, Grains, ParticleError
+from particles import DemError, DemErrorKind, Grains, ParticleError
 
 log = logging.getLogger(__name__)
 MAY_CHANGE = ("time.end", "time.average_from", "output.", "accuracy.", "scene.title", "scene.description")
@@ -166,7 +166,7 @@ def _run(case, folder, case_text, resume, progress, begin) -> Result:
 def remedy_in_scene(case: Case, error: Exception) -> str:
     """Which keys of the scene mend grains that were pressed in too far; empty for other errors."""
     contact = case.scene.contact
-    if contact.method != "dem" or not isinstance(error, DemError) or "overlaps" not in str(error):
+    if contact.method != "dem" or not isinstance(error, DemError) or error.kind is not DemErrorKind.OVERLAP:
         return ""
     key = contact.stiffness_key.partition(",")[0]
     softer = getattr(contact, key.removeprefix("contact."))

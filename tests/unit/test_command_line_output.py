@@ -20,7 +20,7 @@ from emclutch.results import OutputError
 from emclutch.run_case import Interrupted, refuse_other_scene, remedy_in_scene
 from emclutch.run_report import closing_lines
 from emclutch.scene.reference import scene_reference
-from particles import DemError
+from particles import DemError, DemErrorKind
 
 GOOD = Path(__file__).parents[1] / "cases" / "broken" / "good.toml"
 
@@ -94,9 +94,11 @@ def test_a_lock_and_soft_grains_are_told_last():
 )
 def test_grains_pressed_in_too_far_name_the_key(values, told):
     case = load_case(GOOD, values)
-    text = remedy_in_scene(case, DemError("it overlaps a wall by 11 %", "raise it", 3, np.zeros(3), 0.1))
+    pressed_in = DemError(DemErrorKind.OVERLAP, "it is 11 % inside a wall", "raise it", 3, np.zeros(3), 0.1)
+    text = remedy_in_scene(case, pressed_in)
     assert told in text and "take another --out, not --resume" in text
-    assert remedy_in_scene(case, DemError("it has left the device", "", 3, np.zeros(3), 0.1)) == ""
+    escaped = DemError(DemErrorKind.ESCAPED, "it overlaps nothing any more", "", 3, np.zeros(3), 0.1)
+    assert remedy_in_scene(case, escaped) == ""
     with pytest.raises(OutputError, match="a changed contact needs a new run"):
         refuse_other_scene("[contact]\nfriction = 0.1", "[contact]\nfriction = 0.2", "runs/a")
 
