@@ -7,7 +7,7 @@ import os
 import signal
 import threading
 import tomllib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -19,10 +19,11 @@ from emclutch.assembly import assemble, simulation_of
 from emclutch.case import Case
 from emclutch.observables import Observables
 from emclutch.plan import make_plan
-from emclutch.results import OutputError, Result, RunFolder, load_result, read_history, steady_mean
+from emclutch.results import OutputError, Result, RunFolder, load_result, read_history
 from emclutch.results.checkpoint import read_checkpoint
 from emclutch.results.grain_profiles import write_profiles
-from emclutch.results.statistics import Estimate
+from emclutch.results.rise_time import rise_times
+from emclutch.results.steady_torque import SteadyConditions, mean_torque, steady_torque
 from emclutch.snapshots import History, Snapshots, save_checkpoint
 from field import ConvergenceError, FluxLinkage, MagneticField, MeanFluxDensity, PointOutside, estimate_error
 from particles import DemError, DemErrorKind, Grains, ParticleError
@@ -30,7 +31,6 @@ from particles import DemError, DemErrorKind, Grains, ParticleError
 log = logging.getLogger(__name__)
 MAY_CHANGE = ("time.end", "time.average_from", "output.", "accuracy.", "scene.title", "scene.description")
 MUST_STAY = ("output.energies",)  # what a contact remembers has a place for it
-LEAST_STRAIN = 5.0  # shear of the gap, slip times radius over width; packings forget their making in a few
 JAM = 1e3  # tolerances of the solver of rigid contacts, beyond which a step counts as jammed
 CHECKPOINT_SECONDS = 60.0  # wall-clock between checkpoints; a crash costs no more than this
 
@@ -75,7 +75,9 @@ def run(
     target = out or case.scene.output.folder or RunFolder.next_path(case.name)
     case_text = case.toml()
     if resume and RunFolder(target).checkpoint.is_file():  # compared before anything in the folder is touched
-        refuse_other_scene(read_checkpoint(RunFolder(target).checkpoint)["case"], case_text, target)
+        state = read_checkpoint(RunFolder(target).checkpoint)
+        refuse_other_scene(state["case"], case_text, target)
+        refuse_earlier_end(RunFolder(target), state, case.scene.time.end)
     folder = RunFolder.create(target, case_text, resume=resume)
     with folder.logging():
         try:
@@ -96,12 +98,16 @@ def _run(case, folder, case_text, resume, progress, begin) -> Result:
     folder.write_provenance(
         seed=scene.scene.seed, mesh_hash=mesh_hash, threads=_threads(), threading_layer=_threading_layer()
     )
+    conditions = SteadyConditions(scene.time.average_from, device.shear_gap, device.shear_radius)
+    folder.write_plan({"contact": plan.contact_data, "steady_torque": conditions.as_dict(), "decisions": plan.reasons})
     _say(progress, 0.0, f"packing {plan.count} grains")
     if resume:
         state = read_checkpoint(folder.checkpoint)
         plan = plan.continued(state["steps_per_update"], state["updates"], scene.time.end)
         simulation, resume_time = restore(case, device, plan, state)
         log.info("resumed at t = %g s, window %d of %d", resume_time, simulation.window, plan.windows)
+        if simulation.window < plan.windows:  # of an earlier end: a run that is cut off from here on has no summary
+            folder.summary.unlink(missing_ok=True)
     else:
         simulation, resume_time = assemble(case, device, plan), None
         log.info("started: %d windows", plan.windows)
@@ -151,7 +157,7 @@ def _run(case, folder, case_text, resume, progress, begin) -> Result:
                 else "no checkpoint was written (output.checkpoint = false)"
             )
         )
-    summarise(case, folder, device, plan, simulation, perf_counter() - begin)
+    summarise(case, folder, device, plan, simulation, conditions, perf_counter() - begin)
     across = [] if profiles is None else profiles.profiles()
     if across:
         write_profiles(folder.path, across)
@@ -230,6 +236,23 @@ def refuse_other_scene(old_text: str, new_text: str, target: str | Path) -> None
         )
 
 
+def refuse_earlier_end(folder: RunFolder, state: dict, end: float) -> None:
+    """OutputError where a run whose end [s] was set earlier is past it: nothing would be left to do.
+
+    The same end is always allowed: a last window may reach beyond it.
+    """
+    if end >= tomllib.loads(state["case"])["time"]["end"] or not folder.history.is_file():
+        return
+    times = read_history(folder.history)["time"].to_numpy()
+    reached = float(times[min(state["window"], len(times)) - 1]) if len(times) else 0.0
+    if end < reached:
+        raise OutputError(
+            f"time.end = {end:.4g} s is earlier than the checkpoint in {folder.path}, at {reached:.4g} s: nothing is "
+            f"left to do, and nothing was changed; give a later time.end, or read the torque until then in "
+            f"{folder.history.name}"
+        )
+
+
 def _flat(table: dict, prefix: str = "") -> dict:
     """Nested tables as dotted keys."""
     flat: dict = {}
@@ -252,17 +275,16 @@ def restore(case, device, plan, state: dict):
     return simulation, simulation.dem.time
 
 
-def summarise(case, folder: RunFolder, device, plan, simulation, seconds: float) -> None:
+def summarise(case, folder: RunFolder, device, plan, simulation, conditions: SteadyConditions, seconds: float) -> None:
     """summary.json: the torque with its error, the device, the numerics, the cost."""
     history = read_history(folder.history)
-    duration = np.diff(np.concatenate([[0.0], history["time"]]))
     summary: dict = {"title": case.scene.scene.title, "effects": list(case.scene.effects.active)}
     for body in ("rotor", "field"):
         column = f"torque_{body}"
         if column in history and (body != "field" or simulation.magnetised is not None):
-            summary[column] = _estimate(case, history, column, duration).as_dict()
+            summary[column] = mean_torque(history, column, conditions.average_from).as_dict()
     if "torque_disc" in history:
-        summary["torque"] = disc_torque(case, device, history, duration).as_dict()
+        summary["torque"] = steady_torque(history, conditions).as_dict()
     if simulation.dem.bodies and any(body.is_free for body in simulation.dem.bodies):
         summary["lock_up_time"] = lock_up_time(history)
     if isinstance(simulation.source, (CoilField, SolidCoilField)):
@@ -273,7 +295,7 @@ def summarise(case, folder: RunFolder, device, plan, simulation, seconds: float)
             "flux_linkage": float(history["flux_linkage"].iloc[-1]),
             "field_solves": simulation.source.solves,
         }
-        summary |= {f"{name}_rise_time": rise_time(history, name) for name in ("current", "gap_flux_density")}
+        summary |= rise_times(history, device.coil.currents[-1])
         summary["field_error_estimate"] = field_error_estimate(simulation.source.solution)
     if "missed_steps" in history:
         summary["solver"] = solver_summary(history, simulation.dem.tolerance)
@@ -301,6 +323,7 @@ def summarise(case, folder: RunFolder, device, plan, simulation, seconds: float)
             if f"wall_{part}" in history
         }
         | {"whole_run": seconds},
+        "contact": plan.contact_data,
         "plan": plan.reasons,
     }
     folder.write_summary(summary)
@@ -330,60 +353,6 @@ def field_error_estimate(solution) -> dict[str, float] | None:
         return None
     estimate = estimate_error(solution, (FluxLinkage(), MeanFluxDensity("powder")))
     return {goal.goal: goal.relative for goal in estimate.goals}
-
-
-def _estimate(case, history, column: str, duration) -> Estimate:
-    return steady_mean(
-        history["time"].to_numpy(),
-        history[column].to_numpy(),
-        duration=duration,
-        average_from=case.scene.time.average_from,
-    )
-
-
-def disc_torque(case, device, history, duration) -> Estimate:
-    """The disc's steady torque; beside the statistics, two laws of mechanics must say that it is steady.
-
-    What goes into the powder must come out: rotor + disc + housing + field must vanish to 5 % of the torque (the
-    powder's angular momentum no longer changes). And between slipping shafts the gap must have been sheared by
-    `LEAST_STRAIN` since the averaging began, or the packing has not forgotten how it was made.
-    """
-    found = _estimate(case, history, "torque_disc", duration)
-    if not found.converged or found.mean is None or found.start is None:
-        return found
-    late = history["time"].to_numpy() > found.start
-    weight = duration[late]
-    columns = [name for name in ("torque_disc", "torque_rotor", "torque_housing", "torque_field") if name in history]
-    imbalance = float(np.average(history[columns].sum(axis=1)[late], weights=weight))
-    run_time = float(history["time"].iloc[-1])
-    noise = 3.0 * (found.standard_error or 0.0)
-    if abs(imbalance) > 0.05 * abs(found.mean) + noise:
-        reason = (
-            f"not converged: {imbalance:.2g} N m more goes into the powder than comes out of it, which still speeds "
-            f"up; run longer (about {run_time:.2g} s more)"
-        )
-        return replace(found, converged=False, reason=reason)
-    slip = (history["rotor_speed"] - history["disc_speed"]).abs().to_numpy() if "rotor_speed" in history else None
-    if slip is not None and device.shear_gap > 0.0:
-        strain = float((slip * duration)[late].sum()) * device.shear_radius / device.shear_gap
-        slips = slip[late].min() > 0.01 * max(float(history["rotor_speed"].abs().max()), 1e-300)
-        if slips and strain < LEAST_STRAIN:
-            reason = (
-                f"not converged: the gap was sheared by {strain:.2g} only while averaging, {LEAST_STRAIN:g} needed; "
-                f"run longer (about {run_time * (LEAST_STRAIN / max(strain, 0.1) - 1.0):.2g} s more)"
-            )
-            return replace(found, converged=False, reason=reason)
-    return found
-
-
-def rise_time(history, column: str) -> float | None:
-    """Time [s] at which a quantity that starts near zero first reaches 63 % of its value at the end; else None."""
-    value, time = history[column].abs().to_numpy(), history["time"].to_numpy()
-    level = (1.0 - np.exp(-1.0)) * value[-1]
-    if value[-1] == 0.0 or value[0] > 0.2 * value[-1]:
-        return None
-    first = int(np.argmax(value >= level))
-    return float(np.interp(level, value[first - 1 : first + 1], time[first - 1 : first + 1])) if first else None
 
 
 def lock_up_time(history) -> float | None:
