@@ -102,7 +102,7 @@ def test_work_precision(tmp_path):
         "error": [0.1, 0.0, 0.2, None],
     }
     assert is_picture(pictures.work_precision_picture(tmp_path / "w.png", table))
-    table["noise"] = [None, None, 0.3, 0.3]
+    table["noise"] = [None, math.inf, 0.3, 0.3]
     assert is_picture(pictures.work_precision_picture(tmp_path / "n.png", table, title="with noise"))
 
 
