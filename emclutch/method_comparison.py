@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from emclutch.results import Result
+from emclutch.results import Estimate, Result
 
 METHOD = "contact.method"
-BATCHES = 10
 
 
 def compare_methods(points: Sequence[tuple[Mapping[str, Any], Result]]) -> list[dict[str, Any]]:
@@ -24,10 +24,10 @@ def compare_methods(points: Sequence[tuple[Mapping[str, Any], Result]]) -> list[
     Returns
     -------
     list of dict
-        The other values; of each method the mean torque on the output in the second half of the run [N m] with its
-        standard error from ten batches, step [s], wall-clock time [s], largest overlap, lock-up time [s]; the torque's
-        difference relative to DEM and over both error bars; the largest difference of the output's speeds over the
-        motor's largest; the share of the DVI's steps that missed their tolerance.
+        The other values; of each method the steady torque on the output [N m] with its standard error and whether it is
+        converged, as every run says it, step [s], wall-clock time [s], largest overlap, lock-up time [s]; the torque's
+        difference relative to DEM and over both error bars (None where one is unknown); the largest difference of the
+        output's speeds over the motor's largest; the share of the DVI's steps that missed their tolerance.
     """
     found: dict[str, dict[str, tuple[dict[str, Any], Result]]] = {}
     for values, result in points:
@@ -43,17 +43,16 @@ def _row(others: dict[str, Any], dem: Result, dvi: Result) -> dict[str, Any]:
     for name, result in (("dem", dem), ("dvi", dvi)):
         summary, history = result.summary, result.history
         if "torque_disc" in history:
-            row[f"torque_{name}"], row[f"torque_error_{name}"] = _second_half(history["torque_disc"].to_numpy())
+            torque = result.torque
+            row[f"torque_{name}"], row[f"torque_error_{name}"] = torque.mean, torque.standard_error
+            row[f"torque_converged_{name}"] = torque.converged
         row[f"step_{name}"] = summary["dt"]
         row[f"seconds_{name}"] = summary["seconds"]["whole_run"]
         row[f"largest_overlap_{name}"] = summary["max_overlap"]
         if "lock_up_time" in summary:
             row[f"lock_up_time_{name}"] = summary["lock_up_time"]
-    if "torque_dem" in row:
-        difference = row["torque_dvi"] - row["torque_dem"]
-        bar = float(np.hypot(row["torque_error_dem"], row["torque_error_dvi"]))
-        row["torque_difference"] = difference / abs(row["torque_dem"]) if row["torque_dem"] != 0.0 else None
-        row["torque_difference_bars"] = abs(difference) / bar if bar > 0.0 else None
+    if {"torque_dem", "torque_dvi"} <= row.keys():
+        row |= _torques_apart(dem.torque, dvi.torque)
     if "disc_speed" in dem.history and "disc_speed" in dvi.history:
         row["speed_difference"] = _speeds_apart(dem.history, dvi.history)
     steps = int(dvi.history["steps"].sum())
@@ -61,13 +60,18 @@ def _row(others: dict[str, Any], dem: Result, dvi: Result) -> dict[str, Any]:
     return row
 
 
-def _second_half(signal: np.ndarray) -> tuple[float, float]:
-    """Mean and standard error of the second half, from batches; the windows of a run are of equal duration."""
-    late = signal[len(signal) // 2 :]
-    batches = [part.mean() for part in np.array_split(late, min(BATCHES, len(late)))]
-    if len(batches) < 2:
-        return float(late.mean()), float("nan")
-    return float(late.mean()), float(np.std(batches, ddof=1) / np.sqrt(len(batches)))
+def _torques_apart(dem: Estimate, dvi: Estimate) -> dict[str, float | None]:
+    """Difference of two torques, relative to DEM and over both error bars; None where a number is unknown."""
+    apart: dict[str, float | None] = {"torque_difference": None, "torque_difference_bars": None}
+    if dem.mean is None or dvi.mean is None:
+        return apart
+    difference = dvi.mean - dem.mean
+    if dem.mean != 0.0:
+        apart["torque_difference"] = difference / abs(dem.mean)
+    if dem.standard_error is not None and dvi.standard_error is not None:
+        bar = math.hypot(dem.standard_error, dvi.standard_error)
+        apart["torque_difference_bars"] = abs(difference) / bar if bar > 0.0 else None
+    return apart
 
 
 def _speeds_apart(dem: Any, dvi: Any) -> float | None:
@@ -85,14 +89,12 @@ def comparison_lines(rows: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> 
     lines = []
     for row in rows:
         parts = []
-        if "torque_dem" in row:
-            parts.append(
-                f"torque {row['torque_dvi']:.4g} +- {row['torque_error_dvi']:.2g} N m by DVI, "
-                f"{row['torque_dem']:.4g} +- {row['torque_error_dem']:.2g} by DEM"
-            )
-            if row["torque_difference"] is not None and row["torque_difference_bars"] is not None:
-                bars = f"{row['torque_difference_bars']:.2g} error bars"
-                parts[-1] += f" ({100.0 * row['torque_difference']:+.2g} %, {bars})"
+        if {"torque_dem", "torque_dvi"} <= row.keys():
+            parts.append("torque " + ", ".join(_torque_in_words(row, method) for method in ("dvi", "dem")))
+            if row["torque_difference"] is not None:
+                bars = row["torque_difference_bars"]
+                over = "" if bars is None else f", {bars:.2g} error bars"
+                parts[-1] += f" ({100.0 * row['torque_difference']:+.2g} %{over})"
         if "lock_up_time_dem" in row:
             times = [row[f"lock_up_time_{name}"] for name in ("dvi", "dem")]
             dvi, dem = ("not at all" if t is None else f"at {t:.4g} s" for t in times)
@@ -105,3 +107,13 @@ def comparison_lines(rows: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> 
         place = ", ".join(f"{key} = {row[key]}" for key in keys)
         lines.append(f"{place}: " * bool(place) + "; ".join(parts))
     return lines
+
+
+def _torque_in_words(row: Mapping[str, Any], method: str) -> str:
+    """A method's torque with its error, and that it is not converged where it is not."""
+    torque, error = row[f"torque_{method}"], row[f"torque_error_{method}"]
+    if torque is None:
+        return f"none by {method.upper()}"
+    value = f"{torque:.4g} N m, error unknown," if error is None else f"{torque:.4g} +- {error:.2g} N m"
+    doubt = "" if row[f"torque_converged_{method}"] else " (not converged)"
+    return f"{value} by {method.upper()}{doubt}"

@@ -50,8 +50,10 @@ class Plan:
         Solution at the largest current with the powder spread evenly.
     M_max : float
         Largest magnetisation of a grain to be expected [A/m].
+    stiffness : float or None
+        Normal stiffness of a contact between grains, at the largest overlap to be expected [N/m]; None: rigid.
     reasons : dict of str to str
-        One line for each decision.
+        One line for each decision, for people: what decides is in the other attributes.
     """
 
     count: int
@@ -63,7 +65,17 @@ class Plan:
     windows: int
     peak_field: MagneticField | SolidField | None
     M_max: float
+    stiffness: float | None
     reasons: dict[str, str]
+
+    @property
+    def contact_data(self) -> dict[str, str | bool | float | None]:
+        """How contacts are solved, for those who read a run's folder: method, whether grains press in, stiffness [N/m].
+
+        By DEM they always do; by DVI where the scene gives them springs.
+        """
+        method = "dem" if isinstance(self.contact, PairLaws) else "dvi"
+        return {"method": method, "compliant": self.stiffness is not None, "stiffness": self.stiffness}
 
     def continued(self, steps_per_update: int, updates: int, end: float) -> Plan:
         """The plan of a run that goes on with the windows it began with, to the time `end` [s]."""
@@ -103,19 +115,23 @@ def make_plan(case: Case, device: Device | None = None) -> tuple[Device, Plan]:
     speed = _largest_speed(scene, device)
     contact: PairLaws | RigidPlan
     if scene.contact.method == "dvi":
-        contact, dt = plan_rigid(scene, M_max, speed, _springs(scene, device, M_max, speed, reasons), reasons)
+        springs = _springs(scene, device, M_max, speed, reasons)
+        contact, dt = plan_rigid(scene, M_max, speed, springs, reasons)
+        stiffness = None if springs is None else float(springs[0, 0])
     else:
-        contact, dt = _elastic(scene, device, M_max, speed, reasons)
+        contact, dt, stiffness = _elastic(scene, device, M_max, speed, reasons)
     per_update, updates, windows = _windows(scene, dt, speed, M_max > 0.0 or field is not None, reasons)
-    plan = Plan(fill.count, sector, contact, dt, per_update, updates, windows, field, M_max, reasons)
+    plan = Plan(fill.count, sector, contact, dt, per_update, updates, windows, field, M_max, stiffness, reasons)
     _estimates(scene, device, plan)
     return device, plan
 
 
-def _elastic(scene, device: Device, M_max: float, speed: float, reasons: dict[str, str]) -> tuple[PairLaws, float]:
-    """The laws of all contacts and the step [s] by DEM."""
+def _elastic(
+    scene, device: Device, M_max: float, speed: float, reasons: dict[str, str]
+) -> tuple[PairLaws, float, float]:
+    """The laws of all contacts, the step [s] by DEM, and the stiffness between grains [N/m]."""
     particles = scene.particles
-    contact, load = _contact(scene, device, M_max, _impact_speed(scene, device, speed), reasons)
+    contact, load, stiffness = _contact(scene, device, M_max, _impact_speed(scene, device, speed), reasons)
     lightest = particles.density * pi / 6.0 * particles.smallest_diameter**3
     step = choose_time_step(
         contact,
@@ -128,7 +144,7 @@ def _elastic(scene, device: Device, M_max: float, speed: float, reasons: dict[st
         dt=scene.time.step,
     )
     reasons["time step"] = step.reason
-    return contact, step.dt
+    return contact, step.dt, stiffness
 
 
 def _springs(scene, device: Device, M_max: float, speed: float, reasons: dict[str, str]) -> np.ndarray | None:
@@ -141,7 +157,7 @@ def _springs(scene, device: Device, M_max: float, speed: float, reasons: dict[st
     if scene.contact.tangential_ratio == 0.0:
         raise ValueError("contact.tangential_ratio = 0; with contact.dvi.springs it must be more than 0")
     hit = _impact_speed(scene, device, speed)
-    pairs, force = _contact(scene, device, M_max, hit, reasons)
+    pairs, force, _ = _contact(scene, device, M_max, hit, reasons)
     d = scene.particles.largest_diameter
     mass = scene.particles.density * pi / 6.0 * d**3
     ratio = 2.0 / 7.0 if scene.contact.tangential_ratio is None else scene.contact.tangential_ratio
@@ -265,8 +281,10 @@ def _impact_speed(scene, device: Device, speed: float) -> float:
     return max(_fall_speed(scene, device), speed * min(1.0, 2.0 * scene.particles.largest_diameter / device.shear_gap))
 
 
-def _contact(scene, device: Device, M_max: float, speed: float, reasons: dict[str, str]) -> tuple[PairLaws, float]:
-    """The laws of all contacts, and the largest force on one that is to be expected [N]."""
+def _contact(
+    scene, device: Device, M_max: float, speed: float, reasons: dict[str, str]
+) -> tuple[PairLaws, float, float]:
+    """The laws of all contacts, the largest force on one that is to be expected [N], and the stiffness then [N/m]."""
     particles, contact = scene.particles, scene.contact
     d = particles.largest_diameter  # overlap / diameter grows with the size under every load
     mass = particles.density * pi / 6.0 * d**3
@@ -313,7 +331,7 @@ def _contact(scene, device: Device, M_max: float, speed: float, reasons: dict[st
     twisting = None if twists is None else TwistingFriction(twists.coefficient, twists.wall_coefficient)
     cohesion = None if effects.cohesion is None else effects.cohesion.law()
     laws = PairLaws.of_one(between, at_walls=at_walls, rolling=rolling, twisting=twisting, cohesion=cohesion)
-    return laws, force
+    return laws, force, stiffness
 
 
 def _too_soft(contact: Contact, overlap: Callable[[Contact], float], why: str) -> str:

@@ -35,7 +35,10 @@ WARM_UP_WINDOWS = 0.02  # share of the run that compiles the kernels before anyt
 
 @dataclass(slots=True)
 class Measurement:
-    """Values of a setting, quantity -> number or array, with the seconds each took and its statistical error."""
+    """Values of a setting, quantity -> number or array, with the seconds each took and its statistical error.
+
+    Only what fluctuates has a statistical error; an unknown one is infinite, since nothing may be read off the value.
+    """
 
     values: dict[str, float | np.ndarray]
     seconds: dict[str, float]
@@ -119,7 +122,7 @@ def run_torque(case: Case, folder: Path) -> Measurement:
     return Measurement(
         {"torque": result.torque.mean},
         {"torque": result.summary["seconds"]["total"]},
-        {"torque": result.torque.standard_error or 0.0},
+        {"torque": np.inf if result.torque.standard_error is None else result.torque.standard_error},
     )
 
 
@@ -188,9 +191,9 @@ def price_table(measured: dict[tuple[str, float], Measurement]):
             truth = reference.values.get(quantity)
             error = None if found is reference or truth is None else relative_error(value, truth)
             scale = abs(truth) if isinstance(truth, float) and truth else 1.0
-            noise = (
-                np.hypot(found.noise[quantity], reference.noise[quantity]) / scale if quantity in found.noise else None
-            )
+            noise = None
+            if quantity in found.noise:
+                noise = np.hypot(found.noise[quantity], reference.noise.get(quantity, np.inf)) / scale
             rows.append(
                 {
                     "knob": name,

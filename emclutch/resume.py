@@ -9,7 +9,7 @@ from typing import Any
 
 from emclutch.case import Case, case_from
 from emclutch.faults import SceneError
-from emclutch.results import OutputError, RunFolder
+from emclutch.results import OutputError, RunFolder, read_history
 from emclutch.results.checkpoint import read_checkpoint
 from emclutch.scene.input_files import hashed_input_files
 
@@ -48,6 +48,23 @@ def refuse_other_scene(old_text: str, new_text: str, target: str | Path) -> None
         raise OutputError(
             f"the checkpoint in {target} belongs to another scene ({'; '.join(differing)}); {why}start anew in another "
             f"folder with --out, or continue the old scene with emclutch run {target} --resume"
+        )
+
+
+def refuse_earlier_end(folder: RunFolder, state: dict, end: float) -> None:
+    """OutputError where a run whose end [s] was set earlier is past it: nothing would be left to do.
+
+    The same end is always allowed: a last window may reach beyond it.
+    """
+    if end >= tomllib.loads(state["case"])["time"]["end"] or not folder.history.is_file():
+        return
+    times = read_history(folder.history)["time"].to_numpy()
+    reached = float(times[min(state["window"], len(times)) - 1]) if len(times) else 0.0
+    if end < reached:
+        raise OutputError(
+            f"time.end = {end:.4g} s is earlier than the checkpoint in {folder.path}, at {reached:.4g} s: nothing is "
+            f"left to do, and nothing was changed; give a later time.end, or read the torque until then in "
+            f"{folder.history.name}"
         )
 
 

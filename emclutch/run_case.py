@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import signal
 import threading
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -19,20 +19,20 @@ from emclutch.heartbeat import Heartbeat
 from emclutch.kernel_compilation import compilation_told
 from emclutch.observables import Observables
 from emclutch.plan import make_plan
-from emclutch.results import Result, RunFolder, load_result, read_history, steady_mean
+from emclutch.results import Result, RunFolder, load_result, read_history
 from emclutch.results.folder_lock import locked_folder
 from emclutch.results.grain_profiles import write_profiles
-from emclutch.results.statistics import Estimate
-from emclutch.resume import refuse_changed_files, refuse_other_scene, run_checkpoint
+from emclutch.results.rise_time import rise_times
+from emclutch.results.steady_torque import SteadyConditions, mean_torque, steady_torque
+from emclutch.resume import refuse_changed_files, refuse_earlier_end, refuse_other_scene, run_checkpoint
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.snapshots import History, Snapshots, save_checkpoint
 from field import ConvergenceError, FluxLinkage, MagneticField, MeanFluxDensity, PointOutside, estimate_error
 from geometry.kernel_cache import specialisations
 from geometry.threads import default_threads
-from particles import DemError, Grains, ParticleError
+from particles import DemError, DemErrorKind, Grains, ParticleError
 
 log = logging.getLogger(__name__)
-LEAST_STRAIN = 5.0  # shear of the gap, slip times radius over width; packings forget their making in a few
 JAM = 1e3  # tolerances of the solver of rigid contacts, beyond which a step counts as jammed
 CHECKPOINT_SECONDS = 60.0  # wall-clock between checkpoints; a crash costs no more than this
 
@@ -82,7 +82,9 @@ def run(
     with locked_folder(target):
         if resume:  # compared before anything in the folder is touched
             folder = RunFolder(target)
-            refuse_other_scene(run_checkpoint(folder.checkpoint)["case"], case_text, target)
+            state = run_checkpoint(folder.checkpoint)
+            refuse_other_scene(state["case"], case_text, target)
+            refuse_earlier_end(folder, state, case.scene.time.end)
             with folder.logging():
                 refuse_changed_files(case, folder)
         folder = RunFolder.create(target, case_text, resume=resume)
@@ -109,12 +111,16 @@ def _run(case, folder, case_text, resume, progress, begin, compiled) -> Result:
         threading_layer=_threading_layer(),
         input_files=hashed_input_files(scene),
     )
+    conditions = SteadyConditions(scene.time.average_from, device.shear_gap, device.shear_radius)
+    folder.write_plan({"contact": plan.contact_data, "steady_torque": conditions.as_dict(), "decisions": plan.reasons})
     _say(progress, 0.0, f"packing {plan.count} grains")
     if resume:
         state = run_checkpoint(folder.checkpoint)
         plan = plan.continued(state["steps_per_update"], state["updates"], scene.time.end)
         simulation, resume_time = restore(case, device, plan, state)
         log.info("resumed at t = %g s, window %d of %d", resume_time, simulation.window, plan.windows)
+        if simulation.window < plan.windows:  # of an earlier end: a run that is cut off from here on has no summary
+            folder.summary.unlink(missing_ok=True)
     else:
         simulation, resume_time = assemble(case, device, plan), None
         log.info("started: %d windows", plan.windows)
@@ -172,7 +178,7 @@ def _run(case, folder, case_text, resume, progress, begin, compiled) -> Result:
                 else "no checkpoint was written (output.checkpoint = false)"
             )
         )
-    summarise(case, folder, device, plan, simulation, perf_counter() - begin)
+    summarise(case, folder, device, plan, simulation, conditions, perf_counter() - begin)
     across = [] if profiles is None else profiles.profiles()
     if across:
         write_profiles(folder.path, across)
@@ -187,7 +193,7 @@ def _run(case, folder, case_text, resume, progress, begin, compiled) -> Result:
 def remedy_in_scene(case: Case, error: Exception) -> str:
     """Which keys of the scene mend grains that were pressed in too far; empty for other errors."""
     contact = case.scene.contact
-    if contact.method != "dem" or not isinstance(error, DemError) or "overlaps" not in str(error):
+    if contact.method != "dem" or not isinstance(error, DemError) or error.kind is not DemErrorKind.OVERLAP:
         return ""
     key = contact.stiffness_key.partition(",")[0]
     softer = getattr(contact, key.removeprefix("contact."))
@@ -248,17 +254,16 @@ def restore(case, device, plan, state: dict):
     return simulation, simulation.dem.time
 
 
-def summarise(case, folder: RunFolder, device, plan, simulation, seconds: float) -> None:
+def summarise(case, folder: RunFolder, device, plan, simulation, conditions: SteadyConditions, seconds: float) -> None:
     """summary.json: the torque with its error, the device, the numerics, the cost."""
     history = read_history(folder.history)
-    duration = np.diff(np.concatenate([[0.0], history["time"]]))
     summary: dict = {"title": case.scene.scene.title, "effects": list(case.scene.effects.active)}
     for body in ("rotor", "field"):
         column = f"torque_{body}"
         if column in history and (body != "field" or simulation.magnetised is not None):
-            summary[column] = _estimate(case, history, column, duration).as_dict()
+            summary[column] = mean_torque(history, column, conditions.average_from).as_dict()
     if "torque_disc" in history:
-        summary["torque"] = disc_torque(case, device, history, duration).as_dict()
+        summary["torque"] = steady_torque(history, conditions).as_dict()
     if simulation.dem.bodies and any(body.is_free for body in simulation.dem.bodies):
         summary["lock_up_time"] = lock_up_time(history)
     if isinstance(simulation.source, (CoilField, SolidCoilField)):
@@ -269,7 +274,7 @@ def summarise(case, folder: RunFolder, device, plan, simulation, seconds: float)
             "flux_linkage": float(history["flux_linkage"].iloc[-1]),
             "field_solves": simulation.source.solves,
         }
-        summary |= {f"{name}_rise_time": rise_time(history, name) for name in ("current", "gap_flux_density")}
+        summary |= rise_times(history, device.coil.currents[-1])
         summary["field_error_estimate"] = field_error_estimate(simulation.source.solution)
     if "missed_steps" in history:
         summary["solver"] = solver_summary(history, simulation.dem.tolerance)
@@ -297,6 +302,7 @@ def summarise(case, folder: RunFolder, device, plan, simulation, seconds: float)
             if f"wall_{part}" in history
         }
         | {"whole_run": seconds},
+        "contact": plan.contact_data,
         "plan": plan.reasons,
     }
     folder.write_summary(summary)
@@ -326,60 +332,6 @@ def field_error_estimate(solution) -> dict[str, float] | None:
         return None
     estimate = estimate_error(solution, (FluxLinkage(), MeanFluxDensity("powder")))
     return {goal.goal: goal.relative for goal in estimate.goals}
-
-
-def _estimate(case, history, column: str, duration) -> Estimate:
-    return steady_mean(
-        history["time"].to_numpy(),
-        history[column].to_numpy(),
-        duration=duration,
-        average_from=case.scene.time.average_from,
-    )
-
-
-def disc_torque(case, device, history, duration) -> Estimate:
-    """The disc's steady torque; beside the statistics, two laws of mechanics must say that it is steady.
-
-    What goes into the powder must come out: rotor + disc + housing + field must vanish to 5 % of the torque (the
-    powder's angular momentum no longer changes). And between slipping shafts the gap must have been sheared by
-    `LEAST_STRAIN` since the averaging began, or the packing has not forgotten how it was made.
-    """
-    found = _estimate(case, history, "torque_disc", duration)
-    if not found.converged or found.mean is None or found.start is None:
-        return found
-    late = history["time"].to_numpy() > found.start
-    weight = duration[late]
-    columns = [name for name in ("torque_disc", "torque_rotor", "torque_housing", "torque_field") if name in history]
-    imbalance = float(np.average(history[columns].sum(axis=1)[late], weights=weight))
-    run_time = float(history["time"].iloc[-1])
-    noise = 3.0 * (found.standard_error or 0.0)
-    if abs(imbalance) > 0.05 * abs(found.mean) + noise:
-        reason = (
-            f"not converged: {imbalance:.2g} N m more goes into the powder than comes out of it, which still speeds "
-            f"up; run longer (about {run_time:.2g} s more)"
-        )
-        return replace(found, converged=False, reason=reason)
-    slip = (history["rotor_speed"] - history["disc_speed"]).abs().to_numpy() if "rotor_speed" in history else None
-    if slip is not None and device.shear_gap > 0.0:
-        strain = float((slip * duration)[late].sum()) * device.shear_radius / device.shear_gap
-        slips = slip[late].min() > 0.01 * max(float(history["rotor_speed"].abs().max()), 1e-300)
-        if slips and strain < LEAST_STRAIN:
-            reason = (
-                f"not converged: the gap was sheared by {strain:.2g} only while averaging, {LEAST_STRAIN:g} needed; "
-                f"run longer (about {run_time * (LEAST_STRAIN / max(strain, 0.1) - 1.0):.2g} s more)"
-            )
-            return replace(found, converged=False, reason=reason)
-    return found
-
-
-def rise_time(history, column: str) -> float | None:
-    """Time [s] at which a quantity that starts near zero first reaches 63 % of its value at the end; else None."""
-    value, time = history[column].abs().to_numpy(), history["time"].to_numpy()
-    level = (1.0 - np.exp(-1.0)) * value[-1]
-    if value[-1] == 0.0 or value[0] > 0.2 * value[-1]:
-        return None
-    first = int(np.argmax(value >= level))
-    return float(np.interp(level, value[first - 1 : first + 1], time[first - 1 : first + 1])) if first else None
 
 
 def lock_up_time(history) -> float | None:

@@ -8,7 +8,7 @@ from particles.dem.time_step import TimeStep, choose_time_step, contact_time, st
 from particles.dvi.dvi import DVI, RigidTotals
 from particles.dvi.rigid_contact import RigidContact
 from particles.dvi.rigid_step import choose_rigid_step
-from particles.faults import DemError, PackingError, ParticleError
+from particles.faults import DemError, DemErrorKind, PackingError, ParticleError
 from particles.grains import Grains
 from particles.laws.cohesion import Cohesion
 from particles.laws.contact_law import ContactLaw
@@ -45,6 +45,7 @@ __all__ = [
     "ContactTable",
     "CyclicSector",
     "DemError",
+    "DemErrorKind",
     "Elastic",
     "EnergyTotals",
     "EqualSizes",

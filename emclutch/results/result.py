@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from emclutch.results.output_error import OutputError
 from emclutch.results.run_folder import RunFolder
-from emclutch.results.statistics import Estimate, steady_mean
+from emclutch.results.statistics import Estimate
+from emclutch.results.steady_torque import SteadyConditions, steady_torque
 
 if TYPE_CHECKING:
     import pandas
@@ -41,7 +43,8 @@ class Result:
     def torque(self) -> Estimate:
         """Steady torque on the disc [N m] with its standard error.
 
-        The summary's; of a run that was cut off before it was written, from the history as far as it goes.
+        The summary's; of a run that was cut off before it was written, by the same verdict on the history as far as it
+        goes.
         """
         written = self.summary.get("torque")
         if self._torque is None and written is not None:
@@ -50,8 +53,16 @@ class Result:
             history = self.history
             if "torque_disc" not in history:
                 raise OutputError(f"{self.folder.history} has no torque_disc: the scene has no disc")
-            self._torque = steady_mean(history["time"], history["torque_disc"])
+            self._torque = steady_torque(history, self._conditions())
         return self._torque
+
+    def _conditions(self) -> SteadyConditions:
+        """The scene's part of the verdict, from ``plan.json``; of a folder without one, what the scene itself says."""
+        plan = self.folder.read_plan()
+        if "steady_torque" in plan:
+            return SteadyConditions.from_dict(plan["steady_torque"])
+        scene = tomllib.loads(self.folder.case.read_text(encoding="utf-8")) if self.folder.case.is_file() else {}
+        return SteadyConditions(average_from=scene.get("time", {}).get("average_from"))
 
     def open_record(self) -> Record:
         """The HDF5 record, for reading."""

@@ -107,6 +107,11 @@ class RunFolder:
         return self.path / "summary.json"
 
     @property
+    def plan(self) -> Path:
+        """What was decided before the first window, as numbers and as words."""
+        return self.path / "plan.json"
+
+    @property
     def record(self) -> Path:
         """HDF5 record of grains and observables."""
         return self.path / "run.h5"
@@ -179,6 +184,14 @@ class RunFolder:
         if not isinstance(found, dict):
             raise OutputError(f"{self.provenance} is none that a run writes; remove it, or start anew with --out")
         return found
+
+    def write_plan(self, values: dict[str, Any]) -> None:
+        """Replace ``plan.json`` in one step."""
+        replace_json(self.plan, values)
+
+    def read_plan(self) -> dict[str, Any]:
+        """``plan.json``, or an empty dictionary in a folder of an earlier version."""
+        return json.loads(self.plan.read_text(encoding="utf-8")) if self.plan.is_file() else {}
 
     def write_summary(self, values: dict[str, Any]) -> None:
         """Replace ``summary.json`` in one step; numbers that are not finite become null."""

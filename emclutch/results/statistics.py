@@ -20,6 +20,9 @@ nor ``std/sqrt(n)`` means anything. Four published steps, in this order:
 4. **Drift**: the slope of a straight line through the batch means must not differ from zero in
    Student's t test at 99.9 %.
 
+A signal that does not change at all says nothing about its error: it may be one that has not begun, as the torque of
+grains that touch nothing yet. Its error is unknown, not 0.
+
 Samples of unequal duration are window means: the signal is taken as constant over each window, and
 all averages are time averages (rebinned through the running integral, which preserves them).
 """
@@ -47,8 +50,8 @@ class Estimate:
     Attributes
     ----------
     mean : time average over the steady part [unit of the signal].
-    standard_error : its standard error [unit of the signal]. Where `converged` is False, this is the
-        best that the data give and probably too small.
+    standard_error : its standard error [unit of the signal], above 0; None: unknown. Where `converged` is
+        False, this is the best that the data give and probably too small.
     batches : number of uncorrelated batches behind the error.
     correlation_time : time that holds one independent sample [s].
     start : beginning of the steady part [s].
@@ -121,22 +124,21 @@ def steady_mean(
             converged=False,
             reason=f"not converged: {t.size} samples{where}, {MIN_SAMPLES} needed; run longer",
         )
-    if np.ptp(y) <= 1e-13 * np.max(np.abs(y)):  # round-off of a value that does not change
-        return Estimate(
-            mean=float(y[0]) if np.ptp(y) == 0.0 else float(np.average(y, weights=dt)),
-            standard_error=0.0,
-            batches=min(t.size, MAX_BATCHES),
-            correlation_time=0.0,
-            start=float(t[0] - dt[0]),
-            converged=True,
-            reason="converged: the signal is constant",
-        )
-
     steady = True
     if average_from is None:
         cut, steady = mser_cut(y, dt)
         t, y, dt = t[cut:], y[cut:], dt[cut:]
     start, total = float(t[0] - dt[0]), float(dt.sum())
+    if np.ptp(y) <= 1e-13 * np.max(np.abs(y)):  # round-off of a value that does not change
+        return Estimate(
+            mean=float(y[0]) if np.ptp(y) == 0.0 else float(np.average(y, weights=dt)),
+            standard_error=None,
+            batches=0,
+            correlation_time=None,
+            start=start,
+            converged=False,
+            reason="not converged: the signal does not change, so nothing in it says how far off its mean is",
+        )
     mean = float(np.average(y, weights=dt))
     even = y if np.ptp(dt) <= 1e-6 * dt.mean() else _rebin(dt, y, y.size)
     step = total / even.size

@@ -24,7 +24,8 @@ def torque_against_current_picture(path: str | Path, table: Any, *, title: str |
     ----------
     path : PNG to write.
     table : columns `current` [A], `torque` [N m], and where known `standard_error` [N m] and
-        `converged`; points that are not converged are drawn hollow. Bars show ± 2 standard errors.
+        `converged`; points that are not converged are drawn hollow, those of unknown error as hollow diamonds
+        without a bar. Bars show ± 2 standard errors.
     """
     figure, axis = _torque_axes(table, _column(table, "current"), title, joined=True)
     axis.set_xlabel("coil current [A]")
@@ -58,11 +59,12 @@ def torque_against_speed_picture(path: str | Path, table: Any, *, title: str | N
 
 
 def _torque_axes(table: Any, x: np.ndarray, title: str | None, *, joined: bool) -> tuple[Figure, Axes]:
-    """Torques over x with their error bars; hollow where not converged."""
+    """Torques over x with their error bars; hollow where not converged, without a bar where the error is unknown."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    torque, bars = _column(table, "torque"), 2.0 * np.nan_to_num(_errors(table))
+    torque, bars = _column(table, "torque"), 2.0 * _errors(table)
+    known = np.isfinite(bars)
     converged = np.asarray(table["converged"], dtype=bool) if "converged" in table else np.ones(len(torque), bool)
     figure = Figure(figsize=(7.0, 4.8), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
@@ -71,12 +73,14 @@ def _torque_axes(table: Any, x: np.ndarray, title: str | None, *, joined: bool) 
         order = np.argsort(x, kind="stable")
         axis.plot(x[order], torque[order], color="#0b5fa5", lw=0.8, alpha=0.5)
     for chosen, fill, label in (
-        (converged, "#0b5fa5", "± 2 standard errors"),
-        (~converged, "white", "not converged"),
+        (known & converged, "#0b5fa5", "± 2 standard errors"),
+        (known & ~converged, "white", "± 2 standard errors, not converged"),
     ):
         if chosen.any():
             axis.errorbar(x[chosen], torque[chosen], bars[chosen], fmt="o", ms=6, mfc=fill, color="#0b5fa5", capsize=4,
                           lw=1.2, label=label)  # fmt: skip
+    if not known.all():
+        axis.plot(x[~known], torque[~known], "D", ms=6, mfc="white", color="#0b5fa5", label="error unknown")
     axis.axhline(0.0, color="black", lw=0.6)
     axis.set_ylabel("torque on the disc [N m]")
     axis.grid(alpha=0.25)
@@ -86,8 +90,8 @@ def _torque_axes(table: Any, x: np.ndarray, title: str | None, *, joined: bool) 
 
 
 def _errors(table: Any) -> np.ndarray:
-    """Standard errors [N m]; 0 where the table has none."""
-    return _column(table, "standard_error") if "standard_error" in table else np.zeros(len(table["torque"]))
+    """Standard errors [N m]; nan where the table has none."""
+    return _column(table, "standard_error") if "standard_error" in table else np.full(len(table["torque"]), np.nan)
 
 
 def work_precision_picture(path: str | Path, table: Any, *, title: str | None = None) -> Path:
@@ -98,7 +102,8 @@ def work_precision_picture(path: str | Path, table: Any, *, title: str | None = 
     path : PNG to write.
     table : columns `knob`, `quantity`, `setting`, `seconds` and relative `error`. Rows without an error
         (the reference itself) are left out; an error of exactly 0 is drawn at the panel's lower edge.
-        With a column `noise` (relative, None where there is none) errors below it are drawn hollow.
+        With a column `noise` (relative, None where there is none, infinite where it is unknown) errors below it
+        are drawn hollow.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -146,7 +151,8 @@ def work_precision_picture(path: str | Path, table: Any, *, title: str | None = 
         if first.size:
             _few_ticks(axis.xaxis, seconds[first])
             if noisy[first].any():
-                axis.plot([], [], "o", color="#444444", mfc="white", ms=6, label="hollow: error below its noise")
+                label = "hollow: error below its noise, or noise unknown"
+                axis.plot([], [], "o", color="#444444", mfc="white", ms=6, label=label)
             axis.legend(frameon=False, fontsize=9)
     if np.isfinite(error).any():
         _few_ticks(axes[0].yaxis, height[np.isfinite(error)])  # the panels share it

@@ -23,7 +23,8 @@ def torque_picture(
     ----------
     path : PNG to write.
     history : table with the columns of `history.COLUMNS` (pandas, or a dictionary of arrays).
-    estimate : of the disc's torque; its steady part is shaded and its mean drawn ± standard error.
+    estimate : of the disc's torque; its steady part is shaded and its mean drawn ± standard error; an unknown one is
+        said, and no band is drawn.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -65,7 +66,8 @@ def torque_picture(
                 lw=0,
                 zorder=3,
             )
-        label += f" {unit}" + ("" if estimate.converged else " (not converged)")
+        label += f" {unit}" + (", error unknown" if error is None else "")
+        label += "" if estimate.converged else " (not converged)"
         axis.plot([start, time[-1]], [mean, mean], color="black", lw=1.4, ls="--", label=label, zorder=4)
         if not estimate.converged:
             axis.text(0.01, 0.02, estimate.reason, transform=axis.transAxes, fontsize=8, color="crimson")

@@ -18,7 +18,7 @@ from particles.dem import sums
 from particles.dem.contact_kernel import LAST_STORED
 from particles.dem.step_totals import EnergyTotals, StepTotals
 from particles.dem.time_step import choose_time_step
-from particles.faults import DemError
+from particles.faults import DemError, DemErrorKind
 from particles.grains import Grains
 from particles.laws.cohesion import Cohesion
 from particles.laws.columns import COHESION_0, COHESION_1, MU_ROLLING, MU_TWISTING
@@ -518,6 +518,7 @@ class DEM:
         if len(gone):
             k = gone[0]
             raise DemError(
+                DemErrorKind.ESCAPED,
                 f"it has left the device ({len(gone)} grains have)",
                 "the walls may have a slot, or it was pressed through one: raise the stiffness or shorten dt",
                 g.particle_id[k], g.position[k], self.time,
@@ -528,6 +529,7 @@ class DEM:
         if answer == sums.OVERLAP:
             k = int(totals[sums.GRAIN])
             raise DemError(
+                DemErrorKind.OVERLAP,
                 f"it overlaps a neighbour or a wall by {100.0 * totals[sums.MAX_OVERLAP]:.3g} % of the "
                 f"diameter (the limit is {100.0 * self.overlap_limit:.3g} %)",
                 f"raise the stiffness, too soft for the load, or shorten dt = {self.dt:.3g} s if grains are fast",
@@ -537,6 +539,7 @@ class DEM:
             k = int(np.argmax(np.einsum("ij,ij->i", g.velocity, g.velocity)))
             speed = float(np.linalg.norm(g.velocity[k]))
             raise DemError(
+                DemErrorKind.TOO_FAST,
                 f"at {speed:.3g} m/s it moves {speed * self.dt / g.radius.min():.2g} radii of the smallest grain in a "
                 f"step (the limit is {FASTEST:g})",
                 f"shorten dt = {self.dt:.3g} s, or find out what drives it",
@@ -546,6 +549,7 @@ class DEM:
         bad = np.flatnonzero(~np.isfinite(state).all(axis=1))
         k = int(bad[0]) if len(bad) else 0
         raise DemError(
+            DemErrorKind.NOT_FINITE,
             "its position or velocity is not a finite number",
             f"check the external forces, and whether dt = {self.dt:.3g} s is too long for the stiffness",
             g.particle_id[k], g.position[k], self.time,

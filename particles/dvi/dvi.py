@@ -24,7 +24,7 @@ from particles.dvi.rigid_contact import RigidContact
 from particles.dvi.rigid_triangles import N_TURN
 from particles.dvi.shares import make_shares
 from particles.dvi.springs import spring_table
-from particles.faults import DemError, ParticleError
+from particles.faults import DemError, DemErrorKind, ParticleError
 from particles.grains import Grains
 from particles.laws.rolling_friction import RollingFriction
 from particles.laws.twisting_friction import TwistingFriction
@@ -506,6 +506,7 @@ class DVI:
         if len(gone):
             k = gone[0]
             raise DemError(
+                DemErrorKind.ESCAPED,
                 f"it has left the device ({len(gone)} grains have)",
                 f"the walls may have a slot; or shorten dt = {self.dt:.3g} s",
                 g.particle_id[k], g.position[k], self.time,
@@ -518,6 +519,7 @@ class DVI:
             return
         k = int(np.argmax(np.sum(g.velocity**2, axis=1)))
         raise DemError(
+            DemErrorKind.TOO_FAST,
             f"it was shot off at {fastest:.3g} m/s, {0.5 * fastest * self.dt / g.radius[k]:.3g} diameters in a step, "
             f"by contacts whose impulses did not converge to {self.tolerance:.3g} m/s",
             f"rigid grains jammed between walls that push have no finite forces: shorten dt = {self.dt:.3g} s, allow "
@@ -530,6 +532,7 @@ class DVI:
         if answer == kernel.OVERLAP:
             k = int(totals[kernel.GRAIN])
             raise DemError(
+                DemErrorKind.OVERLAP,
                 f"it overlaps a neighbour or a wall by {100.0 * totals[kernel.MAX_OVERLAP]:.3g} % of the "
                 f"diameter (the limit is {100.0 * self.overlap_limit:.3g} %)",
                 f"shorten dt = {self.dt:.3g} s, or tighten the tolerance of {self.tolerance:.3g} m/s",
@@ -540,6 +543,7 @@ class DVI:
         if len(bad) == 0:
             raise ParticleError(f"t = {self.time:.6g} s: the speed of a shaft is not a finite number")
         raise DemError(
+            DemErrorKind.NOT_FINITE,
             "its position or velocity is not a finite number", "check the external forces",
             g.particle_id[bad[0]], g.position[bad[0]], self.time,
         )  # fmt: skip

@@ -54,6 +54,14 @@ def test_the_books_of_rigid_grains_close(runs):
     assert "rigid grains" in runs["dvi"].summary["plan"]["contact"]
 
 
+def test_a_run_says_how_its_contacts_are_solved(runs):
+    for method, result in runs.items():
+        told = result.summary["contact"]
+        assert told == result.folder.read_plan()["contact"] and told["method"] == method
+        assert told["compliant"] == (told["stiffness"] is not None)
+    assert runs["dem"].summary["contact"]["stiffness"] == pytest.approx(50e3)
+
+
 def test_rolling_and_twisting_friction_by_both_methods(tmp_path):
     """The same tables: losses in the history, and books that close."""
     effects = {"effects.rolling_friction": {"coefficient": 0.3}, "effects.twisting_friction": {"coefficient": 0.1}}

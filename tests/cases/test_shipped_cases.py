@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 import emclutch
 from emclutch.command_line import app
+from emclutch.results.rise_time import time_to_reach
 from emclutch.run_report import report
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
@@ -25,6 +26,7 @@ def test_quickstart_at_toy_size(tmp_path):
     assert {
         "case.toml",
         "provenance.json",
+        "plan.json",
         "run.log",
         "history.csv",
         "summary.json",
@@ -43,6 +45,13 @@ def test_quickstart_at_toy_size(tmp_path):
     assert result.history["torque_disc"].iloc[-1] > 0.0  # the rotor drags the disc along
     assert not result.torque.converged  # 0.3 ms are no steady torque, and it says so
     assert "run longer" in result.torque.reason
+    # cut off before its summary it would say the same, from the numbers that it wrote at its start
+    assert result.folder.read_plan()["steady_torque"] == {
+        "average_from": None, "shear_gap": pytest.approx(1e-3), "shear_radius": pytest.approx(20.5e-3),
+    }  # fmt: skip
+    result.folder.summary.rename(tmp_path / "summary.json")
+    assert emclutch.load_result(tmp_path / "run").torque == result.torque
+    (tmp_path / "summary.json").rename(result.folder.summary)
     # the mesh of the quickstart is a coarse one
     assert 0.0 < result.summary["field_error_estimate"]["flux linkage"] < 0.01
     page = report(result)
@@ -130,9 +139,14 @@ def test_switch_on_at_toy_size(tmp_path):
         "particles.solid_fraction": 0.05, "effects.dipoles": None, "effects.wall_images": None})  # fmt: skip
     result = emclutch.run(case, out=tmp_path / "run")
     history = result.history
-    # the field of the gap comes later than the current, for the eddy currents
-    assert 0.0 < result.summary["current_rise_time"] < result.summary["gap_flux_density_rise_time"] < 2e-3
     current, voltage = history["current"], history["coil_voltage"]
+    # the field of the gap comes later than the current, for the eddy currents
+    time, field = history["time"].to_numpy(), history["gap_flux_density"].to_numpy()
+    assert 0.0 < time_to_reach(time, current.to_numpy(), current.iloc[-1]) < time_to_reach(time, field, field[-1])
+    # a run that ends before the current is there knows no rise times, and says so
+    for name in ("current", "gap_flux_density"):
+        assert result.summary[f"{name}_rise_time"] is None and "run longer" in result.summary[f"{name}_rise_time_note"]
+    assert "not over: the current went up to" in report(result)
     assert (voltage == 34.0).all() and current.iloc[0] < 0.05 and current.is_monotonic_increasing
     # L/R is about 4 ms: 0.3 to 0.45 A after 2 ms
     assert 0.25 < current.iloc[-1] < 0.5

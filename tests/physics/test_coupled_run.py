@@ -149,7 +149,16 @@ def test_a_run_can_be_lengthened(tmp_path):
     """Resuming with a later end goes on with the windows it began with, bit for bit as if it had been asked at once."""
     run(tmp_path, "long", {"time.end": "1.5 ms", "time.window": 1e-5})
     run(tmp_path, "short", {"time.end": "0.8 ms", "time.window": 1e-5})
-    run(tmp_path, "short", {"time.end": "1.5 ms", "time.window": 1e-5}, resume=True)
+    summary, seen = tmp_path / "short" / "summary.json", []
+    assert summary.is_file()
+
+    class Witness:
+        def update(self, fraction, text):
+            seen.append((fraction, summary.is_file()))
+
+    run(tmp_path, "short", {"time.end": "1.5 ms", "time.window": 1e-5}, resume=True, progress=Witness())
+    # cut off in between, the torque to the earlier end would pass for that of the whole
+    assert {there for fraction, there in seen if 0.6 < fraction < 1.0} == {False} and summary.is_file()
     assert same(state(tmp_path, "long"), state(tmp_path, "short"))
 
 

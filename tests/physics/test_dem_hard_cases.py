@@ -10,6 +10,7 @@ from geometry.walls import AnnularBox, Plane, annulus, cylinder, outline
 from particles import (
     Body,
     DemError,
+    DemErrorKind,
     FreeShaft,
     Grains,
     LinearContact,
@@ -325,15 +326,17 @@ def test_stops_name_grain_place_time_and_remedy():
 
     heavy = scene()
     heavy.external_force = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -100.0]])
-    with pytest.raises(DemError, match=where + r"it overlaps .* % .*raise the stiffness.*shorten dt"):
+    with pytest.raises(DemError, match=where + r"it overlaps .* % .*raise the stiffness.*shorten dt") as pressed_in:
         heavy.run(100_000)
-    with pytest.raises(DemError, match=where + r"at 1e\+03 m/s it moves .* radii .*shorten dt"):
+    with pytest.raises(DemError, match=where + r"at 1e\+03 m/s it moves .* radii .*shorten dt") as too_fast:
         scene((1000.0, 0.0, 0.0)).run(1000)  # it would tunnel
     with pytest.raises(DemError, match=where + r"it overlaps .* % .*shorten dt"):
         scene((100.0, 0.0, 0.0)).run(1000)
     broken = scene()
     broken.external_force = np.array([[0.0, 0.0, 0.0], [0.0, np.inf, 0.0]])
-    with pytest.raises(DemError, match=where + r"its position or velocity is not a finite number.*external forces"):
+    with pytest.raises(
+        DemError, match=where + r"its position or velocity is not a finite number.*external forces"
+    ) as not_finite:
         broken.run(10)
     spun = scene()
     spun.grains.angular_velocity[1, 2] = np.nan
@@ -342,8 +345,10 @@ def test_stops_name_grain_place_time_and_remedy():
     lost = scene()
     lost.grains.position[int(np.flatnonzero(lost.grains.particle_id == 1)[0])] = [0.0, 0.0, 0.05]
     lost.invalidate()
-    with pytest.raises(DemError, match=where + r"it has left the device .*(slot|raise the stiffness)"):
+    with pytest.raises(DemError, match=where + r"it has left the device .*(slot|raise the stiffness)") as escaped:
         lost.run(10)
+    kinds = [stop.value.kind for stop in (pressed_in, too_fast, not_finite, escaped)]
+    assert kinds == [DemErrorKind.OVERLAP, DemErrorKind.TOO_FAST, DemErrorKind.NOT_FINITE, DemErrorKind.ESCAPED]
 
 
 def test_a_stop_leaves_the_last_good_state_usable():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from geometry.walls import Plane, annulus, cylinder
-from particles import Body, DemError, FreeShaft, Grains, PrescribedSpeed
+from particles import Body, DemError, DemErrorKind, FreeShaft, Grains, PrescribedSpeed
 from particles.dvi.dvi import DVI
 from particles.dvi.rigid_contact import RigidContact
 
@@ -205,5 +205,6 @@ def test_a_grain_that_is_shot_off_stops_the_run():
     """Twenty radii in a step are what no wall throws a grain at: the message names grain, speed and remedy."""
     grains = Grains.create([[0.0, 0.0, 0.0]], 1e-3, 7800.0, velocity=[[500.0, 0.0, 0.0]])
     dvi = DVI(grains, [], [], RigidContact(0.3), dt=1e-4)
-    with pytest.raises(DemError, match=r"shot off at 500 m/s, 25 diameters in a step.*more clearance"):
+    with pytest.raises(DemError, match=r"shot off at 500 m/s, 25 diameters in a step.*more clearance") as stop:
         dvi.run(10)
+    assert stop.value.kind is DemErrorKind.TOO_FAST

@@ -9,7 +9,7 @@ import pytest
 
 from geometry.triangle_wall import box_surface
 from geometry.walls import AnnularBox, annulus, cylinder
-from particles import Body, DemError, FreeShaft, Grains, PrescribedSpeed, pack
+from particles import Body, DemError, DemErrorKind, FreeShaft, Grains, PrescribedSpeed, pack
 from particles.dvi.dvi import DVI
 from particles.dvi.rigid_contact import RigidContact
 
@@ -171,10 +171,11 @@ def test_contacts_that_contradict_each_other_are_missed_not_blown_up(solver):
         for name, sign in (("one", -1.0), ("two", 1.0)):
             assert 0.0 < sign * totals.torque_on(name) * h < a * most
         assert np.linalg.norm(grains.velocity[0]) < 1.1 * c
-    with pytest.raises(DemError, match="overlaps"):
+    with pytest.raises(DemError, match="overlaps") as stop:
         for _ in range(20):
             assert dvi.run(1).missed_steps == 1
             assert np.linalg.norm(grains.velocity[0]) < 1.1 * c
+    assert stop.value.kind is DemErrorKind.OVERLAP
 
 
 @pytest.mark.parametrize("seed", [1, 3])

@@ -18,9 +18,9 @@ from emclutch.case import load_case
 from emclutch.command_line import _assignments, _explained, _load, app, torque_line
 from emclutch.results import OutputError
 from emclutch.run_case import Interrupted, refuse_other_scene, remedy_in_scene
-from emclutch.run_report import closing_lines
+from emclutch.run_report import closing_lines, soft_grains
 from emclutch.scene.reference import scene_reference
-from particles import DemError
+from particles import DemError, DemErrorKind
 
 GOOD = Path(__file__).parents[1] / "cases" / "broken" / "good.toml"
 
@@ -72,17 +72,23 @@ def test_torque_comes_with_its_error():
 
 def test_a_lock_and_soft_grains_are_told_last():
     last = pandas.DataFrame({"rotor_speed": [0.0, 10.0 * math.pi], "disc_speed": [0.0, 9.0 * math.pi]})
-    plan = {"stiffness": "k_n"}
-    soft = {"plan": plan, "max_overlap": 0.05, "lock_up_time": 1.25}
+    compliant = {"method": "dvi", "compliant": True, "stiffness": 2e4}
+    soft = {"contact": compliant, "max_overlap": 0.05, "lock_up_time": 1.25}
     assert closing_lines(SimpleNamespace(summary=soft, history=last)) == [
         "output locked at 1.25 s, at 270 rpm at the end",
         "caution: the largest overlap is 5 % of the diameter: grains too soft; torque peaks are not to be trusted",
     ]
-    slips = {"plan": plan, "max_overlap": 0.02, "lock_up_time": None}
+    slips = {"contact": compliant, "max_overlap": 0.02, "lock_up_time": None}
     (line,) = closing_lines(SimpleNamespace(summary=slips, history=last))
     assert line == "output not locked: 270 rpm at the end, the motor 300 rpm"
-    rigid = {"plan": {"contact": "rigid grains"}, "max_overlap": 0.05}
+    # the words of the plan decide nothing
+    rigid = {"contact": {"compliant": False}, "plan": {"stiffness": "none"}, "max_overlap": 0.05}
     assert closing_lines(SimpleNamespace(summary=rigid, history=last)) == []
+
+
+def test_soft_grains_are_told_of_runs_of_earlier_versions():
+    assert "grains too soft" in soft_grains({"plan": {"stiffness": "k_n = 1 N/m"}, "max_overlap": 0.05})
+    assert soft_grains({"plan": {}, "solver": {"tolerance": 1e-6}, "max_overlap": 0.05}) == ""
 
 
 @pytest.mark.parametrize(
@@ -94,9 +100,11 @@ def test_a_lock_and_soft_grains_are_told_last():
 )
 def test_grains_pressed_in_too_far_name_the_key(values, told):
     case = load_case(GOOD, values)
-    text = remedy_in_scene(case, DemError("it overlaps a wall by 11 %", "raise it", 3, np.zeros(3), 0.1))
+    pressed_in = DemError(DemErrorKind.OVERLAP, "it is 11 % inside a wall", "raise it", 3, np.zeros(3), 0.1)
+    text = remedy_in_scene(case, pressed_in)
     assert told in text and "take another --out, not --resume" in text
-    assert remedy_in_scene(case, DemError("it has left the device", "", 3, np.zeros(3), 0.1)) == ""
+    escaped = DemError(DemErrorKind.ESCAPED, "it overlaps nothing any more", "", 3, np.zeros(3), 0.1)
+    assert remedy_in_scene(case, escaped) == ""
     with pytest.raises(OutputError, match="a changed contact needs a new run"):
         refuse_other_scene("[contact]\nfriction = 0.1", "[contact]\nfriction = 0.2", "runs/a")
 

@@ -8,6 +8,7 @@ import pytest
 
 from emclutch.method_comparison import compare_methods, comparison_lines
 from emclutch.results.speed_picture import _styles
+from emclutch.results.steady_torque import SteadyConditions, steady_torque
 
 
 def _run(torque, disc, *, dt, missed=0, lock_up=None):
@@ -23,14 +24,17 @@ def _run(torque, disc, *, dt, missed=0, lock_up=None):
         }
     )
     summary = {"dt": dt, "seconds": {"whole_run": 3.0}, "max_overlap": 0.01, "lock_up_time": lock_up}
-    return SimpleNamespace(history=history, summary=summary)
+    torque = steady_torque(history, SteadyConditions(shear_gap=0.0))
+    return SimpleNamespace(history=history, summary=summary, torque=torque)
 
 
 def test_only_points_run_by_both_methods_are_compared():
     rng = np.random.default_rng(0)
-    n = 200
-    dem = _run(np.r_[np.zeros(n), 2.0 + 0.1 * rng.normal(size=n)], np.linspace(0.0, 20.0, 2 * n), dt=1e-6, lock_up=0.4)
-    dvi = _run(np.r_[np.ones(n), 2.1 + 0.1 * rng.normal(size=n)], np.linspace(0.0, 25.0, 2 * n), dt=1e-5, missed=1)
+    early, n = 80, 320
+    dem_torque = np.r_[np.zeros(early), 2.0 + 0.1 * rng.normal(size=n)]
+    dvi_torque = np.r_[np.ones(early), 2.1 + 0.1 * rng.normal(size=n)]
+    dem = _run(dem_torque, np.linspace(0.0, 20.0, early + n), dt=1e-6, lock_up=0.4)
+    dvi = _run(dvi_torque, np.linspace(0.0, 25.0, early + n), dt=1e-5, missed=1)
     points = [
         ({"contact.method": "dem", "particles.count": 200}, dem),
         ({"contact.method": "dem", "particles.count": 500}, dem),
@@ -40,7 +44,8 @@ def test_only_points_run_by_both_methods_are_compared():
     assert len(rows) == 1
     row = rows[0]
     assert row["particles.count"] == 200 and "contact.method" not in row
-    assert row["torque_dem"] == pytest.approx(2.0, abs=0.03)  # the second half alone
+    assert row["torque_dem"] == pytest.approx(2.0, abs=0.03)  # without the transient
+    assert row["torque_converged_dem"] and row["torque_converged_dvi"]
     assert row["torque_error_dem"] == pytest.approx(0.1 / np.sqrt(n), rel=0.6)
     assert row["torque_difference"] == pytest.approx(0.05, abs=0.015)
     assert row["speed_difference"] == pytest.approx(5.0 / 50.0)
@@ -55,8 +60,8 @@ def test_runs_of_different_lengths_are_compared_while_both_go():
     dvi = _run(np.ones(50), np.linspace(0.0, 10.0, 100)[:50], dt=1e-6)
     (row,) = compare_methods([({"contact.method": "dem"}, dem), ({"contact.method": "dvi"}, dvi)])
     assert row["speed_difference"] == pytest.approx(0.0, abs=1e-12)
-    assert row["torque_difference_bars"] is None  # neither has any scatter
-    assert comparison_lines([row], [])[0].startswith("torque 1 +- 0 N m by DVI")
+    assert row["torque_difference_bars"] is None  # neither changes, so both errors are unknown
+    assert comparison_lines([row], [])[0].startswith("torque 1 N m, error unknown, by DVI (not converged), 1 N m")
 
 
 def test_a_point_has_one_colour_by_both_methods():

@@ -3,11 +3,13 @@
 import io
 import json
 import logging
+from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
+from emclutch.case import load_case
 from emclutch.results import (
     COLUMNS,
     HistoryWriter,
@@ -20,6 +22,10 @@ from emclutch.results import (
 from emclutch.results.checkpoint import read_checkpoint, write_checkpoint
 from emclutch.results.record import Record
 from emclutch.results.statistics import steady_mean
+from emclutch.resume import refuse_earlier_end
+from emclutch.run_case import run
+
+GOOD = Path(__file__).parents[1] / "cases" / "broken" / "good.toml"
 
 
 def test_folder_with_files_is_not_overwritten(tmp_path):
@@ -275,6 +281,33 @@ def test_a_record_of_another_program_does_not_stop_a_resumed_run(tmp_path):
     assert (tmp_path / "run-broken-1.h5").read_bytes() == content and len(record.frames()) == 1
     with pytest.raises(OutputError, match="has 1 frames of grains, none of number 1"):
         record.grains(1)
+
+
+def test_resuming_to_an_end_before_the_checkpoint_is_refused(tmp_path):
+    """Nothing is left to do; the folder stays as it is."""
+    case = load_case(GOOD, {"time.end": "50 ms"})
+    folder = RunFolder.create(tmp_path / "run", case.toml())
+    with HistoryWriter(folder.history) as history:
+        for i in range(1, 6):
+            history.append({"time": 0.01 * i})
+    rest = dict.fromkeys(("steps_per_update", "updates", "dem", "rows", "source"), 0)
+    write_checkpoint(folder.checkpoint, {"case": case.toml(), "window": 4, **rest})
+    before = {path.name: path.read_bytes() for path in folder.path.iterdir()}
+    with pytest.raises(OutputError, match=r"time\.end = 0\.03 s is earlier than the checkpoint in .*, at 0\.04 s"):
+        run(case.with_values({"time.end": "30 ms"}), out=folder.path, resume=True)
+    assert {path.name: path.read_bytes() for path in folder.path.iterdir()} == before
+
+
+@pytest.mark.parametrize(("end", "last"), [("42 ms", 4), ("50 ms", 5), ("49.5 ms", 5), ("60 ms", 5)])
+def test_resuming_to_an_end_after_the_checkpoint_or_to_its_own_is_right(tmp_path, end, last):
+    """A run's last window may reach beyond its end: then the end is before the checkpoint, and still its own."""
+    written = load_case(GOOD, {"time.end": "49.5 ms"})
+    folder = RunFolder.create(tmp_path / "run", written.toml())
+    with HistoryWriter(folder.history) as history:
+        for i in range(1, last + 1):
+            history.append({"time": 0.01 * i})
+    end_of_run = written.with_values({"time.end": end}).scene.time.end
+    refuse_earlier_end(folder, {"case": written.toml(), "window": last}, end_of_run)
 
 
 def test_result_reads_the_folder(tmp_path):

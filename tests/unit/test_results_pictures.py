@@ -10,6 +10,7 @@ import pytest
 
 from emclutch.results import pictures, steady_mean
 from emclutch.results.grains_picture import _across
+from emclutch.results.study_pictures import _torque_axes
 
 
 def is_picture(path):
@@ -70,6 +71,28 @@ def test_torque_against_current(tmp_path):
     assert is_picture(pictures.torque_against_current_picture(tmp_path / "d.png", {"current": [1], "torque": [2]}))
 
 
+def test_an_unknown_error_is_no_bar():
+    """It is drawn hollow, without a bar, and the legend says so; a bar of length 0 would claim to be exact."""
+    table = {"current": [0.0, 1.0, 2.0], "torque": [0.1, 3.0, 5.0], "standard_error": [None, 0.1, 0.2],
+             "converged": [False, True, False]}  # fmt: skip
+    _, axis = _torque_axes(table, np.array(table["current"]), None, joined=False)
+    assert [len(bars.lines[0].get_xdata()) for bars in axis.containers] == [1, 1]
+    (unknown,) = [line for line in axis.get_lines() if line.get_label() == "error unknown"]
+    assert list(unknown.get_xdata()) == [0.0] and unknown.get_markerfacecolor() == "white"
+    _, axis = _torque_axes({"torque": [2.0]}, np.array([1.0]), None, joined=False)
+    assert not axis.containers
+
+
+def test_a_torque_of_unknown_error_says_so(tmp_path, monkeypatch):
+    labels = []
+    monkeypatch.setattr("matplotlib.axes.Axes.legend", lambda self, **_: labels.extend(
+        self.get_legend_handles_labels()[1]))  # fmt: skip
+    time = np.arange(1.0, 101.0)
+    history = {"time": time, "torque_disc": np.full(100, 0.5)}
+    pictures.torque_picture(tmp_path / "t.png", history, steady_mean(time, history["torque_disc"]))
+    assert "disc 0.500 N m, error unknown (not converged)" in labels
+
+
 def test_work_precision(tmp_path):
     table = {
         "knob": ["mesh", "mesh", "mesh", "step"],
@@ -79,7 +102,7 @@ def test_work_precision(tmp_path):
         "error": [0.1, 0.0, 0.2, None],
     }
     assert is_picture(pictures.work_precision_picture(tmp_path / "w.png", table))
-    table["noise"] = [None, None, 0.3, 0.3]
+    table["noise"] = [None, math.inf, 0.3, 0.3]
     assert is_picture(pictures.work_precision_picture(tmp_path / "n.png", table, title="with noise"))
 
 

@@ -57,9 +57,14 @@ def test_noisy_ramp_after_a_chosen_start_is_not_converged():
     assert not estimate.converged and "drifts" in estimate.reason
 
 
-def test_constant_signal_has_no_error():
-    estimate = steady_mean(np.arange(1.0, 101.0), np.full(100, 0.1))
-    assert (estimate.mean, estimate.standard_error, estimate.converged) == (0.1, 0.0, True)
+@pytest.mark.parametrize("value", [0.1, 0.0])
+@pytest.mark.parametrize("transient", [0, 20])
+def test_a_signal_that_does_not_change_has_an_unknown_error(value, transient):
+    signal = np.full(100, value)
+    signal[:transient] += np.random.default_rng(2).standard_normal(transient)
+    estimate = steady_mean(np.arange(1.0, 101.0), signal)
+    assert (estimate.mean, estimate.standard_error, estimate.converged) == (value, None, False)
+    assert estimate.interval() is None and "does not change" in estimate.reason
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 5, 19])

@@ -1,0 +1,122 @@
+"""The steady torque on the disc: one verdict for summary, result and comparison of methods.
+
+Statistics alone (`statistics.steady_mean`) cannot tell a steady torque from one that creeps. Two laws of mechanics must
+agree with them. What goes into the powder must come out: rotor + disc + housing + field vanish once the powder's
+angular momentum no longer changes. And between slipping shafts the gap must have been sheared by `LEAST_STRAIN` since
+the averaging began, or the packing has not forgotten how it was made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from emclutch.results.statistics import Estimate, steady_mean
+
+if TYPE_CHECKING:
+    import pandas
+
+LEAST_STRAIN = 5.0  # shear of the gap, slip times radius over width; packings forget their making in a few
+LARGEST_IMBALANCE = 0.05  # of the torque
+HOLDS = 0.01  # of the rotor's fastest speed: shafts whose slip falls below it do not shear the gap
+
+
+@dataclass(frozen=True, slots=True)
+class SteadyConditions:
+    """What the verdict needs beside the history; it lies in the run's folder from its first window on.
+
+    Attributes
+    ----------
+    average_from : float or None
+        Beginning of the steady part [s], None: to be found in the history.
+    shear_gap : float or None
+        Width of the sheared gap [m], 0 where nothing is sheared; None: unknown, as of a run of an earlier version.
+    shear_radius : float
+        Mean radius of that gap [m].
+    """
+
+    average_from: float | None = None
+    shear_gap: float | None = None
+    shear_radius: float = 0.0
+
+    def as_dict(self) -> dict[str, float | None]:
+        """Plain values for JSON."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> SteadyConditions:
+        """Inverse of `as_dict`; what is missing is unknown."""
+        return cls(values.get("average_from"), values.get("shear_gap"), values.get("shear_radius") or 0.0)
+
+
+def mean_torque(history: pandas.DataFrame, column: str, average_from: float | None) -> Estimate:
+    """Mean and standard error [N m] of a torque's steady part, by statistics alone."""
+    return steady_mean(
+        history["time"].to_numpy(), history[column].to_numpy(), duration=_durations(history), average_from=average_from
+    )
+
+
+def steady_torque(history: pandas.DataFrame, conditions: SteadyConditions) -> Estimate:
+    """The disc's steady torque [N m]; converged only where statistics, balance and shear agree.
+
+    Parameters
+    ----------
+    history : DataFrame
+        Columns `time` [s], `torque_disc` [N m], and where the scene has them `torque_rotor`, `torque_housing`,
+        `torque_field` [N m], `rotor_speed` and `disc_speed` [rad/s]; windows begin at time 0.
+    """
+    found = mean_torque(history, "torque_disc", conditions.average_from)
+    if not found.converged or found.mean is None or found.start is None:
+        return found
+    duration = _durations(history)
+    late = history["time"].to_numpy() - 0.5 * duration > found.start
+    problem = _imbalance(history[late], duration[late], found.mean, found.standard_error or 0.0) or _little_shear(
+        history, duration, late, conditions
+    )
+    return replace(found, converged=False, reason=f"not converged: {problem}") if problem else found
+
+
+def _imbalance(late: pandas.DataFrame, duration: np.ndarray, mean: float, error: float) -> str:
+    """What is wrong with the balance of mean torques on all that touches the powder; empty where it holds."""
+    columns = [name for name in ("torque_disc", "torque_rotor", "torque_housing", "torque_field") if name in late]
+    if len(columns) == 1:  # a history without the torque on anything else has no balance
+        return ""
+    left = float(np.average(late[columns].sum(axis=1), weights=duration))
+    if abs(left) <= LARGEST_IMBALANCE * abs(mean) + 3.0 * error:
+        return ""
+    end = float(late["time"].iloc[-1])
+    return (
+        f"{left:.2g} N m more goes into the powder than comes out of it, which still speeds up; "
+        f"run longer (about {end:.2g} s more)"
+    )
+
+
+def _little_shear(
+    history: pandas.DataFrame, duration: np.ndarray, late: np.ndarray, conditions: SteadyConditions
+) -> str:
+    """What is wrong with the shear of the gap while averaging; empty where it suffices or the shafts hold."""
+    if "rotor_speed" not in history or "disc_speed" not in history or conditions.shear_gap == 0.0:
+        return ""
+    slip = (history["rotor_speed"] - history["disc_speed"]).abs().to_numpy()
+    if slip[late].min() <= HOLDS * max(float(history["rotor_speed"].abs().max()), 1e-300):
+        return ""
+    if conditions.shear_gap is None:
+        return (
+            "the folder does not say how wide the gap is, so its shear is unknown; go on with --resume, which writes it"
+        )
+    strain = float((slip * duration)[late].sum()) * conditions.shear_radius / conditions.shear_gap
+    if strain >= LEAST_STRAIN:
+        return ""
+    more = float(history["time"].iloc[-1]) * (LEAST_STRAIN / max(strain, 0.1) - 1.0)
+    return (
+        f"the gap was sheared by {strain:.2g} only while averaging, {LEAST_STRAIN:g} needed; "
+        f"run longer (about {more:.2g} s more)"
+    )
+
+
+def _durations(history: pandas.DataFrame) -> np.ndarray:
+    """Length of each window [s], (n,); the first begins at time 0."""
+    return np.diff(np.concatenate([[0.0], history["time"].to_numpy()]))

@@ -1,0 +1,45 @@
+"""The rise time of a current does not depend on when the run ends."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from emclutch.results.rise_time import rise_times
+
+TAU = 5e-3
+
+
+def history(end, *, lag=0.0, field_tau=TAU):
+    """A coil of 0.9 A in the end and a gap's field of 0.7 T, in 400 windows to `end` [s]."""
+    time = np.linspace(0.0, end, 401)[1:]
+    field = 0.7 * (1.0 - np.exp(-np.maximum(time - lag, 0.0) / field_tau))
+    return pd.DataFrame({"time": time, "current": 0.9 * (1.0 - np.exp(-time / TAU)), "gap_flux_density": field})
+
+
+@pytest.mark.parametrize("lengths", [1.2, 2.0, 8.0])
+def test_current_rises_in_a_time_constant_whenever_the_run_ends(lengths):
+    found = rise_times(history(lengths * TAU), 0.9)
+    assert found["current_rise_time"] == pytest.approx(TAU, rel=1e-3) and "current_rise_time_note" not in found
+
+
+def test_a_run_that_ends_before_the_current_has_risen_says_so():
+    found = rise_times(history(0.5 * TAU), 0.9)
+    assert found["current_rise_time"] is None and found["gap_flux_density_rise_time"] is None
+    assert "0.354 A of 0.9 A: run longer than 0.0025 s" in found["current_rise_time_note"]
+
+
+def test_the_field_has_a_rise_time_once_the_current_is_there():
+    early = rise_times(history(2.0 * TAU), 0.9)
+    assert early["gap_flux_density_rise_time"] is None
+    assert "0.778 A at the end and goes to 0.9 A" in early["gap_flux_density_rise_time_note"]
+    late = rise_times(history(8.0 * TAU, lag=1e-3), 0.9)
+    assert late["gap_flux_density_rise_time"] == pytest.approx(1e-3 + TAU, rel=1e-3)
+    slow = rise_times(history(4.0 * TAU, field_tau=10.0 * TAU), 0.9)  # as behind eddy currents
+    assert slow["gap_flux_density_rise_time"] is None
+    assert "field of the gap still changes" in slow["gap_flux_density_rise_time_note"]
+
+
+@pytest.mark.parametrize("final", [0.0, 0.9, -0.9])
+def test_a_current_that_is_not_switched_on_has_no_rise(final):
+    constant = history(TAU).assign(current=final, gap_flux_density=abs(final))
+    assert rise_times(constant, final) == {"current_rise_time": None, "gap_flux_density_rise_time": None}

@@ -1,0 +1,105 @@
+"""A run has one steady torque: summary, result without a summary and comparison of methods give the same verdict."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from emclutch.case import case_from
+from emclutch.method_comparison import compare_methods
+from emclutch.results import Estimate, HistoryWriter, RunFolder, load_result
+from emclutch.results.steady_torque import SteadyConditions, steady_torque
+from emclutch.run_case import summarise
+
+CASE = case_from(
+    {
+        "scene": {"title": "A cell"},
+        "geometry": {"kind": "shear_cell", "inner_radius": "20 mm", "outer_radius": "21 mm", "height": "5 mm"},
+        "particles": {"diameter": "0.2 mm", "count": 10},
+        "time": {"end": "4 s"},
+    }
+)
+CONDITIONS = SteadyConditions(None, 1e-3, 20.5e-3)
+WINDOWS = 400
+
+
+def history(*, driven=2.0, speed=10.0):
+    """4 s of a disc dragged by 2 N m after a transient of half a second; the rotor gives `driven` N m."""
+    time = 0.01 * np.arange(1, WINDOWS + 1)
+    noise = 0.05 * np.random.default_rng(4).standard_normal(WINDOWS)
+    level = 1.0 - np.exp(-time / 0.1)
+    return pd.DataFrame(
+        {
+            "time": time,
+            "torque_disc": 2.0 * level + noise,
+            "torque_rotor": -driven * level - noise,
+            "rotor_speed": np.full(WINDOWS, speed),
+            "disc_speed": np.zeros(WINDOWS),
+            "steps": np.full(WINDOWS, 10),
+            "missed_steps": np.zeros(WINDOWS, dtype=int),
+            "sweeps": np.ones(WINDOWS),
+            "solver_residual": np.zeros(WINDOWS),
+            "stabilisation_work": np.zeros(WINDOWS),
+            "max_overlap": np.full(WINDOWS, 1e-3),
+            "torque_residual": np.zeros(WINDOWS),
+            "energy_residual": np.zeros(WINDOWS),
+        }
+    )
+
+
+def three_ways(path, rows, conditions):
+    """The torque of a run's folder before its summary is written, in the summary, and in the comparison of methods."""
+    folder = RunFolder.create(path, CASE.toml())
+    folder.write_plan({"steady_torque": conditions.as_dict()})
+    with HistoryWriter(folder.history) as writer:
+        for row in rows.to_dict("records"):
+            writer.append(row)
+    cut_off = load_result(path).torque
+    simulation = SimpleNamespace(
+        dem=SimpleNamespace(bodies=[], tolerance=1e-6), magnetised=None, source=None, n_sectors=1
+    )
+    plan = SimpleNamespace(count=10, dt=1e-3, contact_data={}, reasons={})
+    summarise(CASE, folder, None, plan, simulation, conditions, 1.0)
+    written = Estimate.from_dict(folder.read_summary()["torque"])
+    result = load_result(path)
+    (row,) = compare_methods([({"contact.method": method}, result) for method in ("dem", "dvi")])
+    compared = {name: (row[f"torque_{name}"], row[f"torque_error_{name}"], row[f"torque_converged_{name}"])
+                for name in ("dem", "dvi")}  # fmt: skip
+    return cut_off, written, compared
+
+
+@pytest.mark.parametrize(
+    ("rows", "conditions", "reason"),
+    [
+        (history(), CONDITIONS, ""),
+        (history(), SteadyConditions(3.0, 1e-3, 20.5e-3), ""),
+        (history(driven=2.5), CONDITIONS, "-0.5 N m more goes into the powder"),
+        (history(speed=0.03), CONDITIONS, "the gap was sheared by 2."),
+    ],
+    ids=["steady", "from a given time", "powder speeds up", "too little shear"],
+)
+def test_one_torque_by_three_ways(tmp_path, rows, conditions, reason):
+    cut_off, written, compared = three_ways(tmp_path / "run", rows, conditions)
+    assert cut_off == written
+    assert set(compared.values()) == {(written.mean, written.standard_error, written.converged)}
+    assert written.converged == (reason == "") and reason in written.reason
+    assert written.mean == pytest.approx(2.0, abs=0.02) and 0.0 < written.standard_error < 0.02
+    if conditions.average_from is not None:
+        assert written.start == pytest.approx(conditions.average_from)
+
+
+def test_shafts_that_hold_need_no_shear():
+    held = history(speed=0.0)
+    assert steady_torque(held, CONDITIONS).converged
+
+
+def test_a_folder_that_does_not_know_its_gap_is_not_trusted(tmp_path):
+    """Of an earlier version: the scene says from when to average, but not how much the gap was sheared."""
+    folder = RunFolder.create(tmp_path / "run", CASE.with_values({"time.average_from": "3 s"}).toml())
+    with HistoryWriter(folder.history) as writer:
+        for row in history().to_dict("records"):
+            writer.append(row)
+    torque = load_result(folder.path).torque
+    assert torque.start == pytest.approx(3.0)
+    assert not torque.converged and "its shear is unknown" in torque.reason
