@@ -12,6 +12,7 @@ from emclutch.scene.fault_report import entry_at
 from emclutch.scene.field_source import CoilField, UniformField
 from emclutch.scene.fill import fill_of
 from emclutch.scene.geometry import BoxGeometry, CadGeometry, CentrifugalGeometry, ClutchGeometry, ShearCellGeometry
+from emclutch.scene.materials import TableMaterial
 from emclutch.scene.motion import HELD
 from emclutch.scene.section import did_you_mean
 from emclutch.scene.surfaces import extent_in_words
@@ -442,6 +443,9 @@ def warnings_of(scene: Any) -> Iterator[str]:
     if effects.wall_images is not None and not isinstance(scene.geometry, (ClutchGeometry, CadGeometry)):
         kind = scene.geometry.kind
         yield f"[effects.wall_images] has no effect: geometry.kind = '{kind}' has no steel faces"
+    for name, own in scene.materials.items():
+        if isinstance(own, TableMaterial) and own.caution:
+            yield f"materials.{name}: {own.caution}"
     coil = scene.coil
     window = scene.shape() if isinstance(scene.geometry, (ClutchGeometry, CadGeometry)) else None
     if coil is not None and coil.current is not None and coil.voltage is not None and window is not None:
