@@ -1,9 +1,9 @@
 """Full neighbour rows (every pair seen from both grains) out of the half list of `particles`.
 
 Rows hold every pair closer than their reach at the moment when they were made. Until a grain has moved by half of what
-the reach has over a cut-off, no pair within that cut-off is missing; then they must be made anew (`NeighbourRows.hold`).
-The grains' own contact list is no measure of that: it may last longer (fast rigid grains have a wider one), it may be
-older than the rows, and it is renewed only after the step in which a grain went too far.
+the reach has over a cut-off, no pair within that cut-off is missing; then they must be made anew, see
+`NeighbourRows.hold`. The grains' own contact list is no measure of that: it may last longer (fast rigid grains have a
+wider one), it may be older than the rows, and it is renewed only after the step in which a grain went too far.
 """
 
 from __future__ import annotations
