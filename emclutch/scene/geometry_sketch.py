@@ -27,7 +27,7 @@ def sketch_of(given: Any, keys: Iterable[str], context: dict[str, Any]) -> Secti
     context : as the scene's models take it
     """
     keys = set(keys)
-    model = _kinds().get(given.get("kind")) if isinstance(given, Mapping) else None
+    model = _kinds().get(str(given.get("kind"))) if isinstance(given, Mapping) else None
     # without its file nothing of a device from CAD is known
     if model is None or keys & {"geometry", "geometry.kind", "geometry.file"}:
         return None
