@@ -165,6 +165,22 @@ class Clutch:
         return self.disc_radius + 0.5 * self.gap
 
     @property
+    def mean_face_radius(self) -> float:
+        """Mean radius of the face gaps by area [m]: what turns past them moves so fast on average."""
+        inner, outer = self.seal_radius, self.disc_radius
+        return 2.0 / 3.0 * (outer**2 + outer * inner + inner**2) / (outer + inner)
+
+    @property
+    def rim_area(self) -> float:
+        """Area [m^2] of the disc's rim."""
+        return 2.0 * math.pi * self.disc_radius * self.disc_thickness
+
+    @property
+    def face_area(self) -> float:
+        """Area [m^2] of both faces of the disc, inside the chamber."""
+        return 2.0 * math.pi * (self.disc_radius**2 - self.seal_radius**2)
+
+    @property
     def pole_length(self) -> float:
         """Axial length [m] of each of the two steel pole faces that look at the rim."""
         return max(0.0, 0.5 * (self.disc_thickness - self.ring_width))
@@ -183,6 +199,12 @@ class Clutch:
         """Points (r, z) [m] along the middle of the face gap at z > 0; shape (count, 2)."""
         r = np.linspace(self.seal_radius, self.disc_radius, count)
         return np.column_stack((r, np.full(count, 0.5 * (self.disc_thickness + self.face_gap))))
+
+    def body(self, region: str) -> str:
+        """The body (shaft) that a region turns with."""
+        if region in ("disc", "shaft_out"):
+            return "disc"
+        return "housing" if region in ("housing", "coil") else "rotor"
 
     def faults(self, grain_diameter: float | None = None) -> list[Fault]:
         """Every inconsistency of the sizes; with a grain diameter [m], also gaps that no grain fits into."""
