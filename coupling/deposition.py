@@ -5,6 +5,10 @@ with the weight w(s) = (1 - s^2)^2 times the element's volume, normalised to one
 grains' volume to round-off, whatever the mesh. The section is binned (bins of a quarter diameter, or of the smallest
 element if that is larger) and the weights of a bin are computed once, as one sparse matrix: a deposition is a
 histogram and a sparse product.
+
+A grain whose centre lies outside the region by more than a bin belongs to no element: it is left out of the fill (and
+sees none), and `outside` names it. Put into the nearest element it would raise the permeability of a place where no
+powder is.
 """
 
 from __future__ import annotations
@@ -48,26 +52,47 @@ class FillDeposition:
         tree = cKDTree(centroid)
         near = tree.query_ball_point(centre, reach)
         nearest = tree.query(centre)[1]
-        # a coarse mesh or a bin outside the region: its volume goes to the nearest element, never lost
-        near = [np.asarray(e if e else [nearest[b]]) for b, e in enumerate(near)]
+        self._held = self._bins_of(corners)
+        # a coarse mesh: the volume of a bin without a centroid near goes to the nearest element, never lost
+        near = [np.asarray((e or [nearest[b]]) if self._held[b] else [], dtype=int) for b, e in enumerate(near)]
         element = np.concatenate(near)
         bin_index = np.repeat(np.arange(len(centre)), [len(e) for e in near])
         s2 = ((centroid[element] - centre[bin_index]) ** 2).sum(axis=1) / reach**2
         weight = np.maximum(1.0 - s2, 1e-6) ** 2 * self.volume[element]
-        weight /= np.bincount(bin_index, weights=weight)[bin_index]
+        weight /= np.bincount(bin_index, weights=weight, minlength=len(centre))[bin_index]
         self._weight = coo_array((weight, (element, bin_index)), shape=(len(centroid), len(centre))).tocsr()
         self._back = self._weight.T.tocsr()
 
-    def _bin(self, position: np.ndarray) -> np.ndarray:
+    def _bins_of(self, corners: np.ndarray) -> np.ndarray:
+        """Bins (b,) that the region reaches into: those under the bounding box of any of its elements (e, 3, 2)."""
+        first = np.clip(((corners.min(axis=1) - self._low) / self._width).astype(int), 0, self._shape - 1)
+        last = np.clip(((corners.max(axis=1) - self._low) / self._width).astype(int), 0, self._shape - 1) + 1
+        # each box as four steps of a two-dimensional sum: +1 where it begins, -1 where it has ended
+        steps = np.zeros(self._shape + 1, dtype=int)
+        for i, j, step in ((first, first, 1), (last, last, 1), (first, last, -1), (last, first, -1)):
+            np.add.at(steps, (i[:, 0], j[:, 1]), step)
+        return (steps.cumsum(axis=0).cumsum(axis=1)[:-1, :-1] > 0).ravel()
+
+    def _bin(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Bin of each grain (n,), and whether it lies in the region (n,): the bin of one that does not is any."""
         rz = np.column_stack([np.hypot(position[:, 0], position[:, 1]), position[:, 2]])
-        index = np.clip(((rz - self._low) / self._width).astype(int), 0, self._shape - 1)
-        return index[:, 0] * self._shape[1] + index[:, 1]
+        place = (rz - self._low) / self._width
+        inside = np.all((place > -1.0) & (place < self._shape + 1.0), axis=1)
+        index = np.clip(np.where(inside[:, None], place, 0.0).astype(int), 0, self._shape - 1)
+        found = index[:, 0] * self._shape[1] + index[:, 1]
+        return found, inside & self._held[found]
+
+    def outside(self, position: np.ndarray) -> np.ndarray:
+        """Which grains at (n, 3) [m] have their centre outside the region, bool (n,)."""
+        return ~self._bin(position)[1]
 
     def fill(self, position: np.ndarray, volume: np.ndarray) -> np.ndarray:
         """Solid fraction (e,) [-] of the powder's elements from grains at (n, 3) [m] with volumes (n,) [m^3]."""
-        histogram = np.bincount(self._bin(position), weights=volume, minlength=int(np.prod(self._shape)))
+        found, inside = self._bin(position)
+        histogram = np.bincount(found, weights=np.where(inside, volume, 0.0), minlength=int(np.prod(self._shape)))
         return (self._weight @ histogram) / self.volume
 
     def at(self, position: np.ndarray, fill: np.ndarray) -> np.ndarray:
         """Solid fraction (n,) [-] that grains at (n, 3) [m] are surrounded by, given the elements' (e,)."""
-        return (self._back @ fill)[self._bin(position)]
+        found, inside = self._bin(position)
+        return np.where(inside, (self._back @ fill)[found], 0.0)

@@ -1,4 +1,10 @@
-"""Full neighbour rows (every pair seen from both grains) out of the half list of `particles`."""
+"""Full neighbour rows (every pair seen from both grains) out of the half list of `particles`.
+
+Rows hold every pair closer than their reach at the moment when they were made. Until a grain has moved by half of what
+the reach has over a cut-off, no pair within that cut-off is missing; then they must be made anew, see
+`NeighbourRows.hold`. The grains' own contact list is no measure of that: it may last longer (fast rigid grains have a
+wider one), it may be older than the rows, and it is renewed only after the step in which a grain went too far.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +21,7 @@ class NeighbourRows:
     """CSR rows: grain i sees the grains `other[start[i]:start[i+1]]`, each turned about z by `shift` sectors.
 
     `turn_cos[shift]`, `turn_sin[shift]` hold the turn's cosine and sine for shift 0, 1 and -1.
+    `position` (n, 3) [m] is where the grains were when the rows were made out to `reach` [m].
     """
 
     start: np.ndarray  # (n+1,) int64
@@ -22,6 +29,17 @@ class NeighbourRows:
     shift: np.ndarray  # (p,) int8: 0, 1 or -1
     turn_cos: np.ndarray  # (3,) float64
     turn_sin: np.ndarray  # (3,) float64
+    position: np.ndarray  # (n, 3) float64
+    reach: float
+
+    def hold(self, position: np.ndarray, cutoff: float) -> bool:
+        """Whether no pair of grains at `position` (n, 3) [m] that is closer than `cutoff` [m] can be missing.
+
+        The grains must be in the same order, and on the same sides of a sector's faces, as when the rows were made.
+        """
+        moved = position - self.position
+        farthest = float(np.einsum("ij,ij->i", moved, moved).max(initial=0.0))
+        return farthest <= (0.5 * max(self.reach - cutoff, 0.0)) ** 2
 
 
 def neighbour_rows(position: np.ndarray, reach: float, sector=None) -> NeighbourRows:
@@ -49,4 +67,4 @@ def neighbour_rows(position: np.ndarray, reach: float, sector=None) -> Neighbour
         offset = offset + length
     angle = 0.0 if sector is None else sector.angle
     turn = angle * np.array([0.0, 1.0, -1.0])
-    return NeighbourRows(start, other, shift, np.cos(turn), np.sin(turn))
+    return NeighbourRows(start, other, shift, np.cos(turn), np.sin(turn), position.copy(), reach)

@@ -60,10 +60,14 @@ class Simulation:
         return getattr(self.source, "carrier", None)
 
     def rows(self, cutoff: float) -> NeighbourRows:
-        """Neighbour rows out to `cutoff` [m]; made anew with the contact list, and so one skin wider."""
+        """Neighbour rows out to `cutoff` [m], one list's skin wider.
+
+        They are made anew with the grains' list, which sorts the grains, and when grains have moved too far for them.
+        """
         key = (cutoff, self.dem.list_version)
-        if self._rows is None or key != self._rows_key:
-            self._rows = neighbour_rows(self.dem.grains.position, cutoff + self.dem.skin, self.dem.sector)
+        position = self.dem.grains.position
+        if self._rows is None or key != self._rows_key or not self._rows.hold(position, cutoff):
+            self._rows = neighbour_rows(position, cutoff + self.dem.list_skin, self.dem.sector)
             self._rows_key = key
         return self._rows
 
@@ -78,11 +82,13 @@ class Simulation:
             "shift": self._rows.shift,
             "turn_cos": self._rows.turn_cos,
             "turn_sin": self._rows.turn_sin,
+            "position": self._rows.position,
+            "reach": self._rows.reach,
         }
 
     def restore_rows(self, state: dict | None) -> None:
-        """Take the rows of a checkpoint."""
-        if state is not None:
+        """Take the rows of a checkpoint; those that do not say where the grains were are left, and made anew."""
+        if state is not None and "position" in state:
             state = dict(state)
             self._rows_key = (state.pop("cutoff"), self.dem.list_version)
             self._rows = NeighbourRows(**state)

@@ -14,8 +14,9 @@ import tomli_w
 from pydantic import Field, ValidationError, create_model
 
 from emclutch.faults import Fault, SceneError
-from emclutch.scene.consistency import Draft, faults_between_sections, warnings_of
+from emclutch.scene.consistency import GEOMETRY_KIND, Draft, faults_between_sections, warnings_of
 from emclutch.scene.fault_report import faults_from
+from emclutch.scene.geometry_sketch import sketch_of
 from emclutch.scene.model import Scene
 from emclutch.scene.section import Section
 
@@ -165,7 +166,12 @@ def _validate(data: dict[str, Any], folder: Path, trust_scripts: bool) -> tuple[
         broken = frozenset(fault.key.split(".")[0].split("[")[0] for fault in faults)
         right = {name: entry for name, entry in data.items() if name not in broken}
         partial = _partial_scene().model_validate(right, context=context)
-        return None, faults + faults_between_sections(Draft(partial, data, broken))
+        of_geometry = frozenset(fault.key for fault in faults if fault.key.split(".")[0] == "geometry")
+        if of_geometry:
+            sketch = sketch_of(data.get("geometry"), of_geometry, context)
+            partial = partial.model_copy(update={"geometry": sketch})
+            broken |= {"geometry"} if sketch is not None else {"geometry", GEOMETRY_KIND}
+        return None, faults + faults_between_sections(Draft(partial, data, broken, of_geometry))
     return scene, faults_between_sections(Draft(scene, data, frozenset()))
 
 

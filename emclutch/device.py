@@ -103,6 +103,8 @@ class Device:
         Field of a scene without a coil.
     surfaces : tuple of TriangleWall
         Surfaces from files.
+    region : str
+        Of a clutch's chamber, what the powder is filled into: rim, faces, or the whole cavity.
     """
 
     shape: Clutch | CadShape | ShearCell | CentrifugalClutch | Box
@@ -111,10 +113,21 @@ class Device:
     coil: CoilDevice | SolidCoilDevice | None = None
     imposed: UniformField | RadialField | None = None
     surfaces: tuple[TriangleWall, ...] = ()
+    region: str = "cavity"
 
     def walls(self) -> list[Wall]:
         """Everything that grains touch: the shape's own walls and the surfaces from files."""
         return [*self.shape.walls(), *self.surfaces]
+
+    @property
+    def shears_faces(self) -> bool:
+        """Whether the powder is sheared in a clutch's face gaps, and not in its rim gap.
+
+        Powder in the whole cavity is in both; the gap with the greater area counts then.
+        """
+        if not isinstance(self.shape, Clutch) or self.region == "rim":
+            return False
+        return self.region == "faces" or self.shape.face_area > self.shape.rim_area
 
     @property
     def shear_radius(self) -> float:
@@ -123,6 +136,9 @@ class Device:
             return 0.0
         if isinstance(self.shape, (ShearCell, CentrifugalClutch)):
             return 0.5 * (self.shape.inner_radius + self.shape.outer_radius)
+        if self.shears_faces:
+            assert isinstance(self.shape, Clutch)
+            return self.shape.mean_face_radius
         return self.shape.mean_gap_radius
 
     @property
@@ -132,7 +148,17 @@ class Device:
             return min(self.shape.size)
         if isinstance(self.shape, (ShearCell, CentrifugalClutch)):
             return self.shape.outer_radius - self.shape.inner_radius
+        if self.shears_faces:
+            assert isinstance(self.shape, Clutch)
+            return self.shape.face_gap
         return self.shape.gap
+
+    @property
+    def narrowest_gap(self) -> float:
+        """Width [m] of the narrowest gap that is filled, in which layers of grains go past each other fastest."""
+        if isinstance(self.shape, Clutch) and self.region == "cavity":
+            return min(self.shape.gap, self.shape.face_gap)
+        return self.shear_gap
 
     @property
     def largest_radius(self) -> float:
@@ -154,7 +180,8 @@ def build_device(scene: Scene) -> Device:
     shape = scene.shape()
     boxes = shape if isinstance(shape, Box) else boxes_to_fill(shape, scene.particles.region)
     fill = fill_of(shape, scene.particles, scene.scene.seed)
-    device = Device(shape, boxes, fill, surfaces=tuple(surface_walls(scene.surfaces)))
+    surfaces = tuple(surface_walls(scene.surfaces))
+    device = Device(shape, boxes, fill, surfaces=surfaces, region=scene.particles.region)
     if not field_is_needed(scene):
         return device
     if isinstance(scene.field, UniformFieldSection):

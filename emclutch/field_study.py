@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import Annotated
@@ -35,7 +36,7 @@ from field.factorisation import describe_backend
 from field.section.current_sweep import sweep_currents
 from field.section.error_estimate import FluxLinkage, MeanFluxDensity, estimate_error
 from field.section.field_lines import field_along, straight_line
-from field.section.maxwell_force import axial_force, lorentz_force
+from field.section.maxwell_force import UndefinedForce, axial_force, gives_way, lorentz_force
 from geometry import Clutch
 
 UNITS = {
@@ -164,7 +165,14 @@ def field_study(
     assert solution is not None
     title = case.scene.scene.title
     at = f"{title}, {rows[-1]['current']:g} A"
-    section_picture(folder / "section.png", coil.mesh, solution.point_psi, solution.flux_density(), title=at)
+    section_picture(
+        folder / "section.png",
+        coil.mesh,
+        solution.point_psi,
+        solution.flux_density(),
+        filled=coil.powder_boxes,
+        title=at,
+    )
     if len(table) > 2:
         saturation_picture(folder / "saturation.png", table, title=title)
     for number, line in enumerate(lines, start=1):
@@ -204,9 +212,11 @@ def tables_of(summary: dict) -> list[Table]:
 
 def _in_words(value: object) -> str:
     if isinstance(value, dict):
-        return "; ".join(f"{name}: {_in_words(part)}" for name, part in value.items())
+        return "; ".join(f"{name.replace('_', ' ')}: {_in_words(part)}" for name, part in value.items())
     if isinstance(value, list):
         return ", ".join(map(_in_words, value))
+    if value is None:
+        return "none"
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
@@ -272,7 +282,7 @@ def _row(
         "seconds": seconds,
     }
     if isinstance(coil.shape, Clutch):
-        row["gap_flux_density"] = pole_flux_density(coil.shape, solution)
+        row["gap_flux_density"] = pole_flux_density(coil.shape, solution, faces=device.shears_faces)
         laws = region_laws(case.scene, coil.mesh)
         powder = {} if phi is None else {"powder": FilledPowder(PowderLaw(grain_law(case.scene)), phi)}
         circuit = clutch_circuit(coil.shape, laws, **powder).solve(solution.ampere_turns)
@@ -306,18 +316,54 @@ def _details(case: Case, coil: CoilDevice, solution: MagneticField) -> dict:
         return details
     estimate = estimate_error(solution, [FluxLinkage(), MeanFluxDensity("powder")])
     details["estimated_relative_error"] = {goal.goal: goal.relative for goal in estimate.goals}
-    forces: dict[str, dict[str, float | None]] = {"coil (J x B)": {"lorentz": lorentz_force(solution)}}
+    forces: dict[str, dict] = {"coil (J x B)": {"lorentz": lorentz_force(solution)}}
     for body in ("disc", "rotor"):
-        regions = [name for name in coil.mesh.regions if name == body or name.startswith(f"{body}_")]
+        regions = regions_of_body(coil, solution, body)
         if regions:
-            try:
-                force = axial_force(solution, regions, yielding=("powder",), virtual_work=True, next_order=True)
-            except ConvergenceError:  # of the displaced device: not worth the study
-                force = axial_force(solution, regions, yielding=("powder",))
-            forces[body] = {
-                "maxwell_stress": force.maxwell_stress,
-                "virtual_work": force.virtual_work,
-                "error_estimate": force.error,
-            }
+            forces[body] = force_on(solution, regions)
     details["axial_force"] = forces
     return details
+
+
+def regions_of_body(coil: CoilDevice, solution: MagneticField, body: str) -> list[str]:
+    """Regions that are pulled as one body: those that bear its name, and what turns with it and carries flux.
+
+    Steel covers belong to the rotor that they close; between parts that touch and turn together no force is asked.
+    """
+    problem, chosen = solution.problem, []
+    for name in coil.mesh.regions:
+        named = next((own for own in ("disc", "rotor") if name == own or name.startswith(f"{own}_")), None)
+        if named is None and name not in ("air", problem.coil_region, problem.powder_region):
+            named = None if gives_way(problem, name, solution) else coil.shape.body(name)
+        if named == body:
+            chosen.append(name)
+    return chosen
+
+
+def force_on(solution: MagneticField, regions: Sequence[str]) -> dict:
+    """Axial force [N] on a body through air and powder, and what of it is not to be had, with the reason."""
+    yielding = [name for name in ("powder",) if name in solution.problem.mesh.regions]
+    try:
+        force = axial_force(solution, regions, yielding=yielding)
+    except UndefinedForce as error:
+        return {"regions": list(regions), "not_defined": f"because {error.reason}"}
+    missing = {}
+    # One by one: where the displaced device does not converge, the error estimate may, and the reverse.
+    for part, asked in (("virtual_work", {"virtual_work": True}), ("next_order", {"next_order": True})):
+        try:
+            found = axial_force(solution, regions, yielding=yielding, **asked)
+        except ConvergenceError as error:
+            missing[part] = str(error)
+        else:
+            force = replace(force, **{part: getattr(found, part)})
+    row: dict = {
+        "regions": list(regions),
+        "maxwell_stress": force.maxwell_stress,
+        "virtual_work": force.virtual_work,
+        "error_estimate": force.error,
+    }
+    if "virtual_work" in missing:
+        row["no_virtual_work"] = f"because a displaced solve failed: {missing['virtual_work']}"
+    if "next_order" in missing:
+        row["error_estimate_of_two_shells"] = f"because the solve of the next order failed: {missing['next_order']}"
+    return row

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from emclutch.faults import Fault, SceneError
+from field import TableLaw
 from field.laws.conductivity import Conductivity, conductivity
 from field.laws.materials import (
     canonical_name,
@@ -50,6 +51,8 @@ class Characteristics:
     conductivity_is_rough : bool
     also : tuple of str
         Other names of the same material.
+    caution : str
+        What of a table's points is not used; empty where all are.
     """
 
     name: str
@@ -61,6 +64,7 @@ class Characteristics:
     conductivity_is_rough: bool
     also: tuple[str, ...]
     source: str
+    caution: str = ""
 
 
 def characteristics(law: Law) -> Characteristics:
@@ -81,6 +85,7 @@ def characteristics(law: Law) -> Characteristics:
         conducts is not None and conducts.rough,
         also,
         law.source,
+        law.caution if isinstance(law, TableLaw) else "",
     )
 
 
@@ -134,6 +139,8 @@ def materials_page(names: list[str] | None) -> None:
         also = f" (also {', '.join(one.also)})" if one.also else ""
         sigma_source = "" if one.conductivity is None else f" Conductivity: {conductivity(one.name).source}."
         lines.append(f"{one.name}{also}: {one.source}.{sigma_source}")
+        if one.caution:
+            lines.append(f"warning: {one.name}: {one.caution}")
     if not names:
         lines.append("grains of powders, as [particles] takes susceptibility and saturation:")
         for name in grain_names():

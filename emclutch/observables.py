@@ -15,7 +15,7 @@ from coupling import CoilField, Simulation, SolidCoilField
 from emclutch.device import Device
 from field import MagneticField
 from field.solid import SolidField
-from geometry import Clutch, ShearCell
+from geometry import AnnularBox, Clutch, ShearCell
 from geometry.cad_shape import CadShape
 
 
@@ -38,36 +38,49 @@ class Observables:
                 self._seen_solution = source.solution
                 self._field_row = self._field_quantities(source, source.solution)
             row.update(self._field_row)
-        box = self._shear_box()
-        if box is not None:
+        boxes = self._sheared_boxes()
+        if boxes:
             x = simulation.dem.grains.position
             r = np.hypot(x[:, 0], x[:, 1])
-            inside = (r > box.r0) & (r < box.r1) & (x[:, 2] > box.z0) & (x[:, 2] < box.z1)
+            inside = np.zeros(len(r), dtype=bool)
+            for box in boxes:
+                inside |= (r > box.r0) & (r < box.r1) & (x[:, 2] > box.z0) & (x[:, 2] < box.z1)
             volume = simulation.n_sectors * simulation.dem.grains.volume[inside].sum()
-            row["solid_fraction_gap"] = float(volume / box.volume())
+            row["solid_fraction_gap"] = float(volume / sum(box.volume() for box in boxes))
             row["inertial_number"] = self.inertial_number(row["torque_disc"], row["rotor_speed"] - row["disc_speed"])
 
     def inertial_number(self, torque: float, slip: float) -> float | None:
-        """Upper bound of I = shear rate d sqrt(rho/P) in the rim gap; None where no torque gives a pressure.
+        """Upper bound of I = shear rate d sqrt(rho/P) in the sheared gap; None where no torque gives a pressure.
 
-        P = tau/mu_wall with tau the torque over the gap's mean cylinder: at most that pressure is missed when the
-        walls do not slip, so the true number is smaller.
+        P = tau/mu_wall with tau the torque over the area of the gap's mean cylinder, or of both face gaps, and its
+        mean radius: at most that pressure is missed when the walls do not slip, so the true number is smaller.
         """
-        box, scene = self._shear_box(), self._scene
-        radius = self._device.shear_radius
-        tau = abs(torque) / (2 * pi * radius**2 * (box.z1 - box.z0))
+        scene, radius = self._scene, self._device.shear_radius
+        tau = abs(torque) / self._torque_per_stress()
         friction = scene.contact.friction_at_walls
         if tau == 0.0 or friction == 0.0:
             return None
         rate = abs(slip) * radius / self._device.shear_gap
         return rate * scene.particles.mean_diameter * sqrt(scene.particles.density * friction / tau)
 
-    def _shear_box(self):
+    def _sheared_boxes(self) -> list[AnnularBox]:
+        """The gap that is sheared as a whole, both of the face gaps; none where there is no such gap."""
         shape = self._device.shape
         if not isinstance(shape, (Clutch, ShearCell)):
-            return None  # see the module's docstring
+            return []  # see the module's docstring
         boxes = shape.fill_boxes()
-        return boxes.get("rim", next(iter(boxes.values())))
+        if self._device.shears_faces:
+            return [boxes["face_left"], boxes["face_right"]]
+        return [boxes.get("rim", next(iter(boxes.values())))]
+
+    def _torque_per_stress(self) -> float:
+        """Area in the middle of the gap times its mean radius [m^3]."""
+        radius = self._device.shear_radius
+        if self._device.shears_faces:
+            assert isinstance(self._device.shape, Clutch)
+            return self._device.shape.face_area * radius
+        (box,) = self._sheared_boxes()
+        return 2 * pi * radius**2 * (box.z1 - box.z0)
 
     def _field_quantities(
         self, source: CoilField | SolidCoilField, solution: MagneticField | SolidField
@@ -75,7 +88,7 @@ class Observables:
         shape, coil = self._device.shape, self._device.coil
         assert isinstance(shape, (Clutch, CadShape)) and coil is not None
         if isinstance(solution, MagneticField):
-            in_gap = pole_flux_density(shape, solution)
+            in_gap = pole_flux_density(shape, solution, faces=self._device.shears_faces)
         else:
             from emclutch.solid_device import SolidCoilDevice, gap_flux_density  # local: most scenes need no such field
 
@@ -90,10 +103,13 @@ class Observables:
         }
 
 
-def pole_flux_density(shape: Clutch | CadShape, solution: MagneticField) -> float:
-    """Mean |B| [T] on the middle of the rim gap under the two pole faces, or of the face gap of a thin disc."""
+def pole_flux_density(shape: Clutch | CadShape, solution: MagneticField, *, faces: bool = False) -> float:
+    """Mean |B| [T] on the middle of the rim gap under the two pole faces, or of the face gap.
+
+    Of the face gap where `faces` says so, and where the disc is so thin that its rim lies within the ring.
+    """
     midline = shape.gap_midline(201)
     under = midline[np.abs(midline[:, 1]) > 0.5 * shape.ring_width]
-    if len(under) < 10:
+    if faces or len(under) < 10:
         under = shape.face_midline(201)
     return float(np.linalg.norm(solution.B_along(under), axis=1).mean())

@@ -109,6 +109,11 @@ def make_plan(case: Case, device: Device | None = None) -> tuple[Device, Plan]:
         reasons[f"surface {surface.name}"] = (
             f"{len(surface.triangles)} triangles, {extent_in_words(*surface.bounds)} mm, on body {surface.body}"
         )
+    if isinstance(device.shape, Clutch):
+        reasons["sheared gap"] = (
+            f"{'at the faces' if device.shears_faces else 'at the rim'}, {1e3 * device.shear_gap:.3g} mm wide at a "
+            f"mean radius of {1e3 * device.shear_radius:.3g} mm"
+        )
     field, M_max = expected_magnetisation(case, device)
     if isinstance(field, MagneticField) and isinstance(device.coil, CoilDevice) and device.coil.resistance is not None:
         reasons["coil"] = _coil_in_words(scene, device.coil, field)
@@ -278,7 +283,8 @@ def _impact_speed(scene, device: Device, speed: float) -> float:
     """
     if isinstance(device.shape, CentrifugalClutch):
         return max(_fall_speed(scene, device), _shaft_speed(scene.motion.rotor) * device.shape.tip_radius)
-    return max(_fall_speed(scene, device), speed * min(1.0, 2.0 * scene.particles.largest_diameter / device.shear_gap))
+    between_layers = speed * min(1.0, 2.0 * scene.particles.largest_diameter / device.narrowest_gap)
+    return max(_fall_speed(scene, device), between_layers)
 
 
 def _contact(
@@ -430,16 +436,11 @@ def spoken(seconds: float) -> str:
     return f"{seconds / 86400.0:.0f} days"
 
 
-def scene_fills_faces(case: Case) -> bool:
-    """Whether the powder is in the face gaps only."""
-    return case.scene.particles.region == "faces"
-
-
 def plan(case: Case) -> dict[str, str]:
     """The plan in words, label -> text, for `emclutch check`."""
     device, made = make_plan(case)
     if isinstance(made.peak_field, MagneticField) and isinstance(device.coil, CoilDevice):
-        faces = scene_fills_faces(case)
+        faces = device.shears_faces
         midline = device.coil.shape.face_midline() if faces else device.coil.shape.gap_midline()
         B = np.linalg.norm(made.peak_field.B_along(midline), axis=1)
         where = f"the {'face' if faces else 'rim'} gap"

@@ -42,6 +42,7 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
             source.solution.flux_density(),
             title=title,
             grains=np.column_stack([r, x[:, 2], grains.radius])[slice_],
+            filled=device.coil.powder_boxes,
         )
     elif isinstance(source, SolidCoilField) and source.solution is not None:
         gap_map_picture(folder.path / "gap.png", *gap_map(device.coil, source.solution), title=title)

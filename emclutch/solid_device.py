@@ -74,10 +74,16 @@ def build_solid_coil_device(scene: Scene) -> SolidCoilDevice:
 
 
 def gap_flux_density(device: SolidCoilDevice, solution: SolidField, count: int = 61) -> float:
-    """Mean |B| [T] on the middle of the rim gap under the pole faces, over a sector's angle."""
+    """Mean |B| [T] on the middle of the rim gap under the pole faces, over a sector's angle.
+
+    Where only the face gaps are filled, on the middle of one of them.
+    """
     shape = device.shape
-    line = shape.gap_midline(count)
-    line = line[np.abs(line[:, 1]) > 0.5 * shape.ring_width]
+    if all(box.r1 <= shape.disc_radius for box in device.powder_boxes):
+        line = shape.face_midline(count)
+    else:
+        line = shape.gap_midline(count)
+        line = line[np.abs(line[:, 1]) > 0.5 * shape.ring_width]
     fold = solution.problem.fold
     angle = fold.first + fold.angle * (np.arange(count) + 0.5) / count
     r, z = line.T

@@ -54,8 +54,9 @@ class Clutch:
         Both shaft stubs.
     air_factor
         Radius of the air half-disc over that of the circle around the device.
-    cover_magnetic : bool
-        Steel covers: their faces mirror dipoles, and the ring may then be wider than the disc.
+    magnetic : frozenset of str
+        Regions of magnetic material: their faces mirror dipoles. With magnetic covers the ring may be wider than the
+        disc.
     disc_slots, rotor_slots : Slots or None
         Slots in the disc's rim and in the rotor's poles, open towards the rim gap.
     """
@@ -76,7 +77,7 @@ class Clutch:
     housing_width: float | None = None
     coil_radius: float | None = None
     air_factor: float = 3.0
-    cover_magnetic: bool = False
+    magnetic: frozenset[str] = frozenset({"disc", "rotor"})
     disc_slots: Slots | None = None
     rotor_slots: Slots | None = None
 
@@ -84,6 +85,11 @@ class Clutch:
     def axisymmetric(self) -> bool:
         """Without slots: the field of the cross-section is then the field of the clutch."""
         return self.disc_slots is None and self.rotor_slots is None
+
+    @property
+    def cover_magnetic(self) -> bool:
+        """Covers that carry flux: it may cross the face gaps."""
+        return "cover" in self.magnetic
 
     @property
     def bore_radius(self) -> float:
@@ -159,6 +165,22 @@ class Clutch:
         return self.disc_radius + 0.5 * self.gap
 
     @property
+    def mean_face_radius(self) -> float:
+        """Mean radius of the face gaps by area [m]: what turns past them moves so fast on average."""
+        inner, outer = self.seal_radius, self.disc_radius
+        return 2.0 / 3.0 * (outer**2 + outer * inner + inner**2) / (outer + inner)
+
+    @property
+    def rim_area(self) -> float:
+        """Area [m^2] of the disc's rim."""
+        return 2.0 * math.pi * self.disc_radius * self.disc_thickness
+
+    @property
+    def face_area(self) -> float:
+        """Area [m^2] of both faces of the disc, inside the chamber."""
+        return 2.0 * math.pi * (self.disc_radius**2 - self.seal_radius**2)
+
+    @property
     def pole_length(self) -> float:
         """Axial length [m] of each of the two steel pole faces that look at the rim."""
         return max(0.0, 0.5 * (self.disc_thickness - self.ring_width))
@@ -178,27 +200,36 @@ class Clutch:
         r = np.linspace(self.seal_radius, self.disc_radius, count)
         return np.column_stack((r, np.full(count, 0.5 * (self.disc_thickness + self.face_gap))))
 
+    def body(self, region: str) -> str:
+        """The body (shaft) that a region turns with."""
+        if region in ("disc", "shaft_out"):
+            return "disc"
+        return "housing" if region in ("housing", "coil") else "rotor"
+
     def faults(self, grain_diameter: float | None = None) -> list[Fault]:
         """Every inconsistency of the sizes; with a grain diameter [m], also gaps that no grain fits into."""
         return find_faults(self, grain_diameter)
 
     def walls(self) -> list[RevolvedWall]:
-        """What grains touch: the rotor's chamber, from seal rim to seal rim, and the disc in it."""
+        """What grains touch: the rotor's chamber, from seal rim to seal rim, and the disc in it.
+
+        A wall is magnetic when the region that it belongs to is.
+        """
         face, half = 0.5 * self.disc_thickness, 0.5 * self.cavity_length
         seal, bore, ring = self.seal_radius, self.bore_radius, min(0.5 * self.ring_width, half)
         chamber: list[Pair] = [(seal, -face), (seal, -half), (bore, -half)]
-        names, steel = ["seal_rim_left", "cover_left"], [False, self.cover_magnetic]
+        regions = {"seal_rim_left": "seal", "cover_left": "cover"}
         if ring == 0.0:
-            names, steel = [*names, "bore"], [*steel, True]
+            regions["bore"] = "rotor"
         else:
             chamber += [(bore, -ring), (bore, ring)]
-            names += ["bore_left", "bore_ring", "bore_right"]
-            steel += [True, False, True]
+            regions |= {"bore_left": "rotor", "bore_ring": "ring", "bore_right": "rotor"}
         chamber += [(bore, half), (seal, half), (seal, face)]
-        names, steel = [*names, "cover_right", "seal_rim_right"], [*steel, self.cover_magnetic, False]
+        regions |= {"cover_right": "cover", "seal_rim_right": "seal"}
+        steel = [region in self.magnetic for region in regions.values()]
         disc: list[Pair] = [(seal, -face), (self.disc_radius, -face), (self.disc_radius, face), (seal, face)]
-        return outline(names, "rotor", chamber, magnetic=steel) + outline(
-            ["disc_face_left", "disc_rim", "disc_face_right"], "disc", disc, magnetic=True
+        return outline(list(regions), "rotor", chamber, magnetic=steel) + outline(
+            ["disc_face_left", "disc_rim", "disc_face_right"], "disc", disc, magnetic="disc" in self.magnetic
         )
 
     def fill_boxes(self) -> dict[str, AnnularBox]:

@@ -9,8 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from geometry import AnnularBox
 
 MM = 1e3
 
@@ -23,6 +27,7 @@ def section_picture(
     *,
     grains: np.ndarray | None = None,
     zoom: tuple[float, float, float, float] | None = None,
+    filled: Sequence[AnnularBox] = (),
     title: str | None = None,
     flux_lines: int = 24,
 ) -> Path:
@@ -36,6 +41,7 @@ def section_picture(
     B : (k,) magnitude or (k, 2) components of the flux density of each triangle [T].
     grains : (m, 3) r, z, radius [m] of the grains to draw: those near one half-plane show a slice.
     zoom : r0, r1, z0, z1 [m] of the enlarged part; None takes the powder where |B| is largest.
+    filled : the parts of the powder's region that are filled: the enlarged part lies in the one with the largest |B|.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -50,7 +56,14 @@ def section_picture(
     device = points[triangles[np.concatenate(solid)]].reshape(-1, 2) if solid else points
     (r0, z0), (r1, z1) = device.min(axis=0), device.max(axis=0)
     if zoom is None and len(mesh.regions.get("powder", ())):
-        zoom = _gap_window(points, triangles, mesh.regions["powder"], magnitude, grains)
+        powder = mesh.regions["powder"]
+        centres = points[triangles[powder]].mean(axis=1)
+        part = _strongest_part(centres, magnitude[powder], filled)
+        there = grains
+        if part is not None:
+            powder = powder[_inside(centres, part)]
+            there = None if grains is None else grains[_inside(grains, part)]
+        zoom = _gap_window(points, triangles, powder, magnitude, there)
 
     margin = 0.08 * max(r1 - r0, z1 - z0)
     bottom = max(0.0, r0 - margin)
@@ -203,6 +216,18 @@ def _region_names(axis: Axes, mesh: Any, points: np.ndarray, triangles: np.ndarr
             rotation=90 if height > 2.5 * width else 0,
             path_effects=[withStroke(linewidth=2.0, foreground="white")],
         )
+
+
+def _inside(rz: np.ndarray, box: AnnularBox) -> np.ndarray:
+    """Which rows (r, z, ...) [m] lie in a box, bool (n,)."""
+    r, z = rz[:, 0], rz[:, 1]
+    return (r >= box.r0) & (r <= box.r1) & (z >= box.z0) & (z <= box.z1)
+
+
+def _strongest_part(centres: np.ndarray, magnitude: np.ndarray, parts: Sequence[AnnularBox]) -> AnnularBox | None:
+    """The part with the strongest field among elements at (k, 2) [m]; None where no element lies in any."""
+    found = [(magnitude[held].max(), k) for k, box in enumerate(parts) if np.any(held := _inside(centres, box))]
+    return parts[max(found)[1]] if found else None
 
 
 def _gap_window(

@@ -5,17 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from emclutch.faults import Fault, shown
 from emclutch.scene.fault_report import entry_at
 from emclutch.scene.field_source import CoilField, UniformField
 from emclutch.scene.fill import fill_of
 from emclutch.scene.geometry import BoxGeometry, CadGeometry, CentrifugalGeometry, ClutchGeometry, ShearCellGeometry
+from emclutch.scene.materials import TableMaterial
 from emclutch.scene.motion import HELD
 from emclutch.scene.section import did_you_mean
 from emclutch.scene.surfaces import extent_in_words
 from emclutch.scene.time_table import largest
+
+if TYPE_CHECKING:
+    from geometry.fault import Fault as ShapeFault
 
 # Reach of a contact in grain diameters: the Verlet list holds pairs that may touch before it is built anew.
 _CONTACT_REACH = 1.3
@@ -23,17 +27,25 @@ _CONTACT_REACH = 1.3
 
 @dataclass(frozen=True, slots=True)
 class Draft:
-    """A scene whose sections are right one by one; those that are not are left out and listed as broken."""
+    """A scene whose sections are right one by one; those that are not are left out and listed as broken.
+
+    Of a geometry with faults at the keys `of_geometry` the scene has a sketch, if its kind is known
+    (`emclutch.scene.geometry_sketch`).
+    """
 
     scene: Any
     data: dict[str, Any]
     broken: frozenset[str]
+    of_geometry: frozenset[str] = frozenset()
 
     def fault(self, key: str, message: str) -> Fault:
         """Return a fault that shows the user's entry at the key."""
         entry = entry_at(self.data, key.split("."))
         return Fault(key, "" if entry is None or isinstance(entry, dict) else shown(entry), message)
 
+
+GEOMETRY_KIND = "geometry.kind"
+"""Stands in `Draft.broken` where of the geometry not even the kind is known."""
 
 Check = Callable[[Draft], Iterator[Fault]]
 
@@ -51,12 +63,25 @@ def _size_key(particles: Any) -> str:
 def _shape(draft: Draft) -> Iterator[Fault]:
     """The shape itself, and that a grain fits into it."""
     particles = draft.scene.particles
-    for fault in draft.scene.geometry.shape().faults(None if particles is None else particles.largest_diameter):
+    for fault in _faults_of_shape(draft, None if particles is None else particles.largest_diameter):
         message = f"cannot be: {fault.message}".replace("`", "")
         if particles is not None:
             message = message.replace("particles.diameter", f"particles.{_size_key(particles)}")
         told = draft.fault(fault.key, message)
         yield (told if told.value else Fault(fault.key, fault.value, told.message))  # a default has no entry to show
+
+
+def _faults_of_shape(draft: Draft, diameter: float | None) -> list[ShapeFault]:
+    """Of a clutch with faulty sizes, what the others say of each other."""
+    if "geometry" not in draft.broken:
+        return draft.scene.shape().faults(diameter)
+    if not isinstance(draft.scene.geometry, ClutchGeometry):
+        return []
+    unknown = {key.split(".")[1] for key in draft.of_geometry}
+    lengths = unknown & set(type(draft.scene.geometry).model_fields) - {"materials", "disc_slots", "rotor_slots"}
+    # not a number: whatever is compared with it is judged neither right nor wrong, but for itself, told already
+    shape = draft.scene.geometry.model_copy(update=dict.fromkeys(lengths, math.nan)).shape(draft.scene.materials or {})
+    return [fault for fault in shape.faults(diameter) if fault.key.split(".")[1] not in unknown]
 
 
 def _materials(draft: Draft) -> Iterator[Fault]:
@@ -67,7 +92,7 @@ def _materials(draft: Draft) -> Iterator[Fault]:
         if canonical_name(name) is not None:
             yield draft.fault(f"materials.{name}", "has the name of a built-in material; choose another name")
     if isinstance(draft.scene.geometry, (ClutchGeometry, CadGeometry)):
-        for region, name in dict(draft.scene.geometry.materials).items():
+        for region, name in dict(draft.scene.geometry.materials or {}).items():
             if canonical_name(name) is None and name not in own:
                 yield draft.fault(
                     f"geometry.materials.{region}",
@@ -210,7 +235,7 @@ def _rigid(draft: Draft) -> Iterator[Fault]:
 
 def _fill(draft: Draft) -> Iterator[Fault]:
     particles, shape = draft.scene.particles, draft.scene.shape()
-    if shape.faults(particles.largest_diameter):
+    if shape.faults(None):
         return  # already told; volumes of a broken shape mean nothing
     fill = fill_of(shape, particles)
     amounts = ("mass", "solid_fraction", "count")
@@ -248,7 +273,7 @@ def _sector_width(draft: Draft) -> Iterator[Fault]:
     if particles.sector is None or isinstance(draft.scene.geometry, (BoxGeometry, CentrifugalGeometry)):
         return
     largest = particles.largest_diameter
-    if shape.faults(largest):
+    if shape.faults(None):
         return
     dipoles = draft.scene.effects.dipoles
     reach = largest * (_CONTACT_REACH if dipoles is None else max(dipoles.cutoff, _CONTACT_REACH))
@@ -320,7 +345,7 @@ def _coil_transients(draft: Draft) -> Iterator[Fault]:
                 "is missing: [effects.coil_circuit] computes the current from it; give coil.voltage, e.g. '24 V', "
                 "instead of coil.current, or remove the effect's table",
             )
-    if effects.eddy_currents is not None:
+    if effects.eddy_currents is not None and "geometry.materials" not in draft.of_geometry:
         known = {*(draft.scene.materials or {}), *_materials_in_use(draft)}
         for name in effects.eddy_currents.conductivity:
             if name not in known:
@@ -394,12 +419,13 @@ def _accuracy(draft: Draft) -> Iterator[Fault]:
         yield draft.fault("accuracy.time_end", f"is not after time.average_from = {start:g} s; raise it, or lower that")
 
 
+# What a check needs is right: a section as a whole, or of the geometry no more than the kind and the materials.
 CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
-    (_shape, ("geometry",)),
-    (_materials, ("geometry", "materials")),
-    (_field, ("geometry", "field")),
-    (_region, ("geometry", "particles")),
-    (_sector_in_geometry, ("geometry", "particles")),
+    (_shape, (GEOMETRY_KIND,)),
+    (_materials, (GEOMETRY_KIND, "materials")),
+    (_field, (GEOMETRY_KIND, "field")),
+    (_region, (GEOMETRY_KIND, "particles")),
+    (_sector_in_geometry, (GEOMETRY_KIND, "particles")),
     (_surfaces, ("geometry", "surfaces")),
     (_sector_in_surfaces, ("particles", "surfaces")),
     (_sector_in_gravity, ("particles", "effects")),
@@ -409,9 +435,9 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (_rigid, ("contact",)),
     (_sector_width, ("geometry", "particles", "effects")),
     (_needs_of_effects, ("effects",)),
-    (_coil_transients, ("effects", "coil", "field", "geometry", "materials")),
-    (_slots, ("geometry", "effects", "field", "particles")),
-    (_motion, ("geometry", "motion")),
+    (_coil_transients, ("effects", "coil", "field", GEOMETRY_KIND, "materials")),
+    (_slots, (GEOMETRY_KIND, "effects", "field", "particles")),
+    (_motion, (GEOMETRY_KIND, "motion", "surfaces")),
     (_accuracy, ("accuracy", "time")),
 )
 
@@ -442,6 +468,11 @@ def warnings_of(scene: Any) -> Iterator[str]:
     if effects.wall_images is not None and not isinstance(scene.geometry, (ClutchGeometry, CadGeometry)):
         kind = scene.geometry.kind
         yield f"[effects.wall_images] has no effect: geometry.kind = '{kind}' has no steel faces"
+    elif effects.wall_images is not None and not any(wall.magnetic for wall in scene.shape().walls()):
+        yield "[effects.wall_images] has no effect: no wall is of a magnetic material"
+    for name, own in scene.materials.items():
+        if isinstance(own, TableMaterial) and own.caution:
+            yield f"materials.{name}: {own.caution}"
     coil = scene.coil
     window = scene.shape() if isinstance(scene.geometry, (ClutchGeometry, CadGeometry)) else None
     if coil is not None and coil.current is not None and coil.voltage is not None and window is not None:

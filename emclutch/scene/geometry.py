@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
+from emclutch.scene.magnetic_regions import magnetic_regions
 from emclutch.scene.section import Choice, Section, Whole, refuse
 from emclutch.units import Length, LengthOrNone, number
 
 if TYPE_CHECKING:
+    from emclutch.scene.materials import Material
     from geometry.annular_cell import ShearCell
     from geometry.box import Box
     from geometry.cad_meshing import CadSection
@@ -20,15 +24,8 @@ if TYPE_CHECKING:
     from geometry.clutch import Clutch
     from geometry.section import SectionMesh
 
-NON_MAGNETIC = ("air", "aluminium", "copper", "stainless_304")
-"""Built-in materials that carry no flux."""
 
-
-def _carries_flux(material: str) -> bool:
-    """Whether a material is magnetic; of own materials it is taken for granted here."""
-    from field.laws.materials import canonical_name  # local: the schema itself needs no field
-
-    return canonical_name(material) not in NON_MAGNETIC
+NO_MATERIALS: Mapping[str, Material] = MappingProxyType({})
 
 
 class ClutchMaterials(Section):
@@ -89,15 +86,9 @@ class ClutchGeometry(Section):
     rotor_slots: SlotsSection | None = Field(default=None, description="slots in the rotor's poles")
     materials: ClutchMaterials = ClutchMaterials()
 
-    def shape(self, cover_magnetic: bool | None = None) -> Clutch:
-        """Return the shape for meshing, walls and volumes.
-
-        `cover_magnetic`: the covers mirror dipoles; default: unless their built-in material carries no flux.
-        """
+    def shape(self, own: Mapping[str, Material] = NO_MATERIALS) -> Clutch:
+        """Return the shape for meshing, walls and volumes; `own`: the scene's own materials by name."""
         from geometry.clutch import Clutch  # local: the schema itself needs no shapes
-
-        if cover_magnetic is None:
-            cover_magnetic = _carries_flux(self.materials.cover)
         from geometry.slots import Slots
 
         given = self.model_dump(exclude={"kind", "materials", "disc_slots", "rotor_slots"}, exclude_none=True)
@@ -105,7 +96,8 @@ class ClutchGeometry(Section):
             None if section is None else Slots(section.count, section.share, section.depth)
             for section in (self.disc_slots, self.rotor_slots)
         )
-        return Clutch(**given, disc_slots=disc, rotor_slots=rotor, cover_magnetic=cover_magnetic)
+        magnetic = magnetic_regions(self.materials.model_dump(), own)
+        return Clutch(**given, disc_slots=disc, rotor_slots=rotor, magnetic=magnetic)
 
 
 class DrumGeometry(ClutchGeometry):
@@ -234,14 +226,11 @@ class CadGeometry(Section):
             "trust_scripts": self._trust_scripts,
         }
 
-    def shape(self, without_flux: frozenset[str] = frozenset()) -> CadShape:
-        """Return the shape for walls and volumes; `without_flux`: own materials whose faces mirror no dipoles."""
+    def shape(self, own: Mapping[str, Material] = NO_MATERIALS) -> CadShape:
+        """Return the shape for walls and volumes; `own`: the scene's own materials by name."""
         from geometry.cad_shape import CadShape
 
-        steel = frozenset(
-            region for region, name in self.materials.items() if name not in without_flux and _carries_flux(name)
-        )
-        return CadShape(self._section(), self.bodies, steel)
+        return CadShape(self._section(), self.bodies, magnetic_regions(self.materials, own))
 
     def mesh(self, gap_layers: int, size_factor: float, path: Path | None = None) -> SectionMesh:
         """Mesh the section; see `geometry.cad_meshing.mesh_cad`."""

@@ -13,7 +13,7 @@ from emclutch.scene.section import Section, refuse
 from emclutch.units import CurveFieldStrength, Density, FluxDensity, Magnetisation, Quantity, number
 
 if TYPE_CHECKING:
-    from field import Law
+    from field import Law, TableLaw
 
 # upper bounds only catch slips of unit: reluctivity of vacuum 8e5 m/H, conductivity of silver 6e7 S/m
 _Reluctivity = Annotated[float, Quantity("a reluctivity", "m/H", "400 m/H", 0.0, 1e6)]
@@ -135,13 +135,18 @@ class TableMaterial(_OwnMaterial):
                 raise refuse("must start at 0 and increase from each point to the next", key=key)
         return self
 
-    def magnetic_law(self, name: str) -> Law:
+    def magnetic_law(self, name: str) -> TableLaw:
         """See `_OwnMaterial.magnetic_law`."""
         import numpy as np
 
         from field import TableLaw
 
         return TableLaw(np.array(self.H), np.array(self.B), name, "the scene")
+
+    @property
+    def caution(self) -> str:
+        """What of the points is not used, in words; empty where all are."""
+        return self.magnetic_law("this material").caution
 
 
 def _with_columns(given: Any, info: ValidationInfo) -> Any:

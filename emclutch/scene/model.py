@@ -12,7 +12,7 @@ from emclutch.scene.effects import Effects
 from emclutch.scene.field_source import FieldSource
 from emclutch.scene.geometry import CadGeometry, ClutchGeometry, Geometry
 from emclutch.scene.grains import Particles
-from emclutch.scene.materials import LinearMaterial, Material
+from emclutch.scene.materials import Material
 from emclutch.scene.motion import Motion
 from emclutch.scene.section import Section, Whole
 from emclutch.scene.surfaces import Surface
@@ -53,12 +53,6 @@ class Scene(Section):
 
     def shape(self) -> Clutch | CadShape | ShearCell | CentrifugalClutch | Box:
         """Return the device's shape, for meshing, walls and volumes."""
-        if isinstance(self.geometry, ClutchGeometry):
-            cover = self.materials.get(self.geometry.materials.cover)
-            if cover is not None:  # below a permeability of ten, a face mirrors hardly anything
-                return self.geometry.shape(not isinstance(cover, LinearMaterial) or cover.relative_permeability >= 10.0)
-        if isinstance(self.geometry, CadGeometry):
-            light = [name for name, own in self.materials.items() if isinstance(own, LinearMaterial)
-                     and own.relative_permeability < 10.0]  # fmt: skip
-            return self.geometry.shape(frozenset(light))
+        if isinstance(self.geometry, (ClutchGeometry, CadGeometry)):
+            return self.geometry.shape(self.materials)
         return self.geometry.shape()

@@ -3,7 +3,9 @@
 Three ways into the same spline: a measured table (`TableLaw`, monotone PCHIP of H over B, Fritsch and
 Carlson 1980), a fitted permeability mu_r(B) (`PermeabilityLaw`, the form of Modelica's FluxTubes), and any other
 law, sampled as closely as wanted (`spline_of`): the one representation that compiled kernels need to know.
-Beyond the last point the material is saturated: M stays what it is and dH/dB = nu_0.  The energy
+Beyond the last point the material is saturated: M stays what it is and dH/dB = nu_0.  A table whose last points rise
+more slowly than mu_0 H, as those of some published steels do, is taken as saturated from where that begins
+(`last_before_tail`).  The energy
 density is the spline's own antiderivative, so energy and H agree to round-off, which the energy line
 search of Newton relies on.
 """
@@ -28,11 +30,39 @@ _SMALLEST_H = 1e-3
 
 # Slope at a table's ends, at least, over that of the interval beside it.
 _LEAST_END = 0.1
+# Beside the origin; fewer say nothing of the knee.
+_LEAST_POINTS = 3
 # No material has a saturation polarisation of more (iron-cobalt: 2.45 T).
 _LARGEST_POLARISATION = 3.0
 
 # A published table rounds its figures: a last slope 2 % under mu_0 is a rounding, not a fault.
 SLOPE_ROUNDING = 0.02
+# A tail is what lies above this share of the largest B: nothing that ends a curve lower is saturation.
+_SATURATION_SHARE = 0.5
+
+
+def too_flat(H: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """Which intervals of a curve (n,) [A/m], [T] rise more slowly than mu_0 H, beyond a rounding; bool (n-1,)."""
+    return np.diff(B) < (1.0 - SLOPE_ROUNDING) * MU_0 * np.diff(H)
+
+
+def last_before_tail(H: np.ndarray, B: np.ndarray) -> int | None:
+    """Last point of a growing curve (n,) [A/m], [T] before a tail with dB/dH < mu_0; None where it has no such tail.
+
+    Measured far in saturation, B - mu_0 H is a small difference of errors and may fall. It is a tail where the
+    polarisation never gets above that of its first point again; a curve that rises once more after a flat interval
+    is wrong in its middle, and none of saturation.
+    """
+    flat = too_flat(H, B)
+    if not flat.any():
+        return None
+    last = int(np.argmax(flat))
+    polarisation = B - MU_0 * H
+    rounding = SLOPE_ROUNDING * MU_0 * (H[last + 1 :] - H[last])
+    rises_again = np.any(polarisation[last + 1 :] > polarisation[last] + rounding)
+    if rises_again or np.count_nonzero(H[: last + 1]) < _LEAST_POINTS or B[last] < _SATURATION_SHARE * B[-1]:
+        return None
+    return last
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,11 +236,18 @@ class TableLaw:
     name, source : str
         For messages and tables.
 
+    Attributes
+    ----------
+    H, B : ndarray
+        The points that the curve goes through: the origin first, without a tail in which dB/dH is below mu_0.
+    caution : str
+        What was replaced by the slope of vacuum, for the user; empty where nothing was.
+
     Raises
     ------
     ValueError
-        Fewer than four points, a curve that does not grow, or one with dB/dH below mu_0 (no material:
-        usually M or mu_0 M was entered as B).
+        Fewer than four points, a curve that does not grow, or one with dB/dH below mu_0 before its saturation (no
+        material: usually M or mu_0 M was entered as B).
     """
 
     H: np.ndarray
@@ -218,6 +255,7 @@ class TableLaw:
     name: str = "table"
     source: str = "a table of the user"
     curve: HSpline = field(init=False, repr=False)
+    caution: str = field(init=False, repr=False, default="")
 
     def __post_init__(self) -> None:
         H = np.atleast_1d(np.asarray(self.H, dtype=float))
@@ -226,6 +264,19 @@ class TableLaw:
         if H[0] > 0.0 and B[0] > 0.0:
             H, B = np.concatenate(([0.0], H)), np.concatenate(([0.0], B))
         self._check_curve(H, B)
+        last = last_before_tail(H, B)
+        if last is not None:
+            left_out = len(H) - 1 - last
+            lowest = float((np.diff(B) / np.diff(H))[last:].min())
+            object.__setattr__(
+                self,
+                "caution",
+                f"the last {left_out} point{'s' * (left_out > 1)} of the table, from H = {H[last + 1]:g} A/m on, "
+                f"{'are' if left_out > 1 else 'is'} not used: dB/dH falls to {lowest:.3g} H/m there, below "
+                f"mu_0 = {MU_0:.4g} H/m; from H = {H[last]:g} A/m, B = {B[last]:g} T on the curve has the slope of "
+                "vacuum; check that B, not J = B - mu_0 H, is given",
+            )
+            H, B = H[: last + 1], B[: last + 1]
         object.__setattr__(self, "H", H)
         object.__setattr__(self, "B", B)
         slope = PchipInterpolator(B, H).derivative()(B)
@@ -242,10 +293,10 @@ class TableLaw:
             )
         if not (np.all(np.isfinite(H)) and np.all(np.isfinite(B))):
             raise ValueError(f"the table of {self.name!r} holds a value that is not a finite number")
-        if np.count_nonzero(H) < 3:
+        if np.count_nonzero(H) < _LEAST_POINTS:
             raise ValueError(
                 f"the table of {self.name!r} has {np.count_nonzero(H)} points beside the "
-                "origin; a curve needs at least 3, better 10 up to saturation"
+                f"origin; a curve needs at least {_LEAST_POINTS}, better 10 up to saturation"
             )
 
     def _check_curve(self, H: np.ndarray, B: np.ndarray) -> None:
@@ -270,9 +321,9 @@ class TableLaw:
                 f"the table of {self.name!r} has B - mu_0 H = {polarisation[i]:.3g} T at H = {H[i]:g} A/m; no material "
                 f"has more than {_LARGEST_POLARISATION:g} T: check the unit of B (mT, G?)"
             )
-        too_flat = dB < (1.0 - SLOPE_ROUNDING) * MU_0 * dH
-        if np.any(too_flat):
-            i = int(np.argmax(too_flat))
+        flat = too_flat(H, B)
+        if np.any(flat) and last_before_tail(H, B) is None:
+            i = int(np.argmax(flat))
             raise ValueError(
                 f"the table of {self.name!r} has dB/dH = {dB[i] / dH[i]:.3g} H/m between "
                 f"H = {H[i]:g} and {H[i + 1]:g} A/m, below mu_0 = {MU_0:.4g} H/m: no material "

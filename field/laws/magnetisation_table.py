@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from field.laws.magnetisation_curve import SLOPE_ROUNDING, TableLaw
+from field.laws.magnetisation_curve import TableLaw, last_before_tail, too_flat
 from field.laws.reluctivity import MU_0
 
 _UNITS = {
@@ -51,7 +51,7 @@ def read_table(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
     ------
     TableFault
         A header without quantity or unit, an entry that is no number, a curve that does not grow, one with
-        dB/dH < mu_0, or fewer than three points beside the origin.
+        dB/dH < mu_0 before its saturation, or fewer than three points beside the origin.
     OSError
         The file cannot be read.
     """
@@ -184,8 +184,8 @@ def _check(H: np.ndarray, B: np.ndarray, lines: list[int], given: str) -> None:
             )
     if H[0] > 0.0:
         H, B, lines = np.append(0.0, H), np.append(0.0, B), [lines[0], *lines]
-    flat = np.diff(B) < (1.0 - SLOPE_ROUNDING) * MU_0 * np.diff(H)
-    if np.any(flat):
+    flat = too_flat(H, B)
+    if np.any(flat) and last_before_tail(H, B) is None:
         i = int(np.argmax(flat))
         # a polarisation that falls is not mended by giving B
         remedy = (

@@ -52,6 +52,20 @@ _SHARE_OF_ELEMENT = 1e-2
 _TOLERANCE = 1e-9
 
 
+class UndefinedForce(ValueError):
+    """A body on which no force is defined.
+
+    Attributes
+    ----------
+    reason : str
+        Why, without what to do about it in a call of `axial_force`.
+    """
+
+    def __init__(self, reason: str, remedy: str) -> None:
+        self.reason = reason
+        super().__init__(f"{reason}; {remedy}")
+
+
 @dataclass(frozen=True, slots=True)
 class AxialForce:
     """Force on a body along z.
@@ -113,8 +127,10 @@ def axial_force(
 
     Raises
     ------
+    UndefinedForce
+        A body without room to move, or one that touches what cannot give way.
     ValueError
-        An unknown region, a body without room to move, or one that touches what cannot give way.
+        An unknown region.
     """
     regions = (body,) if isinstance(body, str) else tuple(body)
     smooth = body_weight(solution.problem, regions, solution, yielding=yielding)
@@ -183,7 +199,7 @@ def body_weight(
             f"the mesh has {', '.join(sorted(mesh.regions))}"
         )
     soft = {
-        name for name in mesh.regions if name not in body and (name in yielding or _gives_way(problem, name, solution))
+        name for name in mesh.regions if name not in body and (name in yielding or gives_way(problem, name, solution))
     }
     moving = _points_of(mesh, body)
     standing = _points_of(mesh, [name for name in mesh.regions if name not in body and name not in soft])
@@ -193,18 +209,19 @@ def body_weight(
         if name not in body and name not in soft and np.any(moving & _points_of(mesh, [name]))
     ]
     if touching:
-        raise ValueError(
+        raise UndefinedForce(
             f"the body {', '.join(body)} touches {', '.join(sorted(touching))}, which cannot give way: no force "
-            "between them is defined; take them as one body, leave air between them, or name the region in `yielding`"
+            "between them is defined",
+            "take them as one body, leave air between them, or name the region in `yielding`",
         )
     standing[np.unique(mesh.boundaries["outer"])] = True
     if np.any(moving & standing):
-        raise ValueError(f"the body {', '.join(body)} reaches the outer boundary: enlarge the air around it")
+        raise UndefinedForce(f"the body {', '.join(body)} reaches the outer boundary", "enlarge the air around it")
     u = np.clip(_harmonic(mesh, moving, standing), 0.0, 1.0)
     return u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
 
 
-def _gives_way(problem: AxisymmetricProblem, name: str, solution: MagneticField | None) -> bool:
+def gives_way(problem: AxisymmetricProblem, name: str, solution: MagneticField | None) -> bool:
     """Whether a region is as good as air: no iron, no current, no powder in it."""
     if name == problem.coil_region:
         return False

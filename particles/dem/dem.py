@@ -185,6 +185,11 @@ class DEM:
         return np.asarray(self.gravity, dtype=float)
 
     @property
+    def list_skin(self) -> float:
+        """How much further than touching the present list reaches [m]."""
+        return self.skin
+
+    @property
     def n_sectors(self) -> int:
         """Sectors in the full ring (1 without a sector)."""
         return 1 if self.sector is None else self.sector.n_sectors

@@ -219,6 +219,11 @@ class DVI:
         return self.step_count * self.dt
 
     @property
+    def list_skin(self) -> float:
+        """How much further than touching the present list reaches [m]: more than `skin` where grains are fast."""
+        return self._reach
+
+    @property
     def gravity_now(self) -> np.ndarray | None:
         """Acceleration of gravity [m/s^2] at this time, shape (3,)."""
         pull = self._pull(1)

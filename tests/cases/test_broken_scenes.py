@@ -181,6 +181,40 @@ def test_faults_between_sections_come_with_those_within():
     assert "contact.friction" in output and "geometry.gap" in output
 
 
+# name: (values in the good scene, what must be told of the geometry, what else)
+HIDDEN = {
+    "a size hides sizes": ({"geometry.gap": "3 kg", "geometry.shaft_radius": "60 mm"},
+        "geometry.gap = '3 kg'", "geometry.shaft_radius = '60 mm'"),
+    "a missing size hides a material": ({"geometry.gap": None, "geometry.materials.disc": "steel_101"},
+        "geometry.gap is missing", "geometry.materials.disc"),
+    "a size hides the amount of powder": ({"geometry.gap": "0.1 mm", "particles.mass": "3 kg"},
+        "geometry.gap = '0.1 mm'", "particles.mass = '3 kg'"),
+    "a size hides the sector": ({"geometry.gap": "0.1 mm", "particles.sector": "0.5 deg"},
+        "geometry.gap = '0.1 mm'", "particles.sector = '0.5 deg'"),
+    "a misspelt key hides slots": ({"geometry.gpa": "1 mm", "geometry.disc_slots": {"count": 120, "depth": "2 mm"},
+        "effects.back_reaction": {}}, "geometry.gpa", "effects.back_reaction"),
+    "slots hide a missing voltage": ({"geometry.disc_slots": {"count": 120, "share": 1.2, "depth": "2 mm"},
+        "coil.voltage": None, "effects.coil_circuit": {}}, "geometry.disc_slots.share", "coil.voltage"),
+    "a material that is none hides the region": ({"geometry": {**BOX, "size": "3 kg"}, "particles.region": "faces",
+        "motion": None, "field": UNIFORM}, "geometry.size", "particles.region = 'faces'"),
+    "a box hides its coil's field": ({"geometry": {**BOX, "size": [1, 2]}}, "geometry.size", "field.source"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", HIDDEN)
+def test_a_fault_of_the_geometry_hides_no_other(name, tmp_path):
+    values, of_geometry, other = HIDDEN[name]
+    scene = tmp_path / "scene.toml"
+    scene.write_text(tomli_w.dumps(edited(values)), encoding="utf-8")
+    refused(["check", str(scene)], f"- {of_geometry}", f"- {other}")
+
+
+def test_a_size_that_is_no_length_is_told_once():
+    """What is left of the geometry is judged without it: no relation to a size that is not known."""
+    output = refused(["check", str(GOOD), "--set", "geometry.housing_width=3 kg", "--set", "geometry.gap=3 kg"])
+    assert "2 faults" in output and output.count("- geometry.") == 2
+
+
 @pytest.mark.parametrize("setting", ["coil.current", "=3", "scene.title.x=3", "coil..current=1"])
 def test_wrong_setting_is_refused(setting):
     refused(["check", str(GOOD), "--set", setting], setting.split("=")[0])

@@ -8,10 +8,14 @@ import pandas
 import pytest
 from typer.testing import CliRunner
 
+from emclutch.case import load_case
 from emclutch.command_line import app
-from emclutch.field_study import read_currents, read_line
+from emclutch.device import build_device
+from emclutch.field_study import force_on, read_currents, read_line, regions_of_body
+from field import ConvergenceError, pole_pressure
 
 QUICKSTART = Path(__file__).parents[2] / "cases" / "quickstart.toml"
+BROKEN = Path(__file__).parent / "broken"
 
 
 def invoke(*arguments):
@@ -68,6 +72,67 @@ def test_bad_input_is_told(arguments, words, tmp_path):
     result = invoke(*arguments, "--out", tmp_path / "new")
     assert result.exit_code == 2 and words in result.output.replace("\n", " ")
     assert not (tmp_path / "new").exists()
+
+
+# The brake of the broken scenes: a thin disc, covers of steel, coarse and without grains' interaction.
+THIN_DISC = {
+    "geometry.coil_radius": "54 mm",
+    "particles.region": "faces",
+    "field.size_factor": 3.0,
+    "field.order": 1,
+}
+
+
+@pytest.fixture(scope="module")
+def thin_disc():
+    case = load_case(BROKEN / "good.toml", THIN_DISC)
+    device = build_device(case.scene)
+    return case, device, device.coil.solve_at_peak(None)
+
+
+def test_steel_covers_are_pulled_as_one_body_with_their_rotor(thin_disc):
+    """They touch it: no force between them is defined, and the force on the disc is opposite to theirs and the rest's.
+
+    The device is symmetric about z = 0 but for its shafts, which carry no flux: what is left is the mesh.
+    """
+    _, device, solution = thin_disc
+    regions = regions_of_body(device.coil, solution, "rotor")
+    assert sorted(regions) == ["cover", "rotor"] and regions_of_body(device.coil, solution, "disc") == ["disc"]
+    rotor, disc = force_on(solution, regions), force_on(solution, ["disc"])
+    pull = float(pole_pressure(0.5)) * device.shape.face_area  # of one side, in a field of 0.5 T
+    for force in (rotor, disc):
+        assert abs(force["maxwell_stress"]) < 0.02 * pull
+        assert force["virtual_work"] == pytest.approx(force["maxwell_stress"], abs=1e-3 * pull)
+    assert rotor["maxwell_stress"] == pytest.approx(-disc["maxwell_stress"], abs=0.02 * pull)
+
+
+def test_the_command_gives_the_forces_of_a_thin_disc(thin_disc, tmp_path):
+    case, _, _ = thin_disc
+    case.write_toml(tmp_path / "thin.toml")
+    result = CliRunner().invoke(app, ["field", str(tmp_path / "thin.toml"), "--out", str(tmp_path / "field")])
+    assert result.exit_code == 0, result.output
+    forces = json.loads((tmp_path / "field" / "field.json").read_text())["at_last_current"]["axial_force"]
+    assert sorted(forces["rotor"]["regions"]) == ["cover", "rotor"] and forces["disc"]["error_estimate"] > 0.0
+
+
+def test_a_force_that_is_not_defined_is_told_with_its_reason(thin_disc):
+    """The rotor without the covers that it touches: a reason for the user, and no key of a call."""
+    _, _, solution = thin_disc
+    told = force_on(solution, ["rotor"])
+    assert told["regions"] == ["rotor"] and "maxwell_stress" not in told
+    assert "touches cover, which cannot give way" in told["not_defined"] and "yielding" not in told["not_defined"]
+
+
+def test_a_displaced_solve_that_fails_is_told(thin_disc, monkeypatch):
+    """It costs the virtual work alone: stress and error estimate are there, and the reason beside them."""
+
+    def fails(*_, **__):
+        raise ConvergenceError([(0.5, 1.0)], "take a finer mesh")
+
+    monkeypatch.setattr("field.section.maxwell_force.force_by_virtual_work", fails)
+    told = force_on(thin_disc[2], ["disc"])
+    assert told["virtual_work"] is None and "did not converge" in told["no_virtual_work"]
+    assert told["error_estimate"] > 0.0 and "error_estimate_of_two_shells" not in told
 
 
 def test_nothing_is_overwritten(studied):

@@ -1,4 +1,4 @@
-"""The fill keeps every grain's volume, on any mesh, and finds a uniform powder uniform."""
+"""The fill keeps the volume of every grain of the region, on any mesh, and finds a uniform powder uniform."""
 
 import numpy as np
 import pytest
@@ -44,3 +44,17 @@ def test_an_even_powder_has_an_even_fill(mesh):
     assert fill[middle].std() < 0.05
     at = deposition.at(position[:1000], fill)
     assert np.median(at) == pytest.approx(0.3, rel=0.03)
+
+
+def test_a_grain_outside_the_region_raises_no_element_s_fill(mesh):
+    """Beyond the bore, inside the disc, beyond a cover: left out and named; at the very walls they are kept."""
+    clutch = Clutch()
+    radius, half = clutch.bore_radius, 0.5 * clutch.cavity_length
+    kept = [(radius, 0.0), (clutch.disc_radius, 0.0), (clutch.mean_gap_radius, half), (clutch.seal_radius, half)]
+    lost = [(radius + 2e-3, 0.0), (clutch.disc_radius - 2e-3, 0.0), (clutch.mean_gap_radius, half + 1e-3), (1e-3, 0.0)]
+    position = np.array([(r, 0.0, z) for r, z in kept + lost])
+    deposition = FillDeposition(mesh, 0.2e-3, 0.1)
+    assert deposition.outside(position).tolist() == [False] * len(kept) + [True] * len(lost)
+    fill = deposition.fill(position, np.full(len(position), 1e-12))
+    assert (fill * deposition.volume).sum() == pytest.approx(len(kept) * 1e-12, rel=1e-12)
+    assert np.all(deposition.at(position[len(kept):], fill) == 0.0) and deposition.at(position[:1], fill)[0] > 0.0

@@ -12,7 +12,7 @@ THIN_DISC = Clutch(
     seal_radius=20e-3,
     ring_width=7e-3,
     coil_width=8e-3,
-    cover_magnetic=True,
+    magnetic=frozenset({"disc", "rotor", "cover"}),
     coil_radius=54e-3,
 )
 

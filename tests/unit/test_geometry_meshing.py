@@ -14,7 +14,7 @@ THIN_DISC = Clutch(
     seal_radius=20e-3,
     ring_width=7e-3,
     coil_width=8e-3,
-    cover_magnetic=True,
+    magnetic=frozenset({"disc", "rotor", "cover"}),
     coil_radius=54e-3,
 )
 CLUTCHES = {"drum": Clutch(), "thin disc": THIN_DISC, "no ring": Clutch(ring_width=0.0)}

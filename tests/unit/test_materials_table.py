@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from field import MU_0, material
+from field import MU_0, TableLaw, material
 from field.laws.magnetisation_table import TableFault, read_table, table_law
-from field.laws.materials import _STEEL_1010
+from field.laws.materials import _STEEL_1010, _TEAM_STEEL
 
 H = np.array([0.0, 120.0, 1500.0, 20000.0])
 B = np.array([0.0, 0.25, 1.25, 1.875])  # exact in binary, so that 1000 * B / 1000 is too
@@ -82,6 +82,40 @@ def test_every_fault_has_its_line(name, tmp_path):
     with pytest.raises(TableFault) as fault:
         read_table(written(tmp_path, lines))
     assert words in str(fault.value)
+
+
+# A soft iron up to saturation, then measured points of which the first rises by 0.9 mu_0 H and the next by more, yet
+# not to the polarisation of 2.2 T again: the tail as published tables have it.
+UP_TO_SATURATION = [(0.0, 0.0), (100.0, 1.0), (1e3, 1.5), (1e4, 1.9), (1e5, 2.2)]
+TAIL = [(2e5, 2.2 + 0.9 * MU_0 * 1e5), (3e5, 2.2 + 1.92 * MU_0 * 1e5)]
+
+
+def test_a_tail_below_vacuum_is_replaced_by_vacuum_and_told(tmp_path):
+    lines = ["H [A/m],B [T]", *(f"{h!r},{b!r}" for h, b in UP_TO_SATURATION + TAIL)]
+    law, without = table_law(written(tmp_path, lines)), TableLaw(*np.array(UP_TO_SATURATION).T)
+    points = np.linspace(0.0, 4.0, 401)
+    for ours, theirs in zip(law.H_of_B(points), without.H_of_B(points), strict=True):
+        assert np.array_equal(ours, theirs)
+    beyond = points > 2.2
+    assert np.allclose(law.H_of_B(points)[0][beyond], 1e5 + (points[beyond] - 2.2) / MU_0, rtol=1e-12)
+    assert law.caution.startswith("the last 2 points of the table, from H = 200000 A/m on")
+    assert without.caution == ""
+
+
+@pytest.mark.parametrize("after", [(4e5, 2.2 + 1.5 * MU_0 * 3e5), (4e5, 2.2)])
+def test_a_curve_that_rises_or_falls_after_its_flat_part_is_refused(after, tmp_path):
+    """The polarisation goes above what would be its saturation, or B itself falls: wrong, not saturated."""
+    lines = ["H [A/m],B [T]", *(f"{h!r},{b!r}" for h, b in [*UP_TO_SATURATION, *TAIL, after])]
+    with pytest.raises(TableFault, match=r"line 7: dB/dH|line 9: not monotone"):
+        read_table(written(tmp_path, lines))
+    with pytest.raises(ValueError, match=r"below mu_0|not monotone"):
+        TableLaw(*np.array([*UP_TO_SATURATION, *TAIL, after]).T)
+
+
+def test_a_published_table_that_stays_above_vacuum_is_used_whole(tmp_path):
+    """The last slope of the workshop's steel, from 2.25 T to 2.3 T, is 1.6 mu_0."""
+    law = table_law(written(tmp_path, ["B [T],H [A/m]", *(f"{b},{h}" for b, h in _TEAM_STEEL)]))
+    assert law.caution == "" and np.array_equal(law.B, _TEAM_STEEL[:, 0])
 
 
 def test_what_is_no_text_is_told(tmp_path):

@@ -11,6 +11,7 @@ import pytest
 from emclutch.results import pictures, steady_mean
 from emclutch.results.grains_picture import _across
 from emclutch.results.study_pictures import _torque_axes
+from geometry import AnnularBox
 
 
 def is_picture(path):
@@ -42,6 +43,18 @@ def test_section(tmp_path, mesh, strength, with_grains):
     grains = np.column_stack([np.full(9, 0.032), np.linspace(-0.01, 0.01, 9), np.full(9, 5e-4)])
     path = pictures.section_picture(tmp_path / "s.png", mesh, psi, B, grains=grains if with_grains else None)
     assert is_picture(path)
+
+
+def test_the_enlarged_part_lies_in_what_is_filled(tmp_path, mesh, monkeypatch):
+    """The field is strongest in a part of the powder's region without powder: it is not what is enlarged."""
+    shown = []
+    monkeypatch.setattr("emclutch.results.section_picture._draw_zoom", lambda *given: shown.append(given[4]))
+    B = np.abs(mesh.points[mesh.triangles, 1].mean(axis=1) - 0.02)  # weakest at z = 20 mm, strongest at -20 mm
+    filled = [AnnularBox(0.03, 0.034, 0.005, 0.02)]
+    for boxes in ((), filled):
+        pictures.section_picture(tmp_path / "s.png", mesh, mesh.points[:, 0], B, filled=boxes)
+    (_, _, _, whole), (low_r, high_r, low_z, high_z) = shown
+    assert whole < 0.0 and 0.005 < 0.5 * (low_z + high_z) < 0.02 and 0.03 < 0.5 * (low_r + high_r) < 0.034
 
 
 @pytest.mark.parametrize("count", [1, 5, 300])

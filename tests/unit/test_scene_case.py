@@ -103,6 +103,50 @@ def test_drum_has_covers_without_flux(good):
     assert good.scene.shape().cover_magnetic and not drum.shape().cover_magnetic
 
 
+def mirrors(scene) -> dict[str, bool]:
+    """Which walls of a clutch mirror dipoles, by their names without their sides."""
+    return {wall.name.removesuffix("_left").removesuffix("_right"): wall.magnetic for wall in scene.shape().walls()}
+
+
+@pytest.mark.parametrize("case", ["quickstart", "powder_clutch", "lock_up", "switch_on", "slotted_disc"])
+def test_steel_of_the_shipped_drums_mirrors_and_the_rest_does_not(case):
+    walls = mirrors(load_case(GOOD.parents[3] / "cases" / f"{case}.toml").scene)
+    steel = {"disc_face": True, "disc_rim": True, "bore": True}
+    assert walls == {**steel, "bore_ring": False, "cover": False, "seal_rim": False}
+
+
+OWN = {
+    "weak": {"law": "linear", "relative_permeability": 1.02},
+    "ferrite": {"law": "linear", "relative_permeability": 2000},
+    "powder_core": {"law": "froehlich", "susceptibility": 0.5, "saturation": "1 MA/m"},
+}
+
+
+@pytest.mark.parametrize(
+    ("region", "material", "walls"),
+    [
+        ("disc", "aluminium", {"disc_face": False, "disc_rim": False}),
+        ("rotor", "aluminium", {"bore": False}),
+        ("ring", "steel_1010", {"bore_ring": True}),
+        ("cover", "stainless_304", {"cover": False}),
+        ("seal", "dc01", {"seal_rim": True}),
+        ("disc", "weak", {"disc_face": False, "disc_rim": False}),
+        ("rotor", "powder_core", {"bore": False}),
+        ("seal", "ferrite", {"seal_rim": True}),
+    ],
+)
+def test_a_wall_mirrors_dipoles_when_its_material_is_magnetic(good, region, material, walls):
+    """Also a fit that begins with mu_r = 5 (dc01), and own materials; all other walls stay as they are."""
+    changed = good.with_values({f"geometry.materials.{region}": material, "materials": OWN})
+    assert mirrors(changed.scene) == {**mirrors(good.scene), **walls}
+
+
+def test_images_without_a_magnetic_wall_are_told(good):
+    values = {f"geometry.materials.{region}": "aluminium" for region in ("disc", "rotor", "cover")}
+    told = good.with_values({**values, "effects.wall_images": {}}).warnings
+    assert any("no wall is of a magnetic material" in line for line in told)
+
+
 def test_own_material_from_a_file_is_kept_in_the_resolved_scene(good, tmp_path):
     (tmp_path / "iron.csv").write_text("H [A/m], B [T]\n0, 0\n100, 1\n1000, 1.5\n5000, 1.7\n")
     scene = tmp_path / "scene.toml"

@@ -1,0 +1,92 @@
+"""No pair within the cut-off is missing from the rows, however grains move and however long the grains' list lasts."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from coupling import Simulation
+from geometry.walls import annulus, cylinder
+from particles import DVI, Body, Grains
+from particles.dvi.rigid_contact import RigidContact
+
+CUTOFF = 3e-3
+
+
+class KeptList:
+    """An engine whose list is never renewed: what the rows then know of motion is their own."""
+
+    list_version, sector = 1, None
+
+    def __init__(self, position: np.ndarray, list_skin: float) -> None:
+        self.grains = SimpleNamespace(position=position)
+        self.skin = self.list_skin = list_skin
+
+
+def in_rows(rows) -> set[tuple[int, int]]:
+    """Pairs (i, j) that the rows hold, seen from both grains."""
+    return {(i, int(j)) for i in range(len(rows.start) - 1) for j in rows.other[rows.start[i] : rows.start[i + 1]]}
+
+
+def within(position: np.ndarray) -> set[tuple[int, int]]:
+    """Pairs within the cut-off, by comparing all with all."""
+    distance = np.linalg.norm(position[:, None] - position[None], axis=2)
+    np.fill_diagonal(distance, np.inf)
+    return {(int(i), int(j)) for i, j in np.argwhere(distance < CUTOFF)}
+
+
+@pytest.mark.parametrize("list_skin", [0.3e-3, 2e-3])
+def test_rows_are_complete_under_a_list_that_is_not_renewed(list_skin):
+    rng = np.random.default_rng(3)
+    grains = rng.uniform(-6e-3, 6e-3, (120, 3))
+    velocity = rng.normal(scale=0.1e-3, size=grains.shape)  # metres a step
+    simulation = Simulation(KeptList(grains.copy(), list_skin), [], None, None, 1, 1)
+    made = set()
+    for step in range(40):
+        position = simulation.dem.grains.position
+        rows = simulation.rows(CUTOFF)
+        made.add(id(rows.start))
+        assert within(position) <= in_rows(rows), f"step {step}"
+        simulation.dem.grains.position = position + velocity
+    assert 1 < len(made)
+
+
+def test_rows_that_hold_are_kept():
+    """Half the skin's motion costs no new rows; a hair more does."""
+    position = np.random.default_rng(1).uniform(-6e-3, 6e-3, (30, 3))
+    simulation = Simulation(KeptList(position, 0.4e-3), [], None, None, 1, 1)
+    first = simulation.rows(CUTOFF)
+    simulation.dem.grains.position = position + np.array([0.199e-3, 0.0, 0.0])
+    assert simulation.rows(CUTOFF) is first
+    simulation.dem.grains.position = position + np.array([0.201e-3, 0.0, 0.0])
+    assert simulation.rows(CUTOFF) is not first
+
+
+def test_the_wide_list_of_fast_rigid_grains_makes_wide_rows():
+    """Its list reaches further than the skin, and lasts as much longer: the rows must do the same."""
+    rng = np.random.default_rng(5)
+    position = rng.uniform(-4e-3, 4e-3, (20, 3))
+    walls = [annulus("floor", "housing", -5e-3, 0.0, 20e-3), cylinder("shell", "rotor", 20e-3, -5e-3, 5e-3)]
+    grains = Grains.create(position, 0.05e-3, 7800.0)
+    grains.velocity[:] = [50.0, 0.0, 0.0]
+    bodies = [Body("housing"), Body("rotor")]
+    engine = DVI(grains, walls, bodies, RigidContact(friction=0.3, restitution=0.5), dt=1e-5)
+    assert engine.list_skin == pytest.approx(4.0 * 50.0 * 1e-5) and engine.list_skin > engine.skin
+    rows = Simulation(engine, [], None, None, 1, 1).rows(CUTOFF)
+    assert rows.reach == pytest.approx(CUTOFF + engine.list_skin)
+
+
+def test_a_checkpoint_keeps_where_the_rows_were_made():
+    """Resumed, they are made anew at the same moment as without the interruption."""
+    position = np.random.default_rng(2).uniform(-6e-3, 6e-3, (30, 3))
+    simulation = Simulation(KeptList(position, 0.4e-3), [], None, None, 1, 1)
+    rows = simulation.rows(CUTOFF)
+    simulation.dem.grains.position = position + np.array([0.15e-3, 0.0, 0.0])
+    resumed = Simulation(KeptList(position + np.array([0.15e-3, 0.0, 0.0]), 0.4e-3), [], None, None, 1, 1)
+    resumed.restore_rows(simulation.rows_state())
+    assert np.array_equal(resumed.rows(CUTOFF).other, rows.other)
+    assert np.array_equal(resumed.rows(CUTOFF).position, position)
+    without = {name: value for name, value in simulation.rows_state().items() if name != "position"}
+    resumed.restore_rows(without)  # of an older version
+    resumed.dem.grains.position = position + np.array([0.3e-3, 0.0, 0.0])
+    assert np.array_equal(resumed.rows(CUTOFF).position, position + np.array([0.3e-3, 0.0, 0.0]))
