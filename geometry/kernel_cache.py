@@ -43,7 +43,7 @@ def inner(**options: Any) -> Callable[[Callable], Any]:
     It is compiled into them, without a cache of its own and without the wrappers for calls from Python and C: these,
     and the machine code of a function that nobody calls by itself, take as long to compile as the rest.
     """
-    return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)
+    return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)  # type: ignore[call-overload]
 
 
 def is_own(function: Callable) -> bool:
@@ -63,7 +63,7 @@ def specialisations() -> set[str]:
         for kernel, value in list(vars(module).items())
         if isinstance(value, Dispatcher)
         and value.py_func.__module__ == name
-        and not isinstance(value._cache, caching.NullCache)
+        and not isinstance(getattr(value, "_cache"), caching.NullCache)  # noqa: B009 (numba's stubs hide it)
         for signature in value.overloads
     }
 

@@ -111,7 +111,6 @@ FILES = {
     "dipoles": {"coupling/dipoles.py", "coupling/effects/dipoles.py", "coupling/neighbour_rows.py"},
     "wall_images": {"coupling/wall_images.py", "coupling/effects/wall_images.py"},
     "back_reaction": {"coupling/effects/back_reaction.py", "coupling/deposition.py"},
-    "saturation": {"field/laws/froehlich.py"},
     "coil_circuit": {"field/coil/coil_circuit.py"},
     "eddy_currents": {"field/section/eddy_currents.py"},
 }
@@ -162,6 +161,14 @@ def test_an_effect_that_is_off_is_never_called(effect):
     for name in without:
         for file in FILES[name]:
             assert found[file] == 0, f"{name} is off, and {file} was called {found[file]} times"
+
+
+def test_without_saturation_grains_are_linear_at_any_field(all_on):
+    """Their law is one product: twice the field is twice the moment, far beyond what iron holds."""
+    H, phi = np.array([1e3, 1e6, 2e6]), np.zeros(3)
+    linear = calls(("saturation",))[1].magnetised.law.magnetisation(H, phi)
+    assert linear[1:] == pytest.approx([1e3 * linear[0], 2e3 * linear[0]], rel=1e-12)
+    assert all_on[1].magnetised.law.magnetisation(H, phi)[2] < 0.6 * linear[2]
 
 
 def test_without_magnetic_effects_nothing_magnetic_is_there():
