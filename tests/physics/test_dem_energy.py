@@ -34,7 +34,7 @@ def energy(dem, pull=0.0):
 
 
 def swept(name, mu, e, everything=False, steps=60.0):
-    """Energy before and after the impacts of REFERENCE section 4: incidence 0 to 89 degrees, three spins."""
+    """Energy before and after the impacts of tests/REFERENCE.md section 4: incidence 0 to 89 degrees, three spins."""
     angle, spin = (a.ravel() for a in np.meshgrid(np.radians(np.arange(0.0, 90.0, 1.0)), [-800.0, 0.0, 800.0]))
     spins = np.stack([0.5 * spin, 0.3 * spin, spin], axis=1)
     grains, walls = impacts(SPEED * np.cos(angle), SPEED * np.sin(angle), spins)
@@ -49,8 +49,9 @@ def swept(name, mu, e, everything=False, steps=60.0):
 @pytest.mark.parametrize("mu", [0.05, 0.3, 1.0])
 @pytest.mark.parametrize("name", LAWS)
 def test_friction_creates_no_energy_at_any_incidence(name, mu):
-    """Against a plane, triangles, a cylinder, a grain. (REFERENCE section 4: a well-known code gained 34 % at 76
-    degrees.)
+    """Against a plane, triangles, a cylinder, a grain.
+
+    A well-known code gained 34 % at 76 degrees (tests/REFERENCE.md section 4).
 
     A leapfrog meets the ends of an impact within a step: an error of (pi/steps)^2/8 of a linear contact's energy at
     the most, of either sign. No impact may gain more than that.

@@ -1,4 +1,4 @@
-"""Numbers of REFERENCE section 4 through the DEM: impacts, sliding and rolling, for each law where it is law-free."""
+"""tests/REFERENCE.md section 4 through the DEM: impacts, sliding and rolling, for each law where it is law-free."""
 
 import numpy as np
 import pytest

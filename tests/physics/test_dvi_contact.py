@@ -24,7 +24,10 @@ def _on_floor(velocity, h, contact, gravity=DOWN, height=0.0, **more):
 
 @pytest.mark.parametrize("h", [1e-4, 1e-3, 1e-2])
 def test_sliding_speed_is_exact_for_every_step(h):
-    """REFERENCE section 5: 10 m/s, mu 0.5, after 0.5 s 7.5475 m/s (a sphere still slides: it rolls after 0.58 s)."""
+    """10 m/s, mu 0.5, after 0.5 s 7.5475 m/s; a sphere still slides: it rolls after 0.58 s.
+
+    The number is of tests/REFERENCE.md section 5.
+    """
     dvi = _on_floor([10.0, 0.0, 0.0], h, RigidContact(0.5))
     dvi.run(round(0.5 / h))
     assert dvi.grains.velocity[0] == pytest.approx([7.5475, 0.0, 0.0], abs=1e-9)
@@ -32,7 +35,10 @@ def test_sliding_speed_is_exact_for_every_step(h):
 
 
 def test_the_convex_law_floats_where_exact_coulomb_touches():
-    """REFERENCE section 5: h mu v = 1e-3 * 0.5 * 2 = 1.0 mm for a contact that is kept sliding at 2 m/s; exact: 0."""
+    """h mu v = 1e-3 * 0.5 * 2 = 1.0 mm for a contact that is kept sliding at 2 m/s; exact: 0.
+
+    tests/REFERENCE.md section 5.
+    """
     gaps = {}
     for name, law, solver in (
         ("coulomb", "coulomb", "accelerated"),
@@ -52,7 +58,7 @@ def test_the_convex_law_floats_where_exact_coulomb_touches():
 
 @pytest.mark.parametrize("h", [1e-4, 1e-3, 1e-2])
 def test_slip_to_roll_is_exact_for_every_step(h):
-    """u = 5 u0/7, omega = 5 u0/(7 R) (REFERENCE section 4), from t_s = 2 u0/(7 mu g) on."""
+    """u = 5 u0/7, omega = 5 u0/(7 R) (tests/REFERENCE.md section 4), from t_s = 2 u0/(7 mu g) on."""
     dvi = _on_floor([1.0, 0.0, 0.0], h, RigidContact(0.3))
     begin = 2.0 / (7.0 * 0.3 * G)
     dvi.run(int(0.9 * begin / h))
@@ -64,7 +70,10 @@ def test_slip_to_roll_is_exact_for_every_step(h):
 
 @pytest.mark.parametrize(("slope", "mu"), [(20.0, 0.3), (50.0, 0.3)])
 def test_incline(slope, mu):
-    """Rolls with a = 5/7 g sin if tan <= 3.5 mu, else slides with a = g (sin - mu cos) (REFERENCE section 4)."""
+    """Rolls with a = 5/7 g sin if tan <= 3.5 mu, else slides with a = g (sin - mu cos).
+
+    tests/REFERENCE.md section 4.
+    """
     a = np.radians(slope)
     h, steps = 2e-3, 100
     dvi = _on_floor([0.0, 0.0, 0.0], h, RigidContact(mu), gravity=G * np.array([np.sin(a), 0.0, -np.cos(a)]))
@@ -103,7 +112,7 @@ def _peaks(h, e, bounces, drop):
 
 
 def test_bouncing_heights_converge_at_first_order():
-    """e = 0.8: peaks of 0.64^k of the drop (REFERENCE section 5's 0.64^k); a quarter of h, a quarter of the error."""
+    """e = 0.8: peaks of 0.64^k = e^(2 k) of the drop; a quarter of h, a quarter of the error."""
     exact = 0.64 ** np.arange(1, 4)
     errors = []
     for h in (8e-4, 2e-4, 5e-5):

@@ -109,7 +109,9 @@ def test_slop_is_the_floor_of_the_error():
 @pytest.mark.parametrize("theta", [1.0, 0.5])
 @pytest.mark.parametrize(("mu", "inertia"), [(1.0, 1.4), (0.0, 1.0)])
 def test_rocking_in_a_cylinder(mu, inertia, theta, no_slop):
-    """Period 4 K(sin(phi_0/2)) sqrt(c a/g), c = 7/5 rolling and 1 without friction (REFERENCE section 4, any swing).
+    """Period 4 K(sin(phi_0/2)) sqrt(c a/g), c = 7/5 rolling and 1 without friction, at any swing.
+
+    For small swings the numbers of tests/REFERENCE.md section 4.
 
     Order 1 for the period and for what the swing loses: each step turns the velocity into the new tangent, and takes
     (h phi')^2/2 of it.
