@@ -2,24 +2,17 @@
 
 import numpy as np
 import pytest
+from dvi_scenes import DOWN, G, R, floor
 
-from geometry.walls import Plane, annulus, cylinder
+from geometry.walls import annulus, cylinder
 from particles import Body, DemError, FreeShaft, Grains, PrescribedSpeed
 from particles.dvi.dvi import DVI
 from particles.dvi.rigid_contact import RigidContact
 
-G = 9.81
-R = 5e-3
-DOWN = (0.0, 0.0, -G)
-
-
-def _floor(angle=0.0):
-    return Plane("floor", "housing", np.zeros(3), np.array([-np.sin(angle), 0.0, np.cos(angle)]))
-
 
 def _on_floor(velocity, h, contact, gravity=DOWN, height=0.0, **more):
     grains = Grains.create([[0.0, 0.0, R + height]], R, 7850.0, velocity=[velocity])
-    return DVI(grains, [_floor()], [Body("housing")], contact, dt=h, gravity=gravity, **more)
+    return DVI(grains, [floor()], [Body("housing")], contact, dt=h, gravity=gravity, **more)
 
 
 @pytest.mark.parametrize("h", [1e-4, 1e-3, 1e-2])
@@ -141,7 +134,7 @@ def test_every_incidence_has_an_answer_that_loses_energy(mu):
             grains = Grains.create([[0.0, 0.0, R]], R, 7850.0, velocity=[[np.sin(a), 0.0, -np.cos(a)]],
                                    angular_velocity=[[0.0, spin, 0.0]])  # fmt: skip
             before = grains.kinetic_energy()
-            dvi = DVI(grains, [_floor()], [Body("housing")], RigidContact(mu), dt=1e-3, gravity=(0.0, 0.0, 0.0))
+            dvi = DVI(grains, [floor()], [Body("housing")], RigidContact(mu), dt=1e-3, gravity=(0.0, 0.0, 0.0))
             totals = dvi.run(1)
             assert totals.missed_steps == 0
             assert grains.kinetic_energy() <= before * (1.0 + 1e-14)
@@ -157,7 +150,7 @@ def test_every_incidence_has_an_answer_that_loses_energy(mu):
 def test_a_heavy_sphere_rests_on_a_light_one(ratio):
     """The hardest case for sweeps: the contact below must carry (1 + ratio) weights through the light sphere."""
     grains = Grains.create([[0.0, 0.0, R], [0.0, 0.0, 3.0 * R]], R, [7850.0, 7850.0 * ratio])
-    dvi = DVI(grains, [_floor()], [Body("housing")], RigidContact(0.3), dt=1e-3, gravity=DOWN, tolerance=1e-8,
+    dvi = DVI(grains, [floor()], [Body("housing")], RigidContact(0.3), dt=1e-3, gravity=DOWN, tolerance=1e-8,
               solver="interior_point", max_sweeps=300)  # fmt: skip
     totals = dvi.run(20)
     assert totals.missed_steps == 0
