@@ -69,6 +69,7 @@ def test_the_convex_law_determines_a_free_shaft(seed):
         assert other[-1] == pytest.approx(found[0][-1], abs=1e-5 * change)
 
 
+@pytest.mark.slow
 def test_exact_coulomb_leaves_little_open_in_a_sheared_bed():
     """Every start solves the laws to 1e-11 m/s; the drum's torque agrees within a few per cent, mostly far better.
 
