@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from dem_laws import COHESION, DENSITY, EVERYTHING, LAWS, MASS, RADIUS, SPEED, TWO, impacts, in_order, law, make_dem
+from dem_laws import COHESION, DENSITY, EVERYTHING, FLOOR, LAWS, MASS, RADIUS, SPEED, impacts, in_order, law, make_dem
 
 from geometry.triangle_wall import box_surface
-from geometry.walls import Plane, outline
+from geometry.walls import outline
 from particles import (
     Body,
     Cohesion,
@@ -62,7 +62,7 @@ def test_friction_creates_no_energy_at_any_incidence(name, mu):
     assert np.all(after.sum(axis=1) < before.sum(axis=1) * (1.0 - 1e-3))  # friction does take energy, e = 1 here
 
 
-@pytest.mark.parametrize("name", TWO)
+@pytest.mark.parametrize("name", LAWS)
 def test_rolling_twisting_and_cohesion_create_no_energy_at_any_incidence(name):
     for e in (0.5, 1.0):
         before, after = swept(name, 0.3, e, everything=True)
@@ -87,8 +87,7 @@ def test_a_wound_spring_gives_back_no_more_when_its_contact_closes(name, axis):
     for speed in np.linspace(100.0, 3000.0, 8):
         grains = Grains.create([[0.0, 0.0, 0.99 * RADIUS]], RADIUS, DENSITY, velocity=[[0.0, 0.0, -0.03]])
         grains.angular_velocity[0, axis] = speed
-        floor = Plane("floor", "housing", np.zeros(3), np.array([0.0, 0.0, 1.0]))
-        dem = make_dem(grains, [floor], [Body("housing")], laws, steps=100.0, species=np.zeros(1, dtype=int))
+        dem = make_dem(grains, [FLOOR], [Body("housing")], laws, steps=100.0, species=np.zeros(1, dtype=int))
         books = dem.run(1).books
         kinetic, first = books.kinetic_energy, books.kinetic_energy + books.elastic_energy
         for _ in range(100):
