@@ -11,13 +11,13 @@ CURRENTS = (0.0, 0.4, 1.2)
 
 
 def test_torque_rises_with_current(tmp_path):
-    """Quickstart on two thirds of its sector, sheared by more than one: steps of the torque of many times its noise.
+    """Quickstart on part of its sector, sheared by more than one: steps of the torque of many times its noise.
 
     Noise: the error of the mean of eight batches of the later half. Without current what is left is the drag of
     friction.
     """
     toy = {
-        "time.end": "0.6 ms", "time.window": 1e-5, "particles.sector": "4 deg", "field.size_factor": 2.0,
+        "time.end": "0.6 ms", "time.window": 1e-5, "particles.sector": "5 deg", "field.size_factor": 2.0,
         "effects.dipoles.update_every": 20,
         "output.snapshots": 0, "output.pictures": False, "output.formats": [], "output.checkpoint": False,
     }  # fmt: skip
