@@ -116,9 +116,9 @@ def test_a_deep_initial_overlap_gives_what_its_spring_held(name):
 
 
 @pytest.mark.slow
-def test_a_column_of_five_hundred_grains_stands_under_its_weight():
+def test_a_column_of_a_thousand_grains_stands_under_its_weight():
     """In a square shaft three grains wide: settled, still after 10 000 more steps, walls and floor bear all of it."""
-    side, n = 6.3 * RADIUS, 500
+    side, n = 6.3 * RADIUS, 1000
     k = np.array([-2.08, 0.0, 2.08]) * RADIUS
     z = (1.01 + 2.06 * np.arange(112)) * RADIUS
     x = np.stack([a.ravel() for a in np.meshgrid(k, k, z)], axis=1)
@@ -132,7 +132,7 @@ def test_a_column_of_five_hundred_grains_stands_under_its_weight():
     dem = make_dem(Grains.create(x, RADIUS, DENSITY), walls, bodies, law("linear", 0.3, 0.5, speed=0.3), speed=0.3,
                    steps=15.0, gravity=(0.0, 0.0, -G))  # fmt: skip
     start = dem.grains.position[:, 2].copy()
-    for _ in range(50):
+    for _ in range(60):
         dem.run(400)
         dem.grains.velocity[:] *= 0.7
         dem.grains.angular_velocity[:] *= 0.7

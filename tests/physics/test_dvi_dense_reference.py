@@ -50,7 +50,7 @@ def _level(z):
     return lambda x: np.array([x[0], x[1], z])
 
 
-def _in_box(seed, turned, n=30, steps=350, **way):
+def _in_box(seed, turned, n=30, steps=700, **way):
     """Spheres of several sizes that have settled in a box; ``turned``: gravity to the side for the last 20 steps."""
     rng = np.random.default_rng(seed)
     count = int(np.ceil(n ** (1.0 / 3.0)))
