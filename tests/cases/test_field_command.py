@@ -6,13 +6,15 @@ from pathlib import Path
 import numpy as np
 import pandas
 import pytest
+import tomli_w
+from step_file import rectangle, write_polygons
 from typer.testing import CliRunner
 
-from emclutch.case import load_case
+from emclutch.case import load_case, read_toml
 from emclutch.command_line import app
 from emclutch.device import build_device
 from emclutch.field_study import force_on, read_currents, read_line, regions_of_body
-from field import ConvergenceError, pole_pressure
+from field import MU_0, ConvergenceError, pole_pressure
 
 QUICKSTART = Path(__file__).parents[2] / "cases" / "quickstart.toml"
 BROKEN = Path(__file__).parent / "broken"
@@ -47,14 +49,43 @@ def test_linkage_inductance_and_coenergy_belong_together(studied):
 def test_summary_and_pictures_are_there(studied):
     summary = json.loads((studied / "field.json").read_text())["at_last_current"]
     assert 0.0 < summary["estimated_relative_error"]["flux linkage"] < 0.01
-    force = summary["axial_force"]["disc"]
-    assert force["virtual_work"] == pytest.approx(
-        force["maxwell_stress"], abs=0.01 * abs(force["error_estimate"]) + 1e-3
-    )
     for name in ("section.png", "saturation.png", "line-1.png", "line-1.csv", "field.pvd"):
         assert (studied / name).stat().st_size > 200
     line = pandas.read_csv(studied / "line-1.csv")
     assert list(dict.fromkeys(line["region"])) == ["disc", "powder", "rotor"]
+
+
+def test_a_pot_magnet_pulls_its_disc_by_the_pressure_on_the_poles(tmp_path):
+    """F = flux^2/(2 mu_0) (1/A_inner + 1/A_outer) across a gap of 0.5 mm, by both ways of taking it, towards the pot.
+
+    A clutch is symmetric and pulls its disc nowhere; so the device is drawn. The reluctance is that of the gap alone,
+    the poles fringe at their edges: 15 %.
+    """
+    gap, turns, current = 0.5e-3, 500, 0.4
+    pot = 1e-3 * np.array([(0, -24), (34, -24), (34, 0), (28, 0), (28, -16), (14, -16), (14, 0), (0, 0)])
+    write_polygons(tmp_path / "pot.step", {
+        "housing": [pot], "coil": [rectangle(14e-3, 28e-3, -16e-3, 0.0)], "disc": [rectangle(0.0, 34e-3, gap, 12e-3)],
+        "powder": [rectangle(5e-3, 33e-3, 0.0, gap)],
+    })  # fmt: skip
+    data = read_toml(QUICKSTART)
+    iron = {"law": "linear", "relative_permeability": 1e4}
+    data["geometry"] = {"kind": "cad", "file": "pot.step", "materials": {"housing": "iron", "disc": "iron"}}
+    data |= {"materials": {"iron": iron}, "motion": {"disc": {"speed": 0.0}}}
+    data["particles"] |= {"diameter": "0.1 mm"}
+    data["particles"].pop("region")
+    data["effects"].pop("back_reaction")
+    (tmp_path / "pot.toml").write_text(tomli_w.dumps(data), encoding="utf-8")
+    folder = tmp_path / "study"
+    result = CliRunner().invoke(
+        app, ["field", str(tmp_path / "pot.toml"), "--current", f"{current} A", "--out", str(folder)]
+    )
+    assert result.exit_code == 0, result.output
+    force = json.loads((folder / "field.json").read_text())["at_last_current"]["axial_force"]["disc"]
+    inner, outer = np.pi * 14e-3**2, np.pi * (34e-3**2 - 28e-3**2)
+    flux = MU_0 * turns * current / (gap / inner + gap / outer)
+    assert force["maxwell_stress"] == pytest.approx(-(flux**2) / (2.0 * MU_0) * (1.0 / inner + 1.0 / outer), rel=0.15)
+    assert force["virtual_work"] == pytest.approx(force["maxwell_stress"], rel=1e-3)
+    assert 0.0 < force["error_estimate"] < 0.05 * abs(force["maxwell_stress"])
 
 
 @pytest.mark.parametrize(

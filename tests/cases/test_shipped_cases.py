@@ -76,13 +76,15 @@ def test_powder_clutch_at_toy_size(tmp_path):
     assert result.summary["grains"] * 180 == pytest.approx(20e-3 / (7700 * math.pi / 6 * 0.2e-3**3), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_locked_disc_carries_its_load_torque(tmp_path):
-    """lock_up.toml in full: held by its load at first, then locked: the powder's torque is the load, no more."""
-    case = emclutch.load_case(CASES / "lock_up.toml").with_values({"output.snapshots": 0})
+    """lock_up.toml on part of its sector: held by its load at first, then locked: the torque is the load, no more."""
+    quiet = {"output.snapshots": 0, "output.pictures": False, "output.formats": []}
+    case = emclutch.load_case(CASES / "lock_up.toml").with_values({**quiet, "particles.sector": "5 deg"})
     result = emclutch.run(case, out=tmp_path / "run")
     history = result.history
     assert (history.loc[history["time"] < 1e-3, "disc_speed"] == 0.0).all()  # no current: dry friction holds it
-    assert 2e-3 < result.summary["lock_up_time"] < 9e-3
+    assert 2e-3 < result.summary["lock_up_time"] < 6e-3
     assert result.torque.mean == pytest.approx(0.02, rel=0.05)
     slipping = history[(history["time"] > 3e-3) & (history["time"] < 4.5e-3)]
     inertia_torque = 1e-5 * np.gradient(slipping["disc_speed"], slipping["time"]).mean()

@@ -1,11 +1,9 @@
 """The five contact laws with one restitution and friction, and DEMs whose compiled steps many tests share.
 
-Every combination of parts is compiled once (10 s). So a DEM made here always has gravity (zero unless told) and a
-triangle (1 m away unless told), and with ``everything`` also two species of one material, rolling and twisting
-resistance and cohesion: two combinations a law.
+Every combination of law, species, resistance, ledger and sector is compiled once (10 s). A DEM made here is one of two
+of each law: the law alone, and with ``everything`` two species of one material, rolling and twisting resistance and
+cohesion.
 """
-
-import os
 
 import numpy as np
 
@@ -13,7 +11,6 @@ from geometry.triangle_wall import TriangleWall
 from geometry.walls import Plane, cylinder
 from particles import (
     DEM,
-    Body,
     Cohesion,
     Elastic,
     Grains,
@@ -28,18 +25,12 @@ from particles import (
     choose_time_step,
 )
 
+G = 9.81
 RADIUS, DENSITY, SPEED = 1e-3, 2500.0, 1.0
 MASS = DENSITY * 4.0 / 3.0 * np.pi * RADIUS**3
 LAWS = ("linear", "hertz_mindlin", "hertz", "thesis", "walton_braun")
-# every combination is a compilation of its own, some ten seconds with an empty cache: the gate takes a law of each kind
-# (linear; stiffness that follows the overlap), EMCLUTCH_ALL_LAWS=1 takes them all
-ALL = "EMCLUTCH_ALL_LAWS" in os.environ
-TWO = LAWS if ALL else LAWS[:2]
-EVERYTHING = [(name, False) for name in LAWS] + [(name, True) for name in TWO]
-FEW = (
-    [(name, rolls) for name in LAWS for rolls in (False, True)] if ALL else [("linear", False), ("hertz_mindlin", True)]
-)
-FAR = TriangleWall("far", "far", np.array([[1.0, 0, 0], [1.001, 0, 0], [1.0, 1e-3, 0]]), np.array([[0, 1, 2]]))
+FLOOR = Plane("floor", "housing", np.zeros(3), np.array([0.0, 0.0, 1.0]))
+EVERYTHING = [(name, everything) for name in LAWS for everything in (False, True)]
 
 
 def law(name, e=0.7, mu=0.4, *, m_eff=MASS, speed=SPEED, radius=RADIUS):
@@ -78,9 +69,7 @@ def make_dem(grains, walls, bodies, contact, *, dt=None, steps=40.0, speed=SPEED
             contact, grains.mass, grains.radius, speed=speed, steps_per_contact=steps, rolling=everything
         )
         dt = chosen.dt
-    if not any(isinstance(wall, TriangleWall) for wall in walls):
-        walls, bodies = [*walls, FAR], [*bodies, Body("far")]
-    return DEM(grains, walls, bodies, contact, dt=dt, **({"gravity": (0.0, 0.0, 0.0)} | more))
+    return DEM(grains, walls, bodies, contact, dt=dt, **more)
 
 
 COHESION = 2e-3  # [N], with ``everything``

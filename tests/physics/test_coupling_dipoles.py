@@ -1,4 +1,4 @@
-"""Dipole pairs against closed forms and conservation laws (Jackson §5.7; REFERENCE: two dipoles of 1 A m^2)."""
+"""Dipole pairs against closed forms and conservation laws (Jackson §5.7; tests/REFERENCE.md section 2)."""
 
 import numpy as np
 import pytest

@@ -31,12 +31,37 @@ def test_loop_gradient_by_differences_gives_the_same_force():
     assert MU_0 * m[0, 2] * (up - down) / (2 * step) == pytest.approx(-2.41829e-6, rel=1e-4)
 
 
-def test_isotropic_grains_feel_no_body_torque():
+def test_body_torque_is_the_work_of_turning_a_moment():
+    """T . n = -dU/dangle about any axis n, with U = -mu_0 m . H, of moments that are not along H."""
     rng = np.random.default_rng(0)
-    H = rng.normal(size=(50, 3)) * 1e5
-    m = moments(GrainLaw(200.0, 1.3e6), H, np.full(50, 0.4), np.full(50, 1e-12))
-    scale = MU_0 * np.linalg.norm(m, axis=1) * np.linalg.norm(H, axis=1)
-    assert np.abs(body_torque(m, H)).max() < 1e-15 * scale.max()
+    H, m, axis = rng.normal(size=(3, 50, 3)) * np.array([1e5, 1e-6, 1.0])[:, None, None]
+    axis /= np.linalg.norm(axis, axis=1)[:, None]
+    angle = 1e-4
+
+    def energy(turn):  # Rodrigues
+        along = np.sum(m * axis, axis=1)[:, None] * axis
+        turned = along + np.cos(turn) * (m - along) + np.sin(turn) * np.cross(axis, m)
+        return -MU_0 * np.sum(turned * H, axis=1)
+
+    work = -(energy(angle) - energy(-angle)) / (2.0 * angle)
+    np.testing.assert_allclose(np.sum(body_torque(m, H) * axis, axis=1), work, atol=1e-7 * np.abs(work).max())
+
+
+@pytest.mark.parametrize("phi", [0.0, 0.4])
+def test_moments_of_isotropic_grains_solve_their_law_along_the_field(phi):
+    """m = V M(H_in) H/|H| with H_in = |H| - (1 - phi) M/3, by bisection; so the field turns no grain."""
+    chi, Ms, volume = 200.0, 1.3e6, 1e-12
+    rng = np.random.default_rng(0)
+    H = rng.normal(size=(50, 3)) * 10.0 ** rng.uniform(3.0, 6.5, (50, 1))
+    size = np.linalg.norm(H, axis=1)
+    low, high = np.zeros(50), np.full(50, Ms)
+    for _ in range(60):
+        M = 0.5 * (low + high)
+        inside = size - (1.0 - phi) * M / 3.0
+        too_small = M < chi * Ms * inside / (Ms + chi * np.maximum(inside, 0.0))
+        low, high = np.where(too_small, M, low), np.where(too_small, high, M)
+    m = moments(GrainLaw(chi, Ms), H, np.full(50, phi), np.full(50, volume))
+    np.testing.assert_allclose(m, volume * (M / size)[:, None] * H, rtol=1e-9)
 
 
 def test_hoop_terms_of_a_moment_across_the_radial_field():

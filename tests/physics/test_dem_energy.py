@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from dem_laws import COHESION, DENSITY, EVERYTHING, LAWS, MASS, RADIUS, SPEED, TWO, impacts, in_order, law, make_dem
+from dem_laws import COHESION, DENSITY, EVERYTHING, FLOOR, LAWS, MASS, RADIUS, SPEED, impacts, in_order, law, make_dem
 
 from geometry.triangle_wall import box_surface
-from geometry.walls import Plane, outline
+from geometry.walls import outline
 from particles import (
     Body,
     Cohesion,
@@ -34,7 +34,7 @@ def energy(dem, pull=0.0):
 
 
 def swept(name, mu, e, everything=False, steps=60.0):
-    """Energy before and after the impacts of REFERENCE section 4: incidence 0 to 89 degrees, three spins."""
+    """Energy before and after the impacts of tests/REFERENCE.md section 4: incidence 0 to 89 degrees, three spins."""
     angle, spin = (a.ravel() for a in np.meshgrid(np.radians(np.arange(0.0, 90.0, 1.0)), [-800.0, 0.0, 800.0]))
     spins = np.stack([0.5 * spin, 0.3 * spin, spin], axis=1)
     grains, walls = impacts(SPEED * np.cos(angle), SPEED * np.sin(angle), spins)
@@ -49,8 +49,9 @@ def swept(name, mu, e, everything=False, steps=60.0):
 @pytest.mark.parametrize("mu", [0.05, 0.3, 1.0])
 @pytest.mark.parametrize("name", LAWS)
 def test_friction_creates_no_energy_at_any_incidence(name, mu):
-    """Against a plane, triangles, a cylinder, a grain. (REFERENCE section 4: a well-known code gained 34 % at 76
-    degrees.)
+    """Against a plane, triangles, a cylinder, a grain.
+
+    A well-known code gained 34 % at 76 degrees (tests/REFERENCE.md section 4).
 
     A leapfrog meets the ends of an impact within a step: an error of (pi/steps)^2/8 of a linear contact's energy at
     the most, of either sign. No impact may gain more than that.
@@ -61,7 +62,7 @@ def test_friction_creates_no_energy_at_any_incidence(name, mu):
     assert np.all(after.sum(axis=1) < before.sum(axis=1) * (1.0 - 1e-3))  # friction does take energy, e = 1 here
 
 
-@pytest.mark.parametrize("name", TWO)
+@pytest.mark.parametrize("name", LAWS)
 def test_rolling_twisting_and_cohesion_create_no_energy_at_any_incidence(name):
     for e in (0.5, 1.0):
         before, after = swept(name, 0.3, e, everything=True)
@@ -86,8 +87,7 @@ def test_a_wound_spring_gives_back_no_more_when_its_contact_closes(name, axis):
     for speed in np.linspace(100.0, 3000.0, 8):
         grains = Grains.create([[0.0, 0.0, 0.99 * RADIUS]], RADIUS, DENSITY, velocity=[[0.0, 0.0, -0.03]])
         grains.angular_velocity[0, axis] = speed
-        floor = Plane("floor", "housing", np.zeros(3), np.array([0.0, 0.0, 1.0]))
-        dem = make_dem(grains, [floor], [Body("housing")], laws, steps=100.0, species=np.zeros(1, dtype=int))
+        dem = make_dem(grains, [FLOOR], [Body("housing")], laws, steps=100.0, species=np.zeros(1, dtype=int))
         books = dem.run(1).books
         kinetic, first = books.kinetic_energy, books.kinetic_energy + books.elastic_energy
         for _ in range(100):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from dem_laws import DENSITY, FEW, LAWS, MASS, RADIUS, SPEED, in_order, law, make_dem
+from dem_laws import DENSITY, EVERYTHING, FLOOR, LAWS, MASS, RADIUS, SPEED, G, in_order, law, make_dem
 
 from geometry.box import Box
 from geometry.triangle_wall import box_surface
@@ -20,8 +20,7 @@ from particles import (
     pack,
 )
 
-G = 9.81
-FLOOR = Plane("floor", "housing", np.zeros(3), np.array([0.0, 0.0, 1.0]))
+pytestmark = pytest.mark.hard
 
 
 def energy(totals):
@@ -71,7 +70,7 @@ def test_a_grain_on_a_shaft_a_million_times_as_heavy(name):
     walls = [*vanes, *(cylinder(wall, "shaft", radius, -0.05, 0.05) for wall, radius in rounds.items())]
     shaft = Body("shaft", FreeShaft(inertia), speed=20.0)
     grains = Grains.create([[r, 0.0, 0.0]], RADIUS, DENSITY, velocity=[[0.3, 1.0, 0.0]])
-    dem = make_dem(grains, walls, [shaft], law(name, 0.95, 0.3), gravity=(0.0, 0.0, 0.0))
+    dem = make_dem(grains, walls, [shaft], law(name, 0.95, 0.3))
     before = grains.angular_momentum_z() + inertia * shaft.speed
     total = 0.5 * inertia * shaft.speed**2
     last, changes, seen, highest = 1.0, 0, 0.5 * MASS * 1.09, 0.0
@@ -91,28 +90,35 @@ def test_a_grain_on_a_shaft_a_million_times_as_heavy(name):
 
 @pytest.mark.parametrize("name", LAWS)
 def test_a_deep_initial_overlap_gives_what_its_spring_held(name):
-    """0.3 d deep, a limit of 0.5 d: the grains fly apart with the stored energy, less the losses; no more."""
+    """0.3 d deep, a limit of 0.5 d: the grains fly apart with the stored energy, less the losses; no more.
+
+    F delta/2 is stored in a linear spring, 2/5 F delta in a Hertzian one, and e^2 F delta/2 in the hysteretic one,
+    whose unloading line is 1/e^2 times as steep; it has no dashpot and gives all of that back.
+    """
     for e in (1.0, 0.5):
         grains = Grains.create([[0.0, 0.0, 0.0], [1.4 * RADIUS, 0.0, 0.0]], RADIUS, DENSITY)
         contact = law(name, e, 0.3, m_eff=0.5 * MASS)
         dem = make_dem(grains, [], [], contact, dt=2e-7, overlap_limit=0.5)
         first = dem.run(1)
         held = energy(first)
-        k = {"linear": 1.0, "walton_braun": 1.0}.get(name, 0.8) * 0.5
+        k = {"linear": 0.5, "walton_braun": 0.5 * e**2}.get(name, 0.4)
         force = np.linalg.norm(dem.contact_force[0])
-        assert held == pytest.approx(k * force * 0.6 * RADIUS, rel=1e-6 if name != "walton_braun" or e == 1.0 else 1.0)
+        assert held == pytest.approx(k * force * 0.6 * RADIUS, rel=1e-6)
         totals = dem.run(20_000)
         assert totals.n_contacts == 0
         assert totals.books.kinetic_energy <= held * (1.0 + 1e-4)
-        if e == 1.0:
+        if e == 1.0 or name == "walton_braun":
             assert totals.books.kinetic_energy == pytest.approx(held, rel=1e-4)
+        else:
+            assert totals.books.kinetic_energy < 0.9 * held
     with pytest.raises(DemError, match=r"overlaps a neighbour or a wall by 30 % of the diameter \(the limit is 10 %\)"):
         grains = Grains.create([[0.0, 0.0, 0.0], [1.4 * RADIUS, 0.0, 0.0]], RADIUS, DENSITY)
         make_dem(grains, [], [], law(name, 0.5, 0.3), dt=2e-7).run(2)
 
 
+@pytest.mark.slow
 def test_a_column_of_a_thousand_grains_stands_under_its_weight():
-    """In a square shaft three grains wide: settled, still after 20 000 more steps, walls and floor bear all of it."""
+    """In a square shaft three grains wide: settled, still after 10 000 more steps, walls and floor bear all of it."""
     side, n = 6.3 * RADIUS, 1000
     k = np.array([-2.08, 0.0, 2.08]) * RADIUS
     z = (1.01 + 2.06 * np.arange(112)) * RADIUS
@@ -132,8 +138,8 @@ def test_a_column_of_a_thousand_grains_stands_under_its_weight():
         dem.grains.velocity[:] *= 0.7
         dem.grains.angular_velocity[:] *= 0.7
     still = in_order(dem.grains)[0]
-    totals = dem.run(10_000)
-    later = dem.run(10_000)
+    totals = dem.run(5_000)
+    later = dem.run(5_000)
     weight = n * MASS * G
     assert later.force["housing"][2] + later.force["shaft"][2] == pytest.approx(-weight, rel=1e-3)
     assert later.force["shaft"][2] < -0.3 * weight  # Janssen: friction of the walls bears a good part
@@ -182,7 +188,7 @@ def test_a_jammed_bed_under_a_turning_lid(name):
     assert lost == pytest.approx(put_in, rel=0.2)  # the rest is stored
 
 
-@pytest.mark.parametrize("name, everything", FEW)
+@pytest.mark.parametrize("name, everything", EVERYTHING)
 def test_a_spin_of_1e5_per_second(name, everything):
     """A surface speed of 100 m/s, 0.2 rad a step: it climbs, throws, and never has more energy than at first.
 

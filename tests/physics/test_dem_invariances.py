@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from dem_laws import DENSITY, FEW, LAWS, RADIUS, in_order, law, make_dem
+from dem_laws import DENSITY, EVERYTHING, FLOOR, LAWS, RADIUS, in_order, law, make_dem
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -31,7 +31,7 @@ few = settings(max_examples=30, deadline=None)
 # ---- angular momentum
 
 
-@pytest.mark.parametrize("name, everything", FEW)
+@pytest.mark.parametrize("name, everything", EVERYTHING)
 def test_momentum_and_angular_momentum_are_kept_to_round_off(name, everything):
     """All three components, of a cluster (of sizes 1 to 3) that falls together, rubs, rolls, twists, sticks, flies."""
     rng = np.random.default_rng(6)
@@ -94,9 +94,6 @@ def agree(first, second, turn=None, mirror=None, offset=0.0):
         assert np.max(np.abs(b - moved)) < 1e-8 * scale
     for kind, lost in first[3].books.dissipation.items():
         assert second[3].books.dissipation[kind] == pytest.approx(lost, rel=1e-6, abs=1e-9 * first[3].books.dissipated)
-
-
-FLOOR = Plane("floor", "housing", np.zeros(3), np.array([0.0, 0.0, 1.0]))
 
 
 def pen(height=0.02):

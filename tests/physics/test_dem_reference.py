@@ -1,15 +1,13 @@
-"""Numbers of REFERENCE section 4 through the DEM: impacts, sliding and rolling, for each law where it is law-free."""
+"""tests/REFERENCE.md section 4 through the DEM: impacts, sliding and rolling, for each law where it is law-free."""
 
 import numpy as np
 import pytest
-from dem_laws import LAWS, law, make_dem
+from dem_laws import FLOOR, LAWS, G, law, make_dem
 
 from geometry.triangle_wall import TriangleWall
 from geometry.walls import Plane, cylinder
 from particles import Body, Elastic, Grains, HertzContact, HertzMindlin, LinearContact, PrescribedSpeed
 
-G = 9.81
-FLOOR = Plane("floor", "housing", np.zeros(3), np.array([0.0, 0.0, 1.0]))
 GLASS = Elastic(4.8e10, 0.2)
 
 

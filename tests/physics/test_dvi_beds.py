@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from dvi_scenes import DOWN, STEEL, G, R
 
 from geometry import Box
 from geometry.walls import annulus, cylinder
@@ -11,10 +12,6 @@ from particles.dvi.accelerated import ANDERSON, GAUSS_SEIDEL, solve_records
 from particles.dvi.dvi import DVI
 from particles.dvi.interior_point import solve_by_interior_point
 from particles.dvi.rigid_contact import RigidContact
-
-G = 9.81
-R = 5e-3
-DOWN = (0.0, 0.0, -G)
 
 
 def _cloud(n, fraction=0.3, seed=1):
@@ -31,7 +28,7 @@ def _cloud(n, fraction=0.3, seed=1):
 def _bed(n, seed=1, height=1.5, **more):
     box, where = _cloud(n, 0.38, seed)
     high = Box((box.size[0], box.size[1], height * box.size[2]))
-    grains = Grains.create(where, R, 7850.0)
+    grains = Grains.create(where, R, STEEL)
     dvi = DVI(grains, high.walls(), [Body("housing")], RigidContact(0.4), dt=1e-3, gravity=DOWN, **more)
     return dvi
 
@@ -42,7 +39,7 @@ def test_a_collapsing_cloud_keeps_its_momenta():
     rng = np.random.default_rng(0)
     velocity = -5.0 * (where - where.mean(axis=0)) + 0.1 * rng.normal(size=where.shape)
     spin = 50.0 * rng.normal(size=where.shape)
-    grains = Grains.create(where, R, 7850.0, velocity=velocity, angular_velocity=spin)
+    grains = Grains.create(where, R, STEEL, velocity=velocity, angular_velocity=spin)
     dvi = DVI(grains, [], [], RigidContact(0.5, 0.3), dt=1e-3, gravity=(0.0, 0.0, 0.0))
 
     def momenta():
@@ -65,7 +62,7 @@ def test_energy_never_grows_without_rebound():
     box, where = _cloud(150)
     rng = np.random.default_rng(4)
     grains = Grains.create(
-        where, R, 7850.0, velocity=rng.normal(size=where.shape), angular_velocity=30 * rng.normal(size=where.shape)
+        where, R, STEEL, velocity=rng.normal(size=where.shape), angular_velocity=30 * rng.normal(size=where.shape)
     )
     dvi = DVI(grains, box.walls(), [Body("housing")], RigidContact(0.4), dt=1e-3, gravity=(0.0, 0.0, 0.0))
     energy = grains.kinetic_energy()
@@ -87,7 +84,7 @@ def test_balances_of_a_driven_drum():
     side = box.size[0]
     radius = 0.5 * np.sqrt(2.0) * side
     walls = [cylinder("shell", "drum", radius, 0.0, 2 * side), annulus("low", "housing", 0.0, 0.0, radius)]
-    grains = Grains.create(where, R, 7850.0)
+    grains = Grains.create(where, R, STEEL)
     dvi = DVI(grains, walls, [Body("drum", PrescribedSpeed.constant(20.0)), Body("housing")], RigidContact(0.5),
               dt=1e-3, gravity=DOWN)  # fmt: skip
     before, kinetic = grains.angular_momentum_z(), grains.kinetic_energy()
@@ -104,6 +101,7 @@ def test_balances_of_a_driven_drum():
     assert min(totals.books.dissipation.values()) >= 0.0
 
 
+@pytest.mark.hard
 def test_a_pile_does_not_creep_in_a_hundred_thousand_steps():
     """Cannon balls, 16 + 9 + 4 + 1 in a box that just holds the lowest layer: rigid, hyperstatic, at rest.
 
@@ -116,7 +114,7 @@ def test_a_pile_does_not_creep_in_a_hundred_thousand_steps():
         for y in range(4 - k)
     ]
     where = np.array(layers) - [3.0 * R, 3.0 * R, 0.0]
-    grains = Grains.create(where, R, 7850.0)
+    grains = Grains.create(where, R, STEEL)
     box = Box((8.0 * R, 8.0 * R, 10.0 * R))
     dvi = DVI(grains, box.walls(), [Body("housing")], RigidContact(0.3), dt=1e-3, gravity=DOWN, tolerance=1e-10)
     dvi.run(1)
@@ -157,6 +155,7 @@ def _scaled(problem, factor):
 GOAL = 1e-8 * G * 1e-3  # of g h: in impulses, of m g h
 
 
+@pytest.mark.hard
 def test_a_cold_dense_packing_is_solved_where_sweeps_stall(settled):
     """From no impulses at all: the interior point reaches 1e-8 of g h, plain sweeps do not in 5 000."""
     assert solve_records(None, None, None, GAUSS_SEIDEL, GOAL, 5000, *_scaled(settled, 0.0))[1] > 10.0 * GOAL
@@ -195,7 +194,7 @@ def test_calls_may_be_cut_anywhere():
         radius = 0.5 * np.sqrt(2.0) * box.size[0]
         walls = [cylinder("shell", "drum", radius, 0.0, 2 * box.size[2]), annulus("low", "drum", 0.0, 0.0, radius)]
         shaft = Body("drum", FreeShaft(1e-4, drive_torque=0.05, load_torque=0.01))
-        dvi = DVI(Grains.create(where, R, 7850.0), walls, [shaft], RigidContact(0.5), dt=1e-3, gravity=DOWN)
+        dvi = DVI(Grains.create(where, R, STEEL), walls, [shaft], RigidContact(0.5), dt=1e-3, gravity=DOWN)
         for steps in parts:
             dvi.run(steps)
         results.append((dvi.grains.position.copy(), dvi.grains.angular_velocity.copy(), shaft.speed, shaft.angle))
@@ -215,4 +214,4 @@ def test_calls_may_be_cut_anywhere():
 )
 def test_bad_settings_are_refused(change, text):
     with pytest.raises(ValueError, match=text):
-        DVI(Grains.create([[0.0, 0.0, R]], R, 7850.0), [], [], RigidContact(0.3), **({"dt": 1e-3} | change))
+        DVI(Grains.create([[0.0, 0.0, R]], R, STEEL), [], [], RigidContact(0.3), **({"dt": 1e-3} | change))

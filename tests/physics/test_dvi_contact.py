@@ -2,29 +2,25 @@
 
 import numpy as np
 import pytest
+from dvi_scenes import DOWN, G, R, floor
 
-from geometry.walls import Plane, annulus, cylinder
+from geometry.walls import annulus, cylinder
 from particles import Body, DemError, DemErrorKind, FreeShaft, Grains, PrescribedSpeed
 from particles.dvi.dvi import DVI
 from particles.dvi.rigid_contact import RigidContact
 
-G = 9.81
-R = 5e-3
-DOWN = (0.0, 0.0, -G)
-
-
-def _floor(angle=0.0):
-    return Plane("floor", "housing", np.zeros(3), np.array([-np.sin(angle), 0.0, np.cos(angle)]))
-
 
 def _on_floor(velocity, h, contact, gravity=DOWN, height=0.0, **more):
     grains = Grains.create([[0.0, 0.0, R + height]], R, 7850.0, velocity=[velocity])
-    return DVI(grains, [_floor()], [Body("housing")], contact, dt=h, gravity=gravity, **more)
+    return DVI(grains, [floor()], [Body("housing")], contact, dt=h, gravity=gravity, **more)
 
 
 @pytest.mark.parametrize("h", [1e-4, 1e-3, 1e-2])
 def test_sliding_speed_is_exact_for_every_step(h):
-    """REFERENCE section 5: 10 m/s, mu 0.5, after 0.5 s 7.5475 m/s (a sphere still slides: it rolls after 0.58 s)."""
+    """10 m/s, mu 0.5, after 0.5 s 7.5475 m/s; a sphere still slides: it rolls after 0.58 s.
+
+    The number is of tests/REFERENCE.md section 5.
+    """
     dvi = _on_floor([10.0, 0.0, 0.0], h, RigidContact(0.5))
     dvi.run(round(0.5 / h))
     assert dvi.grains.velocity[0] == pytest.approx([7.5475, 0.0, 0.0], abs=1e-9)
@@ -32,7 +28,10 @@ def test_sliding_speed_is_exact_for_every_step(h):
 
 
 def test_the_convex_law_floats_where_exact_coulomb_touches():
-    """REFERENCE section 5: h mu v = 1e-3 * 0.5 * 2 = 1.0 mm for a contact that is kept sliding at 2 m/s; exact: 0."""
+    """h mu v = 1e-3 * 0.5 * 2 = 1.0 mm for a contact that is kept sliding at 2 m/s; exact: 0.
+
+    tests/REFERENCE.md section 5.
+    """
     gaps = {}
     for name, law, solver in (
         ("coulomb", "coulomb", "accelerated"),
@@ -52,7 +51,7 @@ def test_the_convex_law_floats_where_exact_coulomb_touches():
 
 @pytest.mark.parametrize("h", [1e-4, 1e-3, 1e-2])
 def test_slip_to_roll_is_exact_for_every_step(h):
-    """u = 5 u0/7, omega = 5 u0/(7 R) (REFERENCE section 4), from t_s = 2 u0/(7 mu g) on."""
+    """u = 5 u0/7, omega = 5 u0/(7 R) (tests/REFERENCE.md section 4), from t_s = 2 u0/(7 mu g) on."""
     dvi = _on_floor([1.0, 0.0, 0.0], h, RigidContact(0.3))
     begin = 2.0 / (7.0 * 0.3 * G)
     dvi.run(int(0.9 * begin / h))
@@ -64,7 +63,10 @@ def test_slip_to_roll_is_exact_for_every_step(h):
 
 @pytest.mark.parametrize(("slope", "mu"), [(20.0, 0.3), (50.0, 0.3)])
 def test_incline(slope, mu):
-    """Rolls with a = 5/7 g sin if tan <= 3.5 mu, else slides with a = g (sin - mu cos) (REFERENCE section 4)."""
+    """Rolls with a = 5/7 g sin if tan <= 3.5 mu, else slides with a = g (sin - mu cos).
+
+    tests/REFERENCE.md section 4.
+    """
     a = np.radians(slope)
     h, steps = 2e-3, 100
     dvi = _on_floor([0.0, 0.0, 0.0], h, RigidContact(mu), gravity=G * np.array([np.sin(a), 0.0, -np.cos(a)]))
@@ -103,7 +105,7 @@ def _peaks(h, e, bounces, drop):
 
 
 def test_bouncing_heights_converge_at_first_order():
-    """e = 0.8: peaks of 0.64^k of the drop (REFERENCE section 5's 0.64^k); a quarter of h, a quarter of the error."""
+    """e = 0.8: peaks of 0.64^k = e^(2 k) of the drop; a quarter of h, a quarter of the error."""
     exact = 0.64 ** np.arange(1, 4)
     errors = []
     for h in (8e-4, 2e-4, 5e-5):
@@ -132,7 +134,7 @@ def test_every_incidence_has_an_answer_that_loses_energy(mu):
             grains = Grains.create([[0.0, 0.0, R]], R, 7850.0, velocity=[[np.sin(a), 0.0, -np.cos(a)]],
                                    angular_velocity=[[0.0, spin, 0.0]])  # fmt: skip
             before = grains.kinetic_energy()
-            dvi = DVI(grains, [_floor()], [Body("housing")], RigidContact(mu), dt=1e-3, gravity=(0.0, 0.0, 0.0))
+            dvi = DVI(grains, [floor()], [Body("housing")], RigidContact(mu), dt=1e-3, gravity=(0.0, 0.0, 0.0))
             totals = dvi.run(1)
             assert totals.missed_steps == 0
             assert grains.kinetic_energy() <= before * (1.0 + 1e-14)
@@ -148,7 +150,7 @@ def test_every_incidence_has_an_answer_that_loses_energy(mu):
 def test_a_heavy_sphere_rests_on_a_light_one(ratio):
     """The hardest case for sweeps: the contact below must carry (1 + ratio) weights through the light sphere."""
     grains = Grains.create([[0.0, 0.0, R], [0.0, 0.0, 3.0 * R]], R, [7850.0, 7850.0 * ratio])
-    dvi = DVI(grains, [_floor()], [Body("housing")], RigidContact(0.3), dt=1e-3, gravity=DOWN, tolerance=1e-8,
+    dvi = DVI(grains, [floor()], [Body("housing")], RigidContact(0.3), dt=1e-3, gravity=DOWN, tolerance=1e-8,
               solver="interior_point", max_sweeps=300)  # fmt: skip
     totals = dvi.run(20)
     assert totals.missed_steps == 0

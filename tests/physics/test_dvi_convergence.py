@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from dvi_scenes import DOWN, NONE, STEEL, G, R, floor, lattice
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
@@ -11,13 +12,9 @@ from particles import Body, Grains, PrescribedSpeed
 from particles.dvi.dvi import DVI
 from particles.dvi.rigid_contact import RigidContact
 
-G = 9.81
-R = 5e-3
 DRUM = 0.05  # radius of the drum
 ARM = DRUM - R  # radius of the circle that the centre moves on
 Z = np.array([0.0, 0.0, 1.0])
-NONE = (0.0, 0.0, 0.0)
-STEEL = 7850.0
 
 
 def _orders(errors):
@@ -109,7 +106,9 @@ def test_slop_is_the_floor_of_the_error():
 @pytest.mark.parametrize("theta", [1.0, 0.5])
 @pytest.mark.parametrize(("mu", "inertia"), [(1.0, 1.4), (0.0, 1.0)])
 def test_rocking_in_a_cylinder(mu, inertia, theta, no_slop):
-    """Period 4 K(sin(phi_0/2)) sqrt(c a/g), c = 7/5 rolling and 1 without friction (REFERENCE section 4, any swing).
+    """Period 4 K(sin(phi_0/2)) sqrt(c a/g), c = 7/5 rolling and 1 without friction, at any swing.
+
+    For small swings the numbers of tests/REFERENCE.md section 4.
 
     Order 1 for the period and for what the swing loses: each step turns the velocity into the new tangent, and takes
     (h phi')^2/2 of it.
@@ -219,8 +218,7 @@ def test_oblique_bounces_with_friction_converge(theta):
         lag = (theta - 0.5) * h  # of the velocities behind the positions
         where = np.stack([0.0 * drops, 3.0 * big * np.arange(len(drops)), big + drops], axis=1)
         grains = Grains.create(where, big, STEEL, velocity=[[u, 0.0, G * lag]] * len(drops))
-        floor = Plane("floor", "housing", np.zeros(3), Z)
-        dvi = DVI(grains, [floor], [Body("housing")], RigidContact(mu, e), dt=h, gravity=(0.0, 0.0, -G), theta=theta)
+        dvi = DVI(grains, [floor()], [Body("housing")], RigidContact(mu, e), dt=h, gravity=DOWN, theta=theta)
         dvi.run(n)
         found = grains.position[np.argsort(grains.particle_id)][:, [0, 2]] - [0.0, big]
         errors.append(np.abs(found - exact).mean(axis=0))
@@ -256,9 +254,8 @@ def test_bounces_between_two_walls_converge(theta):
 
 def _cloud(h, e, theta, gravity, n=60, seed=4, threshold=0.01):
     """Grains that fly about in a box at rest, apart in the middle of the first step whatever theta is."""
-    side = int(np.ceil(n ** (1.0 / 3.0)))
+    sites, side = lattice(n)
     rng = np.random.default_rng(seed)
-    sites = np.stack(np.meshgrid(*[np.arange(side) + 0.5] * 3), axis=-1).reshape(-1, 3)[:n]
     where = 2.5 * R * (sites - [0.5 * side, 0.5 * side, 0.0]) + 0.4 * R * rng.uniform(-1.0, 1.0, (n, 3))
     spin = 50.0 * rng.normal(size=where.shape)
     velocity = rng.normal(size=where.shape)

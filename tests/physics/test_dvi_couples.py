@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from dvi_scenes import DOWN, NONE, STEEL, G, R, floor, lattice
 
 from geometry.triangle_wall import TriangleWall
-from geometry.walls import Plane, annulus, cylinder
+from geometry.walls import annulus, cylinder
 from particles import (
     DEM,
     DVI,
@@ -21,21 +22,11 @@ from particles import (
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.couples import CX, CZ, in_disc
 
-G = 9.81
-R = 5e-3
-RHO = 7850.0
-DOWN = (0.0, 0.0, -G)
-NONE = (0.0, 0.0, 0.0)
-
-
-def floor(slope=0.0):
-    return Plane("floor", "housing", np.zeros(3), np.array([-np.sin(slope), 0.0, np.cos(slope)]))
-
 
 def ball(h, velocity=NONE, spin=NONE, rolling=None, twisting=None, slope=0.0, wall=None, **more):
     """One ball on a plane; gravity is vertical, the plane falls towards -x for a slope [rad]."""
     up = np.array([-np.sin(slope), 0.0, np.cos(slope)])
-    grains = Grains.create([R * up], R, RHO, velocity=[velocity], angular_velocity=[spin])
+    grains = Grains.create([R * up], R, STEEL, velocity=[velocity], angular_velocity=[spin])
     return DVI(grains, [wall or floor(slope)], [Body("housing")], RigidContact(0.5), dt=h, gravity=DOWN,
                rolling=rolling, twisting=twisting, **{"tolerance": 1e-10, **more})  # fmt: skip
 
@@ -95,7 +86,7 @@ def test_a_plastic_impact_of_two_free_grains(sizes):
     v, gear, mu_r, mu_w = 0.3, 0.8, 0.02, 0.03
     # surface speeds of gears are equal: the contact itself does not slip; the spins about x differ
     spins = [[90.0, gear / r1, 0.0], [-20.0, -gear / r2, 0.0]]
-    grains = Grains.create([[0.0, 0.0, 0.0], [r1 + r2, 0.0, 0.0]], [r1, r2], RHO,
+    grains = Grains.create([[0.0, 0.0, 0.0], [r1 + r2, 0.0, 0.0]], [r1, r2], STEEL,
                            velocity=[[v, 0.0, 0.0], NONE], angular_velocity=spins)  # fmt: skip
     dvi = DVI(grains, [], [], RigidContact(0.5), dt=1e-4, gravity=NONE, tolerance=1e-12,
               rolling=RollingFriction(mu_r), twisting=TwistingFriction(mu_w))  # fmt: skip
@@ -120,7 +111,7 @@ def test_a_plastic_impact_of_two_free_grains(sizes):
 def test_a_grain_that_spins_on_another_one():
     """The upper one loses (mu_w R_eff m g)/J a second; the lower one stays, held by the floor's larger bound."""
     r1, r2, mu_w, spin = 0.6 * R, R, 0.2, 50.0
-    grains = Grains.create([[0.0, 0.0, r2], [0.0, 0.0, 2.0 * r2 + r1]], [r2, r1], RHO,
+    grains = Grains.create([[0.0, 0.0, r2], [0.0, 0.0, 2.0 * r2 + r1]], [r2, r1], STEEL,
                            angular_velocity=[NONE, [0.0, 0.0, spin]])  # fmt: skip
     dvi = DVI(grains, [floor()], [Body("housing")], RigidContact(0.3), dt=1e-3, gravity=DOWN, tolerance=1e-10,
               twisting=TwistingFriction(mu_w))  # fmt: skip
@@ -137,8 +128,8 @@ def test_dem_rolls_as_far():
     """Stiff springs and dashpots against none: both within 2 % of the closed form."""
     v, mu_r = 0.05, 0.05
     contact = LinearContact.from_restitution(2e4, 0.5, 0.5)
-    dt = choose_time_step(contact, RHO * 4.0 / 3.0 * np.pi * R**3, R).dt
-    grains = Grains.create([[0.0, 0.0, R - 1e-7]], R, RHO, velocity=[[v, 0.0, 0.0]],
+    dt = choose_time_step(contact, STEEL * 4.0 / 3.0 * np.pi * R**3, R).dt
+    grains = Grains.create([[0.0, 0.0, R - 1e-7]], R, STEEL, velocity=[[v, 0.0, 0.0]],
                            angular_velocity=[[0.0, v / R, 0.0]])  # fmt: skip
     dem = DEM(grains, [floor()], [Body("housing")], contact, dt=dt, gravity=DOWN, rolling=RollingFriction(mu_r))
     dem.run(round(0.2 / dt))
@@ -155,15 +146,14 @@ def test_dem_rolls_as_far():
 def bed(motion=None, n=40, speed=0.0, gravity=DOWN, **more):
     """Grains of many sizes, poured into a drum about z that turns as ``motion`` says, with a floor that stands."""
     rng = np.random.default_rng(11)
-    count = int(np.ceil(n ** (1.0 / 3.0)))
+    sites, count = lattice(n)
     side = 0.0102 * count
-    sites = np.stack(np.meshgrid(*[np.arange(count) + 0.5] * 3), axis=-1).reshape(-1, 3)[:n]
     where = 0.0102 * (sites - [0.5 * count, 0.5 * count, 0.0])
     radius = 0.71 * side
     walls = [cylinder("shell", "drum", radius, -0.01, 2.0 * side), annulus("low", "drum", -0.0005, 0.0, radius)]
     if motion is None:
         walls[1] = annulus("low", "housing", -0.0005, 0.0, radius)
-    grains = Grains.create(where, 0.005 * rng.uniform(0.6, 1.0, n), RHO, velocity=0.1 * rng.normal(size=(n, 3)),
+    grains = Grains.create(where, 0.005 * rng.uniform(0.6, 1.0, n), STEEL, velocity=0.1 * rng.normal(size=(n, 3)),
                            angular_velocity=40.0 * rng.normal(size=(n, 3)))  # fmt: skip
     bodies = [Body("drum", motion or PrescribedSpeed.constant(speed), speed=speed), Body("housing")]
     return DVI(grains, walls, bodies, RigidContact(0.4, more.pop("restitution", 0.0)), dt=1e-3, gravity=gravity,
@@ -235,7 +225,7 @@ def test_energy_never_grows_in_a_resting_drum():
 @pytest.mark.parametrize("share", [1e-2, 1.0, 1e4])
 def test_a_free_shaft_takes_the_angular_momentum(share):
     """J from a hundredth to 1e4 times a grain's m R_drum^2; the floor turns with the drum: nothing else has any."""
-    inertia = share * RHO * 4.0 / 3.0 * np.pi * R**3 * 0.03**2
+    inertia = share * STEEL * 4.0 / 3.0 * np.pi * R**3 * 0.03**2
     dvi = bed(FreeShaft(inertia=inertia), n=25, speed=10.0)
     drum = dvi.bodies[0]
 
@@ -267,7 +257,7 @@ def test_a_free_shaft_takes_the_angular_momentum(share):
 def test_a_ball_that_twists_on_a_free_turntable(inertia):
     """About the shaft's own axis: the bound's couple until both turn alike, at J_1 omega/(J_1 + J)."""
     spin, mu_w = 60.0, 0.1
-    grains = Grains.create([[0.0, 0.0, R]], R, RHO, angular_velocity=[[0.0, 0.0, spin]])
+    grains = Grains.create([[0.0, 0.0, R]], R, STEEL, angular_velocity=[[0.0, 0.0, spin]])
     table = Body("housing", FreeShaft(inertia=inertia))
     dvi = DVI(grains, [floor()], [table], RigidContact(0.5), dt=1e-3, gravity=DOWN, tolerance=1e-10,
               twisting=TwistingFriction(mu_w), rolling=RollingFriction(0.05))  # fmt: skip

@@ -142,7 +142,7 @@ class Step:
         return nearest
 
     def natural_map(self, impulse, velocity, convex=False):
-        """REFERENCE section 5, the largest over the contacts [m/s]."""
+        """tests/REFERENCE.md section 5, the largest over the contacts [m/s]."""
         u, _, u_t = self.relative(velocity)
         if not convex:
             u = u + MU * np.linalg.norm(u_t, axis=1)[:, None] * self.normal

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from dvi_scenes import STEEL, G, R
 
 from geometry import Box
 from particles import Body, Grains
@@ -12,9 +13,6 @@ from particles.dvi.dvi import DVI
 from particles.dvi.interior_point import cone_problem, cone_programme
 from particles.dvi.rigid_contact import RigidContact
 
-G = 9.81
-R = 5e-3
-
 
 @pytest.fixture(scope="module")
 def sheared():
@@ -23,7 +21,7 @@ def sheared():
     sites = np.stack(np.meshgrid(*[np.arange(4) + 0.5] * 3), axis=-1).reshape(-1, 3) * 2.05 * R
     where = sites - [0.5 * side, 0.5 * side, 0.0] + 2e-4 * R * np.random.default_rng(2).normal(size=sites.shape)
     box = Box((side, side, 1.1 * side))
-    dvi = DVI(Grains.create(where, R, 7850.0), box.walls(), [Body("housing")], RigidContact(0.3), dt=1e-3,
+    dvi = DVI(Grains.create(where, R, STEEL), box.walls(), [Body("housing")], RigidContact(0.3), dt=1e-3,
               gravity=(0.0, 0.0, -G), tolerance=1e-5, max_sweeps=500)  # fmt: skip
     dvi.run(150)
     dvi.gravity = np.array([G, 0.0, 0.0])

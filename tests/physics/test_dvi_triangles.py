@@ -2,14 +2,11 @@
 
 import numpy as np
 import pytest
+from dvi_scenes import NONE, G, R
 
 from geometry.triangle_wall import TriangleWall, box_surface
 from geometry.walls import annulus, cylinder
 from particles import DVI, Body, FreeShaft, Grains, PrescribedSpeed, RigidContact
-
-G = 9.81
-R = 5e-3
-NONE = (0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(("slope", "mu"), [(20.0, 0.3), (50.0, 0.3)])

@@ -1,6 +1,6 @@
 """Hard cases of the field: every solve converges, within ten Newton steps, and says what it did.
 
-`make stability` runs them together with the hard cases of the grains.
+`make stability` runs every test that is marked hard: these, and those of the grains.
 """
 
 import numpy as np
@@ -11,6 +11,8 @@ from field.laws.magnetisation_curve import TableLaw
 from field.section.current_sweep import predict, sweep_currents
 from geometry.clutch import Clutch
 from geometry.meshing import mesh_clutch
+
+pytestmark = pytest.mark.hard
 
 STEEL_PARTS = ("disc", "rotor", "housing")
 

@@ -166,7 +166,10 @@ def test_without_iron_the_applied_field_stays(solved, points, outer):
 
 
 def test_saturating_sphere():
-    """Froehlich-Kennelly: M = chi Ms H/(Ms + chi H) with H = H0 - M/3, chi = 999, Ms = 1.7e6 A/m (REFERENCE 1)."""
+    """Froehlich-Kennelly: M = chi Ms H/(Ms + chi H) with H = H0 - M/3, chi = 999, Ms = 1.7e6 A/m.
+
+    Its numbers are of tests/REFERENCE.md section 1.
+    """
     problem = SolidProblem(octant(5.0), {"iron": FroehlichLaw(999.0, 1.7e6)}, UniformSource(), fixed=["bottom"])
     x = np.array([[2e-3, 1e-3, 3e-3]])
     for strength, M in ((1e4, 29908.576), (5e5, 1467739.04), (2e6, 1697985.04)):

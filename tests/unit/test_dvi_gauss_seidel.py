@@ -1,4 +1,4 @@
-"""Sweeps over many rigid contacts: the stack of REFERENCE section 5, dense references, acceleration, interior point."""
+"""Sweeps over many rigid contacts: a stack (tests/REFERENCE.md section 5), dense references, acceleration."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,10 @@ def _sweeps(grain, index, pair):
 
 @pytest.mark.parametrize(("n", "cold"), [(5, 129), (10, 493), (20, 1865), (50, 10735)])
 def test_unit_stack_takes_the_known_number_of_sweeps(n, cold):
-    """REFERENCE section 5: 129/493/1865/10 735 sweeps to |u| < 1e-6 from nothing; one from the impulses of before."""
+    """129/493/1865/10 735 sweeps to |u| < 1e-6 from nothing; one from the impulses of before.
+
+    tests/REFERENCE.md section 5.
+    """
     grain, index, pair = _stack(n)
     assert _sweeps(grain, index, pair) == cold
     assert pair[:, gs.RZ] == pytest.approx(np.arange(n, 0, -1), rel=1e-3)
@@ -107,7 +110,7 @@ def _vector(grain, body):
 
 
 def _dense_residual(matrices, mass, velocity, rows, convex=False):
-    """The natural map of REFERENCE section 5, contact by contact, from world-frame vectors."""
+    """The natural map of tests/REFERENCE.md section 5, contact by contact, from world-frame vectors."""
     worst = 0.0
     for h, row in zip(matrices, rows, strict=True):
         e, mu, r = row[:3], row[gs.MU], row[gs.RX : gs.RZ + 1]

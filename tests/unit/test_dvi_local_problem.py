@@ -21,7 +21,7 @@ def _random_block(rng, spread=1.0):
 
 
 def test_which_cone():
-    """REFERENCE section 5: W = I, q = (-1, 1, 3), mu = 0.1 tells exact Coulomb from its convex relaxation."""
+    """tests/REFERENCE.md section 5: W = I, q = (-1, 1, 3), mu = 0.1 tells exact Coulomb from its convex relaxation."""
     exact, convex = (1.0, -0.0316228, -0.0948683), (1.3031958, -0.0412107, -0.1236320)
     assert coulomb_isotropic(1.0, 1.0, 0.1, -1.0, 1.0, 3.0) == pytest.approx(exact, abs=5e-8)
     assert coulomb_block(1.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.1, -1.0, 1.0, 3.0) == pytest.approx(exact, abs=5e-8)

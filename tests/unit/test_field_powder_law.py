@@ -15,7 +15,7 @@ def test_linear_grains_are_maxwell_garnett(phi, mu):
     chi_eff = float(GrainLaw(99.0).chi_eff(phi, np.array(1e4)))
     beta = 99.0 / 102.0
     assert 1 + chi_eff == pytest.approx(1 + 3 * phi * beta / (1 - phi * beta), rel=1e-12)
-    assert 1 + chi_eff == pytest.approx(mu, abs=6e-4)  # REFERENCE numbers for mu_i = 100
+    assert 1 + chi_eff == pytest.approx(mu, abs=6e-4)  # tests/REFERENCE.md section 3, mu_i = 100
     # a saturable grain at weak field is the same
     assert float(GrainLaw(99.0, 1.7e6).chi_eff(phi, np.array(1e-3))) == pytest.approx(chi_eff, rel=1e-6)
 

@@ -164,7 +164,7 @@ def oblique_impact(law, degrees, pull=0.0):
 @pytest.mark.parametrize("mu", [0.05, 0.3, 1.0])
 @pytest.mark.parametrize("name", SPRINGS)
 def test_no_incidence_gains_energy(name, mu):
-    """REFERENCE section 4, of every law: the kinetic energy after is no more than before, and losses account for it.
+    """The kinetic energy after is no more than before, and losses account for it (tests/REFERENCE.md section 4).
 
     400 steps a contact leave up to 3e-5 of the energy to the integrator; it falls in proportion to the step.
     """

@@ -119,7 +119,7 @@ def test_depth_of_a_loaded_contact(name, load):
 
 
 def test_chung_and_ooi_1_two_glass_spheres():
-    """Chung & Ooi, Granular Matter 13 (2011) 643, test 1: +-10 m/s; numbers of REFERENCE section 4."""
+    """Chung & Ooi, Granular Matter 13 (2011) 643, test 1: +-10 m/s; numbers of tests/REFERENCE.md section 4."""
     mass = 2800 * 4 / 3 * math.pi * 0.01**3
     law = HertzMindlin.from_restitution(GLASS, 1.0, 0.35)
     _, depth, force, duration = impact(law, m_eff=0.5 * mass, r_eff=0.005, speed=20.0)
@@ -146,7 +146,7 @@ def test_duration_of_a_hertz_impact_and_what_a_doubled_contact_does():
 
 @pytest.mark.parametrize("e, time", [(0.9, 1.01720e-4), (0.5, 1.04108e-4), (0.2, 1.14228e-4)])
 def test_period_of_the_linear_contact(e, time):
-    """REFERENCE section 4: half a period of the damped, tensile oscillator, R = 1 mm, rho = 2500, k = 1e4."""
+    """tests/REFERENCE.md section 4: half a period of the damped, tensile oscillator, R = 1 mm, rho = 2500, k = 1e4."""
     mass = 2500 * 4 / 3 * math.pi * 1e-9
     zeta = -math.log(e) / math.hypot(math.pi, math.log(e))
     half = LinearContact(1e4, 0.0, 0.0, 0.0, 0.0).contact_time(mass, 1e-3, 0.5) / math.sqrt(1 - zeta**2)

@@ -37,7 +37,7 @@ LAWS = [
     [(Elastic(1e8, 0.3), 2500, 1e-3, 2.73663e-5), (IRON, 7800, 50e-6, 5.274e-8)],
 )
 def test_rayleigh_time(material, density, radius, time):
-    """REFERENCE section 4."""
+    """tests/REFERENCE.md section 4."""
     assert rayleigh_time(material, density, radius) == pytest.approx(time, rel=1e-4 if radius < 1e-4 else 3e-6)
 
 

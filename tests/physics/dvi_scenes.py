@@ -1,0 +1,26 @@
+"""What tests of rigid grains have in common: sizes, weight, a sloping floor, a lattice of places.
+
+Every combination of friction law, solver, springs, couples and shares of threads is compiled once (some ten seconds): a
+test takes the engine as it is by default unless it is about another one.
+"""
+
+import numpy as np
+
+from geometry.walls import Plane
+
+G = 9.81
+R = 5e-3
+STEEL = 7850.0
+DOWN = (0.0, 0.0, -G)
+NONE = (0.0, 0.0, 0.0)
+
+
+def floor(slope=0.0):
+    """A plane through the origin that falls towards -x by ``slope`` [rad]; body "housing"."""
+    return Plane("floor", "housing", np.zeros(3), np.array([-np.sin(slope), 0.0, np.cos(slope)]))
+
+
+def lattice(n):
+    """The first n places of a cubic lattice of cells 1 wide, the cube at 0: (n, 3), and cells along an edge."""
+    count = int(np.ceil(n ** (1.0 / 3.0)))
+    return np.stack(np.meshgrid(*[np.arange(count) + 0.5] * 3), axis=-1).reshape(-1, 3)[:n], count
