@@ -17,6 +17,7 @@ from emclutch.assembly import assemble, simulation_of
 from emclutch.case import Case
 from emclutch.heartbeat import Heartbeat
 from emclutch.kernel_compilation import compilation_told
+from emclutch.kernel_warm_up import step_compiled_beside
 from emclutch.observables import Observables
 from emclutch.plan import make_plan
 from emclutch.results import Result, RunFolder, load_result, read_history
@@ -88,16 +89,25 @@ def run(
             with folder.logging():
                 refuse_changed_files(case, folder)
         folder = RunFolder.create(target, case_text, resume=resume)
-        with folder.logging(), compilation_told(lambda text: _announce(progress, text)) as compiled:
+
+
+        def tell(text: str) -> None:
+            _announce(progress, text)
+
+        with (
+            folder.logging(),
+            compilation_told(tell) as compiled,
+            step_compiled_beside(case.scene, tell) as step_ready,
+        ):
             try:
-                return _run(case, folder, case_text, resume, progress, begin, compiled)
+                return _run(case, folder, case_text, resume, progress, begin, compiled, step_ready)
             except (ConvergenceError, ParticleError, PointOutside, ValueError) as error:
                 text = f"{error}{remedy_in_scene(case, error)}"
                 log.error("%s", text)
                 raise RunError(f"{text}\n(log: {folder.log})") from error
 
 
-def _run(case, folder, case_text, resume, progress, begin, compiled) -> Result:
+def _run(case, folder, case_text, resume, progress, begin, compiled, step_ready) -> Result:
     scene = case.scene
     _say(progress, 0.0, "mesh and field")
     device, plan = make_plan(case)
@@ -118,11 +128,12 @@ def _run(case, folder, case_text, resume, progress, begin, compiled) -> Result:
         state = run_checkpoint(folder.checkpoint)
         plan = plan.continued(state["steps_per_update"], state["updates"], scene.time.end)
         simulation, resume_time = restore(case, device, plan, state)
+        step_ready()
         log.info("resumed at t = %g s, window %d of %d", resume_time, simulation.window, plan.windows)
         if simulation.window < plan.windows:  # of an earlier end: a run that is cut off from here on has no summary
             folder.summary.unlink(missing_ok=True)
     else:
-        simulation, resume_time = assemble(case, device, plan), None
+        simulation, resume_time = assemble(case, device, plan, step_ready), None
         log.info("started: %d windows", plan.windows)
     snapshots = Snapshots(
         folder, simulation.dem.walls, plan.windows, scene.output.snapshots, scene.output.formats, case_text, resume_time

@@ -87,12 +87,38 @@ def kernel_stamp(function: Callable) -> str:
     return digest.hexdigest()
 
 
+def has_entries(kernel: Any) -> bool:
+    """Whether the cache holds code of a kernel as it is now, for whatever types; False for one without a cache."""
+    file = getattr(kernel._cache, "_cache_file", None)
+    if file is None:
+        return False
+    with _locked(file._index_path, alone=False):
+        return bool(file._load_index())
+
+
+def callees(function: Callable) -> list[Dispatcher]:
+    """Compiled functions of the five packages that a kernel calls itself."""
+    found = (value for _, value in _globals_read(function, _names(function.__code__)))
+    return [value for value in found if isinstance(value, Dispatcher) and is_own(value.py_func)]
+
+
 def _add_function(function: Any, digest: Any, seen: set[int]) -> None:
     if id(function) in seen:
         return
     seen.add(id(function))
     digest.update(f"def {function.__module__}.{function.__qualname__}{function.__defaults__!r}".encode())
-    names = _add_code(function.__code__, function.__doc__, digest)
+    _add_code(function.__code__, function.__doc__, digest)
+    for name, value in _globals_read(function, _names(function.__code__)):
+        _add_value(name, value, digest, seen)
+
+
+def _names(code: CodeType) -> set[str]:
+    """Names that the instructions of a function and of those inside it look up."""
+    return set(code.co_names).union(*(_names(inside) for inside in code.co_consts if isinstance(inside, CodeType)))
+
+
+def _globals_read(function: Any, names: set[str]) -> Iterator[tuple[str, Any]]:
+    """Names and values from outside that a function reads, in the order of the names."""
     found = function.__globals__
     values = {name: found[name] for name in names if name in found}
     for cell, name in zip(function.__closure__ or (), function.__code__.co_freevars, strict=True):
@@ -101,22 +127,20 @@ def _add_function(function: Any, digest: Any, seen: set[int]) -> None:
         value = values[name]
         if isinstance(value, ModuleType) and value.__name__.partition(".")[0] in PACKAGES:
             for attribute in sorted(names & vars(value).keys()):  # more than is read of it, never less
-                _add_value(f"{name}.{attribute}", vars(value)[attribute], digest, seen)
+                yield f"{name}.{attribute}", vars(value)[attribute]
         else:
-            _add_value(name, value, digest, seen)
+            yield name, value
 
 
-def _add_code(code: CodeType, doc: str | None, digest: Any) -> set[str]:
-    """Instructions and constants of a function and of those inside it; returns the global names that they read."""
+def _add_code(code: CodeType, doc: str | None, digest: Any) -> None:
+    """Instructions and constants of a function and of those inside it."""
     digest.update(code.co_code)
     digest.update(repr((code.co_varnames, code.co_names, code.co_freevars, code.co_argcount)).encode())
-    names = set(code.co_names)
     for number, constant in enumerate(code.co_consts):
         if isinstance(constant, CodeType):
-            names |= _add_code(constant, None, digest)
+            _add_code(constant, None, digest)
         elif not (number == 0 and doc is not None and constant == doc):
             digest.update(_shown(constant).encode())
-    return names
 
 
 def _add_value(name: str, value: Any, digest: Any, seen: set[int]) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numba import njit
 
+from geometry.kernel_cache import inner
 from geometry.solid_mesh import SolidMesh
 
 from .quadratic_tetrahedron import (
@@ -329,7 +330,7 @@ class SolidElements:
         return opposite[label[: len(corners)]]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@inner(error_model="numpy")
 def _inverse(points, nodes, e, slopes, s, n):
     """Determinant and cofactors of dx/dxi: the nine numbers are the inverse times the determinant."""
     a00 = a01 = a02 = a10 = a11 = a12 = a20 = a21 = a22 = 0.0
@@ -405,7 +406,7 @@ def _divergence(points, nodes, unknowns, slopes, rule, start, weight, flow, out)
                     out[k] += slopes[s, i, 0] * u + slopes[s, i, 1] * v + slopes[s, i, 2] * w
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@inner(error_model="numpy")
 def _position(indptr, indices, row, column):
     low, high = indptr[row], indptr[row + 1]
     while high - low > 1:

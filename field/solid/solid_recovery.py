@@ -21,6 +21,7 @@ import scipy.sparse as sp
 from numba import njit
 
 from field.sampling.thread_count import shared_by
+from geometry.kernel_cache import inner
 
 from . import tetrahedron_kernels
 from .quadratic_tetrahedron import EDGES
@@ -317,7 +318,7 @@ def _power_coefficients(nodal: np.ndarray, connectivity: np.ndarray) -> np.ndarr
     return powers
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@inner(error_model="numpy")
 def _monomials(frame, k, dx, dy, dz, parent, axis, m):
     x = frame[k, 0, 0] * dx + frame[k, 0, 1] * dy + frame[k, 0, 2] * dz
     y = frame[k, 1, 0] * dx + frame[k, 1, 1] * dy + frame[k, 1, 2] * dz
@@ -357,7 +358,7 @@ def _factorise(centre, nodes, indptr, samples, frame, parent, axis, least, m, fa
             L[i, i] = np.sqrt(pivot)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@inner(error_model="numpy")
 def _power(x, n):
     value = 1.0
     for _ in range(n):

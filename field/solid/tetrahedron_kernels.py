@@ -13,6 +13,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
+from geometry.kernel_cache import inner
+
 CHUNK = 512  # points a task; each point's result depends on that point alone, so any number would do
 
 # A remembered element is taken only if the point is inside it by this much in barycentric coordinates: then no
@@ -23,7 +25,7 @@ _STEP = 1e-8
 _MAX_STEPS = 12
 
 
-@njit(cache=True, error_model="numpy", nogil=True, inline="always")
+@inner(error_model="numpy", inline="always")
 def _coordinates(affine, bend, reach, e, x, y, z, margin):
     """Reference coordinates (found, u, v, w) in element e; not found where it is clear that the point is outside."""
     x, y, z = x - affine[e, 0], y - affine[e, 1], z - affine[e, 2]
@@ -59,7 +61,7 @@ def _coordinates(affine, bend, reach, e, x, y, z, margin):
     return False, u, v, w
 
 
-@njit(cache=True, error_model="numpy", nogil=True, inline="always")
+@inner(error_model="numpy", inline="always")
 def _slopes(bend, e, i, u, v, w):
     """Derivatives of component i of u + q(u)."""
     return (
@@ -69,7 +71,7 @@ def _slopes(bend, e, i, u, v, w):
     )
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@inner(error_model="numpy")
 def _tetrahedron_at(x, y, z, hint, affine, bend, reach, start, items, origin, inverse_size, cells, margin):
     """Element (-1 outside) and its last three barycentric coordinates."""
     if hint >= 0:
@@ -109,7 +111,7 @@ def find(points, affine, bend, reach, start, items, origin, inverse_size, cells,
         local[k, 0], local[k, 1], local[k, 2] = u, v, w
 
 
-@njit(cache=True, error_model="numpy", nogil=True, inline="always")
+@inner(error_model="numpy", inline="always")
 def _quadratic(powers, e, i, u, v, w):
     return (
         powers[e, i, 0]

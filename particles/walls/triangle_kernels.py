@@ -101,7 +101,7 @@ def _hides(found, a, counts, c):
     return d * (x * found[a, PLANE_X] + y * found[a, PLANE_Y] + z * found[a, PLANE_Z]) >= _TILT * found[a, HEIGHT]
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def triangle_contacts(rows, other, first, last, x, y, z, radius, found):
     """Contacts of one grain with the triangles ``other[first:last]`` of one body.
 

@@ -1,7 +1,9 @@
 """The cache of kernels follows what a kernel is made of, and no process takes another's code."""
 
+import importlib
 import multiprocessing
 import os
+import pkgutil
 import subprocess
 import sys
 import types
@@ -9,9 +11,10 @@ import types
 import numpy as np
 import pytest
 from numba import njit
-from numba.core.caching import IndexDataCacheFile
+from numba.core.caching import IndexDataCacheFile, NullCache
+from numba.core.dispatcher import Dispatcher
 
-from geometry.kernel_cache import kernel_stamp, specialisations
+from geometry.kernel_cache import callees, kernel_stamp, specialisations
 
 CALLEE = """
 FACTOR = 2.0
@@ -113,6 +116,28 @@ def test_kernels_of_ours_are_cached_by_syntax_and_those_of_others_are_not():
         return x
 
     assert type(foreign._cache._impl.locator).__module__ == "numba.core.caching"
+
+
+def every_kernel():
+    for package in ("field", "particles", "coupling"):
+        for module in pkgutil.walk_packages(importlib.import_module(package).__path__, f"{package}."):
+            for value in vars(importlib.import_module(module.name)).values():
+                if isinstance(value, Dispatcher) and value.py_func.__module__ == module.name:
+                    yield value
+
+
+def has_a_cache(kernel):
+    return not isinstance(kernel._cache, NullCache)
+
+
+def test_no_kernel_with_a_cache_is_called_by_another_kernel():
+    """Read from the cache it cannot be inlined any more, compiled beside its caller it is: the caller's last bits would
+    depend on which of the two was there first."""
+    kernels = list(every_kernel())
+    assert sum(map(has_a_cache, kernels)) > 40
+    for kernel in kernels:
+        for callee in callees(kernel.py_func):
+            assert not has_a_cache(callee), f"{kernel.py_func.__qualname__} calls {callee.py_func.__qualname__}: @inner"
 
 
 def write(folder, worker, count):

@@ -27,7 +27,7 @@ class Contact:
         self.flags = [True if name == law.kernel else None for name in SPRINGS]
         self.row = law.row()[None]
         self.row[0, COHESION_0] = pull
-        self.cohesive = True if pull else None
+        self.cohesive = pull != 0.0
         self.mass, self.radius, self.dt = mass, radius, dt
         self.history = np.zeros((1, BOOKS + 8))
 

@@ -1,0 +1,53 @@
+"""The second process compiles the very step that the run will ask for."""
+
+import numpy as np
+import pytest
+from numba import typeof
+
+from emclutch import kernel_warm_up
+from emclutch.assembly import assemble
+from emclutch.case import case_from
+from emclutch.plan import make_plan
+from particles.dem import sums
+
+CELL = {
+    "scene": {"title": "sheared annulus", "seed": 3},
+    "geometry": {"kind": "shear_cell", "inner_radius": 10e-3, "outer_radius": 11.2e-3, "height": 2e-3},
+    "particles": {"diameter": "0.3 mm", "solid_fraction": 0.1, "sector": "20 deg"},
+    "motion": {"rotor": {"speed": "300 rpm"}, "disc": {"speed": 0.0}},
+    "effects": {},
+    "time": {"end": "1 ms"},
+}
+
+
+def types(dem):
+    """Types of the arguments of a compiled step."""
+    bodies = len(dem.bodies)
+    given = dem._arguments(
+        1, True, np.zeros(bodies), np.zeros(bodies), np.zeros(sums.N_SUMS), np.zeros((bodies, sums.N_BODY_SUMS))
+    )
+    return [str(typeof(one)) for one in given]
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {},
+        {"particles.sector": None, "geometry.height": 0.5e-3},
+        {"effects.rolling_friction": {}, "output.energies": False},
+        {"effects.twisting_friction": {}, "effects.cohesion": {"model": "constant", "force": "1 uN"}},
+        {"particles.diameter": None, "particles.sizes": {"kind": "uniform", "min": "0.2 mm", "max": "0.3 mm"}},
+        {"contact.law": "hertz_mindlin", "contact.youngs_modulus": "1 GPa", "contact.poisson_ratio": 0.3},
+        {"contact.law": "walton_braun", "effects.gravity": {"direction": [0.0, 0.0, -1.0]}},
+    ],
+)
+def test_the_second_process_compiles_what_the_run_needs(values):
+    case = case_from(CELL, values)
+    simulation = assemble(case, *make_plan(case))
+    assert types(kernel_warm_up.grains_of_kind(*kernel_warm_up.kind_of(case.scene))) == types(simulation.dem)
+
+
+def test_there_is_no_second_process_where_one_thread_is_asked_for(monkeypatch):
+    """So in this test run, whose workers have one core each."""
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    assert kernel_warm_up.start(case_from(CELL).scene) is None
