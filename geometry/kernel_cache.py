@@ -20,7 +20,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import CodeType, ModuleType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 import numba
@@ -83,7 +83,8 @@ def kernel_stamp(function: Callable) -> str:
         are changed, and differs when an instruction, a constant, a compiler option or one of these of a callee does.
     """
     digest = hashlib.sha256()
-    _add_function(function, digest, set())
+    own = function.__globals__.get(function.__name__)  # its compiler options
+    _add_value("", own if getattr(own, "py_func", None) is function else function, digest, set())
     return digest.hexdigest()
 
 
@@ -149,6 +150,8 @@ def _add_value(name: str, value: Any, digest: Any, seen: set[int]) -> None:
         digest.update(f"{name}: kernel {options!r}".encode())
         if is_own(value.py_func):
             _add_function(value.py_func, digest, seen)
+    elif isinstance(value, FunctionType) and is_own(value):
+        _add_function(value, digest, seen)
     elif isinstance(value, bool | int | float | complex | str | tuple | frozenset | type(None)):
         digest.update(f"{name} = {_shown(value)}".encode())
     elif isinstance(value, np.generic | np.ndarray):  # an array that is read as a global is part of the code

@@ -25,7 +25,7 @@ import numpy as np
 from numba import njit
 
 from geometry.kernel_cache import inner
-from particles.dvi.couples import residual, sweep, weigh_couples
+from particles.dvi.couples import no_couples, residual, sweep, weigh_couples
 from particles.dvi.gauss_seidel import BRAKE, IWN, RX
 from particles.dvi.history import HISTORY, N_PRODUCTS, extrapolate, gather, remember
 from particles.dvi.shares import extrapolate_shares, gather_shares, remember_shares, residual_of_shares, sweep_shares
@@ -42,7 +42,7 @@ OVER = 1.6  # over-relaxation of the sweeps after a stall; beyond 1.8 sheared be
 
 @inner(error_model="numpy", fastmath={"contract"})
 def solve(
-    convex, relax, soft, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples=None,
+    convex, relax, soft, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples,
     share=None, alone=True,
 ):  # fmt: skip
     """Plain sweeps, then (unless ``method`` is GAUSS_SEIDEL) accelerated ones.
@@ -68,12 +68,12 @@ def solve(
 
 @inner(error_model="numpy", fastmath={"contract"})
 def anderson(
-    convex, relax, soft, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples=None, share=None,
+    convex, relax, soft, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples, share=None,
     alone=True,
 ):  # fmt: skip
     """Up to ``cap`` accelerated sweeps from the impulses in the records; returns their number and the residual."""
     contacts = 3 * (pair.shape[0] + wall.shape[0]) + body.shape[0]
-    if couples is not None:
+    if couples[0].shape[0] > 0:
         contacts += 3 * (pair.shape[0] + wall.shape[0])
     size = contacts + 6 * grain.shape[0] + body.shape[0]
     weight = np.empty(contacts)
@@ -91,15 +91,10 @@ def anderson(
     while done < cap:
         change = 0.0
         for _ in range(min(SWEEPS, cap - done)):
+            over = relax
             if convex is None:
                 over = OVER if plain > 0 else SLIGHTLY_OVER
-                change = _sweep(
-                    convex, over, soft, couples, grain, body, pair_index, pair, wall_index, wall, share, alone
-                )
-            else:
-                change = _sweep(
-                    convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall, share, alone
-                )
+            change = _sweep(convex, over, soft, couples, grain, body, pair_index, pair, wall_index, wall, share, alone)
             done += 1
         if change <= tolerance:
             reached = _residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall, share, alone)
@@ -156,7 +151,7 @@ def _weights(weight, pair, wall, body, couples):
         weight[3 * (p + k) : 3 * (p + k) + 3] = 1.0 / np.sqrt(wall[k, IWN])
     q = 3 * (p + wall.shape[0])
     weight[q : q + body.shape[0]] = np.sqrt(body[:, 1])
-    if couples is not None:
+    if couples[0].shape[0] > 0:
         weigh_couples(weight, q + body.shape[0], p, wall.shape[0], couples)
 
 
@@ -168,15 +163,7 @@ def _sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_ind
         change = sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall)
     if share is not None:
         at = share.pairs, share.walls, share.sums
-        if convex is None:
-            if relax is None:  # as a number, so that sweeps with and without over-relaxation are one function
-                change = sweep_shares(convex, 1.0, soft, couples, grain, body, pair_index, pair, wall_index, wall, *at)
-            if relax is not None:
-                change = sweep_shares(
-                    convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall, *at
-                )
-        if convex is not None:
-            change = sweep_shares(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall, *at)
+        change = sweep_shares(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall, *at)
     return change
 
 
@@ -297,14 +284,25 @@ def _solve_gram(gram, c, n):
 
 # for calls from Python: the functions above are compiled into the step and have no cache of their own
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def solve_records(
-    convex, relax, soft, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples=None
-):
-    """`solve` for calls from Python."""
+def _solve(convex, relax, soft, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples):
     return solve(convex, relax, soft, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples)
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def accelerate_records(convex, relax, soft, tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
-    """`anderson` for calls from Python."""
-    return anderson(convex, relax, soft, tolerance, cap, grain, body, pair_index, pair, wall_index, wall)
+def _anderson(convex, relax, soft, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples):
+    return anderson(convex, relax, soft, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples)
+
+
+def solve_records(convex, relax, soft, method, tolerance, cap, *records):
+    """`solve` for calls from Python, without couples; ``relax`` None: not relaxed."""
+    return _solve(convex, relax_number(convex, relax), soft, method, tolerance, cap, *records, no_couples())
+
+
+def accelerate_records(convex, relax, soft, tolerance, cap, *records):
+    """`anderson` for calls from Python, without couples; ``relax`` None: not relaxed."""
+    return _anderson(convex, relax_number(convex, relax), soft, tolerance, cap, *records, no_couples())
+
+
+def relax_number(convex: bool | None, relax: float | None) -> float:
+    """What the sweeps take for ``relax``: None is 1 for Coulomb's law, and 0 for the convex one (no PSOR)."""
+    return relax if relax is not None else 1.0 if convex is None else 0.0

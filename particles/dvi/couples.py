@@ -55,6 +55,11 @@ N_COUPLE = 8
 N_SPRING_COUPLE = 12
 
 
+def no_couples() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The couples of contacts that resist neither rolling nor twisting: no rows, for which nothing is done."""
+    return np.zeros((0, 2)), np.zeros((0, N_COUPLE)), np.zeros((0, N_COUPLE))
+
+
 @inner(error_model="numpy", fastmath={"contract"})
 def begin_couples(
     law, soft, radius, grain, body, pair_index, pair_slot, pair, pair_impulse, wall_index, wall_slot, wall,
@@ -189,9 +194,7 @@ def _wall_velocity(soft, grain, body, i, b, row):
 def sweep_couples(relax, soft, grain, body, pair_index, pair, wall_index, wall, pair_couple, wall_couple):
     """Visit every couple once; returns the largest change of a couple times W [m/s]."""
     largest = 0.0
-    over = 1.0
-    if relax is not None:
-        over = relax
+    over = relax if relax > 0.0 else 1.0
     for k in range(pair.shape[0]):
         row = pair_couple[k]
         ex, ey, ez = pair[k, EX], pair[k, EY], pair[k, EZ]
@@ -303,24 +306,25 @@ def _violation(row, contact, k, wx, wy, wz):
     return np.sqrt(x * x + y * y + z * z) / step
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall):
-    """One sweep over impulses and, where ``couples`` is not None, couples; returns the largest change [m/s].
+    """One sweep over impulses and, where there are ``couples``, these; returns the largest change [m/s].
 
-    ``couples``: mu_r and mu_w (2, 2), then records of the couples of pairs and of walls, at least as many as contacts.
+    ``couples``: mu_r and mu_w (2, 2), no rows where nothing resists (`no_couples`), then records of the couples of
+    pairs and of walls, at least as many as contacts.
     """
-    change = gs.sweep(False, convex, relax, soft, grain, body, pair_index, pair, wall_index, wall)
-    if couples is not None:
+    change = gs.sweep(convex, relax, soft, grain, body, pair_index, pair, wall_index, wall)
+    if couples[0].shape[0] > 0:
         turned = sweep_couples(relax, soft, grain, body, pair_index, pair, wall_index, wall, couples[1], couples[2])
         change = max(change, turned)
     return change
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall):
-    """The honest residual of impulses and, where ``couples`` is not None, couples [m/s]."""
+    """The honest residual of impulses and, where there are ``couples``, of these [m/s]."""
     worst = gs.residual(convex, soft, grain, body, pair_index, pair, wall_index, wall)
-    if couples is not None:
+    if couples[0].shape[0] > 0:
         turning = couple_residual(soft, grain, body, pair_index, pair, wall_index, wall, couples[1], couples[2])
         worst = max(worst, turning)
     return worst

@@ -16,8 +16,8 @@ from particles.dem.step_totals import EnergyTotals, StepTotals
 from particles.dvi import gauss_seidel as gs
 from particles.dvi import step_books as books
 from particles.dvi import step_kernel as kernel
-from particles.dvi.accelerated import ANDERSON, APGD, GAUSS_SEIDEL, INTERIOR
-from particles.dvi.couples import N_COUPLE, N_SPRING_COUPLE
+from particles.dvi.accelerated import ANDERSON, APGD, GAUSS_SEIDEL, INTERIOR, relax_number
+from particles.dvi.couples import N_COUPLE, N_SPRING_COUPLE, no_couples
 from particles.dvi.impulse_list import ImpulseList
 from particles.dvi.interior_point import solve_by_interior_point
 from particles.dvi.rigid_contact import RigidContact
@@ -196,7 +196,7 @@ class DVI:
         self._soft = self._springs_of_step()
         self._springs = np.zeros(4)  # energy [J]: normal, tangential, of rolling, of twisting
         self._convex = None if friction == "coulomb" else True
-        self._relax = float(relaxation) if solver == "psor" else None
+        self._relax = relax_number(self._convex, float(relaxation) if solver == "psor" else None)
         self._method = {"accelerated": ANDERSON, "interior_point": INTERIOR, "apgd": APGD}.get(solver, GAUSS_SEIDEL)
         self._open_step = np.array([-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
         self._device = DeviceWalls(self.walls, self.bodies)
@@ -207,7 +207,7 @@ class DVI:
         self._bound = np.zeros(n)
         self._body = np.zeros((len(self.bodies), gs.N_BODY))
         self._brake = np.zeros(len(self.bodies))
-        self._couples: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+        self._couples = no_couples()
         self._stale = True
         self._reach = self.skin
         self._impulses: ImpulseList | None = None
@@ -448,7 +448,7 @@ class DVI:
         self._pair_slot, self._wall_slot = np.zeros(p, dtype=np.int32), np.zeros(s, dtype=np.int32)
         memory = 0 if self._soft is None else gs.N_SPRING
         self._pair, self._wall = np.zeros((p, gs.N_PAIR + memory)), np.zeros((s, gs.N_WALL_CONTACT + memory))
-        self._couples = None
+        self._couples = no_couples()
         if self._resist.any():
             columns = N_COUPLE if self._soft is None else N_SPRING_COUPLE
             self._couples = self._resist, np.zeros((p, columns)), np.zeros((s, columns))

@@ -102,16 +102,15 @@ def apply_loads(sign, body):
         body[b, SPEED] -= sign * body[b, IJ] * body[b, BRAKE]
 
 
-@njit(error_model="numpy", fastmath={"contract"})
-def sweep_pairs(lo, hi, backward, convex, relax, soft, grain, index, pair):
+@inner(error_model="numpy", fastmath={"contract"})
+def sweep_pairs(lo, hi, convex, relax, soft, grain, index, pair):
     """Visit the pairs lo <= k < hi; returns the largest change of an impulse times w_n, squared [m^2/s^2].
 
-    ``convex`` None: exact Coulomb; ``relax`` not None: over-relaxed by it, for the convex law as a projected gradient
-    step of that length (PSOR).
+    ``convex`` None: exact Coulomb, over-relaxed by ``relax`` (1: not). For the convex law ``relax`` > 0 is the length of
+    a projected gradient step (PSOR), 0 takes the exact local solution.
     """
     largest = 0.0
-    for step in range(hi - lo):
-        k = hi - 1 - step if backward else lo + step
+    for k in range(lo, hi):
         i, j = index[k, 0], index[k, 1]
         ex, ey, ez = pair[k, EX], pair[k, EY], pair[k, EZ]
         rx, ry, rz = pair[k, RX], pair[k, RY], pair[k, RZ]
@@ -119,7 +118,7 @@ def sweep_pairs(lo, hi, backward, convex, relax, soft, grain, index, pair):
         v_n = ux * ex + uy * ey + uz * ez
         was = rx * ex + ry * ey + rz * ez
         inverse = pair[k, IWN]
-        if convex is None and relax is not None:
+        if convex is None:
             inverse *= relax
         u_n = v_n + pair[k, B]
         if soft is not None:
@@ -139,13 +138,13 @@ def sweep_pairs(lo, hi, backward, convex, relax, soft, grain, index, pair):
             uy += pair[k, N_PAIR + 1] + c * (ry - was * ey)
             uz += pair[k, N_PAIR + 2] + c * (rz - was * ez)
         slow, mu = pair[k, IWT], pair[k, MU]
-        if convex is None and relax is not None:
+        if convex is None:
             slow *= relax
         if convex is not None:
             # open, and further than sliding lifts it
             if u_n >= mu * np.sqrt(ux * ux + uy * uy + uz * uz) and rx == 0.0 and ry == 0.0 and rz == 0.0:
                 continue
-            if relax is not None:
+            if relax > 0.0:
                 # one length for all three directions, from the mean of the diagonal
                 slow = relax * 3.0 * inverse * slow / (slow + 2.0 * inverse)
                 r_n = was - u_n * slow
@@ -163,7 +162,7 @@ def sweep_pairs(lo, hi, backward, convex, relax, soft, grain, index, pair):
             size = np.sqrt(size2)
             if size > mu * r_n:
                 # the nearest point of the cone, in the metric of W (exact) or of the identity (PSOR)
-                weight = inverse / slow if relax is None else 1.0
+                weight = inverse / slow if relax <= 0.0 else 1.0
                 r_n = max((r_n + weight * mu * size) / (1.0 + weight * mu * mu), 0.0)
                 scale = mu * r_n / size if size > 0.0 else 0.0
                 tx, ty, tz = scale * tx, scale * ty, scale * tz
@@ -190,11 +189,10 @@ def sweep_pairs(lo, hi, backward, convex, relax, soft, grain, index, pair):
 
 
 @inner(error_model="numpy", fastmath={"contract"})
-def sweep_walls(lo, hi, backward, convex, relax, soft, grain, body, index, wall):
+def sweep_walls(lo, hi, convex, relax, soft, grain, body, index, wall):
     """The same for contacts with walls; ``index``: grain, body."""
     largest = 0.0
-    for step in range(hi - lo):
-        k = hi - 1 - step if backward else lo + step
+    for k in range(lo, hi):
         i, b = index[k, 0], index[k, 1]
         ex, ey, ez = wall[k, EX], wall[k, EY], wall[k, EZ]
         rx, ry, rz = wall[k, RX], wall[k, RY], wall[k, RZ]
@@ -203,7 +201,7 @@ def sweep_walls(lo, hi, backward, convex, relax, soft, grain, body, index, wall)
         v_n = ux * ex + uy * ey + uz * ez
         was = rx * ex + ry * ey + rz * ez
         inverse, mu = wall[k, IWN], wall[k, MU]
-        if convex is None and relax is not None:
+        if convex is None:
             inverse *= relax
         u_n = v_n + wall[k, B]
         if soft is not None:
@@ -223,7 +221,7 @@ def sweep_walls(lo, hi, backward, convex, relax, soft, grain, body, index, wall)
             uy += wall[k, N_WALL_CONTACT + 1] + c * (ry - was * ey)
             uz += wall[k, N_WALL_CONTACT + 2] + c * (rz - was * ez)
         slow = wall[k, IWT]
-        if convex is None and relax is not None:
+        if convex is None:
             slow *= relax
         if convex is None and free > 0.0:
             x, y, z = _block(wall, k, free, mu, u_n, ux, uy, uz, was)
@@ -234,7 +232,7 @@ def sweep_walls(lo, hi, backward, convex, relax, soft, grain, body, index, wall)
                     slow = 1.0 / (1.0 / slow + free * (wall[k, LX] ** 2 + wall[k, LY] ** 2))
                     r_n = was - u_n * slow
                     inverse = slow
-                elif relax is not None:
+                elif relax > 0.0:
                     slow = relax * 3.0 * inverse * slow / (slow + 2.0 * inverse)
                     r_n = was - u_n * slow
             tx, ty, tz = rx - was * ex - slow * ux, ry - was * ey - slow * uy, rz - was * ez - slow * uz
@@ -242,7 +240,7 @@ def sweep_walls(lo, hi, backward, convex, relax, soft, grain, body, index, wall)
             if convex is None:
                 r_n = max(r_n, 0.0)
             elif size > mu * r_n:
-                weight = inverse / slow if relax is None else 1.0
+                weight = inverse / slow if relax <= 0.0 else 1.0
                 r_n = max((r_n + weight * mu * size) / (1.0 + weight * mu * mu), 0.0)
             if size > mu * r_n:
                 scale = mu * r_n / size
@@ -311,15 +309,12 @@ def sweep_loads(body):
     return largest
 
 
-@njit(error_model="numpy", fastmath={"contract"})
-def sweep(backward, convex, relax, soft, grain, body, pair_index, pair, wall_index, wall):
-    """One sweep over everything, in the order or against it; returns the largest change [m/s]."""
-    if backward:
-        a = sweep_walls(0, wall.shape[0], True, convex, relax, soft, grain, body, wall_index, wall)
-        b = sweep_pairs(0, pair.shape[0], True, convex, relax, soft, grain, pair_index, pair)
-    else:
-        b = sweep_pairs(0, pair.shape[0], False, convex, relax, soft, grain, pair_index, pair)
-        a = sweep_walls(0, wall.shape[0], False, convex, relax, soft, grain, body, wall_index, wall)
+@inner(error_model="numpy", fastmath={"contract"})
+def sweep(convex, relax, soft, grain, body, pair_index, pair, wall_index, wall):
+    """One sweep over everything; returns the largest change [m/s]."""
+    first = np.int64(0)  # a plain 0 is a type of its own
+    b = sweep_pairs(first, pair.shape[0], convex, relax, soft, grain, pair_index, pair)
+    a = sweep_walls(first, wall.shape[0], convex, relax, soft, grain, body, wall_index, wall)
     sweep_loads(body)
     return np.sqrt(max(a, b))
 

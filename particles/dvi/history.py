@@ -20,7 +20,7 @@ N_PRODUCTS = 2 * HISTORY
 @inner(error_model="numpy", fastmath={"contract"})
 def _contacts(contacts, bodies, couples):
     """Where the velocities begin."""
-    if couples is None:
+    if couples[0].shape[0] == 0:
         return 3 * contacts + bodies
     return 6 * contacts + bodies
 
@@ -30,7 +30,7 @@ def _impulses(p0, p1, w0, w1, pairs, loads, own, bodies, couples):
     """Stretches of impulses, loads and couples."""
     first = loads + bodies
     a0, a1, b0, b1 = first, first, first, first
-    if couples is not None:
+    if couples[0].shape[0] > 0:
         a0, a1, b0, b1 = first + 3 * p0, first + 3 * p1, first + 3 * (pairs + w0), first + 3 * (pairs + w1)
     return (3 * p0, 3 * p1), (3 * (pairs + w0), 3 * (pairs + w1)), (loads, loads + own), (a0, a1), (b0, b1)
 
@@ -58,7 +58,7 @@ def gather(part, g, r, weight, f, products, grain, body, pair, wall, couples):
         for b in range(m):
             g[loads + b], g[contacts + 6 * n + b] = body[b, BRAKE], body[b, SPEED]
         product += _weigh(loads, loads + m, g, r, weight, f)
-    if couples is not None:
+    if couples[0].shape[0] > 0:
         for lo, hi, first, couple in ((p0, p1, loads + m, couples[1]), (w0, w1, loads + m + 3 * p, couples[2])):
             for k in range(lo, hi):
                 q = first + 3 * k
@@ -129,7 +129,7 @@ def extrapolate(part, r, g, c, known, d_g, grain, body, pair, wall, couples):
         grain[i, PX], grain[i, PY], grain[i, PZ] = r[q + 3], r[q + 4], r[q + 5]
     for b in range(own):
         body[b, BRAKE], body[b, SPEED] = r[loads + b], r[contacts + 6 * n + b]
-    if couples is not None:
+    if couples[0].shape[0] > 0:
         for lo, hi, first, couple in ((p0, p1, loads + m, couples[1]), (w0, w1, loads + m + 3 * p, couples[2])):
             for k in range(lo, hi):
                 q = first + 3 * k

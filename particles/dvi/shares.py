@@ -120,10 +120,10 @@ def sort_walls(rows, walls, first, ends, body, from_index, from_slot, from_row, 
 @inner(error_model="numpy", fastmath={"contract"})
 def _sweep(p0, p1, w0, w1, convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall):
     """Impulses of pairs p0 to p1 and walls w0 to w1, then their couples; returns the largest change [m/s]."""
-    a = sweep_pairs(p0, p1, False, convex, relax, soft, grain, pair_index, pair)
-    b = sweep_walls(w0, w1, False, convex, relax, soft, grain, body, wall_index, wall)
+    a = sweep_pairs(p0, p1, convex, relax, soft, grain, pair_index, pair)
+    b = sweep_walls(w0, w1, convex, relax, soft, grain, body, wall_index, wall)
     change = np.sqrt(max(a, b))
-    if couples is not None:
+    if couples[0].shape[0] > 0:
         turned = sweep_couples(
             relax, soft, grain, body, pair_index[p0:p1], pair[p0:p1], wall_index[w0:w1], wall[w0:w1],
             couples[1][p0:p1], couples[2][w0:w1],
@@ -161,7 +161,7 @@ def residual_of_shares(convex, soft, couples, grain, body, pair_index, pair, wal
         p0, p1 = pairs[c], pairs[min(c + 1, count)]
         w0, w1 = walls[c], walls[c + 1]
         worst = residual(convex, soft, grain, body, pair_index[p0:p1], pair[p0:p1], wall_index[w0:w1], wall[w0:w1])
-        if couples is not None:
+        if couples[0].shape[0] > 0:
             turning = couple_residual(
                 soft, grain, body, pair_index[p0:p1], pair[p0:p1], wall_index[w0:w1], wall[w0:w1],
                 couples[1][p0:p1], couples[2][w0:w1],

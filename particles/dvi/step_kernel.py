@@ -144,7 +144,7 @@ def _begin(
             wall_index, wall_slot, wall_rows,
         )  # fmt: skip
     gs.apply_impulses(1.0, grain, body, pair_index[:pairs], pair_rows[:pairs], wall_index[:walls], wall_rows[:walls])
-    if couples is not None:
+    if couples[0].shape[0] > 0:
         begin_couples(
             couples[0], soft, radius, grain, body, pair_index[:pairs], pair_slot[:pairs], pair_rows[:pairs],
             pair_impulse, wall_index[:walls], wall_slot[:walls], wall_rows[:walls], wall_impulse, wall_table.shape[0],
@@ -191,7 +191,7 @@ def _finish(
             wall_index, wall_slot, wall, wall_impulse, share.pairs, share.walls, booked, share.body_sums, body_totals,
         )  # fmt: skip
     enter(soft, springs, booked, totals)
-    if couples is not None:
+    if couples[0].shape[0] > 0:
         rolling, twisting, work = book_couples(
             h, soft, springs, grain, spin, radius, mean, pair_index, pair_slot, pair, pair_impulse, couples[1],
             wall_index, wall_slot, wall, wall_impulse, couples[2], body_totals, TORQUE_T, BODY_WORK,

@@ -80,7 +80,8 @@ def test_the_stamp_stays(what, change):
         ("a constant of a callee's module", {"callee": CALLEE.replace("FACTOR = 2.0", "FACTOR = 2.5")}),
         ("a callee that stands below", {"kernel": KERNEL.replace("x > 0.0", "x >= 0.0")}),
         ("a constant read through its module", {"shift": 1.5}),
-        ("a compiler option", {"callee": CALLEE.replace('error_model="numpy"', 'error_model="python"')}),
+        ("a compiler option", {"kernel": KERNEL.replace("numpy", "python", 1)}),
+        ("a compiler option of a callee", {"callee": CALLEE.replace('error_model="numpy"', 'error_model="python"')}),
     ],
 )
 def test_the_stamp_changes(what, change):
