@@ -60,14 +60,17 @@ class Simulation:
         return getattr(self.source, "carrier", None)
 
     def rows(self, cutoff: float) -> NeighbourRows:
-        """Neighbour rows out to `cutoff` [m], one list's skin wider.
+        """Neighbour rows out to `cutoff` [m], one list's skin wider where a sector leaves room for it.
 
         They are made anew with the grains' list, which sorts the grains, and when grains have moved too far for them.
         """
         key = (cutoff, self.dem.list_version)
         position = self.dem.grains.position
         if self._rows is None or key != self._rows_key or not self._rows.hold(position, cutoff):
-            self._rows = neighbour_rows(position, cutoff + self.dem.list_skin, self.dem.sector)
+            reach, sector = cutoff + self.dem.list_skin, self.dem.sector
+            if sector is not None:  # in a narrow one with less to spare: the rows are made anew more often
+                reach = max(cutoff, min(reach, sector.widest_cutoff(position)))
+            self._rows = neighbour_rows(position, reach, sector)
             self._rows_key = key
         return self._rows
 

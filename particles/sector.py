@@ -57,6 +57,11 @@ class CyclicSector:
         # a tiny negative theta becomes 2 pi after rounding, which is sector 0 and not sector n
         return -(np.floor(theta / self.angle).astype(np.int64) % self.n_sectors)
 
+    def widest_cutoff(self, position: np.ndarray) -> float:
+        """Half the chord [m] of the wedge at the innermost of the positions (n, 3) [m]: see `require_width`."""
+        inner = float(np.min(np.hypot(position[:, 0], position[:, 1])))
+        return inner * math.sin(0.5 * self.angle)
+
     def require_width(self, position: np.ndarray, cutoff: float) -> None:
         """Refuse a wedge in which a grain could see its own image, or one partner through both faces.
 

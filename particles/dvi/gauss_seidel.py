@@ -106,8 +106,8 @@ def apply_loads(sign, body):
 def sweep_pairs(lo, hi, convex, relax, soft, grain, index, pair):
     """Visit the pairs lo <= k < hi; returns the largest change of an impulse times w_n, squared [m^2/s^2].
 
-    ``convex`` None: exact Coulomb, over-relaxed by ``relax`` (1: not). For the convex law ``relax`` > 0 is the length of
-    a projected gradient step (PSOR), 0 takes the exact local solution.
+    ``convex`` None: exact Coulomb, over-relaxed by ``relax`` (1: not). For the convex law ``relax`` > 0 is the length
+    of a projected gradient step (PSOR), 0 takes the exact local solution.
     """
     largest = 0.0
     for k in range(lo, hi):

@@ -7,7 +7,7 @@ import pytest
 
 from coupling import Simulation
 from geometry.walls import annulus, cylinder
-from particles import DVI, Body, Grains
+from particles import DVI, Body, CyclicSector, Grains
 from particles.dvi.rigid_contact import RigidContact
 
 CUTOFF = 3e-3
@@ -90,3 +90,16 @@ def test_a_checkpoint_keeps_where_the_rows_were_made():
     resumed.restore_rows(without)  # of an older version
     resumed.dem.grains.position = position + np.array([0.3e-3, 0.0, 0.0])
     assert np.array_equal(resumed.rows(CUTOFF).position, position + np.array([0.3e-3, 0.0, 0.0]))
+
+
+def test_a_sector_with_room_for_two_cut_offs_but_not_for_the_skin_too():
+    """The plan asks for two cut-offs; the skin takes what is left, and a wedge below two cut-offs is refused."""
+    sector = CyclicSector(2.0 * np.pi / 90.0)
+    position = np.array([[20e-3, 0.2e-3, 0.0], [20.5e-3, 0.7e-3, 0.0], [20e-3, 1.2e-3, 0.0]])
+    engine = KeptList(position, 0.2e-3)
+    engine.sector = sector
+    room = sector.widest_cutoff(position)
+    rows = Simulation(engine, [], None, None, 1, 1).rows(0.95 * room)
+    assert rows.reach == pytest.approx(room) and 1.05 * room < 0.95 * room + engine.list_skin
+    with pytest.raises(ValueError, match="at least two cut-offs"):
+        Simulation(engine, [], None, None, 1, 1).rows(1.01 * room)
