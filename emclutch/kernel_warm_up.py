@@ -31,7 +31,6 @@ from particles import (
     HertzMindlin,
     LinearContact,
     PairLaws,
-    RollingFriction,
     ThesisContact,
     WaltonBraun,
 )
@@ -41,10 +40,8 @@ RADIUS, MASS = 1e-3, 1e-5
 
 def kind_of(scene: Any) -> list[str]:
     """What decides which step a scene by DEM has: its law, and the parts that cost in the loop over pairs."""
-    effects = scene.effects
     parts = {
         "sizes": scene.particles.sizes is not None,
-        "resistance": effects.rolling_friction is not None or effects.twisting_friction is not None,
         "sector": scene.particles.sector is not None,
         "energies": scene.output.energies,
     }
@@ -55,7 +52,7 @@ def grains_of_kind(law: str, *parts: str) -> DEM:
     """A DEM of two grains whose step is compiled from the same types as that of a scene of this kind."""
     radius = RADIUS * np.array([1.0, 1.2 if "sizes" in parts else 1.0])
     where = np.array([[10.0, 1.0, 0.0], [10.0, 4.0, 0.0]]) * RADIUS
-    laws = PairLaws.of_one(_law(law), rolling=RollingFriction(0.1) if "resistance" in parts else None)
+    laws = PairLaws.of_one(_law(law))
     sector = CyclicSector(2.0 * np.pi / 6.0) if "sector" in parts else None
     bore = cylinder("bore", "drum", 20.0 * RADIUS, -1.0, 1.0)
     return DEM(

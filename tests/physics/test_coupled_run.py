@@ -114,7 +114,7 @@ def test_what_is_off_is_not_there(tmp_path):
     assert simulation.dem.external_force is None
     assert simulation.dem.gravity is None
     assert simulation.dem.grains.magnetic_moment is None
-    assert simulation.dem._rolling is None
+    assert not simulation.dem._rolling
 
 
 def test_one_and_two_threads_give_the_same_bits(tmp_path):

@@ -111,10 +111,10 @@ FILES = {
     "dipoles": {"coupling/dipoles.py", "coupling/effects/dipoles.py", "coupling/neighbour_rows.py"},
     "wall_images": {"coupling/wall_images.py", "coupling/effects/wall_images.py"},
     "back_reaction": {"coupling/effects/back_reaction.py", "coupling/deposition.py"},
-    "coil_circuit": {"field/coil/coil_circuit.py"},
     "eddy_currents": {"field/section/eddy_currents.py"},
 }
 NEEDS = {"dipoles": ("wall_images",)}  # what goes with an effect that is taken out
+CIRCUIT = "field/coil/coil_circuit.py"  # with eddy currents the circuit is an equation of theirs
 
 
 def calls(without=()):
@@ -163,6 +163,11 @@ def test_an_effect_that_is_off_is_never_called(effect):
             assert found[file] == 0, f"{name} is off, and {file} was called {found[file]} times"
 
 
+def test_a_circuit_that_is_off_is_never_called():
+    assert calls(("eddy_currents",))[0][CIRCUIT] > 0
+    assert calls(("eddy_currents", "coil_circuit"))[0][CIRCUIT] == 0
+
+
 def test_without_saturation_grains_are_linear_at_any_field(all_on):
     """Their law is one product: twice the field is twice the moment, far beyond what iron holds."""
     H, phi = np.array([1e3, 1e6, 2e6]), np.zeros(3)
@@ -172,7 +177,7 @@ def test_without_saturation_grains_are_linear_at_any_field(all_on):
 
 
 def test_without_magnetic_effects_nothing_magnetic_is_there():
-    found, simulation = calls(tuple(FILES))
+    found, simulation = calls((*FILES, "coil_circuit", "saturation"))
     assert not [file for file in found if file.startswith("field/")]
     assert simulation.magnetised is None and simulation.source is None
     assert simulation.dem.grains.magnetic_moment is None and simulation.dem.external_force is None
