@@ -49,7 +49,7 @@ PAIRS, WALLS = 0, 1
 STIFFNESS, TANGENTIAL, MET, DASHPOT, SHARES = range(5)
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def apply_impulses(sign, grain, body, pair_index, pair, wall_index, wall):
     """Add to the velocities ``sign`` times what the impulses in the records do."""
     apply_contacts(sign, grain, body, pair_index, pair, wall_index, wall)
@@ -319,7 +319,7 @@ def sweep(convex, relax, soft, grain, body, pair_index, pair, wall_index, wall):
     return np.sqrt(max(a, b))
 
 
-@njit(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"})
 def residual(convex, soft, grain, body, pair_index, pair, wall_index, wall):
     """Largest natural map over all contacts [m/s], all at the same velocities."""
     law = convex is not None
@@ -371,3 +371,22 @@ def _map(law, soft, kind, offset, row, k, u_n, ux, uy, uz):
     else:
         a, b = np.sqrt(ux * ux + uy * uy + uz * uz), 0.0
     return natural_map(law, 1.0 / row[k, IWN], row[k, MU], r_n, size, 0.0, u_n + row[k, B], a, b)
+
+
+# The same for calls from Python: these have a cache, and no kernel calls them
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def apply_records(sign, grain, body, pair_index, pair, wall_index, wall):
+    """`apply_impulses` for calls from Python."""
+    apply_impulses(sign, grain, body, pair_index, pair, wall_index, wall)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def sweep_records(convex, relax, soft, grain, body, pair_index, pair, wall_index, wall):
+    """`sweep` for calls from Python."""
+    return sweep(convex, relax, soft, grain, body, pair_index, pair, wall_index, wall)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def residual_records(convex, soft, grain, body, pair_index, pair, wall_index, wall):
+    """`residual` for calls from Python."""
+    return residual(convex, soft, grain, body, pair_index, pair, wall_index, wall)

@@ -42,8 +42,8 @@ from particles.dvi.gauss_seidel import (
     SPEED,
     VX,
     B,
-    apply_impulses,
-    residual,
+    apply_records,
+    residual_records,
 )  # fmt: skip
 
 TRIALS = 6  # updates of the shift
@@ -138,13 +138,13 @@ def solve_by_interior_point(
     """
     records = (pair_index, pair, wall_index, wall)
     free, free_body = grain.copy(), body.copy()
-    apply_impulses(-1.0, free, free_body, *records)
+    apply_records(-1.0, free, free_body, *records)
     problem = cone_problem(free, free_body, *records)
     shafts = free_body[:, IJ] > 0.0
     unbraked = problem.free.copy()
     shift = np.zeros(len(problem.friction))
     sweeps = 0
-    begun = residual(convex, None, grain, body, *records)
+    begun = residual_records(convex, None, grain, body, *records)
     best = begun, pair[:, RX : RX + 3].copy(), wall[:, RX : RX + 3].copy(), body[:, BRAKE].copy()
     for trial in range(trials):
         # the load's impulse is held while the programme runs, and swept afterwards
@@ -154,7 +154,7 @@ def solve_by_interior_point(
         world = np.einsum("mi,mij->mj", impulse, problem.frame)
         pair[:, RX : RX + 3], wall[:, RX : RX + 3] = world[: len(pair)], world[len(pair) :]
         grain[:], body[:, SPEED] = free, free_body[:, SPEED]
-        apply_impulses(1.0, grain, body, *records)
+        apply_records(1.0, grain, body, *records)
         count, reached = accelerate_records(convex, None, None, tolerance, POLISH, grain, body, *records)
         sweeps += count
         if reached < best[0]:
@@ -168,7 +168,7 @@ def solve_by_interior_point(
     if reached > best[0]:
         pair[:, RX : RX + 3], wall[:, RX : RX + 3], body[:, BRAKE] = best[1:]
         grain[:], body[:, SPEED] = free, free_body[:, SPEED]
-        apply_impulses(1.0, grain, body, *records)
+        apply_records(1.0, grain, body, *records)
     return sweeps, best[0]
 
 

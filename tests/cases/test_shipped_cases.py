@@ -67,7 +67,8 @@ def test_quickstart_at_toy_size(tmp_path):
 
 
 def test_powder_clutch_at_toy_size(tmp_path):
-    toy = {**TOY, "time.end": "0.2 ms", "particles.sector": "2 deg", "output.snapshots": 0}
+    toy = {"time.end": "0.1 ms", "particles.sector": "2 deg", "field.size_factor": 2.0,
+           "output.snapshots": 0, "output.pictures": False}  # fmt: skip
     case = emclutch.load_case(CASES / "powder_clutch.toml").with_values(toy)
     result = emclutch.run(case, out=tmp_path / "run")
     # turns from 25.5 ohm in a window of 14 mm x 14 mm at a mean radius of 58.8 mm, fill 0.6, 1.72e-8 ohm m
@@ -78,16 +79,24 @@ def test_powder_clutch_at_toy_size(tmp_path):
 
 @pytest.mark.slow
 def test_a_locked_disc_carries_its_load_torque(tmp_path):
-    """lock_up.toml on part of its sector: held by its load at first, then locked: the torque is the load, no more."""
-    quiet = {"output.snapshots": 0, "output.pictures": False, "output.formats": []}
-    case = emclutch.load_case(CASES / "lock_up.toml").with_values({**quiet, "particles.sector": "5 deg"})
-    result = emclutch.run(case, out=tmp_path / "run")
+    """lock_up.toml on part of its sector: held by its load at first, then locked: the torque is the load, no more.
+
+    Grains are larger and the disc is lighter than in the case: it locks in a third of the time.
+    """
+    toy = {
+        "output.snapshots": 0, "output.pictures": False, "output.formats": [],
+        "particles.sector": "5 deg", "particles.diameter": "0.3 mm", "field.size_factor": 2.0,
+        "coil.current": {"times": ["0 ms", "0.5 ms", "1 ms"], "values": ["0 A", "0 A", "1 A"]},
+        "motion.disc.free": {"inertia": "3e-6 kg m^2", "load_torque": "0.02 N m"},
+        "time.end": "4.2 ms", "time.average_from": "2.8 ms",
+    }  # fmt: skip
+    result = emclutch.run(emclutch.load_case(CASES / "lock_up.toml").with_values(toy), out=tmp_path / "run")
     history = result.history
-    assert (history.loc[history["time"] < 1e-3, "disc_speed"] == 0.0).all()  # no current: dry friction holds it
-    assert 2e-3 < result.summary["lock_up_time"] < 6e-3
+    assert (history.loc[history["time"] < 0.5e-3, "disc_speed"] == 0.0).all()  # no current: dry friction holds it
+    assert 1e-3 < result.summary["lock_up_time"] < 3e-3
     assert result.torque.mean == pytest.approx(0.02, rel=0.05)
-    slipping = history[(history["time"] > 3e-3) & (history["time"] < 4.5e-3)]
-    inertia_torque = 1e-5 * np.gradient(slipping["disc_speed"], slipping["time"]).mean()
+    slipping = history[(history["time"] > 1e-3) & (history["time"] < 1.5e-3)]
+    inertia_torque = 3e-6 * np.gradient(slipping["disc_speed"], slipping["time"]).mean()
     assert slipping["torque_disc"].mean() - 0.02 == pytest.approx(inertia_torque, rel=0.05)  # J domega/dt = T - load
 
 
@@ -125,10 +134,12 @@ def test_every_case_is_valid_and_has_a_header(path):
 
 
 def test_slotted_disc_at_toy_size(tmp_path):
-    toy = {**TOY, "time.end": "0.1 ms", "field.size_factor": 2.0, "field.gap_layers": 3}
+    toy = {**TOY, "time.end": "0.05 ms", "field.size_factor": 3.0, "field.gap_layers": 3}
     case = emclutch.load_case(CASES / "slotted_disc.toml").with_values(toy)
     result = emclutch.run(case, out=tmp_path / "run")
-    smooth = emclutch.run(case.with_values({"geometry.disc_slots": None}), out=tmp_path / "smooth")
+    smooth = emclutch.run(
+        case.with_values({"geometry.disc_slots": None, "output.pictures": False}), out=tmp_path / "smooth"
+    )
     # slots widen the gap: less flux, less field (Carter's coefficient for 0.84 mm slots and a gap of 1 mm: 1.1)
     ratio = result.summary["gap_flux_density"] / smooth.summary["gap_flux_density"]
     assert 0.8 < ratio < 1.0
@@ -138,7 +149,8 @@ def test_slotted_disc_at_toy_size(tmp_path):
 
 def test_switch_on_at_toy_size(tmp_path):
     case = emclutch.load_case(CASES / "switch_on.toml").with_values({**TOY, "time.end": "2 ms", "output.snapshots": 0,
-        "particles.solid_fraction": 0.05, "effects.dipoles": None, "effects.wall_images": None})  # fmt: skip
+        "field.size_factor": 2.0, "particles.solid_fraction": 0.05,
+        "effects.dipoles": None, "effects.wall_images": None})  # fmt: skip
     result = emclutch.run(case, out=tmp_path / "run")
     history = result.history
     current, voltage = history["current"], history["coil_voltage"]

@@ -9,10 +9,10 @@ from geometry import Clutch, mesh_clutch
 
 @pytest.fixture(scope="module")
 def mesh():
-    return mesh_clutch(Clutch(), size_factor=2.0)
+    return mesh_clutch(Clutch(), size_factor=4.0)
 
 
-@pytest.mark.parametrize("diameter", [0.05e-3, 0.2e-3, 0.5e-3])
+@pytest.mark.parametrize("diameter", [0.1e-3, 0.2e-3, 0.5e-3])
 def test_volume_is_conserved(mesh, diameter):
     clutch = Clutch()
     rng = np.random.default_rng(1)

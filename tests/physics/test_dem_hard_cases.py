@@ -32,9 +32,9 @@ def test_sizes_of_one_to_ten_fall_apart_and_lie_still():
     rng = np.random.default_rng(2)
     k = np.arange(-2, 3) * 2.1 * RADIUS
     big = np.stack([a.ravel() for a in np.meshgrid(k[1:4], k[1:4], [1.2 * RADIUS, 3.4 * RADIUS])], axis=1)
-    small = rng.uniform([-4.0, -4.0, 6.0], [4.0, 4.0, 9.0], (400, 3)) * RADIUS
+    small = rng.uniform([-4.0, -4.0, 6.0], [4.0, 4.0, 9.0], (200, 3)) * RADIUS
     keep = [0]
-    for i in range(1, 400):
+    for i in range(1, 200):
         if np.min(np.linalg.norm(small[keep] - small[i], axis=1)) > 0.2 * RADIUS:
             keep.append(i)
     x = np.concatenate([big, small[keep]])
@@ -222,7 +222,8 @@ def test_extreme_friction_and_restitution(name, mu, e):
     x = np.stack([a.ravel() for a in np.meshgrid(k, k, k + 0.5 * side)], axis=1)
     v = np.random.default_rng(3).normal(size=x.shape) * 0.3
     grains = Grains.create(x, RADIUS, DENSITY, velocity=v, angular_velocity=v[::-1] * 300.0)
-    dem = make_dem(grains, cell.walls(), [Body("housing")], law(name, e, mu), steps=60.0)
+    steps = 60.0 if e == 1.0 else 30.0  # only what has no losses is to keep its energy to 1e-3
+    dem = make_dem(grains, cell.walls(), [Body("housing")], law(name, e, mu), steps=steps)
     energies = [grains.kinetic_energy()]
     lost = 0.0
     for _ in range(40):

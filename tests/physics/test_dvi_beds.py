@@ -145,10 +145,10 @@ def settled():
 def _scaled(problem, factor):
     """The same problem started from impulses times ``factor``, velocities along with them."""
     records = [a.copy() for a in problem]
-    gs.apply_impulses(-1.0, *records)
+    gs.apply_records(-1.0, *records)
     for rows in (records[3], records[5]):
         rows[:, gs.RX : gs.RZ + 1] *= factor
-    gs.apply_impulses(1.0, *records)
+    gs.apply_records(1.0, *records)
     return records
 
 
@@ -161,7 +161,7 @@ def test_a_cold_dense_packing_is_solved_where_sweeps_stall(settled):
     assert solve_records(None, None, None, GAUSS_SEIDEL, GOAL, 5000, *_scaled(settled, 0.0))[1] > 10.0 * GOAL
     records = _scaled(settled, 0.0)
     assert solve_by_interior_point(None, GOAL, *records)[1] <= GOAL
-    assert gs.residual(None, None, *records) <= GOAL
+    assert gs.residual_records(None, None, *records) <= GOAL
     weight = np.sum(records[5][:, gs.RZ]) / 1e-3
     assert weight == pytest.approx(np.sum(1.0 / records[0][:, gs.IM]) * G, rel=1e-3)  # a few still roll
 

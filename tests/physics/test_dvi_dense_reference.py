@@ -373,7 +373,7 @@ def test_eight_digits_from_nothing_where_sweeps_stall():
     """
     unit = G * H
     met = {"gauss_seidel": [], "accelerated": [], "interior_point": []}
-    for n, seed in [(40, s) for s in range(4)] + [(60, s) for s in range(4)]:
+    for n, seed in [(40, s) for s in range(2)] + [(60, s) for s in range(2)]:
         state = None
         for solver, reached in met.items():
             fresh = solver != "gauss_seidel"

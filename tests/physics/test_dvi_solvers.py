@@ -31,7 +31,7 @@ def sheared():
 
 def _cold(records):
     records = [a.copy() for a in records]
-    gs.apply_impulses(-1.0, *records)
+    gs.apply_records(-1.0, *records)
     for rows in (records[3], records[5]):
         rows[:, gs.RX : gs.RZ + 1] = 0.0
     return records
@@ -49,9 +49,9 @@ def test_over_relaxed_sweeps_have_the_fixed_points_of_plain_ones(sheared):
     solved = [a.copy() for a in records]
     for over in (0.5, 1.6):
         for _ in range(5):
-            gs.sweep(False, None, over, None, *records)
+            gs.sweep_records(None, over, None, *records)
     assert _velocities(records) == pytest.approx(_velocities(solved), abs=1e-9)
-    assert gs.residual(None, None, *records) < 1e-10
+    assert gs.residual_records(None, None, *records) < 1e-10
 
 
 def test_apgd_finds_the_velocities_of_the_convex_law(sheared):
@@ -61,7 +61,7 @@ def test_apgd_finds_the_velocities_of_the_convex_law(sheared):
     velocity = cone_programme(problem, np.zeros(len(problem.friction)), 1e-10)[1]
     count, reached = apgd_records(1e-8, 20_000, *records)
     assert reached <= 1e-8 and count < 20_000
-    assert reached == pytest.approx(gs.residual(True, None, *records))
+    assert reached == pytest.approx(gs.residual_records(True, None, *records))
     assert _velocities(records) == pytest.approx(velocity, abs=1e-5)
     sweeps = _cold(sheared)
     assert solve_records(True, None, None, GAUSS_SEIDEL, 1e-9, 200_000, *sweeps)[1] <= 1e-9
@@ -76,7 +76,8 @@ def test_linearised_shift_solves_exact_coulomb(sheared):
     world = np.einsum("mi,mij->mj", impulse, problem.frame)
     p = len(records[3])
     records[3][:, gs.RX : gs.RZ + 1], records[5][:, gs.RX : gs.RZ + 1] = world[:p], world[p:]
-    gs.apply_impulses(1.0, *records)
-    assert gs.residual(None, None, *records) < 1e-6  # the programme bounds the mean over the contacts, not the largest
-    assert gs.residual(True, None, *records) > 1e-4
+    gs.apply_records(1.0, *records)
+    # the programme bounds the mean over the contacts, not the largest
+    assert gs.residual_records(None, None, *records) < 1e-6
+    assert gs.residual_records(True, None, *records) > 1e-4
     assert _velocities(records) == pytest.approx(velocity, abs=1e-6)

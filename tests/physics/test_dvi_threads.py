@@ -189,7 +189,7 @@ def test_books_balance_and_the_residual_is_honest():
     books = totals.books
     change = books.contact_work + books.gravity_work
     assert books.kinetic_change == pytest.approx(change, rel=1e-9, abs=1e-12)
-    assert totals.residual == pytest.approx(gs.residual(None, dvi._soft, *dvi._records()), rel=1e-12)
+    assert totals.residual == pytest.approx(gs.residual_records(None, dvi._soft, *dvi._records()), rel=1e-12)
     assert 0.0 < totals.residual <= dvi.tolerance
 
 

@@ -270,7 +270,7 @@ def test_psi_along_a_line_is_that_of_the_coil_at_any_point():
     field = AxisymmetricProblem(coil_in_air(), {}, open_boundary=True, order=3).solve(NI)
     for z in (1.37e-3, 15.1e-3):
         line = field.along(np.linspace((1e-3, z), (60e-3, z), 173))
-        r = np.linspace(1e-3, 60e-3, 40_001)
+        r = np.linspace(1e-3, 60e-3, 4_001)
         B_z = 4e-7 * np.pi * rectangular_coil_field(R_COIL, Z_COIL, NI, r, np.full_like(r, z))[1]
         step = np.diff(r)
         psi = line.psi[0] + np.concatenate(([0.0], np.cumsum(0.5 * (r[1:] * B_z[1:] + r[:-1] * B_z[:-1]) * step)))

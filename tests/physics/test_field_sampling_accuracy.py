@@ -35,7 +35,7 @@ class LikeAir:
 @pytest.fixture(scope="module")
 def middle():
     """The issue's points: r 33 to 35 mm, |z| < 10 mm."""
-    return Reference(4000, (33e-3, -10e-3), (35e-3, 10e-3))
+    return Reference(1500, (33e-3, -10e-3), (35e-3, 10e-3))
 
 
 @pytest.fixture(scope="module")
@@ -108,16 +108,16 @@ def test_beside_a_steel_wall():
         (H, dH), (image, d_image) = (exact(r, z, (coil[0], side, NI)) for side in (coil[1], (-9e-3, -6e-3)))
         return H + k * image, dH + k * d_image
 
-    reference = Reference(3000, (gap[0], gap[2]), (gap[1], gap[3]), with_image)
+    reference = Reference(1000, (gap[0], gap[2]), (gap[1], gap[3]), with_image)
     found = []
-    for scale in (2.0, 1.0, 0.5):
+    for scale in (2.0, 0.7):
         plate = {"coil": (*coil[0], *coil[1]), "powder": gap, "steel": (0.0, R, -R, 0.0)}
         mesh = half_disc(plate, {"coil": 0.8e-3 * scale, "powder": 0.5e-3 * scale, "steel": 1.0}, 0.25 * scale, R)
         problem = AxisymmetricProblem(mesh, {"steel": LinearLaw(mu_r, "steel")})
         field = problem.solve(NI, boundary_field=MU_0 * m / (2.0 * np.pi * R**3))
         found.append((*reference.of(field.sampler()), reference.of_raw(field)[0]))
     found = np.array(found)  # (mesh, H or grad H or raw H)
-    rate = np.log2(found[0] / found[-1]) / 2.0
+    rate = np.log(found[0] / found[-1]) / np.log(2.0 / 0.7)
     assert rate[0] > 3.0 and rate[1] > 2.0 and abs(rate[2] - 2.0) < 0.35, (rate, found)
     assert found[-1, 0] < found[-1, 2] / 20.0, found
 

@@ -6,7 +6,7 @@ import pytest
 from geometry.walls import annulus, cylinder
 from particles import Body, FreeShaft, Grains
 from particles.dvi import gauss_seidel as gs
-from particles.dvi.accelerated import ANDERSON, GAUSS_SEIDEL, solve_records
+from particles.dvi.accelerated import ANDERSON, GAUSS_SEIDEL, relax_number, solve_records
 from particles.dvi.dvi import DVI
 from particles.dvi.interior_point import cone_problem, cone_programme, solve_by_interior_point
 from particles.dvi.rigid_contact import RigidContact
@@ -27,10 +27,11 @@ def _stack(n):
 
 
 def _sweeps(grain, index, pair):
+    body, none, wall = np.zeros((0, gs.N_BODY)), np.zeros((0, 2), dtype=np.int32), np.zeros((0, gs.N_WALL_CONTACT))
     count = 0
     while True:
         count += 1
-        gs.sweep_pairs(0, len(pair), False, None, None, None, grain, index, pair)
+        gs.sweep_records(None, 1.0, None, grain, body, index, pair, none, wall)
         u = grain[index[:, 0], gs.VZ] - grain[index[:, 1], gs.VZ]
         if np.abs(u).max() < 1e-6:
             return count
@@ -47,7 +48,7 @@ def test_unit_stack_takes_the_known_number_of_sweeps(n, cold):
     assert pair[:, gs.RZ] == pytest.approx(np.arange(n, 0, -1), rel=1e-3)
     fresh, _, _ = _stack(n)
     body, none = np.zeros((0, gs.N_BODY)), np.zeros((0, 2), dtype=np.int32)
-    gs.apply_impulses(1.0, fresh, body, index, pair, none, np.zeros((0, gs.N_WALL_CONTACT)))
+    gs.apply_records(1.0, fresh, body, index, pair, none, np.zeros((0, gs.N_WALL_CONTACT)))
     assert _sweeps(fresh, index, pair) == 1
 
 
@@ -68,7 +69,7 @@ def _records(n=60, inertia=1e-4, seed=3, speed=0.0, friction=0.4):
     dvi.grains.velocity += speed * rng.normal(size=(n, 3))
     dvi.run(1)
     grain, body, *records = dvi._records()
-    gs.apply_impulses(-1.0, grain, body, *records)
+    gs.apply_records(-1.0, grain, body, *records)
     records[1][:, gs.RX : gs.RZ + 1] = 0.0
     records[3][:, gs.RX : gs.RZ + 1] = 0.0
     body[:, gs.BRAKE] = 0.0
@@ -145,13 +146,13 @@ def test_residual_equals_a_dense_reference_at_every_stage(convex):
     for sweeps in (0, 1, 5, 50):
         now = _copy(records)
         for _ in range(sweeps):
-            gs.sweep(False, convex, None, None, *now)
+            gs.sweep_records(convex, relax_number(convex, None), None, *now)
         r = np.array([row[gs.RX : gs.RZ + 1] for row in _rows(now)])
         velocity = free + np.einsum("mik,mi->k", matrices, r) / mass
         velocity[-1] -= now[1][0, gs.BRAKE] * now[1][0, gs.IJ]
         assert _vector(*now[:2]) == pytest.approx(velocity, rel=1e-10, abs=1e-12)
         expected = _dense_residual(matrices, mass, velocity, _rows(now), convex=bool(convex))
-        assert gs.residual(convex, None, *now) == pytest.approx(expected, rel=1e-9, abs=1e-15)
+        assert gs.residual_records(convex, None, *now) == pytest.approx(expected, rel=1e-9, abs=1e-15)
 
 
 @pytest.mark.parametrize("inertia", [1e-6, 1e-4, 1e2])

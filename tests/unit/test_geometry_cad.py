@@ -143,7 +143,7 @@ def test_the_same_section_has_the_same_flux(clutch_step):
         return AxisymmetricProblem(mesh, laws).solve(3000.0).flux_linkage_per_turn
 
     coarse = flux(mesh_cad(clutch_step, size_factor=1.5)) / flux(mesh_clutch(CLUTCH, size_factor=1.5)) - 1.0
-    fine = flux(mesh_cad(clutch_step, size_factor=0.6)) / flux(mesh_clutch(CLUTCH, size_factor=0.6)) - 1.0
+    fine = flux(mesh_cad(clutch_step, size_factor=0.8)) / flux(mesh_clutch(CLUTCH, size_factor=0.8)) - 1.0
     assert abs(coarse) < 2e-3 and abs(fine) < 5e-4
 
 

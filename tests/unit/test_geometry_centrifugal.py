@@ -105,7 +105,7 @@ def test_the_space_left_to_the_shot_is_that_of_random_points_outside_all_parts()
     """Monte Carlo against the closed form; the points' share has the standard error sqrt(p (1 - p)/n)."""
     clutch = replace(CLUTCH, vane_thickness=12 * MM, rib_height=8 * MM, rib_width=14 * MM)  # so that parts matter
     rng = np.random.default_rng(4)
-    n = 20_000
+    n = 8_000
     r = np.sqrt(rng.uniform(clutch.hub_radius**2, clutch.drum_radius**2, n))
     theta, z = rng.uniform(0.0, 2.0 * math.pi, n), rng.uniform(-0.5, 0.5, n) * clutch.width
     points = np.column_stack([r * np.cos(theta), r * np.sin(theta), z])
