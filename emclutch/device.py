@@ -143,9 +143,9 @@ class Device:
 
     @property
     def shear_gap(self) -> float:
-        """Width [m] of that gap."""
+        """Width [m] of that gap; 0 for a box."""
         if isinstance(self.shape, Box):
-            return min(self.shape.size)
+            return 0.0
         if isinstance(self.shape, (ShearCell, CentrifugalClutch)):
             return self.shape.outer_radius - self.shape.inner_radius
         if self.shears_faces:
@@ -158,6 +158,8 @@ class Device:
         """Width [m] of the narrowest gap that is filled, in which layers of grains go past each other fastest."""
         if isinstance(self.shape, Clutch) and self.region == "cavity":
             return min(self.shape.gap, self.shape.face_gap)
+        if isinstance(self.shape, Box):
+            return min(self.shape.size)
         return self.shear_gap
 
     @property

@@ -12,12 +12,12 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import numpy as np
 
-from geometry.kernel_cache import has_entries
+from geometry.kernel_cache import ROOT, has_entries
 from geometry.threads import default_threads
 from geometry.walls import cylinder
 from particles import (
@@ -31,16 +31,20 @@ from particles import (
     HertzMindlin,
     LinearContact,
     PairLaws,
+    RollingFriction,
     ThesisContact,
     WaltonBraun,
 )
 
 RADIUS, MASS = 1e-3, 1e-5
+LONGEST = 300.0  # s that a run waits for the child
 
 
 def kind_of(scene: Any) -> list[str]:
     """What decides which step a scene by DEM has: its law, and the parts that cost in the loop over pairs."""
+    effects = scene.effects
     parts = {
+        "resistance": effects.rolling_friction is not None or effects.twisting_friction is not None,
         "sizes": scene.particles.sizes is not None,
         "sector": scene.particles.sector is not None,
         "energies": scene.output.energies,
@@ -52,7 +56,7 @@ def grains_of_kind(law: str, *parts: str) -> DEM:
     """A DEM of two grains whose step is compiled from the same types as that of a scene of this kind."""
     radius = RADIUS * np.array([1.0, 1.2 if "sizes" in parts else 1.0])
     where = np.array([[10.0, 1.0, 0.0], [10.0, 4.0, 0.0]]) * RADIUS
-    laws = PairLaws.of_one(_law(law))
+    laws = PairLaws.of_one(_law(law), rolling=RollingFriction(0.1) if "resistance" in parts else None)
     sector = CyclicSector(2.0 * np.pi / 6.0) if "sector" in parts else None
     bore = cylinder("bore", "drum", 20.0 * RADIUS, -1.0, 1.0)
     return DEM(
@@ -82,8 +86,14 @@ def start(scene: Any) -> subprocess.Popen | None:
     cores = default_threads(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
     if scene.contact.method != "dem" or cores < 2 or has_entries(run_steps):
         return None
-    command = [sys.executable, "-m", "emclutch.kernel_warm_up", *kind_of(scene)]
-    return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    # -P: the folder that the user stands in may hold files with the names of modules, from elsewhere even
+    command = [sys.executable, "-P", "-m", "emclutch.kernel_warm_up", *kind_of(scene)]
+    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+    null = subprocess.DEVNULL
+    try:
+        return subprocess.Popen(command, stdin=null, stdout=null, stderr=null, env={**os.environ, "PYTHONPATH": path})
+    except OSError:  # it only saves time
+        return None
 
 
 @contextmanager
@@ -94,7 +104,8 @@ def step_compiled_beside(scene: Any, tell: Callable[[str], None]) -> Iterator[Ca
     def ready() -> None:
         if child is not None and child.poll() is None:
             tell("compiling the grains' step (DEM), once, in a second process")
-            child.wait()
+            with suppress(subprocess.TimeoutExpired):  # then the run compiles it itself
+                child.wait(timeout=LONGEST)
 
     try:
         yield ready

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from emclutch.case import Case
-from emclutch.results import OutputError, RunFolder
+from emclutch.results import OutputError, RunFolder, read_history
 from emclutch.results.folder_lock import LOCK, locked_folder
 from emclutch.resume import differing_keys, flat_scene, may_change, refuse_changed_files
 
@@ -128,9 +128,13 @@ def _is_done(path: Path, scene: dict[str, Any]) -> bool:
 
 
 def _refuse_earlier_end(path: Path, old: dict[str, Any], new: dict[str, Any]) -> None:
-    if RunFolder(path).checkpoint.is_file() and old.get("time.end", 0.0) > new["time.end"]:
+    run = RunFolder(path)
+    if not run.checkpoint.is_file() or not run.history.is_file() or old.get("time.end", 0.0) <= new["time.end"]:
+        return
+    times = read_history(run.history)["time"]
+    reached = float(times.iloc[-1]) if len(times) else 0.0
+    if reached > new["time.end"]:
         raise OutputError(
-            f"{path} has run to time.end = {old['time.end']:g} s, and the study now ends at {new['time.end']:g} s: its "
-            f"torque is the mean of a longer run; set time.end to {old['time.end']:g} s or later, or begin a new study "
-            "with --out"
+            f"{path} has run to {reached:.4g} s, and the study now ends at {new['time.end']:g} s: its torque is the "
+            f"mean of a longer run; set time.end to {old['time.end']:g} s or later, or begin a new study with --out"
         )

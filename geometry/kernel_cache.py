@@ -19,7 +19,7 @@ import gc
 import hashlib
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
@@ -91,7 +91,7 @@ def kernel_stamp(function: Callable) -> str:
 
 def has_entries(kernel: Any) -> bool:
     """Whether the cache holds code of a kernel as it is now, for whatever types; False for one without a cache."""
-    file = getattr(kernel._cache, "_cache_file", None)
+    file = getattr(getattr(kernel, "_cache", None), "_cache_file", None)  # without a compiler it is a plain function
     if file is None:
         return False
     with _locked(file._index_path, alone=False):
@@ -112,6 +112,9 @@ def _add_function(function: Any, digest: Any, seen: set[int]) -> None:
     _add_code(function.__code__, function.__doc__, digest)
     for name, value in _globals_read(function, _names(function.__code__)):
         _add_value(name, value, digest, seen)
+    for name, value in sorted(function.__globals__.items()):  # may be an argument: numba knows its name only
+        if isinstance(value, type) and hasattr(value, "_fields") and is_own(value):
+            _add_value(name, value, digest, seen)
 
 
 def _names(code: CodeType) -> set[str]:
@@ -241,7 +244,8 @@ def _locked(path: str, *, alone: bool) -> Iterator[None]:
         yield
         return
     with file:
-        fcntl.flock(file, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)  # released when the file is closed
+        with suppress(OSError):  # a file system without locks
+            fcntl.flock(file, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)  # released when the file is closed
         yield
 
 

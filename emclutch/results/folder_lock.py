@@ -60,7 +60,8 @@ def locked_folder(folder: str | Path) -> Iterator[None]:
             os.close(held)  # such systems remove no open file
         with suppress(OSError):  # a folder that was moved or made read-only meanwhile is no reason to fail
             # While it is held: whoever opened the file before finds in `_take` that it is not the folder's any more.
-            path.unlink(missing_ok=True)
+            if fcntl is None or _is_still(path, held):  # not another's, in a folder that took this one's name
+                path.unlink(missing_ok=True)
         if fcntl is not None:
             os.close(held)
 

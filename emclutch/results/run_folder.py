@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import os
+import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -55,7 +56,7 @@ class RunFolder:
                     number += 1
                 if folder.summary.is_file():  # it is that of the old scene: a new one comes when the run ends
                     os.replace(folder.summary, folder.path / f"summary-{number}.json")
-                os.replace(folder.case, older)
+                shutil.copy2(folder.case, older)  # there is a case.toml at every moment
             replace_text(folder.case, case_toml_text)
         except OSError as error:
             raise OutputError(

@@ -82,9 +82,13 @@ def steady_torque(history: pandas.DataFrame, conditions: SteadyConditions) -> Es
 def _imbalance(late: pandas.DataFrame, duration: np.ndarray, mean: float, error: float) -> str:
     """What is wrong with the balance of mean torques on all that touches the powder; empty where it holds."""
     columns = [name for name in ("torque_disc", "torque_rotor", "torque_housing", "torque_field") if name in late]
-    if len(columns) == 1:  # a history without the torque on anything else has no balance
+    if "angular_momentum" in late and len(late) > 1:  # weight may turn the powder too, about a shaft that lies
+        kept = late["angular_momentum"].to_numpy()
+        left = float((kept[-1] - kept[0]) / duration[1:].sum())
+    elif len(columns) == 1:  # a history without the torque on anything else has no balance
         return ""
-    left = float(np.average(late[columns].sum(axis=1), weights=duration))
+    else:
+        left = float(np.average(late[columns].sum(axis=1), weights=duration))
     if abs(left) <= LARGEST_IMBALANCE * abs(mean) + 3.0 * error:
         return ""
     end = float(late["time"].iloc[-1])

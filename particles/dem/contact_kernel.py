@@ -15,7 +15,7 @@ in a step the mean of its last and its present force times that drift (trapezoid
 beside the spring, in a step that keeps the books (``ledger``) only.
 
 Columns of a contact's history: 0-2 spring xi [m]; with any law but the linear one 3 its memory, 4 its last k_t [N/m],
-5 its last stored energy [J]; from ``columns[0]`` 3 rolling angles [rad]; from ``columns[1]`` the twisting angle [rad],
+5 its last stored energy [J]; from ``columns[0]`` 3 rolling angles [rad]; from ``columns[1]`` the twisting angle [rad];
 from ``columns[2]`` the last forces: normal dashpot, tangential force (3), rolling couple (3), twisting couple.
 """
 
@@ -240,7 +240,7 @@ def twisting_couple(
 
 
 @inner(error_model="numpy", fastmath={"contract"})
-def left_in_springs(linear, walton_braun, law, kind, arm, closed, history, slot, columns):
+def left_in_springs(linear, walton_braun, resisting, law, kind, arm, closed, history, slot, columns):
     """What a contact that has just parted still held, by the mechanism that it is lost to [J].
 
     ``closed`` is the distance by which its last drift closed it (negative: opened) [m]. Returns the losses to normal
@@ -257,9 +257,10 @@ def left_in_springs(linear, walton_braun, law, kind, arm, closed, history, slot,
     lost_s = 0.5 * k_t * (history[slot, 0] ** 2 + history[slot, 1] ** 2 + history[slot, 2] ** 2)
     lost_r = lost_w = 0.0
     k = k_t * arm * arm
-    if columns[0] >= 0:
-        r = columns[0]
-        lost_r = 0.5 * k * (history[slot, r] ** 2 + history[slot, r + 1] ** 2 + history[slot, r + 2] ** 2)
-    if columns[1] >= 0:
-        lost_w = 0.5 * k * history[slot, columns[1]] ** 2
+    if resisting is not None:
+        if columns[0] >= 0:
+            r = columns[0]
+            lost_r = 0.5 * k * (history[slot, r] ** 2 + history[slot, r + 1] ** 2 + history[slot, r + 2] ** 2)
+        if columns[1] >= 0:
+            lost_w = 0.5 * k * history[slot, columns[1]] ** 2
     return lost_n, lost_s, lost_r, lost_w

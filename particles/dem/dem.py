@@ -344,6 +344,7 @@ class DEM:
         on = {name: True if self.laws.kernel == name else None for name in SPRINGS}
         self._law_flags = [on[name] for name in ("linear", "hertz_mindlin", "hertz", "thesis", "walton_braun")]
         self._rolling, self._twisting = bool(rows[:, MU_ROLLING].any()), bool(rows[:, MU_TWISTING].any())
+        self._resisting = True if self._rolling or self._twisting else None
         self._cohesive = bool(rows[:, [COHESION_0, COHESION_1]].any())
         rolling = 3 if self.laws.kernel == "linear" else 6
         twisting = rolling + (3 if self._rolling else 0)
@@ -420,7 +421,7 @@ class DEM:
             (0.5 * self.skin) ** 2, WALL_SKIN * self.skin, self.overlap_limit,
             self._fastest,
             *self._law_flags, self.laws.rows, self.laws.pair, self._wall_row, species, self._equal, self._columns,
-            self._cohesive, True if self.ledger else None, self._turn, gravity, external,
+            self._cohesive, self._resisting, True if self.ledger else None, self._turn, gravity, external,
             g.where, g.motion, g.mass, c.reference, self._net, k.late,
             c.pairs.start, c.pairs.other, None if self.sector is None else c.pairs.shift, c.touching, c.history, none,
             k.start, k.cross_start, k.reaction, k.late_start, k.late_grain, k.in_start, k.in_slot,

@@ -71,10 +71,10 @@ def drift(i, dt, ledger, gravity, step, external, where, motion, m, reference, n
 
 
 @inner(error_model="numpy", fastmath={"contract"})
-def add_left(linear, walton_braun, law, kind, radius, history, slot, columns, lost):
+def add_left(linear, walton_braun, resisting, law, kind, radius, history, slot, columns, lost):
     """Book what the springs of a wall's slot held when the grain left it."""
     a, b, c, d = left_in_springs(
-        linear, walton_braun, law, kind, radius, 0.0, history, slot, columns
+        linear, walton_braun, resisting, law, kind, radius, 0.0, history, slot, columns
     )
     lost[0] += a
     lost[1] += b
@@ -84,7 +84,7 @@ def add_left(linear, walton_braun, law, kind, radius, history, slot, columns, lo
 
 @inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def touching_walls(
-    first, end, x, y, z, radius, linear, walton_braun, ledger, law, wall_row, kind_row, columns,
+    first, end, x, y, z, radius, linear, walton_braun, resisting, ledger, law, wall_row, kind_row, columns,
     wall, triangle, wall_body, body_turn, wall_other, wall_touching, wall_history, found, lost,
 ):  # fmt: skip
     """What grain i touches among its wall slots first <= k < end: rows (slot, distance, unit vector towards the wall).
@@ -103,7 +103,7 @@ def touching_walls(
             wall_touching[first] = 0
             if ledger is not None:
                 row = wall_row[kind_row, wall_other[first]]
-                add_left(linear, walton_braun, law, row, radius, wall_history, first, columns, lost)
+                add_left(linear, walton_braun, resisting, law, row, radius, wall_history, first, columns, lost)
             for a in range(wall_history.shape[1]):
                 wall_history[first, a] = 0.0
         return 0
@@ -135,7 +135,7 @@ def touching_walls(
                     if wall_touching[new] != 0 and ledger is not None:  # two contacts have become one
                         row = wall_row[kind_row, wall_other[old]]
                         add_left(
-                            linear, walton_braun, law, row, radius, wall_history, old, columns, lost
+                            linear, walton_braun, resisting, law, row, radius, wall_history, old, columns, lost
                         )
                     if wall_touching[new] == 0:
                         wall_touching[new] = 1
@@ -163,7 +163,7 @@ def touching_walls(
                     break
             if ledger is not None and not handed:
                 row = wall_row[kind_row, wall_other[k]]
-                add_left(linear, walton_braun, law, row, radius, wall_history, k, columns, lost)
+                add_left(linear, walton_braun, resisting, law, row, radius, wall_history, k, columns, lost)
             for b in range(wall_history.shape[1]):
                 wall_history[k, b] = 0.0
     for a in range(count):
@@ -175,7 +175,7 @@ def touching_walls(
 def sweep_rows(
     chunk, lo, hi, dt, step, last,
     linear, hertz_mindlin, hertz, thesis, walton_braun, law, pair_row, wall_row, species, equal, columns,
-    cohesive, ledger, turn, gravity, external,
+    cohesive, resisting, ledger, turn, gravity, external,
     where, motion, mass, reference, net, late,
     pair_start, pair_other, pair_shift, pair_touching, pair_history, pair_record, cross_start, cross,
     wall, triangle, wall_body, body_speed, body_turn,
@@ -236,6 +236,7 @@ def sweep_rows(
                         lost_1, lost_2, lost_3, lost_4 = left_in_springs(
                             linear,
                             walton_braun,
+                            resisting,
                             law,
                             kind,
                             arm,
@@ -313,7 +314,7 @@ def sweep_rows(
             fx, fy, fz = fx + gx, fy + gy, fz + gz
             tx, ty, tz = tx + li * mx, ty + li * my, tz + li * mz
             mx, my, mz = lj * mx, lj * my, lj * mz
-            if columns[0] >= 0 or columns[1] >= 0:
+            if resisting is not None:
                 own, others = mi * ri * ri, mj * rj * rj
                 inertia = 0.4 * own * others / (own + others)
                 damping = law[kind, DAMPING_ROLLING]
@@ -359,7 +360,7 @@ def sweep_rows(
                 if species.shape[0] > 0:
                     kind_row = species[i]
             count = touching_walls(
-                first, end, x, y, z, ri, linear, walton_braun, ledger, law, wall_row, kind_row,
+                first, end, x, y, z, ri, linear, walton_braun, resisting, ledger, law, wall_row, kind_row,
                 columns, wall, triangle, wall_body, body_turn, wall_other, wall_touching, wall_history, found, lost,
             )  # fmt: skip
             for a in range(count):
@@ -396,7 +397,7 @@ def sweep_rows(
                 ty += distance * (nz * gx - nx * gz)
                 tz += distance * (nx * gy - ny * gx)
                 row = body_chunks[chunk, body]
-                if columns[0] >= 0 or columns[1] >= 0:
+                if resisting is not None:
                     inertia = 0.4 * mi * ri * ri
                     damping = law[kind, DAMPING_ROLLING]
                     if columns[0] >= 0:

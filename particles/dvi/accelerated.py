@@ -295,12 +295,12 @@ def _anderson(convex, relax, soft, tolerance, cap, grain, body, pair_index, pair
 
 def solve_records(convex, relax, soft, method, tolerance, cap, *records):
     """`solve` for calls from Python, without couples; ``relax`` None: not relaxed."""
-    return _solve(convex, relax_number(convex, relax), soft, method, tolerance, cap, *records, no_couples())
+    return _solve(convex, relax_number(convex, relax), soft, method, tolerance, cap, *records, no_couples())  # type: ignore[call-arg]
 
 
 def accelerate_records(convex, relax, soft, tolerance, cap, *records):
     """`anderson` for calls from Python, without couples; ``relax`` None: not relaxed."""
-    return _anderson(convex, relax_number(convex, relax), soft, tolerance, cap, *records, no_couples())
+    return _anderson(convex, relax_number(convex, relax), soft, tolerance, cap, *records, no_couples())  # type: ignore[call-arg]
 
 
 def relax_number(convex: bool | None, relax: float | None) -> float:

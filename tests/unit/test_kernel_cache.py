@@ -1,5 +1,6 @@
 """The cache of kernels follows what a kernel is made of, and no process takes another's code."""
 
+import errno
 import gc
 import importlib
 import multiprocessing
@@ -8,6 +9,7 @@ import pkgutil
 import subprocess
 import sys
 import types
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -21,6 +23,10 @@ from geometry.kernel_cache import callees, kernel_stamp, specialisations
 CALLEE = """
 FACTOR = 2.0
 UNUSED = 3.0
+
+class Arrays(NamedTuple):
+    first: float
+    second: float
 
 @njit(error_model="numpy")
 def scaled(x):
@@ -50,7 +56,7 @@ def stamp(callee=CALLEE, kernel=KERNEL, shift=1.0):
     constants.SHIFT, constants.OTHER = shift, 5.0
     sys.modules["constants"] = constants
     try:
-        below = {"njit": njit, "__name__": "particles.callee"}
+        below = {"njit": njit, "NamedTuple": NamedTuple, "__name__": "particles.callee"}
         exec(callee, below)
         above = {"njit": njit, "__name__": "particles.kernel", "scaled": below["scaled"]}
         exec(kernel, above)
@@ -80,6 +86,7 @@ def test_the_stamp_stays(what, change):
         ("a number", {"kernel": KERNEL.replace("range(10)", "range(11)")}),
         ("an instruction of a callee", {"callee": CALLEE.replace("FACTOR * x", "FACTOR + x")}),
         ("a constant of a callee's module", {"callee": CALLEE.replace("FACTOR = 2.0", "FACTOR = 2.5")}),
+        ("the fields of a class that may be an argument", {"callee": CALLEE.replace("first", "third")}),
         ("a callee that stands below", {"kernel": KERNEL.replace("x > 0.0", "x >= 0.0")}),
         ("a constant read through its module", {"shift": 1.5}),
         ("a compiler option", {"kernel": KERNEL.replace("numpy", "python", 1)}),
@@ -175,6 +182,16 @@ def test_specialisations_are_counted_by_kernel_and_types():
     mine = {one for one in specialisations() if one.startswith("particles.walls.device_walls._merge(")}
     assert len(mine) == len(_merge.overloads) >= 1
     assert not any("foreign" in one for one in specialisations())
+
+
+def test_a_file_system_without_locks_is_no_reason_to_stop(tmp_path, monkeypatch):
+    def refuse(file, how):
+        raise OSError(errno.ENOLCK, "no locks available")
+
+    monkeypatch.setattr("geometry.kernel_cache.fcntl.flock", refuse)
+    file = IndexDataCacheFile(str(tmp_path), "kernel-s.py311", "stamp")
+    file.save("key", "code")
+    assert file.load("key") == "code"
 
 
 def test_the_collector_runs_again_after_a_kernel_was_compiled():

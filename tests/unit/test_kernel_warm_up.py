@@ -51,3 +51,16 @@ def test_there_is_no_second_process_where_one_thread_is_asked_for(monkeypatch):
     """So in this test run, whose workers have one core each."""
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
     assert kernel_warm_up.start(case_from(CELL).scene) is None
+
+
+def test_the_second_process_runs_no_file_of_the_folder_that_the_user_stands_in(tmp_path, monkeypatch):
+    (tmp_path / "numpy.py").write_text("open('ran', 'w')")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("OMP_NUM_THREADS", "2")
+    monkeypatch.setattr(kernel_warm_up, "has_entries", lambda kernel: False)
+    monkeypatch.setattr(kernel_warm_up, "kind_of", lambda scene: ["no such law", "no such part"])
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")  # of the child: it runs the step, and compiles nothing
+    child = kernel_warm_up.start(case_from(CELL).scene)
+    if child is not None:  # a machine with one core has none
+        assert child.wait(timeout=120) == 0
+    assert not (tmp_path / "ran").exists()

@@ -86,6 +86,18 @@ def test_a_lock_that_its_holder_removed_in_between_is_none(tmp_path, monkeypatch
             pass
 
 
+def test_a_holder_whose_folder_was_moved_leaves_the_next_ones_lock(tmp_path):
+    with locked_folder(tmp_path / "run"):
+        (tmp_path / "run").rename(tmp_path / "aside")
+        other = locked_folder(tmp_path / "run")
+        other.__enter__()
+    with pytest.raises(OutputError, match="is in use by"):
+        with locked_folder(tmp_path / "run"):
+            pass
+    other.__exit__(None, None, None)
+    assert not (tmp_path / "run" / LOCK).exists()
+
+
 def test_without_locks_of_the_kernel_the_file_is_the_lock(tmp_path, monkeypatch):
     def none(descriptor, how):
         raise OSError(errno.ENOTSUP, "no locks here")

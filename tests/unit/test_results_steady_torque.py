@@ -94,6 +94,16 @@ def test_shafts_that_hold_need_no_shear():
     assert steady_torque(held, CONDITIONS).converged
 
 
+def test_weight_that_turns_powder_about_a_lying_shaft_is_no_imbalance():
+    """The torques on the bodies then add up to the weight's; the powder's angular momentum does not change."""
+    rows = history(driven=2.5)
+    assert "goes into the powder" in steady_torque(rows, CONDITIONS).reason
+    noise = 1e-6 * np.random.default_rng(2).standard_normal(WINDOWS)
+    assert steady_torque(rows.assign(angular_momentum=0.3 + noise), CONDITIONS).converged
+    rising = rows.assign(angular_momentum=0.5 * rows["time"])
+    assert "goes into the powder" in steady_torque(rising, CONDITIONS).reason
+
+
 def test_a_folder_that_does_not_know_its_gap_is_not_trusted(tmp_path):
     """Of an earlier version: the scene says from when to average, but not how much the gap was sheared."""
     folder = RunFolder.create(tmp_path / "run", CASE.with_values({"time.average_from": "3 s"}).toml())
