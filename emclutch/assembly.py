@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from math import pi
 
@@ -38,15 +38,11 @@ from particles import DEM, DVI, Body, FreeShaft, Grains, PrescribedSpeed
 log = logging.getLogger(__name__)
 
 
-def assemble(
-    case: Case, device: Device, plan: Plan, before_first_step: Callable[[], None] | None = None
-) -> Simulation:
+def assemble(case: Case, device: Device, plan: Plan) -> Simulation:
     """Pack the grains (seeded), build the simulation and let them settle; raises PackingError when they do not fit."""
     scene = case.scene
     packing = packed(scene, device.boxes, device.walls(), plan.count, plan.sector)
     simulation = simulation_of(case, device, plan, grains_of(packing, scene.particles.density))
-    if before_first_step is not None:
-        before_first_step()
     settling = settled(scene, simulation.dem)
     if settling is not None:
         log.info(

@@ -2,7 +2,7 @@
 
 Compiling it takes about as long as everything else before a new user's first window, and both use one core. So where
 the cache holds no step at all, a child makes a step of the same kind with two grains, which puts the code into the
-cache, and the run waits for it before its own first step. A run whose kind of step is not in a cache that has others
+cache, where the run finds it, or waits for it. A run whose kind of step is not in a cache that has others
 compiles it itself: to ask for that would mean to build the grains first.
 """
 
@@ -12,7 +12,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -37,7 +37,6 @@ from particles import (
 )
 
 RADIUS, MASS = 1e-3, 1e-5
-LONGEST = 300.0  # s that a run waits for the child
 
 
 def kind_of(scene: Any) -> list[str]:
@@ -97,18 +96,16 @@ def start(scene: Any) -> subprocess.Popen | None:
 
 
 @contextmanager
-def step_compiled_beside(scene: Any, tell: Callable[[str], None]) -> Iterator[Callable[[], None]]:
-    """Compile the grains' step in a second process during the block; yields what waits for it, before a first step."""
+def step_compiled_beside(scene: Any, tell: Callable[[str], None]) -> Iterator[None]:
+    """Compile the grains' step in a second process during the block.
+
+    Whoever asks for the step meanwhile waits for it at the cache's lock (`geometry.kernel_cache`).
+    """
     child = start(scene)
-
-    def ready() -> None:
-        if child is not None and child.poll() is None:
-            tell("compiling the grains' step (DEM), once, in a second process")
-            with suppress(subprocess.TimeoutExpired):  # then the run compiles it itself
-                child.wait(timeout=LONGEST)
-
+    if child is not None:
+        tell("compiling the grains' step (DEM) in a second process, once, about half a minute")
     try:
-        yield ready
+        yield
     finally:
         if child is not None and child.poll() is None:
             child.terminate()

@@ -97,17 +97,17 @@ def run(
         with (
             folder.logging(),
             compilation_told(tell) as compiled,
-            step_compiled_beside(case.scene, tell) as step_ready,
+            step_compiled_beside(case.scene, tell),
         ):
             try:
-                return _run(case, folder, case_text, resume, progress, begin, compiled, step_ready)
+                return _run(case, folder, case_text, resume, progress, begin, compiled)
             except (ConvergenceError, ParticleError, PointOutside, ValueError) as error:
                 text = f"{error}{remedy_in_scene(case, error)}"
                 log.error("%s", text)
                 raise RunError(f"{text}\n(log: {folder.log})") from error
 
 
-def _run(case, folder, case_text, resume, progress, begin, compiled, step_ready) -> Result:
+def _run(case, folder, case_text, resume, progress, begin, compiled) -> Result:
     scene = case.scene
     _say(progress, 0.0, "mesh and field")
     device, plan = make_plan(case)
@@ -128,12 +128,11 @@ def _run(case, folder, case_text, resume, progress, begin, compiled, step_ready)
         state = run_checkpoint(folder.checkpoint)
         plan = plan.continued(state["steps_per_update"], state["updates"], scene.time.end)
         simulation, resume_time = restore(case, device, plan, state)
-        step_ready()
         log.info("resumed at t = %g s, window %d of %d", resume_time, simulation.window, plan.windows)
         if simulation.window < plan.windows:  # of an earlier end: a run that is cut off from here on has no summary
             folder.summary.unlink(missing_ok=True)
     else:
-        simulation, resume_time = assemble(case, device, plan, step_ready), None
+        simulation, resume_time = assemble(case, device, plan), None
         log.info("started: %d windows", plan.windows)
     snapshots = Snapshots(
         folder, simulation.dem.walls, plan.windows, scene.output.snapshots, scene.output.formats, case_text, resume_time

@@ -7,7 +7,8 @@ processes that compile one function for different arguments at the same time may
 
 So (1) a kernel's stamp is a hash of what it is made of (`kernel_stamp`): its own instructions and constants, without
 docstrings, comments and line numbers, the values of the globals that it reads, and the same of every compiled function
-that it calls, whichever file it stands in; (2) index and code are read and written under a lock.
+that it calls, whichever file it stands in; (2) index and code are read and written under a lock, and who finds another
+process compiling a kernel waits for its code instead of compiling it too.
 
 It stands in this package because `field` and `particles` both have kernels and import nothing else in common; each
 imports it before its first kernel is defined. Kernels of other packages keep numba's own rule.
@@ -21,8 +22,9 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from time import sleep
 from types import CodeType, FunctionType, ModuleType
-from typing import Any
+from typing import IO, Any
 
 import numba
 import numpy as np
@@ -36,6 +38,7 @@ except ImportError:  # no such locks on Windows: there numba's own rule holds
 
 PACKAGES = ("geometry", "field", "particles", "coupling", "emclutch")
 ROOT = Path(__file__).resolve().parents[1]
+LONGEST_WAIT, POLL = 180.0, 0.1  # s, for another process that compiles; between two looks
 
 
 def inner(**options: Any) -> Callable[[Callable], Any]:
@@ -249,6 +252,34 @@ def _locked(path: str, *, alone: bool) -> Iterator[None]:
         yield
 
 
+_compiling: list[IO] = []  # locks of kernels that this process compiles
+
+
+def _wait_to_compile(path: str) -> None:
+    """Be the one process that compiles what an index lacks, until `_compiled`; after a long wait, be another one."""
+    try:
+        file = open(f"{path}.compiling", "a")
+    except OSError:
+        return
+    for _ in range(round(LONGEST_WAIT / POLL)):
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            sleep(POLL)
+        except OSError:  # a file system without locks
+            break
+        else:
+            _compiling.append(file)
+            return
+    file.close()
+
+
+def _compiled() -> None:
+    """Let other processes go on."""
+    while _compiling:
+        _compiling.pop().close()
+
+
 class _WithoutCollection(event.Listener):
     """No garbage collection while a kernel is compiled: it makes millions of objects and takes an eighth less time."""
 
@@ -264,8 +295,11 @@ class _WithoutCollection(event.Listener):
 
     def on_end(self, event: event.Event) -> None:
         self._depth -= 1
-        if self._depth == 0 and self._was_on:
-            gc.enable()
+        if self._depth == 0:
+            if sys.exc_info()[0] is not None:  # failed (`is_failed` is inverted in 0.68); else it is saved first
+                _compiled()
+            if self._was_on:
+                gc.enable()
 
 
 def _install() -> None:
@@ -281,10 +315,19 @@ def _install() -> None:
     def locked_save(self, key, data):
         with _locked(self._index_path, alone=True):
             save(self, key, data)
+        _compiled()
 
     def locked_load(self, key):
         with _locked(self._index_path, alone=False):
-            return load(self, key)
+            found = load(self, key)
+        if found is None and fcntl is not None and isinstance(self._source_stamp, _Stamp):
+            _compiled()
+            _wait_to_compile(self._index_path)  # until the code that numba compiles now has been saved
+            with _locked(self._index_path, alone=False):
+                found = load(self, key)
+            if found is not None:
+                _compiled()
+        return found
 
     caching.IndexDataCacheFile.save, caching.IndexDataCacheFile.load = locked_save, locked_load  # type: ignore
 

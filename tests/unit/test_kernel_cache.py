@@ -6,6 +6,7 @@ import importlib
 import multiprocessing
 import os
 import pkgutil
+import queue
 import subprocess
 import sys
 import types
@@ -18,7 +19,8 @@ from numba.core import event
 from numba.core.caching import IndexDataCacheFile, NullCache
 from numba.core.dispatcher import Dispatcher
 
-from geometry.kernel_cache import callees, kernel_stamp, specialisations
+from geometry import kernel_cache
+from geometry.kernel_cache import _Stamp, callees, kernel_stamp, specialisations
 
 CALLEE = """
 FACTOR = 2.0
@@ -182,6 +184,30 @@ def test_specialisations_are_counted_by_kernel_and_types():
     mine = {one for one in specialisations() if one.startswith("particles.walls.device_walls._merge(")}
     assert len(mine) == len(_merge.overloads) >= 1
     assert not any("foreign" in one for one in specialisations())
+
+
+def ask(folder, begun, answer):
+    """Ask for a kernel that another process has begun to compile."""
+    begun.wait(10.0)
+    file = IndexDataCacheFile(folder, "kernel-s.py311", _Stamp(write))
+    answer.put((file.load("key"), len(kernel_cache._compiling)))
+
+
+def test_who_finds_a_kernel_being_compiled_waits_for_its_code(tmp_path):
+    context = multiprocessing.get_context("fork")
+    begun, answer = context.Event(), context.Queue()
+    other = context.Process(target=ask, args=(str(tmp_path), begun, answer))
+    other.start()  # before there is a lock, or it would inherit it
+    file = IndexDataCacheFile(str(tmp_path), "kernel-s.py311", _Stamp(write))
+    assert file.load("key") is None  # it is not there: numba compiles it now
+    begun.set()
+    with pytest.raises(queue.Empty):
+        answer.get(timeout=0.5)
+    file.save("key", "code")
+    assert answer.get(timeout=10.0) == ("code", 0)
+    other.join()
+    assert file.load("another") is None and len(kernel_cache._compiling) == 1
+    kernel_cache._compiled()
 
 
 def test_a_file_system_without_locks_is_no_reason_to_stop(tmp_path, monkeypatch):
