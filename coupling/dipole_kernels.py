@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from geometry.kernel_cache import inner
+from geometry.inner_functions import inner
 
 FACES_NO_WALL = 1e30
 

@@ -90,7 +90,6 @@ def run(
                 refuse_changed_files(case, folder)
         folder = RunFolder.create(target, case_text, resume=resume)
 
-
         def tell(text: str) -> None:
             _announce(progress, text)
 

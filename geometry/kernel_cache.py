@@ -41,15 +41,6 @@ ROOT = Path(__file__).resolve().parents[1]
 LONGEST_WAIT, POLL = 180.0, 0.1  # s, for another process that compiles; between two looks
 
 
-def inner(**options: Any) -> Callable[[Callable], Any]:
-    """`numba.njit` for a function that kernels call and Python does not.
-
-    It is compiled into them, without a cache of its own and without the wrappers for calls from Python and C: these,
-    and the machine code of a function that nobody calls by itself, take as long to compile as the rest.
-    """
-    return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)  # type: ignore[call-overload]
-
-
 def is_own(function: Callable) -> bool:
     """Whether a function stands in one of the five packages."""
     return function.__module__.partition(".")[0] in PACKAGES

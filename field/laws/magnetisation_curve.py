@@ -19,7 +19,7 @@ from numba import njit
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from field.laws.reluctivity import MU_0, NU_0, Law, LinearLaw
-from geometry.kernel_cache import inner
+from geometry.inner_functions import inner
 
 # Cubics of a sampled law: 1e-6 takes 50 to 150 for the laws here, 1e-9 up to a thousand.
 _MOST_INTERVALS = 20_000

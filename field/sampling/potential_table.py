@@ -25,7 +25,7 @@ from field.sampling.locate import PointOutside
 from field.sampling.result_arrays import result_arrays
 from field.sampling.table_grid import TableGrid
 from field.sampling.thread_count import shared_by
-from geometry.kernel_cache import inner
+from geometry.inner_functions import inner
 
 _CHUNK = 1024  # points a task
 # Powers of t beside one of s; a constant from another file would go stale in the kernel's cache.

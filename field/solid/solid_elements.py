@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numba import njit
 
-from geometry.kernel_cache import inner
+from geometry.inner_functions import inner
 from geometry.solid_mesh import SolidMesh
 
 from .quadratic_tetrahedron import (

@@ -21,7 +21,7 @@ import scipy.sparse as sp
 from numba import njit
 
 from field.sampling.thread_count import shared_by
-from geometry.kernel_cache import inner
+from geometry.inner_functions import inner
 
 from . import tetrahedron_kernels
 from .quadratic_tetrahedron import EDGES

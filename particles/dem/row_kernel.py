@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geometry.kernel_cache import inner
+from geometry.inner_functions import inner
 from particles.dem import sums as column
 from particles.dem.contact_kernel import contact_force, left_in_springs, rolling_couple, twisting_couple
 from particles.laws.columns import DAMPING_ROLLING
@@ -73,9 +73,7 @@ def drift(i, dt, ledger, gravity, step, external, where, motion, m, reference, n
 @inner(error_model="numpy", fastmath={"contract"})
 def add_left(linear, walton_braun, resisting, law, kind, radius, history, slot, columns, lost):
     """Book what the springs of a wall's slot held when the grain left it."""
-    a, b, c, d = left_in_springs(
-        linear, walton_braun, resisting, law, kind, radius, 0.0, history, slot, columns
-    )
+    a, b, c, d = left_in_springs(linear, walton_braun, resisting, law, kind, radius, 0.0, history, slot, columns)
     lost[0] += a
     lost[1] += b
     lost[2] += c
@@ -134,9 +132,7 @@ def touching_walls(
                     wall_touching[old] = 0
                     if wall_touching[new] != 0 and ledger is not None:  # two contacts have become one
                         row = wall_row[kind_row, wall_other[old]]
-                        add_left(
-                            linear, walton_braun, resisting, law, row, radius, wall_history, old, columns, lost
-                        )
+                        add_left(linear, walton_braun, resisting, law, row, radius, wall_history, old, columns, lost)
                     if wall_touching[new] == 0:
                         wall_touching[new] = 1
                         for b in range(wall_history.shape[1]):

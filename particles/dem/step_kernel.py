@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from geometry.kernel_cache import inner
+from geometry.inner_functions import inner
 from particles.dem.row_kernel import finish_rows, sweep_rows
 from particles.dem.sums import (
     BODY_WORK,

@@ -24,7 +24,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from geometry.kernel_cache import inner
+from geometry.inner_functions import inner
 from particles.dvi.couples import no_couples, residual, sweep, weigh_couples
 from particles.dvi.gauss_seidel import BRAKE, IWN, RX
 from particles.dvi.history import HISTORY, N_PRODUCTS, extrapolate, gather, remember

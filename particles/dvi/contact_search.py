@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import prange
 
-from geometry.kernel_cache import inner
+from geometry.inner_functions import inner
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.gauss_seidel import (
     ARM,

@@ -26,7 +26,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from geometry.kernel_cache import inner
+from geometry.inner_functions import inner
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.gauss_seidel import (
     EX,

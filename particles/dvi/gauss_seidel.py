@@ -28,7 +28,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from geometry.kernel_cache import inner
+from geometry.inner_functions import inner
 from particles.dvi.local_problem import coulomb_block, natural_map
 
 # columns of a grain: velocity, 1/m, scaled spin

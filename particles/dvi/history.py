@@ -8,7 +8,7 @@ several.
 
 from __future__ import annotations
 
-from geometry.kernel_cache import inner
+from geometry.inner_functions import inner
 from particles.dvi.couples import CX
 from particles.dvi.gauss_seidel import BRAKE, PX, PY, PZ, RX, SPEED, VX, VY, VZ
 

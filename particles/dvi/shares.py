@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, prange
 
-from geometry.kernel_cache import inner
+from geometry.inner_functions import inner
 from particles.dvi.couples import couple_residual, sweep_couples
 from particles.dvi.gauss_seidel import IJ, residual, sweep_loads, sweep_pairs, sweep_walls
 from particles.dvi.history import N_PRODUCTS, extrapolate, gather, remember

@@ -33,7 +33,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geometry.kernel_cache import inner
+from geometry.inner_functions import inner
 from particles.dvi.gauss_seidel import (
     DASHPOT,
     EX,

@@ -22,7 +22,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from geometry.kernel_cache import inner
+from geometry.inner_functions import inner
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.accelerated import APGD, INTERIOR, solve
 from particles.dvi.apgd import apgd

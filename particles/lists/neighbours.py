@@ -25,7 +25,7 @@ import numba
 import numpy as np
 from numba import njit
 
-from geometry.kernel_cache import inner
+from geometry.inner_functions import inner
 from particles.lists.cells import MARGIN, CellGrid, bounds, cell_order
 from particles.sector import CyclicSector
 

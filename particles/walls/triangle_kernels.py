@@ -35,7 +35,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from geometry.kernel_cache import inner
+from geometry.inner_functions import inner
 
 # columns of a triangle's row: point A, axes e1 and e2, normal, and the flat coordinates of B and C
 AX, AY, AZ, UX, UY, UZ, VX, VY, VZ, NX, NY, NZ, LENGTH, CX, CY = range(15)

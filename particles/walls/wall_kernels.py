@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from geometry.kernel_cache import inner
+from geometry.inner_functions import inner
 
 # columns of the wall table (`particles.walls.wall_table`)
 KIND, R0, Z0, R1, Z1, UR, UZ, OWN0, NR0, NZ0, OWN1, NR1, NZ1 = range(13)

@@ -57,4 +57,4 @@ def test_a_grain_outside_the_region_raises_no_element_s_fill(mesh):
     assert deposition.outside(position).tolist() == [False] * len(kept) + [True] * len(lost)
     fill = deposition.fill(position, np.full(len(position), 1e-12))
     assert (fill * deposition.volume).sum() == pytest.approx(len(kept) * 1e-12, rel=1e-12)
-    assert np.all(deposition.at(position[len(kept):], fill) == 0.0) and deposition.at(position[:1], fill)[0] > 0.0
+    assert np.all(deposition.at(position[len(kept) :], fill) == 0.0) and deposition.at(position[:1], fill)[0] > 0.0

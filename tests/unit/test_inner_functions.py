@@ -1,0 +1,87 @@
+"""Functions that only kernels call have no machine code, and kernels that took them in do what they say."""
+
+import subprocess
+import sys
+
+import pytest
+from numba import njit, prange
+
+from geometry.inner_functions import inner
+from geometry.kernel_cache import ROOT
+
+PROGRAM = """
+import sys
+from numba import njit
+from numba.core.codegen import JITCPUCodegen
+from geometry.inner_functions import inner
+
+with_code = []
+add = JITCPUCodegen._add_module
+
+def counted(self, module):
+    with_code.append(any(not function.is_declaration for function in module.functions))
+    add(self, module)
+
+JITCPUCodegen._add_module = counted
+decorate = {"inner": inner, "njit": njit}[sys.argv[1]]
+
+@decorate()
+def cubed(x):
+    return x * x * x
+
+@decorate()
+def sixth(x):
+    return cubed(x) * cubed(x)
+
+@njit
+def kernel(x):
+    return sixth(x) + cubed(x)
+
+assert kernel(2.0) == 72.0
+print(sum(with_code))
+"""
+
+
+def modules_with_code(decorator):
+    command = [sys.executable, "-c", PROGRAM, decorator]
+    return int(subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=True).stdout)
+
+
+def test_only_the_kernel_becomes_machine_code():
+    assert modules_with_code("inner") == modules_with_code("njit") - 2
+
+
+def test_an_error_raised_inside_reaches_python():
+    @inner()
+    def checked(x):
+        if x < 0.0:
+            raise ValueError("below zero", x)
+        return x**0.5
+
+    @inner()
+    def deeper(x):
+        return 2.0 * checked(x)
+
+    @njit
+    def kernel(x):
+        return deeper(x)
+
+    assert kernel(9.0) == 6.0
+    with pytest.raises(ValueError, match="below zero") as caught:
+        kernel(-1.0)
+    assert caught.value.args == ("below zero", -1.0)
+
+
+def test_in_a_parallel_loop_and_for_two_types():
+    @inner()
+    def doubled(x):
+        return x + x
+
+    @njit(parallel=True)
+    def kernel(x):
+        total = 0.0
+        for i in prange(10):
+            total += doubled(x) + doubled(i)
+        return total
+
+    assert kernel(1.5) == 120.0
