@@ -53,7 +53,10 @@ def law_digest(law: Law | GrainLaw, gap: np.ndarray, field: np.ndarray) -> str:
 
 
 def write_table(path: Path, columns: dict[str, np.ndarray], digest: str) -> None:
-    """Write a table's arrays beside their place and move them there in one step; makes the folder."""
+    """Write a table's arrays beside their place and move them there in one step; makes the folder.
+
+    Force and moment in single precision, a thousand times finer than they are solved for.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f"{path.name}.{os.getpid()}.new")  # two runs may build one table at the same time
     try:
@@ -63,8 +66,8 @@ def write_table(path: Path, columns: dict[str, np.ndarray], digest: str) -> None
                 digest=np.array(digest),
                 gap=columns["gap"],
                 field=columns["field"],
-                force=columns["force"],
-                moment=columns["moment"],
+                force=columns["force"].astype(np.float32),
+                moment=columns["moment"].astype(np.float32),
             )
             stream.flush()
             os.fsync(stream.fileno())
