@@ -18,6 +18,10 @@ diagonal, (nu_0/a) 2 n^2 (n+1)/(2n+1), and K the Dirichlet-to-Neumann operator. 
 the edges as they are, straight: the polygon is the interface, not the circle around it, and the elements keep
 their order of convergence.
 
+A mesh of the upper half of a device that is its own mirror image, its currents too, names the plane between `mirror`:
+the field stands at right angles to it, dpsi/dz = 0, the natural condition.  `outer` then ends on that plane, which
+holds the origin of the multipoles, and of these only the odd ones, even in z, are there.
+
 References: D. Givoli, Numerical Methods for Problems in Infinite Domains, 1992 (Dirichlet-to-Neumann);
 J. Jirousek and A. Venkatesh, Int. J. Numer. Methods Eng. 35, 1992 (hybrid Trefftz elements).
 """
@@ -58,9 +62,10 @@ class OpenBoundary:
     ----------
     elements : SectionElements
         Lagrange elements of any order; `outer` is one line from axis to axis that every ray from the middle
-        of its two ends on the axis meets once (a half-circle, a half-ellipse, a rectangle).
+        of its two ends on the axis meets once (a half-circle, a half-ellipse, a rectangle); where the mesh has
+        a boundary `mirror`, the upper half of such a line.
     modes : int or None
-        Number of modes; None: as many as unknowns on `outer`, or less where the rest is below 1e-12.
+        Largest n of the modes; None: as many modes as unknowns on `outer`, or less where the rest is below 1e-12.
 
     Attributes
     ----------
@@ -83,13 +88,16 @@ class OpenBoundary:
     def __init__(self, elements: Elements, modes: int | None = None) -> None:
         mesh = elements.mesh
         edges, self.centre = _outline(mesh)
+        self._stride = 2 if "mirror" in mesh.boundaries else 1
         dofs, position = _edge_dofs(elements, edges)
         number, column = np.unique(dofs, return_inverse=True)
         column = column.reshape(dofs.shape)
         inside = elements.dof_points[number, 0] > _ON_AXIS * mesh.points[:, 0].max()
         self.dofs = number[inside].astype(np.int64)
         self.radius = _distance(mesh.points[edges], self.centre)
-        n_modes = modes or min(self.dofs.size, _modes_that_matter(_reach(mesh, self.centre, self.radius)))
+        n_modes = modes or min(
+            self._stride * self.dofs.size, _modes_that_matter(_reach(mesh, self.centre, self.radius))
+        )
 
         start, end = mesh.points[edges[:, 0]], mesh.points[edges[:, 1]]
         # enough points for the product of the two finest modes over the edge that is seen widest
@@ -105,8 +113,8 @@ class OpenBoundary:
         # einsum, not BLAS: sums in an order that does not depend on the number of threads
         S = np.einsum("neq,meq->nm", flux * weight, value)
         local = np.einsum("neq,qi->nei", flux, shape)
-        gather = np.zeros((number.size, n_modes))
-        np.add.at(gather, column.ravel(), local.reshape(n_modes, -1).T)
+        gather = np.zeros((number.size, len(S)))
+        np.add.at(gather, column.ravel(), local.reshape(len(S), -1).T)
         root = _inverse_root(0.5 * (S + S.T))
         half = np.einsum("mn,kn->mk", root, gather[inside])
         self.matrix = np.einsum("mk,ml->kl", half, half)
@@ -127,16 +135,17 @@ class OpenBoundary:
     def flux_density(self, psi: np.ndarray, points: np.ndarray) -> np.ndarray:
         """B_r, B_z [T], shape (m, 2), of psi (n_dofs,) at points (r, z) [m] outside the mesh, shape (m, 2)."""
         amplitude = np.einsum("nk,k->n", self._amplitudes, psi[self.dofs])
+        last = self._stride * amplitude.size
         points = np.atleast_2d(np.asarray(points, dtype=float))[:, None]
         # B_z = (1/r) dpsi/dr, B_r = -(1/r) dpsi/dz: fluxes through unit areas along r and along -z
         through = [
-            -np.tensordot(amplitude, self._modes(points, np.full((len(points), 2), along), amplitude.size)[1], 1)
+            -np.tensordot(amplitude, self._modes(points, np.full((len(points), 2), along), last)[1], 1)
             for along in ((0.0, -1.0), (1.0, 0.0))
         ]
         return np.column_stack([flux[:, 0] / NU_0 for flux in through])
 
     def _modes(self, where: np.ndarray, area: np.ndarray, n_modes: int) -> tuple[np.ndarray, np.ndarray]:
-        """v_n and -(nu_0/r) dv_n/dnu ds, shape (n_modes, e, q), at points (e, q, 2) with nu ds (e, 2).
+        """v_n and -(nu_0/r) dv_n/dnu ds, shape (k, e, q), at points (e, q, 2) with nu ds (e, 2), n up to n_modes.
 
         d/dx (1 - x^2) P_n' = -n (n + 1) P_n makes every term finite on the axis: with (1 - x^2) P_n' =
         n (P_(n-1) - x P_n) the gradient over r is (a/rho)^n n/rho^2 times -(1 - x^2) P_n'/sin(theta) along
@@ -147,16 +156,20 @@ class OpenBoundary:
         x, sine = z / rho, r / rho
         along_rho = area[:, None, 0] * sine + area[:, None, 1] * x
         along_theta = area[:, None, 0] * x - area[:, None, 1] * sine
-        value, flux = np.empty((2, n_modes, *r.shape))
+        value, flux = np.empty((2, -(-n_modes // self._stride), *r.shape))
         before, here = np.ones_like(x), x  # P_0, P_1
         decay = np.ones_like(x)
         for n in range(1, n_modes + 1):
             decay = decay * (self.radius / rho)
+            if (n - 1) % self._stride:
+                before, here = here, ((2 * n + 1) * x * here - n * before) / (n + 1)
+                continue
             scaled = math.sqrt((2 * n + 1) * self.radius / (NU_0 * 2.0 * n * n * (n + 1))) * decay
             derivative = n * (before - x * here)
-            value[n - 1] = scaled * derivative
+            k = (n - 1) // self._stride
+            value[k] = scaled * derivative
             over_sine = derivative / np.where(sine > 0.0, sine, 1.0)
-            flux[n - 1] = NU_0 * n * scaled / rho**2 * (over_sine * along_rho - (n + 1) * here * along_theta)
+            flux[k] = NU_0 * n * scaled / rho**2 * (over_sine * along_rho - (n + 1) * here * along_theta)
             before, here = here, ((2 * n + 1) * x * here - n * before) / (n + 1)
         return value, flux
 
@@ -167,19 +180,24 @@ def _angle(points: np.ndarray, centre: float) -> np.ndarray:
 
 
 def _outline(mesh: SectionMesh) -> tuple[np.ndarray, float]:
-    """Edges of `outer` (e, 2) from the lower end of the axis to the upper, and z midway between these ends."""
+    """Edges of `outer` (e, 2) from the lower end of the axis (or the mirror) to the upper, and z of the origin."""
     if "outer" not in mesh.boundaries:
         raise ValueError(f"the mesh has no boundary 'outer'; it has {', '.join(sorted(mesh.boundaries))}")
     edges = np.asarray(mesh.boundaries["outer"], dtype=np.int64)
     nodes, uses = np.unique(edges, return_counts=True)
     ends = nodes[uses == 1]
     reach = mesh.points[:, 0].max()
-    if ends.size != 2 or np.any(mesh.points[ends, 0] > _ON_AXIS * reach) or np.any(uses > 2):
+    on_axis = mesh.points[ends, 0] <= _ON_AXIS * reach
+    mirror = mesh.boundaries.get("mirror")
+    on_mirror = np.zeros(ends.size, dtype=bool) if mirror is None else np.isin(ends, mirror)
+    due = (2, 0) if mirror is None else (1, 1)
+    if ends.size != 2 or (on_axis.sum(), on_mirror.sum()) != due or np.any(uses > 2):
+        where = "from the axis to the axis" if mirror is None else "from the plane 'mirror' to the axis"
         raise ValueError(
-            "the open boundary needs `outer` to be one line from the axis to the axis; it has "
+            f"the open boundary needs `outer` to be one line {where}; it has "
             f"{ends.size} ends; mesh the whole half-plane section, or take the flux wall"
         )
-    centre = float(mesh.points[ends, 1].mean())
+    centre = float(mesh.points[ends if mirror is None else ends[on_mirror], 1].mean())
     theta = _angle(mesh.points[edges], centre)
     edges = np.where((theta[:, :1] > theta[:, 1:]), edges, edges[:, ::-1])
     edges = edges[np.argsort(-theta.max(axis=1))]
