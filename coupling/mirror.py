@@ -1,0 +1,114 @@
+"""Mirror images of grains in steel walls of revolution: inner functions of the kernels.
+
+A wall is a line in the (r, z) section: row (r0, z0, tangent r, tangent z, length, k). Its normal n is the tangent turned
+by +90 degrees; a grain at the signed height h over it has its image at x* = x - 2 h n, in a cylinder at r -> 2 R - r,
+with the moment P m = k (2 (m.n) n - m), n in the grain's own half plane (`coupling.wall_images`).
+
+Between two grains and a wall there is one energy, whichever of the two is mirrored,
+
+    U_ij* = -(mu_0/2) [m_i . T(x_i - x_j*) P_j m_j + m_j . T(x_j - x_i*) P_i m_i],
+    U_ii* = -(mu_0/2) m_i . T(x_i - x_i*) P_i m_i;
+
+fields are H = -(1/mu_0) dU/dm, forces F = -dU/dx with the images moving along. At a plane both halves are equal. At a
+cylinder they are not, and a force from one of them alone would turn the powder by itself: a spurious torque of d/R.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from coupling.pair_fields import field_factors, pair_force
+from geometry.inner_functions import inner
+
+FACES_NO_WALL = 1e30
+
+
+@inner(error_model="numpy", fastmath={"contract"})
+def height_over(wall, x, y, z, reach):
+    """Signed height over the wall's line, `FACES_NO_WALL` where the foot lies beside it or is farther than reach."""
+    dr, dz = np.sqrt(x * x + y * y) - wall[0], z - wall[1]
+    along = dr * wall[2] + dz * wall[3]
+    h = -dr * wall[3] + dz * wall[2]
+    return h if 0.0 <= along <= wall[4] and abs(h) < reach else FACES_NO_WALL
+
+
+@inner(error_model="numpy", fastmath={"contract"})
+def normal_at(wall, x, y):
+    """The wall's normal in the half plane of a point."""
+    rho = np.sqrt(x * x + y * y)
+    if rho == 0.0:
+        return 0.0, 0.0, wall[2]
+    return -wall[3] * x / rho, -wall[3] * y / rho, wall[2]
+
+
+@inner(error_model="numpy", fastmath={"contract"})
+def mirrored(k, mx, my, mz, nx, ny, nz):
+    """P m."""
+    twice = 2.0 * (mx * nx + my * ny + mz * nz)
+    return k * (twice * nx - mx), k * (twice * ny - my), k * (twice * nz - mz)
+
+
+@inner(error_model="numpy", fastmath={"contract"})
+def dipole_field(mx, my, mz, dx, dy, dz, reach, smear):
+    """4 pi times the field, and the potential, of a moment at the distance vector d from it; 0 beyond reach."""
+    r2 = dx * dx + dy * dy + dz * dz
+    if r2 >= reach * reach:
+        return 0.0, 0.0, 0.0, 0.0
+    r = np.sqrt(r2)
+    nx, ny, nz = dx / r, dy / r, dz / r
+    c1, c2, p = field_factors(r, reach, smear)
+    along = mx * nx + my * ny + mz * nz
+    return c1 * along * nx - c2 * mx, c1 * along * ny - c2 * my, c1 * along * nz - c2 * mz, p * along
+
+
+@inner(error_model="numpy", fastmath={"contract"})
+def image_field(k, x, y, z, hx, nx, ny, nz, jx, jy, jz, h, ux, uy, uz, mx, my, mz, reach, smear):
+    """4 pi times the field, and the potential, at grain i (x, height hx, normal n) of the image of j (height h, u)."""
+    px, py, pz = mirrored(k, mx, my, mz, ux, uy, uz)
+    ax, ay, az, phi = dipole_field(
+        px, py, pz, x - (jx - 2.0 * h * ux), y - (jy - 2.0 * h * uy), z - (jz - 2.0 * h * uz), reach, smear
+    )
+    bx, by, bz, _ = dipole_field(
+        mx, my, mz, (x - 2.0 * hx * nx) - jx, (y - 2.0 * hx * ny) - jy, (z - 2.0 * hx * nz) - jz, reach, smear
+    )
+    bx, by, bz = mirrored(k, bx, by, bz, nx, ny, nz)
+    return 0.5 * (ax + bx), 0.5 * (ay + by), 0.5 * (az + bz), phi
+
+
+@inner(error_model="numpy", fastmath={"contract"})
+def moved_force(ax, ay, az, bx, by, bz, dx, dy, dz, reach, smear):
+    """Force on moment a at d from moment b, over mu_0/(4 pi); 0 beyond reach."""
+    r2 = dx * dx + dy * dy + dz * dz
+    if r2 >= reach * reach:
+        return 0.0, 0.0, 0.0
+    r = np.sqrt(r2)
+    return pair_force(ax, ay, az, bx, by, bz, dx / r, dy / r, dz / r, r, reach, smear)
+
+
+@inner(error_model="numpy", fastmath={"contract"})
+def image_force(
+    k, x, y, z, hx, nx, ny, nz, ax, ay, az, jx, jy, jz, h, ux, uy, uz, mx, my, mz, reach, smear
+):  # fmt: skip
+    """Force on grain i (moment a) of its energy with the image of j (moment m), over mu_0/(4 pi): -dU/dx_i."""
+    px, py, pz = mirrored(k, mx, my, mz, ux, uy, uz)
+    fx, fy, fz = moved_force(
+        ax, ay, az, px, py, pz, x - (jx - 2.0 * h * ux), y - (jy - 2.0 * h * uy), z - (jz - 2.0 * h * uz), reach, smear
+    )
+    # the other half: j acts on the image of i, which moves with i
+    sx, sy, sz = x - 2.0 * hx * nx, y - 2.0 * hx * ny, z - 2.0 * hx * nz
+    qx, qy, qz = mirrored(k, ax, ay, az, nx, ny, nz)
+    gx, gy, gz = moved_force(qx, qy, qz, mx, my, mz, sx - jx, sy - jy, sz - jz, reach, smear)
+    # in the section the image moves mirrored; about the axis by the ratio of radii
+    along = 2.0 * (gx * nx + gy * ny + gz * nz)
+    gx, gy, gz = gx - along * nx, gy - along * ny, gz - along * nz
+    rho = np.sqrt(x * x + y * y)
+    if rho > 0.0:
+        ex, ey = -y / rho, x / rho
+        g_phi = gx * ex + gy * ey
+        more = (np.sqrt(sx * sx + sy * sy) / rho - 1.0) * g_phi
+        # its moment turns with the half plane: dm*/dphi = z x m* - P (z x m)
+        cx, cy, cz, _ = dipole_field(mx, my, mz, sx - jx, sy - jy, sz - jz, reach, smear)
+        tx, ty, tz = mirrored(k, -ay, ax, 0.0, nx, ny, nz)
+        more += (cx * (-qy - tx) + cy * (qx - ty) - cz * tz) / rho
+        gx, gy = gx + more * ex, gy + more * ey
+    return 0.5 * (fx + gx), 0.5 * (fy + gy), 0.5 * (fz + gz)

@@ -1,0 +1,285 @@
+"""Compiled sweeps that find the moments of grains which magnetise one another, and the forces of their contacts.
+
+The model is that of `coupling.mutual_moments`. A sweep has two stages, because a near pair must know the potentials
+of both its grains: first every grain's field S and potential P of all others, then its magnetisation. Each grain gathers
+from its row alone (Jacobi), so no bit depends on the number of threads.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+from coupling.contact_table import across_at, excess_force, excess_moment, sphere_ratio
+from coupling.mirror import FACES_NO_WALL, height_over, image_field, image_force, normal_at
+from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, pair_force
+from geometry.inner_functions import inner
+
+MU_0 = 4e-7 * np.pi
+CONTRAST_POWER = 1.2
+
+
+@njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
+def wall_heights(position, walls, reach, height):
+    """Signed heights (n, w) [m] of grains over walls (w, 6), see `coupling.mirror`; `FACES_NO_WALL` where none."""
+    for i in prange(position.shape[0]):
+        for w in range(walls.shape[0]):
+            height[i, w] = height_over(walls[w], position[i, 0], position[i, 1], position[i, 2], reach)
+
+
+@inner(error_model="numpy", fastmath={"contract"})
+def pushed(h, radius):
+    """The height at which a grain is mirrored: not nearer than its radius, its poles do not enter the steel."""
+    return max(h, radius) if h > 0.0 else min(h, -radius)
+
+
+@njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
+def gather_fields(
+    position, radius, moment, applied, start, other, shift, turn_cos, turn_sin, walls, height, reach, smear, own,
+    field, potential, own_image
+):  # fmt: skip
+    """Stage 1: field S (n, 3) [A/m] = applied + own share + that of all others within reach, potential P (n,) [A].
+
+    Images in the walls included; ``own_image`` (n, w) [A]: the part of the potential that a grain's own image makes.
+    """
+    for i in prange(position.shape[0]):
+        xi, yi, zi = position[i, 0], position[i, 1], position[i, 2]
+        sx = sy = sz = total = 0.0
+        for q in range(start[i], start[i + 1]):
+            j = other[q]
+            c, s = turn_cos[shift[q]], turn_sin[shift[q]]
+            dx = xi - (c * position[j, 0] - s * position[j, 1])
+            dy = yi - (s * position[j, 0] + c * position[j, 1])
+            dz = zi - position[j, 2]
+            r2 = dx * dx + dy * dy + dz * dz
+            if r2 >= reach * reach:
+                continue
+            r = np.sqrt(r2)
+            nx, ny, nz = dx / r, dy / r, dz / r
+            r = max(r, radius[i] + radius[j])
+            mx, my, mz = c * moment[j, 0] - s * moment[j, 1], s * moment[j, 0] + c * moment[j, 1], moment[j, 2]
+            along = mx * nx + my * ny + mz * nz
+            c1, c2, p = field_factors(r, reach, smear)
+            sx += c1 * along * nx - c2 * mx
+            sy += c1 * along * ny - c2 * my
+            sz += c1 * along * nz - c2 * mz
+            total += p * along
+        for w in range(walls.shape[0]):
+            own_image[i, w] = 0.0
+            if height[i, w] >= FACES_NO_WALL:
+                continue
+            hi = pushed(height[i, w], radius[i])
+            nx, ny, nz = normal_at(walls[w], xi, yi)
+            for q in range(start[i] - 1, start[i + 1]):  # its own image first
+                j, c, s = np.int64(i), 1.0, 0.0
+                if q >= start[i]:
+                    j, c, s = np.int64(other[q]), turn_cos[shift[q]], turn_sin[shift[q]]
+                if height[j, w] >= FACES_NO_WALL or height[j, w] * hi < 0.0:
+                    continue
+                jx, jy = c * position[j, 0] - s * position[j, 1], s * position[j, 0] + c * position[j, 1]
+                mx, my = c * moment[j, 0] - s * moment[j, 1], s * moment[j, 0] + c * moment[j, 1]
+                ux, uy, uz = normal_at(walls[w], jx, jy)
+                hx, hy, hz, phi = image_field(
+                    walls[w, 5], xi, yi, zi, hi, nx, ny, nz, jx, jy, position[j, 2], pushed(height[j, w], radius[j]),
+                    ux, uy, uz, mx, my, moment[j, 2], reach, smear,
+                )  # fmt: skip
+                sx, sy, sz, total = sx + hx, sy + hy, sz + hz, total + phi
+                if j == i:
+                    own_image[i, w] = OVER_4PI * phi
+        field[i, 0] = applied[i, 0] + OVER_4PI * sx + own * moment[i, 0]
+        field[i, 1] = applied[i, 1] + OVER_4PI * sy + own * moment[i, 1]
+        field[i, 2] = applied[i, 2] + OVER_4PI * sz + own * moment[i, 2]
+        potential[i] = OVER_4PI * total
+
+
+@inner(error_model="numpy", fastmath={"contract"})
+def drive_of_pair(
+    i, j, c, s, nx, ny, nz, r, moment, applied, potential, reach, smear
+):  # fmt: skip
+    """Mean field h [A/m] along n between the centres of i and j, without what each makes at the other."""
+    bx, by = c * moment[j, 0] - s * moment[j, 1], s * moment[j, 0] + c * moment[j, 1]
+    a_n = moment[i, 0] * nx + moment[i, 1] * ny + moment[i, 2] * nz
+    b_n = bx * nx + by * ny + moment[j, 2] * nz
+    hx, hy = c * applied[j, 0] - s * applied[j, 1], s * applied[j, 0] + c * applied[j, 1]
+    mean = 0.5 * ((applied[i, 0] + hx) * nx + (applied[i, 1] + hy) * ny + (applied[i, 2] + applied[j, 2]) * nz)
+    _, _, p = field_factors(r, reach, smear)
+    p *= OVER_4PI
+    h = mean - ((potential[i] - p * b_n) - (potential[j] + p * a_n)) / r
+    if smear:  # the partner's smear, which the applied field holds, is not its drive: Q/(4 pi r^3)
+        h += (OVER_4PI / (r * r) - p) / r * (a_n + b_n)
+    return h
+
+
+@inner(error_model="numpy", fastmath={"contract"})
+def drive_at_wall(i, w, nx, ny, nz, h, walls, moment, applied, potential, own_image, reach, smear):
+    """Mean field [A/m] along the wall's normal between a grain and its image, without what each makes at the other."""
+    drive = applied[i, 0] * nx + applied[i, 1] * ny + applied[i, 2] * nz - (potential[i] - own_image[i, w]) / h
+    if smear and 2.0 * abs(h) < reach:
+        r = 2.0 * abs(h)
+        _, _, p = field_factors(r, reach, smear)
+        m_n = moment[i, 0] * nx + moment[i, 1] * ny + moment[i, 2] * nz
+        drive += OVER_4PI * (1.0 / (r * r) - p) / r * (1.0 + walls[w, 5]) * m_n
+    return drive
+
+
+@njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
+def magnetise(
+    table, position, radius, volume, moment, applied, start, other, shift, turn_cos, turn_sin, walls, height, reach,
+    smear, near, smallest_gap, damping, field, potential, own_image, share, contrast, new, missed, size,
+):  # fmt: skip
+    """Stage 2: moments ``new`` (n, 3) [A m^2] after a damped step towards the law in ``field`` and ``potential``.
+
+    ``share`` (n,) [-]: the part of the plain sum of its pairs' excesses that a grain takes; ``contrast`` (n,) [-]: what
+    saturation leaves of its answer across (`coupling.contact_table`). ``missed``, ``size`` (n,):
+    squares of the undamped step and of the magnetisation [A^2/m^2].
+    """
+    for i in prange(position.shape[0]):
+        strength = np.sqrt(field[i, 0] ** 2 + field[i, 1] ** 2 + field[i, 2] ** 2)
+        ratio, slope = sphere_ratio(table, strength)
+        contrast[i] = (ratio * slope / 9.0) ** CONTRAST_POWER
+        vx = vy = vz = squares = sum_v = 0.0
+        if near:
+            for q in range(start[i], start[i + 1]):
+                j = other[q]
+                a = 2.0 * radius[i] * radius[j] / (radius[i] + radius[j])
+                most = radius[i] + radius[j] + 1.2 * a
+                c, s = turn_cos[shift[q]], turn_sin[shift[q]]
+                dx = position[i, 0] - (c * position[j, 0] - s * position[j, 1])
+                dy = position[i, 1] - (s * position[j, 0] + c * position[j, 1])
+                dz = position[i, 2] - position[j, 2]
+                r2 = dx * dx + dy * dy + dz * dz
+                if r2 >= most * most:
+                    continue
+                r = np.sqrt(r2)
+                nx, ny, nz = dx / r, dy / r, dz / r
+                gap = max((r - radius[i] - radius[j]) / a, smallest_gap)
+                r = max(r, radius[i] + radius[j])
+                h = drive_of_pair(i, j, c, s, nx, ny, nz, r, moment, applied, potential, reach, smear)
+                v = excess_moment(table, gap, h)
+                vx, vy, vz = vx + v * nx, vy + v * ny, vz + v * nz
+                squares += v * v
+                sum_v += abs(v)
+            for w in range(walls.shape[0]):
+                if height[i, w] >= FACES_NO_WALL or abs(height[i, w]) >= 1.6 * radius[i]:
+                    continue
+                nx, ny, nz = normal_at(walls[w], position[i, 0], position[i, 1])
+                gap = max(2.0 * (abs(height[i, w]) / radius[i] - 1.0), smallest_gap)
+                at = pushed(height[i, w], radius[i])
+                h = drive_at_wall(i, w, nx, ny, nz, at, walls, moment, applied, potential, own_image, reach, smear)
+                v = walls[w, 5] * excess_moment(table, gap, h)
+                vx, vy, vz = vx + v * nx, vy + v * ny, vz + v * nz
+                squares += v * v
+                sum_v += abs(v)
+        part = np.sqrt(squares) / sum_v if sum_v > 0.0 else 0.0
+        mx = ratio * field[i, 0] + part * vx
+        my = ratio * field[i, 1] + part * vy
+        mz = ratio * field[i, 2] + part * vz
+        most = np.sqrt(mx * mx + my * my + mz * mz)
+        if near and most > table.scale:
+            cut = table.scale / most
+            mx, my, mz, part = cut * mx, cut * my, cut * mz, cut * part
+        V = volume[i]
+        ox, oy, oz = moment[i, 0] / V, moment[i, 1] / V, moment[i, 2] / V
+        missed[i] = (mx - ox) ** 2 + (my - oy) ** 2 + (mz - oz) ** 2
+        size[i] = mx * mx + my * my + mz * mz
+        new[i, 0] = V * (ox + damping * (mx - ox))
+        new[i, 1] = V * (oy + damping * (my - oy))
+        new[i, 2] = V * (oz + damping * (mz - oz))
+        share[i] = part
+
+
+@njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
+def contact_forces(
+    table, position, radius, volume, moment, applied, start, other, shift, turn_cos, turn_sin, walls, height, reach,
+    smear, near, attraction, smallest_gap, field, potential, own_image, share, contrast, force, torque, wall_torque,
+):  # fmt: skip
+    """Forces (n, 3) [N], added: of the dipoles, of the near excess (if ``attraction``) and of its couple.
+
+    Images in the walls (w, 6) included. For the books, z-components [N m]: ``torque`` (n,) of the field on each grain
+    that its neighbours make, ``wall_torque`` (n,) of the forces of images and walls about the axis.
+    """
+    for i in prange(position.shape[0]):
+        fx = fy = fz = tz = 0.0
+        for q in range(start[i], start[i + 1]):
+            j = other[q]
+            c, s = turn_cos[shift[q]], turn_sin[shift[q]]
+            jx, jy = c * position[j, 0] - s * position[j, 1], s * position[j, 0] + c * position[j, 1]
+            dx, dy, dz = position[i, 0] - jx, position[i, 1] - jy, position[i, 2] - position[j, 2]
+            r2 = dx * dx + dy * dy + dz * dz
+            if r2 >= reach * reach:
+                continue
+            true_r = np.sqrt(r2)
+            nx, ny, nz = dx / true_r, dy / true_r, dz / true_r
+            r = max(true_r, radius[i] + radius[j])
+            bx, by, bz = c * moment[j, 0] - s * moment[j, 1], s * moment[j, 0] + c * moment[j, 1], moment[j, 2]
+            gx, gy, gz = pair_force(
+                moment[i, 0], moment[i, 1], moment[i, 2], bx, by, bz, nx, ny, nz, r, reach, smear
+            )  # fmt: skip
+            fx, fy, fz = fx + MU_0_OVER_4PI * gx, fy + MU_0_OVER_4PI * gy, fz + MU_0_OVER_4PI * gz
+            # m x H of the neighbour; a clamped pair acts at its true distance: the lever is shorter by true/r
+            c1, c2, _ = field_factors(r, reach, smear)
+            along = bx * nx + by * ny + bz * nz
+            lever = MU_0_OVER_4PI * true_r / r
+            hx, hy = lever * (c1 * along * nx - c2 * bx), lever * (c1 * along * ny - c2 * by)
+            tz += moment[i, 0] * hy - moment[i, 1] * hx
+            a = 2.0 * radius[i] * radius[j] / (radius[i] + radius[j])
+            if not near or true_r >= radius[i] + radius[j] + 1.2 * a:
+                continue
+            gap = max((true_r - radius[i] - radius[j]) / a, smallest_gap)
+            h = drive_of_pair(i, j, c, s, nx, ny, nz, r, moment, applied, potential, reach, smear)
+            ex, ey, ez = c * field[j, 0] - s * field[j, 1], s * field[j, 0] + c * field[j, 1], field[j, 2]
+            if attraction:
+                # across: the mean of both fields, less what each makes at the other
+                w3 = OVER_4PI / (r * r * r)
+                tx = 0.5 * (field[i, 0] + ex + w3 * (moment[i, 0] + bx))
+                ty = 0.5 * (field[i, 1] + ey + w3 * (moment[i, 1] + by))
+                hz = 0.5 * (field[i, 2] + ez + w3 * (moment[i, 2] + bz))
+                along = tx * nx + ty * ny + hz * nz
+                h_t2 = tx * tx + ty * ty + hz * hz - along * along
+                pull = MU_0 * a * a * np.sqrt(contrast[i] * contrast[j]) * h_t2 * across_at(table, gap)
+                pull += MU_0 * a * a * excess_force(table, gap, h)
+                fx, fy, fz = fx - pull * nx, fy - pull * ny, fz - pull * nz
+            # the near moments lie along n: the field's torque on them is a couple of the pair, T/r on each
+            v = MU_0 * excess_moment(table, gap, h)
+            u, w = v * volume[i] * share[i], v * volume[j] * share[j]
+            ex, ey, ez = u * field[i, 0] + w * ex, u * field[i, 1] + w * ey, u * field[i, 2] + w * ez
+            along = ex * nx + ey * ny + ez * nz
+            ex, ey, ez = ex - along * nx, ey - along * ny, ez - along * nz
+            fx, fy, fz = fx + ex / true_r, fy + ey / true_r, fz + ez / true_r
+            tz -= 0.5 * (nx * ey - ny * ex)
+        force[i, 0] += fx
+        force[i, 1] += fy
+        force[i, 2] += fz
+        torque[i] = tz
+        fx = fy = fz = 0.0
+        xi, yi, zi = position[i, 0], position[i, 1], position[i, 2]
+        for w in range(walls.shape[0]):
+            if height[i, w] >= FACES_NO_WALL:
+                continue
+            hi = pushed(height[i, w], radius[i])
+            nx, ny, nz = normal_at(walls[w], xi, yi)
+            for q in range(start[i] - 1, start[i + 1]):
+                j, c, s = np.int64(i), 1.0, 0.0
+                if q >= start[i]:
+                    j, c, s = np.int64(other[q]), turn_cos[shift[q]], turn_sin[shift[q]]
+                if height[j, w] >= FACES_NO_WALL or height[j, w] * hi < 0.0:
+                    continue
+                jx, jy = c * position[j, 0] - s * position[j, 1], s * position[j, 0] + c * position[j, 1]
+                bx, by = c * moment[j, 0] - s * moment[j, 1], s * moment[j, 0] + c * moment[j, 1]
+                ux, uy, uz = normal_at(walls[w], jx, jy)
+                gx, gy, gz = image_force(
+                    walls[w, 5], xi, yi, zi, hi, nx, ny, nz, moment[i, 0], moment[i, 1], moment[i, 2],
+                    jx, jy, position[j, 2], pushed(height[j, w], radius[j]), ux, uy, uz, bx, by, moment[j, 2],
+                    reach, smear,
+                )  # fmt: skip
+                fx, fy, fz = fx + MU_0_OVER_4PI * gx, fy + MU_0_OVER_4PI * gy, fz + MU_0_OVER_4PI * gz
+            if near and attraction and abs(height[i, w]) < 1.6 * radius[i]:
+                gap = max(2.0 * (abs(height[i, w]) / radius[i] - 1.0), smallest_gap)
+                h = drive_at_wall(i, w, nx, ny, nz, hi, walls, moment, applied, potential, own_image, reach, smear)
+                pull = MU_0 * walls[w, 5] * excess_force(table, gap, h)
+                pull *= radius[i] ** 2 if hi > 0.0 else -(radius[i] ** 2)
+                fx, fy, fz = fx - pull * nx, fy - pull * ny, fz - pull * nz
+        force[i, 0] += fx
+        force[i, 1] += fy
+        force[i, 2] += fz
+        wall_torque[i] = xi * fy - yi * fx

@@ -1,0 +1,120 @@
+"""Images of mutual moments in steel walls: one energy, whose derivatives the fields and forces are."""
+
+import numpy as np
+import pytest
+
+from coupling.moment_kernels import contact_forces, gather_fields, wall_heights
+from coupling.mutual_moments import MutualMoments, grain_table
+from coupling.neighbour_rows import neighbour_rows
+from field import MU_0, GrainLaw
+
+IRON = GrainLaw(999.0, 1.7e6)
+A = 1e-3
+FLOOR = [0.0, -0.5 * A, 1.0, 0.0, 1.0, 0.8]  # z = -a/2, normal +z, reflection 0.8
+BORE = [12.0 * A, -1.0, 0.0, 1.0, 2.0, 0.9]  # r = 12 a, normal -r
+CONE = [6.0 * A, -9.0 * A, np.sqrt(0.5), np.sqrt(0.5), 1.0, 1.0]
+
+
+def dipole_field(m, d):
+    r = np.linalg.norm(d)
+    n = d / r
+    return (3.0 * (m @ n) * n - m) / (4.0 * np.pi * r**3)
+
+
+def image(wall, x, m):
+    """Place and moment of an image, by the section's reflection."""
+    e = np.array([x[0], x[1], 0.0]) / np.hypot(x[0], x[1])
+    n = -wall[3] * e + np.array([0.0, 0.0, wall[2]])
+    h = (np.hypot(x[0], x[1]) - wall[0]) * -wall[3] + (x[2] - wall[1]) * wall[2]
+    return x - 2.0 * h * n, wall[5] * (2.0 * (m @ n) * n - m)
+
+
+def energy(wall, position, moment):
+    """The sum of U_ij* over pairs and of U_ii*."""
+    U = 0.0
+    for i, (x, m) in enumerate(zip(position, moment, strict=True)):
+        y, p = image(wall, x, m)
+        U -= 0.5 * MU_0 * m @ dipole_field(p, x - y)
+        for j in range(i):
+            z, q = image(wall, position[j], moment[j])
+            U -= 0.5 * MU_0 * (m @ dipole_field(q, x - z) + moment[j] @ dipole_field(p, position[j] - y))
+    return U
+
+
+def cluster(wall):
+    """Four grains near a wall, apart from it and from each other, with moments of any direction."""
+    random = np.random.default_rng(3)
+    if wall is FLOOR:
+        x = np.array([[3.0, 1.0, 1.2], [5.2, 1.4, 1.0], [4.0, 3.1, 2.0], [2.0, 3.0, 3.0]]) * A
+    elif wall is BORE:
+        angle, r = np.array([0.1, 0.32, 0.2, 0.5]), np.array([10.5, 10.2, 8.0, 10.8]) * A
+        x = np.column_stack([r * np.cos(angle), r * np.sin(angle), np.array([0.0, 0.7, 1.5, -0.4]) * A])
+    else:
+        angle, z = np.array([0.1, 0.5, 0.3, 0.8]), np.array([0.0, 0.7, 2.0, 1.0]) * A
+        r = np.array([12.0, 12.6, 12.0, 13.0]) * A
+        x = np.column_stack([r * np.cos(angle), r * np.sin(angle), z])
+    return x, random.normal(size=(4, 3)) * 1e-3
+
+
+def parts(wall, x, m):
+    """Field and forces by the kernels, of images alone: those with the wall less those without."""
+    rows, radius = neighbour_rows(x, 1.0), np.full(4, 1e-6)
+    table = grain_table(IRON, "mutual")
+    found = []
+    for walls in (np.array([wall]), np.zeros((0, 6))):
+        height, own = np.empty((4, len(walls))), np.zeros((4, len(walls)))
+        field, potential, force = np.zeros((4, 3)), np.zeros(4), np.zeros((4, 3))
+        torque, wall_torque = np.zeros(4), np.zeros(4)
+        wall_heights(x, walls, 1.0, height)
+        where = (rows.start, rows.other, rows.shift, rows.turn_cos, rows.turn_sin, walls, height)
+        gather_fields(x, radius, m, np.zeros((4, 3)), *where, 1.0, False, 0.0, field, potential, own)
+        contact_forces(
+            table, x, radius, radius, m, np.zeros((4, 3)), *where, 1.0, False, False, False, 1e-3, field, potential,
+            own, np.zeros(4), np.zeros(4), force, torque, wall_torque,
+        )  # fmt: skip
+        found.append((field, force, wall_torque.sum()))
+    return found[0][0] - found[1][0], found[0][1] - found[1][1], found[0][2]
+
+
+@pytest.mark.parametrize("wall", [FLOOR, BORE, CONE], ids=["plane", "cylinder", "cone"])
+def test_field_and_force_are_derivatives_of_one_energy(wall):
+    x, m = cluster(wall)
+    field, force, _ = parts(wall, x, m)
+    for i in range(4):
+        for axis in range(3):
+            step = np.zeros((4, 3))
+            step[i, axis] = 1e-6 * np.abs(m).max()
+            dU = energy(wall, x, m + step) - energy(wall, x, m - step)
+            scale = np.abs(field).max()
+            assert field[i, axis] == pytest.approx(-dU / (2.0 * step[i, axis] * MU_0), abs=1e-6 * scale)
+            step[i, axis] = 1e-4 * A
+            dU = energy(wall, x + step, m) - energy(wall, x - step, m)
+            assert force[i, axis] == pytest.approx(-dU / (2.0 * step[i, axis]), abs=1e-5 * np.abs(force).max())
+
+
+@pytest.mark.parametrize("wall", [FLOOR, BORE, CONE], ids=["plane", "cylinder", "cone"])
+def test_a_wall_of_revolution_turns_nothing_by_itself(wall):
+    """The energy does not change when grains and moments turn about the axis together: sum x x F + m x B = 0 there."""
+    x, m = cluster(wall)
+    field, force, torque = parts(wall, x, m)
+    on_grains = np.cross(x, force)[:, 2].sum()
+    assert torque == pytest.approx(on_grains, rel=1e-12)
+    on_moments = MU_0 * np.cross(m, field)[:, 2].sum()
+    assert on_grains + on_moments == pytest.approx(0.0, abs=1e-13 * np.abs(on_moments) + 1e-12 * np.abs(force).max() * A)
+
+
+def test_a_grain_over_steel_is_half_of_a_pair():
+    """A pair in a field along its axis and one of its grains over a steel plane half way: moments and forces alike."""
+    H = np.array([[0.0, 0.0, 46e3]])
+    for gap in (0.01, 0.05, 0.3, 1.0):
+        half = (1.0 + 0.5 * gap) * A
+        pair = np.array([[5.0 * A, 0.0, half], [5.0 * A, 0.0, -half]])
+        floor = np.array([[0.0, 0.0, 1.0, 0.0, 1.0, 1.0]])
+        answer = []
+        for x, walls in ((pair, None), (pair[:1], floor)):
+            solver = MutualMoments(grain_table(IRON, "near_field"), near=True, reach=1.0, walls=walls)
+            rows, radius = neighbour_rows(x, 1.0), np.full(len(x), A)
+            found = solver.solve(x, radius, np.repeat(H, len(x), axis=0), rows, tolerance=1e-13, most_sweeps=500)
+            answer.append((found.moment[0], solver.forces(x, radius, rows, found)[0][0]))
+        assert answer[1][0] == pytest.approx(answer[0][0], rel=1e-10, abs=1e-20)
+        assert answer[1][1] == pytest.approx(answer[0][1], rel=1e-9, abs=1e-12 * abs(answer[0][1][2]))
