@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 _FIELDS = (5e3, 18e3, 46e3, 80e3, 200e3, 500e3)
 _GAPS = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
 _RADIUS = 50e-6
+# Beyond this gap [radii] there is no neck to speak of.
+_NECK = 0.1
 
 
 def pair_force(name: str, out: Path | None = None) -> tuple[Path, Table]:
@@ -78,8 +80,16 @@ def _tabulate(name: str, table: PairTable) -> Table:
     h = np.array(_FIELDS) / table.Ms
     for gap in _GAPS:
         F, estimate = 1e6 * unit * table.force_of(gap, h), 1e6 * unit * two_zone_force(gap, h)
-        rows.add_row(f"{gap:g}", *(f"{a:.3g} ({b:.3g})" for a, b in zip(F, estimate, strict=True)))
+        shown = [
+            _figures(a) if gap > _NECK else f"{_figures(a)} ({_figures(b)})" for a, b in zip(F, estimate, strict=True)
+        ]
+        rows.add_row(f"{gap:g}", *shown)
     return rows
+
+
+def _figures(value: float) -> str:
+    """Three figures without an exponent."""
+    return f"{value:.0f}" if value >= 100.0 else f"{value:.3g}"
 
 
 def _draw(name: str, table: PairTable, path: Path) -> Path:
@@ -93,7 +103,7 @@ def _draw(name: str, table: PairTable, path: Path) -> Path:
     FigureCanvasAgg(figure)
     axes = figure.subplots()
     g = np.geomspace(table.gap[0], 1.0, 200)
-    near = g[g < 0.3]
+    near = g[g <= _NECK]
     for number, H in enumerate(_FIELDS):
         h = H / table.Ms
         dipoles = np.pi / 6.0 * table.moment_of(g, h) ** 2 * (2.0 / (2.0 + g)) ** 4
@@ -107,7 +117,7 @@ def _draw(name: str, table: PairTable, path: Path) -> Path:
         fontsize=10,
     )
     axes.grid(True, which="both", lw=0.3, alpha=0.5)
-    axes.legend(title="applied field", loc="lower left", fontsize=8, frameon=False)
+    figure.legend(title="applied field", loc="outside right upper", fontsize=8, frameon=False)
     drawn = io.BytesIO()
     figure.savefig(drawn, format="png")
     beside = path.with_name(path.name + ".new")
