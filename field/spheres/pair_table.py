@@ -311,7 +311,7 @@ def build_table(
     resolution: float = RESOLUTION,
     progress: Callable[[int, int], None] | None = None,
 ) -> PairTable:
-    """Solve for every gap and field: about a minute for the default grid.
+    """Solve for every gap and field: one to two minutes for the default grid.
 
     Parameters
     ----------

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from field import MU_0, NU_0, AxisymmetricProblem, FroehlichLaw, GrainLaw, LinearLaw
+from field.spheres.pair_mesh import pair_mesh
 from field.spheres.pair_solver import SpherePair, linear_pair, solve_pair
 from field.spheres.pair_table import pair_table
 from geometry import SectionMesh
@@ -151,6 +152,12 @@ def test_what_cannot_be_is_refused():
         SpherePair(IRON, 1e-6)
     with pytest.raises(ValueError, match="grow"):
         solve_pair(IRON, 0.1, [0.1, 0.1])
+    mesh = pair_mesh(0.3, 0.5)
+    astray = SectionMesh(
+        mesh.points, mesh.triangles, mesh.regions, mesh.boundaries | {"mirror": mesh.boundaries["axis"]}
+    )
+    with pytest.raises(ValueError, match="from the plane 'mirror' to the axis"):
+        AxisymmetricProblem(astray, {"sphere": IRON}, open_boundary=True)
     with pytest.raises(ValueError, match="no saturation"):
         solve_pair(LinearLaw(10.0, "linear"), 0.1, [0.1])
 
