@@ -80,6 +80,9 @@ MaterialNames = Annotated[
     list[str] | None, typer.Argument(metavar="[NAME]...", help="materials, or files of a curve (.csv); default: all")
 ]
 CurvePicture = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="new picture of B(H) and mu_r(B)")]
+PairForceAsked = Annotated[
+    bool, typer.Option("--pair-force", help="force between two grains of a powder against their gap (powder_iron)")
+]
 AsJson = Annotated[bool, typer.Option("--json", help="print JSON and nothing else")]
 
 
@@ -268,9 +271,21 @@ def report(folder: RunPath, out: NewFile = None) -> None:
 
 
 @app.command()
-def materials(names: MaterialNames = None, picture: CurvePicture = None, as_json: AsJson = False) -> None:
-    """List the built-in magnetic materials, or draw the curves of some."""
+def materials(
+    names: MaterialNames = None,
+    picture: CurvePicture = None,
+    pair_force: PairForceAsked = False,
+    out: NewPicture = None,
+    as_json: AsJson = False,
+) -> None:
+    """List the built-in magnetic materials, draw the curves of some, or the force between two grains of one."""
     with _explained():
+        if pair_force:
+            _tell_pair_force(names or [], picture, out, as_json)
+            return
+        if out is not None:
+            message = "names the picture of --pair-force; that of the curves is named with --plot"
+            raise SceneError([Fault("--out", str(out), message)], "command line")
         from emclutch import materials_command
 
         if picture is not None:
@@ -322,6 +337,17 @@ def torque_line(torque: dict[str, Any] | None) -> str:
     text = f"torque on the disc: {torque['mean']:.4g}"
     text += f" +- {error:.2g} N m" if error is not None else " N m, error unknown"
     return text if torque.get("converged") else f"{text}; {torque.get('reason')}"
+
+
+def _tell_pair_force(names: list[str], picture: Path | None, out: Path | None, as_json: bool) -> None:
+    if len(names) != 1 or picture is not None or as_json:
+        message = "takes the name of one powder and --out FILE, and neither --plot nor --json"
+        raise SceneError([Fault("--pair-force", "", message)], "command line")
+    from emclutch.pair_force_command import pair_force
+
+    path, table = pair_force(names[0], out)
+    Console().print(table)
+    typer.echo(str(path))
 
 
 def _load(path: Path, sets: list[str] | None = None, trust_scripts: bool = False) -> Case:

@@ -189,7 +189,7 @@ def _outline(mesh: SectionMesh) -> tuple[np.ndarray, float]:
     reach = mesh.points[:, 0].max()
     on_axis = mesh.points[ends, 0] <= _ON_AXIS * reach
     mirror = mesh.boundaries.get("mirror")
-    on_mirror = np.zeros(ends.size, dtype=bool) if mirror is None else np.isin(ends, mirror)
+    on_mirror = np.zeros(ends.size, dtype=bool) if mirror is None else np.isin(ends, mirror) & ~on_axis
     due = (2, 0) if mirror is None else (1, 1)
     if ends.size != 2 or (on_axis.sum(), on_mirror.sum()) != due or np.any(uses > 2):
         where = "from the axis to the axis" if mirror is None else "from the plane 'mirror' to the axis"

@@ -93,10 +93,3 @@ def sphere_magnetisation(law: Law | GrainLaw, h: np.ndarray | float) -> np.ndarr
     """M_sph [A/m] of a lone sphere in the uniform field h >= 0 [A/m], any shape."""
     h = np.asarray(h, dtype=float)
     return 1.5 * (NU_0 * sphere_flux_density(law, h) - h)
-
-
-def initial_sphere_susceptibility(law: Law | GrainLaw) -> float:
-    """M_sph/h at h -> 0 [-]: chi/(1 + chi/3) with the law's initial chi."""
-    law = bulk_law(law)
-    nu = MU_0 * float(law.H_of_B(np.zeros(1))[1][0])
-    return 3.0 * (1.0 - nu) / (1.0 + 2.0 * nu)

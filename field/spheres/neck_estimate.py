@@ -20,8 +20,8 @@ faster than h.  In the end the spheres saturate as a whole: the estimate is held
 spheres, (pi/6) (2/R)^4.
 
 Neglected: the finite permeability, the field lines beside the neck, saturation of the body of the spheres.  Against
-finite elements (chi 999) it is 2 to 15 % too high up to a gap of 0.01 and h = 0.07, 25 % at h = 0.1 and 10 % too low
-at 0.3; at a gap of 0.1 it is 1.7 times too high: an explanation, not a law to compute with.
+finite elements (chi 999) it is 2 to 19 % too high up to a gap of 0.01 and h = 0.07, 35 % at the knee (h = 0.14) and
+11 % too low beyond it; at a gap of 0.1 it is 1.7 times too high: an explanation, not a law to compute with.
 """
 
 from __future__ import annotations

@@ -87,7 +87,8 @@ def read_table(path: Path, digest: str | None = None) -> dict[str, np.ndarray] |
         What it must be of; None: anything.
     """
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        # opened here: of a damaged file numpy leaves its own stream open
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
             columns = {name: np.asarray(stored[name], dtype=float) for name in _NAMES}
             of = str(stored["digest"])
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):

@@ -114,3 +114,16 @@ def test_the_picture_holds_the_curves(tmp_path, monkeypatch):
     B, mu_r = permeability.lines[-1].get_data()
     assert np.allclose(mu_r, 1.0)
     assert [text.get_text() for text in plain.get_legend().get_texts()] == ["steel_1010", "copper"]
+
+
+def test_the_force_between_two_grains_is_drawn_and_tabulated(tmp_path):
+    out = tmp_path / "pair.png"
+    text = asked("powder_430", "--pair-force", "--out", str(out))
+    assert str(out.name) in text.replace("\n", "") and "500 kA/m" in text and "gap/radius" in text
+    assert out.read_bytes()[:4] == b"\x89PNG" and [path.name for path in tmp_path.iterdir()] == ["pair.png"]
+    assert "exists; name another file" in asked("powder_430", "--pair-force", "--out", str(out), code=2)
+    assert "did you mean 'powder_iron'" in asked("powder_iro", "--pair-force", code=2)
+    assert ".png" in asked("powder_430", "--pair-force", "--out", str(tmp_path / "pair.gif"), code=2)
+    for arguments in ((), ("powder_430", "powder_iron"), ("powder_430", "--json")):
+        assert "takes the name of one powder" in asked(*arguments, "--pair-force", code=2)
+    assert "that of the curves" in asked("steel_1010", "--out", str(out), code=2)
