@@ -1,16 +1,19 @@
 """The staggered loop between field and grains, and the effects that live in it."""
 
 from coupling.deposition import FillDeposition
-from coupling.effects import BackReaction, Effect, FixedDipoles, MagneticForce, WallImages
+from coupling.effects import BackReaction, Effect, FixedDipoles, MagneticForce, MutualDipoles, WallImages
 from coupling.expected_load import magnetic_load, pair_attraction, snap_in_overlap, weight_load
 from coupling.field_source import CircuitCoilField, CoilField, EddyCoilField, ImposedField
 from coupling.magnetised_grains import MagnetisedGrains, moments
+from coupling.mutual_moments import Cluster, MutualMoments, grain_table, magnetised_cluster
+from coupling.mutually_magnetised_grains import MutuallyMagnetisedGrains
 from coupling.solid_field_source import SolidCoilField
 from coupling.staggered import Simulation, run_staggered
 
 __all__ = [
     "BackReaction",
     "CircuitCoilField",
+    "Cluster",
     "CoilField",
     "EddyCoilField",
     "Effect",
@@ -19,10 +22,15 @@ __all__ = [
     "ImposedField",
     "MagneticForce",
     "MagnetisedGrains",
+    "MutualDipoles",
+    "MutualMoments",
+    "MutuallyMagnetisedGrains",
     "Simulation",
     "SolidCoilField",
     "WallImages",
+    "grain_table",
     "magnetic_load",
+    "magnetised_cluster",
     "moments",
     "pair_attraction",
     "run_staggered",

@@ -1,12 +1,12 @@
 """What kernels read of two magnetised spheres: the lone sphere's magnetisation, and the excess of a near pair over it.
 
 Both on grids that are even in the logarithms, fine enough to be read linearly (the pair) and by cubics (the sphere).
-Lengths in grain radii, fields and magnetisations in `scale` [A/m] (the saturation of the material; infinite for a linear one),
-forces in mu_0 scale^2 radius^2. The excess is what two equal spheres in a field h along their axis do beyond mutual
-dipoles (`field.spheres.pair_table`): dF of their attraction, dM of each one's magnetisation; both end at a gap of 1.2.
-Across their axis only the force is corrected (`field.spheres.transverse_pair`), by what linear spheres of high
-permeability have and, for others, (beta_s beta_d)^1.2 of that, with beta = M/(3 h) of the lone sphere by secant and by
-tangent: within 6 % of the multipoles from a permeability of 4 on, and nothing far in saturation.
+Lengths in grain radii, fields and magnetisations in `scale` [A/m] (the saturation of the material; infinite for a
+linear one), forces in mu_0 scale^2 radius^2. The excess is what two equal spheres in a field h along their axis do
+beyond mutual dipoles (`field.spheres.pair_table`): dF of their attraction, dM of each one's magnetisation; both end at
+a gap of 1.2. Across their axis only the force is corrected (`field.spheres.transverse_pair`), by what linear spheres of
+high permeability have and, for others, (beta_s beta_d)^1.2 of that, with beta = M/(3 h) of the lone sphere by secant
+and by tangent: within 6 % of the multipoles from a permeability of 4 on, and nothing far in saturation.
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ def across_at(table, gap):
 
 @inner(error_model="numpy", fastmath={"contract"})
 def excess_at(table, values, gap, h):
-    """`values` (``force`` or ``moment``) at a gap in radii and a field h > 0 in `scale`; the field they belong to; a share.
+    """`values` (``force`` or ``moment``) at a gap in radii and a field h > 0 in `scale`; its field, and a share of it.
 
     0 beyond the farthest gap. Beyond the last field the excess falls as 1/h: its share of what it was there.
     """

@@ -85,6 +85,8 @@ class Ledger:
         row["torque_residual"] = residual
         if dem.ledger:
             self._close_energy(row)
+        if simulation.magnetised is not None:
+            row |= simulation.magnetised.window_row()
         row["n_contacts"] = steps[-1].n_contacts
         row["max_overlap"] = max(s.max_overlap for s in steps)
         row["max_speed"] = max(s.max_speed for s in steps)

@@ -33,13 +33,18 @@ class MagnetisedGrains:
     H: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     grad_H: np.ndarray = field(default_factory=lambda: np.zeros((0, 3, 3)))
 
-    def update(self, grains) -> None:
-        """Sample the field at the grains and set `grains.magnetic_moment` [A m^2]."""
+    def update(self, simulation) -> None:
+        """Sample the field at the simulation's grains and set their `magnetic_moment` [A m^2]."""
         assert self.sampler is not None  # the loop refreshes the source first
+        grains = simulation.dem.grains
         self.H, self.grad_H = self.sampler.sample(grains.position)
         grains.magnetic_moment = moments(
             self.law, self.H, self.fill_at and self.fill_at(grains.position), grains.volume
         )
+
+    def window_row(self) -> dict[str, float]:
+        """What the history says of the moments, once a window: nothing, they follow from the field."""
+        return {}
 
 
 def moments(law, H, fill, volume) -> np.ndarray:

@@ -1,8 +1,8 @@
 """Compiled sweeps that find the moments of grains which magnetise one another, and the forces of their contacts.
 
 The model is that of `coupling.mutual_moments`. A sweep has two stages, because a near pair must know the potentials
-of both its grains: first every grain's field S and potential P of all others, then its magnetisation. Each grain gathers
-from its row alone (Jacobi), so no bit depends on the number of threads.
+of both its grains: first every grain's field S and potential P of all others, then its magnetisation. Each grain
+gathers from its row alone (Jacobi), so no bit depends on the number of threads.
 """
 
 from __future__ import annotations
@@ -215,12 +215,16 @@ def contact_forces(
             gx, gy, gz = pair_force(
                 moment[i, 0], moment[i, 1], moment[i, 2], bx, by, bz, nx, ny, nz, r, reach, smear
             )  # fmt: skip
+            if true_r < r:  # grains that overlap: dipoles at touching, and their couple at the true distance
+                along = gx * nx + gy * ny + gz * nz
+                lever = r / true_r
+                gx = along * nx + lever * (gx - along * nx)
+                gy = along * ny + lever * (gy - along * ny)
+                gz = along * nz + lever * (gz - along * nz)
             fx, fy, fz = fx + MU_0_OVER_4PI * gx, fy + MU_0_OVER_4PI * gy, fz + MU_0_OVER_4PI * gz
-            # m x H of the neighbour; a clamped pair acts at its true distance: the lever is shorter by true/r
-            c1, c2, _ = field_factors(r, reach, smear)
+            c1, c2, _ = field_factors(r, reach, smear)  # m x B of the neighbour
             along = bx * nx + by * ny + bz * nz
-            lever = MU_0_OVER_4PI * true_r / r
-            hx, hy = lever * (c1 * along * nx - c2 * bx), lever * (c1 * along * ny - c2 * by)
+            hx, hy = MU_0_OVER_4PI * (c1 * along * nx - c2 * bx), MU_0_OVER_4PI * (c1 * along * ny - c2 * by)
             tz += moment[i, 0] * hy - moment[i, 1] * hx
             a = 2.0 * radius[i] * radius[j] / (radius[i] + radius[j])
             if not near or true_r >= radius[i] + radius[j] + 1.2 * a:

@@ -11,8 +11,9 @@ nearly touch (`field.spheres.pair_table`), whose flux gathers in their neck:
 - each of the two gains v_ij = sign(h) dM(g, |h|) n; over its pairs a grain gains D_i = (sum v) sqrt(sum |v|^2)/sum |v|,
   because plain adding overshoots by 50 to 100 % in chains; |M| stays below saturation;
 - they attract with dF(g, |h|) a^2 (a = 2 a_i a_j/(a_i + a_j)) beside the force of their dipoles, and repel each other
-  less where the field lies across (`field.spheres.transverse_pair`); their near moments, which lie along n and not along S, make the couple r x F = mu_0 (V_i D_ij x S_i + V_j D_ji x S_j). So
-  sum r x F = sum V M x H_applied at the fixed point, to round-off.
+  less where the field lies across (`field.spheres.transverse_pair`);
+- their near moments, which lie along n and not along S, make the couple r x F = mu_0 (V_i D_ij x S_i + V_j D_ji x S_j).
+  So sum r x F = sum V M x B_applied at the fixed point, to round-off.
 
 Gaps are counted between surfaces, in radii, and never below `smallest_gap`: oxide and roughness of the grains, a stated
 property of the powder. The overlap of elastic contacts does not enter.
@@ -66,7 +67,7 @@ class Magnetisation:
     own_image : (n, w) float64
         Part of the potential that a grain's own image makes [A].
     share, contrast : (n,) float64
-        Part of the sum of its pairs' excess moments that a grain takes, of its answer across that saturation leaves [-].
+        What a grain takes of the sum of its pairs' excess moments, and what saturation leaves of its answer across.
     residual : float
         Root mean square of an undamped step over that of the magnetisation [-].
     sweeps : int
@@ -212,7 +213,6 @@ class MutualMoments:
         return force, -float(torque.sum()), float(wall_torque.sum())
 
 
-@lru_cache(maxsize=8)
 def grain_table(law: Law | GrainLaw, model: str) -> ContactTable:
     """The table that the kernels read for a grain's law: bulk law, or `GrainLaw`; the near pairs' with near_field.
 
@@ -221,6 +221,13 @@ def grain_table(law: Law | GrainLaw, model: str) -> ContactTable:
     ValueError
         An unknown model, the law of the thesis, near_field with a law that does not saturate.
     """
+    try:
+        return _kept_table(law, model)  # type: ignore[arg-type]
+    except TypeError:  # a law of points cannot be hashed
+        return _made_table(law, model)
+
+
+def _made_table(law: Law | GrainLaw, model: str) -> ContactTable:
     if model not in MODELS:
         raise ValueError(f"model = {model!r}; allowed: {', '.join(MODELS)} ('fixed' has no mutual moments)")
     if isinstance(law, ThesisLaw):
@@ -240,6 +247,9 @@ def grain_table(law: Law | GrainLaw, model: str) -> ContactTable:
         pair = pair_table(law)
         excess = (pair.excess_force, pair.excess_moment)
     return contact_table(sphere, Ms, excess)
+
+
+_kept_table = lru_cache(maxsize=8)(_made_table)
 
 
 @dataclass(frozen=True, slots=True)

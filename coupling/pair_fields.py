@@ -5,9 +5,9 @@ With n the unit vector from b to a and r their distance, the field of b's moment
     H = c1 (m_b . n) n - c2 m_b,        potential  p (m_b . n),        U = -mu_0 m_a . H.
 
 - **whole**, ended by the cubic switch s(r) between 0.9 and 1 times the reach: c2 = s/r^3, c1 = 3 c2, p = s/r^2;
-- **less the smear** (``smear``): the dipole less one spread out with K(r) = 105/(32 pi a^3) (1 - x^2)^2, x = r/a, whose
-  share Q(x) = (35 x^3 - 42 x^5 + 15 x^7)/8 lies within r: c2 = (1 - Q)/r^3, c1 = 3 c2 + 4 pi K, p = (1 - Q)/r^2. It ends
-  at a exactly, and its mean over an even powder, with the grain's own share K(0) m/3, is the Lorentz field.
+- **less the smear** (``smear``): the dipole less one spread out with K(r) = 105/(32 pi a^3) (1 - x^2)^2, x = r/a,
+  whose share Q(x) = (35 x^3 - 42 x^5 + 15 x^7)/8 lies within r: c2 = (1 - Q)/r^3, c1 = 3 c2 + 4 pi K, p = (1 - Q)/r^2.
+  It ends at a exactly, and its mean over an even powder, with the grain's own share K(0) m/3, is the Lorentz field.
 
 The force is the gradient of U at fixed moments, so the third law is exact and angular momentum closes with the torque
 m x H. Both derivatives follow from Q' = 4 pi r^2 K: c2' = -(4 pi K + 3 c2)/r and c1' = 3 c2' + 4 pi K'.

@@ -135,7 +135,7 @@ def run_staggered(simulation: Simulation, end: float, callbacks: Iterable[Callab
 
 def magnetic_forces(simulation: Simulation, magnetised: MagnetisedGrains, ledger: Ledger) -> np.ndarray:
     """Moments and the sum of all magnetic effects' forces (n, 3) [N] at the present positions."""
-    magnetised.update(simulation.dem.grains)
+    magnetised.update(simulation)
     force = np.zeros_like(simulation.dem.grains.position)
     for effect in simulation.effects:
         ledger.book(effect.add_forces(simulation, force))

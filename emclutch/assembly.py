@@ -20,15 +20,20 @@ from coupling import (
     ImposedField,
     MagneticForce,
     MagnetisedGrains,
+    MutualDipoles,
+    MutuallyMagnetisedGrains,
+    MutualMoments,
     Simulation,
     SolidCoilField,
     WallImages,
+    grain_table,
 )
 from emclutch.case import Case
 from emclutch.device import CoilDevice, Device, grain_law
 from emclutch.packed_grains import grains_of, packed, settled
 from emclutch.plan import Plan
 from emclutch.rigid_plan import RigidPlan
+from emclutch.scene.field_source import UniformField
 from emclutch.scene.model import Scene
 from emclutch.scene.motion import FreeShaft as FreeShaftSection
 from emclutch.scene.time_table import points_of
@@ -83,7 +88,7 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
         deposition = deposition_of(scene, device.coil)
         source.element_volume = deposition.volume
         fill_at = partial(_fill_at, deposition, source)
-    magnetised = None if source is None else MagnetisedGrains(source.sampler, grain_law(scene), fill_at)
+    magnetised = None if source is None else magnetised_grains(scene, source.sampler, fill_at, walls)
     n_sectors = 1 if plan.sector is None else plan.sector.n_sectors
     return Simulation(
         dem, effects_of(scene, walls, deposition), magnetised, source, plan.steps_per_update, plan.updates, n_sectors
@@ -121,10 +126,27 @@ def effects_of(scene: Scene, walls, deposition: FillDeposition | None) -> list[E
         effects.append(MagneticForce())
     if chosen.dipoles is not None:
         cutoff = chosen.dipoles.cutoff * scene.particles.largest_diameter
-        effects.append(FixedDipoles(cutoff))
-        if chosen.wall_images is not None:
+        fixed = chosen.dipoles.model == "fixed"
+        effects.append(FixedDipoles(cutoff) if fixed else MutualDipoles())
+        if fixed and chosen.wall_images is not None:
             effects.append(WallImages(cutoff, walls))
     return effects
+
+
+def magnetised_grains(scene: Scene, sampler, fill_at, walls) -> MagnetisedGrains:
+    """What gives the grains their moments: the field alone, or also the other grains and their images."""
+    law, dipoles = grain_law(scene), scene.effects.dipoles
+    if dipoles is None or dipoles.model == "fixed":
+        return MagnetisedGrains(sampler, law, fill_at)
+    solver = MutualMoments(
+        grain_table(law, dipoles.model),
+        near=dipoles.model == "near_field",
+        reach=dipoles.cutoff * scene.particles.largest_diameter,
+        smear=isinstance(scene.field, UniformField) and scene.field.means == "macroscopic",
+        smallest_gap=dipoles.surface_gap,
+    )
+    mirrors = walls if scene.effects.wall_images is not None else None
+    return MutuallyMagnetisedGrains(sampler, law, solver=solver, tolerance=dipoles.tolerance, mirrors=mirrors)
 
 
 def deposition_of(scene: Scene, coil: CoilDevice) -> FillDeposition:

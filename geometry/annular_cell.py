@@ -12,12 +12,14 @@ from geometry.walls import AnnularBox, RevolvedWall, annulus, cylinder
 class ShearCell:
     """Annulus inner_radius < r < outer_radius, |z| < height/2 [m].
 
-    The inner cylinder belongs to body ``disc``, the outer one to ``rotor``, floor and ceiling to ``housing``.
+    The inner cylinder belongs to body ``disc``, the outer one to ``rotor``, floor and ceiling to ``housing``; the
+    cylinders may be of ``steel``, in which grains see their images.
     """
 
     inner_radius: float
     outer_radius: float
     height: float
+    steel: bool = False
 
     def faults(self, grain_diameter: float | None = None) -> list[Fault]:
         """Every inconsistency; with a grain diameter [m], also a cell that no grain fits into."""
@@ -64,8 +66,8 @@ class ShearCell:
         half = 0.5 * self.height
         inner, outer = self.inner_radius, self.outer_radius
         return [
-            cylinder("inner_cylinder", "disc", inner, -half, half),
-            cylinder("outer_cylinder", "rotor", outer, -half, half),
+            cylinder("inner_cylinder", "disc", inner, -half, half, magnetic=self.steel),
+            cylinder("outer_cylinder", "rotor", outer, -half, half, magnetic=self.steel),
             annulus("floor", "housing", -half, inner, outer),
             annulus("ceiling", "housing", half, inner, outer),
         ]

@@ -6,9 +6,18 @@ of a sub-cycle (`add_forces`, which returns its bookings for the ledgers). To ad
 """
 
 from coupling.effects.back_reaction import BackReaction
-from coupling.effects.dipoles import FixedDipoles
+from coupling.effects.dipoles import FixedDipoles, MutualDipoles
 from coupling.effects.effect import Effect
 from coupling.effects.magnetic_force import MagneticForce, body_torque, gradient_force
 from coupling.effects.wall_images import WallImages
 
-__all__ = ["BackReaction", "Effect", "FixedDipoles", "MagneticForce", "WallImages", "body_torque", "gradient_force"]
+__all__ = [
+    "BackReaction",
+    "Effect",
+    "FixedDipoles",
+    "MagneticForce",
+    "MutualDipoles",
+    "WallImages",
+    "body_torque",
+    "gradient_force",
+]

@@ -1,4 +1,7 @@
-"""Effect `dipoles`, model `fixed`: near grains attract one another as point dipoles with the moment of their law."""
+"""Effect `dipoles`: near grains attract one another.
+
+Model `fixed`: point dipoles with the moment of their law; `mutual` and `near_field`: `coupling.mutual_moments`.
+"""
 
 from __future__ import annotations
 
@@ -20,3 +23,18 @@ class FixedDipoles(Effect):
             grains.position, grains.magnetic_moment, grains.radius, simulation.rows(self.cutoff), self.cutoff, force
         )
         return {"dipoles": reaction}
+
+
+class MutualDipoles(Effect):
+    """Forces of moments that `MutuallyMagnetisedGrains` has found, on each other and on their images in steel."""
+
+    name = "dipoles"
+
+    def add_forces(self, simulation, force):
+        grains, magnetised = simulation.dem.grains, simulation.magnetised
+        solver = magnetised.solver
+        found, pairs, walls = solver.forces(
+            grains.position, grains.radius, simulation.rows(solver.reach), magnetised.found
+        )
+        force += found
+        return {"dipoles": pairs} if magnetised.mirrors is None else {"dipoles": pairs, "images": walls}

@@ -72,6 +72,8 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "field_solves": ("1", "field solves in the window"),
     "sweeps": ("1", "sweeps of the solver of rigid contacts a step, mean of the window"),
     "largest_sweeps": ("1", "sweeps of the window's hardest step"),
+    "moment_residual": ("1", "undamped step of the grains' moments over the magnetisation, worst of the window"),
+    "moment_sweeps": ("1", "sweeps over the grains' moments in the window"),
     "solver_residual": ("m/s", "largest natural map of the contacts at the end of a step, worst of the window"),
     "missed_steps": ("1", "steps of the window that did not reach the solver's tolerance"),
     "warm_hits": ("1", "share of the loaded contacts that began from the impulse of the step before"),

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from geometry.fault import Fault as ShapeFault
 
 # Reach of a contact in grain diameters: the Verlet list holds pairs that may touch before it is built anew.
+_NEAR_REACH = 1.6  # diameters: two radii and the farthest gap of a near pair, 1.2 radii
 _CONTACT_REACH = 1.3
 
 
@@ -309,6 +310,7 @@ def _needs_of_effects(draft: Draft) -> Iterator[Fault]:
                 "needs magnetised grains; add [effects.dipoles] or "
                 "[effects.magnetic_force], or remove the effect's table",
             )
+    yield from _needs_of_moments(draft)
     if effects.wall_images is not None and effects.dipoles is None:
         yield Fault("effects.wall_images", "", "needs dipoles to mirror; add [effects.dipoles], or remove its table")
     if effects.back_reaction is not None and isinstance(draft.scene.field, UniformField):
@@ -317,6 +319,51 @@ def _needs_of_effects(draft: Draft) -> Iterator[Fault]:
             "",
             "needs a field that is solved, and field.source = 'uniform' is "
             "prescribed; take field.source = 'coil', or remove its table",
+        )
+
+
+def _needs_of_moments(draft: Draft) -> Iterator[Fault]:
+    """What grains that magnetise one another need, and what cannot stand beside them."""
+    effects, particles = draft.scene.effects, draft.scene.particles
+    if effects.dipoles is None:
+        return
+    model, source = effects.dipoles.model, draft.scene.field
+    macroscopic = isinstance(source, UniformField) and source.means == "macroscopic"
+    if model == "fixed":
+        if macroscopic:
+            yield draft.fault(
+                "field.means",
+                "is not used by effects.dipoles.model = 'fixed'; take model = 'near_field' or 'mutual', or remove it",
+            )
+        return
+    if particles.law == "thesis":
+        yield draft.fault(
+            "effects.dipoles.model",
+            "does not go with particles.law = 'thesis': M = chi H has no material behind it, in which grains could "
+            "magnetise one another; take model = 'fixed', or law = 'sphere'",
+        )
+    if model == "near_field" and effects.saturation is None:
+        yield draft.fault(
+            "effects.dipoles.model",
+            "needs grains that saturate, their necks do so first; add [effects.saturation], or take model = 'mutual'",
+        )
+    if effects.back_reaction is not None:
+        yield draft.fault(
+            "effects.dipoles.model",
+            "does not go with [effects.back_reaction] in this version: the solved field holds the near grains spread "
+            "out, and they would count twice; take model = 'fixed', or remove the table of back_reaction",
+        )
+    if model == "near_field" and effects.dipoles.cutoff < _NEAR_REACH:
+        yield draft.fault(
+            "effects.dipoles.cutoff",
+            f"ends inside the range of near grains; allowed with model = 'near_field': at least {_NEAR_REACH:g} "
+            "diameters",
+        )
+    if macroscopic and effects.dipoles.cutoff < 2.0:
+        yield draft.fault(
+            "effects.dipoles.cutoff",
+            "is the width over which field.means = 'macroscopic' spreads a grain; allowed: at least 2 diameters "
+            "(2.5 to 3 are usual)",
         )
 
 
@@ -465,7 +512,8 @@ def warnings_of(scene: Any) -> Iterator[str]:
         yield f"[effects.wall_images] mirrors dipoles in the slots of geometry.{slotted[0]} too, as if they were steel"
     if slotted and not isinstance(scene.field, CoilField):
         yield f"geometry.{slotted[0]} has no effect: only the field of a coil sees slots, grains meet smooth walls"
-    if effects.wall_images is not None and not isinstance(scene.geometry, (ClutchGeometry, CadGeometry)):
+    steel = isinstance(scene.geometry, ShearCellGeometry) and scene.geometry.steel
+    if effects.wall_images is not None and not (isinstance(scene.geometry, (ClutchGeometry, CadGeometry)) or steel):
         kind = scene.geometry.kind
         yield f"[effects.wall_images] has no effect: geometry.kind = '{kind}' has no steel faces"
     elif effects.wall_images is not None and not any(wall.magnetic for wall in scene.shape().walls()):

@@ -32,6 +32,11 @@ class UniformField(Section):
     source: Literal["uniform"]
     field_strength: FieldStrength = Field(description="H0")
     direction: Annotated[str, Choice(("x", "y", "z", "axial", "radial"))] = Field(description="of H; axial is z")
+    means: Annotated[str, Choice(("applied", "macroscopic"))] = Field(
+        default="applied",
+        description="applied: the field without grains; macroscopic: the mean field of an even powder, which holds "
+        "the grains spread out over the dipoles' cut-off (models mutual and near_field)",
+    )
 
 
 FieldSource = Annotated[CoilField | UniformField, Field(discriminator="source")]

@@ -114,6 +114,7 @@ class ShearCellGeometry(Section):
     inner_radius: Length = Field(description="radius of the inner cylinder")
     outer_radius: Length = Field(description="radius of the outer cylinder")
     height: Length = Field(description="axial height")
+    steel: bool = Field(default=False, description="the cylinders are of steel: grains see their images in them")
 
     @property
     def mid_radius(self) -> float:
@@ -124,7 +125,7 @@ class ShearCellGeometry(Section):
         """Return the shape for walls and volumes."""
         from geometry.annular_cell import ShearCell
 
-        return ShearCell(self.inner_radius, self.outer_radius, self.height)
+        return ShearCell(self.inner_radius, self.outer_radius, self.height, self.steel)
 
 
 class CentrifugalGeometry(Section):

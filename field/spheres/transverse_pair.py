@@ -5,11 +5,11 @@ the whole sphere is saturated. The potential outside is that of the field H0 alo
 
     sum_n B_n P_n^1(cos theta) cos(phi)/r^(n + 1)
 
-about each centre (mirrored: (-1)^(n + 1) B_n about the other). About the other centre, at the distance R, a multipole is
-(-1)^(k + 1) (n + k)!/((n - 1)! (k + 1)!) r^k P_k^1/R^(n + k + 1) (Hobson, The Theory of Spherical and Ellipsoidal
-Harmonics, 1931, §89), and a sphere answers a field of order k with alpha_k = k (mu - 1)/(k (mu + 1) + 1) of its strength
-(Jackson, §4.4). The moment is 4 pi B_1; the force follows from the energy, -mu_0 m H0 for the two at constant H0:
-F = mu_0 H0 dm/dR, a repulsion.
+about each centre (mirrored: (-1)^(n + 1) B_n about the other). About the other centre, at the distance R, a multipole
+is (-1)^(k + 1) (n + k)!/((n - 1)! (k + 1)!) r^k P_k^1/R^(n + k + 1) (Hobson, The Theory of Spherical and Ellipsoidal
+Harmonics, 1931, §89), and a sphere answers a field of order k with alpha_k = k (mu - 1)/(k (mu + 1) + 1) of its
+strength (Jackson, §4.4). The moment is 4 pi B_1; the force follows from the energy, -mu_0 m H0 for the two at constant
+H0: F = mu_0 H0 dm/dR, a repulsion.
 """
 
 from __future__ import annotations

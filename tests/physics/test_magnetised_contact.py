@@ -1,8 +1,8 @@
 """Grains that magnetise one another and saturate where they touch, against finite elements (p = 4, about 0.1 %).
 
-Lengths in the grain's radius, forces in mu_0 Ms^2 a^2, magnetisations in Ms; the grains' law is Froehlich's with chi 999
-and Ms 1.7 MA/m. Values: `tests/REFERENCE.md` and the axisymmetric and three-dimensional solutions that they were made
-with; none of them was used to make the model.
+Lengths in the grain's radius, forces in mu_0 Ms^2 a^2, magnetisations in Ms; the grains' law is Froehlich's with chi
+999 and Ms 1.7 MA/m. Values: `tests/REFERENCE.md` and the axisymmetric and three-dimensional solutions that they were
+made with; none of them was used to make the model.
 """
 
 import numpy as np
@@ -181,7 +181,7 @@ def dense_bed(n=400, fill=0.55, seed=0):
     random = np.random.default_rng(seed)
     k = np.arange(n)
     inside = np.column_stack([k % 8, (k // 8) % 8, k // 64]) * pitch
-    x = inside + [60.0 * A, -4.0 * pitch, 0.0]
+    x = inside + np.array([60.0 * A, -4.0 * pitch, 0.0])
     return x + random.uniform(-0.5, 0.5, x.shape) * (pitch - 2.0 * A)
 
 

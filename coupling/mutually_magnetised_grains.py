@@ -1,0 +1,87 @@
+"""The grains' moments where they magnetise one another: models `mutual` and `near_field` of the effect `dipoles`.
+
+The moments of the last evaluation are the start of the next one: a few sweeps follow the powder while it is sheared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from coupling.magnetised_grains import MagnetisedGrains
+from coupling.mutual_moments import Magnetisation, MutualMoments
+from coupling.wall_reflection import steel_walls
+from field import ConvergenceError, MagneticField
+
+MOST_SWEEPS = 200
+LOST = 0.1
+"""Residual beyond which the moments are not those of the law: the run stops."""
+
+
+@dataclass(slots=True, kw_only=True)
+class MutuallyMagnetisedGrains(MagnetisedGrains):
+    """See `MagnetisedGrains`; `fill_at` stays None.
+
+    Attributes
+    ----------
+    solver : MutualMoments
+    tolerance : float
+        Residual of the moments that is asked for.
+    mirrors : sequence of walls, or None
+        Walls whose steel mirrors the grains, as strongly as the field's solution says; None: none does.
+    """
+
+    solver: MutualMoments
+    tolerance: float = 1e-3
+    mirrors: Sequence | None = None
+    found: Magnetisation | None = None
+    _walls_of: object = None
+    _worst: float = 0.0
+    _sweeps: int = 0
+
+    def update(self, simulation) -> None:
+        """Sample the field and find the moments; raises `MomentError` where they do not converge."""
+        assert self.sampler is not None  # the loop refreshes the source first
+        grains = simulation.dem.grains
+        self.H, self.grad_H = self.sampler.sample(grains.position)
+        self._refresh_walls(simulation.source)
+        rows = simulation.rows(self.solver.reach)
+        start = grains.magnetic_moment
+        found = self.solver.solve(
+            grains.position, grains.radius, self.H, rows, start=start, tolerance=self.tolerance,
+            most_sweeps=MOST_SWEEPS,
+        )  # fmt: skip
+        if found.residual > LOST:
+            raise MomentError(found.residual, found.sweeps)
+        self.found = found
+        self._worst, self._sweeps = max(self._worst, found.residual), self._sweeps + found.sweeps
+        grains.magnetic_moment = found.moment
+
+    def window_row(self) -> dict[str, float]:
+        """The worst residual and the sweeps since the last call, for the history."""
+        row = {"moment_residual": self._worst, "moment_sweeps": float(self._sweeps)}
+        self._worst, self._sweeps = 0.0, 0
+        return row
+
+    def _refresh_walls(self, source) -> None:
+        if self.mirrors is None:
+            return
+        solution = getattr(source, "solution", None)
+        if self._walls_of is None or solution is not self._walls_of:
+            solved = solution if isinstance(solution, MagneticField) else None
+            self.solver.walls = steel_walls(self.mirrors, solved)
+            self._walls_of = solution if solution is not None else self
+
+
+class MomentError(ConvergenceError):
+    """The moments of grains that magnetise one another did not converge."""
+
+    def __init__(self, residual: float, sweeps: int) -> None:
+        RuntimeError.__init__(
+            self,
+            f"the moments of the grains did not converge: residual {residual:.2g} after {sweeps} sweeps (at most "
+            f"{LOST:g} is gone on with); look at the grains where they overlap most, shorten "
+            "effects.dipoles.update_every, or take effects.dipoles.model = 'mutual'",
+        )
+        self.history = [(residual, 1.0)]
+        self.remedy = ""

@@ -1,0 +1,63 @@
+"""How strongly a steel wall mirrors the grains: k = (mu_e - 1)/(mu_e + 1) from the permeability of the wall as solved.
+
+With B across the wall the mirror charges are spread by the differential permeability along B and by the secant one
+across it: mu_e = sqrt(mu_n mu_t), mu_n = dB/dH, mu_t = B/H (an anisotropic half-space, Landau and Lifshitz,
+Electrodynamics of Continuous Media, §13). A saturated wall mirrors weakly, one that is not magnetic not at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from field import MU_0, MagneticField
+from field.laws.powder_law import PowderLaw
+from geometry import RevolvedWall
+
+POINTS = 9  # along a wall, at both of its sides
+INSIDE = 1e-3  # of a wall's length: how deep in the steel its permeability is read
+
+
+def steel_walls(walls: Sequence, solution: MagneticField | None = None) -> np.ndarray:
+    """Rows (w, 6) of `coupling.mirror` for the magnetic surfaces of revolution among `walls`.
+
+    Their k is 1 without a `solution`, else the mean over the wall of what the solution says of the steel behind it.
+    """
+    rows = []
+    for wall in walls:
+        if not (isinstance(wall, RevolvedWall) and wall.magnetic):
+            continue
+        start, end = np.asarray(wall.start), np.asarray(wall.end)
+        length = float(np.hypot(*(end - start)))
+        tangent = (end - start) / length
+        k = 1.0 if solution is None else _reflection(solution, start, tangent, length)
+        rows.append([*start, *tangent, length, k])
+    return np.array(rows, dtype=float).reshape(-1, 6)
+
+
+def _reflection(solution: MagneticField, start: np.ndarray, tangent: np.ndarray, length: float) -> float:
+    """Mean k of the steel on that side of the wall where there is more of it."""
+    problem = solution.problem
+    along = start + np.outer((np.arange(POINTS) + 0.5) / POINTS * length, tangent)
+    normal = np.array([-tangent[1], tangent[0]])
+    powder = [problem.mesh.regions[r] for r in problem.mesh.regions if isinstance(problem.law_of(r), PowderLaw)]
+    best = 0.0
+    for side in (1.0, -1.0):
+        points = along + side * INSIDE * length * normal
+        points = np.ascontiguousarray(points[points[:, 0] >= 0.0])
+        element, _ = problem.locator.find(points)
+        inside = (element >= 0) & ~np.isin(element, np.concatenate(powder) if powder else [])
+        if not inside.any():
+            continue
+        B = np.zeros((len(problem.mesh.triangles), 1))
+        at = solution._flux_density_in(element[inside], points[inside])
+        k = np.empty(len(at))
+        for n, (e, b) in enumerate(zip(element[inside], np.hypot(*at.T), strict=True)):
+            B[e] = b
+            H, slope = problem.H_of_B(B, solution.fill)
+            secant = b / (MU_0 * H[e, 0]) if H[e, 0] > 0.0 else 1.0 / (MU_0 * slope[e, 0])
+            mu = np.sqrt(max(secant / (MU_0 * slope[e, 0]), 1.0))
+            k[n] = (mu - 1.0) / (mu + 1.0)
+        best = max(best, float(k.sum()) / POINTS)
+    return best

@@ -1,0 +1,72 @@
+"""Runs whose grains magnetise one another: balances, the axis takes no torque, resuming, threads, bad input."""
+
+import numpy as np
+import pytest
+from test_coupled_run import CELL, run, same, state
+
+from emclutch.case import SceneError, case_from
+
+NEAR = {
+    "effects.dipoles.model": "near_field",
+    "effects.dipoles.tolerance": 1e-6,
+    "field.field_strength": "60 kA/m",
+    "time.end": "0.2 ms",
+}
+
+
+def test_a_field_of_revolution_takes_no_torque(tmp_path):
+    """sum x x F = sum V M x B_0 and the hoop force of the field cancel: what is left is the moments' residual.
+
+    With fixed moments the same sum is a tenth of the torque and more.
+    """
+    left = {}
+    for model in ("fixed", "near_field"):
+        values = NEAR | {"effects.dipoles.model": model, "effects.dipoles.update_every": 1, "time.end": "20 us"}
+        history = run(tmp_path, model, values).history
+        left[model] = history["torque_field"].abs().max() / history["torque_field_gradient"].abs().max()
+    assert left["fixed"] > 1e-2
+    assert left["near_field"] < 1e-5, left
+
+
+def test_torque_balance_closes_to_round_off(tmp_path):
+    values = NEAR | {"effects.dipoles.update_every": 1, "time.end": "20 us", "time.window": 5e-6}
+    history = run(tmp_path, "balance", values).history
+    assert history["torque_residual"].abs().max() < 1e-9 * history["torque_rotor"].abs().max()
+    assert 0.0 < history["moment_residual"].max() <= 1e-6 and (history["moment_sweeps"] > 0).all()
+
+
+def test_it_resumes_bit_for_bit(tmp_path):
+    run(tmp_path, "whole", NEAR)
+    run(tmp_path, "part", NEAR | {"time.end": "0.1 ms"})
+    run(tmp_path, "part", NEAR, resume=True)
+    assert same(state(tmp_path, "whole"), state(tmp_path, "part"))
+
+
+def test_near_contacts_carry_more_than_dipoles(tmp_path):
+    """At 60 kA/m, steel cylinders: the torque of fixed dipoles is several times too small."""
+    steel = {"geometry.steel": True, "effects.wall_images": {}, "time.end": "1 ms"}
+    torque = {}
+    for model in ("fixed", "near_field"):
+        history = run(tmp_path, model, NEAR | steel | {"effects.dipoles.model": model}).history
+        torque[model] = float(np.mean(history["torque_rotor"][-10:]))
+    assert abs(torque["near_field"]) > 3.0 * abs(torque["fixed"]), torque
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"effects.dipoles.cutoff": 1.5}, "at least 1.6 diameters"),
+        ({"effects.dipoles.model": "fixed", "field.means": "macroscopic"}, "is not used by effects.dipoles.model"),
+        ({"field.means": "macroscopic", "effects.dipoles.cutoff": 1.8}, "at least 2 diameters"),
+        ({"particles.law": "thesis"}, "M = chi H has no material"),
+        ({"effects.dipoles.surface_gap": 0.0}, "surface_gap"),
+    ],
+)
+def test_what_cannot_be_is_told(values, words):
+    with pytest.raises(SceneError, match=words):
+        case_from(CELL, NEAR | values)
+
+
+def test_near_field_needs_saturation():
+    with pytest.raises(SceneError, match="needs grains that saturate"):
+        case_from(CELL | {"effects": {"dipoles": {"model": "near_field"}}})
