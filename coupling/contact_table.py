@@ -37,13 +37,14 @@ class ContactTable(NamedTuple):
     field_step: float
     force: np.ndarray  # (g, h) dF/h^2
     moment: np.ndarray  # (g, h) dM/h
+    work: np.ndarray  # (g, h) integral of dF/h^2 over the gap, from g to where it ends
     across: np.ndarray  # (g,) weakening of the repulsion across, over h_t^2, for spheres of high permeability
 
 
 def contact_table(
     magnetisation: Callable[[np.ndarray], np.ndarray],
     saturation: float | None,
-    excess: tuple[Callable, Callable] | None = None,
+    excess: tuple[Callable, Callable, Callable] | None = None,
     *,
     gaps: tuple[float, float, int] = (3e-4, FARTHEST_GAP, 97),
     fields: tuple[float, float, int] = (3e-4, 3.0, 201),
@@ -56,7 +57,7 @@ def contact_table(
         Of a lone sphere in a uniform field.
     saturation : float or None
         [A/m]; None: linear.
-    excess : (force, moment), optional
+    excess : (force, moment, work), optional
         Functions of (g, h), g in radii and h in `saturation`, of `PairTable`; None: mutual dipoles only.
     gaps, fields : (first, last, number)
         Grid of the excess.
@@ -70,12 +71,12 @@ def contact_table(
     slope = np.gradient(ratio, edge_order=2)
     slope[2:-2] = (8.0 * (ratio[3:-1] - ratio[1:-3]) - (ratio[4:] - ratio[:-4])) / 12.0
     x, y = (np.linspace(np.log(first), np.log(last), number) for first, last, number in (gaps, fields))
-    force = moment = np.zeros((2, 2))
+    force = moment = work = np.zeros((2, 2))
     across = np.zeros(2)
     if excess is not None:
         across = np.array([transverse_excess(np.inf, gap) for gap in np.exp(x)]) * fade(np.exp(x))
         g, k = np.meshgrid(np.exp(x), np.exp(y), indexing="ij")
-        force, moment = excess[0](g, k) / k**2, excess[1](g, k) / k
+        force, moment, work = excess[0](g, k) / k**2, excess[1](g, k) / k, excess[2](g, k) / k**2
     return ContactTable(
         scale,
         float(np.log(h[0])),
@@ -88,6 +89,7 @@ def contact_table(
         float(y[1] - y[0]),
         np.ascontiguousarray(force),
         np.ascontiguousarray(moment),
+        np.ascontiguousarray(work),
         across,
     )
 
@@ -157,6 +159,20 @@ def excess_force(table, gap, H):
         return 0.0
     ratio, h, share = excess_at(table, table.force, gap, abs(H) / table.scale)
     return ratio * share * (h * table.scale) ** 2
+
+
+@inner(error_model="numpy", fastmath={"contract"})
+def mean_excess_force(table, gap, end, H):
+    """Mean of dF over a step that takes the gap to ``end``, (W(gap) - W(end))/(end - gap); see `excess_force`."""
+    if H == 0.0:
+        return 0.0
+    if abs(end - gap) < 1e-3 * gap:
+        return excess_force(table, gap, H)
+    first, h, share = excess_at(table, table.work, gap, abs(H) / table.scale)
+    if first == 0.0:
+        h, share = abs(H) / table.scale, 1.0
+    last, _, _ = excess_at(table, table.work, end, abs(H) / table.scale)
+    return (first - last) / (end - gap) * share * (h * table.scale) ** 2
 
 
 @inner(error_model="numpy", fastmath={"contract"})

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from coupling.contact_table import across_at, excess_force, excess_moment, sphere_ratio
+from coupling.contact_table import across_at, excess_force, excess_moment, mean_excess_force, sphere_ratio
 from coupling.mirror import FACES_NO_WALL, height_over, image_field, image_force, normal_at
 from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, pair_force
 from geometry.inner_functions import inner
@@ -191,12 +191,15 @@ def magnetise(
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
 def contact_forces(
     table, position, radius, volume, moment, applied, start, other, shift, turn_cos, turn_sin, walls, height, reach,
-    smear, near, attraction, smallest_gap, field, potential, own_image, share, contrast, force, torque, wall_torque,
+    smear, near, attraction, smallest_gap, velocity, ahead, field, potential, own_image, share, contrast,
+    force, torque, wall_torque,
 ):  # fmt: skip
     """Forces (n, 3) [N], added: of the dipoles, of the near excess (if ``attraction``) and of its couple.
 
-    Images in the walls (w, 6) included. For the books, z-components [N m]: ``torque`` (n,) of the field on each grain
-    that its neighbours make, ``wall_torque`` (n,) of the forces of images and walls about the axis.
+    With ``ahead`` > 0 [s] the near excess is its mean over that time at the present ``velocity`` (n, 3) [m/s]: a step
+    of rigid grains is longer than its range. Images in the walls (w, 6) included. For the books, z-components [N m]:
+    ``torque`` (n,) of the field on each grain that its neighbours make, ``wall_torque`` (n,) of the forces of images
+    and walls about the axis.
     """
     for i in prange(position.shape[0]):
         fx = fy = fz = tz = 0.0
@@ -241,7 +244,14 @@ def contact_forces(
                 along = tx * nx + ty * ny + hz * nz
                 h_t2 = tx * tx + ty * ty + hz * hz - along * along
                 pull = MU_0 * a * a * np.sqrt(contrast[i] * contrast[j]) * h_t2 * across_at(table, gap)
-                pull += MU_0 * a * a * excess_force(table, gap, h)
+                if ahead > 0.0:
+                    ux, uy = c * velocity[j, 0] - s * velocity[j, 1], s * velocity[j, 0] + c * velocity[j, 1]
+                    opening = (velocity[i, 0] - ux) * nx + (velocity[i, 1] - uy) * ny
+                    opening += (velocity[i, 2] - velocity[j, 2]) * nz
+                    end = max(gap + ahead * opening / a, smallest_gap)
+                    pull += MU_0 * a * a * mean_excess_force(table, gap, end, h)
+                else:
+                    pull += MU_0 * a * a * excess_force(table, gap, h)
                 fx, fy, fz = fx - pull * nx, fy - pull * ny, fz - pull * nz
             # the near moments lie along n: the field's torque on them is a couple of the pair, T/r on each
             v = MU_0 * excess_moment(table, gap, h)
@@ -280,7 +290,13 @@ def contact_forces(
             if near and attraction and abs(height[i, w]) < 1.6 * radius[i]:
                 gap = max(2.0 * (abs(height[i, w]) / radius[i] - 1.0), smallest_gap)
                 h = drive_at_wall(i, w, nx, ny, nz, hi, walls, moment, applied, potential, own_image, reach, smear)
-                pull = MU_0 * walls[w, 5] * excess_force(table, gap, h)
+                if ahead > 0.0:
+                    opening = velocity[i, 0] * nx + velocity[i, 1] * ny + velocity[i, 2] * nz
+                    opening *= 2.0 / radius[i] if hi > 0.0 else -2.0 / radius[i]
+                    pull = mean_excess_force(table, gap, max(gap + ahead * opening, smallest_gap), h)
+                else:
+                    pull = excess_force(table, gap, h)
+                pull *= MU_0 * walls[w, 5]
                 pull *= radius[i] ** 2 if hi > 0.0 else -(radius[i] ** 2)
                 fx, fy, fz = fx - pull * nx, fy - pull * ny, fz - pull * nz
         force[i, 0] += fx

@@ -196,19 +196,29 @@ class MutualMoments:
         return result
 
     def forces(
-        self, position: np.ndarray, radius: np.ndarray, rows: NeighbourRows, found: Magnetisation, *, attraction=True
+        self,
+        position: np.ndarray,
+        radius: np.ndarray,
+        rows: NeighbourRows,
+        found: Magnetisation,
+        *,
+        attraction: bool = True,
+        velocity: np.ndarray | None = None,
+        ahead: float = 0.0,
     ) -> tuple[np.ndarray, float, float]:
         """Forces (n, 3) [N], and sums of x x F about z [N m]: of the pairs, from moments and fields, and of the walls.
 
-        Without `attraction` the near excess dF is left out, for those who take it from the gap of every step.
+        Without `attraction` the near excess dF is left out, for those who take it from the gap of every step; with
+        `ahead` > 0 [s] it is its mean over that time at the present `velocity` (n, 3) [m/s].
         """
         n = len(position)
         force, torque, wall_torque = np.zeros((n, 3)), np.zeros(n), np.zeros(n)
+        moving = np.zeros((n, 3)) if velocity is None else velocity
         contact_forces(
             self.table, position, radius, 4.0 / 3.0 * np.pi * radius**3, found.moment, found.applied, rows.start,
             rows.other, rows.shift, rows.turn_cos, rows.turn_sin, self.walls, found.height, self.reach, self.smear,
-            self.near, attraction, self.smallest_gap, found.field, found.potential, found.own_image, found.share,
-            found.contrast, force, torque, wall_torque,
+            self.near, attraction, self.smallest_gap, moving, float(ahead), found.field, found.potential,
+            found.own_image, found.share, found.contrast, force, torque, wall_torque,
         )  # fmt: skip
         return force, -float(torque.sum()), float(wall_torque.sum())
 
@@ -245,7 +255,7 @@ def _made_table(law: Law | GrainLaw, model: str) -> ContactTable:
     excess = None
     if model == "near_field":
         pair = pair_table(law)
-        excess = (pair.excess_force, pair.excess_moment)
+        excess = (pair.excess_force, pair.excess_moment, pair.excess_work)
     return contact_table(sphere, Ms, excess)
 
 

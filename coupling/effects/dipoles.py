@@ -5,8 +5,11 @@ Model `fixed`: point dipoles with the moment of their law; `mutual` and `near_fi
 
 from __future__ import annotations
 
+import numpy as np
+
 from coupling.dipoles import add_dipole_forces
 from coupling.effects.effect import Effect
+from particles import DVI
 
 
 class FixedDipoles(Effect):
@@ -33,8 +36,11 @@ class MutualDipoles(Effect):
     def add_forces(self, simulation, force):
         grains, magnetised = simulation.dem.grains, simulation.magnetised
         solver = magnetised.solver
+        dem = simulation.dem
+        ahead = dem.dt * simulation.steps_per_update if isinstance(dem, DVI) else 0.0
         found, pairs, walls = solver.forces(
-            grains.position, grains.radius, simulation.rows(solver.reach), magnetised.found
-        )
+            grains.position, grains.radius, simulation.rows(solver.reach), magnetised.found,
+            velocity=np.ascontiguousarray(grains.velocity), ahead=ahead,
+        )  # fmt: skip
         force += found
         return {"dipoles": pairs} if magnetised.mirrors is None else {"dipoles": pairs, "images": walls}

@@ -7,7 +7,9 @@ made with; none of them was used to make the model.
 
 import numpy as np
 import pytest
+from numba import njit
 
+from coupling.contact_table import excess_force
 from coupling.mutual_moments import MutualMoments, grain_table, magnetised_cluster
 from coupling.neighbour_rows import neighbour_rows
 from field import MU_0, GrainLaw, LangevinLaw
@@ -221,6 +223,27 @@ def test_a_sector_is_part_of_the_ring():
         answers.append((found.moment[:4], solver.forces(x, radius, rows, found)[0][:4]))
     assert answers[0][0] == pytest.approx(answers[1][0], rel=1e-9, abs=1e-15)
     assert answers[0][1] == pytest.approx(answers[1][1], rel=1e-8, abs=1e-9 * np.abs(answers[1][1]).max())
+
+
+@njit
+def read_excess(table, gap, h):
+    return excess_force(table, gap, h)
+
+
+@pytest.mark.parametrize("first", [2.5, 2.3, 2.05])
+def test_the_mean_force_of_a_long_step_does_the_work_of_short_ones(first):
+    """Two grains on their way to each other: the step's force is the mean of dF over the gaps that it passes."""
+    solver = MutualMoments(grain_table(IRON, "near_field"), near=True, reach=8.0 * A)
+    x, radius = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, first * A]]), np.full(2, A)
+    H, speed, dt = np.tile([0.0, 0.0, 4e4], (2, 1)), 0.4, 1e-3
+    rows = neighbour_rows(x, 8.0 * A)
+    found = solver.solve(x, radius, H, rows, tolerance=1e-12, most_sweeps=500)
+    velocity = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -speed]])
+    ahead = solver.forces(x, radius, rows, found, velocity=velocity, ahead=dt)[0]
+    rest = solver.forces(x, radius, rows, found, attraction=False)[0]
+    gap, end = first - 2.0, max(first - 2.0 - speed * dt / A, 3e-3)
+    parts = [read_excess(solver.table, end + (gap - end) * (k + 0.5) / 400, 4e4) for k in range(400)]
+    assert (rest - ahead)[1, 2] == pytest.approx(MU_0 * A**2 * np.mean(parts), rel=0.01)
 
 
 def test_bad_input_is_told():
