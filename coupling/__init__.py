@@ -2,7 +2,14 @@
 
 from coupling.deposition import FillDeposition
 from coupling.effects import BackReaction, Effect, FixedDipoles, MagneticForce, MutualDipoles, WallImages
-from coupling.expected_load import magnetic_load, pair_attraction, snap_in_overlap, weight_load
+from coupling.expected_load import (
+    magnetic_load,
+    neck_load,
+    neck_stiffness,
+    pair_attraction,
+    snap_in_overlap,
+    weight_load,
+)
 from coupling.field_source import CircuitCoilField, CoilField, EddyCoilField, ImposedField
 from coupling.magnetised_grains import MagnetisedGrains, moments
 from coupling.mutual_moments import Cluster, MutualMoments, grain_table, magnetised_cluster
@@ -32,6 +39,8 @@ __all__ = [
     "magnetic_load",
     "magnetised_cluster",
     "moments",
+    "neck_load",
+    "neck_stiffness",
     "pair_attraction",
     "run_staggered",
     "snap_in_overlap",

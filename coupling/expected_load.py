@@ -4,6 +4,9 @@ Magnetised grains: in a long straight chain of touching dipoles along the field 
 zeta(3) = 1.202 times the force of one touching pair, F_pair = (pi/6) mu_0 M^2 a^2 (exact for uniformly magnetised
 spheres, Edwards 2017). Sheared packings carry several times the mean on their force chains and walls, so the
 expected load is `PEAK` times the pair force.
+Grains whose necks saturate (`coupling.mutual_moments`, near_field): the pair's own force at the smallest gap, which a
+chain raises by 2 to 2.7 from 18 kA/m on and a sheared packing by more; and their force falls with the gap by up to
+(pi/2) mu_0 Ms^2 a, a negative stiffness that the springs of the contacts must exceed by far.
 Weight: the column of grains above, rho g h d^2, times the same factor.
 """
 
@@ -11,7 +14,11 @@ from __future__ import annotations
 
 from math import pi, sqrt
 
+import numpy as np
+
 from field import MU_0
+from field.spheres.lone_sphere import saturation, sphere_magnetisation
+from field.spheres.pair_table import pair_table
 
 PEAK = 6.0  # largest over pair force: 4 gave overlaps of 0.75 % where 0.5 % was allowed (12 N m class, 100 rpm)
 
@@ -19,6 +26,25 @@ PEAK = 6.0  # largest over pair force: 4 gave overlaps of 0.75 % where 0.5 % was
 def magnetic_load(M: float, diameter: float) -> float:
     """Expected peak force [N] of a contact between grains magnetised to M [A/m]."""
     return PEAK * pi / 6.0 * MU_0 * M**2 * (0.5 * diameter) ** 2
+
+
+NECK_PEAK = 4.0  # of the pair's force at the smallest gap: 2 to 2.7 in a chain, more on the chains of a sheared packing
+
+
+def neck_load(law, M: float, diameter: float, smallest_gap: float) -> float:
+    """Expected peak force [N] of a near contact between grains that a field magnetises to M [A/m] one by one.
+
+    `law` is the grains' (saturating), `smallest_gap` between surfaces in radii.
+    """
+    Ms, a = saturation(law), 0.5 * diameter
+    fields = np.geomspace(1e-4, 10.0, 2001) * Ms  # the field in which a lone grain has M
+    H = float(np.interp(M, sphere_magnetisation(law, fields), fields))
+    return NECK_PEAK * float(pair_table(law).force_of(smallest_gap, H / Ms)) * MU_0 * Ms**2 * a**2
+
+
+def neck_stiffness(law, diameter: float) -> float:
+    """Largest -dF/dg [N/m] of a saturated neck, (pi/2) mu_0 Ms^2 a: flux density mu_0 Ms over a growing area."""
+    return 0.5 * pi * MU_0 * saturation(law) ** 2 * 0.5 * diameter
 
 
 def pair_attraction(M: float, diameter: float) -> float:

@@ -9,7 +9,7 @@ from math import ceil, floor, pi
 
 import numpy as np
 
-from coupling import magnetic_load, snap_in_overlap, weight_load
+from coupling import magnetic_load, neck_load, neck_stiffness, snap_in_overlap, weight_load
 from emclutch.case import Case
 from emclutch.device import CoilDevice, Device, build_device, grain_law
 from emclutch.overlaps import SOFT, STOPS
@@ -24,6 +24,8 @@ from field.solid import SolidField
 from geometry import AnnularBox, Box, Clutch, ShearCell
 from geometry.centrifugal import CentrifugalClutch
 from particles import CyclicSector, PairLaws, RollingFriction, TwistingFriction, choose_time_step
+
+NECK_MARGIN = 10.0  # of a contact's stiffness over the negative one of its neck
 
 # nanoseconds a grain and step for contacts, and a neighbour for dipoles; measured on two cores, for estimates only
 CONTACT_NS = 95.0
@@ -295,6 +297,15 @@ def _contact(
     d = particles.largest_diameter  # overlap / diameter grows with the size under every load
     mass = particles.density * pi / 6.0 * d**3
     loads = {f"grains magnetised to {M_max / 1e3:.3g} kA/m": magnetic_load(M_max, d)}
+    near = scene.effects.dipoles is not None and scene.effects.dipoles.model == "near_field"
+    if near:
+        grains = grain_law(scene)
+        neck = neck_stiffness(grains, d)
+        loads[f"necks between grains magnetised to {M_max / 1e3:.3g} kA/m"] = neck_load(
+            grains, M_max, d, scene.effects.dipoles.surface_gap
+        )
+        # so stiff that no neck pulls a contact in by itself
+        loads[f"the stiffness of saturated necks, {neck:.3g} N/m,"] = NECK_MARGIN * neck * contact.max_overlap * d
     if scene.effects.gravity is not None:
         height = device.shape.size[2] if isinstance(device.shape, Box) else 2.0 * device.largest_radius
         loads["the weight of the bed"] = weight_load(particles.density, scene.effects.gravity.acceleration, height, d)
@@ -330,6 +341,11 @@ def _contact(
     if M_max > 0.0:
         snap = snap_in_overlap(M_max, d, stiffness)
         reasons["stiffness"] += f"; grains that snap together from afar press in by {100 * snap:.2g} % for an instant"
+    if near and stiffness < NECK_MARGIN * neck:
+        reasons["stiffness"] += (
+            f"; WARNING: less than {NECK_MARGIN:g} times the negative stiffness of saturated necks, {neck:.3g} N/m: "
+            "contacts close by more than their overlap says"
+        )
     if deepest > SOFT * d:
         reasons["stiffness"] += f"; WARNING: above {100 * SOFT:g} % grains are too soft for peaks of the torque"
     rolls, twists = effects.rolling_friction, effects.twisting_friction
