@@ -285,6 +285,13 @@ def summarise(case, folder: RunFolder, device, plan, simulation, conditions: Ste
         }
         summary |= rise_times(history, device.coil.currents[-1])
         summary["field_error_estimate"] = field_error_estimate(simulation.source.solution)
+    if "moment_residual" in history:
+        summary["moments"] = {
+            "model": case.scene.effects.dipoles.model,
+            "tolerance": case.scene.effects.dipoles.tolerance,
+            "worst_residual": float(history["moment_residual"].max()),
+            "sweeps_per_update": float(history["moment_sweeps"].sum()) * plan.steps_per_update / history["steps"].sum(),
+        }
     if "missed_steps" in history:
         summary["solver"] = solver_summary(history, simulation.dem.tolerance)
     if "inertial_number" in history:

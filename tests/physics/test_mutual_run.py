@@ -2,9 +2,13 @@
 
 import numpy as np
 import pytest
-from test_coupled_run import CELL, run, same, state
+from test_coupled_run import CASES, CELL, run, same, state
 
+import emclutch
+from coupling.wall_reflection import steel_walls
 from emclutch.case import SceneError, case_from
+from emclutch.device import build_device
+from emclutch.run_case import RunError
 
 NEAR = {
     "effects.dipoles.model": "near_field",
@@ -40,6 +44,43 @@ def test_it_resumes_bit_for_bit(tmp_path):
     run(tmp_path, "part", NEAR | {"time.end": "0.1 ms"})
     run(tmp_path, "part", NEAR, resume=True)
     assert same(state(tmp_path, "whole"), state(tmp_path, "part"))
+
+
+def test_how_the_moments_did_is_in_the_summary(tmp_path):
+    values = NEAR | {"time.end": "20 us", "effects.dipoles.update_every": 5}
+    moments = run(tmp_path, "told", values).summary["moments"]
+    assert moments["model"] == "near_field" and 0.0 < moments["worst_residual"] <= moments["tolerance"]
+    assert 1.0 <= moments["sweeps_per_update"] <= 60.0
+
+
+def test_moments_that_do_not_converge_stop_the_run(tmp_path, monkeypatch):
+    monkeypatch.setattr("coupling.mutually_magnetised_grains.MOST_SWEEPS", 1)
+    monkeypatch.setattr("coupling.mutually_magnetised_grains.LOST", 1e-9)
+    with pytest.raises(RunError, match=r"moments of the grains did not converge: residual .* after 1 sweeps"):
+        run(tmp_path, "lost", NEAR)
+
+
+def test_steel_mirrors_as_its_permeability_says():
+    """k = (mu - 1)/(mu + 1) of a linear rotor; of saturated steel less, and none of what is not magnetic."""
+    found = {}
+    for name, material, current in (
+        ("linear", {"law": "linear", "relative_permeability": 50.0}, 0.1),
+        ("weak", {"law": "froehlich", "susceptibility": 2000.0, "saturation": "1.6 MA/m"}, 0.01),
+        ("strong", {"law": "froehlich", "susceptibility": 2000.0, "saturation": "0.05 MA/m"}, 50.0),
+    ):
+        parts = dict.fromkeys(("rotor", "disc", "cover"), "own")
+        values = {"materials": {"own": material}, "geometry.materials": parts, "coil.current": current}
+        case = emclutch.load_case(CASES / "quickstart.toml").with_values(values)
+        device = build_device(case.scene)
+        walls = device.walls()
+        turns = device.coil.turns
+        solution = device.coil.problem.solve(turns * current, fill=np.zeros(len(device.coil.problem.powder_elements)))
+        found[name] = steel_walls(walls, solution)[:, 5]
+        assert len(found[name]) == sum(wall.magnetic for wall in walls) > 0
+        assert np.all(steel_walls(walls)[:, 5] == 1.0)
+    assert found["linear"] == pytest.approx(49.0 / 51.0, rel=1e-6)
+    assert np.all(found["weak"] > 0.99)
+    assert np.all(found["strong"] < 0.9) and np.all(found["strong"] >= 0.0)
 
 
 def test_near_contacts_carry_more_than_dipoles(tmp_path):
