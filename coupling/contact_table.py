@@ -116,70 +116,72 @@ def sphere_ratio(table, H):
 
 
 @inner(error_model="numpy", fastmath={"contract"})
-def across_at(table, gap):
-    """`across` at a gap in radii; 0 beyond the farthest gap."""
+def place_in(table, gap, H):
+    """Where a gap in radii and a field H [A/m] lie in the tables: i, x, j, y, |H| held at the last field, and a share.
+
+    i < 0 beyond the farthest gap, where there is no excess. Beyond the last field it falls as 1/h: the share.
+    """
     x = (np.log(gap) - table.gap_start) / table.gap_step
     if x >= table.across.shape[0] - 1:
-        return 0.0
+        return np.int64(-1), 0.0, np.int64(0), 0.0, 0.0, 0.0
     x = max(x, 0.0)
     i = np.int64(x)
-    return table.across[i] + (x - i) * (table.across[i + 1] - table.across[i])
+    h, share = abs(H), 1.0
+    last = table.force.shape[1] - 1
+    y = 0.0
+    if h > 0.0:
+        y = max((np.log(h / table.scale) - table.field_start) / table.field_step, 0.0)
+    if y > last:
+        end = table.scale * np.exp(table.field_start + last * table.field_step)
+        y, h, share = float(last), end, end / h
+    j = min(np.int64(y), last - 1)
+    return i, x - i, j, y - j, h, share
 
 
 @inner(error_model="numpy", fastmath={"contract"})
-def excess_at(table, values, gap, h):
-    """`values` (``force`` or ``moment``) at a gap in radii and a field h > 0 in `scale`; its field, and a share of it.
-
-    0 beyond the farthest gap. Beyond the last field the excess falls as 1/h: its share of what it was there.
-    """
-    share = 1.0
-    x = (np.log(gap) - table.gap_start) / table.gap_step
-    if x >= values.shape[0] - 1:
-        return 0.0, h, share
-    x = max(x, 0.0)
-    i = np.int64(x)
-    x -= i
-    y = max((np.log(h) - table.field_start) / table.field_step, 0.0)
-    last = values.shape[1] - 1
-    if y >= last:
-        y = float(last)
-        end = np.exp(table.field_start + last * table.field_step)
-        h, share = end, end / h
-    j = min(np.int64(y), last - 1)
-    y -= j
+def read(values, i, x, j, y):
+    """Bilinear value of a table at a place of `place_in`."""
     low = values[i, j] + y * (values[i, j + 1] - values[i, j])
     high = values[i + 1, j] + y * (values[i + 1, j + 1] - values[i + 1, j])
-    return low + x * (high - low), h, share
-
-
-@inner(error_model="numpy", fastmath={"contract"})
-def excess_force(table, gap, H):
-    """dF [mu_0 A^2/m^2 a^2] >= 0 at a gap in radii and a field H [A/m] of either sign."""
-    if H == 0.0:
-        return 0.0
-    ratio, h, share = excess_at(table, table.force, gap, abs(H) / table.scale)
-    return ratio * share * (h * table.scale) ** 2
-
-
-@inner(error_model="numpy", fastmath={"contract"})
-def mean_excess_force(table, gap, end, H):
-    """Mean of dF over a step that takes the gap to ``end``, (W(gap) - W(end))/(end - gap); see `excess_force`."""
-    if H == 0.0:
-        return 0.0
-    if abs(end - gap) < 1e-3 * gap:
-        return excess_force(table, gap, H)
-    first, h, share = excess_at(table, table.work, gap, abs(H) / table.scale)
-    if first == 0.0:
-        h, share = abs(H) / table.scale, 1.0
-    last, _, _ = excess_at(table, table.work, end, abs(H) / table.scale)
-    return (first - last) / (end - gap) * share * (h * table.scale) ** 2
+    return low + x * (high - low)
 
 
 @inner(error_model="numpy", fastmath={"contract"})
 def excess_moment(table, gap, H):
     """dM [A/m] at a gap in radii and a field H [A/m]; odd in H."""
-    if H == 0.0:
+    i, x, j, y, h, share = place_in(table, gap, H)
+    if i < 0:
         return 0.0
-    ratio, h, share = excess_at(table, table.moment, gap, abs(H) / table.scale)
-    M = ratio * share * h * table.scale
+    M = read(table.moment, i, x, j, y) * h * share
     return M if H > 0.0 else -M
+
+
+@inner(error_model="numpy", fastmath={"contract"})
+def excess_force(table, gap, H):
+    """dF [mu_0 A^2/m^2 a^2] >= 0 at a gap in radii and a field H [A/m] of either sign."""
+    i, x, j, y, h, share = place_in(table, gap, H)
+    return 0.0 if i < 0 else read(table.force, i, x, j, y) * h * h * share
+
+
+@inner(error_model="numpy", fastmath={"contract"})
+def near_excess(table, gap, end, H):
+    """dF [mu_0 A^2/m^2 a^2], dM [A/m] and `across` [-] of a near pair, see `excess_force` and `excess_moment`.
+
+    dF is its mean over a step that takes the gap to ``end``, (W(gap) - W(end))/(end - gap), where the two differ.
+    """
+    i, x, j, y, h, share = place_in(table, gap, H)
+    force = moment = across = 0.0
+    if i >= 0:
+        force, moment = read(table.force, i, x, j, y) * h * h * share, read(table.moment, i, x, j, y) * h * share
+        across = table.across[i] + x * (table.across[i + 1] - table.across[i])
+    if abs(end - gap) > 1e-3 * gap:
+        first = last = 0.0
+        if i >= 0:
+            first = read(table.work, i, x, j, y)
+        i, x, j, y, h, share = place_in(table, end, H)
+        if i >= 0:
+            last = read(table.work, i, x, j, y)
+        elif first > 0.0:
+            _, _, _, _, h, share = place_in(table, gap, H)
+        force = (first - last) / (end - gap) * h * h * share
+    return force, moment if H > 0.0 else -moment, across

@@ -10,13 +10,14 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from coupling.contact_table import across_at, excess_force, excess_moment, mean_excess_force, sphere_ratio
+from coupling.contact_table import excess_moment, near_excess, sphere_ratio
 from coupling.mirror import FACES_NO_WALL, height_over, image_field, image_force, normal_at
 from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, pair_force
 from geometry.inner_functions import inner
 
 MU_0 = 4e-7 * np.pi
 CONTRAST_POWER = 1.2
+FARTHEST_GAP = 1.2  # radii: beyond it there is no excess
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
@@ -141,19 +142,20 @@ def magnetise(
         if near:
             for q in range(start[i], start[i + 1]):
                 j = other[q]
-                a = 2.0 * radius[i] * radius[j] / (radius[i] + radius[j])
-                most = radius[i] + radius[j] + 1.2 * a
+                both = radius[i] + radius[j]
                 c, s = turn_cos[shift[q]], turn_sin[shift[q]]
                 dx = position[i, 0] - (c * position[j, 0] - s * position[j, 1])
                 dy = position[i, 1] - (s * position[j, 0] + c * position[j, 1])
                 dz = position[i, 2] - position[j, 2]
                 r2 = dx * dx + dy * dy + dz * dz
-                if r2 >= most * most:
+                if r2 >= 2.56 * both * both:  # at most (1 + 1.2/2) times the sum of the radii
                     continue
                 r = np.sqrt(r2)
+                gap = (r - both) * both / (2.0 * radius[i] * radius[j])
+                if gap >= FARTHEST_GAP:
+                    continue
                 nx, ny, nz = dx / r, dy / r, dz / r
-                gap = max((r - radius[i] - radius[j]) / a, smallest_gap)
-                r = max(r, radius[i] + radius[j])
+                gap, r = max(gap, smallest_gap), max(r, both)
                 h = drive_of_pair(i, j, c, s, nx, ny, nz, r, moment, applied, potential, reach, smear)
                 v = excess_moment(table, gap, h)
                 vx, vy, vz = vx + v * nx, vy + v * ny, vz + v * nz
@@ -229,33 +231,35 @@ def contact_forces(
             along = bx * nx + by * ny + bz * nz
             hx, hy = MU_0_OVER_4PI * (c1 * along * nx - c2 * bx), MU_0_OVER_4PI * (c1 * along * ny - c2 * by)
             tz += moment[i, 0] * hy - moment[i, 1] * hx
-            a = 2.0 * radius[i] * radius[j] / (radius[i] + radius[j])
-            if not near or true_r >= radius[i] + radius[j] + 1.2 * a:
+            both = radius[i] + radius[j]
+            if not near or true_r >= 1.6 * both:
                 continue
-            gap = max((true_r - radius[i] - radius[j]) / a, smallest_gap)
+            a = 2.0 * radius[i] * radius[j] / both
+            gap = (true_r - both) / a
+            if gap >= FARTHEST_GAP:
+                continue
+            gap = max(gap, smallest_gap)
+            end = gap
+            if ahead > 0.0:
+                ux, uy = c * velocity[j, 0] - s * velocity[j, 1], s * velocity[j, 0] + c * velocity[j, 1]
+                opening = (velocity[i, 0] - ux) * nx + (velocity[i, 1] - uy) * ny
+                opening += (velocity[i, 2] - velocity[j, 2]) * nz
+                end = max(gap + ahead * opening / a, smallest_gap)
             h = drive_of_pair(i, j, c, s, nx, ny, nz, r, moment, applied, potential, reach, smear)
+            pull, v, across = near_excess(table, gap, end, h)
             ex, ey, ez = c * field[j, 0] - s * field[j, 1], s * field[j, 0] + c * field[j, 1], field[j, 2]
             if attraction:
                 # across: the mean of both fields, less what each makes at the other
                 w3 = OVER_4PI / (r * r * r)
-                tx = 0.5 * (field[i, 0] + ex + w3 * (moment[i, 0] + bx))
-                ty = 0.5 * (field[i, 1] + ey + w3 * (moment[i, 1] + by))
+                hx = 0.5 * (field[i, 0] + ex + w3 * (moment[i, 0] + bx))
+                hy = 0.5 * (field[i, 1] + ey + w3 * (moment[i, 1] + by))
                 hz = 0.5 * (field[i, 2] + ez + w3 * (moment[i, 2] + bz))
-                along = tx * nx + ty * ny + hz * nz
-                h_t2 = tx * tx + ty * ty + hz * hz - along * along
-                pull = MU_0 * a * a * np.sqrt(contrast[i] * contrast[j]) * h_t2 * across_at(table, gap)
-                if ahead > 0.0:
-                    ux, uy = c * velocity[j, 0] - s * velocity[j, 1], s * velocity[j, 0] + c * velocity[j, 1]
-                    opening = (velocity[i, 0] - ux) * nx + (velocity[i, 1] - uy) * ny
-                    opening += (velocity[i, 2] - velocity[j, 2]) * nz
-                    end = max(gap + ahead * opening / a, smallest_gap)
-                    pull += MU_0 * a * a * mean_excess_force(table, gap, end, h)
-                else:
-                    pull += MU_0 * a * a * excess_force(table, gap, h)
+                along = hx * nx + hy * ny + hz * nz
+                h_t2 = hx * hx + hy * hy + hz * hz - along * along
+                pull = MU_0 * a * a * (pull + np.sqrt(contrast[i] * contrast[j]) * h_t2 * across)
                 fx, fy, fz = fx - pull * nx, fy - pull * ny, fz - pull * nz
             # the near moments lie along n: the field's torque on them is a couple of the pair, T/r on each
-            v = MU_0 * excess_moment(table, gap, h)
-            u, w = v * volume[i] * share[i], v * volume[j] * share[j]
+            u, w = MU_0 * v * volume[i] * share[i], MU_0 * v * volume[j] * share[j]
             ex, ey, ez = u * field[i, 0] + w * ex, u * field[i, 1] + w * ey, u * field[i, 2] + w * ez
             along = ex * nx + ey * ny + ez * nz
             ex, ey, ez = ex - along * nx, ey - along * ny, ez - along * nz
@@ -290,12 +294,11 @@ def contact_forces(
             if near and attraction and abs(height[i, w]) < 1.6 * radius[i]:
                 gap = max(2.0 * (abs(height[i, w]) / radius[i] - 1.0), smallest_gap)
                 h = drive_at_wall(i, w, nx, ny, nz, hi, walls, moment, applied, potential, own_image, reach, smear)
+                end = gap
                 if ahead > 0.0:
                     opening = velocity[i, 0] * nx + velocity[i, 1] * ny + velocity[i, 2] * nz
-                    opening *= 2.0 / radius[i] if hi > 0.0 else -2.0 / radius[i]
-                    pull = mean_excess_force(table, gap, max(gap + ahead * opening, smallest_gap), h)
-                else:
-                    pull = excess_force(table, gap, h)
+                    end = max(gap + (2.0 if hi > 0.0 else -2.0) * ahead * opening / radius[i], smallest_gap)
+                pull, _, _ = near_excess(table, gap, end, h)
                 pull *= MU_0 * walls[w, 5]
                 pull *= radius[i] ** 2 if hi > 0.0 else -(radius[i] ** 2)
                 fx, fy, fz = fx - pull * nx, fy - pull * ny, fz - pull * nz

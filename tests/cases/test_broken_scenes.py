@@ -49,7 +49,8 @@ EDITS = {
     "psor for exact friction": ({"contact.dvi.solver": "psor"}, "contact.dvi.solver", "friction_law = 'convex'"),
     "planned effect": ({"effects.heat": {}}, "effects.heat", "remove its table"),
     "unknown dipole model": ({"effects.dipoles.model": "mutaul"}, "effects.dipoles.model", "did you mean 'mutual'?"),
-    "near field with back reaction": ({"effects.dipoles.model": "near_field", "effects.back_reaction": {}}, "effects.dipoles.model",
+    "near field with back reaction": (
+        {"effects.dipoles.model": "near_field", "effects.back_reaction": {}}, "effects.dipoles.model",
         "does not go with [effects.back_reaction] in this version"),
     "misspelt kind": ({"geometry.kind": "clucth"}, "geometry.kind", "did you mean 'clutch'?"),
     "unknown material": ({"geometry.materials.disc": "steel_101"}, "geometry.materials.disc",
