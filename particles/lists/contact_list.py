@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -21,6 +22,24 @@ from particles.lists.chunks import Chunks, make_chunks
 from particles.lists.neighbours import PairList, find_pairs
 from particles.sector import CyclicSector
 from particles.walls.device_walls import DeviceWalls
+
+
+class WallSlots(NamedTuple):
+    """The (grain, wall) slots of a list, row by row.
+
+    Attributes
+    ----------
+    start : ndarray of int64, shape (n + 1,)
+        Grain i has the slots ``start[i]`` up to ``start[i + 1]``.
+    wall : ndarray of int64, shape (s,)
+        Index of the wall in the order given to the DEM.
+    smooth : ndarray of bool, shape (s,)
+        Whether it is a plane or a wall of revolution; of a triangle wall each triangle has a slot of its own.
+    """
+
+    start: np.ndarray
+    wall: np.ndarray
+    smooth: np.ndarray
 
 
 @dataclass(frozen=True, slots=True)
