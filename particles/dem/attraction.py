@@ -10,9 +10,11 @@ with a = 2 r_i r_j/(r_i + r_j), T (``values``) bilinear and A (``across``) linea
 from the last gap on. At a smooth wall, towards its nearest point at the distance h, F = amplitude T(ln g, column) with
 g = max(2 (h - r_i)/r_i, smallest_gap): that of a grain and its mirror image.
 
-**What is held.** Amplitudes and columns belong to the slots of the DEM's list, every pair nearer than touching and a
-skin. The list is made anew, and the grains sorted and wrapped, inside a run; so the DEM asks for the drives by a
-callable that finds them from arrays of the grains, and it keeps these arrays in the present order.
+**What is held.** Amplitudes and columns belong to the slots of the DEM's list: every pair nearer than touching and a
+skin when it was made. Grains may come nearer to each other by a skin before the next one is made; so the list reaches
+further by ``near_gap``, and up to that gap it holds every pair at every step. It is made anew, and the grains sorted
+and wrapped, inside a run: the DEM asks for the drives by a callable that finds them from arrays of the grains, and it
+keeps these arrays in the present order.
 
 **Each pair once.** Pairs that the list does not hold are the caller's, as held forces. A list made anew inside a run
 holds others than the last one: `drives` may then set `DEM.external_force`, it is read afterwards.
@@ -64,11 +66,15 @@ class Attraction:
         Takes the `DEM` and returns (p, 3) and (s, 2): column (a place among those of ``values``, with fraction),
         amplitude [N] and amplitude across [N] of each pair of `DEM.listed_pairs`; column and amplitude of each slot of
         `DEM.listed_walls`. It is called before a step wherever the list is new, or after `renew`.
+    near_gap : float
+        Gap [radii] up to which every pair, and every wall, has its slot at every step.
     per_grain : dict of ndarray, shapes (n, ...)
         What `drives` needs of each grain, in the present order of the DEM: sorted with the grains, and those of shape
         (n, 3) turned as vectors where a grain is wrapped through the sector.
     pair_drive, wall_drive : ndarray or None
         The present drives; None until the next step asks for them.
+    listed : bool
+        Whether the present list reaches as far as `near_gap` asks.
     """
 
     gap_start: float
@@ -77,9 +83,11 @@ class Attraction:
     across: np.ndarray
     smallest_gap: float
     drives: Callable[[DEM], tuple[np.ndarray, np.ndarray]]
+    near_gap: float = 0.0
     per_grain: dict[str, np.ndarray] = field(default_factory=dict)
     pair_drive: np.ndarray | None = field(default=None, init=False)
     wall_drive: np.ndarray | None = field(default=None, init=False)
+    listed: bool = field(default=False, init=False)
     _seen: tuple[PairList, np.ndarray, np.ndarray] | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
@@ -95,6 +103,9 @@ class Attraction:
         for name in ("gap_step", "smallest_gap"):
             if not 0.0 < getattr(self, name) < np.inf:
                 raise ValueError(f"{name} = {getattr(self, name)}; allowed: more than 0")
+        if not 0.0 <= self.near_gap < np.inf:
+            raise ValueError(f"near_gap = {self.near_gap} radii; allowed: 0 or more")
+        self.listed = self.near_gap == 0.0
 
     @property
     def last_gap(self) -> float:
@@ -210,12 +221,13 @@ class Attraction:
         found = {f"{PREFIX}of_{name}": array.copy() for name, array in self.per_grain.items()}
         if self.pair_drive is not None and self.wall_drive is not None:
             found |= {f"{PREFIX}pair_drive": self.pair_drive.copy(), f"{PREFIX}wall_drive": self.wall_drive.copy()}
-        return found | {f"{PREFIX}on": np.ones(1)}
+        return found | {f"{PREFIX}listed": np.array([self.listed])}
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """The inverse of `state`."""
         first, self._seen = f"{PREFIX}of_", None
         self.per_grain = {name.removeprefix(first): state[name].copy() for name in state if name.startswith(first)}
+        self.listed = bool(state[f"{PREFIX}listed"][0])
         pair, wall = state.get(f"{PREFIX}pair_drive"), state.get(f"{PREFIX}wall_drive")
         self.pair_drive, self.wall_drive = None if pair is None else pair.copy(), None if wall is None else wall.copy()
 

@@ -29,7 +29,7 @@ from particles.laws.pair_table import PairLaws
 from particles.laws.rolling_friction import RollingFriction
 from particles.laws.springs import SPRINGS
 from particles.laws.twisting_friction import TwistingFriction
-from particles.lists.contact_list import ContactList, WallSlots
+from particles.lists.contact_list import ContactList, WallSlots, reaches
 from particles.lists.contact_table import ContactTable, contact_table, geometric_overlaps
 from particles.lists.neighbours import PairList, cell_order, finest_cell
 from particles.lists.skin import USUAL, WIDEST, next_skin
@@ -197,7 +197,7 @@ class DEM:
 
     @property
     def listed_pairs(self) -> PairList:
-        """Pairs of the present list, every one nearer than touching and `list_skin` when it was made; see `renew_list`.
+        """Pairs of the present list; see `renew_list`, and `Attraction.near_gap` for how far they reach.
 
         Of row i: the partners ``other`` at R(shift*angle) x_other, all in the present order of the grains.
         """
@@ -205,7 +205,7 @@ class DEM:
 
     @property
     def listed_walls(self) -> WallSlots:
-        """Walls near each grain in the present list, within half of `list_skin`."""
+        """Walls near each grain in the present list."""
         number = self._list.wall_other
         return WallSlots(self._list.wall_start, self._device.wall[number], number < len(self._device.rows))
 
@@ -240,7 +240,7 @@ class DEM:
         angle, speed = (np.array([getattr(b, name) for b in self.bodies]) for name in ("angle", "speed"))
         with threads_for(self.grains.count):
             while left > 0:
-                if self._stale:
+                if self._outdated:
                     self._rebuild()
                     rebuilds += 1
                 if self.attraction is not None:  # first: it may set the held force
@@ -294,7 +294,7 @@ class DEM:
 
         For who needs to know, before a run, which pairs its list holds. Grains may be sorted and wrapped.
         """
-        if not self._stale:
+        if not self._outdated:
             return False
         self._rebuild()
         return True
@@ -518,7 +518,18 @@ class DEM:
 
     def _fresh_list(self) -> ContactList:
         angles = [body.angle for body in self.bodies]
-        return ContactList.make(self.grains.where, self.skin, self._device, angles, self.sector, self._n_columns)
+        return ContactList.make(
+            self.grains.where, self.skin, self._device, angles, self.sector, self._n_columns, self._near_gap
+        )
+
+    @property
+    def _near_gap(self) -> float:
+        """Gap [radii] up to which a list made now holds every pair at every step."""
+        return 0.0 if self.attraction is None else self.attraction.near_gap
+
+    @property
+    def _outdated(self) -> bool:
+        return self._stale or (self.attraction is not None and not self.attraction.listed)
 
     def _rebuild(self) -> None:
         """Wrap, sort by cells, list the neighbours anew, and carry the history into it."""
@@ -543,7 +554,7 @@ class DEM:
                 steps = self.step_count - self._list_step
                 self.skin = next_skin(self.skin, steps, extra, self._mean_radius, widest)
             self._contacts = None  # before the next one: two lists are the most memory that grains ever need
-        reach, cutoff = g.radius + 0.5 * self.skin, 2.0 * float(g.radius.max()) + self.skin
+        reach, cutoff = reaches(g.radius, self.skin, self._near_gap)
         order = cell_order(g.position, finest_cell(reach, cutoff))
         if np.any(order[1:] < order[:-1]):
             g.permute(order)
@@ -565,6 +576,7 @@ class DEM:
         self._stale = False
         if self.attraction is not None:
             self.attraction.renew()
+            self.attraction.listed = True
 
     def _refuse_escaped(self) -> None:
         g = self.grains

@@ -230,13 +230,9 @@ def sweep_rows(
             if attraction is not None:  # near or touching; what it drives stands with the slot
                 if attraction.pair[k, AMPLITUDE] != 0.0 or attraction.pair[k, ACROSS] != 0.0:
                     d = np.sqrt(d2)
-                    if equal is not None:
-                        share = 1.0 / ri
-                    else:
-                        share = reach / (2.0 * ri * rj)
                     pull = pull_at(
                         attraction,
-                        (d - reach) * share,
+                        (d - reach) * reach / (2.0 * ri * rj),
                         attraction.pair[k, COLUMN],
                         attraction.pair[k, AMPLITUDE],
                         attraction.pair[k, ACROSS],

@@ -105,14 +105,15 @@ class ContactList:
         angles: Sequence[float],
         sector: CyclicSector | None,
         columns: int,
+        gap: float = 0.0,
     ) -> ContactList:
         """The list at centres and radii ``where`` (n, 4) [m] with ``skin`` [m] and bodies at ``angles`` [rad].
 
-        A contact has ``columns`` numbers to remember.
+        A contact has ``columns`` numbers to remember. Surfaces count as touching up to a ``gap`` [radii].
         """
         position, radius = where[:, :3], where[:, 3]
-        reach = radius + 0.5 * skin
-        pairs = find_pairs(position, 2.0 * float(radius.max()) + skin, sector, reach)
+        reach, cutoff = reaches(radius, skin, gap)
+        pairs = find_pairs(position, cutoff, sector, reach)
         start, other = walls.near(position, reach, skin, angles)
         return cls(pairs, start, other, np.array(position), np.array(angles), columns)
 
@@ -176,6 +177,14 @@ class ContactList:
         made.touching, made.history = state["pair_touching"].copy(), state["pair_history"].copy()
         made.wall_touching, made.wall_history = state["wall_touching"].copy(), state["wall_history"].copy()
         return made
+
+
+def reaches(radius: np.ndarray, skin: float, gap: float) -> tuple[np.ndarray, float]:
+    """How far each grain looks (n,) [m], and the largest distance of a pair [m]; ``gap`` [radii], see `ContactList`."""
+    reach = radius + 0.5 * skin
+    if gap > 0.0:
+        reach = reach + 0.5 * gap * radius
+    return reach, 2.0 * float(radius.max()) + skin + gap * float(radius.max())
 
 
 @njit(cache=True, error_model="numpy")
