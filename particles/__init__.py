@@ -2,6 +2,7 @@
 
 import geometry.kernel_cache  # noqa: F401 (before the first kernel is defined)
 from particles.bodies import Body, FreeShaft, PrescribedSpeed
+from particles.dem.attraction import Attraction, contact_share, depth_warning
 from particles.dem.dem import DEM
 from particles.dem.step_totals import EnergyTotals, StepTotals
 from particles.dem.time_step import TimeStep, choose_time_step, contact_time, stiffness_for_overlap
@@ -38,6 +39,7 @@ from particles.sector import CyclicSector
 __all__ = [
     "DEM",
     "DVI",
+    "Attraction",
     "Body",
     "Cohesion",
     "ContactLaw",
@@ -78,8 +80,10 @@ __all__ = [
     "before_the_start",
     "choose_rigid_step",
     "choose_time_step",
+    "contact_share",
     "contact_time",
     "damping_ratio",
+    "depth_warning",
     "file_packing",
     "find_pairs",
     "grown_packing",

@@ -15,6 +15,8 @@ from geometry.walls import Wall
 from particles.bodies import Body, FreeShaft, PrescribedSpeed
 from particles.dem import step_kernel as kernel
 from particles.dem import sums
+from particles.dem.attraction import PREFIX as ATTRACTION
+from particles.dem.attraction import Attraction
 from particles.dem.contact_kernel import LAST_STORED
 from particles.dem.step_totals import EnergyTotals, StepTotals
 from particles.dem.time_step import choose_time_step
@@ -27,9 +29,9 @@ from particles.laws.pair_table import PairLaws
 from particles.laws.rolling_friction import RollingFriction
 from particles.laws.springs import SPRINGS
 from particles.laws.twisting_friction import TwistingFriction
-from particles.lists.contact_list import ContactList
+from particles.lists.contact_list import ContactList, WallSlots, reaches
 from particles.lists.contact_table import ContactTable, contact_table, geometric_overlaps
-from particles.lists.neighbours import cell_order, finest_cell
+from particles.lists.neighbours import PairList, cell_order, finest_cell
 from particles.lists.skin import USUAL, WIDEST, next_skin
 from particles.sector import CyclicSector
 from particles.threads import threads_for
@@ -85,6 +87,9 @@ class DEM:
     external_force : ndarray, shape (n, 3), or None
         Force on each grain [N] in the present order, held until it is set again; sorted along with the
         grains.
+    attraction : Attraction or None
+        Pull of near grains and walls from the gap of every step, its drive held (`particles.dem.attraction`); None
+        leaves it out of the compiled step.
     time, step_count, order_version, list_version
         Time [s] of the positions, steps done, how often the grains have been put in another order, and how
         often the neighbour list was made (between two of them no grain moves by more than half the skin or
@@ -138,6 +143,7 @@ class DEM:
         if not 0.0 < self.skin < np.inf:
             raise ValueError(f"skin = {self.skin * 1e3:g} mm; allowed: more than 0 (a quarter of a diameter is usual)")
         self.external_force: np.ndarray | None = None
+        self.attraction: Attraction | None = None
         self.step_count = self.order_version = self.list_version = 0
         n, n_bodies = grains.count, len(self.bodies)
         self._device = DeviceWalls(self.walls, self.bodies)
@@ -190,6 +196,20 @@ class DEM:
         return self.skin
 
     @property
+    def listed_pairs(self) -> PairList:
+        """Pairs of the present list; see `renew_list`, and `Attraction.near_gap` for how far they reach.
+
+        Of row i: the partners ``other`` at R(shift*angle) x_other, all in the present order of the grains.
+        """
+        return self._list.pairs
+
+    @property
+    def listed_walls(self) -> WallSlots:
+        """Walls near each grain in the present list."""
+        number = self._list.wall_other
+        return WallSlots(self._list.wall_start, self._device.wall[number], number < len(self._device.rows))
+
+    @property
     def n_sectors(self) -> int:
         """Sectors in the full ring (1 without a sector)."""
         return 1 if self.sector is None else self.sector.n_sectors
@@ -220,9 +240,11 @@ class DEM:
         angle, speed = (np.array([getattr(b, name) for b in self.bodies]) for name in ("angle", "speed"))
         with threads_for(self.grains.count):
             while left > 0:
-                if self._stale:
+                if self._outdated:
                     self._rebuild()
                     rebuilds += 1
+                if self.attraction is not None:  # first: it may set the held force
+                    self.attraction.fetch(self)
                 batch = min(left, STEPS_PER_CALL)
                 answer, done = kernel.run_steps(
                     *self._arguments(batch, batch == left, angle, speed, totals, body_totals)
@@ -267,6 +289,16 @@ class DEM:
         """Say that positions were changed from outside: the list is renewed before the next step."""
         self._stale = True
 
+    def renew_list(self) -> bool:
+        """Make the neighbour list anew if it is outdated, as `run` would; whether it was.
+
+        For who needs to know, before a run, which pairs its list holds. Grains may be sorted and wrapped.
+        """
+        if not self._outdated:
+            return False
+        self._rebuild()
+        return True
+
     def state(self) -> dict[str, np.ndarray]:
         """Everything that `restore` needs to go on bit for bit."""
         g = self.grains
@@ -279,6 +311,8 @@ class DEM:
             if value is not None:
                 arrays[name] = value.copy()
         arrays |= {f"list_{name}": value.copy() for name, value in self._list.arrays().items()}
+        if self.attraction is not None:
+            arrays |= self.attraction.state()
         arrays["net"] = self._net.copy()
         arrays["bodies"] = np.array([[b.angle, b.speed, b.external_torque] for b in self.bodies]).reshape(-1, 3)
         arrays["last_torque"], arrays["later"] = self._last_torque.copy(), self._later.copy()
@@ -289,24 +323,31 @@ class DEM:
         return arrays
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Put a `state` into a DEM that was made with the same walls, bodies, contact and sector.
+        """Put a `state` into a DEM that was made with the same walls, bodies, contact, sector and `attraction`.
 
         Raises
         ------
         ValueError
-            If the state has another number of grains or bodies.
+            If the state has another number of grains or bodies, or an attraction whose table this DEM does not have.
         """
         if len(state["mass"]) != self.grains.count or len(state["bodies"]) != len(self.bodies):
             raise ValueError(
                 f"the state has {len(state['mass'])} grains and {len(state['bodies'])} bodies, this DEM "
                 f"{self.grains.count} and {len(self.bodies)}; restore it into the scene that it came from"
             )
+        attracts = any(name.startswith(ATTRACTION) for name in state)
+        if attracts and self.attraction is None:
+            raise ValueError("the state's grains attract each other; give this DEM the same `attraction` first")
         for name in ("where", "motion", "mass", "particle_id"):
             setattr(self.grains, name, state[name].copy())
         moment, force, species = (state.get(name) for name in ("magnetic_moment", "external_force", "species"))
         self.grains.magnetic_moment = None if moment is None else moment.copy()
         self.external_force = None if force is None else force.copy()
         self._species = None if species is None else species.copy()
+        if self.attraction is not None and attracts:
+            self.attraction.restore(state)
+        else:
+            self.attraction = None
         prefix = "list_"
         self._contacts = ContactList.from_arrays(
             {name.removeprefix(prefix): value for name, value in state.items() if name.startswith(prefix)}
@@ -400,6 +441,7 @@ class DEM:
         speed: np.ndarray,
         totals: np.ndarray,
         body_totals: np.ndarray,
+        driven: bool = True,
     ) -> list:
         g, c = self.grains, self._list
         none = np.zeros((0, 3))
@@ -414,6 +456,7 @@ class DEM:
         elif self.gravity is not None:
             gravity = np.array(self.gravity, dtype=float).reshape(1, 3)
         species = np.zeros(0, dtype=np.int64) if self._species is None else self._species
+        attraction = None if self.attraction is None else self.attraction.held(c, g.count, driven)
         drives, data = self._drives(n_steps)
         k = c.chunks
         return [
@@ -422,7 +465,7 @@ class DEM:
             self._fastest,
             *self._law_flags, self.laws.rows, self.laws.pair, self._wall_row, species, self._equal, self._columns,
             self._cohesive, self._resisting, True if self.ledger else None, self._turn, gravity, external,
-            g.where, g.motion, g.mass, c.reference, self._net, k.late,
+            attraction, g.where, g.motion, g.mass, c.reference, self._net, k.late,
             c.pairs.start, c.pairs.other, None if self.sector is None else c.pairs.shift, c.touching, c.history, none,
             k.start, k.cross_start, k.reaction, k.late_start, k.late_grain, k.in_start, k.in_slot,
             self._device.rows, self._device.triangles, self._device.body, self._device.reach, c.angles,
@@ -434,7 +477,7 @@ class DEM:
         """Arguments of one step on copies of everything that it changes; it leaves its forces in the first two."""
         angle, speed = (np.array([getattr(b, name) for b in self.bodies]) for name in ("angle", "speed"))
         given = self._arguments(
-            1, True, angle, speed, np.zeros(sums.N_SUMS), np.zeros((len(self.bodies), sums.N_BODY_SUMS))
+            1, True, angle, speed, np.zeros(sums.N_SUMS), np.zeros((len(self.bodies), sums.N_BODY_SUMS)), driven=False
         )
         c = self._list
         changed = (self.grains.where, self.grains.motion, self._net, c.history, c.wall_history, c.chunks.reaction)
@@ -475,7 +518,18 @@ class DEM:
 
     def _fresh_list(self) -> ContactList:
         angles = [body.angle for body in self.bodies]
-        return ContactList.make(self.grains.where, self.skin, self._device, angles, self.sector, self._n_columns)
+        return ContactList.make(
+            self.grains.where, self.skin, self._device, angles, self.sector, self._n_columns, self._near_gap
+        )
+
+    @property
+    def _near_gap(self) -> float:
+        """Gap [radii] up to which a list made now holds every pair at every step."""
+        return 0.0 if self.attraction is None else self.attraction.near_gap
+
+    @property
+    def _outdated(self) -> bool:
+        return self._stale or (self.attraction is not None and not self.attraction.listed)
 
     def _rebuild(self) -> None:
         """Wrap, sort by cells, list the neighbours anew, and carry the history into it."""
@@ -489,6 +543,8 @@ class DEM:
             for array in (g.position, g.velocity, g.angular_velocity, g.magnetic_moment, self.external_force):
                 if array is not None:
                     array[gone] = self.sector.turn(array[gone], wraps[gone])
+            if self.attraction is not None:
+                self.attraction.wrapped(gone, wraps[gone], self.sector)
         memory = None
         if self._contacts is not None:
             memory = self._contacts.memory()
@@ -498,7 +554,7 @@ class DEM:
                 steps = self.step_count - self._list_step
                 self.skin = next_skin(self.skin, steps, extra, self._mean_radius, widest)
             self._contacts = None  # before the next one: two lists are the most memory that grains ever need
-        reach, cutoff = g.radius + 0.5 * self.skin, 2.0 * float(g.radius.max()) + self.skin
+        reach, cutoff = reaches(g.radius, self.skin, self._near_gap)
         order = cell_order(g.position, finest_cell(reach, cutoff))
         if np.any(order[1:] < order[:-1]):
             g.permute(order)
@@ -507,6 +563,8 @@ class DEM:
                 self._species = self._species[order]
             if self.external_force is not None:
                 self.external_force = np.ascontiguousarray(self.external_force[order])
+            if self.attraction is not None:
+                self.attraction.sorted_as(order)
             self.order_version += 1
         made = self._fresh_list()
         if memory is not None:
@@ -516,6 +574,9 @@ class DEM:
         self._list_step = self.step_count
         self.list_version += 1
         self._stale = False
+        if self.attraction is not None:
+            self.attraction.renew()
+            self.attraction.listed = True
 
     def _refuse_escaped(self) -> None:
         g = self.grains

@@ -5,6 +5,9 @@ while it is in the cache. Only a grain that has a partner in an earlier chunk of
 runs beside this one, so its reactions come through a buffer with a place for every such pair, and `finish_rows` adds
 them in the order of the pairs once all chunks are done. Nothing depends on the number of threads, bit for bit.
 
+A held attraction pulls every pair of the list that it drives, touching or not; its sums go the same way, in places of
+their own.
+
 Lever arms sum to the distance of centres, and the two torques are l_i n x F and l_j n x F: angular momentum is
 conserved to round-off.
 """
@@ -15,6 +18,7 @@ import numpy as np
 
 from geometry.inner_functions import inner
 from particles.dem import sums as column
+from particles.dem.attraction_kernel import ACROSS, AMPLITUDE, COLUMN, pull_at
 from particles.dem.contact_kernel import contact_force, left_in_springs, rolling_couple, twisting_couple
 from particles.laws.columns import DAMPING_ROLLING
 from particles.walls.triangle_kernels import LEADER, SLOT, triangle_contacts
@@ -22,8 +26,11 @@ from particles.walls.wall_kernels import _wall_gap
 
 
 @inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def drift(i, dt, ledger, gravity, step, external, where, motion, m, reference, net, last, fx, fy, fz, tx, ty, tz, row):
-    """Kick and drift of grain i under contact force f and torque t; clears its place for the next step.
+def drift(
+    i, dt, ledger, gravity, step, external, attraction, where, motion, m, reference, net, last, fx, fy, fz, tx, ty, tz,
+    px, py, pz, row,
+):  # fmt: skip
+    """Kick and drift of grain i under contact force f and torque t, drawn by p; clears its place for the next step.
 
     Adds works to the chunk's sums ``row``; returns squared travel from ``reference`` [m^2] and squared speed.
     """
@@ -36,6 +43,9 @@ def drift(i, dt, ledger, gravity, step, external, where, motion, m, reference, n
         ax, ay, az = ax + m * gravity[g, 0], ay + m * gravity[g, 1], az + m * gravity[g, 2]
     if external.shape[0] > 0:
         ax, ay, az = ax + external[i, 0], ay + external[i, 1], az + external[i, 2]
+    if attraction is not None:
+        ax, ay, az = ax + px, ay + py, az + pz
+        attraction.drawn[i, 0], attraction.drawn[i, 1], attraction.drawn[i, 2] = 0.0, 0.0, 0.0
     vx, vy, vz = motion[i, 0], motion[i, 1], motion[i, 2]
     wx, wy, wz = motion[i, 3], motion[i, 4], motion[i, 5]
     bx, by, bz = vx + kick * ax, vy + kick * ay, vz + kick * az
@@ -57,15 +67,18 @@ def drift(i, dt, ledger, gravity, step, external, where, motion, m, reference, n
         if external.shape[0] > 0:
             row[column.EXTERNAL_WORK] += half * (external[i, 0] * vx + external[i, 1] * vy + external[i, 2] * vz)
             row[column.EXTERNAL_LATER] += half * (external[i, 0] * bx + external[i, 1] * by + external[i, 2] * bz)
+        if attraction is not None:  # a force of no contact, booked as the held ones are
+            row[column.EXTERNAL_WORK] += half * (px * vx + py * vy + pz * vz)
+            row[column.EXTERNAL_LATER] += half * (px * bx + py * by + pz * bz)
         if last:  # at the time of the positions that the forces belong to
             row[column.KINETIC] += (
                 0.5 * m * (vx * bx + vy * by + vz * bz + 0.4 * radius * radius * (wx * ox + wy * oy + wz * oz))
             )
-    px, py, pz = where[i, 0] + dt * bx, where[i, 1] + dt * by, where[i, 2] + dt * bz
-    where[i, 0], where[i, 1], where[i, 2] = px, py, pz
+    x, y, z = where[i, 0] + dt * bx, where[i, 1] + dt * by, where[i, 2] + dt * bz
+    where[i, 0], where[i, 1], where[i, 2] = x, y, z
     if last:
         net[i, 0], net[i, 1], net[i, 2] = fx, fy, fz
-    dx, dy, dz = px - reference[i, 0], py - reference[i, 1], pz - reference[i, 2]
+    dx, dy, dz = x - reference[i, 0], y - reference[i, 1], z - reference[i, 2]
     travel = dx * dx + dy * dy + dz * dz + 0.0 * (ox + oy + oz)  # a spin that is not finite shows here too
     return travel, bx * bx + by * by + bz * bz
 
@@ -171,7 +184,7 @@ def touching_walls(
 def sweep_rows(
     chunk, lo, hi, dt, step, last,
     linear, hertz_mindlin, hertz, thesis, walton_braun, law, pair_row, wall_row, species, equal, columns,
-    cohesive, resisting, ledger, turn, gravity, external,
+    cohesive, resisting, ledger, turn, gravity, external, attraction,
     where, motion, mass, reference, net, late,
     pair_start, pair_other, pair_shift, pair_touching, pair_history, pair_record, cross_start, cross,
     wall, triangle, wall_body, body_speed, body_turn,
@@ -199,7 +212,7 @@ def sweep_rows(
         wx, wy, wz = motion[i, 3], motion[i, 4], motion[i, 5]
         if equal is None:
             mi = mass[i]
-        fx = fy = fz = tx = ty = tz = 0.0
+        fx = fy = fz = tx = ty = tz = drawn_x = drawn_y = drawn_z = 0.0
         for k in range(pair_start[i], pair_start[i + 1]):
             j = pair_other[k]
             crossing = j >= hi
@@ -214,6 +227,28 @@ def sweep_rows(
             dx, dy, dz = jx - x, jy - y, jz - z
             d2 = dx * dx + dy * dy + dz * dz
             reach = ri + rj
+            if attraction is not None:  # near or touching; what it drives stands with the slot
+                if attraction.pair[k, AMPLITUDE] != 0.0 or attraction.pair[k, ACROSS] != 0.0:
+                    d = np.sqrt(d2)
+                    pull = pull_at(
+                        attraction,
+                        (d - reach) * reach / (2.0 * ri * rj),
+                        attraction.pair[k, COLUMN],
+                        attraction.pair[k, AMPLITUDE],
+                        attraction.pair[k, ACROSS],
+                    )
+                    pull = pull / d if d > 0.0 else 0.0
+                    gx, gy, gz = pull * dx, pull * dy, pull * dz
+                    drawn_x, drawn_y, drawn_z = drawn_x + gx, drawn_y + gy, drawn_z + gz
+                    if turn is not None:
+                        if pair_shift[k] != 0:  # the reaction goes back through the face
+                            gx, gy = turn[0] * gx + sine * gy, turn[0] * gy - sine * gx
+                    if crossing:
+                        attraction.cross[q, 0], attraction.cross[q, 1], attraction.cross[q, 2] = gx, gy, gz
+                    else:
+                        attraction.drawn[j, 0] -= gx
+                        attraction.drawn[j, 1] -= gy
+                        attraction.drawn[j, 2] -= gz
             if d2 >= reach * reach:
                 if pair_touching[k] != 0:
                     pair_touching[k] = 0
@@ -350,6 +385,19 @@ def sweep_rows(
                 motion[j, 11] += mz
 
         first, end = wall_start[i], wall_start[i + 1]
+        if attraction is not None:
+            for k in range(first, end):
+                if attraction.wall[k, AMPLITUDE] != 0.0:
+                    distance, nx, ny, nz, owned = _wall_gap(wall, wall_other[k], x, y, z)
+                    if owned:
+                        pull = pull_at(
+                            attraction,
+                            2.0 * (distance - ri) / ri,
+                            attraction.wall[k, COLUMN],
+                            attraction.wall[k, AMPLITUDE],
+                            0.0,
+                        )
+                        drawn_x, drawn_y, drawn_z = drawn_x + pull * nx, drawn_y + pull * ny, drawn_z + pull * nz
         if end > first:
             kind_row = 0
             if equal is None:
@@ -435,9 +483,15 @@ def sweep_rows(
                     wall_record[k, 4], wall_record[k, 5], wall_record[k, 6] = nx, ny, nz
         fx, fy, fz = fx + motion[i, 6], fy + motion[i, 7], fz + motion[i, 8]
         tx, ty, tz = tx + motion[i, 9], ty + motion[i, 10], tz + motion[i, 11]
+        if attraction is not None:
+            drawn_x += attraction.drawn[i, 0]
+            drawn_y += attraction.drawn[i, 1]
+            drawn_z += attraction.drawn[i, 2]
         if late[i] != 0:
             motion[i, 6], motion[i, 7], motion[i, 8] = fx, fy, fz
             motion[i, 9], motion[i, 10], motion[i, 11] = tx, ty, tz
+            if attraction is not None:
+                attraction.drawn[i, 0], attraction.drawn[i, 1], attraction.drawn[i, 2] = drawn_x, drawn_y, drawn_z
             continue
         d2, speed2 = drift(
             i,
@@ -446,6 +500,7 @@ def sweep_rows(
             gravity,
             step,
             external,
+            attraction,
             where,
             motion,
             mi,
@@ -458,6 +513,9 @@ def sweep_rows(
             tx,
             ty,
             tz,
+            drawn_x,
+            drawn_y,
+            drawn_z,
             totals,
         )
         if not d2 <= travel:
@@ -475,7 +533,7 @@ def sweep_rows(
 
 @inner(error_model="numpy", fastmath={"contract"})
 def finish_rows(
-    chunk, dt, step, last, equal, ledger, gravity, external, where, motion, mass, reference, net,
+    chunk, dt, step, last, equal, ledger, gravity, external, attraction, where, motion, mass, reference, net,
     late_start, late_grain, in_start, in_slot, cross, sums,
 ):  # fmt: skip
     """The late grains of a chunk: reactions from earlier chunks, then kick and drift."""
@@ -492,6 +550,14 @@ def finish_rows(
             q = in_slot[p]
             fx, fy, fz = fx - cross[q, 0], fy - cross[q, 1], fz - cross[q, 2]
             tx, ty, tz = tx + cross[q, 3], ty + cross[q, 4], tz + cross[q, 5]
+        drawn_x = drawn_y = drawn_z = 0.0
+        if attraction is not None:
+            drawn_x, drawn_y, drawn_z = attraction.drawn[i, 0], attraction.drawn[i, 1], attraction.drawn[i, 2]
+            for p in range(in_start[a], in_start[a + 1]):
+                q = in_slot[p]
+                drawn_x -= attraction.cross[q, 0]
+                drawn_y -= attraction.cross[q, 1]
+                drawn_z -= attraction.cross[q, 2]
         d2, speed2 = drift(
             i,
             dt,
@@ -499,6 +565,7 @@ def finish_rows(
             gravity,
             step,
             external,
+            attraction,
             where,
             motion,
             m,
@@ -511,6 +578,9 @@ def finish_rows(
             tx,
             ty,
             tz,
+            drawn_x,
+            drawn_y,
+            drawn_z,
             totals,
         )
         if not d2 <= travel:

@@ -8,11 +8,11 @@ and the same for spins (2/5 m R^2). A step has two parallel stages over chunks o
 number of grains alone (`particles.dem.row_kernel`); sums over grains are kept by chunk and added in the order of the
 chunks. So nothing depends on the number of threads, bit for bit.
 
-What would cost in the loop over pairs and is not in the scene (``turn``, ``resisting``, ``ledger``, ``equal``, the laws
-but one) is passed as None: numba prunes its branches, the compiled code does not contain it. What is done once a grain
-or once a contact (gravity, held forces, triangles, species, cohesion, which of rolling and twisting) is a branch at run
-time, on an empty array or a flag: every combination compiled would be 2 816 variants of ten seconds and more.
-Rolling and twisting as such a branch too made steps slower, and stayed compiled out.
+What would cost in the loop over pairs and is not in the scene (``turn``, ``resisting``, ``ledger``, ``equal``,
+``attraction``, the laws but one) is passed as None: numba prunes its branches, the compiled code does not contain it.
+What is done once a grain or once a contact (gravity, held forces, triangles, species, cohesion, which of rolling and
+twisting) is a branch at run time, on an empty array or a flag: every combination compiled would be 5 632 variants of
+ten seconds and more. Rolling and twisting as such a branch too made steps slower, and stayed compiled out.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ def _verdict(chunk_sums, totals, travel_limit, wall_travel, wall_limit, overlap_
 def run_steps(
     n_steps, dt, n_sectors, last_call, travel_limit, wall_limit, overlap_limit, speed_limit,
     linear, hertz_mindlin, hertz, thesis, walton_braun, law, pair_row, wall_row, species, equal, columns,
-    cohesive, resisting, ledger, turn, gravity, external,
+    cohesive, resisting, ledger, turn, gravity, external, attraction,
     where, motion, mass, reference, net, late,
     pair_start, pair_other, pair_shift, pair_touching, pair_history, pair_record,
     chunk, cross_start, cross, late_start, late_grain, in_start, in_slot,
@@ -151,7 +151,7 @@ def run_steps(
             sweep_rows(  # int64: numba's own index is unsigned, and everything would be compiled for both
                 np.int64(c), chunk[c], chunk[c + 1], dt, step, last,
                 linear, hertz_mindlin, hertz, thesis, walton_braun, law, pair_row, wall_row, species, equal,
-                columns, cohesive, resisting, ledger, turn, gravity, external,
+                columns, cohesive, resisting, ledger, turn, gravity, external, attraction,
                 where, motion, mass, reference, net, late,
                 pair_start, pair_other, pair_shift, pair_touching, pair_history, pair_record, cross_start, cross,
                 wall, triangle, wall_body, body_speed, body_turn,
@@ -161,8 +161,8 @@ def run_steps(
         if late_grain.shape[0] > 0:
             for c in prange(n_chunks):
                 finish_rows(
-                    np.int64(c), dt, step, last, equal, ledger, gravity, external, where, motion, mass, reference, net,
-                    late_start, late_grain, in_start, in_slot, cross, chunk_sums,
+                    np.int64(c), dt, step, last, equal, ledger, gravity, external, attraction, where, motion, mass,
+                    reference, net, late_start, late_grain, in_start, in_slot, cross, chunk_sums,
                 )  # fmt: skip
         _turn_bodies(dt, n_sectors, drives, step, body_data, body_angle, body_speed, body_chunks, body_totals)
         wall_travel = 0.0

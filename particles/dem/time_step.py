@@ -10,6 +10,8 @@ What a step must resolve, for the lightest grains in each kind of contact (with 
   springs; between spheres rolling adds nothing to the stiffest mode, and twisting is softer than sliding);
 * **damping**: gamma_n dt < m_eff, or a step turns the closing speed round and gains energy; half of that is chosen;
 * **the Rayleigh time** of Hertz-Mindlin grains: 20 % of it, at most 40 % (usual for coordinations above and below 4);
+* **attraction**: of near grains (`particles.dem.attraction`), the growth sqrt(m_eff/S) of a distance on its negative
+  stiffness S, taken as a half period pi sqrt(m_eff/S) is of a positive one;
 * **travel**: no grain moves more than a tenth of its radius in a step, or it would tunnel into its neighbour.
 
 The stiffness of Hertzian laws grows with the overlap: without a speed and a load, a step is chosen for an overlap of
@@ -76,6 +78,7 @@ def choose_time_step(
     load: float = 0.0,
     steps_per_contact: float = 20.0,
     rolling: bool = False,
+    attraction: float = 0.0,
     dt: float | None = None,
 ) -> TimeStep:
     """Choose the step, or check the user's.
@@ -92,6 +95,8 @@ def choose_time_step(
         The largest force on a contact to be expected [N]; it counts where the stiffness follows the overlap.
     rolling : bool
         Whether grains resist rolling.
+    attraction : float
+        Largest negative stiffness of an attraction of near grains [N/m], `Attraction.stiffest`.
     dt : float, optional
         A step wished for [s]; it is refused when it is longer than a limit (5 steps a contact at the least).
 
@@ -104,7 +109,7 @@ def choose_time_step(
     for name, value, unit in (("mass", lightest, "kg"), ("radius", smallest, "m")):
         if not 0.0 < value < math.inf:
             raise ValueError(f"{name} of a grain = {value:g} {unit}; allowed: more than 0")
-    for name, value, unit in (("speed", speed, "m/s"), ("load", load, "N")):
+    for name, value, unit in (("speed", speed, "m/s"), ("load", load, "N"), ("attraction", attraction, "N/m")):
         if not 0.0 <= value < math.inf:
             raise ValueError(f"expected {name} = {value:g} {unit}; allowed: 0 or more")
     if not LEAST_STEPS <= steps_per_contact < math.inf:
@@ -113,6 +118,16 @@ def choose_time_step(
         lightest, smallest, speed, load, REFERENCE_OVERLAP if dt is None else CHECKED_OVERLAP, steps_per_contact
     )
     limits = list(_limits(contact, meeting, rolling))
+    if attraction > 0.0:
+        half = _half_period(0.5 * lightest, attraction)
+        limits.append(
+            StepLimit(
+                half / steps_per_contact,
+                half / LEAST_STEPS,
+                f"{steps_per_contact:g} steps a time {half:.3g} s of near grains' attraction ({attraction:.3g} N/m)",
+                "5 steps a time pi sqrt(m_eff/S) of the attraction",
+            )
+        )
     if dt is not None:
         tightest = min(limits, key=lambda limit: limit.longest)
         if not 0.0 < dt <= tightest.longest:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -21,6 +22,24 @@ from particles.lists.chunks import Chunks, make_chunks
 from particles.lists.neighbours import PairList, find_pairs
 from particles.sector import CyclicSector
 from particles.walls.device_walls import DeviceWalls
+
+
+class WallSlots(NamedTuple):
+    """The (grain, wall) slots of a list, row by row.
+
+    Attributes
+    ----------
+    start : ndarray of int64, shape (n + 1,)
+        Grain i has the slots ``start[i]`` up to ``start[i + 1]``.
+    wall : ndarray of int64, shape (s,)
+        Index of the wall in the order given to the DEM.
+    smooth : ndarray of bool, shape (s,)
+        Whether it is a plane or a wall of revolution; of a triangle wall each triangle has a slot of its own.
+    """
+
+    start: np.ndarray
+    wall: np.ndarray
+    smooth: np.ndarray
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,14 +105,15 @@ class ContactList:
         angles: Sequence[float],
         sector: CyclicSector | None,
         columns: int,
+        gap: float = 0.0,
     ) -> ContactList:
         """The list at centres and radii ``where`` (n, 4) [m] with ``skin`` [m] and bodies at ``angles`` [rad].
 
-        A contact has ``columns`` numbers to remember.
+        A contact has ``columns`` numbers to remember. Surfaces count as touching up to a ``gap`` [radii].
         """
         position, radius = where[:, :3], where[:, 3]
-        reach = radius + 0.5 * skin
-        pairs = find_pairs(position, 2.0 * float(radius.max()) + skin, sector, reach)
+        reach, cutoff = reaches(radius, skin, gap)
+        pairs = find_pairs(position, cutoff, sector, reach)
         start, other = walls.near(position, reach, skin, angles)
         return cls(pairs, start, other, np.array(position), np.array(angles), columns)
 
@@ -157,6 +177,14 @@ class ContactList:
         made.touching, made.history = state["pair_touching"].copy(), state["pair_history"].copy()
         made.wall_touching, made.wall_history = state["wall_touching"].copy(), state["wall_history"].copy()
         return made
+
+
+def reaches(radius: np.ndarray, skin: float, gap: float) -> tuple[np.ndarray, float]:
+    """How far each grain looks (n,) [m], and the largest distance of a pair [m]; ``gap`` [radii], see `ContactList`."""
+    reach = radius + 0.5 * skin
+    if gap > 0.0:
+        reach = reach + 0.5 * gap * radius
+    return reach, 2.0 * float(radius.max()) + skin + gap * float(radius.max())
 
 
 @njit(cache=True, error_model="numpy")

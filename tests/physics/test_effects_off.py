@@ -4,6 +4,7 @@ Two ways of counting. What a compiled loop must not touch is poisoned: were a nu
 the trajectory would not be the same bit for bit. What Python calls is counted, file by file.
 """
 
+import inspect
 import sys
 from collections import Counter
 from pathlib import Path
@@ -17,7 +18,20 @@ from coupling import run_staggered
 from emclutch.assembly import assemble
 from emclutch.plan import make_plan
 from geometry.walls import cylinder
-from particles import DEM, DVI, Body, Cohesion, DemError, Grains, RigidContact, RollingFriction, TwistingFriction
+from particles import (
+    DEM,
+    DVI,
+    Attraction,
+    Body,
+    Cohesion,
+    DemError,
+    Grains,
+    RigidContact,
+    RollingFriction,
+    TwistingFriction,
+)
+from particles.dem.step_kernel import run_steps
+from particles.dem.sums import N_BODY_SUMS, N_SUMS
 from particles.laws.columns import COHESION_0, COHESION_1, DAMPING_ROLLING, MU_ROLLING, MU_TWISTING
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -103,6 +117,27 @@ def test_gravity_and_held_forces_that_are_off_have_no_rows(engine):
     assert off.external_force is None and off.gravity_now is None and off.grains.magnetic_moment is None
     np.testing.assert_array_equal(off.grains.where, on.grains.where)
     np.testing.assert_array_equal(off.grains.motion[:, :6], on.grains.motion[:, :6])
+
+
+def test_an_attraction_that_is_off_is_no_argument_of_the_step():
+    """Not even an empty array, and nothing in the state; one that was set and taken away again leaves the same bits."""
+    dem = [
+        DEM(crowd(), [cylinder("bore", "drum", 3.6 * RADIUS, -1.0, 1.0)], [Body("drum")], law("linear"), dt=2e-6)
+        for _ in range(2)
+    ]
+
+    def never(dem):
+        raise AssertionError("the drives of an attraction that is off were asked for")
+
+    dem[1].attraction = Attraction(-7.0, 0.1, np.ones((9, 2)), np.ones(9), 3e-3, never)
+    dem[1].attraction = None
+    place = list(inspect.signature(run_steps.py_func).parameters).index("attraction")
+    for one in dem:
+        one.run(50)
+        given = one._arguments(1, True, np.zeros(1), np.zeros(1), np.zeros(N_SUMS), np.zeros((1, N_BODY_SUMS)))
+        assert given[place] is None and not any("attraction" in name for name in one.state())
+    states = [one.state() for one in dem]
+    assert [name for name in states[0] if not np.array_equal(states[0][name], states[1][name])] == []
 
 
 # the files that do the work of an effect, and nothing else
