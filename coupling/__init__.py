@@ -14,6 +14,7 @@ from coupling.field_source import CircuitCoilField, CoilField, EddyCoilField, Im
 from coupling.magnetised_grains import MagnetisedGrains, moments
 from coupling.mutual_moments import Cluster, MutualMoments, grain_table, magnetised_cluster
 from coupling.mutually_magnetised_grains import MutuallyMagnetisedGrains
+from coupling.near_attraction import NearAttraction
 from coupling.solid_field_source import SolidCoilField
 from coupling.staggered import Simulation, run_staggered
 
@@ -32,6 +33,7 @@ __all__ = [
     "MutualDipoles",
     "MutualMoments",
     "MutuallyMagnetisedGrains",
+    "NearAttraction",
     "Simulation",
     "SolidCoilField",
     "WallImages",

@@ -42,6 +42,9 @@ class MagnetisedGrains:
             self.law, self.H, self.fill_at and self.fill_at(grains.position), grains.volume
         )
 
+    def hold(self, dem, force: np.ndarray) -> None:
+        """Take the sum of all held forces (n, 3) [N] of this update: there is nothing to add to it."""
+
     def window_row(self) -> dict[str, float]:
         """What the history says of the moments, once a window: nothing, they follow from the field."""
         return {}

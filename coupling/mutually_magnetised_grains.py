@@ -8,10 +8,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from coupling.magnetised_grains import MagnetisedGrains
 from coupling.mutual_moments import Magnetisation, MutualMoments
+from coupling.near_attraction import NearAttraction
 from coupling.wall_reflection import steel_walls
 from field import ConvergenceError, MagneticField
+from particles import DEM
 
 MOST_SWEEPS = 200
 LOST = 0.1
@@ -29,11 +33,14 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
         Residual of the moments that is asked for.
     mirrors : sequence of walls, or None
         Walls whose steel mirrors the grains, as strongly as the field's solution says; None: none does.
+    near : NearAttraction or None
+        Hands the near pull to the DEM's own step; None: it is held like the rest.
     """
 
     solver: MutualMoments
     tolerance: float = 1e-3
     mirrors: Sequence | None = None
+    near: NearAttraction | None = None
     found: Magnetisation | None = None
     _walls_of: object = None
     _worst: float = 0.0
@@ -56,6 +63,11 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
         self.found = found
         self._worst, self._sweeps = max(self._worst, found.residual), self._sweeps + found.sweeps
         grains.magnetic_moment = found.moment
+
+    def hold(self, dem: DEM, force: np.ndarray) -> None:
+        """Take the sum of all held forces (n, 3) [N] of this update, and let the DEM follow the near gaps."""
+        if self.near is not None and self.found is not None:
+            self.near.hold(dem, self.found, force)
 
     def window_row(self) -> dict[str, float]:
         """The worst residual and the sweeps since the last call, for the history."""

@@ -120,6 +120,7 @@ def run_staggered(simulation: Simulation, end: float, callbacks: Iterable[Callab
             ledger.clock("magnetic")
             if simulation.magnetised is not None:
                 dem.external_force = magnetic_forces(simulation, simulation.magnetised, ledger)
+                simulation.magnetised.hold(dem, dem.external_force)
 
             # 3. grains and shafts, many steps
             ledger.clock("contact")

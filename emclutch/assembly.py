@@ -23,6 +23,7 @@ from coupling import (
     MutualDipoles,
     MutuallyMagnetisedGrains,
     MutualMoments,
+    NearAttraction,
     Simulation,
     SolidCoilField,
     WallImages,
@@ -88,7 +89,7 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
         deposition = deposition_of(scene, device.coil)
         source.element_volume = deposition.volume
         fill_at = partial(_fill_at, deposition, source)
-    magnetised = None if source is None else magnetised_grains(scene, source.sampler, fill_at, walls)
+    magnetised = None if source is None else magnetised_grains(scene, source.sampler, fill_at, walls, dem)
     n_sectors = 1 if plan.sector is None else plan.sector.n_sectors
     return Simulation(
         dem, effects_of(scene, walls, deposition), magnetised, source, plan.steps_per_update, plan.updates, n_sectors
@@ -133,7 +134,7 @@ def effects_of(scene: Scene, walls, deposition: FillDeposition | None) -> list[E
     return effects
 
 
-def magnetised_grains(scene: Scene, sampler, fill_at, walls) -> MagnetisedGrains:
+def magnetised_grains(scene: Scene, sampler, fill_at, walls, dem: DEM | DVI) -> MagnetisedGrains:
     """What gives the grains their moments: the field alone, or also the other grains and their images."""
     law, dipoles = grain_law(scene), scene.effects.dipoles
     if dipoles is None or dipoles.model == "fixed":
@@ -146,7 +147,10 @@ def magnetised_grains(scene: Scene, sampler, fill_at, walls) -> MagnetisedGrains
         smallest_gap=dipoles.surface_gap,
     )
     mirrors = walls if scene.effects.wall_images is not None else None
-    return MutuallyMagnetisedGrains(sampler, law, solver=solver, tolerance=dipoles.tolerance, mirrors=mirrors)
+    near = NearAttraction(solver, walls) if solver.near and isinstance(dem, DEM) else None
+    return MutuallyMagnetisedGrains(
+        sampler, law, solver=solver, tolerance=dipoles.tolerance, mirrors=mirrors, near=near
+    )
 
 
 def deposition_of(scene: Scene, coil: CoilDevice) -> FillDeposition:

@@ -31,7 +31,7 @@ from emclutch.snapshots import History, Snapshots, save_checkpoint
 from field import ConvergenceError, FluxLinkage, MagneticField, MeanFluxDensity, PointOutside, estimate_error
 from geometry.kernel_cache import specialisations
 from geometry.threads import default_threads
-from particles import DemError, DemErrorKind, Grains, ParticleError
+from particles import DEM, DemError, DemErrorKind, Grains, ParticleError
 
 log = logging.getLogger(__name__)
 JAM = 1e3  # tolerances of the solver of rigid contacts, beyond which a step counts as jammed
@@ -253,6 +253,9 @@ def restore(case, device, plan, state: dict):
     """The simulation of a checkpoint and its time [s]."""
     dem_state = state["dem"]
     simulation = simulation_of(case, device, plan, Grains.of_records(dem_state))
+    near = getattr(simulation.magnetised, "near", None)
+    if near is not None and isinstance(simulation.dem, DEM):
+        simulation.dem.attraction = near.attraction  # the state's drives belong to it
     simulation.dem.restore(dem_state)
     simulation.window = state["window"]
     simulation.restore_rows(state["rows"])

@@ -46,6 +46,28 @@ def test_it_resumes_bit_for_bit(tmp_path):
     assert same(state(tmp_path, "whole"), state(tmp_path, "part"))
 
 
+def test_the_pull_of_every_step_is_the_held_one_where_that_is_renewed_at_every_step(tmp_path, monkeypatch):
+    """Handing the near pull over to the grains' own step moves none from pair to pair; steel walls included.
+
+    Renewed at every tenth step instead, the held pull leaves the true one by far more.
+    """
+    steel = {"geometry.steel": True, "effects.wall_images": {}, "time.end": "40 us", "effects.dipoles.tolerance": 1e-9}
+    ends = {}
+    for every in (1, 10):
+        for own in (True, False):
+            with monkeypatch.context() as patch:
+                if not own:
+                    patch.setattr("emclutch.assembly.NearAttraction", lambda solver, walls: None)
+                run(tmp_path, f"{every}-{own}", NEAR | steel | {"effects.dipoles.update_every": every})
+            dem = state(tmp_path, f"{every}-{own}")
+            ends[every, own] = dem["motion"][np.argsort(dem["particle_id"])][:, :3]
+    speed = np.abs(ends[1, True]).max()
+    together = np.abs(ends[1, True] - ends[1, False]).max() / speed
+    assert together < 1e-6
+    late = [np.abs(ends[10, own] - ends[1, True]).max() / speed for own in (True, False)]
+    assert late[0] < 0.5 * late[1], late
+
+
 def test_how_the_moments_did_is_in_the_summary(tmp_path):
     values = NEAR | {"time.end": "20 us", "effects.dipoles.update_every": 5}
     moments = run(tmp_path, "told", values).summary["moments"]

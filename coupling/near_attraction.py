@@ -1,0 +1,85 @@
+"""Near grains' attraction in the DEM's own step: fields and moments held between updates, the gap that of each step.
+
+The held forces of an update hold every pair's near pull at the places of that update. Of the pairs in the DEM's list it
+is taken out again and handed over as a drive (`particles.dem.attraction`); the others, farther apart, stay held. When
+the list is made anew between two updates both are found again, from the same places, fields and moments: the DEM sorts
+and turns them with its grains.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from coupling.mutual_moments import MutualMoments
+from coupling.near_drive_kernels import drive_pairs, drive_walls
+from geometry import RevolvedWall
+from particles import DEM
+from particles.dem.attraction import Attraction
+
+NEAR_GAP = 0.3
+"""Gap [radii] up to which every pair follows its gap of each step; beyond, the pull changes slowly and may be held."""
+
+
+class NearAttraction:
+    """Hands the near pull of `MutualMoments` over to a DEM.
+
+    Parameters
+    ----------
+    solver : MutualMoments
+        With near pairs.
+    walls : sequence of walls
+        Those of the DEM, in its order.
+    """
+
+    def __init__(self, solver: MutualMoments, walls: Sequence) -> None:
+        self.solver = solver
+        magnetic = [isinstance(wall, RevolvedWall) and wall.magnetic for wall in walls]
+        rows = np.cumsum(magnetic) - 1
+        self._steel = np.where(magnetic, rows, -1).astype(np.int64).reshape(-1)
+        table = solver.table
+        self.attraction = Attraction(
+            table.gap_start, table.gap_step, table.force, table.across, solver.smallest_gap, self.drives, NEAR_GAP
+        )
+
+    def hold(self, dem: DEM, found, whole: np.ndarray) -> None:
+        """Take an update: moments and fields `found` and all forces of it, `whole` (n, 3) [N]."""
+        own = self.attraction
+        own.per_grain = {
+            "position": np.array(dem.grains.position),
+            "moment": np.array(found.moment),
+            "applied": np.array(found.applied),
+            "field": np.array(found.field),
+            "whole": np.array(whole),
+            "potential": np.array(found.potential),
+            "contrast": np.array(found.contrast),
+            "height": np.array(found.height)[:, :, None],  # of three dimensions: no vectors to be turned
+            "own_image": np.array(found.own_image)[:, :, None],
+        }
+        own.renew()
+        dem.attraction = own
+
+    def drives(self, dem: DEM) -> tuple[np.ndarray, np.ndarray]:
+        """See `Attraction.drives`; sets the DEM's held forces to what its list does not hold."""
+        of, solver, pairs, slots = self.attraction.per_grain, self.solver, dem.listed_pairs, dem.listed_walls
+        angle = 0.0 if dem.sector is None else dem.sector.angle
+        turn = angle * np.array([0.0, 1.0, -1.0])
+        pair, wall = np.zeros((pairs.count, 3)), np.zeros((len(slots.wall), 2))
+        rest, radius = of["whole"].copy(), np.ascontiguousarray(dem.grains.radius)
+        shift = np.zeros(pairs.count, dtype=np.int8) if pairs.shift is None else pairs.shift.astype(np.int8)
+        drive_pairs(
+            solver.table, of["position"], radius, of["moment"], of["applied"], pairs.start, pairs.other, shift,
+            np.cos(turn), np.sin(turn), solver.reach, solver.smear, solver.smallest_gap, of["field"],
+            of["potential"], of["contrast"], pair, rest,
+        )  # fmt: skip
+        if len(solver.walls):
+            steel = np.where(slots.smooth, self._steel[slots.wall], -1)
+            drive_walls(
+                solver.table, of["position"], radius, of["moment"], of["applied"], slots.start,
+                np.arange(len(steel)), steel, solver.walls, np.ascontiguousarray(of["height"][:, :, 0]),
+                solver.reach, solver.smear, solver.smallest_gap, of["potential"],
+                np.ascontiguousarray(of["own_image"][:, :, 0]), wall, rest,
+            )  # fmt: skip
+        dem.external_force = rest
+        return pair, wall
