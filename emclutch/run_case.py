@@ -31,7 +31,7 @@ from emclutch.snapshots import History, Snapshots, save_checkpoint
 from field import ConvergenceError, FluxLinkage, MagneticField, MeanFluxDensity, PointOutside, estimate_error
 from geometry.kernel_cache import specialisations
 from geometry.threads import default_threads
-from particles import DEM, DemError, DemErrorKind, Grains, ParticleError
+from particles import DEM, DemError, DemErrorKind, Grains, ParticleError, contact_share, depth_warning
 
 log = logging.getLogger(__name__)
 JAM = 1e3  # tolerances of the solver of rigid contacts, beyond which a step counts as jammed
@@ -289,12 +289,7 @@ def summarise(case, folder: RunFolder, device, plan, simulation, conditions: Ste
         summary |= rise_times(history, device.coil.currents[-1])
         summary["field_error_estimate"] = field_error_estimate(simulation.source.solution)
     if "moment_residual" in history:
-        summary["moments"] = {
-            "model": case.scene.effects.dipoles.model,
-            "tolerance": case.scene.effects.dipoles.tolerance,
-            "worst_residual": float(history["moment_residual"].max()),
-            "sweeps_per_update": float(history["moment_sweeps"].sum()) * plan.steps_per_update / history["steps"].sum(),
-        }
+        summary["moments"] = moments_summary(case.scene.effects.dipoles, history, plan, simulation.dem)
     if "missed_steps" in history:
         summary["solver"] = solver_summary(history, simulation.dem.tolerance)
     if "inertial_number" in history:
@@ -325,6 +320,23 @@ def summarise(case, folder: RunFolder, device, plan, simulation, conditions: Ste
         "plan": plan.reasons,
     }
     folder.write_summary(summary)
+
+
+def moments_summary(dipoles, history, plan, dem) -> dict[str, float | str]:
+    """How the moments of grains that magnetise one another did; a caution where their contacts are too soft for it."""
+    summary: dict[str, float | str] = {
+        "model": dipoles.model,
+        "tolerance": dipoles.tolerance,
+        "worst_residual": float(history["moment_residual"].max()),
+        "sweeps_per_update": float(history["moment_sweeps"].sum()) * plan.steps_per_update / history["steps"].sum(),
+    }
+    if isinstance(dem, DEM) and dem.attraction is not None:
+        summary["strongest_near_pull"] = dem.attraction.strongest
+        summary["necks_over_contact_stiffness"] = contact_share(dem.attraction, dem.laws, dem.grains.radius)
+        caution = depth_warning(dem.attraction, dem.laws, dem.grains.radius)
+        if caution is not None:
+            summary["caution"] = caution
+    return summary
 
 
 def solver_summary(history, tolerance: float) -> dict[str, float | str]:
