@@ -3,6 +3,7 @@
 from coupling.deposition import FillDeposition
 from coupling.effects import BackReaction, Effect, FixedDipoles, MagneticForce, MutualDipoles, WallImages
 from coupling.expected_load import (
+    chain_magnetisation,
     magnetic_load,
     neck_load,
     neck_stiffness,
@@ -37,6 +38,7 @@ __all__ = [
     "Simulation",
     "SolidCoilField",
     "WallImages",
+    "chain_magnetisation",
     "grain_table",
     "magnetic_load",
     "magnetised_cluster",

@@ -20,6 +20,8 @@ from field.spheres.pair_table import fade
 from field.spheres.transverse_pair import transverse_excess
 from geometry.inner_functions import inner
 
+GAUSS_PLACES = (0.2386191860831969, 0.6612093864662645, 0.9324695142031521)  # of six points on -1 .. 1
+GAUSS_WEIGHTS = (0.46791393457269104, 0.3607615730481386, 0.17132449237917036)
 FARTHEST_GAP = 1.2  # radii: beyond it two spheres are mutual dipoles
 
 
@@ -37,14 +39,13 @@ class ContactTable(NamedTuple):
     field_step: float
     force: np.ndarray  # (g, h) dF/h^2
     moment: np.ndarray  # (g, h) dM/h
-    work: np.ndarray  # (g, h) integral of dF/h^2 over the gap, from g to where it ends
     across: np.ndarray  # (g,) weakening of the repulsion across, over h_t^2, for spheres of high permeability
 
 
 def contact_table(
     magnetisation: Callable[[np.ndarray], np.ndarray],
     saturation: float | None,
-    excess: tuple[Callable, Callable, Callable] | None = None,
+    excess: tuple[Callable, Callable] | None = None,
     *,
     gaps: tuple[float, float, int] = (3e-4, FARTHEST_GAP, 97),
     fields: tuple[float, float, int] = (3e-4, 3.0, 201),
@@ -57,7 +58,7 @@ def contact_table(
         Of a lone sphere in a uniform field.
     saturation : float or None
         [A/m]; None: linear.
-    excess : (force, moment, work), optional
+    excess : (force, moment), optional
         Functions of (g, h), g in radii and h in `saturation`, of `PairTable`; None: mutual dipoles only.
     gaps, fields : (first, last, number)
         Grid of the excess.
@@ -71,12 +72,12 @@ def contact_table(
     slope = np.gradient(ratio, edge_order=2)
     slope[2:-2] = (8.0 * (ratio[3:-1] - ratio[1:-3]) - (ratio[4:] - ratio[:-4])) / 12.0
     x, y = (np.linspace(np.log(first), np.log(last), number) for first, last, number in (gaps, fields))
-    force = moment = work = np.zeros((2, 2))
+    force = moment = np.zeros((2, 2))
     across = np.zeros(2)
     if excess is not None:
         across = np.array([transverse_excess(np.inf, gap) for gap in np.exp(x)]) * fade(np.exp(x))
         g, k = np.meshgrid(np.exp(x), np.exp(y), indexing="ij")
-        force, moment, work = excess[0](g, k) / k**2, excess[1](g, k) / k, excess[2](g, k) / k**2
+        force, moment = excess[0](g, k) / k**2, excess[1](g, k) / k
     return ContactTable(
         scale,
         float(np.log(h[0])),
@@ -89,7 +90,6 @@ def contact_table(
         float(y[1] - y[0]),
         np.ascontiguousarray(force),
         np.ascontiguousarray(moment),
-        np.ascontiguousarray(work),
         across,
     )
 
@@ -167,21 +167,21 @@ def excess_force(table, gap, H):
 def near_excess(table, gap, end, H):
     """dF [mu_0 A^2/m^2 a^2], dM [A/m] and `across` [-] of a near pair, see `excess_force` and `excess_moment`.
 
-    dF is its mean over a step that takes the gap to ``end``, (W(gap) - W(end))/(end - gap), where the two differ.
+    dF is its mean over a step that takes the gap to ``end``: by six points of Gauss in ln g.
     """
     i, x, j, y, h, share = place_in(table, gap, H)
     force = moment = across = 0.0
     if i >= 0:
         force, moment = read(table.force, i, x, j, y) * h * h * share, read(table.moment, i, x, j, y) * h * share
         across = table.across[i] + x * (table.across[i + 1] - table.across[i])
-    if abs(end - gap) > 1e-3 * gap:
-        first = last = 0.0
-        if i >= 0:
-            first = read(table.work, i, x, j, y)
-        i, x, j, y, h, share = place_in(table, end, H)
-        if i >= 0:
-            last = read(table.work, i, x, j, y)
-        elif first > 0.0:
-            _, _, _, _, h, share = place_in(table, gap, H)
-        force = (first - last) / (end - gap) * h * h * share
+    if end != gap:
+        force = 0.0
+        middle, half = 0.5 * np.log(gap * end), 0.5 * np.log(end / gap)
+        for k in range(3):
+            for sign in (-1.0, 1.0):
+                at = np.exp(middle + sign * GAUSS_PLACES[k] * half)
+                i, x, j, y, h, share = place_in(table, at, H)
+                if i >= 0:
+                    force += GAUSS_WEIGHTS[k] * half * at * read(table.force, i, x, j, y) * h * h * share
+        force /= end - gap
     return force, moment if H > 0.0 else -moment, across

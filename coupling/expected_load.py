@@ -42,9 +42,29 @@ def neck_load(law, M: float, diameter: float, smallest_gap: float) -> float:
     return NECK_PEAK * float(pair_table(law).force_of(smallest_gap, H / Ms)) * MU_0 * Ms**2 * a**2
 
 
-def neck_stiffness(law, diameter: float) -> float:
-    """Largest -dF/dg [N/m] of a saturated neck, (pi/2) mu_0 Ms^2 a: flux density mu_0 Ms over a growing area."""
-    return 0.5 * pi * MU_0 * saturation(law) ** 2 * 0.5 * diameter
+def neck_stiffness(law, diameter: float, *, at_walls: bool = False) -> float:
+    """Largest -dF/dr [N/m] of a saturated neck, (pi/2) mu_0 Ms^2 a: flux density mu_0 Ms over a growing area.
+
+    At a steel wall the gap to the image opens twice as fast: twice that. The tables have up to 4 % more.
+    """
+    return (1.0 if at_walls else 0.5) * pi * MU_0 * saturation(law) ** 2 * 0.5 * diameter
+
+
+def chain_magnetisation(law, M: float) -> float:
+    """Magnetisation [A/m] in a straight chain of touching mutual dipoles, of grains that have M one by one.
+
+    M_c = M_sph(H + zeta(3) M_c/6), H the field in which a lone grain has M.
+    """
+    try:
+        scale = saturation(law)
+    except ValueError:
+        scale = max(M, 1.0)
+    fields = np.geomspace(1e-5, 1e3, 4001) * scale
+    lone = sphere_magnetisation(law, fields)
+    H = found = float(np.interp(M, lone, fields))
+    for _ in range(60):  # contracts by 3 zeta(3)/6 = 0.6 a turn at most
+        found = float(np.interp(H + 1.2020569 / 6.0 * found, fields, lone))
+    return found
 
 
 def pair_attraction(M: float, diameter: float) -> float:

@@ -12,7 +12,7 @@ from numba import njit, prange
 
 from coupling.contact_table import excess_moment, near_excess, sphere_ratio
 from coupling.mirror import FACES_NO_WALL, height_over, image_field, image_force, normal_at
-from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, pair_force
+from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, pair_force, smeared_share
 from geometry.inner_functions import inner
 
 MU_0 = 4e-7 * np.pi
@@ -137,7 +137,7 @@ def magnetise(
     for i in prange(position.shape[0]):
         strength = np.sqrt(field[i, 0] ** 2 + field[i, 1] ** 2 + field[i, 2] ** 2)
         ratio, slope = sphere_ratio(table, strength)
-        contrast[i] = (ratio * slope / 9.0) ** CONTRAST_POWER
+        contrast[i] = max(ratio * slope / 9.0, 0.0) ** CONTRAST_POWER  # the slope's rounding may be negative
         vx = vy = vz = squares = sum_v = 0.0
         if near:
             for q in range(start[i], start[i + 1]):
@@ -249,8 +249,9 @@ def contact_forces(
             pull, v, across = near_excess(table, gap, end, h)
             ex, ey, ez = c * field[j, 0] - s * field[j, 1], s * field[j, 0] + c * field[j, 1], field[j, 2]
             if attraction:
-                # across: the mean of both fields, less what each makes at the other
+                # across: the mean of both fields, less what each makes at the other and at itself
                 w3 = OVER_4PI / (r * r * r)
+                w3 -= smeared_share(reach, smear)
                 hx = 0.5 * (field[i, 0] + ex + w3 * (moment[i, 0] + bx))
                 hy = 0.5 * (field[i, 1] + ey + w3 * (moment[i, 1] + by))
                 hz = 0.5 * (field[i, 2] + ez + w3 * (moment[i, 2] + bz))
@@ -291,17 +292,23 @@ def contact_forces(
                     reach, smear,
                 )  # fmt: skip
                 fx, fy, fz = fx + MU_0_OVER_4PI * gx, fy + MU_0_OVER_4PI * gy, fz + MU_0_OVER_4PI * gz
-            if near and attraction and abs(height[i, w]) < 1.6 * radius[i]:
+            if near and abs(height[i, w]) < 1.6 * radius[i]:
                 gap = max(2.0 * (abs(height[i, w]) / radius[i] - 1.0), smallest_gap)
                 h = drive_at_wall(i, w, nx, ny, nz, hi, walls, moment, applied, potential, own_image, reach, smear)
                 end = gap
                 if ahead > 0.0:
                     opening = velocity[i, 0] * nx + velocity[i, 1] * ny + velocity[i, 2] * nz
                     end = max(gap + (2.0 if hi > 0.0 else -2.0) * ahead * opening / radius[i], smallest_gap)
-                pull, _, _ = near_excess(table, gap, end, h)
-                pull *= MU_0 * walls[w, 5]
-                pull *= radius[i] ** 2 if hi > 0.0 else -(radius[i] ** 2)
-                fx, fy, fz = fx - pull * nx, fy - pull * ny, fz - pull * nz
+                pull, v, _ = near_excess(table, gap, end, h)
+                if attraction:
+                    pull *= MU_0 * walls[w, 5]
+                    pull *= radius[i] ** 2 if hi > 0.0 else -(radius[i] ** 2)
+                    fx, fy, fz = fx - pull * nx, fy - pull * ny, fz - pull * nz
+                # the near moment lies along n, which turns with the grain's place about the axis
+                turn = MU_0 * walls[w, 5] * v * volume[i] * share[i] * (nx * field[i, 1] - ny * field[i, 0])
+                rho2 = xi * xi + yi * yi
+                if rho2 > 0.0:
+                    fx, fy = fx - turn * yi / rho2, fy + turn * xi / rho2
         force[i, 0] += fx
         force[i, 1] += fy
         force[i, 2] += fz

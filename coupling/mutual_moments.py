@@ -48,6 +48,8 @@ SMALLEST_GAP = 3e-3
 MODELS = ("mutual", "near_field")
 # Of an undamped step: where sweeps of this share do not shrink the residual it is lowered.
 FIRST_DAMPING, LEAST_DAMPING = 0.5, 0.05
+# Moments so many times those of lone grains are of an earlier field: begin anew.
+FAR_START = 10.0
 
 
 @dataclass(slots=True)
@@ -123,7 +125,7 @@ class MutualMoments:
         self.table, self.near, self.reach, self.smear = table, bool(near), float(reach), bool(smear)
         self.smallest_gap = float(smallest_gap)
         self.walls = np.zeros((0, 6)) if walls is None else np.ascontiguousarray(walls, dtype=float).reshape(-1, 6)
-        self._own = smeared_at_itself(reach) if smear else 0.0
+        self._own = smeared_at_itself(reach, smear)
 
     def solve(
         self,
@@ -165,8 +167,12 @@ class MutualMoments:
         wall_heights(position, self.walls, self.reach, height)
         new, missed, size = np.empty((n, 3)), np.zeros(n), np.zeros(n)
         result = Magnetisation(moment, applied, field, potential, height, own_image, share, contrast, 0.0)
-        if n == 0:
+        if n == 0 or not applied.any():  # without a field soft grains have no moment
+            moment[:] = 0.0
             return result
+        if start is not None and self._is_far(moment, volume, applied):
+            moment[:] = 0.0
+            start = None
         damping = 1.0 if start is None else FIRST_DAMPING
         before = np.inf
         for sweep in range(1, most_sweeps + 1):
@@ -184,16 +190,23 @@ class MutualMoments:
             result.residual, result.sweeps = residual, sweep
             if not np.isfinite(residual):
                 raise FloatingPointError("the moments of the grains are not finite: check field and positions")
-            if residual <= tolerance or total == 0.0:
+            if residual <= tolerance or sweep == most_sweeps:
                 break  # `field`, `potential` and `share` are those of `moment`
             moment, new = new, moment
             result.moment = moment
-            if sweep > 1 and residual > 0.98 * before:
+            step = float(missed.sum())
+            if sweep > 1 and step > 0.96 * before:
                 damping = max(0.7 * damping, LEAST_DAMPING)
             elif sweep == 1 and start is None:
                 damping = FIRST_DAMPING
-            before = residual
+            before = step
         return result
+
+    def _is_far(self, moment: np.ndarray, volume: np.ndarray, applied: np.ndarray) -> bool:
+        """Whether moments to begin with are of another scale than the field: after a fast fall of it."""
+        ratio = self.table.sphere_ratio[0]
+        lone = np.minimum(ratio * np.sqrt((applied**2).sum(axis=1)), self.table.scale)
+        return float((moment**2).sum()) > FAR_START**2 * float(((volume * lone) ** 2).sum())
 
     def forces(
         self,
@@ -255,7 +268,7 @@ def _made_table(law: Law | GrainLaw, model: str) -> ContactTable:
     excess = None
     if model == "near_field":
         pair = pair_table(law)
-        excess = (pair.excess_force, pair.excess_moment, pair.excess_work)
+        excess = (pair.excess_force, pair.excess_moment)
     return contact_table(sphere, Ms, excess)
 
 

@@ -24,9 +24,12 @@ OVER_4PI = 1.0 / (4.0 * np.pi)
 SWITCH = 0.9  # of the reach: where a whole dipole begins to end
 
 
-def smeared_at_itself(reach: float) -> float:
-    """K(0)/3 = 35/(32 pi a^3) [1/m^3]: what a smeared grain takes from its own moment out of the mean field."""
-    return 35.0 / (32.0 * np.pi * reach**3)
+def smeared_at_itself(reach: float, smear: bool) -> float:
+    """K(0)/3 = 35/(32 pi a^3) [1/m^3]: what a smeared grain takes from its own moment out of the mean field; or 0."""
+    return 35.0 / (32.0 * np.pi * reach**3) if smear else 0.0
+
+
+smeared_share = inner(error_model="numpy", fastmath={"contract"})(smeared_at_itself)
 
 
 @inner(error_model="numpy", fastmath={"contract"})

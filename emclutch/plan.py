@@ -9,7 +9,7 @@ from math import ceil, floor, pi
 
 import numpy as np
 
-from coupling import magnetic_load, neck_load, neck_stiffness, snap_in_overlap, weight_load
+from coupling import chain_magnetisation, magnetic_load, neck_load, neck_stiffness, snap_in_overlap, weight_load
 from emclutch.case import Case
 from emclutch.device import CoilDevice, Device, build_device, grain_law
 from emclutch.overlaps import SOFT, STOPS
@@ -296,16 +296,19 @@ def _contact(
     particles, contact = scene.particles, scene.contact
     d = particles.largest_diameter  # overlap / diameter grows with the size under every load
     mass = particles.density * pi / 6.0 * d**3
-    loads = {f"grains magnetised to {M_max / 1e3:.3g} kA/m": magnetic_load(M_max, d)}
-    near = scene.effects.dipoles is not None and scene.effects.dipoles.model == "near_field"
-    if near:
+    model = None if scene.effects.dipoles is None else scene.effects.dipoles.model
+    chained = chain_magnetisation(grain_law(scene), M_max) if model == "mutual" and M_max > 0.0 else M_max
+    loads = {f"grains magnetised to {chained / 1e3:.3g} kA/m": magnetic_load(chained, d)}
+    neck = 0.0
+    if model == "near_field":
         grains = grain_law(scene)
-        neck = neck_stiffness(grains, d)
+        neck = neck_stiffness(grains, d, at_walls=scene.effects.wall_images is not None)
         loads[f"necks between grains magnetised to {M_max / 1e3:.3g} kA/m"] = neck_load(
             grains, M_max, d, scene.effects.dipoles.surface_gap
         )
-        # so stiff that no neck pulls a contact in by itself
-        loads[f"the stiffness of saturated necks, {neck:.3g} N/m,"] = NECK_MARGIN * neck * contact.max_overlap * d
+        if contact.needs_a_load:  # so stiff that no neck pulls a contact in by itself
+            least = NECK_MARGIN * neck * contact.max_overlap * d
+            loads[f"{NECK_MARGIN:g} times the stiffness of saturated necks, {neck:.3g} N/m,"] = least
     if scene.effects.gravity is not None:
         height = device.shape.size[2] if isinstance(device.shape, Box) else 2.0 * device.largest_radius
         loads["the weight of the bed"] = weight_load(particles.density, scene.effects.gravity.acceleration, height, d)
@@ -339,9 +342,9 @@ def _contact(
     kind = "" if contact.law == "linear" else f"law {contact.law}, at that overlap "
     reasons["stiffness"] = f"{kind}k_n = {stiffness:.3g} N/m{asked}: {overlap}"
     if M_max > 0.0:
-        snap = snap_in_overlap(M_max, d, stiffness)
+        snap = snap_in_overlap(chained, d, stiffness)
         reasons["stiffness"] += f"; grains that snap together from afar press in by {100 * snap:.2g} % for an instant"
-    if near and stiffness < NECK_MARGIN * neck:
+    if stiffness < 0.999 * NECK_MARGIN * neck:
         reasons["stiffness"] += (
             f"; WARNING: less than {NECK_MARGIN:g} times the negative stiffness of saturated necks, {neck:.3g} N/m: "
             "contacts close by more than their overlap says"

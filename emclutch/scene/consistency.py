@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from geometry.fault import Fault as ShapeFault
 
 # Reach of a contact in grain diameters: the Verlet list holds pairs that may touch before it is built anew.
-_NEAR_REACH = 1.6  # diameters: two radii and the farthest gap of a near pair, 1.2 radii
+_NEAR_REACH = 1.8  # diameters: two radii and the farthest gap of a near pair, 1.2 radii, where dipoles are whole
 _CONTACT_REACH = 1.3
 
 
@@ -518,6 +518,12 @@ def warnings_of(scene: Any) -> Iterator[str]:
         yield f"[effects.wall_images] has no effect: geometry.kind = '{kind}' has no steel faces"
     elif effects.wall_images is not None and not any(wall.magnetic for wall in scene.shape().walls()):
         yield "[effects.wall_images] has no effect: no wall is of a magnetic material"
+    source = scene.field
+    if effects.wall_images is not None and isinstance(source, UniformField) and source.means == "macroscopic":
+        yield (
+            "[effects.wall_images] beside field.means = 'macroscopic': the mean field is taken as even up to the "
+            "steel; what layers of grains there change in it is left out"
+        )
     for name, own in scene.materials.items():
         if isinstance(own, TableMaterial) and own.caution:
             yield f"materials.{name}: {own.caution}"

@@ -201,6 +201,50 @@ def test_a_dense_bed_converges_in_forty_sweeps():
         assert warm.sweeps < 0.5 * found.sweeps
 
 
+@pytest.mark.hard
+@pytest.mark.parametrize("model", ["mutual", "near_field"])
+def test_a_field_that_falls_or_is_switched_off_takes_the_moments_along(model):
+    """From the moments of 60 kA/m: to nothing, to a ten-thousandth, to the opposite; lone grains too."""
+    x = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 2.002], [1.9, 0.0, 1.0], [30.0, 0.0, 0.0]]) * A
+    radius, H = np.full(4, A), np.tile([1e4, 0.0, 6e4], (4, 1))
+    solver = MutualMoments(grain_table(IRON, model), near=model == "near_field", reach=8.0 * A)
+    rows = neighbour_rows(x, 8.0 * A)
+    high = solver.solve(x, radius, H, rows, tolerance=1e-10, most_sweeps=1000)
+    off = solver.solve(x, radius, 0.0 * H, rows, start=high.moment)
+    assert np.all(off.moment == 0.0) and off.residual == 0.0
+    assert np.all(solver.forces(x, radius, rows, off)[0] == 0.0)
+    for factor in (1e-2, 1e-4, 1e-6, -1.0):
+        warm = solver.solve(x, radius, factor * H, rows, start=high.moment, tolerance=1e-6)
+        cold = solver.solve(x, radius, factor * H, rows, tolerance=1e-10, most_sweeps=1000)
+        assert warm.residual <= 1e-6, (factor, warm.residual)
+        assert warm.moment == pytest.approx(cold.moment, rel=1e-4, abs=1e-5 * np.abs(cold.moment).max())
+
+
+@pytest.mark.hard
+def test_what_a_solve_returns_belongs_together_when_it_has_not_converged():
+    """Field and moments of the last sweep: gathering again changes nothing."""
+    x, radius = dense_bed(100), np.full(100, A)
+    solver = MutualMoments(grain_table(IRON, "near_field"), near=True, reach=6.0 * A)
+    rows, H = neighbour_rows(x, 6.0 * A), np.tile([0.0, 0.0, 46e3], (100, 1))
+    for sweeps in (1, 2, 5):
+        found = solver.solve(x, radius, H, rows, tolerance=0.0, most_sweeps=sweeps)
+        again = solver.solve(x, radius, H, rows, start=found.moment, tolerance=0.0, most_sweeps=1)
+        assert found.field == pytest.approx(again.field, rel=1e-12)
+        assert found.residual == pytest.approx(again.residual, rel=1e-9)
+
+
+@pytest.mark.hard
+def test_very_soft_grains_near_saturation_have_no_nan():
+    for H in np.geomspace(4e5, 1e6, 40):
+        found = pair(0.01, [0.3 * H, 0.0, H], law=GrainLaw(1e6, MS), model="mutual")
+        assert np.all(np.isfinite(found.force))
+    solver = MutualMoments(grain_table(GrainLaw(1e6, MS), "mutual"), near=False, reach=1.0)
+    x = np.zeros((1, 3))
+    for H in np.geomspace(5e5, 8e5, 100):
+        found = solver.solve(x, np.array([A]), np.array([[0.0, 0.0, H]]), neighbour_rows(x, 1.0))
+        assert np.isfinite(found.contrast[0]) and found.contrast[0] >= 0.0
+
+
 def test_a_sector_is_part_of_the_ring():
     """Turned copies of a wedge and the wedge with cyclic faces: the same moments and forces."""
     sector = CyclicSector(2.0 * np.pi / 8)

@@ -103,6 +103,30 @@ def test_a_wall_of_revolution_turns_nothing_by_itself(wall):
     assert on_grains + on_moments == pytest.approx(0.0, abs=1e-12 * np.abs(force).max() * A)
 
 
+@pytest.mark.parametrize("model", ["mutual", "near_field"])
+def test_grains_between_bores_take_no_torque_from_a_field_of_revolution(model):
+    """Pairs, images, near walls and the hoop force of H = c/r cancel at the fixed point: such iron turns nothing.
+
+    Grains touch the bores and each other, so that near moments along the walls' normals take part.
+    """
+    angle, r = np.array([0.0, 0.21, 0.11, 0.34, 0.25]), np.array([8.02, 8.1, 9.95, 8.6, 10.4]) * A
+    z = np.array([0.0, 0.4, 0.3, 1.9, 2.2]) * A
+    x = np.column_stack([r * np.cos(angle), r * np.sin(angle), z])
+    radius = np.array([1.0, 0.7, 1.0, 0.8, 0.6]) * A
+    bores = np.array([[7.0 * A, -1.0, 0.0, 1.0, 2.0, 0.9], [11.0 * A, -1.0, 0.0, 1.0, 2.0, 0.95]])
+    e_r = x * [1.0, 1.0, 0.0] / r[:, None]
+    H = 60e3 * 9.0 * A / r[:, None] * e_r
+    solver = MutualMoments(grain_table(IRON, model), near=model == "near_field", reach=1.0, walls=bores)
+    rows = neighbour_rows(x, 1.0)
+    found = solver.solve(x, radius, H, rows, tolerance=1e-14, most_sweeps=3000)
+    force, pairs, walls = solver.forces(x, radius, rows, found)
+    e_phi = np.column_stack([-e_r[:, 1], e_r[:, 0], np.zeros(5)])
+    hoop = MU_0 * float(((found.moment * e_phi).sum(axis=1) * np.hypot(H[:, 0], H[:, 1])).sum())
+    assert np.cross(x, force)[:, 2].sum() == pytest.approx(pairs + walls, rel=1e-9)
+    assert abs(walls) > 1e-3 * abs(hoop)
+    assert abs(pairs + walls + hoop) < 1e-10 * abs(hoop)
+
+
 def test_a_grain_over_steel_is_half_of_a_pair():
     """A pair in a field along its axis and one of its grains over a steel plane half way: moments and forces alike."""
     H = np.array([[0.0, 0.0, 46e3]])
