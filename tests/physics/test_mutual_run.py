@@ -49,9 +49,9 @@ def test_it_resumes_bit_for_bit(tmp_path):
 def test_the_pull_of_every_step_is_the_held_one_where_that_is_renewed_at_every_step(tmp_path, monkeypatch):
     """Handing the near pull over to the grains' own step moves none from pair to pair; steel walls included.
 
-    Renewed at every tenth step instead, the held pull leaves the true one by far more.
+    Renewed at every tenth step instead, the speeds differ ten times more where the pull is held.
     """
-    steel = {"geometry.steel": True, "effects.wall_images": {}, "time.end": "16 us", "effects.dipoles.tolerance": 1e-8}
+    steel = {"geometry.steel": True, "effects.wall_images": {}, "time.end": "20 us", "effects.dipoles.tolerance": 1e-8}
     ends = {}
     for every in (1, 10):
         for own in (True, False):
@@ -61,11 +61,10 @@ def test_the_pull_of_every_step_is_the_held_one_where_that_is_renewed_at_every_s
                 run(tmp_path, f"{every}-{own}", NEAR | steel | {"effects.dipoles.update_every": every})
             dem = state(tmp_path, f"{every}-{own}")
             ends[every, own] = dem["motion"][np.argsort(dem["particle_id"])][:, :3]
-    speed = np.abs(ends[1, True]).max()
-    together = np.abs(ends[1, True] - ends[1, False]).max() / speed
-    assert together < 1e-6
-    late = [np.abs(ends[10, own] - ends[1, True]).max() / speed for own in (True, False)]
-    assert late[0] < 0.5 * late[1], late
+    speed = np.sqrt((ends[1, True] ** 2).mean())
+    assert np.abs(ends[1, True] - ends[1, False]).max() < 1e-6 * speed
+    late = [np.sqrt(((ends[10, own] - ends[1, True]) ** 2).mean()) / speed for own in (True, False)]
+    assert late[0] < 0.2 * late[1], late  # measured: 0.4 % and 4.6 %
 
 
 def test_how_the_moments_did_is_in_the_summary(tmp_path):
