@@ -1,7 +1,7 @@
-"""Moments of the grains of a sheared cell in a macroscopic field, and the forces that are held until they are next seen.
+"""Moments of the grains of a sheared cell in a macroscopic field, and the forces that are held between two looks.
 
-The field H is that of an even powder, given (`rule C` of the split in `coupling.pair_fields`): every grain feels it, the
-correction of its neighbours within the split's width and its own share; nothing else. The sweeps are those of
+The field H is that of an even powder, given (the split of `coupling.pair_fields`): every grain feels it, the correction
+of its neighbours within the split's width and its own share; nothing else. The sweeps are those of
 `coupling.moment_kernels`. Images stand in their rows as ghosts that take moment, field, potential and the rest from
 their owners between the two stages of a sweep.
 
@@ -19,6 +19,7 @@ from coupling.mutual_moments import FIRST_DAMPING, LEAST_DAMPING
 from coupling.pair_fields import smeared_at_itself
 from coupling.sheared_cell.cell import CellPairs, SquareBox
 from coupling.sheared_cell.held_forces import NEAR, held_forces
+from coupling.sheared_cell.near_pull import N_GRIP
 
 NO_WALLS = np.zeros((0, 6))
 
@@ -58,7 +59,7 @@ class CellMoments:
         self.residual = np.inf
         self.damping = FIRST_DAMPING
         self.held, self.stress = np.zeros((count, 3)), np.zeros((3, 3))
-        self.drive = self.across = np.zeros(0)
+        self.grip = np.zeros((0, N_GRIP))
 
     def follow(self, pairs: CellPairs) -> None:
         """Take a new list of pairs."""
@@ -87,7 +88,7 @@ class CellMoments:
         """Choose the pairs whose attraction is followed (once a list); their numbers in the list."""
         self._slot = self._near_slots(position, offset, skin)
         chosen = np.flatnonzero(self._slot >= 0)
-        self.drive, self.across = np.zeros(len(chosen)), np.zeros(len(chosen))
+        self.grip = np.zeros((len(chosen), N_GRIP))
         return chosen
 
     def sweep(self, position: np.ndarray, offset: float) -> None:
@@ -133,7 +134,7 @@ class CellMoments:
         held_forces(
             self.table, position, self.radius, self.volume, self._used, self._applied, p.first, p.second,
             self.box.image_shift(self._image, offset), self._slot, self.reach, self.near, self.smallest_gap,
-            self._field, self._potential, self._share, self._contrast, self.held, self.drive, self.across, self.stress,
+            self._field, self._potential, self._share, self._contrast, self.held, self.grip, self.stress,
         )  # fmt: skip
 
     @property

@@ -2,7 +2,7 @@
 
 The forces are those of `coupling.moment_kernels.contact_forces`, pair by pair and once each, because the stress needs
 every pair's distance. Of a near pair the attraction beyond the dipoles is left to the grains' own loop, which takes it
-from the gap of every step: here only what drives it is found, h along the line of centres and mu_0 a^2 h_t^2 across.
+from the gap of every step: here only what drives it is found (`coupling.sheared_cell.near_pull`).
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from numba import njit
 from coupling.contact_table import excess_moment
 from coupling.moment_kernels import MU_0, drive_of_pair
 from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, pair_force
+from coupling.sheared_cell.near_pull import take_grip
 
 NEAR = 1.6  # diameters: where two equal spheres become mutual dipoles
 
@@ -20,9 +21,9 @@ NEAR = 1.6  # diameters: where two equal spheres become mutual dipoles
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def held_forces(
     table, position, radius, volume, moment, applied, first, second, shift, near_slot, reach, near, smallest_gap,
-    field, potential, share, contrast, force, drive, across, stress,
+    field, potential, share, contrast, force, grip, stress,
 ):  # fmt: skip
-    """Forces (n, 3) [N], added; ``drive`` [A/m] and ``across`` [N] (q,) of near pairs; ``stress`` (3, 3) [N m], added.
+    """Forces (n, 3) [N], added; ``grip`` (q, N_GRIP) of near pairs (`near_pull`); ``stress`` (3, 3) [N m], added.
 
     ``shift`` (p, 3) [m] stands the second grain beside the first, ``near_slot`` (p,) is a pair's place among the near
     ones or -1. ``stress[a, b]`` sums r_a F_b, F on the grain at r from its partner.
@@ -35,7 +36,7 @@ def held_forces(
         dz = position[i, 2] - (position[j, 2] + shift[k, 2])
         q = near_slot[k]
         if q >= 0:
-            drive[q] = across[q] = 0.0
+            grip[q] = 0.0
         r2 = dx * dx + dy * dy + dz * dz
         if r2 >= reach * reach:
             continue
@@ -61,8 +62,7 @@ def held_forces(
             tz = 0.5 * (field[i, 2] + ez + w3 * (moment[i, 2] + bz))
             along = tx * nx + ty * ny + tz * nz
             h_t2 = tx * tx + ty * ty + tz * tz - along * along
-            drive[q] = h
-            across[q] = MU_0 * radius * radius * np.sqrt(contrast[i] * contrast[j]) * h_t2
+            take_grip(table, gap, h, np.sqrt(contrast[i] * contrast[j]) * h_t2, radius, grip, q)
             v = MU_0 * volume * excess_moment(table, gap, h)
             u, w = v * share[i], v * share[j]
             ex, ey, ez = u * field[i, 0] + w * ex, u * field[i, 1] + w * ey, u * field[i, 2] + w * ez

@@ -10,15 +10,15 @@ pairs whose line crosses the plane,
 
 F on the grain at r from its partner: contacts, dipoles less the smear, the attraction of near pairs and their couples.
 Contacts alone do not have this stress, and pairs with couples do not have F_x r_z = F_z r_x: the field's torque
-mu_0 M x H stands between tau_zx and tau_xz (`Shear.stress` gives both). Two things do *not* come on top:
+mu_0 M x H stands between tau_zx and tau_xz (`Series.tau` and `Series.tau_across`). Two things do *not* come on top:
 
-- the macroscopic Maxwell stress across z, B_z H_x, is 0 because H stands along z (H_x is continuous and 0 at the steel).
+- the macroscopic Maxwell stress across z, B_z H_x, is 0: H stands along z (H_x is continuous, and 0 at the steel).
   Its partner B_x H_z = mu_0 M_x H_z is the force along z on a plane across x; no wall stands there;
 - of the forces of smeared grains on grains: those above a plane are a layer of the even magnetisation M S(z), whose
   field is H_z(z) only; it has no gradient along x, hence no F_x = mu_0 (m_z dH_x/dz + m_x dH_x/dx) across the plane.
 
-**Power.** In the steady state tau rate V is what contacts dissipate; the rest (`Shear.unexplained`) is the error of the
-held forces, of the lagging moments and of the step.
+**Power.** In the steady state tau rate V is what contacts dissipate, `Series.power`; the difference is the error of the
+held forces, of the lagging moments and of the step, and what chains that have not yet broken hold.
 
 **What follows from what.** Stiffness of contacts: an overlap of 0.5 % of a diameter under the load of a chain along the
 field, min(2 pi H/Ms, 0.7) mu_0 Ms^2 a^2, and ten times the negative stiffness (pi/2) mu_0 Ms^2 a of a saturated neck.
@@ -36,9 +36,10 @@ import numpy as np
 
 from coupling.mutual_moments import SMALLEST_GAP, grain_table
 from coupling.sheared_cell import step_kernel as column
-from coupling.sheared_cell.cell import CellPairs, SquareBox, cell_pairs
+from coupling.sheared_cell.cell import CellPairs, cell_pairs
 from coupling.sheared_cell.cell_moments import CellMoments
 from coupling.sheared_cell.held_forces import NEAR
+from coupling.sheared_cell.near_pull import N_GRIP
 from coupling.sheared_cell.random_cell import random_cell
 from coupling.sheared_cell.step_kernel import shear_steps
 from field.laws.powder_law import GrainLaw
@@ -49,6 +50,7 @@ from particles import LinearContact
 SKIN = 0.3  # of the lists, in diameters
 OVERLAP = 0.005  # of a diameter, under the load of a chain
 NECK = 10.0  # contact stiffness over the neck's negative one
+DIPOLES_SUFFICE = 0.15  # of Ms: the field above which a chain of mutual dipoles holds as strongly as one with necks
 LEAST_STRESS = 10.0  # Pa: rate of a cell without a field
 FIRST_TOLERANCE = 1e-3
 
@@ -103,7 +105,19 @@ class ShearParameters:
 
 @dataclass(slots=True)
 class Series:
-    """Means over windows: strain at their ends, stresses [Pa], relative permeability, and the worst of some."""
+    """Means over windows.
+
+    Attributes
+    ----------
+    strain : at the windows' ends [-].
+    tau, tau_contacts, tau_held, tau_near : the stress that a wall feels and its parts: contacts, dipoles with couples,
+        near pairs' attraction [Pa].
+    tau_across : force along z on a plane across x, without the macroscopic field's [Pa].
+    pressure : a third of the trace of the same stress, positive where grains push [Pa].
+    power : dissipated by contacts, over rate and volume [Pa].
+    mu_r, M_x : relative permeability [-], grains' magnetisation along the flow [A/m].
+    contacts : of a grain [-].
+    """
 
     strain: list[float] = field(default_factory=list)
     tau: list[float] = field(default_factory=list)
@@ -116,6 +130,17 @@ class Series:
     mu_r: list[float] = field(default_factory=list)
     M_x: list[float] = field(default_factory=list)
     contacts: list[float] = field(default_factory=list)
+
+
+def list_reach(parameters: ShearParameters) -> float:
+    """How far lists of pairs reach [diameters], without their skin."""
+    magnetic = parameters.law is not None and parameters.H > 0.0
+    return max(parameters.width if magnetic else 0.0, NEAR)
+
+
+def least_count(parameters: ShearParameters) -> int:
+    """Grains that a cell of this fill needs so that none meets a neighbour twice."""
+    return math.ceil((2.0 * (list_reach(parameters) + SKIN)) ** 3 * parameters.fill * 6.0 / math.pi)
 
 
 class Shear:
@@ -134,10 +159,13 @@ class Shear:
         self.mass = p.density * np.pi / 6.0 * p.diameter**3
         Ms = saturation(p.law) if p.law is not None and p.H > 0.0 else 0.0
         unit = MU_0 * Ms**2 * self.radius  # N/m
+        near = p.model == "near_field"
         load = min(2.0 * np.pi * p.H / Ms, 0.7) * unit * self.radius if Ms else 0.0
+        if Ms and not near:
+            load *= min(1.0, (p.H / (DIPOLES_SUFFICE * Ms)) ** 1.2)
         self.stress_estimate = max(0.86 * p.fill * load / p.diameter**2 * 0.3, LEAST_STRESS)
         soft = p.diameter * self.stress_estimate / OVERLAP
-        stiffness = p.stiffness * max(load / (OVERLAP * p.diameter), NECK * 0.5 * np.pi * unit, soft)
+        stiffness = p.stiffness * max(load / (OVERLAP * p.diameter), NECK * 0.5 * np.pi * unit if near else 0.0, soft)
         self.contact = LinearContact.from_restitution(stiffness, p.restitution, p.friction)
         self.rate = p.inertial_number / (p.diameter * math.sqrt(p.density / self.stress_estimate))
         self.dt = self.contact.contact_time(0.5 * self.mass, 0.0, 0.0) / p.steps_per_contact
@@ -149,11 +177,8 @@ class Shear:
         self.strain, self.steps, self.lists = 0.0, 0, 0
         self.series = Series()
         self.deepest = self.fastest = self.worst_residual = 0.0
-        self.lost = 0.0  # J, by contacts since the start
-        self.work = 0.0  # J, of the shear
         self.moments: CellMoments | None = None
         self.mu_r_at_rest = 1.0
-        self.elastic = self.kinetic = 0.0
         gamma = 2.0 * np.sqrt(stiffness * 0.5 * self.mass)
         self._equal = np.array([[self.contact.damping_n * gamma, self.contact.damping_t * gamma]])
         self._law = self.contact.row()[None, :]
@@ -167,7 +192,7 @@ class Shear:
                 self.box, self._table, near=p.model == "near_field", reach=p.width * p.diameter,
                 smallest_gap=p.smallest_gap, field=np.array([0.0, 0.0, p.H]), radius=self.radius, count=p.count,
             )  # fmt: skip
-        self._look_reach = max(p.width if Ms else 0.0, NEAR) * p.diameter
+        self._look_reach = list_reach(p) * p.diameter
         self._make_lists()
         if self.moments is not None:
             self.moments.settle(self.position, self.offset, FIRST_TOLERANCE)
@@ -185,11 +210,6 @@ class Shear:
         if self.moments is None:
             return 1.0
         return 1.0 + self.parameters.fill * float(self.moments.magnetisation[2]) / self.parameters.H
-
-    @property
-    def unexplained(self) -> float:
-        """Part of the work of shear that neither contacts dissipated nor springs and motion hold [-]."""
-        return 1.0 - (self.lost + self.elastic + self.kinetic) / self.work if self.work else 0.0
 
     def run(self, progress: Callable[[float], None] | None = None) -> Series:
         """Shear to the end of `parameters.strain`."""
@@ -236,23 +256,18 @@ class Shear:
         s.contacts.append(2.0 * sums[column.CONTACTS] / (steps * p.count))
         s.mu_r.append(mu_r if self.moments is not None else 1.0)
         s.M_x.append(M_x)
-        self.work += tau * self.rate * self.box.volume * steps * self.dt
-        self.lost += lost
-        self.elastic, self.kinetic = float(sums[column.ELASTIC]), float(sums[column.KINETIC])
         self.deepest = max(self.deepest, float(sums[column.DEEPEST]) / p.diameter)
         self.fastest = max(self.fastest, math.sqrt(sums[column.FASTEST]))
 
     def advance(self, steps: int, sums: np.ndarray) -> None:
         """Steps with what is held; ``sums`` see `step_kernel`."""
         m = self.moments
-        held, drive, across = (self._nothing, self._no_drive, self._no_drive) if m is None else (
-            m.held, m.drive, m.across
-        )  # fmt: skip
+        held, grip = (self._nothing, self._no_grip) if m is None else (m.held, m.grip)
         shear_steps(
             steps, self.dt, np.array(self.box.lengths), self.offset, self.rate, self.position, self.velocity, self.spin,
             held, self.radius, self.mass, self._first, self._second, self._image, self._history, self._touching,
             self._law, self._equal, self._columns, self._table, m is not None and m.near,
-            self.parameters.smallest_gap, drive, across, sums,
+            self.parameters.smallest_gap, grip, sums,
         )  # fmt: skip
         self.steps += steps
         self.strain += steps * self.dt * self.rate
@@ -278,7 +293,7 @@ class Shear:
             shift = self.box.image_shift(self._pairs.image.astype(float), offset)
             r = self.position[self._pairs.first] - self.position[self._pairs.second] - shift
             chosen = np.flatnonzero(np.einsum("ij,ij->i", r, r) < ((1.0 + SKIN) * d) ** 2)
-            self._nothing, self._no_drive = np.zeros((n, 3)), np.zeros(len(chosen))
+            self._nothing, self._no_grip = np.zeros((n, 3)), np.zeros((len(chosen), N_GRIP))
         else:
             self.moments.follow(self._pairs)
             chosen = self.moments.choose_near(self.position, offset, SKIN * d)

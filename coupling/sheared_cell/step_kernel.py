@@ -12,11 +12,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from coupling.contact_table import across_at, excess_force
-from coupling.moment_kernels import MU_0
+from coupling.sheared_cell.near_pull import held_pull
 from particles.dem.contact_kernel import contact_force, left_in_springs
 
-# Columns of the sums over steps; those of the first line are means over the steps, each times their number
+# Columns of the sums over steps; those of the first line are sums over the steps
 CONTACT_ZX, CONTACT_XZ, CONTACT_ALL, NEAR_ZX, NEAR_ALL, KINETIC_ZX, CONTACTS = range(7)
 LOST_NORMAL, LOST_TANGENTIAL, LOST_SLIDING = 7, 8, 9
 ELASTIC, KINETIC, DEEPEST, FASTEST = 10, 11, 12, 13  # the last two steps' energies; largest of all steps
@@ -29,11 +28,11 @@ BOOKS = 3
 def shear_steps(
     n_steps, dt, lengths, offset, rate, position, velocity, spin, held, radius, mass,
     first, second, image, history, touching, law, equal, columns,
-    table, near, smallest_gap, drive, across, sums,
+    table, near, smallest_gap, grip, sums,
 ):  # fmt: skip
     """``n_steps`` steps; position, velocity (n, 3), spin (n, 3) [rad/s], history and sums are brought forward.
 
-    ``held`` (n, 3) [N] are forces that stay for these steps; first, second, image, drive, across belong to the pairs
+    ``held`` (n, 3) [N] are forces that stay for these steps; first, second, image, grip belong to the pairs
     within reach of the attraction. ``columns``: as the law's history is laid out, see `contact_force`.
     """
     n = position.shape[0]
@@ -43,9 +42,11 @@ def shear_steps(
     most = 2.0 * radius + 1.2 * radius
     jump = rate * lengths[2]
     kick, turn = dt / mass, dt / (0.4 * mass * radius * radius)
-    unit = MU_0 * radius * radius
-    for step in range(n_steps):
-        sums[ELASTIC] = sums[KINETIC] = 0.0
+    contact_zx = contact_xz = contact_all = near_zx = near_all = kinetic_zx = contacts = 0.0
+    lost_normal = lost_tangential = lost_sliding = elastic = kinetic = 0.0
+    deepest, fastest = sums[DEEPEST], sums[FASTEST]
+    for _ in range(n_steps):
+        elastic = kinetic = 0.0
         for i in range(n):
             for a in range(3):
                 force[i, a], couple[i, a] = held[i, a], 0.0
@@ -65,10 +66,10 @@ def shear_steps(
             fx = fy = fz = 0.0
             if near:
                 gap = max((d - 2.0 * radius) / radius, smallest_gap)
-                pull = across[k] * across_at(table, gap) + unit * excess_force(table, gap, drive[k])
+                pull = held_pull(table, gap, grip, k)
                 fx, fy, fz = pull * nx, pull * ny, pull * nz
-                sums[NEAR_ZX] -= dz * fx
-                sums[NEAR_ALL] -= pull * d
+                near_zx -= dz * fx
+                near_all -= pull * d
             vx, vy, vz = velocity[i, 0], velocity[i, 1], velocity[i, 2]
             ux, uy, uz = velocity[j, 0] + sz * jump, velocity[j, 1], velocity[j, 2]
             if d2 < reach2:
@@ -96,15 +97,15 @@ def shear_steps(
                 couple[j, 0] += mx
                 couple[j, 1] += my
                 couple[j, 2] += mz
-                sums[CONTACT_ZX] -= dz * gx
-                sums[CONTACT_XZ] -= dx * gz
-                sums[CONTACT_ALL] -= dx * gx + dy * gy + dz * gz
-                sums[CONTACTS] += 1.0
-                sums[LOST_NORMAL] += lost_n
-                sums[LOST_TANGENTIAL] += lost_t
-                sums[LOST_SLIDING] += lost_s
-                sums[ELASTIC] += stored
-                sums[DEEPEST] = max(sums[DEEPEST], 2.0 * radius - d)
+                contact_zx -= dz * gx
+                contact_xz -= dx * gz
+                contact_all -= dx * gx + dy * gy + dz * gz
+                contacts += 1.0
+                lost_normal += lost_n
+                lost_tangential += lost_t
+                lost_sliding += lost_s
+                elastic += stored
+                deepest = max(deepest, 2.0 * radius - d)
                 fx, fy, fz = fx + gx, fy + gy, fz + gz
             elif touching[k] != 0:
                 touching[k] = 0
@@ -112,8 +113,8 @@ def shear_steps(
                 lost_n, lost_s, _, _ = left_in_springs(
                     True, None, None, law, 0, 0.5 * radius, closing * dt, history, k, columns
                 )
-                sums[LOST_NORMAL] += lost_n
-                sums[LOST_SLIDING] += lost_s
+                lost_normal += lost_n
+                lost_sliding += lost_s
                 for a in range(history.shape[1]):
                     history[k, a] = 0.0
             force[i, 0] += fx
@@ -130,14 +131,25 @@ def shear_steps(
             z = position[i, 2]
             # energies at the time of the positions, less the flow rate z: a wrap does not change them
             px, qx = vx - rate * (z - 0.5 * dt * vz), bx - rate * (z + 0.5 * dt * bz)
-            sums[KINETIC] += 0.5 * mass * (
-                px * qx + vy * by + vz * bz + 0.4 * radius * radius * (wx * ox + wy * oy + wz * oz)
+            kinetic += (
+                0.5 * mass * (px * qx + vy * by + vz * bz + 0.4 * radius * radius * (wx * ox + wy * oy + wz * oz))
             )
-            sums[KINETIC_ZX] += mass * 0.5 * (px * vz + qx * bz)
-            sums[FASTEST] = max(sums[FASTEST], qx * qx + by * by + bz * bz)
+            kinetic_zx += mass * 0.5 * (px * vz + qx * bz)
+            fastest = max(fastest, qx * qx + by * by + bz * bz)
             velocity[i, 0], velocity[i, 1], velocity[i, 2] = bx, by, bz
             spin[i, 0], spin[i, 1], spin[i, 2] = ox, oy, oz
             position[i, 0] += dt * bx
             position[i, 1] += dt * by
             position[i, 2] = z + dt * bz
         offset += jump * dt
+    sums[CONTACT_ZX] += contact_zx
+    sums[CONTACT_XZ] += contact_xz
+    sums[CONTACT_ALL] += contact_all
+    sums[NEAR_ZX] += near_zx
+    sums[NEAR_ALL] += near_all
+    sums[KINETIC_ZX] += kinetic_zx
+    sums[CONTACTS] += contacts
+    sums[LOST_NORMAL] += lost_normal
+    sums[LOST_TANGENTIAL] += lost_tangential
+    sums[LOST_SLIDING] += lost_sliding
+    sums[ELASTIC], sums[KINETIC], sums[DEEPEST], sums[FASTEST] = elastic, kinetic, deepest, fastest
