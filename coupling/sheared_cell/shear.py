@@ -95,8 +95,8 @@ class ShearParameters:
     restitution: float = 0.5
     smallest_gap: float = SMALLEST_GAP
     width: float = 2.5
-    steps_per_contact: float = 16.0
-    steps_per_look: int = 10
+    steps_per_contact: float = 12.0
+    steps_per_look: int = 20
     stiffness: float = 1.0
     windows: int = 100
     diameter: float = 1e-4

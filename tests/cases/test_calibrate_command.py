@@ -40,7 +40,7 @@ def test_table_and_files_say_the_same(calibrated):
     assert list(table["H"]) == [40e3, 80e3]
     assert table["tau"].to_numpy() == pytest.approx([row["tau"] for row in data["table"]], rel=1e-5)
     assert (table["mu_r_at_rest"] > 2.0).all() and (table["mu_r_at_rest"] < 4.0).all()
-    assert data["run"]["count"] == 110 and len(data["points"][0]["series"]["tau"]) > 10
+    assert data["run"]["count"] == 110 and len(data["points"][0]["series"]["tau"]) > 5
     assert (folder / "first" / "tau_of_field.png").stat().st_size > 10_000
     assert "Carlson" in text and "mu_r" in text
 
