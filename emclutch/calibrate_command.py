@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 from dataclasses import asdict, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -56,7 +57,9 @@ def read_list(text: str, of: Quantity, key: str) -> list[float]:
             faults.append(Fault(key, repr(entry.strip()), str(error)))
     if faults:
         raise SceneError(faults, "command line")
-    return sorted(set(np.linspace(*values, int(many)).tolist() if many is not None else values))
+    if many is not None:
+        values = np.linspace(values[0], values[1], int(many)).tolist()
+    return sorted(set(values))
 
 
 def _plain(text: str) -> float | str:
@@ -153,11 +156,15 @@ def calibrate(
         for number, point in enumerate(sorted(points, key=lambda one: kept_point(one) is None)):
             text = f"{name}: fill {point.fill:g}, {point.H / 1e3:g} kA/m, seed {point.seed}"
             progress.update(number / len(points), text)
-            done.append(sheared_point(point, lambda part, n=number: progress.update((n + part) / len(points))))
+            done.append(sheared_point(point, partial(_tell, progress, number, len(points))))
             rows = _write(folder, name, done, points[0])
         progress.update(1.0, f"{name}: {len(points)} points")
     _draw(folder / "tau_of_field.png", name, rows)
     return folder, rows
+
+
+def _tell(progress: Progress, number: int, of: int, part: float) -> None:
+    progress.update((number + part) / of)
 
 
 def _check(points: list[ShearParameters]) -> None:
