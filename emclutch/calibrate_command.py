@@ -209,7 +209,7 @@ def table_of(name: str, rows: list[StressOfField]) -> Table:
     table = Table(
         "fill", "H [kA/m]", "tau [kPa]", "exponent", "by power", "Carlson", "mu_r rest", "sheared", "Carlson", "I",
         title=f"{name}: shear stress of the powder across the field",
-        caption="exponent: d ln tau/d ln H from the field above; by power: the stress by what contacts dissipate; "
+        caption="exponent: d ln tau/d ln H from the line above; by power: the stress by what contacts dissipate; "
         "Carlson: fits for iron in oil (2005); I: inertial number",
     )  # fmt: skip
     for row in rows:
@@ -224,7 +224,7 @@ def table_of(name: str, rows: list[StressOfField]) -> Table:
             f"{row.mu_r_at_rest:.2f}",
             f"{row.mu_r:.2f}",
             f"{row.carlson_mu_r:.2f}",
-            f"{row.inertial_number:.1g}",
+            f"{row.inertial_number:.2g}",
         )
     return table
 
@@ -233,6 +233,7 @@ def _draw(path: Path, name: str, rows: list[StressOfField]) -> None:
     """tau against H, both logarithmic, beside Carlson's fit."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator, NullFormatter
 
     figure = Figure(figsize=(8.0, 5.2), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
@@ -256,6 +257,10 @@ def _draw(path: Path, name: str, rows: list[StressOfField]) -> None:
         "full: from the grains, two standard errors; dashed: Carlson's fit for iron in oil",
         fontsize=10,
     )
+    for axis in (axes.xaxis, axes.yaxis):  # 20, 50, 100 in place of powers of ten
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(lambda value, _: f"{value:g}")
+        axis.set_minor_formatter(NullFormatter())
     axes.grid(True, which="both", lw=0.3, alpha=0.5)
     axes.legend(fontsize=8, frameon=False)
     drawn = io.BytesIO()

@@ -96,7 +96,7 @@ class ShearParameters:
     smallest_gap: float = SMALLEST_GAP
     width: float = 2.5
     steps_per_contact: float = 12.0
-    steps_per_look: int = 20
+    steps_per_look: int = 8
     stiffness: float = 1.0
     windows: int = 100
     diameter: float = 1e-4
