@@ -90,7 +90,7 @@ def test_momentum_stays():
 
     shear = Shear(POWDER)
     before = momentum(shear)
-    shear.window(20)
+    shear.window(80)
     assert shear.lists > 2 and shear.series.contacts[0] > 0.1
     assert np.abs(momentum(shear) - before).max() < 1e-11 * np.abs(shear.velocity).sum()
 
