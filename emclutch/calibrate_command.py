@@ -204,16 +204,18 @@ def as_data(name: str, folder: Path, rows: list[StressOfField]) -> dict[str, Any
 
 def table_of(name: str, rows: list[StressOfField]) -> Table:
     """The table for a terminal."""
-    from rich.table import Table
+    from rich.box import SIMPLE
+    from rich.table import Column, Table
 
     table = Table(
-        "fill", "H [kA/m]", "tau [kPa]", "exponent", "by power", "Carlson", "mu_r rest", "sheared", "Carlson", "I",
-        title=f"{name}: shear stress of the powder across the field",
-        caption="exponent: d ln tau/d ln H from the line above; by power: the stress by what contacts dissipate; "
-        "Carlson: fits for iron in oil (2005); I: inertial number",
+        "fill", "H", Column("tau", no_wrap=True), "slope", "power", "Carlson", "mu_r 0", "mu_r", "Carlson", "I",
+        title=f"{name}: shear stress across the field; H in kA/m, stresses in kPa",
+        caption="slope: d ln tau/d ln H from the line above; power: tau by what contacts dissipate; mu_r 0: of the "
+        "random packing, mu_r: sheared; Carlson: fits for iron in oil (2005); I: inertial number",
+        box=SIMPLE, padding=(0, 1, 0, 0),
     )  # fmt: skip
     for row in rows:
-        error = "" if row.tau_error is None else f" +- {row.tau_error / 1e3:.2g}"
+        error = "" if row.tau_error is None else f" +-{row.tau_error / 1e3:.2g}"
         table.add_row(
             f"{row.fill:g}",
             f"{row.H / 1e3:g}",
@@ -224,7 +226,7 @@ def table_of(name: str, rows: list[StressOfField]) -> Table:
             f"{row.mu_r_at_rest:.2f}",
             f"{row.mu_r:.2f}",
             f"{row.carlson_mu_r:.2f}",
-            f"{row.inertial_number:.2g}",
+            f"{row.inertial_number:.1e}",
         )
     return table
 
