@@ -84,6 +84,19 @@ PairForceAsked = Annotated[
     bool, typer.Option("--pair-force", help="force between two grains of a powder against their gap (powder_iron)")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="print JSON and nothing else")]
+PowderName = Annotated[str | None, typer.Argument(metavar="[MATERIAL]", help="a powder by its name, as powder_iron")]
+Chi = Annotated[float | None, typer.Option("--chi", help="susceptibility of the grains' material, in place of a name")]
+Saturation = Annotated[str | None, typer.Option("--ms", metavar="M", help="its saturation: '1.7 MA/m'")]
+FillList = Annotated[str, typer.Option("--fill", metavar="PHI", help="solid fractions: '0.32, 0.45'")]
+FieldList = Annotated[
+    str,
+    typer.Option("--field", metavar="H", help="macroscopic fields: '18 kA/m, 80 kA/m', or first : last : how many"),
+]
+Seeds = Annotated[int, typer.Option("--seeds", min=1, max=99, help="cells that are averaged at each point")]
+GrainCount = Annotated[int, typer.Option("--grains", min=1, max=1_000_000, help="grains in a cell")]
+Strain = Annotated[float, typer.Option("--strain", min=1e-3, max=1e3, help="how far each cell is sheared")]
+FrictionAsked = Annotated[float, typer.Option("--friction", min=0.0, max=10.0, help="Coulomb friction of the grains")]
+DipoleModel = Annotated[str, typer.Option("--model", help="moments of the grains: near_field or mutual")]
 
 
 def main() -> None:
@@ -296,6 +309,37 @@ def materials(
             _print_json(materials_command.materials_as_data(names))
         else:
             materials_command.materials_page(names)
+
+
+@app.command()
+def calibrate(
+    material: PowderName = None,
+    chi: Chi = None,
+    ms: Saturation = None,
+    fill: FillList = "0.32",
+    field_strength: FieldList = "18 kA/m, 46 kA/m, 80 kA/m, 200 kA/m, 500 kA/m",
+    seeds: Seeds = 2,
+    grains: GrainCount = 600,
+    strain: Strain = 2.5,
+    friction: FrictionAsked = 0.3,
+    model: DipoleModel = "near_field",
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """Shear a powder in a periodic cell: shear stress and permeability against the field; finished points are kept."""
+    with _explained():
+        from emclutch import calibrate_command as command
+
+        name, law = command.grains_of(material, chi, ms)
+        points = command.points_of(
+            law, fill, field_strength, seeds=seeds, grains=grains, strain=strain, friction=friction, model=model
+        )
+        folder, rows = command.calibrate(name, points, out, quiet=as_json)
+        if as_json:
+            _print_json(command.as_data(name, folder, rows))
+        else:
+            Console().print(command.table_of(name, rows))
+            typer.echo(f"results and pictures: {folder}")
 
 
 @app.command()
