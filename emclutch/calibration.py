@@ -26,7 +26,7 @@ from field.spheres.table_files import cache_folder
 if TYPE_CHECKING:
     from coupling.sheared_cell import ShearParameters
 
-VERSION = 1
+VERSION = 2
 """Of the cell's physics: raised with each change that moves the stress."""
 
 LEFT_OUT = 0.2
