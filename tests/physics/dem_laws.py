@@ -30,8 +30,9 @@ RADIUS, DENSITY, SPEED = 1e-3, 2500.0, 1.0
 MASS = DENSITY * 4.0 / 3.0 * np.pi * RADIUS**3
 LAWS = ("linear", "hertz_mindlin", "hertz", "thesis", "walton_braun")
 FLOOR = Plane("floor", "housing", np.zeros(3), np.array([0.0, 0.0, 1.0]))
-# every law alone; with all that stands beside one, those without a memory, with one, and the usual one
-EVERYTHING = [(name, False) for name in LAWS] + [(name, True) for name in ("linear", "hertz_mindlin", "walton_braun")]
+# laws that tests try with all that stands beside one: without a memory, with one, and the usual one
+BESIDE = ("linear", "hertz_mindlin", "walton_braun")
+EVERYTHING = [(name, False) for name in LAWS] + [(name, True) for name in BESIDE]
 
 
 def law(name, e=0.7, mu=0.4, *, m_eff=MASS, speed=SPEED, radius=RADIUS):

@@ -2,7 +2,21 @@
 
 import numpy as np
 import pytest
-from dem_laws import COHESION, DENSITY, EVERYTHING, FLOOR, LAWS, MASS, RADIUS, SPEED, impacts, in_order, law, make_dem
+from dem_laws import (
+    BESIDE,
+    COHESION,
+    DENSITY,
+    EVERYTHING,
+    FLOOR,
+    LAWS,
+    MASS,
+    RADIUS,
+    SPEED,
+    impacts,
+    in_order,
+    law,
+    make_dem,
+)
 
 from geometry.triangle_wall import box_surface
 from geometry.walls import outline
@@ -62,7 +76,7 @@ def test_friction_creates_no_energy_at_any_incidence(name, mu):
     assert np.all(after.sum(axis=1) < before.sum(axis=1) * (1.0 - 1e-3))  # friction does take energy, e = 1 here
 
 
-@pytest.mark.parametrize("name", [name for name, everything in EVERYTHING if everything])
+@pytest.mark.parametrize("name", BESIDE)
 def test_rolling_twisting_and_cohesion_create_no_energy_at_any_incidence(name):
     for e in (0.5, 1.0):
         before, after = swept(name, 0.3, e, everything=True)
@@ -70,7 +84,7 @@ def test_rolling_twisting_and_cohesion_create_no_energy_at_any_incidence(name):
 
 
 @pytest.mark.parametrize("axis", [0, 2], ids=["rolling", "twisting"])
-@pytest.mark.parametrize("name", [name for name, everything in EVERYTHING if everything])
+@pytest.mark.parametrize("name", BESIDE)
 def test_a_wound_spring_gives_back_no_more_when_its_contact_closes(name, axis):
     """A bound grain bounces and swings to and fro on its rolling or twisting spring: the energy never rises.
 
