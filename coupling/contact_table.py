@@ -16,13 +16,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from field.spheres.pair_table import fade
+from field.spheres.pair_table import FADE_TO, fade
 from field.spheres.transverse_pair import transverse_excess
 from geometry.inner_functions import inner
 
 GAUSS_PLACES = (0.2386191860831969, 0.6612093864662645, 0.9324695142031521)  # of six points on -1 .. 1
 GAUSS_WEIGHTS = (0.46791393457269104, 0.3607615730481386, 0.17132449237917036)
-FARTHEST_GAP = 1.2  # radii: beyond it two spheres are mutual dipoles
+FARTHEST_GAP = FADE_TO  # radii: beyond it two spheres are mutual dipoles
 
 
 class ContactTable(NamedTuple):

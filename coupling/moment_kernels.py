@@ -10,14 +10,13 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from coupling.contact_table import excess_moment, near_excess, sphere_ratio
+from coupling.contact_table import FARTHEST_GAP, excess_moment, near_excess, sphere_ratio
 from coupling.mirror import FACES_NO_WALL, height_over, image_field, image_force, normal_at
 from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, pair_force, smeared_share
 from geometry.inner_functions import inner
 
 MU_0 = 4e-7 * np.pi
 CONTRAST_POWER = 1.2
-FARTHEST_GAP = 1.2  # radii: beyond it there is no excess
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})

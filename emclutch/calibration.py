@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -18,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from emclutch.results.atomic_file import json_values
+from emclutch.results.atomic_file import replace_json
 from emclutch.results.statistics import Estimate, steady_mean
 from field.laws.reluctivity import MU_0
 from field.spheres.table_files import cache_folder
@@ -94,7 +93,9 @@ def sheared_point(parameters: ShearParameters, progress: Callable[[float], None]
         "seconds": perf_counter() - began,
         "series": series,
     }
-    _keep(point_file(parameters), point)
+    path = point_file(parameters)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    replace_json(path, point)
     return point
 
 
@@ -193,17 +194,3 @@ def carlson_flux_density(fill: np.ndarray | float, H: np.ndarray | float) -> np.
     """Flux density [T] of the same, from the same source."""
     mu_0_H = MU_0 * np.asarray(H)
     return 1.91 * np.power(fill, 1.133) * (1.0 - np.exp(-10.97 * mu_0_H)) + mu_0_H
-
-
-def _keep(path: Path, point: dict[str, Any]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f"{path.name}.{os.getpid()}.new")  # two runs may make one point at the same time
-    try:
-        with beside.open("w", encoding="utf-8") as stream:
-            json.dump(json_values(point), stream, allow_nan=False)
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.replace(beside, path)
-    except BaseException:
-        beside.unlink(missing_ok=True)
-        raise

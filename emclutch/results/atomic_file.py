@@ -13,12 +13,16 @@ import numpy as np
 
 def replace_text(path: Path, text: str) -> None:
     """Write a text file beside its place and move it there in one step, safe against a crash in between."""
-    beside = path.with_name(path.name + ".new")
-    with beside.open("w", encoding="utf-8") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(beside, path)
+    beside = path.with_name(f"{path.name}.{os.getpid()}.new")  # two runs may write one file at the same time
+    try:
+        with beside.open("w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(beside, path)
+    except BaseException:
+        beside.unlink(missing_ok=True)
+        raise
 
 
 def replace_json(path: Path, values: Any) -> None:
