@@ -31,7 +31,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import RectBivariateSpline
@@ -52,60 +51,11 @@ RESOLUTION = 1.25
 FADE_FROM, FADE_TO = 1.0, 1.2
 """Gaps between which the excess goes to zero [radii]."""
 
-# Nodes of the kernels' grids for one interval of a table: straight lines between them are as good as its splines.
-_FINER = 2
-# Points of the work's integral over the gap for one node of the kernels' grid.
-_WORK_POINTS = 8
-# Lone sphere: fields [Ms] and how many; straight lines in log h are good to 1e-4.
-_LONE_FIELDS = np.geomspace(1e-3, 1e3, 481)
 _SHIPPED_NAME = "froehlich_{:g}.npz"
 # A cubic through four of them in chi^(-1/4) is within 0.7 % of force and 0.05 % of moment for every chi between
 # (the worst is 14, with 0.1 % from 240 on; measured at 15 susceptibilities, 6 gaps and 28 fields).
 _SHIPPED_CHI = (10.0, 20.0, 50.0, 100.0, 300.0, 999.0, 5000.0)
 _CHI_POWER = -0.25
-
-
-class ExcessTables(NamedTuple):
-    """What kernels interpolate, bilinearly in log(gap) and log(field), indexes held inside the grid.
-
-    The field itself is to be held at the last node (`exp(log_field_start + (nh - 1) log_field_step)`); below the first
-    the ratios are constant.
-
-    Attributes
-    ----------
-    log_gap_start, log_gap_step, log_field_start, log_field_step : float
-        Natural logarithms of gap [radii] and field [Ms]: node i is at start + i step.
-    force : ndarray (ng, nh)
-        dF/h^2 [mu_0 a^2], dF in mu_0 Ms^2 a^2 and h in Ms.
-    moment : ndarray (ng, nh)
-        dM/h [-].
-    work : ndarray (ng, nh)
-        W/h^2 [mu_0 a^3], W = integral of dF dg from g to where it ends.
-    """
-
-    log_gap_start: float
-    log_gap_step: float
-    log_field_start: float
-    log_field_step: float
-    force: np.ndarray
-    moment: np.ndarray
-    work: np.ndarray
-
-
-class LoneSphereTable(NamedTuple):
-    """M_sph/h over log(h), straight lines between; below the first node constant, beyond the last M_sph is.
-
-    Attributes
-    ----------
-    log_field_start, log_field_step : float
-        Of the field in Ms.
-    ratio : ndarray (n,)
-        M_sph/h [-].
-    """
-
-    log_field_start: float
-    log_field_step: float
-    ratio: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,67 +145,6 @@ class PairTable:
         M = self._of(g, h)[1]
         return (M - self.lone_sphere(h + 2.0 / 3.0 * M / (2.0 + self._held(g)) ** 3)) * fade(g)
 
-    def excess_work(self, g: np.ndarray | float, h: np.ndarray | float) -> np.ndarray:
-        """W [mu_0 Ms^2 a^3], integral of dF dg from g to `FADE_TO` at constant h.
-
-        The mean of dF over a step from g_0 to g_1 is (W(g_0) - W(g_1))/(g_1 - g_0).
-        """
-        g, h = self._checked(g, h)
-        held = np.clip(g, self.gap[0], FADE_TO)
-        low, high = self.field[0], self.field[-1]
-        W = self._work.ev(np.log(held), np.log(np.clip(h, low, high))) * np.minimum(h, high) ** 2
-        # beyond the table as the force goes there, at the nearest gap that has one
-        nearest = np.minimum(held, FADE_FROM)
-        W = np.where(h > high, W * self._continued(nearest, h), W)
-        # dF is constant below the smallest gap
-        return np.where(g < FADE_TO, W, 0.0) + (held - np.minimum(g, held)) * self.excess_force(held, h)
-
-    def excess_tables(self, finer: int = _FINER) -> ExcessTables:
-        """The excess on a regular logarithmic grid, `finer` intervals for one of the table.
-
-        Plain float64 arrays for kernels; at fields beyond the last node kernels hold the field there.
-        """
-        log_g, log_h = _finer(np.log(self.gap), finer), _finer(np.log(self.field), finer)
-        g, h = np.exp(log_g)[:, None], np.exp(log_h)
-        return ExcessTables(
-            float(log_g[0]),
-            float((log_g[-1] - log_g[0]) / (log_g.size - 1)),
-            float(log_h[0]),
-            float((log_h[-1] - log_h[0]) / (log_h.size - 1)),
-            np.ascontiguousarray(self.excess_force(g, h) / h**2),
-            np.ascontiguousarray(self.excess_moment(g, h) / h),
-            self._work_ratio(log_g, log_h),
-        )
-
-    def lone_sphere_table(self) -> LoneSphereTable:
-        """M_sph/h on a fine logarithmic grid, for kernels."""
-        log_h = np.log(_LONE_FIELDS)
-        ratio = self.lone_sphere(_LONE_FIELDS) / _LONE_FIELDS
-        return LoneSphereTable(float(log_h[0]), float((log_h[-1] - log_h[0]) / (log_h.size - 1)), ratio)
-
-    @cached_property
-    def _work(self) -> RectBivariateSpline:
-        """W/h^2 over log g and log h; straight in log g, where it ends with a bend."""
-        log_g, log_h = _finer(np.log(self.gap), 4 * _FINER), np.log(self.field)
-        return RectBivariateSpline(log_g, log_h, self._work_ratio(log_g, log_h), kx=3, ky=3)
-
-    def _work_ratio(self, log_g: np.ndarray, log_h: np.ndarray) -> np.ndarray:
-        """W/h^2 (ng, nh): integral of g dF/h^2 dlog g, by Simpson's rule between the nodes."""
-        fine = _finer(log_g, _WORK_POINTS)
-        h = np.exp(log_h)
-        values = np.exp(fine)[:, None] * self.excess_force(np.exp(fine)[:, None], h) / h**2
-        step = (fine[-1] - fine[0]) / (fine.size - 1)
-        pairs = step / 3.0 * (values[:-2:2] + 4.0 * values[1:-1:2] + values[2::2])
-        parts = pairs.reshape(log_g.size - 1, _WORK_POINTS // 2, -1).sum(axis=1)
-        work = np.zeros((log_g.size, log_h.size))
-        work[:-1] = np.cumsum(parts[::-1], axis=0)[::-1]
-        return work
-
-    def _continued(self, g: np.ndarray, h: np.ndarray) -> np.ndarray:
-        """dF at a field beyond the table over that at its end [-]."""
-        end = self.excess_force(g, np.minimum(h, self.field[-1]))
-        return np.where(end > 0.0, self.excess_force(g, h) / np.where(end > 0.0, end, 1.0), 0.0)
-
     def _checked(self, g: np.ndarray | float, h: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
         g, h = np.broadcast_arrays(np.asarray(g, dtype=float), np.asarray(h, dtype=float))
         if not (np.all(np.isfinite(g)) and np.all(np.isfinite(h) & (h >= 0.0))):
@@ -296,11 +185,6 @@ def fade(g: np.ndarray) -> np.ndarray:
     """1 up to `FADE_FROM`, 0 from `FADE_TO`, a cubic with level ends between."""
     t = np.clip((g - FADE_FROM) / (FADE_TO - FADE_FROM), 0.0, 1.0)
     return 1.0 - t**2 * (3.0 - 2.0 * t)
-
-
-def _finer(nodes: np.ndarray, times: int) -> np.ndarray:
-    """Evenly spaced nodes with each interval cut into so many."""
-    return np.linspace(nodes[0], nodes[-1], times * (nodes.size - 1) + 1)
 
 
 def build_table(

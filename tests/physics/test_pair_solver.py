@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from coupling.mutual_moments import grain_table
 from field import MU_0, NU_0, AxisymmetricProblem, FroehlichLaw, GrainLaw, LinearLaw
 from field.spheres.pair_mesh import pair_mesh
 from field.spheres.pair_solver import SpherePair, linear_pair, solve_pair
@@ -66,12 +67,12 @@ def test_a_direct_solve_agrees_with_another_code(gap):
 def test_the_kernels_grids_hold_between_their_nodes():
     """Bilinear excess plus dipoles of the direct solve's own moment, against that solve: 1 % of the force."""
     table = pair_table(IRON)
-    tables = table.excess_tables()
-    log_g = tables.log_gap_start + tables.log_gap_step * np.arange(tables.force.shape[0])
-    log_h = tables.log_field_start + tables.log_field_step * np.arange(tables.force.shape[1])
-    h = np.exp(log_h[[41, 83, 111, 125]] + 0.5 * tables.log_field_step)
-    for i in (9, 24, 40):
-        g = float(np.exp(log_g[i] + 0.5 * tables.log_gap_step))
+    tables = grain_table(IRON, "near_field")
+    log_g = tables.gap_start + tables.gap_step * np.arange(tables.force.shape[0])
+    log_h = tables.field_start + tables.field_step * np.arange(tables.force.shape[1])
+    h = np.exp(log_h[[51, 104, 139, 156]] + 0.5 * tables.field_step)
+    for i in (17, 44, 74):
+        g = float(np.exp(log_g[i] + 0.5 * tables.gap_step))
         pair = solve_pair(IRON, g, h)
         R = 2.0 + g
         dF = pair.force - math.pi / 6.0 * pair.moment**2 * (2.0 / R) ** 4

@@ -5,8 +5,8 @@ import warnings
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
 
+from coupling.mutual_moments import grain_table
 from field import FroehlichLaw, GrainLaw, LangevinLaw, LinearLaw, ThesisLaw
 from field.spheres import pair_table as module
 from field.spheres.neck_estimate import neck_potential, two_zone_force
@@ -23,8 +23,8 @@ def iron():
 
 def bilinear(values, tables, g, h):
     """What kernels do, in numpy."""
-    u = np.clip((np.log(g) - tables.log_gap_start) / tables.log_gap_step, 0.0, values.shape[0] - 1.000001)
-    v = np.clip((np.log(h) - tables.log_field_start) / tables.log_field_step, 0.0, values.shape[1] - 1.000001)
+    u = np.clip((np.log(g) - tables.gap_start) / tables.gap_step, 0.0, values.shape[0] - 1.000001)
+    v = np.clip((np.log(h) - tables.field_start) / tables.field_step, 0.0, values.shape[1] - 1.000001)
     i, j = u.astype(int), v.astype(int)
     u, v = u - i, v - j
     below = (1.0 - v) * values[i, j] + v * values[i, j + 1]
@@ -49,12 +49,11 @@ def test_below_the_lowest_field_all_is_linear(iron):
         assert np.allclose(iron.force_of(g, f * low), f**2 * iron.force_of(g, low), rtol=1e-12)
         assert np.allclose(iron.moment_of(g, f * low), f * iron.moment_of(g, low), rtol=1e-12)
         assert np.allclose(iron.excess_force(g, f * low), f**2 * iron.excess_force(g, low), rtol=1e-9)
-        assert np.allclose(iron.excess_work(g, f * low), f**2 * iron.excess_work(g, low), rtol=1e-12)
 
 
 def test_beyond_the_highest_field_the_spheres_saturate(iron):
     g, high = np.array([1e-3, 0.1, 1.0]), iron.field[-1]
-    for function in (iron.force_of, iron.moment_of, iron.excess_force, iron.excess_work):
+    for function in (iron.force_of, iron.moment_of, iron.excess_force):
         assert np.allclose(function(g, 1.0001 * high), function(g, high), rtol=1e-3)
     assert np.allclose(iron.force_of(g, 1e4), dipoles(1.0, g), rtol=1e-4)
     assert np.allclose(iron.moment_of(g, 1e4), 1.0, atol=1e-6)
@@ -65,8 +64,6 @@ def test_below_the_smallest_gap_the_gap_is_held(iron):
     h, least = np.array([1e-3, 0.05, 0.5]), iron.gap[0]
     assert np.array_equal(iron.force_of(0.0, h), iron.force_of(least, h))
     assert np.array_equal(iron.excess_force(-0.01, h), iron.excess_force(least, h))
-    step = iron.excess_work(0.0, h) - iron.excess_work(least, h)
-    assert np.allclose(step, least * iron.excess_force(least, h), rtol=1e-9)
 
 
 def test_beyond_the_largest_gap_two_dipoles_stand_for_the_spheres(iron):
@@ -84,7 +81,7 @@ def test_the_excess_is_not_negative_and_ends(iron):
     dF = iron.excess_force(g, h)
     assert np.all(dF >= 0.0) and np.all(dF <= iron.force_of(g, h))
     ended = g[:, 0] >= 1.2
-    for function in (iron.excess_force, iron.excess_moment, iron.excess_work):
+    for function in (iron.excess_force, iron.excess_moment):
         assert np.all(function(g, h)[ended] == 0.0)
     dM = iron.excess_moment(g, h)
     assert dM.max() > 0.0 > dM.min()  # it changes its sign: no logarithm of it
@@ -98,7 +95,7 @@ def test_the_excess_is_what_dipoles_leave(iron):
     assert np.allclose(iron.excess_moment(g, h), M - alone, atol=1e-12)
 
 
-@pytest.mark.parametrize("quantity", ["excess_force", "excess_moment", "excess_work"])
+@pytest.mark.parametrize("quantity", ["excess_force", "excess_moment"])
 def test_the_excess_fades_without_a_bend(iron, quantity):
     """C1: at both ends of the fade the slope is the same on both sides."""
     function, h, d = getattr(iron, quantity), 0.05, 1e-5
@@ -108,24 +105,13 @@ def test_the_excess_fades_without_a_bend(iron, quantity):
         assert abs((right - here) - (here - left)) < 2e-2 * scale * d
 
 
-def test_work_is_the_integral_of_the_excess(iron):
-    for g, h in ((1e-3, 0.01), (0.03, 0.1), (0.5, 1.0)):
-        whole = quad(lambda x, h=h: float(iron.excess_force(x, h)), g, 1.2, points=[1.0], limit=200, epsrel=1e-9)[0]
-        assert float(iron.excess_work(g, h)) == pytest.approx(whole, rel=5e-5)
-    # the mean over a step
-    g0, g1, h = 0.01, 0.013, 0.05
-    mean = float(iron.excess_work(g0, h) - iron.excess_work(g1, h)) / (g1 - g0)
-    assert mean == pytest.approx(quad(lambda x: float(iron.excess_force(x, h)), g0, g1)[0] / (g1 - g0), rel=1e-4)
-
-
 def test_kernels_grids_are_as_good_as_the_table(iron):
     """Bilinear in log gap and log field, half-way between all their nodes: 0.4 % of force, 0.1 % of moment."""
-    tables = iron.excess_tables()
-    for values in (tables.force, tables.moment, tables.work):
-        assert values.shape == (2 * GAPS.size - 1, 2 * FIELDS.size - 1)
+    tables = grain_table(IRON, "near_field")
+    for values in (tables.force, tables.moment):
         assert values.dtype == np.float64 and values.flags.c_contiguous
-    log_g = tables.log_gap_start + tables.log_gap_step * np.arange(tables.force.shape[0])
-    log_h = tables.log_field_start + tables.log_field_step * np.arange(tables.force.shape[1])
+    log_g = tables.gap_start + tables.gap_step * np.arange(tables.force.shape[0])
+    log_h = tables.field_start + tables.field_step * np.arange(tables.force.shape[1])
     assert np.allclose(np.exp(log_g[[0, -1]]), GAPS[[0, -1]]) and np.allclose(np.exp(log_h[[0, -1]]), FIELDS[[0, -1]])
     g, h = np.meshgrid(np.exp(log_g[:-1] + np.diff(log_g) / 2), np.exp(log_h[:-1] + np.diff(log_h) / 2), indexing="ij")
     F, M = iron.force_of(g, h), iron.moment_of(g, h)
@@ -135,15 +121,6 @@ def test_kernels_grids_are_as_good_as_the_table(iron):
     assert np.abs(off).max() < 1.5e-2  # of the fade, two nodes wide
     off = (bilinear(tables.moment, tables, g, h) * h - iron.excess_moment(g, h)) / M
     assert np.abs(off[near]).max() < 1e-3
-    W = bilinear(tables.work, tables, g, h) * h**2
-    assert np.abs(W / iron.excess_work(g, h) - 1.0)[g < 0.3].max() < 2e-2
-
-
-def test_lone_sphere_on_its_grid(iron):
-    table = iron.lone_sphere_table()
-    log_h = table.log_field_start + table.log_field_step * np.arange(table.ratio.size)
-    h = np.geomspace(2e-3, 900.0, 333)
-    assert np.allclose(np.interp(np.log(h), log_h, table.ratio) * h, iron.lone_sphere(h), rtol=1e-3)
 
 
 def test_one_table_serves_every_saturation(iron):
