@@ -16,6 +16,7 @@ from coupling.magnetised_grains import MagnetisedGrains, moments
 from coupling.mutual_moments import Cluster, MutualMoments, grain_table, magnetised_cluster
 from coupling.mutually_magnetised_grains import MutuallyMagnetisedGrains
 from coupling.near_attraction import NearAttraction
+from coupling.powder_feedback import FeedbackError, PowderFeedback
 from coupling.solid_field_source import SolidCoilField
 from coupling.staggered import Simulation, run_staggered
 
@@ -26,6 +27,7 @@ __all__ = [
     "CoilField",
     "EddyCoilField",
     "Effect",
+    "FeedbackError",
     "FillDeposition",
     "FixedDipoles",
     "ImposedField",
@@ -35,6 +37,7 @@ __all__ = [
     "MutualMoments",
     "MutuallyMagnetisedGrains",
     "NearAttraction",
+    "PowderFeedback",
     "Simulation",
     "SolidCoilField",
     "WallImages",

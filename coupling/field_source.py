@@ -14,10 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from field import AxisymmetricProblem, FieldSampler, MagneticField, field_sampler
+from coupling.powder_feedback import PowderFeedback
+from field import AxisymmetricProblem, FieldSampler, MagneticField, PowderState, field_sampler
 from field.coil.coil_circuit import CircuitState, LinearisedCoil, solve_at_flux_linkage
 from field.newton import norm
 from field.section.eddy_currents import CurrentDrive, EddyCurrentProblem, TransientState, VoltageDrive
+from field.section.powder_state import Powder
 
 
 @dataclass(slots=True)
@@ -46,6 +48,9 @@ class CoilField:
         Change of the fill, sqrt(sum V (phi - phi_0)^2/sum V phi_0^2), that calls for a new solve.
     element_volume : (e,) float64 or None
         V of the powder's elements [m^3], needed when fills are given.
+    feedback : PowderFeedback or None
+        Where it is not the fill but the moments of the grains that couple back: what the powder's state comes from, and
+        what decides, in place of the fill, whether the field is still theirs.
     """
 
     problem: AxisymmetricProblem
@@ -55,6 +60,7 @@ class CoilField:
     current_tolerance: float = 0.01
     fill_tolerance: float = 0.05
     element_volume: np.ndarray | None = None
+    feedback: PowderFeedback | None = None
     solution: MagneticField | None = None
     sampler: FieldSampler | None = None
     fill: np.ndarray | None = None
@@ -74,8 +80,9 @@ class CoilField:
             return False
         begin = perf_counter()
         guess = self.solution if self.solution is not None and self.solved_current != 0.0 else None
+        powder = self._powder(fill, current)
         self.set_solution(
-            self.problem.solve(self.turns * current, fill=fill, guess=guess, tolerance=self.newton_tolerance),
+            self.problem.solve(self.turns * current, fill=powder, guess=guess, tolerance=self.newton_tolerance),
             current,
             fill,
         )
@@ -92,7 +99,10 @@ class CoilField:
         if not stale and (current == 0.0) != (self.solved_current == 0.0):
             stale = True  # switched off is exactly off
         self.fill_change = 0.0
-        if fill is not None and self.fill is not None:
+        if self.feedback is not None and self.solution is not None:
+            self.fill_change = self.feedback.residual.total
+            stale = stale or (current != 0.0 and self.fill_change > self.fill_tolerance)
+        elif fill is not None and self.fill is not None:
             volume = self.element_volume
             change = (volume * (fill - self.fill) ** 2).sum() / max((volume * self.fill**2).sum(), 1e-300)
             self.fill_change = float(np.sqrt(change))
@@ -104,8 +114,17 @@ class CoilField:
     def set_solution(self, solution: MagneticField, current: float, fill: np.ndarray | None) -> None:
         """Take a solution (a fresh one, or the one of a checkpoint) as the present field."""
         self.solution, self.solved_current, self.fill = solution, current, fill
-        # a granular fill is never smooth enough for the conservative table
-        self.sampler = field_sampler(solution, "powder") if fill is None else solution.sampler("powder")
+        if self.feedback is not None:
+            self.sampler = self.feedback.solved(solution)
+        else:
+            # a granular fill is never smooth enough for the conservative table
+            self.sampler = field_sampler(solution, "powder") if fill is None else solution.sampler("powder")
+
+    def _powder(self, fill: np.ndarray | None, current: float) -> Powder:
+        """What the next solve takes of the powder."""
+        if self.feedback is None:
+            return fill
+        return self.feedback.state(self.solution if current != 0.0 else None)
 
     def window_row(self, time: float) -> dict[str, float]:
         """What a window that ends at `time` [s] adds to the history beside the field's own quantities."""
@@ -115,7 +134,7 @@ class CoilField:
         """What a bit-exact continuation needs; None before the first solve."""
         if self.solution is None:
             return None
-        return {
+        saved = {
             "psi": self.solution.psi,
             "ampere_turns": self.solution.ampere_turns,
             "fill": self.fill,
@@ -124,13 +143,27 @@ class CoilField:
             "largest_current": self.largest_current,
             "solves": self.solves,
         }
+        if self.feedback is not None:
+            powder = self.solution.powder
+            assert powder is not None  # of the feedback
+            saved |= {"fill": powder.fill, "factor": powder.factor, "source": powder.source}
+            saved["feedback"] = self.feedback.checkpoint()
+        return saved
 
     def restore(self, saved: dict[str, Any]) -> None:
         """Take up the state of a checkpoint."""
+        powder = saved["fill"]
+        if self.feedback is not None:
+            powder = PowderState(powder, saved["factor"], saved["source"])
         solution = MagneticField(
-            self.problem, saved["psi"], saved["ampere_turns"], saved["fill"], [tuple(x) for x in saved["newton"]]
+            self.problem, saved["psi"], saved["ampere_turns"], powder, [tuple(x) for x in saved["newton"]]
         )
-        self.set_solution(solution, saved["current"], saved["fill"])
+        if self.feedback is None:
+            self.set_solution(solution, saved["current"], saved["fill"])
+        else:
+            self.solution, self.solved_current = solution, saved["current"]
+            self.feedback.restore(saved["feedback"])
+            self.sampler = self.feedback.sampler(solution)
         self.largest_current, self.solves = saved["largest_current"], saved["solves"]
 
 
@@ -184,7 +217,8 @@ class CircuitCoilField(CoilField):
         if self.circuit is None or self.coil is None:
             current = self.voltage(time) / self.resistance if self.begin_steady else 0.0
             self.is_stale(current, fill)
-            solution = self.problem.solve(self.turns * current, fill=fill, tolerance=self.newton_tolerance)
+            powder = self._powder(fill, current)
+            solution = self.problem.solve(self.turns * current, fill=powder, tolerance=self.newton_tolerance)
             self.circuit = CircuitState(time, self.turns * solution.flux_linkage_per_turn, current)
         else:
             self.circuit = self.coil.advanced(self.circuit, time, self.voltage, self.breaks)
@@ -199,7 +233,7 @@ class CircuitCoilField(CoilField):
             solution = solve_at_flux_linkage(
                 self.problem,
                 self.circuit.linkage / self.turns,
-                fill,
+                self._powder(fill, foretold),
                 self.solution,
                 tolerance=self.newton_tolerance,
             )
@@ -295,6 +329,7 @@ class EddyCoilField(CoilField):
     due: float = -np.inf
     largest: float = 0.0
     _before: TransientState | None = None
+    _base: TransientState | None = None
 
     def __post_init__(self) -> None:
         if self.eddy is None or self.eddy.problem is not self.problem or self.eddy.turns != self.turns:
@@ -313,7 +348,8 @@ class EddyCoilField(CoilField):
         begin = perf_counter()
         assert self.eddy is not None
         if self.transient is None:
-            self.transient = self._beginning(time, fill)
+            powder = self._powder(fill, 0.0)
+            self.transient = self._beginning(time, powder)
             self._before = self.transient
             self.is_stale(self.transient.current, fill)
         else:
@@ -323,16 +359,23 @@ class EddyCoilField(CoilField):
             stops = [b for b in self.breaks if self.transient.time < b < time]
             # to within round-off of the windows' sum of steps
             waits = time < self.due - 1e-9 * abs(time) and not changed and not stops
-            if waits or time <= self.transient.time:
+            again = self.feedback is not None and changed and self._base is not None
+            if waits or (time <= self.transient.time and not again):
                 return False
-            for stop in (*sorted(stops), time):
-                self.transient = self._stepped(self.transient, stop, fill)
-        self.set_solution(self.eddy.field(self.transient, fill), self.transient.current, fill)
+            powder = self._powder(fill, current)
+            if time <= self.transient.time:  # the moments have answered to this step: the same step with them
+                assert self._base is not None
+                self.transient = self._stepped(self._base, time, powder)
+            else:
+                for stop in (*sorted(stops), time):
+                    self._base = self.transient
+                    self.transient = self._stepped(self.transient, stop, powder)
+        self.set_solution(self.eddy.field(self.transient, powder), self.transient.current, fill)
         self.solves += 1
         self.seconds += perf_counter() - begin
         return True
 
-    def _beginning(self, time: float, fill: np.ndarray | None) -> TransientState:
+    def _beginning(self, time: float, fill: Powder) -> TransientState:
         assert self.eddy is not None
         if not self.begin_steady:
             return self.eddy.at_rest(time)
@@ -341,7 +384,7 @@ class EddyCoilField(CoilField):
         solution = self.problem.solve(self.turns * current, fill=fill, tolerance=self.newton_tolerance)
         return self.eddy.steady(solution, time)
 
-    def _stepped(self, before: TransientState, time: float, fill: np.ndarray | None) -> TransientState:
+    def _stepped(self, before: TransientState, time: float, fill: Powder) -> TransientState:
         """One step of the field, and when the next one is due."""
         assert self.eddy is not None
         dt = time - before.time

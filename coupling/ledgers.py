@@ -34,6 +34,7 @@ class Ledger:
         self._steps: list = []
         self._momentum = simulation.dem.grains.angular_momentum_z()
         self._weight = _weight_torque(simulation.dem)
+        self._solves = getattr(simulation.source, "solves", 0)
 
     def clock(self, part: str | None) -> None:
         """From now on time counts for `part` ("field", "magnetic", "contact"; None: for nothing)."""
@@ -87,6 +88,11 @@ class Ledger:
             self._close_energy(row)
         if simulation.magnetised is not None:
             row |= simulation.magnetised.window_row()
+        if hasattr(simulation.source, "solves"):
+            row["field_solves"] = simulation.source.solves - self._solves
+        feedback = getattr(simulation.source, "feedback", None)
+        if feedback is not None:
+            row |= feedback.window_row()
         row["n_contacts"] = steps[-1].n_contacts
         row["max_overlap"] = max(s.max_overlap for s in steps)
         row["max_speed"] = max(s.max_speed for s in steps)

@@ -19,10 +19,14 @@ from coupling.field_source import CoilField, ImposedField
 from coupling.ledgers import Ledger
 from coupling.magnetised_grains import MagnetisedGrains
 from coupling.neighbour_rows import NeighbourRows, neighbour_rows
+from coupling.powder_feedback import FeedbackError
 from particles import DEM, DVI, Body
 
 if TYPE_CHECKING:
     from coupling.solid_field_source import SolidCoilField
+
+MOST_SOLVES = 30
+"""Of one window: beyond it field and moments do not agree, and the run stops."""
 
 
 @dataclass(slots=True)
@@ -111,9 +115,7 @@ def run_staggered(simulation: Simulation, end: float, callbacks: Iterable[Callab
         ledger.clock("field")
         for effect in simulation.effects:
             effect.begin_window(simulation)
-        if simulation.source is not None and simulation.magnetised is not None:
-            simulation.source.refresh(dem.time, simulation.fill)
-            simulation.magnetised.sampler = simulation.source.sampler
+        refresh_field(simulation)
 
         for _ in range(simulation.updates):
             # 2. field -> moments -> held forces
@@ -132,6 +134,30 @@ def run_staggered(simulation: Simulation, end: float, callbacks: Iterable[Callab
         # every callback is called, also after one has asked to stop
         if any([callback(simulation, row) for callback in callbacks]):
             return
+
+
+def refresh_field(simulation: Simulation) -> None:
+    """Field of the present current and powder; with the moments of the grains in it, until both agree.
+
+    Raises FeedbackError where they do not, and what the solves raise.
+    """
+    source, magnetised = simulation.source, simulation.magnetised
+    if source is None or magnetised is None:
+        return
+    if not isinstance(source, CoilField) or source.feedback is None:
+        source.refresh(simulation.dem.time, simulation.fill)
+        magnetised.sampler = source.sampler
+        return
+    feedback = source.feedback
+    grains = simulation.dem.grains
+    for solves in range(MOST_SOLVES + 1):
+        feedback.deposit(grains.position, grains.volume, grains.magnetic_moment, source.solution)
+        if solves == MOST_SOLVES and source.is_stale(source.solved_current, None):
+            raise FeedbackError(feedback.residual.total, solves, source.fill_tolerance)
+        if not source.refresh(simulation.dem.time, None):
+            return
+        magnetised.sampler = source.sampler
+        magnetised.update(simulation)
 
 
 def magnetic_forces(simulation: Simulation, magnetised: MagnetisedGrains, ledger: Ledger) -> np.ndarray:

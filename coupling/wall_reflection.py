@@ -50,14 +50,14 @@ def _reflection(solution: MagneticField, start: np.ndarray, tangent: np.ndarray,
         inside = (element >= 0) & ~np.isin(element, np.concatenate(powder) if powder else [])
         if not inside.any():
             continue
-        B = np.zeros((len(problem.mesh.triangles), 1))
-        at = solution._flux_density_in(element[inside], points[inside])
-        k = np.empty(len(at))
-        for n, (e, b) in enumerate(zip(element[inside], np.hypot(*at.T), strict=True)):
-            B[e] = b
-            H, slope = problem.H_of_B(B, solution.fill)
-            secant = b / (MU_0 * H[e, 0]) if H[e, 0] > 0.0 else 1.0 / (MU_0 * slope[e, 0])
-            mu = np.sqrt(max(secant / (MU_0 * slope[e, 0]), 1.0))
-            k[n] = (mu - 1.0) / (mu + 1.0)
+        B = np.hypot(*solution._flux_density_in(element[inside], points[inside]).T)
+        region = problem.mesh.region_of_element()[element[inside]]
+        k = np.empty(len(B))
+        for name in np.unique(region):
+            here = region == name
+            H, slope = problem.laws[str(name)].H_of_B(B[here])
+            secant = np.divide(B[here], H, out=1.0 / slope, where=H > 0.0) / MU_0
+            mu = np.sqrt(np.maximum(secant / (MU_0 * slope), 1.0))
+            k[here] = (mu - 1.0) / (mu + 1.0)
         best = max(best, float(k.sum()) / POINTS)
     return best

@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from coupling.smear_region import elements_within, magnetic_regions
 from emclutch.coil_course import CoilCourse
 from emclutch.scene.field_source import CoilField as CoilFieldSection
 from emclutch.scene.field_source import UniformField as UniformFieldSection
 from emclutch.scene.fill import Fill, boxes_to_fill, fill_of
 from emclutch.scene.geometry import CadGeometry, ClutchGeometry
+from emclutch.scene.grain_smear import element_layers, moments_are_fed_back, smear_width
 from emclutch.scene.model import Scene
 from emclutch.scene.surfaces import surface_walls
 from emclutch.scene.time_table import points_of
@@ -83,7 +85,8 @@ class CoilDevice(CoilCourse):
 
     def uniform_fill(self, phi: float) -> np.ndarray:
         """Solid fraction `phi` on the powder's elements inside the filled boxes, 0 outside; (n powder elements,)."""
-        return even_fill(self.mesh, self.powder_boxes, phi)
+        fill = even_fill(self.mesh, self.powder_boxes, phi)
+        return np.concatenate((fill, np.zeros(self.problem.powder_beyond.size)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,16 +210,21 @@ def build_coil_device(scene: Scene) -> CoilDevice:
     times, currents = coil.currents_in(*window)
 
     def problem_on(mesh: SectionMesh) -> AxisymmetricProblem:
+        laws, beyond = region_laws(scene, mesh), None
+        if moments_are_fed_back(scene):
+            beyond = elements_within(mesh, magnetic_regions(laws), smear_width(scene))
         return AxisymmetricProblem(
             mesh,
-            region_laws(scene, mesh),
+            laws,
             powder_law=powder,
+            powder_beyond=beyond,
             order=source.order,
             open_boundary=source.open_boundary,
         )
 
     def fill_on(mesh: SectionMesh) -> np.ndarray:
-        return even_fill(mesh, boxes, fill_of(shape, scene.particles).solid_fraction)
+        fill = even_fill(mesh, boxes, fill_of(shape, scene.particles).solid_fraction)
+        return np.concatenate((fill, np.zeros(problem_on(mesh).powder_beyond.size)))
 
     mesh = mesh_of(scene)
     adapted = None
@@ -260,10 +268,10 @@ def mesh_of(scene: Scene, path: Path | None = None) -> SectionMesh:
     source = scene.field
     layers, size = (source.gap_layers, source.size_factor) if isinstance(source, CoilFieldSection) else (4, 1.0)
     if isinstance(scene.geometry, CadGeometry):
-        return scene.geometry.mesh(gap_layers=layers, size_factor=size, path=path)
+        return scene.geometry.mesh(gap_layers=element_layers(scene, layers), size_factor=size, path=path)
     shape = scene.shape()
     assert isinstance(shape, Clutch)  # nothing else has a mesh
-    return mesh_clutch(shape, gap_layers=layers, size_factor=size, path=path)
+    return mesh_clutch(shape, gap_layers=element_layers(scene, layers), size_factor=size, path=path)
 
 
 def grain_law(scene: Scene) -> GrainLaw:

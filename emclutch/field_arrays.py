@@ -28,7 +28,7 @@ def field_arrays(solution: MagneticField) -> tuple[dict[str, np.ndarray], dict[s
     }
     if solution.fill is not None:
         cells["solid_fraction"] = np.zeros(len(mesh.triangles))
-        cells["solid_fraction"][mesh.regions["powder"]] = solution.fill
+        cells["solid_fraction"][problem.powder_elements] = solution.fill
     r = mesh.points[:, 0]
     A = np.divide(solution.point_psi, r, out=np.zeros_like(r), where=r > 0.0)
     return cells, {"vector_potential": A}, names

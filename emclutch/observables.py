@@ -32,9 +32,7 @@ class Observables:
         source = simulation.source
         if isinstance(source, (CoilField, SolidCoilField)):
             row.update(source.window_row(row["time"]))
-            row["field_solves"] = 0
             if source.solution is not None and source.solution is not self._seen_solution:
-                row["field_solves"] = 1
                 self._seen_solution = source.solution
                 self._field_row = self._field_quantities(source, source.solution)
             row.update(self._field_row)

@@ -127,7 +127,8 @@ def make_plan(case: Case, device: Device | None = None) -> tuple[Device, Plan]:
         stiffness = None if springs is None else float(springs[0, 0])
     else:
         contact, dt, stiffness = _elastic(scene, device, M_max, speed, reasons)
-    per_update, updates, windows = _windows(scene, dt, speed, M_max > 0.0 or field is not None, reasons)
+    layers = max(_fall_speed(scene, device), _layer_speed(scene, device, speed))
+    per_update, updates, windows = _windows(scene, dt, speed, layers, M_max > 0.0 or field is not None, reasons)
     plan = Plan(fill.count, sector, contact, dt, per_update, updates, windows, field, M_max, stiffness, reasons)
     _estimates(scene, device, plan)
     return device, plan
@@ -285,8 +286,12 @@ def _impact_speed(scene, device: Device, speed: float) -> float:
     """
     if isinstance(device.shape, CentrifugalClutch):
         return max(_fall_speed(scene, device), _shaft_speed(scene.motion.rotor) * device.shape.tip_radius)
-    between_layers = speed * min(1.0, 2.0 * scene.particles.largest_diameter / device.narrowest_gap)
-    return max(_fall_speed(scene, device), between_layers)
+    return max(_fall_speed(scene, device), 2.0 * _layer_speed(scene, device, speed))
+
+
+def _layer_speed(scene, device: Device, speed: float) -> float:
+    """Speed [m/s] of layers of grains past each other in a gap whose wall goes at `speed`: v d/g."""
+    return speed * min(0.5, scene.particles.largest_diameter / device.narrowest_gap)
 
 
 def _contact(
@@ -376,18 +381,26 @@ def _too_soft(contact: Contact, overlap: Callable[[Contact], float], why: str) -
     )
 
 
-def _windows(scene, dt: float, speed: float, magnetic: bool, reasons: dict[str, str]) -> tuple[int, int, int]:
-    """Steps a force update, updates a window and windows of the run."""
+def _windows(
+    scene, dt: float, speed: float, between_layers: float, magnetic: bool, reasons: dict[str, str]
+) -> tuple[int, int, int]:
+    """Steps a force update, updates a window and windows of the run; speeds of the walls and of layers [m/s]."""
     d = scene.particles.smallest_diameter
     end_steps = max(1, ceil(scene.time.end / dt))
     per_update = 1
     if magnetic:
         asked = scene.effects.dipoles.update_every if scene.effects.dipoles is not None else None
-        travel = 0.01 * d / (speed * dt) if speed > 0.0 else np.inf
         rigid = scene.contact.method == "dvi"  # its step follows the forces themselves
-        per_update = asked or (1 if rigid else max(1, floor(min(travel, 0.5 * scene.time.steps_per_contact))))
+        # near pulls follow every step (`coupling.near_attraction`): what is held then changes with the places of layers
+        followed = scene.effects.dipoles is not None and scene.effects.dipoles.model == "near_field" and not rigid
+        moved, contacts = (between_layers, 2.0) if followed else (speed, 0.5)
+        travel = 0.01 * d / (moved * dt) if moved > 0.0 else np.inf
+        per_update = asked or (1 if rigid else max(1, floor(min(travel, contacts * scene.time.steps_per_contact))))
         every = f"evaluated every {per_update} steps" if per_update > 1 else "evaluated every step"
-        why = "" if rigid else ": half a contact, 1 % of a diameter of travel"
+        why = ": half a contact, 1 % of a diameter of travel"
+        if followed:
+            why = ", near pulls every step: at most two contacts, neighbours 1 % of a diameter further"
+        why = "" if rigid else why
         reasons["magnetic forces"] = every + (" as asked" if asked else why)
     if scene.time.window is not None:
         steps = max(1, round(scene.time.window / dt))

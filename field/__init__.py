@@ -37,6 +37,7 @@ from field.section.field_lines import FieldAlongLine, straight_line
 from field.section.magnetic_field import MagneticField
 from field.section.maxwell_force import AxialForce, axial_force, lorentz_force, pole_pressure
 from field.section.open_boundary import OpenBoundary
+from field.section.powder_state import PowderState
 
 __all__ = [
     "AIR",
@@ -74,6 +75,7 @@ __all__ = [
     "PermeabilityLaw",
     "PointOutside",
     "PowderLaw",
+    "PowderState",
     "RadialField",
     "RecoveredSampler",
     "TableFault",

@@ -12,11 +12,14 @@ from emclutch.scene.fault_report import entry_at
 from emclutch.scene.field_source import CoilField, UniformField
 from emclutch.scene.fill import fill_of
 from emclutch.scene.geometry import BoxGeometry, CadGeometry, CentrifugalGeometry, ClutchGeometry, ShearCellGeometry
+from emclutch.scene.grain_smear import LEAST_WIDTH, narrowest_gap, smear_width
 from emclutch.scene.materials import TableMaterial
 from emclutch.scene.motion import HELD
 from emclutch.scene.section import did_you_mean
 from emclutch.scene.surfaces import extent_in_words
 from emclutch.scene.time_table import largest
+from geometry import Clutch
+from geometry.cad_shape import CadShape
 
 if TYPE_CHECKING:
     from geometry.fault import Fault as ShapeFault
@@ -347,12 +350,8 @@ def _needs_of_moments(draft: Draft) -> Iterator[Fault]:
             "effects.dipoles.model",
             "needs grains that saturate, their necks do so first; add [effects.saturation], or take model = 'mutual'",
         )
-    if effects.back_reaction is not None:
-        yield draft.fault(
-            "effects.dipoles.model",
-            "does not go with [effects.back_reaction] in this version: the solved field holds the near grains spread "
-            "out, and they would count twice; take model = 'fixed', or remove the table of back_reaction",
-        )
+    if effects.back_reaction is not None and not isinstance(source, UniformField):
+        yield from _room_for_the_smear(draft)
     if model == "near_field" and effects.dipoles.cutoff < _NEAR_REACH:
         yield draft.fault(
             "effects.dipoles.cutoff",
@@ -364,6 +363,36 @@ def _needs_of_moments(draft: Draft) -> Iterator[Fault]:
             "effects.dipoles.cutoff",
             "is the width over which field.means = 'macroscopic' spreads a grain; allowed: at least 2 diameters "
             "(2.5 to 3 are usual)",
+        )
+
+
+def _room_for_the_smear(draft: Draft) -> Iterator[Fault]:
+    """What spreading the grains' moments over the section needs: a gap of two diameters, and room about the axis."""
+    scene, shape = draft.scene, draft.scene.shape()
+    if not isinstance(shape, (Clutch, CadShape)) or shape.faults(None):
+        return
+    largest, gap = scene.particles.largest_diameter, narrowest_gap(scene)
+    if gap < LEAST_WIDTH * largest:
+        yield draft.fault(
+            "effects.back_reaction",
+            f"spreads each grain over at least {LEAST_WIDTH:g} diameters, and the gap of {1e3 * gap:.3g} mm has "
+            f"{gap / largest:.3g}; remove its table (the field then holds no grain), take effects.dipoles.model = "
+            f"'fixed', or lower particles.{_size_key(scene.particles)}",
+        )
+        return
+    width = max(smear_width(scene), LEAST_WIDTH * largest)
+    if scene.effects.dipoles.cutoff < LEAST_WIDTH:
+        yield draft.fault(
+            "effects.dipoles.cutoff",
+            f"is the width over which back_reaction spreads a grain; allowed: at least {LEAST_WIDTH:g} diameters (2.5 "
+            "to 3 are usual)",
+        )
+    radius = fill_of(shape, scene.particles).inner_radius
+    if radius < 4.0 * width:
+        yield draft.fault(
+            "effects.back_reaction",
+            f"cannot spread grains so near the axis: powder begins at {1e3 * radius:.3g} mm, allowed are 4 widths, "
+            f"{4e3 * width:.3g} mm; remove its table, lower effects.dipoles.cutoff, or take model = 'fixed'",
         )
 
 

@@ -81,14 +81,13 @@ class WallImages(Section):
 
 
 class BackReaction(Section):
-    """The powder's fill changes the field."""
+    """The powder changes the field: its fill, or, where grains magnetise one another, their own moments."""
 
-    # 0.1: at 0.02 the noise of the fill's deposition sets off a solve in every third window (79 in 194 windows of the
-    # clutch, against 9 at 0.1), for a change of the torque of 1 %.
-    tolerance: Annotated[float, number("0.1", 1e-6, 1.0)] = Field(
-        default=0.1,
-        description="relative change of the fill that triggers a new solve; 0.02 costs nine times the solves of 0.1 "
-        "and changes the torque by 1 %",
+    tolerance: Annotated[Annotated[float, number("0.02", 1e-6, 1.0)] | None, Automatic()] = Field(
+        default=None,
+        description="with dipoles.model = 'fixed' the change of the fill that triggers a new solve, 0.1 unless given "
+        "(0.02 costs nine times the solves and changes the torque by 1 %); with 'mutual' and 'near_field' how far the "
+        "magnetisation of the solve and that of the grains may differ, 0.02 unless given",
     )
 
 

@@ -32,6 +32,7 @@ from field.newton import minimise, norm, scalar_product
 if TYPE_CHECKING:
     from field.section.axisymmetric import AxisymmetricProblem, SectionEnergy
     from field.section.magnetic_field import MagneticField
+    from field.section.powder_state import Powder
 
 # Gauss-Legendre points for the energies of a step; steps are at most half a time constant, where this is exact
 # to round-off.
@@ -41,7 +42,7 @@ _NODES, _WEIGHTS = (0.5 * (x + shift) for x, shift in zip(np.polynomial.legendre
 def solve_at_flux_linkage(
     problem: AxisymmetricProblem,
     linkage_per_turn: float,
-    fill: np.ndarray | None = None,
+    fill: Powder = None,
     guess: MagneticField | None = None,
     *,
     tolerance: float = 1e-8,
@@ -72,9 +73,9 @@ def solve_at_flux_linkage(
         )
     if linkage_per_turn == 0.0:
         return problem.solve(0.0, fill)
-    fill = problem._checked_fill(fill)
+    powder = problem.checked_powder(fill)
     nothing = np.zeros(problem.n_dofs)
-    energy = _LinkageEnergy(SectionEnergy(problem, fill, nothing, nothing), problem.coil_load[problem._free])
+    energy = _LinkageEnergy(SectionEnergy(problem, powder, nothing, nothing), problem.coil_load[problem._free])
     c, mean_psi = energy.load, linkage_per_turn / (2.0 * math.pi)
     if guess is not None and guess.flux_linkage_per_turn != 0.0:
         ratio = linkage_per_turn / guess.flux_linkage_per_turn
@@ -92,7 +93,7 @@ def solve_at_flux_linkage(
         tolerance=tolerance,
         max_iterations=max_iterations,
     )
-    return MagneticField(problem, energy.inner.whole(x), energy.multiplier(x), fill, history)
+    return MagneticField(problem, energy.inner.whole(x), energy.multiplier(x), powder, history)
 
 
 class _LinkageEnergy:

@@ -30,7 +30,7 @@ def psi_per_ampere_turn(solution: MagneticField) -> np.ndarray:
     problem = solution.problem
     boundary = np.zeros(problem.n_dofs)
     boundary[problem._fixed] = solution.psi[problem._fixed]
-    energy = SectionEnergy(problem, solution.fill, solution.ampere_turns * problem.coil_load, boundary)
+    energy = SectionEnergy(problem, solution.powder, solution.ampere_turns * problem.coil_load, boundary)
     x = solution.psi[problem._free]
     energy.gradient(x)
     change = np.zeros(problem.n_dofs)

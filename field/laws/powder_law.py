@@ -13,7 +13,9 @@ demagnetising field is -M/3, so that
 Both give the same quadratic  chi N M^2 - M (Ms + chi h + chi N Ms) + chi Ms h = 0  whose smaller root is
 the magnetisation.  The field solver uses H = B/mu_0 - phi M(B, phi), the grains get M(H, phi): one law,
 so that phi M = chi_eff(phi, H) H.  For Ms -> infinity it is Maxwell Garnett's mixing rule.
-Neglected: hysteresis, the structure of the packing beyond the Lorentz sphere (chains).
+It knows no structure of the packing (chains) beyond the Lorentz sphere.  Where the moments of the grains are known
+one by one, they say what N is there: N = (H - h(M))/M, with h(M) the field inside a grain; N_B = N + phi.
+Neglected: hysteresis.
 """
 
 from __future__ import annotations
@@ -26,21 +28,32 @@ import numpy as np
 
 from field.laws.reluctivity import MU_0, NU_0
 
+Factor = np.ndarray | float | None
+
 
 class ParticleLaw(Protocol):
     """Magnetisation of a grain's material inside the powder; all arguments are magnitudes, vectorised."""
 
+    def demagnetising_factors(self, phi: np.ndarray | float) -> tuple[np.ndarray, np.ndarray, float]:
+        """N against H, N_B against B/mu_0, and dN_B/dphi [-], of powder without structure."""
+
     def magnetisation(self, H: np.ndarray, phi: np.ndarray | float) -> np.ndarray:
         """M [A/m] of the grains in the macroscopic field H [A/m] at solid fraction phi [-]."""
 
-    def from_flux(self, B: np.ndarray, phi: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
-        """M [A/m] and dM/dB [A/(m T)] with the macroscopic flux density B [T] given."""
+    def from_flux(self, B: np.ndarray, phi: np.ndarray | float, N: Factor = None) -> tuple[np.ndarray, np.ndarray]:
+        """M [A/m] and dM/dB [A/(m T)] with the macroscopic flux density B [T] given.
+
+        ``N`` [-] is the demagnetising factor against H; None: that of the Lorentz cavity.
+        """
 
     def flux_sensitivity(self, B: np.ndarray, phi: np.ndarray | float) -> np.ndarray:
         """dM/dphi at constant B [A/m]."""
 
-    def magnetisation_work(self, B: np.ndarray, phi: np.ndarray | float) -> np.ndarray:
-        """Integral of M dB at constant phi [J/m^3]."""
+    def magnetisation_work(self, B: np.ndarray, phi: np.ndarray | float, N: Factor = None) -> np.ndarray:
+        """Integral of M dB at constant phi and N [J/m^3]."""
+
+    def field_inside(self, M: np.ndarray) -> np.ndarray:
+        """Field [A/m] inside a grain of the magnetisation M [A/m]; infinite from saturation on."""
 
     def chi_eff(self, phi: np.ndarray | float, H: np.ndarray) -> np.ndarray:
         """Susceptibility of the powder, phi M/H [-]."""
@@ -71,9 +84,21 @@ class GrainLaw:
 
     @staticmethod
     def demagnetising_factors(phi: np.ndarray | float) -> tuple[np.ndarray, np.ndarray, float]:
-        """N against H_fe, N_B against B/mu_0, and dN_B/dphi [-]."""
+        """N against H_fe, N_B against B/mu_0, and dN_B/dphi [-], of the Lorentz cavity."""
         phi = np.asarray(phi, dtype=float)
         return (1.0 - phi) / 3.0, (1.0 + 2.0 * phi) / 3.0, 2.0 / 3.0
+
+    def _against_flux(self, phi: np.ndarray | float, N: Factor) -> np.ndarray:
+        """N_B = N + phi, of the Lorentz cavity where no N is given."""
+        return self.demagnetising_factors(phi)[1] if N is None else np.asarray(N) + phi
+
+    def field_inside(self, M: np.ndarray) -> np.ndarray:
+        """See `ParticleLaw.field_inside`: M = chi Ms h/(Ms + chi h) turned round."""
+        M = np.asarray(M, dtype=float)
+        if self.Ms is None:
+            return M / self.chi
+        left = self.Ms - M
+        return np.divide(M * self.Ms, self.chi * left, out=np.full_like(M, np.inf), where=left > 0.0)
 
     def _root(self, h: np.ndarray, N: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Magnetisation M and dM/dh with H_in = h - N M."""
@@ -91,9 +116,9 @@ class GrainLaw:
         """See `ParticleLaw.magnetisation`."""
         return self._root(np.asarray(H, dtype=float), self.demagnetising_factors(phi)[0])[0]
 
-    def from_flux(self, B: np.ndarray, phi: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
+    def from_flux(self, B: np.ndarray, phi: np.ndarray | float, N: Factor = None) -> tuple[np.ndarray, np.ndarray]:
         """See `ParticleLaw.from_flux`."""
-        M, dM_dh = self._root(NU_0 * np.asarray(B, dtype=float), self.demagnetising_factors(phi)[1])
+        M, dM_dh = self._root(NU_0 * np.asarray(B, dtype=float), self._against_flux(phi, N))
         return M, NU_0 * dM_dh
 
     def flux_sensitivity(self, B: np.ndarray, phi: np.ndarray | float) -> np.ndarray:
@@ -102,13 +127,13 @@ class GrainLaw:
         M, dM_dh = self._root(NU_0 * np.asarray(B, dtype=float), N_B)
         return -dM_dh * M * dN_B
 
-    def magnetisation_work(self, B: np.ndarray, phi: np.ndarray | float) -> np.ndarray:
+    def magnetisation_work(self, B: np.ndarray, phi: np.ndarray | float, N: Factor = None) -> np.ndarray:
         """See `ParticleLaw.magnetisation_work`.
 
         M B - mu_0 integral of h dM, with h = N_B M + (Ms/chi) M/(Ms - M) from the quadratic.
         """
         B = np.asarray(B, dtype=float)
-        N_B = self.demagnetising_factors(phi)[1]
+        N_B = self._against_flux(phi, N)
         M = self._root(NU_0 * B, N_B)[0]
         if self.Ms is None:
             return 0.5 * M * B
@@ -154,15 +179,15 @@ class PowderLaw:
     name: str = "powder"
     source: str = "grains in the Lorentz cavity (Maxwell Garnett, saturating)"
 
-    def H_of_B(self, B: np.ndarray, phi: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
-        """H [A/m] and dH/dB [A/(m T)] at B [T] and solid fraction phi [-]."""
-        M, dM_dB = self.grain_law.from_flux(B, phi)
+    def H_of_B(self, B: np.ndarray, phi: np.ndarray | float, N: Factor = None) -> tuple[np.ndarray, np.ndarray]:
+        """H [A/m] and dH/dB [A/(m T)] at B [T], solid fraction phi [-] and demagnetising factor N [-]."""
+        M, dM_dB = self.grain_law.from_flux(B, phi, N)
         return NU_0 * B - phi * M, NU_0 - phi * dM_dB
 
     def dH_dphi(self, B: np.ndarray, phi: np.ndarray | float) -> np.ndarray:
         """Change of H with the fill at constant B [A/m]."""
         return -self.grain_law.from_flux(B, phi)[0] - phi * self.grain_law.flux_sensitivity(B, phi)
 
-    def energy_density(self, B: np.ndarray, phi: np.ndarray | float) -> np.ndarray:
-        """Integral of H dB from 0 to B at constant phi [J/m^3]."""
-        return 0.5 * NU_0 * np.asarray(B, dtype=float) ** 2 - phi * self.grain_law.magnetisation_work(B, phi)
+    def energy_density(self, B: np.ndarray, phi: np.ndarray | float, N: Factor = None) -> np.ndarray:
+        """Integral of H dB from 0 to B at constant phi and N [J/m^3]."""
+        return 0.5 * NU_0 * np.asarray(B, dtype=float) ** 2 - phi * self.grain_law.magnetisation_work(B, phi, N)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from field.laws.powder_law import PowderLaw
-from field.laws.reluctivity import LinearLaw
+from field.laws.reluctivity import NU_0, LinearLaw
 from field.sampling import element_kernels
 from field.sampling.locate import PointOutside
 from field.sampling.patch_fit import falling_powers
@@ -33,10 +33,11 @@ class RecoveredSampler:
         H_r, H_z [A/m], dH_r/dr, dH_r/dz, dH_z/dr, dH_z/dz [A/m^2] at `recovery.nodes`.
     """
 
-    def __init__(self, field: MagneticField, region: str) -> None:
+    def __init__(self, field: MagneticField, region: str, magnetisation: np.ndarray | None = None) -> None:
+        """``magnetisation``: (6, n_nodes) M_r, M_z and dM_r/dr, dM_r/dz, dM_z/dr, dM_z/dz; None: by its law."""
         self.region = region
         self.recovery = field.problem.recovery(region)
-        self.nodal = _nodal_values(field, region, self.recovery)
+        self.nodal = _nodal_values(field, region, self.recovery, magnetisation)
         self._powers = _power_coefficients(self.nodal[self.recovery.connectivity], self.recovery.order)
         self._hint = np.zeros(0, dtype=np.int64)
 
@@ -70,8 +71,10 @@ class RecoveredSampler:
         return H, grad
 
 
-def _nodal_values(field: MagneticField, region: str, recovery: RegionRecovery) -> np.ndarray:
-    """H and grad H at the nodes from the derivatives of psi.
+def _nodal_values(
+    field: MagneticField, region: str, recovery: RegionRecovery, magnetisation: np.ndarray | None
+) -> np.ndarray:
+    """H and grad H at the nodes from the derivatives of psi: B/mu_0 - M where M is given, else by the law.
 
     B_r = -psi_z/r, B_z = psi_r/r;  H = h(|B|, phi) b  with b = B/|B|, so that
     dH_i = nu dB_i + (dh/dB - nu) b_i (b . dB) + dh/dphi b_i dphi.
@@ -84,6 +87,8 @@ def _nodal_values(field: MagneticField, region: str, recovery: RegionRecovery) -
     r = recovery.nodes[:, 0]
     B = np.array([-psi_z, psi_r]) / r
     dB = np.array([[-psi_rz + psi_z / r, -psi_zz], [psi_rr - psi_r / r, psi_rz]]) / r
+    if magnetisation is not None:
+        return np.ascontiguousarray((NU_0 * np.vstack((B, dB.reshape(4, -1))) - magnetisation).T)
     size = np.hypot(B[0], B[1])
     b = B / np.where(size > 0.0, size, 1.0)
     along_fill = np.zeros((2, r.size))
@@ -91,7 +96,7 @@ def _nodal_values(field: MagneticField, region: str, recovery: RegionRecovery) -
         if field.fill is None:
             h, slope = law.H_of_B(size, 0.0)
         else:
-            phi, dphi = recovery.smooth_fill(field.fill)
+            phi, dphi = recovery.smooth_fill(field.fill[: len(recovery.centroids)])
             h, slope = law.H_of_B(size, phi)
             along_fill = law.dH_dphi(size, phi) * dphi
     else:

@@ -24,6 +24,7 @@ from field.laws.region_laws import complete_laws
 from field.laws.reluctivity import Law
 from field.newton import minimise, norm, scalar_product
 from field.section.magnetic_field import MagneticField
+from field.section.powder_state import Powder, PowderState
 from field.section.section_elements import SectionElements
 from field.section.sparse_pattern import FixedPattern
 from geometry.section import SectionMesh
@@ -49,6 +50,8 @@ class AxisymmetricProblem:
     coil_region, powder_region : str
     powder_law : PowderLaw or None
         None: the powder's region follows `laws`.
+    powder_beyond : ndarray (k,) or None
+        Elements of other regions, non-magnetic ones, that magnetisation reaches into: they follow the powder's law too.
     order : int
         Order of the elements for psi, 1 to 4.
     open_boundary : bool
@@ -68,6 +71,7 @@ class AxisymmetricProblem:
         coil_region: str = "coil",
         powder_region: str = "powder",
         powder_law: PowderLaw | None = None,
+        powder_beyond: np.ndarray | None = None,
         order: int = 2,
         open_boundary: bool = False,
     ) -> None:
@@ -76,6 +80,7 @@ class AxisymmetricProblem:
         self.coil_region = coil_region
         self.powder_region = powder_region
         self.powder_law = powder_law
+        self.powder_beyond = np.zeros(0, dtype=np.int64) if powder_beyond is None else np.asarray(powder_beyond)
         self.elements = SectionElements(mesh, order)
         self.exterior: OpenBoundary | None = None
         fixed = self.elements.axis_dofs()
@@ -117,8 +122,9 @@ class AxisymmetricProblem:
 
     @property
     def powder_elements(self) -> np.ndarray:
-        """Elements of the powder's region, the order of `fill`."""
-        return self.mesh.regions.get(self.powder_region, np.zeros(0, dtype=np.int64))
+        """Elements of the powder's region, then those beyond it: the order of `fill`."""
+        own = self.mesh.regions.get(self.powder_region, np.zeros(0, dtype=np.int64))
+        return np.concatenate((own, self.powder_beyond)) if self.powder_beyond.size else own
 
     @cached_property
     def locator(self) -> TriangleLocator:
@@ -148,7 +154,7 @@ class AxisymmetricProblem:
     def solve(
         self,
         ampere_turns: float,
-        fill: np.ndarray | None = None,
+        fill: Powder = None,
         guess: MagneticField | np.ndarray | None = None,
         *,
         tolerance: float = 1e-8,
@@ -161,8 +167,9 @@ class AxisymmetricProblem:
         ----------
         ampere_turns : float
             N I of the coil [A], spread evenly over its section.
-        fill : ndarray (n powder elements,) or None
-            Solid fraction of each element of the powder's region [-], in [0, 1); None: no powder.
+        fill : ndarray (n powder elements,), PowderState or None
+            Solid fraction of each element of `powder_elements` [-], in [0, 1), or the powder's whole state; None: no
+            powder.
         guess : MagneticField or ndarray (n_dofs,) or None
             Start of the iteration; None: a cold start.
         tolerance : float
@@ -178,7 +185,7 @@ class AxisymmetricProblem:
         ConvergenceError
             The iteration did not reach the tolerance.
         """
-        fill = self._checked_fill(fill)
+        powder = self.checked_powder(fill)
         if not np.isfinite(ampere_turns) or not np.isfinite(boundary_field):
             raise ValueError(
                 f"`ampere_turns` = {ampere_turns} A and `boundary_field` = {boundary_field} T must be finite numbers"
@@ -190,13 +197,13 @@ class AxisymmetricProblem:
             )
         boundary = np.zeros(self.n_dofs)
         boundary[self._fixed] = 0.5 * boundary_field * self.elements.dof_points[self._fixed, 0] ** 2
-        if ampere_turns == 0.0 and boundary_field == 0.0:
-            return MagneticField(self, boundary, 0.0, fill, [(0.0, 0.0)])
+        if ampere_turns == 0.0 and boundary_field == 0.0 and (powder is None or powder.source is None):
+            return MagneticField(self, boundary, 0.0, powder, [(0.0, 0.0)])
 
         source = ampere_turns * self.coil_load
         if self.exterior is not None:
             source[self.exterior.dofs] += boundary_field * self.exterior.uniform_load
-        energy = SectionEnergy(self, fill, source, boundary)
+        energy = SectionEnergy(self, powder, source, boundary)
         scale = norm(energy.source[self._free])
         if boundary_field != 0.0 and self.exterior is None:
             scale += norm(energy.gradient(np.zeros(self._free.size)))
@@ -220,12 +227,14 @@ class AxisymmetricProblem:
             max_iterations=max_iterations,
             first_matrix=first,
         )
-        return MagneticField(self, energy.whole(x), float(ampere_turns), fill, history, float(boundary_field))
+        return MagneticField(self, energy.whole(x), float(ampere_turns), powder, history, float(boundary_field))
 
-    def _checked_fill(self, fill: np.ndarray | None) -> np.ndarray | None:
-        if fill is None:
+    def checked_powder(self, powder: Powder) -> PowderState | None:
+        """The state that a solve takes; raises ValueError, see `solve`."""
+        if powder is None:
             return None
-        fill = np.ascontiguousarray(fill, dtype=float)
+        state = powder if isinstance(powder, PowderState) else PowderState(np.asarray(powder))
+        fill = np.ascontiguousarray(state.fill, dtype=float)
         if self.powder_law is None:
             raise ValueError("a `fill` was given, but the problem has no `powder_law` to turn it into permeability")
         if fill.shape != (self.powder_elements.size,):
@@ -237,49 +246,69 @@ class AxisymmetricProblem:
             raise ValueError(
                 f"`fill` holds {worst:g}; a solid fraction is at least 0 and below 1 (random packing: 0.55 to 0.64)"
             )
-        return fill
+        if state.factor is not None and not (state.factor.shape == fill.shape and np.all(state.factor > -fill)):
+            raise ValueError("`factor` must have the shape of `fill`, and N + phi must be above 0 everywhere")
+        wanted = (fill.size, 2, self.elements.n_quadrature)
+        if state.source is not None and not (state.source.shape == wanted and np.all(np.isfinite(state.source))):
+            raise ValueError(f"`source` has shape {state.source.shape}: finite numbers of shape {wanted} are needed")
+        return PowderState(fill.copy(), state.factor, state.source)
 
     def _elements_by_law(self) -> list[tuple[Law | PowderLaw, np.ndarray]]:
         """Elements that share a law, so that each is evaluated once; the powder's in the fill's order."""
         groups: dict[int, tuple[Law | PowderLaw, list[np.ndarray]]] = {}
         for region, elements in self.mesh.regions.items():
             law = self.law_of(region)
+            if self.powder_beyond.size:
+                own = isinstance(law, PowderLaw)
+                elements = self.powder_elements if own else np.setdiff1d(elements, self.powder_beyond)
             groups.setdefault(id(law), (law, []))[1].append(elements)
         return [(law, np.concatenate(parts)) for law, parts in groups.values()]
 
-    def H_of_B(self, B: np.ndarray, fill: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-        """H [A/m] and dH/dB at |B| [T], shape (n_elements, k), by each element's law."""
+    def magnetisation_load(self, source: np.ndarray) -> np.ndarray:
+        """Integral of r M . B(v) for every v: load (n_dofs,) of M (n powder elements, 2, n_quadrature) [A/m]."""
+        flow = np.zeros((len(self.mesh.triangles), 2, self.elements.n_quadrature))
+        own = self.powder_elements
+        flow[own, 0], flow[own, 1] = source[:, 1], -source[:, 0]  # r B = (-psi_z, psi_r)
+        return self.elements.divergence(flow)
+
+    def H_of_B(self, B: np.ndarray, powder: PowderState | None) -> tuple[np.ndarray, np.ndarray]:
+        """H [A/m] and dH/dB at |B| [T], shape (n_elements, k), by each element's law, without the powder's source."""
         H, slope = np.empty_like(B), np.empty_like(B)
         for law, elements in self._by_law:
             if isinstance(law, PowderLaw):
-                phi = 0.0 if fill is None else fill[:, None]
-                H[elements], slope[elements] = law.H_of_B(B[elements], phi)
+                state = (0.0, None) if powder is None else powder.arguments
+                H[elements], slope[elements] = law.H_of_B(B[elements], *state)
             else:
                 H[elements], slope[elements] = law.H_of_B(B[elements])
         return H, slope
 
-    def energy_density(self, B: np.ndarray, fill: np.ndarray | None) -> np.ndarray:
-        """Energy density [J/m^3] at |B| [T], shape (n_elements, k)."""
+    def energy_density(self, B: np.ndarray, powder: PowderState | None) -> np.ndarray:
+        """Energy density [J/m^3] at |B| [T], shape (n_elements, k), without the powder's source."""
         w = np.empty_like(B)
         for law, elements in self._by_law:
             if isinstance(law, PowderLaw):
-                w[elements] = law.energy_density(B[elements], 0.0 if fill is None else fill[:, None])
+                w[elements] = law.energy_density(B[elements], *((0.0, None) if powder is None else powder.arguments))
             else:
                 w[elements] = law.energy_density(B[elements])
         return w
 
 
 class SectionEnergy:
-    """W(psi) = integral of r w(|grad psi|/r) - J psi over the section, of the free unknowns."""
+    """W(psi) = integral of r w(|grad psi|/r) - r M . B - J psi over the section, of the free unknowns.
+
+    M is the powder's source, the part of its magnetisation that is no function of B.
+    """
 
     def __init__(
-        self, problem: AxisymmetricProblem, fill: np.ndarray | None, source: np.ndarray, boundary: np.ndarray
+        self, problem: AxisymmetricProblem, powder: PowderState | None, source: np.ndarray, boundary: np.ndarray
     ) -> None:
         self._problem = problem
         self._elements = problem.elements
-        self._fill = fill
+        self._powder = powder
         self._boundary = boundary
         self.source = source
+        if powder is not None and powder.source is not None:
+            self.source = source + problem.magnetisation_load(powder.source)
         self._point: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._law: tuple[np.ndarray, np.ndarray] | None = None
 
@@ -297,7 +326,7 @@ class SectionEnergy:
 
     def value(self, x: np.ndarray) -> tuple[float, float]:
         _, B = self._flux(x)
-        w = self._problem.energy_density(B, self._fill)
+        w = self._problem.energy_density(B, self._powder)
         stored = float((w * self._elements.radius * self._elements.weight).sum())
         if self._problem.exterior is not None:
             stored += self._problem.exterior.energy(self.whole(x))
@@ -306,7 +335,7 @@ class SectionEnergy:
 
     def gradient(self, x: np.ndarray) -> np.ndarray:
         gradient, B = self._flux(x)
-        H, slope = self._problem.H_of_B(B, self._fill)
+        H, slope = self._problem.H_of_B(B, self._powder)
         here = B > 0.0
         nu = np.where(here, H / np.where(here, B, 1.0), slope)
         self._law = (nu, slope)
@@ -334,7 +363,7 @@ class SectionEnergy:
     def chord_matrix(self) -> sp.csc_matrix:
         """The matrix with nu = H/B of each material at a typical flux density."""
         B = np.full_like(self._elements.radius, _START_B)
-        H, _ = self._problem.H_of_B(B, self._fill)
+        H, _ = self._problem.H_of_B(B, self._powder)
         nu = H / B
         gradient = np.zeros((len(B), 2, B.shape[1]))
         return self._matrix(gradient, 0.0 * B, nu, nu)

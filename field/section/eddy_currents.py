@@ -40,6 +40,7 @@ import scipy.sparse as sp
 from field.coil.bordered_solver import RankOneSolver
 from field.newton import minimise, norm, scalar_product
 from field.section.magnetic_field import MagneticField
+from field.section.powder_state import Powder, PowderState
 
 if TYPE_CHECKING:
     from field.section.axisymmetric import AxisymmetricProblem, SectionEnergy
@@ -165,7 +166,7 @@ class EddyCurrentProblem:
             time, solution.psi.copy(), solution.ampere_turns / self.turns, self.turns * solution.flux_linkage_per_turn
         )
 
-    def field(self, state: TransientState, fill: np.ndarray | None = None) -> MagneticField:
+    def field(self, state: TransientState, fill: Powder = None) -> MagneticField:
         """The state as a field, to sample and to integrate."""
         return MagneticField(self.problem, state.psi, self.turns * state.current, fill, state.newton)
 
@@ -174,7 +175,7 @@ class EddyCurrentProblem:
         state: TransientState,
         dt: float,
         drive: Drive,
-        fill: np.ndarray | None = None,
+        fill: Powder = None,
         *,
         method: Method = "sdirk2",
         boundary_field: Callable[[float], float] | None = None,
@@ -185,8 +186,8 @@ class EddyCurrentProblem:
 
         Parameters
         ----------
-        fill : ndarray (n powder elements,) or None
-            Solid fraction at the end of the step.
+        fill : ndarray (n powder elements,), PowderState or None
+            At the end of the step.
         boundary_field : callable t [s] -> B [T] or None
             Uniform axial flux density imposed on `outer`.
         tolerance : float
@@ -200,7 +201,7 @@ class EddyCurrentProblem:
         """
         if not (math.isfinite(dt) and dt > 0.0) or method not in _STAGES:
             raise ValueError(f"a step of {dt} s by {method!r}: dt must be above 0, the method one of {list(_STAGES)}")
-        fill = self.problem._checked_fill(fill)
+        powder = self.problem.checked_powder(fill)
         stages = _STAGES[method]
         diagonal = stages[0][0]
         base, guess = state.psi, state.psi
@@ -213,7 +214,7 @@ class EddyCurrentProblem:
                 guess = state.psi + dt * rates[0]  # where the first stage points to
             time = state.time + position * dt
             psi, newton = self._stage(
-                base, guess, diagonal * dt, time, drive, fill, boundary_field, tolerance, max_iterations
+                base, guess, diagonal * dt, time, drive, powder, boundary_field, tolerance, max_iterations
             )
             rate = (psi - base) / (diagonal * dt)
             rates.append(rate)
@@ -245,7 +246,7 @@ class EddyCurrentProblem:
         state: TransientState,
         end: float,
         drive: Drive,
-        fill: np.ndarray | None = None,
+        fill: Powder = None,
         *,
         tolerance: float = 1e-3,
         first_step: float | None = None,
@@ -317,7 +318,7 @@ class EddyCurrentProblem:
         dt: float,
         time: float,
         drive: Drive,
-        fill: np.ndarray | None,
+        powder: PowderState | None,
         boundary_field: Callable[[float], float] | None,
         tolerance: float,
         max_iterations: int,
@@ -334,7 +335,7 @@ class EddyCurrentProblem:
         source = self.turns * per_turn * problem.coil_load
         if boundary_field is not None and problem.exterior is not None:
             source[problem.exterior.dofs] += boundary_field(time) * problem.exterior.uniform_load
-        inner = SectionEnergy(problem, fill, source, boundary)
+        inner = SectionEnergy(problem, powder, source, boundary)
         energy = _StepEnergy(self, inner, base, dt, self._rank_one(drive))
         scale = norm(inner.source[problem._free]) + norm(energy.memory(base)[problem._free])
         if boundary_field is not None:

@@ -30,6 +30,7 @@ from field.sampling.locate import PointOutside
 from field.section.axisymmetric import AxisymmetricProblem
 from field.section.interpolation import interpolation, slopes_at
 from field.section.magnetic_field import MagneticField
+from field.section.powder_state import PowderState
 from field.section.section_elements import QUADRATURE_ORDER
 from field.section.sparse_pattern import FixedPattern
 
@@ -230,6 +231,7 @@ class EnrichedSpace:
             coil_region=problem.coil_region,
             powder_region=problem.powder_region,
             powder_law=problem.powder_law,
+            powder_beyond=problem.powder_beyond,
             order=order,
             open_boundary=problem.exterior is not None,
         )
@@ -246,8 +248,11 @@ class EnrichedSpace:
         start = self.embedding @ field.psi
         source = field.ampere_turns * self.richer.coil_load
         exterior = self.richer.exterior
-        at = self.linearised(start, field.fill)
+        powder = self.powder_of(field)
+        at = self.linearised(start, powder)
         residual = source - self.elements.field_force(at.gradient, at.nu)
+        if powder is not None and powder.source is not None:
+            residual += self.richer.magnetisation_load(powder.source)
         if exterior is not None:
             source[exterior.dofs] += boundary_field * exterior.uniform_load
             residual[exterior.dofs] += boundary_field * exterior.uniform_load - exterior.force(start)
@@ -255,16 +260,22 @@ class EnrichedSpace:
         left = norm(residual[self.free]) / scale if scale > 0.0 else 1e-3
         return self.richer.solve(
             field.ampere_turns,
-            field.fill,
+            powder,
             start,
             tolerance=max(_STEP * left, _LEAST_RESIDUAL),
             boundary_field=boundary_field,
         ).psi
 
-    def linearised(self, psi: np.ndarray, fill: np.ndarray | None) -> Linearised:
+    def powder_of(self, field: MagneticField) -> PowderState | None:
+        """The field's powder at the next order's quadrature points."""
+        if field.powder is None:
+            return None
+        return field.powder.on_points(field.problem.elements.reference_points, self.elements.reference_points)
+
+    def linearised(self, psi: np.ndarray, powder: PowderState | None) -> Linearised:
         """Reluctivities at psi (n_dofs,)."""
         gradient, B = self.elements.flux(psi)
-        H, slope = self.richer.H_of_B(B, fill)
+        H, slope = self.richer.H_of_B(B, powder)
         here = B > 0.0
         nu = np.where(here, H / np.where(here, B, 1.0), slope)
         return Linearised(gradient, B, nu, slope)
@@ -329,7 +340,7 @@ def estimate_error(field: MagneticField, goals: Sequence[Goal], *, boundary_fiel
         if goal.value(space, start) == 0.0:
             raise ValueError(f"{goal.name} is zero in this field: it has no relative error; drop the goal")
     psi = space.solve(field, boundary_field)
-    at = space.linearised(psi, field.fill)
+    at = space.linearised(psi, space.powder_of(field))
     slopes = np.column_stack([goal.slope(space, psi) for goal in goals])[space.free]
     matrix = space.tangent(at)
     embedding = space.embedding[space.free][:, _free(field.problem)]

@@ -10,6 +10,7 @@ import numpy as np
 from field.laws.reluctivity import NU_0
 from field.newton import scalar_product
 from field.sampling.locate import PointOutside
+from field.section.powder_state import Powder, powder_state
 
 if TYPE_CHECKING:
     from field.sampling.sampler import RecoveredSampler
@@ -29,8 +30,8 @@ class MagneticField:
         the section are flux lines (2 pi psi is the flux through the circle).
     ampere_turns : float
         N I of the coil [A].
-    fill : ndarray (n powder elements,) or None
-        Solid fraction the field was solved for.
+    powder : PowderState or None
+        What the field was solved for.
     newton : list of (relative residual, step length)
         History of the iteration, the start first.
     boundary_field : float
@@ -42,16 +43,21 @@ class MagneticField:
         problem: AxisymmetricProblem,
         psi: np.ndarray,
         ampere_turns: float,
-        fill: np.ndarray | None,
+        fill: Powder,
         newton: list[tuple[float, float]],
         boundary_field: float = 0.0,
     ) -> None:
         self.problem = problem
         self.psi = psi
         self.ampere_turns = ampere_turns
-        self.fill = None if fill is None else fill.copy()
+        self.powder = powder_state(fill)
         self.newton = newton
         self.boundary_field = boundary_field
+
+    @property
+    def fill(self) -> np.ndarray | None:
+        """Solid fraction (n powder elements,) that the field was solved for."""
+        return None if self.powder is None else self.powder.fill
 
     def _B_at_quadrature(self) -> np.ndarray:
         elements = self.problem.elements
@@ -74,15 +80,15 @@ class MagneticField:
     @property
     def energy(self) -> float:
         """Stored energy, integral of w(B) over the volume [J]."""
-        inside = self._volume_integral(self.problem.energy_density(self._B_at_quadrature(), self.fill))
+        inside = self._volume_integral(self.problem.energy_density(self._B_at_quadrature(), self.powder))
         return inside + self._exterior_energy()
 
     @property
     def coenergy(self) -> float:
         """Co-energy, integral of H B - w over the volume [J]; equals the energy when all is linear."""
         B = self._B_at_quadrature()
-        H, _ = self.problem.H_of_B(B, self.fill)
-        inside = self._volume_integral(H * B - self.problem.energy_density(B, self.fill))
+        H, _ = self.problem.H_of_B(B, self.powder)
+        inside = self._volume_integral(H * B - self.problem.energy_density(B, self.powder))
         return inside + self._exterior_energy()
 
     @property
@@ -179,7 +185,7 @@ class MagneticField:
     def relative_permeability(self) -> np.ndarray:
         """mu_r = B/(mu_0 H) at the centroid of every element, shape (n_elements,) [-]."""
         B = np.linalg.norm(self.flux_density(), axis=1)[:, None]
-        H, slope = self.problem.H_of_B(B, self.fill)
+        H, slope = self.problem.H_of_B(B, self.powder)
         here = B > 0.0
         return (NU_0 / np.where(here, H / np.where(here, B, 1.0), slope))[:, 0]
 

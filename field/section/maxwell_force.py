@@ -163,9 +163,9 @@ def _corner_forces(solution: MagneticField) -> np.ndarray:
     g = elements.gradient(solution.psi)
     r = elements.radius
     B = np.hypot(g[:, 0], g[:, 1]) / r
-    H, slope = problem.H_of_B(B, solution.fill)
+    H, slope = problem.H_of_B(B, solution.powder)
     nu = np.where(B > 0.0, H / np.where(B > 0.0, B, 1.0), slope)
-    energy = problem.energy_density(B, solution.fill)
+    energy = problem.energy_density(B, solution.powder)
     stress_r = (-nu / r * g[:, 1] * g[:, 0] * elements.weight).sum(axis=1)
     stress_z = ((r * energy - nu / r * g[:, 1] ** 2) * elements.weight).sum(axis=1)
     slopes = _corner_gradients(mesh)
@@ -292,12 +292,16 @@ def _resolve(solution: MagneticField, mesh: SectionMesh, order: int | None = Non
         coil_region=old.coil_region,
         powder_region=old.powder_region,
         powder_law=old.powder_law,
+        powder_beyond=old.powder_beyond,
         order=order or old.elements.order,
         open_boundary=old.exterior is not None,
     )
+    powder = solution.powder
+    if powder is not None:
+        powder = powder.on_points(old.elements.reference_points, problem.elements.reference_points)
     return problem.solve(
         solution.ampere_turns,
-        solution.fill,
+        powder,
         guess=solution.psi if order is None else None,
         tolerance=_TOLERANCE,
         boundary_field=solution.boundary_field,

@@ -30,12 +30,14 @@ class SectionElements:
         Where the unknowns live, (r, z) [m]; the first `n_points` are the mesh's points.
     element_dofs : ndarray (n_elements, n_basis)
         Unknowns of each element.
+    reference_points : ndarray (n_quadrature, 2)
+        Quadrature points on the reference triangle.
     shape : ndarray (n_quadrature, n_basis)
         Shape functions at the quadrature points.
     inverse : ndarray (n_elements, 2, 2)
         Columns of the affine map's inverse transpose: grad = inverse @ (gradient on the reference triangle).
-    radius, weight : ndarray (n_elements, n_quadrature)
-        r [m] and weight [m^2] of the quadrature points.
+    radius, height, weight : ndarray (n_elements, n_quadrature)
+        r and z [m] and weight [m^2] of the quadrature points.
     """
 
     def __init__(self, mesh: SectionMesh, order: int = 2) -> None:
@@ -62,11 +64,13 @@ class SectionElements:
             self.dof_points[self.element_dofs[:, i]] = (corner + x * u + y * v).T
         quadrature, weights = skfem.quadrature.get_quadrature(element, QUADRATURE_ORDER[order])
         self.n_quadrature = weights.size
+        self.reference_points = np.ascontiguousarray(quadrature.T)
         values = [element.lbasis(quadrature, i) for i in range(len(reference))]
         self.shape = np.array([np.broadcast_to(v[0], weights.shape) for v in values]).T.copy()
         # (n_quadrature, n_basis, 2): gradients on the reference triangle
         self._slope = np.array([np.broadcast_to(v[1], quadrature.shape) for v in values]).transpose(2, 0, 1).copy()
         self.radius = corner[0][:, None] + np.outer(u[0], quadrature[0]) + np.outer(v[0], quadrature[1])
+        self.height = corner[1][:, None] + np.outer(u[1], quadrature[0]) + np.outer(v[1], quadrature[1])
         self.weight = np.abs(determinant)[:, None] * weights
         rows, columns = np.tril_indices(len(reference))
         gx, gy = self._slope[..., 0], self._slope[..., 1]

@@ -49,9 +49,12 @@ EDITS = {
     "psor for exact friction": ({"contact.dvi.solver": "psor"}, "contact.dvi.solver", "friction_law = 'convex'"),
     "planned effect": ({"effects.heat": {}}, "effects.heat", "remove its table"),
     "unknown dipole model": ({"effects.dipoles.model": "mutaul"}, "effects.dipoles.model", "did you mean 'mutual'?"),
-    "near field with back reaction": (
-        {"effects.dipoles.model": "near_field", "effects.back_reaction": {}}, "effects.dipoles.model",
-        "does not go with [effects.back_reaction] in this version"),
+    "moments fed back over less than a gap": (
+        {"effects.dipoles.model": "mutual", "effects.back_reaction": {}, "effects.dipoles.cutoff": 1.5},
+        "effects.dipoles.cutoff", "allowed: at least 2 diameters"),
+    "moments fed back in a gap of one grain": (
+        {"effects.dipoles.model": "mutual", "effects.back_reaction": {}, "particles.diameter": "0.6 mm"},
+        "effects.back_reaction", "take effects.dipoles.model = 'fixed', or lower particles.diameter"),
     "misspelt kind": ({"geometry.kind": "clucth"}, "geometry.kind", "did you mean 'clutch'?"),
     "unknown material": ({"geometry.materials.disc": "steel_101"}, "geometry.materials.disc",
         "did you mean 'steel_1010'?"),

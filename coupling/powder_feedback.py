@@ -1,0 +1,236 @@
+"""The grains' moments in the field of the device: deposited on its mesh, solved with it, fed back until both agree.
+
+The field is that of the moments themselves. They stand in it, spread out (`coupling.smeared_grains`), in two parts:
+
+    M = phi M_grain(|B|; N) B/|B| + source,        N = (H - h(M))/M of each element,
+
+with h(M) the field inside a grain by its own law. The first part answers to B inside the Newton iteration as the powder
+there does, whatever its structure; the source is what it misses of the deposited moments at the field of the last
+solve. So at the fixed point the magnetisation is the deposited one, whatever N is; N only makes the way there short.
+N is held within 0.03 and 0.4, moved half of the way at each solve, and left where it says nothing: H, phi or M next to
+nothing, grains at saturation, M against H.
+
+A grain takes H = B/mu_0 - M from the solve, with the same M at its place, and of the grains nearer than the width a
+what their smear misses (`coupling.pair_fields`), the share of its own included: nothing counts twice, nothing is lost.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from coupling.smear_region import mirror_points_in_steel
+from coupling.smeared_grains import SectionSmear, ring_smear
+from coupling.wall_reflection import steel_walls
+from field import (
+    AxisymmetricProblem,
+    ConvergenceError,
+    MagneticField,
+    ParticleLaw,
+    PowderState,
+    RecoveredSampler,
+)
+from field.laws.reluctivity import MU_0, NU_0
+
+LEAST_FACTOR, LARGEST_FACTOR = 0.03, 0.4
+LEAST_FILL = 0.01
+WEAK, SATURATED = 1e-4, 0.98  # of the saturation: H and M beyond which N says nothing
+
+
+@dataclass(frozen=True, slots=True)
+class FeedbackResidual:
+    """What separates the solved magnetisation from the deposited one, relative to it (root mean square, [-]).
+
+    Attributes
+    ----------
+    total : float
+        Of the moments now against those that the present field holds.
+    across, factor, lag : float
+        Parts of the last solve's source, which it took from the moments before it: across H, where no N can stand for
+        it; along H where N is held at an end; and the rest, N's way and what changes within an element.
+    """
+
+    total: float = np.inf
+    across: float = 0.0
+    factor: float = 0.0
+    lag: float = 0.0
+
+
+class PowderFeedback:
+    """Deposits grains on the powder's elements and keeps what the field's solve needs of them.
+
+    Parameters
+    ----------
+    problem : AxisymmetricProblem
+        With a powder law, and `elements_within` as its `powder_beyond`.
+    law : ParticleLaw
+        Of a grain.
+    width : float
+        a of the smear [m].
+    angle : float
+        Of the simulated sector [rad].
+    walls : sequence of walls
+        Those that grains touch; the magnetic ones among them fold the smear back.
+    """
+
+    def __init__(self, problem: AxisymmetricProblem, law: ParticleLaw, width: float, angle: float, walls) -> None:
+        self.problem, self.law, self.width, self.angle = problem, law, float(width), float(angle)
+        self.walls = walls
+        elements, own = problem.elements, problem.powder_elements
+        points = np.stack((elements.radius[own], elements.height[own]), axis=2)
+        self._shape = points.shape[:2]
+        self._points = np.ascontiguousarray(points.reshape(-1, 2))
+        self._volume = elements.radius[own] * elements.weight[own]
+        self._share = self._volume / self._volume.sum(axis=1, keepdims=True)
+        self._nodes = problem.recovery(problem.powder_region).nodes
+        rows = steel_walls(walls)
+        self._folds = mirror_points_in_steel(self._points, rows, problem, self.width)
+        self._node_folds = mirror_points_in_steel(self._nodes, rows, problem, self.width)
+        scale = getattr(law, "Ms", None)
+        self._scale = np.inf if scale is None else float(scale)
+        self._factor: np.ndarray | None = None
+        self._fill = np.zeros(len(own))
+        self._M = np.zeros((len(own), 2, self._shape[1]))
+        self._node_M = np.zeros((6, len(self._nodes)))
+        self._smear: SectionSmear | None = None
+        self.residual = FeedbackResidual()
+
+    def deposit(
+        self, position: np.ndarray, volume: np.ndarray, moment: np.ndarray | None, field: MagneticField | None
+    ) -> None:
+        """Take grains at (n, 3) [m] of volumes (n,) [m^3], moments (n, 3) [A m^2]; note by how much `field` misses."""
+        rows = steel_walls(self.walls, field)
+        moment = np.zeros_like(position) if moment is None else moment
+        self._smear = ring_smear(position, volume, moment, self.width, self.angle, rows)
+        found = self._smear.at(self._points, self._folds)
+        self._fill = np.minimum((found[0].reshape(self._shape) * self._share).sum(axis=1), 0.95)
+        self._M = np.ascontiguousarray(found[1:3].reshape(2, *self._shape).transpose(1, 0, 2))
+        total = np.inf
+        if field is not None:
+            size = self._square(self._M)
+            missed = self._square(self._M - self.represented(field))
+            total = float(np.sqrt(missed / size)) if size > 0.0 else (0.0 if missed == 0.0 else np.inf)
+        self.residual = FeedbackResidual(total, self.residual.across, self.residual.factor, self.residual.lag)
+
+    def represented(self, field: MagneticField) -> np.ndarray:
+        """Magnetisation (m, 2, q) [A/m] of the powder in a solved field."""
+        powder = field.powder
+        B, size = self._flux(field)
+        if powder is None:
+            return np.zeros_like(B)
+        M, _ = self.law.from_flux(size, *powder.arguments)
+        M = powder.fill[:, None] * M
+        found = np.divide(M, size, out=np.zeros_like(size), where=size > 0.0)[:, None, :] * B
+        return found if powder.source is None else found + powder.source
+
+    def state(self, field: MagneticField | None) -> PowderState:
+        """The powder of the grains deposited last for the next solve, after the present field (None: the first one)."""
+        if field is None or not self._M.any() or not field.psi.any():
+            self._factor = None
+            return PowderState(self._fill)
+        H = NU_0 * self._flux(field)[0] - self.represented(field)
+        mean_H = (H * self._share[:, None, :]).sum(axis=2)
+        strength = np.hypot(*mean_H.T)
+        along = np.divide(mean_H, strength[:, None], out=np.zeros_like(mean_H), where=strength[:, None] > 0.0)
+        mean_M = (self._M * self._share[:, None, :]).sum(axis=2)
+        M = np.divide((mean_M * along).sum(axis=1), self._fill, out=np.zeros_like(strength), where=self._fill > 0.0)
+        says = (strength > WEAK * min(self._scale, 1e9)) & (self._fill > LEAST_FILL) & (M > 0.0)
+        says &= M < SATURATED * self._scale
+        before = self.law.demagnetising_factors(self._fill)[0] if self._factor is None else self._factor
+        M = np.where(says, M, 1.0)
+        wanted = np.where(says, (strength - self.law.field_inside(M)) / M, before)
+        target = np.clip(wanted, LEAST_FACTOR, LARGEST_FACTOR)
+        factor = target if self._factor is None else before + 0.5 * (target - before)
+        held = PowderState(self._fill, factor)
+        # at the B that the deposited moments make with the present H: grains follow H, and so does what is lagged
+        B = MU_0 * (H + self._M)
+        size = np.hypot(B[:, 0], B[:, 1])
+        law_M, _ = self.law.from_flux(size, *held.arguments)
+        law_M = self._fill[:, None] * law_M
+        source = self._M - np.divide(law_M, size, out=np.zeros_like(size), where=size > 0.0)[:, None, :] * B
+        self._note(source, H, (target != wanted) | ~says)
+        self._factor = factor
+        return PowderState(self._fill, factor, np.ascontiguousarray(source))
+
+    def solved(self, field: MagneticField) -> RecoveredSampler:
+        """Sampler of H = B/mu_0 - M at grains in a field that was solved with the last `state`."""
+        assert self._smear is not None  # grains are deposited before a solve
+        recovery = self.problem.recovery(self.problem.powder_region)
+        if not field.psi.any():  # switched off: soft grains have no moment
+            self._node_M = np.zeros_like(self._node_M)
+            return self.sampler(field)
+        self._node_M = self._smear.at(self._nodes, self._node_folds)[1:]
+        change = ((self.represented(field) - self._M) * self._share[:, None, :]).sum(axis=2)[: len(recovery.centroids)]
+        for k in range(2):
+            value, slope = recovery.smooth_fill(np.ascontiguousarray(change[:, k]))
+            self._node_M[k] += value
+            self._node_M[2 + 2 * k : 4 + 2 * k] += slope
+        return self.sampler(field)
+
+    def sampler(self, field: MagneticField) -> RecoveredSampler:
+        """The sampler of the last `solved`."""
+        return RecoveredSampler(field, self.problem.powder_region, self._node_M)
+
+    def window_row(self) -> dict[str, float]:
+        """The residual and its causes, for the history."""
+        residual = self.residual
+        total = residual.total if np.isfinite(residual.total) else 0.0  # no field and no moment yet
+        return {
+            "feedback_residual": total,
+            "feedback_across": residual.across,
+            "feedback_clipped": residual.factor,
+            "feedback_lagged": residual.lag,
+        }
+
+    def checkpoint(self) -> dict[str, Any]:
+        """What a bit-exact continuation needs beside the field's own psi, fill, factor and source."""
+        residual = self.residual
+        return {
+            "factor": self._factor,
+            "magnetisation": self._node_M,
+            "residual": [residual.total, residual.across, residual.factor, residual.lag],
+        }
+
+    def restore(self, saved: dict[str, Any]) -> None:
+        """Take up the state of a checkpoint."""
+        self._factor = saved["factor"]
+        self._node_M = np.array(saved["magnetisation"], dtype=float)
+        self.residual = FeedbackResidual(*map(float, saved["residual"]))
+
+    def _flux(self, field: MagneticField) -> tuple[np.ndarray, np.ndarray]:
+        """B (m, 2, q) [T] and |B| (m, q) at the powder's quadrature points."""
+        own = self.problem.powder_elements
+        gradient = self.problem.elements.gradient(field.psi)[own]
+        B = np.stack((-gradient[:, 1], gradient[:, 0]), axis=1) / self.problem.elements.radius[own][:, None, :]
+        return B, np.hypot(B[:, 0], B[:, 1])
+
+    def _square(self, M: np.ndarray) -> float:
+        return float(((M**2).sum(axis=1) * self._volume).sum())
+
+    def _note(self, source: np.ndarray, H: np.ndarray, held: np.ndarray) -> None:
+        """The parts of a source, by cause."""
+        size = self._square(self._M)
+        strength = np.hypot(H[:, 0], H[:, 1])[:, None, :]
+        e = np.divide(H, strength, out=np.zeros_like(H), where=strength > 0.0)
+        part = (source * e).sum(axis=1)
+        across = source - part[:, None, :] * e
+        mean = (part * self._share).sum(axis=1)[:, None] * held[:, None]
+        volume = self._volume
+        squares = self._square(across), float((mean**2 * volume).sum()), float(((part - mean) ** 2 * volume).sum())
+        self.residual = FeedbackResidual(self.residual.total, *(float(np.sqrt(s / size)) for s in squares))
+
+
+class FeedbackError(ConvergenceError):
+    """The field and the moments of the grains in it do not come to agree."""
+
+    def __init__(self, residual: float, solves: int, tolerance: float) -> None:
+        RuntimeError.__init__(
+            self,
+            f"the field and the moments of the grains do not agree: they differ by {residual:.2g} of the magnetisation "
+            f"after {solves} solves of one window (asked for {tolerance:g}, effects.back_reaction.tolerance); look at "
+            "the grains where they are densest, raise that tolerance, or take effects.dipoles.model = 'mutual'",
+        )
+        self.history = [(residual, 1.0)]
+        self.remedy = ""
