@@ -19,8 +19,8 @@ COLUMN, AMPLITUDE, ACROSS = 0, 1, 2
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def drive_pairs(
-    table, position, radius, moment, applied, start, other, shift, turn_cos, turn_sin, reach, smear, smallest_gap,
-    field, potential, contrast, drive, force,
+    table, position, radius, moment, applied, slope, start, other, shift, turn_cos, turn_sin, reach, smear,
+    smallest_gap, field, potential, contrast, drive, force,
 ):  # fmt: skip
     """Drives (p, 3) of the pairs of a half list: column, amplitude [N], amplitude across [N]; their pull out of force.
 
@@ -43,7 +43,9 @@ def drive_pairs(
             gap = max((true_r - both) / a, smallest_gap)
             nx, ny, nz = dx / true_r, dy / true_r, dz / true_r
             r = max(true_r, both)
-            h = drive_of_pair(i, j, c, s, nx, ny, nz, r, moment, applied, potential, reach, smear)
+            h = drive_of_pair(
+                i, j, c, s, nx, ny, nz, r, position, moment, applied, slope, potential, reach, smear
+            )  # fmt: skip
             k, x, l, y, size, share = place_in(table, gap, h)
             if k < 0:
                 continue
@@ -71,7 +73,7 @@ def drive_pairs(
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def drive_walls(
-    table, position, radius, moment, applied, start, wall, steel, walls, height, reach, smear, smallest_gap,
+    table, position, radius, moment, applied, slope, start, wall, steel, walls, height, reach, smear, smallest_gap,
     potential, own_image, drive, force,
 ):  # fmt: skip
     """Drives (s, 2) of wall slots: column, amplitude [N]; ``steel[wall]`` is the row of ``walls`` (w, 6) or -1."""
@@ -84,7 +86,9 @@ def drive_walls(
             nx, ny, nz = normal_at(walls[w], position[i, 0], position[i, 1])
             gap = max(2.0 * (abs(height[i, w]) / radius[i] - 1.0), smallest_gap)
             at = pushed(height[i, w], radius[i])
-            h = drive_at_wall(i, w, nx, ny, nz, at, walls, moment, applied, potential, own_image, reach, smear)
+            h = drive_at_wall(
+                i, w, nx, ny, nz, at, walls, position, moment, applied, slope, potential, own_image, reach, smear
+            )  # fmt: skip
             k, x, l, y, size, share = place_in(table, gap, h)
             if k < 0:
                 continue

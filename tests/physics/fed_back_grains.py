@@ -80,7 +80,9 @@ def fed_back(
         )  # fmt: skip
         H, grad_H = feedback.solved(solution).sample(position)
         solver.walls = steel_walls(walls, solution)
-        found = solver.solve(position, radius, H, rows, start=moment, tolerance=tolerance, most_sweeps=3000)
+        found = solver.solve(
+            position, radius, H, rows, gradient=grad_H, start=moment, tolerance=tolerance, most_sweeps=3000
+        )  # fmt: skip
         moment = found.moment
     assert found is not None and solution is not None
     return FedBack(feedback, solver, solution, found, rows, position, radius, H, grad_H, residuals)
