@@ -12,7 +12,7 @@ from numba import njit, prange
 
 from coupling.contact_table import FARTHEST_GAP, excess_moment, near_excess, sphere_ratio
 from coupling.mirror import FACES_NO_WALL, height_over, image_field, image_force, normal_at
-from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, pair_force, smeared_share
+from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, pair_force
 from geometry.inner_functions import inner
 
 MU_0 = 4e-7 * np.pi
@@ -276,9 +276,8 @@ def contact_forces(
             pull, v, across = near_excess(table, gap, end, h)
             ex, ey, ez = c * field[j, 0] - s * field[j, 1], s * field[j, 0] + c * field[j, 1], field[j, 2]
             if attraction:
-                # across: the mean of both fields, less what each makes at the other and at itself
+                # across: the mean of both fields, less what each makes at the other; at itself each makes nothing
                 w3 = OVER_4PI / (r * r * r)
-                w3 -= smeared_share(reach, smear)
                 hx = 0.5 * (field[i, 0] + ex + w3 * (moment[i, 0] + bx))
                 hy = 0.5 * (field[i, 1] + ey + w3 * (moment[i, 1] + by))
                 hz = 0.5 * (field[i, 2] + ez + w3 * (moment[i, 2] + bz))

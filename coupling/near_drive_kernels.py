@@ -12,7 +12,7 @@ from numba import njit
 from coupling.contact_table import place_in, read
 from coupling.mirror import FACES_NO_WALL, normal_at
 from coupling.moment_kernels import MU_0, drive_at_wall, drive_of_pair, pushed
-from coupling.pair_fields import OVER_4PI, smeared_share
+from coupling.pair_fields import OVER_4PI
 
 COLUMN, AMPLITUDE, ACROSS = 0, 1, 2
 
@@ -49,7 +49,7 @@ def drive_pairs(
             k, x, l, y, size, share = place_in(table, gap, h)
             if k < 0:
                 continue
-            w3 = OVER_4PI / (r * r * r) - smeared_share(reach, smear)
+            w3 = OVER_4PI / (r * r * r)
             bx, by = c * moment[j, 0] - s * moment[j, 1], s * moment[j, 0] + c * moment[j, 1]
             ex, ey = c * field[j, 0] - s * field[j, 1], s * field[j, 0] + c * field[j, 1]
             hx = 0.5 * (field[i, 0] + ex + w3 * (moment[i, 0] + bx))
