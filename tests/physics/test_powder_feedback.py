@@ -35,19 +35,19 @@ def test_rings_of_clusters_are_all_their_pairs_whatever_the_width(name):
     x = np.add(CLUSTERS[name], [R, 0.0, 0.0])
     ring, n = ring_of(x, 1.05 * D)
     moment, force = all_pairs(x, A, IRON, np.array([0.0, 0.0, H0]), n)
-    for a in (2.0, 2.5, 3.0, 3.5):
+    for a in (2.0, 2.5, 3.5):
         found = fed_back(in_air(x, a * D), IRON, ring, A, a * D, boundary_field=MU_0 * H0, agree=1e-5)
         assert found.residuals[-1] <= 1e-5
         assert worst(found.moment[::n], moment) < 0.01, a
         assert worst(found.force[::n], force) < (0.02 if a < 2.5 else 0.005), a
 
 
-@pytest.mark.parametrize("name", ["along", "across", "oblique", "triangle"])
+@pytest.mark.parametrize("name", ["across", "triangle"])
 def test_near_excess_of_rings_of_clusters_does_not_depend_on_the_width(name):
     """What drives the necks comes out of the solved field, which holds both partners and all others spread out.
 
     At 18 kA/m, where the near excess is most of the force: 2 % of the largest at 2 d (measured: 0.8 %), 0.5 % from
-    2.5 d on (0.3 %). With the mean of H at both ends alone it would be 18 and 9 %.
+    2.5 d on (0.2 %). With the mean of H at both ends alone it would be 18 and 9 %.
     """
     x = np.add(CLUSTERS[name], [R, 0.0, 0.0])
     ring, n = ring_of(x, 1.05 * D)
