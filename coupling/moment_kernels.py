@@ -12,7 +12,7 @@ from numba import njit, prange
 
 from coupling.contact_table import FARTHEST_GAP, excess_moment, near_excess, sphere_ratio
 from coupling.mirror import FACES_NO_WALL, height_over, image_field, image_force, normal_at
-from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, pair_force, smeared_share
+from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, pair_force
 from geometry.inner_functions import inner
 
 MU_0 = 4e-7 * np.pi
@@ -93,10 +93,26 @@ def gather_fields(
 
 
 @inner(error_model="numpy", fastmath={"contract"})
+def slope_along(i, nx, ny, nz, position, slope):
+    """n . grad H . n [A/m^2] of the applied field at grain i, n in the grain's own place; slope: `field_slope`."""
+    x, y = position[i, 0], position[i, 1]
+    rho2 = x * x + y * y
+    if rho2 == 0.0:
+        return slope[i, 2] * nz * nz
+    rho = np.sqrt(rho2)
+    n_r, n_phi = (nx * x + ny * y) / rho, (ny * x - nx * y) / rho
+    return slope[i, 0] * n_r * n_r + slope[i, 1] * n_phi * n_phi + (slope[i, 2] * nz + slope[i, 3] * n_r) * nz
+
+
+@inner(error_model="numpy", fastmath={"contract"})
 def drive_of_pair(
-    i, j, c, s, nx, ny, nz, r, moment, applied, potential, reach, smear
+    i, j, c, s, nx, ny, nz, r, position, moment, applied, slope, potential, reach, smear
 ):  # fmt: skip
-    """Mean field h [A/m] along n between the centres of i and j, without what each makes at the other."""
+    """Mean field h [A/m] along n between the centres of i and j, without what each makes at the other.
+
+    The applied field's mean is that of the cubic through its values and slopes at both ends: with `smear` it holds the
+    near grains spread out, and bends between two centres.
+    """
     bx, by = c * moment[j, 0] - s * moment[j, 1], s * moment[j, 0] + c * moment[j, 1]
     a_n = moment[i, 0] * nx + moment[i, 1] * ny + moment[i, 2] * nz
     b_n = bx * nx + by * ny + moment[j, 2] * nz
@@ -106,16 +122,22 @@ def drive_of_pair(
     p *= OVER_4PI
     h = mean - ((potential[i] - p * b_n) - (potential[j] + p * a_n)) / r
     if smear:  # the partner's smear, which the applied field holds, is not its drive: Q/(4 pi r^3)
+        bend = slope_along(i, nx, ny, nz, position, slope)
+        bend -= slope_along(j, c * nx + s * ny, c * ny - s * nx, nz, position, slope)
+        h -= r / 12.0 * bend
         h += (OVER_4PI / (r * r) - p) / r * (a_n + b_n)
     return h
 
 
 @inner(error_model="numpy", fastmath={"contract"})
-def drive_at_wall(i, w, nx, ny, nz, h, walls, moment, applied, potential, own_image, reach, smear):
+def drive_at_wall(
+    i, w, nx, ny, nz, h, walls, position, moment, applied, slope, potential, own_image, reach, smear
+):  # fmt: skip
     """Mean field [A/m] along the wall's normal between a grain and its image, without what each makes at the other."""
     drive = applied[i, 0] * nx + applied[i, 1] * ny + applied[i, 2] * nz - (potential[i] - own_image[i, w]) / h
     if smear and 2.0 * abs(h) < reach:
         r = 2.0 * abs(h)
+        drive -= h / 3.0 * slope_along(i, nx, ny, nz, position, slope)  # the image's side is the mirrored one
         _, _, p = field_factors(r, reach, smear)
         m_n = moment[i, 0] * nx + moment[i, 1] * ny + moment[i, 2] * nz
         drive += OVER_4PI * (1.0 / (r * r) - p) / r * (1.0 + walls[w, 5]) * m_n
@@ -124,8 +146,8 @@ def drive_at_wall(i, w, nx, ny, nz, h, walls, moment, applied, potential, own_im
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
 def magnetise(
-    table, position, radius, volume, moment, applied, start, other, shift, turn_cos, turn_sin, walls, height, reach,
-    smear, near, smallest_gap, damping, field, potential, own_image, share, contrast, new, missed, size,
+    table, position, radius, volume, moment, applied, slope, start, other, shift, turn_cos, turn_sin, walls, height,
+    reach, smear, near, smallest_gap, damping, field, potential, own_image, share, contrast, new, missed, size,
 ):  # fmt: skip
     """Stage 2: moments ``new`` (n, 3) [A m^2] after a damped step towards the law in ``field`` and ``potential``.
 
@@ -135,8 +157,8 @@ def magnetise(
     """
     for i in prange(position.shape[0]):
         strength = np.sqrt(field[i, 0] ** 2 + field[i, 1] ** 2 + field[i, 2] ** 2)
-        ratio, slope = sphere_ratio(table, strength)
-        contrast[i] = max(ratio * slope / 9.0, 0.0) ** CONTRAST_POWER  # the slope's rounding may be negative
+        ratio, steepness = sphere_ratio(table, strength)
+        contrast[i] = max(ratio * steepness / 9.0, 0.0) ** CONTRAST_POWER  # the slope's rounding may be negative
         vx = vy = vz = squares = sum_v = 0.0
         if near:
             for q in range(start[i], start[i + 1]):
@@ -155,7 +177,9 @@ def magnetise(
                     continue
                 nx, ny, nz = dx / r, dy / r, dz / r
                 gap, r = max(gap, smallest_gap), max(r, both)
-                h = drive_of_pair(i, j, c, s, nx, ny, nz, r, moment, applied, potential, reach, smear)
+                h = drive_of_pair(
+                    i, j, c, s, nx, ny, nz, r, position, moment, applied, slope, potential, reach, smear
+                )  # fmt: skip
                 v = excess_moment(table, gap, h)
                 vx, vy, vz = vx + v * nx, vy + v * ny, vz + v * nz
                 squares += v * v
@@ -166,7 +190,9 @@ def magnetise(
                 nx, ny, nz = normal_at(walls[w], position[i, 0], position[i, 1])
                 gap = max(2.0 * (abs(height[i, w]) / radius[i] - 1.0), smallest_gap)
                 at = pushed(height[i, w], radius[i])
-                h = drive_at_wall(i, w, nx, ny, nz, at, walls, moment, applied, potential, own_image, reach, smear)
+                h = drive_at_wall(
+                    i, w, nx, ny, nz, at, walls, position, moment, applied, slope, potential, own_image, reach, smear
+                )  # fmt: skip
                 v = walls[w, 5] * excess_moment(table, gap, h)
                 vx, vy, vz = vx + v * nx, vy + v * ny, vz + v * nz
                 squares += v * v
@@ -191,8 +217,8 @@ def magnetise(
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
 def contact_forces(
-    table, position, radius, volume, moment, applied, start, other, shift, turn_cos, turn_sin, walls, height, reach,
-    smear, near, attraction, smallest_gap, velocity, ahead, field, potential, own_image, share, contrast,
+    table, position, radius, volume, moment, applied, slope, start, other, shift, turn_cos, turn_sin, walls, height,
+    reach, smear, near, attraction, smallest_gap, velocity, ahead, field, potential, own_image, share, contrast,
     force, torque, wall_torque,
 ):  # fmt: skip
     """Forces (n, 3) [N], added: of the dipoles, of the near excess (if ``attraction``) and of its couple.
@@ -244,13 +270,14 @@ def contact_forces(
                 opening = (velocity[i, 0] - ux) * nx + (velocity[i, 1] - uy) * ny
                 opening += (velocity[i, 2] - velocity[j, 2]) * nz
                 end = max(gap + ahead * opening / a, smallest_gap)
-            h = drive_of_pair(i, j, c, s, nx, ny, nz, r, moment, applied, potential, reach, smear)
+            h = drive_of_pair(
+                i, j, c, s, nx, ny, nz, r, position, moment, applied, slope, potential, reach, smear
+            )  # fmt: skip
             pull, v, across = near_excess(table, gap, end, h)
             ex, ey, ez = c * field[j, 0] - s * field[j, 1], s * field[j, 0] + c * field[j, 1], field[j, 2]
             if attraction:
-                # across: the mean of both fields, less what each makes at the other and at itself
+                # across: the mean of both fields, less what each makes at the other; at itself each makes nothing
                 w3 = OVER_4PI / (r * r * r)
-                w3 -= smeared_share(reach, smear)
                 hx = 0.5 * (field[i, 0] + ex + w3 * (moment[i, 0] + bx))
                 hy = 0.5 * (field[i, 1] + ey + w3 * (moment[i, 1] + by))
                 hz = 0.5 * (field[i, 2] + ez + w3 * (moment[i, 2] + bz))
@@ -293,7 +320,9 @@ def contact_forces(
                 fx, fy, fz = fx + MU_0_OVER_4PI * gx, fy + MU_0_OVER_4PI * gy, fz + MU_0_OVER_4PI * gz
             if near and abs(height[i, w]) < 1.6 * radius[i]:
                 gap = max(2.0 * (abs(height[i, w]) / radius[i] - 1.0), smallest_gap)
-                h = drive_at_wall(i, w, nx, ny, nz, hi, walls, moment, applied, potential, own_image, reach, smear)
+                h = drive_at_wall(
+                    i, w, nx, ny, nz, hi, walls, position, moment, applied, slope, potential, own_image, reach, smear
+                )  # fmt: skip
                 end = gap
                 if ahead > 0.0:
                     opening = velocity[i, 0] * nx + velocity[i, 1] * ny + velocity[i, 2] * nz

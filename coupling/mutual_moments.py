@@ -62,6 +62,8 @@ class Magnetisation:
         [A m^2].
     applied, field : (n, 3) float64
         Field without grains and field with the others' [A/m].
+    slope : (n, 4) float64
+        Of the applied field [A/m^2], see `field_slope`; zeros where none was given.
     potential : (n,) float64
         Scalar potential of the others [A].
     height : (n, w) float64
@@ -77,6 +79,7 @@ class Magnetisation:
 
     moment: np.ndarray
     applied: np.ndarray
+    slope: np.ndarray
     field: np.ndarray
     potential: np.ndarray
     height: np.ndarray
@@ -134,6 +137,7 @@ class MutualMoments:
         applied: np.ndarray,
         rows: NeighbourRows,
         *,
+        gradient: np.ndarray | None = None,
         start: np.ndarray | None = None,
         tolerance: float = 1e-3,
         most_sweeps: int = 200,
@@ -148,6 +152,9 @@ class MutualMoments:
             [m].
         rows : NeighbourRows
             Every neighbour of every grain within `reach`.
+        gradient : (n, 3, 3) float64, optional
+            grad H [A/m^2] of an applied field of revolution that was solved with the smear in it: the drives of near
+            pairs then know how it bends between their centres. Default: it does not.
         start : (n, 3) float64, optional
             Moments to begin with [A m^2]; default: those of lone spheres.
         tolerance : float
@@ -166,7 +173,8 @@ class MutualMoments:
         height, own_image = np.empty((n, len(self.walls))), np.zeros((n, len(self.walls)))
         wall_heights(position, self.walls, self.reach, height)
         new, missed, size = np.empty((n, 3)), np.zeros(n), np.zeros(n)
-        result = Magnetisation(moment, applied, field, potential, height, own_image, share, contrast, 0.0)
+        slope = np.zeros((n, 4)) if gradient is None else field_slope(position, gradient)
+        result = Magnetisation(moment, applied, slope, field, potential, height, own_image, share, contrast, 0.0)
         if n == 0 or not applied.any():  # without a field soft grains have no moment
             moment[:] = 0.0
             return result
@@ -181,7 +189,7 @@ class MutualMoments:
                 self.walls, height, self.reach, self.smear, self._own, field, potential, own_image,
             )  # fmt: skip
             magnetise(
-                self.table, position, radius, volume, moment, applied, rows.start, rows.other, rows.shift,
+                self.table, position, radius, volume, moment, applied, slope, rows.start, rows.other, rows.shift,
                 rows.turn_cos, rows.turn_sin, self.walls, height, self.reach, self.smear, self.near, self.smallest_gap,
                 damping, field, potential, own_image, share, contrast, new, missed, size,
             )  # fmt: skip
@@ -228,12 +236,27 @@ class MutualMoments:
         force, torque, wall_torque = np.zeros((n, 3)), np.zeros(n), np.zeros(n)
         moving = np.zeros((n, 3)) if velocity is None else velocity
         contact_forces(
-            self.table, position, radius, 4.0 / 3.0 * np.pi * radius**3, found.moment, found.applied, rows.start,
-            rows.other, rows.shift, rows.turn_cos, rows.turn_sin, self.walls, found.height, self.reach, self.smear,
-            self.near, attraction, self.smallest_gap, moving, float(ahead), found.field, found.potential,
+            self.table, position, radius, 4.0 / 3.0 * np.pi * radius**3, found.moment, found.applied, found.slope,
+            rows.start, rows.other, rows.shift, rows.turn_cos, rows.turn_sin, self.walls, found.height, self.reach,
+            self.smear, self.near, attraction, self.smallest_gap, moving, float(ahead), found.field, found.potential,
             found.own_image, found.share, found.contrast, force, torque, wall_torque,
         )  # fmt: skip
         return force, -float(torque.sum()), float(wall_torque.sum())
+
+
+def field_slope(position: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+    """dH_r/dr, H_r/r, dH_z/dz and dH_r/dz + dH_z/dr (n, 4) of grad H (n, 3, 3) [A/m^2] of a field of revolution.
+
+    In each grain's own half plane: a turn about the axis leaves them.
+    """
+    rho = np.hypot(position[:, 0], position[:, 1])
+    along = np.divide(position[:, :2], rho[:, None], out=np.zeros((len(rho), 2)), where=rho[:, None] > 0.0)
+    e_r = np.column_stack((along, np.zeros(len(rho))))
+    e_phi = np.column_stack((-along[:, 1], along[:, 0], np.zeros(len(rho))))
+    radial = np.einsum("na,nab,nb->n", e_r, gradient, e_r)
+    hoop = np.einsum("na,nab,nb->n", e_phi, gradient, e_phi)
+    mixed = ((gradient[:, 2, :] + gradient[:, :, 2]) * e_r).sum(axis=1)
+    return np.column_stack((radial, hoop, gradient[:, 2, 2], mixed))
 
 
 def grain_table(law: Law | GrainLaw, model: str) -> ContactTable:

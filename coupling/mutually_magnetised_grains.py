@@ -55,8 +55,8 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
         rows = simulation.rows(self.solver.reach)
         start = grains.magnetic_moment
         found = self.solver.solve(
-            grains.position, grains.radius, self.H, rows, start=start, tolerance=self.tolerance,
-            most_sweeps=MOST_SWEEPS,
+            grains.position, grains.radius, self.H, rows, gradient=self.grad_H if self.solver.smear else None,
+            start=start, tolerance=self.tolerance, most_sweeps=MOST_SWEEPS,
         )  # fmt: skip
         if found.residual > LOST:
             raise MomentError(found.residual, found.sweeps)

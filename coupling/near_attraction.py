@@ -50,11 +50,13 @@ class NearAttraction:
             "position": np.array(dem.grains.position),
             "moment": np.array(found.moment),
             "applied": np.array(found.applied),
+            # of three dimensions: no vectors to be turned
+            "slope": np.array(found.slope)[:, :, None],
             "field": np.array(found.field),
             "whole": np.array(whole),
             "potential": np.array(found.potential),
             "contrast": np.array(found.contrast),
-            "height": np.array(found.height)[:, :, None],  # of three dimensions: no vectors to be turned
+            "height": np.array(found.height)[:, :, None],
             "own_image": np.array(found.own_image)[:, :, None],
         }
         own.renew()
@@ -68,15 +70,16 @@ class NearAttraction:
         pair, wall = np.zeros((pairs.count, 3)), np.zeros((len(slots.wall), 2))
         rest, radius = of["whole"].copy(), np.ascontiguousarray(dem.grains.radius)
         shift = np.zeros(pairs.count, dtype=np.int8) if pairs.shift is None else pairs.shift.astype(np.int8)
+        slope = np.ascontiguousarray(of["slope"][:, :, 0])
         drive_pairs(
-            solver.table, of["position"], radius, of["moment"], of["applied"], pairs.start, pairs.other, shift,
+            solver.table, of["position"], radius, of["moment"], of["applied"], slope, pairs.start, pairs.other, shift,
             np.cos(turn), np.sin(turn), solver.reach, solver.smear, solver.smallest_gap, of["field"],
             of["potential"], of["contrast"], pair, rest,
         )  # fmt: skip
         if len(solver.walls):
             steel = np.where(slots.smooth, self._steel[slots.wall], -1)
             drive_walls(
-                solver.table, of["position"], radius, of["moment"], of["applied"], slots.start,
+                solver.table, of["position"], radius, of["moment"], of["applied"], slope, slots.start,
                 np.arange(len(steel)), steel, solver.walls, np.ascontiguousarray(of["height"][:, :, 0]),
                 solver.reach, solver.smear, solver.smallest_gap, of["potential"],
                 np.ascontiguousarray(of["own_image"][:, :, 0]), wall, rest,

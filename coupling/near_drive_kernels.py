@@ -12,15 +12,15 @@ from numba import njit
 from coupling.contact_table import place_in, read
 from coupling.mirror import FACES_NO_WALL, normal_at
 from coupling.moment_kernels import MU_0, drive_at_wall, drive_of_pair, pushed
-from coupling.pair_fields import OVER_4PI, smeared_share
+from coupling.pair_fields import OVER_4PI
 
 COLUMN, AMPLITUDE, ACROSS = 0, 1, 2
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def drive_pairs(
-    table, position, radius, moment, applied, start, other, shift, turn_cos, turn_sin, reach, smear, smallest_gap,
-    field, potential, contrast, drive, force,
+    table, position, radius, moment, applied, slope, start, other, shift, turn_cos, turn_sin, reach, smear,
+    smallest_gap, field, potential, contrast, drive, force,
 ):  # fmt: skip
     """Drives (p, 3) of the pairs of a half list: column, amplitude [N], amplitude across [N]; their pull out of force.
 
@@ -43,11 +43,13 @@ def drive_pairs(
             gap = max((true_r - both) / a, smallest_gap)
             nx, ny, nz = dx / true_r, dy / true_r, dz / true_r
             r = max(true_r, both)
-            h = drive_of_pair(i, j, c, s, nx, ny, nz, r, moment, applied, potential, reach, smear)
+            h = drive_of_pair(
+                i, j, c, s, nx, ny, nz, r, position, moment, applied, slope, potential, reach, smear
+            )  # fmt: skip
             k, x, l, y, size, share = place_in(table, gap, h)
             if k < 0:
                 continue
-            w3 = OVER_4PI / (r * r * r) - smeared_share(reach, smear)
+            w3 = OVER_4PI / (r * r * r)
             bx, by = c * moment[j, 0] - s * moment[j, 1], s * moment[j, 0] + c * moment[j, 1]
             ex, ey = c * field[j, 0] - s * field[j, 1], s * field[j, 0] + c * field[j, 1]
             hx = 0.5 * (field[i, 0] + ex + w3 * (moment[i, 0] + bx))
@@ -71,7 +73,7 @@ def drive_pairs(
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def drive_walls(
-    table, position, radius, moment, applied, start, wall, steel, walls, height, reach, smear, smallest_gap,
+    table, position, radius, moment, applied, slope, start, wall, steel, walls, height, reach, smear, smallest_gap,
     potential, own_image, drive, force,
 ):  # fmt: skip
     """Drives (s, 2) of wall slots: column, amplitude [N]; ``steel[wall]`` is the row of ``walls`` (w, 6) or -1."""
@@ -84,7 +86,9 @@ def drive_walls(
             nx, ny, nz = normal_at(walls[w], position[i, 0], position[i, 1])
             gap = max(2.0 * (abs(height[i, w]) / radius[i] - 1.0), smallest_gap)
             at = pushed(height[i, w], radius[i])
-            h = drive_at_wall(i, w, nx, ny, nz, at, walls, moment, applied, potential, own_image, reach, smear)
+            h = drive_at_wall(
+                i, w, nx, ny, nz, at, walls, position, moment, applied, slope, potential, own_image, reach, smear
+            )  # fmt: skip
             k, x, l, y, size, share = place_in(table, gap, h)
             if k < 0:
                 continue

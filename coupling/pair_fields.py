@@ -29,9 +29,6 @@ def smeared_at_itself(reach: float, smear: bool) -> float:
     return 35.0 / (32.0 * np.pi * reach**3) if smear else 0.0
 
 
-smeared_share = inner(error_model="numpy", fastmath={"contract"})(smeared_at_itself)
-
-
 @inner(error_model="numpy", fastmath={"contract"})
 def field_factors(r, reach, smear):
     """c1, c2 [1/m^3] and p [1/m^2] at distance r < reach."""

@@ -69,7 +69,7 @@ class CellMoments:
         self._ghost = pairs.ghost_image.astype(float)
         self._image = pairs.image.astype(float)
         self._radius, self._volume = np.full(everyone, self.radius), np.full(everyone, self.volume)
-        self._applied = np.tile(self.applied, (everyone, 1))
+        self._applied, self._slope = np.tile(self.applied, (everyone, 1)), np.zeros((everyone, 4))
         self._field, self._new = np.zeros((everyone, 3)), np.zeros((everyone, 3))
         self._potential, self._share, self._contrast = np.zeros(everyone), np.zeros(everyone), np.zeros(everyone)
         self._missed, self._size = np.zeros(everyone), np.zeros(everyone)
@@ -104,8 +104,8 @@ class CellMoments:
         )  # fmt: skip
         self._field[n:], self._potential[n:] = self._field[whose[n:]], self._potential[whose[n:]]
         magnetise(
-            self.table, self._everywhere, self._radius, self._volume, self._used, self._applied, *where, self.reach,
-            True, self.near, self.smallest_gap, self.damping, self._field, self._potential, self._own_image,
+            self.table, self._everywhere, self._radius, self._volume, self._used, self._applied, self._slope, *where,
+            self.reach, True, self.near, self.smallest_gap, self.damping, self._field, self._potential, self._own_image,
             self._share, self._contrast, self._new, self._missed, self._size,
         )  # fmt: skip
         total = float(self._size[:n].sum())
@@ -132,7 +132,7 @@ class CellMoments:
         self.held[:] = 0.0
         self.stress[:] = 0.0
         held_forces(
-            self.table, position, self.radius, self.volume, self._used, self._applied, p.first, p.second,
+            self.table, position, self.radius, self.volume, self._used, self._applied, self._slope, p.first, p.second,
             self.box.image_shift(self._image, offset), self._slot, self.reach, self.near, self.smallest_gap,
             self._field, self._potential, self._share, self._contrast, self.held, self.grip, self.stress,
         )  # fmt: skip

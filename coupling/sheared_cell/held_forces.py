@@ -12,7 +12,7 @@ from numba import njit
 
 from coupling.contact_table import excess_moment
 from coupling.moment_kernels import MU_0, drive_of_pair
-from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, pair_force, smeared_share
+from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, pair_force
 from coupling.sheared_cell.near_pull import take_grip
 
 NEAR = 1.6  # diameters: where two equal spheres become mutual dipoles
@@ -20,7 +20,7 @@ NEAR = 1.6  # diameters: where two equal spheres become mutual dipoles
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def held_forces(
-    table, position, radius, volume, moment, applied, first, second, shift, near_slot, reach, near, smallest_gap,
+    table, position, radius, volume, moment, applied, slope, first, second, shift, near_slot, reach, near, smallest_gap,
     field, potential, share, contrast, force, grip, stress,
 ):  # fmt: skip
     """Forces (n, 3) [N], added; ``grip`` (q, N_GRIP) of near pairs (`near_pull`); ``stress`` (3, 3) [N m], added.
@@ -54,8 +54,10 @@ def held_forces(
         fx, fy, fz = MU_0_OVER_4PI * gx, MU_0_OVER_4PI * gy, MU_0_OVER_4PI * gz
         if near and q >= 0 and true_r < NEAR * touching:
             gap = max((true_r - touching) / radius, smallest_gap)
-            h = drive_of_pair(i, j, 1.0, 0.0, nx, ny, nz, r, moment, applied, potential, reach, True)
-            w3 = OVER_4PI / (r * r * r) - smeared_share(reach, True)  # less what each makes at itself
+            h = drive_of_pair(
+                i, j, 1.0, 0.0, nx, ny, nz, r, position, moment, applied, slope, potential, reach, True
+            )  # fmt: skip
+            w3 = OVER_4PI / (r * r * r)
             ex, ey, ez = field[j, 0], field[j, 1], field[j, 2]
             tx = 0.5 * (field[i, 0] + ex + w3 * (moment[i, 0] + bx))
             ty = 0.5 * (field[i, 1] + ey + w3 * (moment[i, 1] + by))

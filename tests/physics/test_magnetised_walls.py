@@ -69,8 +69,8 @@ def parts(wall, x, m):
         where = (rows.start, rows.other, rows.shift, rows.turn_cos, rows.turn_sin, walls, height)
         gather_fields(x, radius, m, np.zeros((4, 3)), *where, 1.0, False, 0.0, field, potential, own)
         contact_forces(
-            table, x, radius, radius, m, np.zeros((4, 3)), *where, 1.0, False, False, False, 1e-3, np.zeros((4, 3)),
-            0.0, field, potential, own, np.zeros(4), np.zeros(4), force, torque, wall_torque,
+            table, x, radius, radius, m, np.zeros((4, 3)), np.zeros((4, 4)), *where, 1.0, False, False, False,
+            1e-3, np.zeros((4, 3)), 0.0, field, potential, own, np.zeros(4), np.zeros(4), force, torque, wall_torque,
         )  # fmt: skip
         found.append((field, force, wall_torque.sum()))
     return found[0][0] - found[1][0], found[0][1] - found[1][1], found[0][2]
