@@ -30,8 +30,8 @@ CASES = Path(__file__).resolve().parents[2] / "cases"
 def test_rings_beside_steel_are_the_series_of_their_images(gap):
     """Permeability 1e5: moments and forces within 1 % of the largest, for a of 2.5 d.
 
-    Measured: moments 0.3 %, forces 0.7 %, at 3.5 d 0.1 and 0.2 %. At 2 d, where grains that touch are no even ring any more
-    (0.53 a apart) and four elements a width are few, 0.9 and 3.5 %; 0.2 and 2.2 % with twice as many.
+    Measured: moments 0.3 %, forces 0.7 %, at 3.5 d 0.1 and 0.2 %. At 2 d, where grains that touch are no even ring any
+    more (0.53 a apart) and four elements a width are few, 0.9 and 3.5 %; 0.2 and 2.2 % with twice as many.
     """
     places = [[-0.3, 0.0, 0.53], [0.45, 0.1, 1.3], [0.0, 0.0, 2.25]]
     if gap is not None:
