@@ -69,8 +69,8 @@ def parts(wall, x, m):
         wall_heights(x, walls, 1.0, height)
         where = (rows.start, rows.other, rows.shift, rows.turn_cos, rows.turn_sin, walls, height)
         known = find_influence(
-            table, x, radius, np.zeros((4, 3)), np.zeros((4, 4)), rows, walls, height, reach=1.0, smear=False, own=0.0,
-            smallest_gap=1e-3,
+            table, x, radius, np.zeros((4, 3)), np.zeros((4, 4)), rows, walls, height, reach=1.0, smear=False,
+            own=0.0, near=False, smallest_gap=1e-3,
         )  # fmt: skip
         gather_fields(
             m, np.zeros((4, 3)), rows.start, rows.other, known.block, known.image_potential, field, potential, own
