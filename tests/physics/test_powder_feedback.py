@@ -27,15 +27,15 @@ def worst(found, true):
 
 @pytest.mark.parametrize("name", CLUSTERS)
 def test_rings_of_clusters_are_all_their_pairs_whatever_the_width(name):
-    """Equal clusters 1.05 d apart: moments within 1 % and forces within 2 % of the largest, for a from 2 to 3.5 d.
+    """Equal clusters 1.05 d apart: moments within 1 % and forces within 2 % of the largest, for a of 2 and 2.5 d.
 
     Rings of grains cannot be nearer than that, 0.53 a at the smallest width, where they are no even ring any more:
-    that is what is left, 0.4 % and 1.6 %; from 2.5 d on it is 0.4 % and 0.3 %.
+    that is what is left, 0.4 % and 1.6 %; at 2.5 d it is 0.4 and 0.3 %, at 3.5 d 0.02 and 0.1 %.
     """
     x = np.add(CLUSTERS[name], [R, 0.0, 0.0])
     ring, n = ring_of(x, 1.05 * D)
     moment, force = all_pairs(x, A, IRON, np.array([0.0, 0.0, H0]), n)
-    for a in (2.0, 2.5, 3.5):
+    for a in (2.0, 2.5):
         found = fed_back(in_air(x, a * D), IRON, ring, A, a * D, boundary_field=MU_0 * H0, agree=1e-5)
         assert found.residuals[-1] <= 1e-5
         assert worst(found.moment[::n], moment) < 0.01, a
@@ -52,7 +52,7 @@ def test_near_excess_of_rings_of_clusters_does_not_depend_on_the_width(name):
     x = np.add(CLUSTERS[name], [R, 0.0, 0.0])
     ring, n = ring_of(x, 1.05 * D)
     true = magnetised_cluster(ring, A, IRON, [0.0, 0.0, 18e3], tolerance=1e-6)
-    for a, share in ((2.0, 0.02), (2.5, 0.005), (3.5, 0.005)):
+    for a, share in ((2.0, 0.02), (2.5, 0.005)):
         found = fed_back(
             in_air(x, a * D), IRON, ring, A, a * D, model="near_field", boundary_field=MU_0 * 18e3, agree=1e-5
         )
@@ -75,7 +75,6 @@ def test_random_powder_is_all_its_pairs():
     for a, bias, scatter, forces in (
         (2.0, 0.008, 0.04, 0.15),
         (2.5, 0.004, 0.025, 0.07),
-        (3.0, 0.003, 0.018, 0.045),
         (3.5, 0.002, 0.014, 0.03),
     ):
         problem = powder_problem(mesh, IRON, a * D, open_boundary=True)

@@ -31,7 +31,7 @@ def test_rings_beside_steel_are_the_series_of_their_images(gap):
     """Permeability 1e5: moments and forces within 1 % of the largest, for a of 2.5 d.
 
     Measured: moments 0.3 %, forces 0.7 %, at 3.5 d 0.1 and 0.2 %. At 2 d, where grains that touch are no even ring any
-    more (0.53 a apart) and four elements a width are few, 0.9 and 3.5 %; 0.2 and 2.2 % with twice as many.
+    more (0.53 a apart) and four elements a width are few, 0.9 and 3.1 %; 0.2 and 2.2 % with twice as many.
     """
     places = [[-0.3, 0.0, 0.53], [0.45, 0.1, 1.3], [0.0, 0.0, 2.25]]
     if gap is not None:
@@ -47,14 +47,13 @@ def test_rings_beside_steel_are_the_series_of_their_images(gap):
         assert np.abs(found.force[::n] - force).max() < share * np.abs(force).max(), a
 
 
-@pytest.mark.parametrize("H", [18e3, 200e3])
-def test_a_steel_face_is_half_of_a_ring_of_pairs(H):
+def test_a_steel_face_is_half_of_a_ring_of_pairs():
     """Near excess at the face, driven by the solved field: grains and their mirror images, all pairs one by one.
 
-    Two grains in a row on the face, gaps of 0.03 radii: within 1 % of the largest from 2.5 d on (measured: forces
-    0.6, moments 0.5 %), 4 % at 2 d, see above (3.5 and 1.3 %).
+    18 kA/m, two grains in a row on the face, gaps of 0.03 radii: within 1 % of the largest from 2.5 d on (measured:
+    forces 0.6, moments 0.5 %), 4 % at 2 d, see above (3.5 and 1.3 %); at 200 kA/m 0.4 and 1.7 % of force.
     """
-    x = np.array([[R, 0.0, 0.515 * D], [R, 0.0, 1.535 * D]])
+    x, H = np.array([[R, 0.0, 0.515 * D], [R, 0.0, 1.535 * D]]), 18e3
     ring, n = ring_of(x, 1.05 * D)
     both = np.vstack((ring, ring * [1.0, 1.0, -1.0]))
     true = magnetised_cluster(both, A, IRON, [0.0, 0.0, H], tolerance=1e-6)
@@ -70,7 +69,7 @@ def test_a_steel_face_is_half_of_a_ring_of_pairs(H):
 def test_in_a_drum_forces_do_not_depend_on_the_width(current):
     """Rings of four grains across the quickstart's gap (4 d), touching its disc and each other, saturated steel or not.
 
-    Within 2 % of the largest for a of 2 to 3.5 d on 8 layers of elements (measured: 1.5 %; on 16 at 1 A 0.5 %), and
+    Within 2 % of the largest for a of 2 and 3.5 d on 8 layers of elements (measured: 1.5 %; on 16 at 1 A 0.5 %), and
     turned by nothing: iron of revolution takes no torque about the axis.
     """
     case = emclutch.load_case(CASES / "quickstart.toml", {"field.gap_layers": 8})
@@ -81,7 +80,7 @@ def test_in_a_drum_forces_do_not_depend_on_the_width(current):
     problem, law = device.coil.problem, grain_law(case.scene)
     laws = {name: own for name, own in problem.laws.items() if name != "powder"}
     answers = []
-    for a in (3.5, 2.5, 2.0):
+    for a in (3.5, 2.0):
         own = powder_problem(device.coil.mesh, law, a * d, laws, open_boundary=True)
         found = fed_back(
             own, law, x, 0.5 * d, a * d, model="near_field", sector=sector, walls=device.walls(),
@@ -98,14 +97,14 @@ def test_a_loose_powder_has_the_mean_fields_magnetisation():
     """Of random grains between steel faces, M is Maxwell and Garnett's in the field solved with the fill alone.
 
     To the order of phi that this is right to: what is missing is at most 0.6 phi of M, grains of very high permeability
-    having 0.5 phi (Jeffrey 1973: 4.51 against 3 in phi^2). Means over three packings, grains beyond 1.25 d from a face.
+    having 0.5 phi (Jeffrey 1973: 4.51 against 3 in phi^2). Means over two packings, grains beyond 1.25 d from a face.
     """
     gap, H, n = 5.0 * D, 10e3, 4
     section = SteelGap((R - 0.5 * D, R + 8.5 * D), gap)
     sector, width = CyclicSector(2.0 * np.pi / n), 2.5 * D
-    for fill in (0.05, 0.1, 0.2):
+    for fill in (0.05, 0.2):
         ratios, around = [], []
-        for seed in (1, 2, 3):
+        for seed in (1, 2):
             x = random_grains(n, (R, R + 8.0 * D), gap, fill, seed)
             x[:, 2] += 0.5 * gap
             found = section.fed_back(IRON, x, width, H, sector=sector, agree=1e-3, tolerance=1e-5)
@@ -136,7 +135,7 @@ class BesideIron:
             "powder": (R - 5.0 * D, R + 5.0 * D, 0.0, 8.0 * D),
             "coil": (R - 4.0 * D, R + 4.0 * D, 12.0 * D, 15.0 * D),
         }
-        mesh = half_disc(parts, 45.0 * D, 0.4 * D)
+        mesh = half_disc(parts, 45.0 * D, 0.5 * D)
         problem = powder_problem(mesh, IRON, a * D, {"iron": LinearLaw(self.MU)}, open_boundary=True)
         self.walls = [RevolvedWall("iron", "housing", (R - 6.0 * D, 0.0), (R + 6.0 * D, 0.0), magnetic=True)]
         self.found = fed_back(problem, IRON, ring, A, a * D, walls=self.walls, ampere_turns=4e3, tolerance=1e-11)
