@@ -232,12 +232,12 @@ def sweep_rows(
                     d = np.sqrt(d2)
                     pull = pull_at(
                         attraction,
-                        (d - reach) * reach / (2.0 * ri * rj),
+                        (d - reach) * (reach / (2.0 * ri * rj)),  # quotients beside the root, not after it
                         attraction.pair[k, COLUMN],
                         attraction.pair[k, AMPLITUDE],
                         attraction.pair[k, ACROSS],
                     )
-                    pull = pull / d if d > 0.0 else 0.0
+                    pull *= d * (1.0 / d2) if d2 > 0.0 else 0.0
                     gx, gy, gz = pull * dx, pull * dy, pull * dz
                     drawn_x, drawn_y, drawn_z = drawn_x + gx, drawn_y + gy, drawn_z + gz
                     if turn is not None:
