@@ -1,0 +1,47 @@
+"""Stress, field and fill between pole faces are those of the torque, the field and the grains that make them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import emclutch
+from emclutch.device import build_device
+from emclutch.pole_zone import pole_zone
+from emclutch.scene.grain_smear import element_layers, smear_width
+from field import RadialField
+
+CASE = emclutch.load_case(Path(__file__).resolve().parents[2] / "cases" / "powder_clutch.toml")
+
+
+@pytest.fixture(scope="module")
+def zone():
+    case = CASE.with_values({"effects.magnetic_force": None, "effects.dipoles": None, "effects.wall_images": None,
+                             "effects.saturation": None, "effects.back_reaction": None})  # fmt: skip
+    return pole_zone(build_device(case.scene))
+
+
+def test_a_stress_on_both_pole_faces_gives_its_torque(zone):
+    """2 pi R L tau R of two faces 12 mm long at 45 mm: 12 N m are 39.3 kPa."""
+    tau = 30e3
+    assert zone.shear_stress(2.0 * 2.0 * np.pi * 45e-3**2 * 12e-3 * tau) == pytest.approx(tau, rel=1e-12)
+    assert zone.shear_stress(12.0) == pytest.approx(39.3e3, rel=1e-3)
+
+
+def test_field_strength_is_the_mean_by_volume(zone):
+    """Of H_r = H0 R/r it is H0 R times the gap's width over the mean radius times that width: H0 at the mean radius."""
+    assert zone.field_strength(RadialField(80e3, 45e-3)) == pytest.approx(80e3, rel=1e-6)
+
+
+def test_fill_counts_the_grains_between_the_faces_alone(zone):
+    place = np.array([[45e-3, 0.0, 10e-3], [0.0, 45e-3, -10e-3], [45e-3, 0.0, 0.0], [45e-3, 0.0, 15.5e-3]])
+    box = np.pi * ((45.5e-3) ** 2 - (44.5e-3) ** 2) * 12e-3
+    assert zone.fill(place, np.full(4, 1e-8)) == pytest.approx(2e-8 / (2.0 * box), rel=1e-12)
+
+
+@pytest.mark.parametrize(("cutoff", "width", "layers"), [(2.5, 0.5e-3, 8), (3.0, 0.6e-3, 7), (5.5, 1e-3, 4)])
+def test_the_smear_is_no_wider_than_the_gap_and_has_four_rows_of_elements(cutoff, width, layers):
+    """Gap 1 mm, grains of 0.2 mm."""
+    scene = CASE.with_values({"effects.dipoles.cutoff": cutoff}).scene
+    assert smear_width(scene) == pytest.approx(width, rel=1e-12) and element_layers(scene, 4) == layers
+    assert element_layers(scene, 20) == 20
