@@ -94,7 +94,7 @@ def contact_table(
     )
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def sphere_ratio(table, H):
     """M/H and dM/dH of a lone sphere in H [A/m]; their limit at 0; beyond the grid M is what it was at its end."""
     last = table.sphere_ratio.shape[0] - 1
@@ -115,17 +115,15 @@ def sphere_ratio(table, H):
     return ratio, ratio + (p + t * (2.0 * second + 3.0 * t * third)) / table.sphere_step
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def place_in(table, gap, H):
-    """Where a gap in radii and a field H [A/m] lie in the tables: i, x, j, y, |H| held at the last field, and a share.
+@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
+def gap_place(table, gap):
+    """Where a gap in radii lies in the tables; not below 0, and without an end."""
+    return max((np.log(gap) - table.gap_start) / table.gap_step, 0.0)
 
-    i < 0 beyond the farthest gap, where there is no excess. Beyond the last field it falls as 1/h: the share.
-    """
-    x = (np.log(gap) - table.gap_start) / table.gap_step
-    if x >= table.across.shape[0] - 1:
-        return np.int64(-1), 0.0, np.int64(0), 0.0, 0.0, 0.0
-    x = max(x, 0.0)
-    i = np.int64(x)
+
+@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
+def field_place(table, H):
+    """Where a field H [A/m] lies in the tables: j, y, |H| held at the last field; beyond it falls as 1/h: a share."""
     h, share = abs(H), 1.0
     last = table.force.shape[1] - 1
     y = 0.0
@@ -135,10 +133,24 @@ def place_in(table, gap, H):
         end = table.scale * np.exp(table.field_start + last * table.field_step)
         y, h, share = float(last), end, end / h
     j = min(np.int64(y), last - 1)
-    return i, x - i, j, y - j, h, share
+    return j, y - j, h, share
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
+def place_in(table, gap, H):
+    """Where a gap in radii and a field H [A/m] lie in the tables: i, x and what `field_place` says.
+
+    i < 0 beyond the farthest gap, where there is no excess.
+    """
+    x = gap_place(table, gap)
+    if x >= table.across.shape[0] - 1:
+        return np.int64(-1), 0.0, np.int64(0), 0.0, 0.0, 0.0
+    i = np.int64(x)
+    j, y, h, share = field_place(table, H)
+    return i, x - i, j, y, h, share
+
+
+@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def read(values, i, x, j, y):
     """Bilinear value of a table at a place of `place_in`."""
     low = values[i, j] + y * (values[i, j + 1] - values[i, j])
@@ -146,24 +158,30 @@ def read(values, i, x, j, y):
     return low + x * (high - low)
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
+def moment_at(table, x, H):
+    """dM [A/m] at a place of `gap_place` and a field H [A/m]; odd in H."""
+    if x >= table.across.shape[0] - 1:
+        return 0.0
+    i = np.int64(x)
+    j, y, h, share = field_place(table, H)
+    return np.copysign(h, H) * share * read(table.moment, i, x - i, j, y)
+
+
+@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def excess_moment(table, gap, H):
     """dM [A/m] at a gap in radii and a field H [A/m]; odd in H."""
-    i, x, j, y, h, share = place_in(table, gap, H)
-    if i < 0:
-        return 0.0
-    M = read(table.moment, i, x, j, y) * h * share
-    return M if H > 0.0 else -M
+    return moment_at(table, gap_place(table, gap), H)
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def excess_force(table, gap, H):
     """dF [mu_0 A^2/m^2 a^2] >= 0 at a gap in radii and a field H [A/m] of either sign."""
     i, x, j, y, h, share = place_in(table, gap, H)
     return 0.0 if i < 0 else read(table.force, i, x, j, y) * h * h * share
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def near_excess(table, gap, end, H):
     """dF [mu_0 A^2/m^2 a^2], dM [A/m] and `across` [-] of a near pair, see `excess_force` and `excess_moment`.
 

@@ -23,22 +23,29 @@ from geometry.inner_functions import inner
 FACES_NO_WALL = 1e30
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def height_over(wall, x, y, z, reach):
-    """Signed height over the wall's line, `FACES_NO_WALL` where the foot lies beside it or is farther than reach."""
-    dr, dz = np.sqrt(x * x + y * y) - wall[0], z - wall[1]
-    along = dr * wall[2] + dz * wall[3]
-    h = -dr * wall[3] + dz * wall[2]
-    return h if 0.0 <= along <= wall[4] and abs(h) < reach else FACES_NO_WALL
+@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
+def height_over(walls, w, x, y, z, reach):
+    """Signed height over the line of wall ``w``, `FACES_NO_WALL` where the foot lies beside or farther than reach."""
+    dr, dz = np.sqrt(x * x + y * y) - walls[w, 0], z - walls[w, 1]
+    along = dr * walls[w, 2] + dz * walls[w, 3]
+    h = -dr * walls[w, 3] + dz * walls[w, 2]
+    return h if 0.0 <= along <= walls[w, 4] and abs(h) < reach else FACES_NO_WALL
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def normal_at(wall, x, y):
-    """The wall's normal in the half plane of a point."""
+@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
+def normal_at(walls, w, x, y):
+    """The normal of wall ``w`` in the half plane of a point."""
     rho = np.sqrt(x * x + y * y)
     if rho == 0.0:
-        return 0.0, 0.0, wall[2]
-    return -wall[3] * x / rho, -wall[3] * y / rho, wall[2]
+        return 0.0, 0.0, walls[w, 2]
+    out = -walls[w, 3] / rho
+    return out * x, out * y, walls[w, 2]
+
+
+@inner(error_model="numpy", fastmath={"contract"})
+def pushed(h, radius):
+    """The height at which a grain is mirrored: not nearer than its radius, its poles do not enter the steel."""
+    return max(h, radius) if h > 0.0 else min(h, -radius)
 
 
 @inner(error_model="numpy", fastmath={"contract"})
@@ -55,24 +62,11 @@ def dipole_field(mx, my, mz, dx, dy, dz, reach, smear):
     if r2 >= reach * reach:
         return 0.0, 0.0, 0.0, 0.0
     r = np.sqrt(r2)
-    nx, ny, nz = dx / r, dy / r, dz / r
+    per_r = 1.0 / r
+    nx, ny, nz = dx * per_r, dy * per_r, dz * per_r
     c1, c2, p = field_factors(r, reach, smear)
     along = mx * nx + my * ny + mz * nz
     return c1 * along * nx - c2 * mx, c1 * along * ny - c2 * my, c1 * along * nz - c2 * mz, p * along
-
-
-@inner(error_model="numpy", fastmath={"contract"})
-def image_field(k, x, y, z, hx, nx, ny, nz, jx, jy, jz, h, ux, uy, uz, mx, my, mz, reach, smear):
-    """4 pi times the field, and the potential, at grain i (x, height hx, normal n) of the image of j (height h, u)."""
-    px, py, pz = mirrored(k, mx, my, mz, ux, uy, uz)
-    ax, ay, az, phi = dipole_field(
-        px, py, pz, x - (jx - 2.0 * h * ux), y - (jy - 2.0 * h * uy), z - (jz - 2.0 * h * uz), reach, smear
-    )
-    bx, by, bz, _ = dipole_field(
-        mx, my, mz, (x - 2.0 * hx * nx) - jx, (y - 2.0 * hx * ny) - jy, (z - 2.0 * hx * nz) - jz, reach, smear
-    )
-    bx, by, bz = mirrored(k, bx, by, bz, nx, ny, nz)
-    return 0.5 * (ax + bx), 0.5 * (ay + by), 0.5 * (az + bz), phi
 
 
 @inner(error_model="numpy", fastmath={"contract"})
@@ -82,7 +76,8 @@ def moved_force(ax, ay, az, bx, by, bz, dx, dy, dz, reach, smear):
     if r2 >= reach * reach:
         return 0.0, 0.0, 0.0
     r = np.sqrt(r2)
-    return pair_force(ax, ay, az, bx, by, bz, dx / r, dy / r, dz / r, r, reach, smear)
+    per_r = 1.0 / r
+    return pair_force(ax, ay, az, bx, by, bz, dx * per_r, dy * per_r, dz * per_r, r, reach, smear)
 
 
 @inner(error_model="numpy", fastmath={"contract"})

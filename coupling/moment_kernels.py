@@ -10,8 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from coupling.contact_table import FARTHEST_GAP, excess_moment, near_excess, sphere_ratio
-from coupling.mirror import FACES_NO_WALL, height_over, image_field, image_force, normal_at
+from coupling.contact_table import FARTHEST_GAP, excess_moment, moment_at, near_excess, sphere_ratio
+from coupling.influence_kernels import MEAN, MUTUAL, NX, NY, NZ, PER_R, PLACE, slope_along
+from coupling.mirror import FACES_NO_WALL, height_over, image_force, normal_at, pushed
 from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, pair_force
 from geometry.inner_functions import inner
 
@@ -24,87 +25,37 @@ def wall_heights(position, walls, reach, height):
     """Signed heights (n, w) [m] of grains over walls (w, 6), see `coupling.mirror`; `FACES_NO_WALL` where none."""
     for i in prange(position.shape[0]):
         for w in range(walls.shape[0]):
-            height[i, w] = height_over(walls[w], position[i, 0], position[i, 1], position[i, 2], reach)
-
-
-@inner(error_model="numpy", fastmath={"contract"})
-def pushed(h, radius):
-    """The height at which a grain is mirrored: not nearer than its radius, its poles do not enter the steel."""
-    return max(h, radius) if h > 0.0 else min(h, -radius)
+            height[i, w] = height_over(walls, w, position[i, 0], position[i, 1], position[i, 2], reach)
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def gather_fields(
-    position, radius, moment, applied, start, other, shift, turn_cos, turn_sin, walls, height, reach, smear, own,
-    field, potential, own_image
-):  # fmt: skip
+def gather_fields(moment, applied, start, other, block, image_potential, field, potential, own_image):
     """Stage 1: field S (n, 3) [A/m] = applied + own share + that of all others within reach, potential P (n,) [A].
 
     Images in the walls included; ``own_image`` (n, w) [A]: the part of the potential that a grain's own image makes.
+    ``block`` and ``image_potential`` are those of `influences`.
     """
-    for i in prange(position.shape[0]):
-        xi, yi, zi = position[i, 0], position[i, 1], position[i, 2]
-        sx = sy = sz = total = 0.0
-        for q in range(start[i], start[i + 1]):
-            j = other[q]
-            c, s = turn_cos[shift[q]], turn_sin[shift[q]]
-            dx = xi - (c * position[j, 0] - s * position[j, 1])
-            dy = yi - (s * position[j, 0] + c * position[j, 1])
-            dz = zi - position[j, 2]
-            r2 = dx * dx + dy * dy + dz * dz
-            if r2 >= reach * reach:
-                continue
-            r = np.sqrt(r2)
-            nx, ny, nz = dx / r, dy / r, dz / r
-            r = max(r, radius[i] + radius[j])
-            mx, my, mz = c * moment[j, 0] - s * moment[j, 1], s * moment[j, 0] + c * moment[j, 1], moment[j, 2]
-            along = mx * nx + my * ny + mz * nz
-            c1, c2, p = field_factors(r, reach, smear)
-            sx += c1 * along * nx - c2 * mx
-            sy += c1 * along * ny - c2 * my
-            sz += c1 * along * nz - c2 * mz
-            total += p * along
-        for w in range(walls.shape[0]):
-            own_image[i, w] = 0.0
-            if height[i, w] >= FACES_NO_WALL:
-                continue
-            hi = pushed(height[i, w], radius[i])
-            nx, ny, nz = normal_at(walls[w], xi, yi)
-            for q in range(start[i] - 1, start[i + 1]):  # its own image first
-                j, c, s = np.int64(i), 1.0, 0.0
-                if q >= start[i]:
-                    j, c, s = np.int64(other[q]), turn_cos[shift[q]], turn_sin[shift[q]]
-                if height[j, w] >= FACES_NO_WALL or height[j, w] * hi < 0.0:
-                    continue
-                jx, jy = c * position[j, 0] - s * position[j, 1], s * position[j, 0] + c * position[j, 1]
-                mx, my = c * moment[j, 0] - s * moment[j, 1], s * moment[j, 0] + c * moment[j, 1]
-                ux, uy, uz = normal_at(walls[w], jx, jy)
-                hx, hy, hz, phi = image_field(
-                    walls[w, 5], xi, yi, zi, hi, nx, ny, nz, jx, jy, position[j, 2], pushed(height[j, w], radius[j]),
-                    ux, uy, uz, mx, my, moment[j, 2], reach, smear,
-                )  # fmt: skip
-                sx, sy, sz, total = sx + hx, sy + hy, sz + hz, total + phi
-                if j == i:
-                    own_image[i, w] = OVER_4PI * phi
-        field[i, 0] = applied[i, 0] + OVER_4PI * sx + own * moment[i, 0]
-        field[i, 1] = applied[i, 1] + OVER_4PI * sy + own * moment[i, 1]
-        field[i, 2] = applied[i, 2] + OVER_4PI * sz + own * moment[i, 2]
-        potential[i] = OVER_4PI * total
+    p = other.shape[0]
+    for i in prange(moment.shape[0]):
+        sx, sy, sz, total = applied[i, 0], applied[i, 1], applied[i, 2], 0.0
+        mx, my, mz = moment[i, 0], moment[i, 1], moment[i, 2]
+        for q in range(start[i] - 1, start[i + 1]):  # itself first
+            j, b = np.int64(i), np.int64(p + i)
+            if q >= start[i]:
+                j, b = np.int64(other[q]), np.int64(q)
+            ax, ay, az = moment[j, 0], moment[j, 1], moment[j, 2]
+            sx += block[b, 0, 0] * ax + block[b, 1, 0] * ay + block[b, 2, 0] * az
+            sy += block[b, 0, 1] * ax + block[b, 1, 1] * ay + block[b, 2, 1] * az
+            sz += block[b, 0, 2] * ax + block[b, 1, 2] * ay + block[b, 2, 2] * az
+            total += block[b, 0, 3] * ax + block[b, 1, 3] * ay + block[b, 2, 3] * az
+        field[i, 0], field[i, 1], field[i, 2], potential[i] = sx, sy, sz, total
+        for w in range(own_image.shape[1]):
+            own_image[i, w] = (
+                image_potential[i, w, 0] * mx + image_potential[i, w, 1] * my + image_potential[i, w, 2] * mz
+            )
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def slope_along(i, nx, ny, nz, position, slope):
-    """n . grad H . n [A/m^2] of the applied field at grain i, n in the grain's own place; slope: `field_slope`."""
-    x, y = position[i, 0], position[i, 1]
-    rho2 = x * x + y * y
-    if rho2 == 0.0:
-        return slope[i, 2] * nz * nz
-    rho = np.sqrt(rho2)
-    n_r, n_phi = (nx * x + ny * y) / rho, (ny * x - nx * y) / rho
-    return slope[i, 0] * n_r * n_r + slope[i, 1] * n_phi * n_phi + (slope[i, 2] * nz + slope[i, 3] * n_r) * nz
-
-
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def drive_of_pair(
     i, j, c, s, nx, ny, nz, r, position, moment, applied, slope, potential, reach, smear
 ):  # fmt: skip
@@ -129,7 +80,7 @@ def drive_of_pair(
     return h
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def drive_at_wall(
     i, w, nx, ny, nz, h, walls, position, moment, applied, slope, potential, own_image, reach, smear
 ):  # fmt: skip
@@ -146,11 +97,13 @@ def drive_at_wall(
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
 def magnetise(
-    table, position, radius, volume, moment, applied, slope, start, other, shift, turn_cos, turn_sin, walls, height,
-    reach, smear, near, smallest_gap, damping, field, potential, own_image, share, contrast, new, missed, size,
+    table, position, radius, volume, moment, applied, slope, other, shift, turn_cos, turn_sin, walls, height, reach,
+    smear, near, smallest_gap, near_start, near_row, near_pair, damping, field, potential, own_image, share, contrast,
+    new, missed, size,
 ):  # fmt: skip
     """Stage 2: moments ``new`` (n, 3) [A m^2] after a damped step towards the law in ``field`` and ``potential``.
 
+    Near pairs are those of `near_pairs` (with ``near``).
     ``share`` (n,) [-]: the part of the plain sum of its pairs' excesses that a grain takes; ``contrast`` (n,) [-]: what
     saturation leaves of its answer across (`coupling.contact_table`). ``missed``, ``size`` (n,):
     squares of the undamped step and of the magnetisation [A^2/m^2].
@@ -161,33 +114,23 @@ def magnetise(
         contrast[i] = max(ratio * steepness / 9.0, 0.0) ** CONTRAST_POWER  # the slope's rounding may be negative
         vx = vy = vz = squares = sum_v = 0.0
         if near:
-            for q in range(start[i], start[i + 1]):
+            for k in range(near_start[i], near_start[i + 1]):
+                q = near_row[k]
                 j = other[q]
-                both = radius[i] + radius[j]
                 c, s = turn_cos[shift[q]], turn_sin[shift[q]]
-                dx = position[i, 0] - (c * position[j, 0] - s * position[j, 1])
-                dy = position[i, 1] - (s * position[j, 0] + c * position[j, 1])
-                dz = position[i, 2] - position[j, 2]
-                r2 = dx * dx + dy * dy + dz * dz
-                if r2 >= 2.56 * both * both:  # at most (1 + 1.2/2) times the sum of the radii
-                    continue
-                r = np.sqrt(r2)
-                gap = (r - both) * both / (2.0 * radius[i] * radius[j])
-                if gap >= FARTHEST_GAP:
-                    continue
-                nx, ny, nz = dx / r, dy / r, dz / r
-                gap, r = max(gap, smallest_gap), max(r, both)
-                h = drive_of_pair(
-                    i, j, c, s, nx, ny, nz, r, position, moment, applied, slope, potential, reach, smear
-                )  # fmt: skip
-                v = excess_moment(table, gap, h)
+                nx, ny, nz = near_pair[k, NX], near_pair[k, NY], near_pair[k, NZ]
+                both_x = moment[i, 0] + c * moment[j, 0] - s * moment[j, 1]
+                both_y = moment[i, 1] + s * moment[j, 0] + c * moment[j, 1]
+                h = near_pair[k, MEAN] - (potential[i] - potential[j]) * near_pair[k, PER_R]
+                h += (both_x * nx + both_y * ny + (moment[i, 2] + moment[j, 2]) * nz) * near_pair[k, MUTUAL]
+                v = moment_at(table, near_pair[k, PLACE], h)
                 vx, vy, vz = vx + v * nx, vy + v * ny, vz + v * nz
                 squares += v * v
                 sum_v += abs(v)
             for w in range(walls.shape[0]):
                 if height[i, w] >= FACES_NO_WALL or abs(height[i, w]) >= 1.6 * radius[i]:
                     continue
-                nx, ny, nz = normal_at(walls[w], position[i, 0], position[i, 1])
+                nx, ny, nz = normal_at(walls, w, position[i, 0], position[i, 1])
                 gap = max(2.0 * (abs(height[i, w]) / radius[i] - 1.0), smallest_gap)
                 at = pushed(height[i, w], radius[i])
                 h = drive_at_wall(
@@ -239,7 +182,8 @@ def contact_forces(
             if r2 >= reach * reach:
                 continue
             true_r = np.sqrt(r2)
-            nx, ny, nz = dx / true_r, dy / true_r, dz / true_r
+            per_r = 1.0 / true_r
+            nx, ny, nz = dx * per_r, dy * per_r, dz * per_r
             r = max(true_r, radius[i] + radius[j])
             bx, by, bz = c * moment[j, 0] - s * moment[j, 1], s * moment[j, 0] + c * moment[j, 1], moment[j, 2]
             gx, gy, gz = pair_force(
@@ -290,7 +234,7 @@ def contact_forces(
             ex, ey, ez = u * field[i, 0] + w * ex, u * field[i, 1] + w * ey, u * field[i, 2] + w * ez
             along = ex * nx + ey * ny + ez * nz
             ex, ey, ez = ex - along * nx, ey - along * ny, ez - along * nz
-            fx, fy, fz = fx + ex / true_r, fy + ey / true_r, fz + ez / true_r
+            fx, fy, fz = fx + ex * per_r, fy + ey * per_r, fz + ez * per_r
             tz -= 0.5 * (nx * ey - ny * ex)
         force[i, 0] += fx
         force[i, 1] += fy
@@ -302,16 +246,18 @@ def contact_forces(
             if height[i, w] >= FACES_NO_WALL:
                 continue
             hi = pushed(height[i, w], radius[i])
-            nx, ny, nz = normal_at(walls[w], xi, yi)
+            nx, ny, nz = normal_at(walls, w, xi, yi)
             for q in range(start[i] - 1, start[i + 1]):
                 j, c, s = np.int64(i), 1.0, 0.0
                 if q >= start[i]:
                     j, c, s = np.int64(other[q]), turn_cos[shift[q]], turn_sin[shift[q]]
                 if height[j, w] >= FACES_NO_WALL or height[j, w] * hi < 0.0:
                     continue
+                if abs(hi + pushed(height[j, w], radius[j])) >= reach:  # an image is never nearer than both heights
+                    continue
                 jx, jy = c * position[j, 0] - s * position[j, 1], s * position[j, 0] + c * position[j, 1]
                 bx, by = c * moment[j, 0] - s * moment[j, 1], s * moment[j, 0] + c * moment[j, 1]
-                ux, uy, uz = normal_at(walls[w], jx, jy)
+                ux, uy, uz = normal_at(walls, w, jx, jy)
                 gx, gy, gz = image_force(
                     walls[w, 5], xi, yi, zi, hi, nx, ny, nz, moment[i, 0], moment[i, 1], moment[i, 2],
                     jx, jy, position[j, 2], pushed(height[j, w], radius[j]), ux, uy, uz, bx, by, moment[j, 2],

@@ -34,6 +34,7 @@ from functools import lru_cache
 import numpy as np
 
 from coupling.contact_table import ContactTable, contact_table
+from coupling.influence import find_influence
 from coupling.moment_kernels import contact_forces, gather_fields, magnetise, wall_heights
 from coupling.neighbour_rows import NeighbourRows, neighbour_rows
 from coupling.pair_fields import smeared_at_itself
@@ -129,6 +130,7 @@ class MutualMoments:
         self.smallest_gap = float(smallest_gap)
         self.walls = np.zeros((0, 6)) if walls is None else np.ascontiguousarray(walls, dtype=float).reshape(-1, 6)
         self._own = smeared_at_itself(reach, smear)
+        self._room: np.ndarray | None = None
 
     def solve(
         self,
@@ -181,17 +183,22 @@ class MutualMoments:
         if start is not None and self._is_far(moment, volume, applied):
             moment[:] = 0.0
             start = None
+        known = find_influence(
+            self.table, position, radius, applied, slope, rows, self.walls, height, reach=self.reach, smear=self.smear,
+            own=self._own, near=self.near, smallest_gap=self.smallest_gap, room=self._room,
+        )  # fmt: skip
+        self._room = known.block
         damping = 1.0 if start is None else FIRST_DAMPING
         before = np.inf
         for sweep in range(1, most_sweeps + 1):
             gather_fields(
-                position, radius, moment, applied, rows.start, rows.other, rows.shift, rows.turn_cos, rows.turn_sin,
-                self.walls, height, self.reach, self.smear, self._own, field, potential, own_image,
-            )  # fmt: skip
+                moment, applied, rows.start, rows.other, known.block, known.image_potential, field, potential, own_image
+            )
             magnetise(
-                self.table, position, radius, volume, moment, applied, slope, rows.start, rows.other, rows.shift,
-                rows.turn_cos, rows.turn_sin, self.walls, height, self.reach, self.smear, self.near, self.smallest_gap,
-                damping, field, potential, own_image, share, contrast, new, missed, size,
+                self.table, position, radius, volume, moment, applied, slope, rows.other, rows.shift, rows.turn_cos,
+                rows.turn_sin, self.walls, height, self.reach, self.smear, self.near, self.smallest_gap,
+                known.near_start, known.near_row, known.near_pair, damping, field, potential, own_image, share,
+                contrast, new, missed, size,
             )  # fmt: skip
             total = float(size.sum())
             residual = float(np.sqrt(missed.sum() / total)) if total > 0.0 else 0.0

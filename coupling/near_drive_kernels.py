@@ -10,8 +10,8 @@ import numpy as np
 from numba import njit
 
 from coupling.contact_table import place_in, read
-from coupling.mirror import FACES_NO_WALL, normal_at
-from coupling.moment_kernels import MU_0, drive_at_wall, drive_of_pair, pushed
+from coupling.mirror import FACES_NO_WALL, normal_at, pushed
+from coupling.moment_kernels import MU_0, drive_at_wall, drive_of_pair
 from coupling.pair_fields import OVER_4PI
 
 COLUMN, AMPLITUDE, ACROSS = 0, 1, 2
@@ -83,7 +83,7 @@ def drive_walls(
             w = steel[wall[q]]
             if w < 0 or height[i, w] >= FACES_NO_WALL or abs(height[i, w]) >= 1.6 * radius[i]:
                 continue
-            nx, ny, nz = normal_at(walls[w], position[i, 0], position[i, 1])
+            nx, ny, nz = normal_at(walls, w, position[i, 0], position[i, 1])
             gap = max(2.0 * (abs(height[i, w]) / radius[i] - 1.0), smallest_gap)
             at = pushed(height[i, w], radius[i])
             h = drive_at_wall(

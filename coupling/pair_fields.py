@@ -32,39 +32,42 @@ def smeared_at_itself(reach: float, smear: bool) -> float:
 @inner(error_model="numpy", fastmath={"contract"})
 def field_factors(r, reach, smear):
     """c1, c2 [1/m^3] and p [1/m^2] at distance r < reach."""
+    per_r = 1.0 / r
+    per_r2 = per_r * per_r
     if smear:
         x = r / reach
         x2 = x * x
         left = 1.0 - x2
         kernel = 105.0 / (8.0 * reach * reach * reach) * left * left
         outside = 1.0 - 0.125 * x * x2 * (35.0 - x2 * (42.0 - 15.0 * x2))
-        c2 = outside / (r * r * r)
-        return 3.0 * c2 + kernel, c2, outside / (r * r)
+        c2 = outside * per_r2 * per_r
+        return 3.0 * c2 + kernel, c2, outside * per_r2
     switch = 1.0
     if r > SWITCH * reach:
         t = (r - SWITCH * reach) / ((1.0 - SWITCH) * reach)
         switch = 1.0 - t * t * (3.0 - 2.0 * t)
-    c2 = switch / (r * r * r)
-    return 3.0 * c2, c2, switch / (r * r)
+    c2 = switch * per_r2 * per_r
+    return 3.0 * c2, c2, switch * per_r2
 
 
 @inner(error_model="numpy", fastmath={"contract"})
 def field_slopes(r, reach, smear):
     """dc1/dr and dc2/dr [1/m^4] at distance r < reach."""
+    per_r = 1.0 / r
     if smear:
         x = r / reach
         left = 1.0 - x * x
         scale = 105.0 / (8.0 * reach * reach * reach)
         _, c2, _ = field_factors(r, reach, smear)
-        slope = -(scale * left * left + 3.0 * c2) / r
+        slope = -(scale * left * left + 3.0 * c2) * per_r
         return 3.0 * slope - 4.0 * scale * left * x / reach, slope
-    w = 1.0 / (r * r * r)
+    w = per_r * per_r * per_r
     switch, fall = 1.0, 0.0
     if r > SWITCH * reach:
         t = (r - SWITCH * reach) / ((1.0 - SWITCH) * reach)
         switch = 1.0 - t * t * (3.0 - 2.0 * t)
         fall = -6.0 * t * (1.0 - t) / ((1.0 - SWITCH) * reach)
-    slope = w * (fall - 3.0 * switch / r)
+    slope = w * (fall - 3.0 * switch * per_r)
     return 3.0 * slope, slope
 
 
@@ -75,6 +78,7 @@ def pair_force(ax, ay, az, bx, by, bz, nx, ny, nz, r, reach, smear):
     c1_r, c2_r = field_slopes(r, reach, smear)
     an = ax * nx + ay * ny + az * nz
     bn = bx * nx + by * ny + bz * nz
-    along = c1_r * an * bn - c2_r * (ax * bx + ay * by + az * bz) - 2.0 * c1 / r * an * bn
-    u, v = c1 / r * bn, c1 / r * an
+    turning = c1 / r
+    along = (c1_r - 2.0 * turning) * an * bn - c2_r * (ax * bx + ay * by + az * bz)
+    u, v = turning * bn, turning * an
     return along * nx + u * ax + v * bx, along * ny + u * ay + v * by, along * nz + u * az + v * bz

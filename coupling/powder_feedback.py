@@ -95,24 +95,33 @@ class PowderFeedback:
         self._M = np.zeros((len(own), 2, self._shape[1]))
         self._node_M = np.zeros((6, len(self._nodes)))
         self._smear: SectionSmear | None = None
+        self._known: MagneticField | None = None
+        self._steel, self._held = rows, np.zeros_like(self._M)
         self.residual = FeedbackResidual()
 
     def deposit(
         self, position: np.ndarray, volume: np.ndarray, moment: np.ndarray | None, field: MagneticField | None
     ) -> None:
         """Take grains at (n, 3) [m] of volumes (n,) [m^3], moments (n, 3) [A m^2]; note by how much `field` misses."""
-        rows = steel_walls(self.walls, field)
+        self._know(field)
         moment = np.zeros_like(position) if moment is None else moment
-        self._smear = ring_smear(position, volume, moment, self.width, self.angle, rows)
-        found = self._smear.at(self._points, self._folds)
+        self._smear = ring_smear(position, volume, moment, self.width, self.angle, self._steel)
+        found = self._smear.at(self._points, self._folds, slopes=False)
         self._fill = np.minimum((found[0].reshape(self._shape) * self._share).sum(axis=1), 0.95)
         self._M = np.ascontiguousarray(found[1:3].reshape(2, *self._shape).transpose(1, 0, 2))
         total = np.inf
         if field is not None:
             size = self._square(self._M)
-            missed = self._square(self._M - self.represented(field))
+            missed = self._square(self._M - self._held)
             total = float(np.sqrt(missed / size)) if size > 0.0 else (0.0 if missed == 0.0 else np.inf)
         self.residual = FeedbackResidual(total, self.residual.across, self.residual.factor, self.residual.lag)
+
+    def _know(self, field: MagneticField | None) -> None:
+        """Find what `deposit` needs of a field, once: how its steel mirrors, the magnetisation that it holds."""
+        if field is None or field is not self._known:
+            self._steel = steel_walls(self.walls, field)
+            self._held = np.zeros_like(self._M) if field is None else self.represented(field)
+            self._known = field
 
     def represented(self, field: MagneticField) -> np.ndarray:
         """Magnetisation (m, 2, q) [A/m] of the powder in a solved field."""

@@ -35,6 +35,7 @@ from particles import (
     ThesisContact,
     WaltonBraun,
 )
+from particles.dem.attraction import Attraction
 
 RADIUS, MASS = 1e-3, 1e-5
 
@@ -47,6 +48,7 @@ def kind_of(scene: Any) -> list[str]:
         "sizes": scene.particles.sizes is not None,
         "sector": scene.particles.sector is not None,
         "energies": scene.output.energies,
+        "attraction": effects.dipoles is not None and effects.dipoles.model == "near_field",
     }
     return [scene.contact.law, *(name for name, on in parts.items() if on)]
 
@@ -58,10 +60,17 @@ def grains_of_kind(law: str, *parts: str) -> DEM:
     laws = PairLaws.of_one(_law(law), rolling=RollingFriction(0.1) if "resistance" in parts else None)
     sector = CyclicSector(2.0 * np.pi / 6.0) if "sector" in parts else None
     bore = cylinder("bore", "drum", 20.0 * RADIUS, -1.0, 1.0)
-    return DEM(
+    dem = DEM(
         Grains.create(where, radius, 2500.0), [bore], [Body("drum")], laws, dt=1e-7, sector=sector,
         ledger="energies" in parts,
     )  # fmt: skip
+    if "attraction" in parts:
+        dem.attraction = Attraction(0.0, 1.0, np.zeros((2, 2)), np.zeros(2), 1.0, _no_drives)
+    return dem
+
+
+def _no_drives(dem: DEM) -> tuple[np.ndarray, np.ndarray]:
+    return np.zeros((dem.listed_pairs.count, 3)), np.zeros((len(dem.listed_walls.wall), 2))
 
 
 def _law(name: str) -> ContactLaw:

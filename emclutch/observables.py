@@ -13,6 +13,7 @@ import numpy as np
 
 from coupling import CoilField, Simulation, SolidCoilField
 from emclutch.device import Device
+from emclutch.pole_zone import pole_zone
 from field import MagneticField
 from field.solid import SolidField
 from geometry import AnnularBox, Clutch, ShearCell
@@ -27,6 +28,7 @@ class Observables:
         self._device = device
         self._seen_solution: object = None
         self._field_row: dict[str, float] = {}
+        self._zone = pole_zone(device)
 
     def __call__(self, simulation: Simulation, row: dict) -> None:
         source = simulation.source
@@ -35,7 +37,12 @@ class Observables:
             if source.solution is not None and source.solution is not self._seen_solution:
                 self._seen_solution = source.solution
                 self._field_row = self._field_quantities(source, source.solution)
+                if self._zone is not None and source.sampler is not None:
+                    self._field_row["field_strength_powder"] = self._zone.field_strength(source.sampler)
             row.update(self._field_row)
+        if self._zone is not None and simulation.magnetised is not None:
+            grains = simulation.dem.grains
+            row["fill_powder"] = self._zone.fill(grains.position, simulation.n_sectors * grains.volume)
         boxes = self._sheared_boxes()
         if boxes:
             x = simulation.dem.grains.position

@@ -16,6 +16,7 @@ from emclutch.overlaps import SOFT, STOPS
 from emclutch.rigid_plan import RigidPlan, plan_rigid
 from emclutch.scene.contact import Contact
 from emclutch.scene.field_source import CoilField
+from emclutch.scene.grain_smear import moments_are_fed_back, smear_width
 from emclutch.scene.surfaces import extent_in_words
 from emclutch.scene.time_table import largest
 from field import MagneticField
@@ -130,8 +131,19 @@ def make_plan(case: Case, device: Device | None = None) -> tuple[Device, Plan]:
     layers = max(_fall_speed(scene, device), _layer_speed(scene, device, speed))
     per_update, updates, windows = _windows(scene, dt, speed, layers, M_max > 0.0 or field is not None, reasons)
     plan = Plan(fill.count, sector, contact, dt, per_update, updates, windows, field, M_max, stiffness, reasons)
+    if moments_are_fed_back(scene) and isinstance(device.coil, CoilDevice):
+        reasons["feedback"] = _feedback_in_words(scene, device.coil)
     _estimates(scene, device, plan)
     return device, plan
+
+
+def _feedback_in_words(scene, coil: CoilDevice) -> str:
+    """Over which width moments are fed back, and why."""
+    width, d = smear_width(scene), scene.particles.largest_diameter
+    text = f"moments spread over {1e3 * width:.3g} mm ({width / d:.3g} diameters"
+    if width < scene.effects.dipoles.cutoff * d:
+        text += f": the gap's width, less than effects.dipoles.cutoff = {scene.effects.dipoles.cutoff:g}"
+    return text + f"); {len(coil.problem.powder_elements)} elements of powder and beside it"
 
 
 def _elastic(

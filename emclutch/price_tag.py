@@ -19,6 +19,7 @@ from emclutch.assembly import deposition_of
 from emclutch.case import Case
 from emclutch.device import build_coil_device, field_is_needed
 from emclutch.faults import Fault, SceneError, shown
+from emclutch.frozen_state import frozen_state
 from emclutch.observables import pole_flux_density
 from emclutch.packed_grains import packed
 from emclutch.plan import make_plan
@@ -28,6 +29,7 @@ from emclutch.results.folder_lock import has_files, locked_folder
 from emclutch.results.study_pictures import work_precision_picture
 from emclutch.run_case import run, use_threads
 from emclutch.scene.field_source import CoilField
+from emclutch.scene.grain_smear import moments_are_fed_back, narrowest_gap
 
 log = logging.getLogger(__name__)
 WARM_UP_WINDOWS = 0.02  # share of the run that compiles the kernels before anything is timed
@@ -72,9 +74,49 @@ class FieldMesh:
         return case.with_values({"field.size_factor": setting})
 
     def measure(self, case: Case, points: np.ndarray, folder: Path) -> Measurement:
+        if moments_are_fed_back(case.scene):
+            found, torque = standing_grains(case, points), run_torque(case, folder)
+            return Measurement(found.values | torque.values, found.seconds | torque.seconds, torque.noise)
         values, seconds = field_at(case, points)
         torque = run_torque(case, folder)
         return Measurement(values | torque.values, dict.fromkeys(values, seconds) | torque.seconds, torque.noise)
+
+
+class SmearWidth:
+    """Width over which grains are spread where their moments are fed back: moments and pull of grains that stand."""
+
+    name = "smear width"
+
+    def settings(self, case: Case) -> tuple[float, ...]:
+        if not moments_are_fed_back(case.scene):
+            return ()
+        widest = narrowest_gap(case.scene) / case.scene.particles.largest_diameter
+        inside = tuple(a for a in case.scene.accuracy.smear if a <= widest)
+        return inside if len(inside) > 1 else ()
+
+    def turned(self, case: Case, setting: float) -> Case:
+        return case.with_values({"effects.dipoles.cutoff": setting})
+
+    def measure(self, case: Case, points: np.ndarray, folder: Path) -> Measurement:
+        found = standing_grains(case, points)  # H itself depends on the width: it holds what is farther
+        values = {name: found.values[name] for name in ("moments", "magnetic pull")}
+        return Measurement(values, found.seconds)
+
+
+class MomentRefresh:
+    """Steps between evaluations of moments and held forces: torque."""
+
+    name = "moment refresh"
+
+    def settings(self, case: Case) -> tuple[float, ...]:
+        model = None if case.scene.effects.dipoles is None else case.scene.effects.dipoles.model
+        return case.scene.accuracy.refresh if model == "near_field" and case.scene.contact.method == "dem" else ()
+
+    def turned(self, case: Case, setting: float) -> Case:
+        return case.with_values({"effects.dipoles.update_every": int(setting)})
+
+    def measure(self, case: Case, points: np.ndarray, folder: Path) -> Measurement:
+        return run_torque(case, folder)
 
 
 class ContactStep:
@@ -92,7 +134,7 @@ class ContactStep:
         return run_torque(case, folder)
 
 
-KNOBS: tuple[Knob, ...] = (FieldMesh(), ContactStep())
+KNOBS: tuple[Knob, ...] = (FieldMesh(), SmearWidth(), MomentRefresh(), ContactStep())
 
 
 def has_solved_field(case: Case) -> bool:
@@ -112,6 +154,18 @@ def field_at(case: Case, points: np.ndarray) -> tuple[dict[str, float | np.ndarr
     H, grad_H = solution.sampler("powder").sample(points)
     seconds = perf_counter() - begin
     return {"gap B": pole_flux_density(coil.shape, solution), "H at grains": H, "grad H at grains": grad_H}, seconds
+
+
+def standing_grains(case: Case, points: np.ndarray) -> Measurement:
+    """H [A/m] and grad H [A/m^2], moments [A m^2] and pull across the gap [J] of the scene's grains at `points`."""
+    found = frozen_state(case, points)
+    values: dict[str, float | np.ndarray] = {
+        "H at grains": found.field,
+        "grad H at grains": found.gradient,
+        "moments": found.moment,
+        "magnetic pull": found.stress,
+    }
+    return Measurement(values, dict.fromkeys(values, found.seconds))
 
 
 def run_torque(case: Case, folder: Path) -> Measurement:
@@ -153,7 +207,7 @@ def _turn_all(case: Case, folder: Path, progress) -> None:
     _say(progress, 0.0, "a short run compiles the kernels")
     run(base.with_values({"time.end": WARM_UP_WINDOWS * base.scene.time.end}), out=folder / "warm-up")
     points = packed_points(base)
-    if has_solved_field(base):
+    if has_solved_field(base) and not moments_are_fed_back(base.scene):
         field_at(base, points)
     measured: dict[tuple[str, float], Measurement] = {}
     for number, (knob, setting) in enumerate(turns):

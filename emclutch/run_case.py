@@ -20,6 +20,7 @@ from emclutch.kernel_compilation import compilation_told
 from emclutch.kernel_warm_up import step_compiled_beside
 from emclutch.observables import Observables
 from emclutch.plan import make_plan
+from emclutch.pole_zone import PoleZone, pole_zone
 from emclutch.results import Result, RunFolder, load_result, read_history
 from emclutch.results.folder_lock import locked_folder
 from emclutch.results.grain_profiles import write_profiles
@@ -288,6 +289,14 @@ def summarise(case, folder: RunFolder, device, plan, simulation, conditions: Ste
         }
         summary |= rise_times(history, device.coil.currents[-1])
         summary["field_error_estimate"] = field_error_estimate(simulation.source.solution)
+    zone = pole_zone(device)
+    if zone is not None and simulation.magnetised is not None and "torque_disc" in history:
+        summary |= zone_summary(zone, history, steady_torque(history, conditions))
+    if "feedback_residual" in history:
+        summary["feedback"] = {
+            "tolerance": simulation.source.fill_tolerance,
+            "worst_residual": float(history["feedback_residual"].max()),
+        } | {part: float(history[f"feedback_{part}"].iloc[-1]) for part in ("across", "clipped", "lagged")}
     if "moment_residual" in history:
         summary["moments"] = moments_summary(case.scene.effects.dipoles, history, plan, simulation.dem)
     if "missed_steps" in history:
@@ -320,6 +329,19 @@ def summarise(case, folder: RunFolder, device, plan, simulation, conditions: Ste
         "plan": plan.reasons,
     }
     folder.write_summary(summary)
+
+
+def zone_summary(zone: PoleZone, history, torque) -> dict[str, float | None]:
+    """Shear stress [Pa] with its error, mean H [A/m] and fill of the powder between the poles, of the steady part."""
+    late = history[history["time"] > (torque.start or 0.0)]
+    found: dict[str, float | None] = {
+        "shear_stress": None if torque.mean is None else zone.shear_stress(torque.mean),
+        "shear_stress_error": None if torque.standard_error is None else zone.shear_stress(torque.standard_error),
+    }
+    for name in ("field_strength_powder", "fill_powder"):
+        if name in late:
+            found[name] = float(late[name].mean())
+    return found
 
 
 def moments_summary(dipoles, history, plan, dem) -> dict[str, float | str]:

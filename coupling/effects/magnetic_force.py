@@ -4,10 +4,12 @@ Jackson §5.7 with B = mu_0 H outside the grain; (m . grad) H equals grad(m . H)
 powder. The sampler's gradient is Cartesian and holds the hoop terms of an axisymmetric field
 (-M_phi H_phi/r in F_r, M_phi H_r/r in F_phi).
 
-Known error: with `back_reaction`, H holds the smeared magnetisation of the near grains too, whose forces `dipoles` and
-`wall_images` compute one by one. In an even powder between steel faces that part is even and has no gradient; at the
-edges of the powder it is counted twice. Taking grad H from the empty device instead (which also drops the far part)
-raised the quickstart's torque by 11 %: that is the size of the error, to be removed by subtracting the near smear.
+With moments that are fed back (`coupling.powder_feedback`) H holds every grain spread out over a width, and the pair
+forces are those of dipoles less their smear: each pair counts once, and H is smooth over that width whatever the mesh.
+
+Known error of model `fixed` with `back_reaction`: there H holds the smeared magnetisation of the near grains too, whose
+forces `dipoles` and `wall_images` compute once more. Fill and gradient are uneven in gaps of a few grains: the torque
+of the quickstart, then, changed by 18 % with the mesh.
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from coupling.contact_table import ContactTable
+from coupling.influence import find_influence
 from coupling.moment_kernels import gather_fields, magnetise
 from coupling.mutual_moments import FIRST_DAMPING, LEAST_DAMPING
 from coupling.pair_fields import smeared_at_itself
@@ -56,6 +57,7 @@ class CellMoments:
         self.applied = np.asarray(field, dtype=float)
         self.volume = 4.0 / 3.0 * np.pi * radius**3
         self.moment = np.zeros((count, 3))
+        self._room: np.ndarray | None = None
         self.residual = np.inf
         self.damping = FIRST_DAMPING
         self.held, self.stress = np.zeros((count, 3)), np.zeros((3, 3))
@@ -97,16 +99,22 @@ class CellMoments:
         shift = self.box.image_shift(self._ghost, offset)
         self._everywhere = np.concatenate([position, position[self.pairs.owner] + shift])
         self._used = self.moment[whose]
-        where = (rows.start, rows.other, rows.shift, rows.turn_cos, rows.turn_sin, NO_WALLS, self._height)
+        own = smeared_at_itself(self.reach, True)
+        known = find_influence(
+            self.table, self._everywhere, self._radius, self._applied, self._slope, rows, NO_WALLS, self._height,
+            reach=self.reach, smear=True, own=own, near=self.near, smallest_gap=self.smallest_gap, room=self._room,
+        )  # fmt: skip
+        self._room = known.block
         gather_fields(
-            self._everywhere, self._radius, self._used, self._applied, *where, self.reach, True,
-            smeared_at_itself(self.reach, True), self._field, self._potential, self._own_image,
+            self._used, self._applied, rows.start, rows.other, known.block, known.image_potential, self._field,
+            self._potential, self._own_image,
         )  # fmt: skip
         self._field[n:], self._potential[n:] = self._field[whose[n:]], self._potential[whose[n:]]
         magnetise(
-            self.table, self._everywhere, self._radius, self._volume, self._used, self._applied, self._slope, *where,
-            self.reach, True, self.near, self.smallest_gap, self.damping, self._field, self._potential, self._own_image,
-            self._share, self._contrast, self._new, self._missed, self._size,
+            self.table, self._everywhere, self._radius, self._volume, self._used, self._applied, self._slope,
+            rows.other, rows.shift, rows.turn_cos, rows.turn_sin, NO_WALLS, self._height, self.reach, True, self.near,
+            self.smallest_gap, known.near_start, known.near_row, known.near_pair, self.damping, self._field,
+            self._potential, self._own_image, self._share, self._contrast, self._new, self._missed, self._size,
         )  # fmt: skip
         total = float(self._size[:n].sum())
         self.residual = float(np.sqrt(self._missed[:n].sum() / total)) if total > 0.0 else 0.0

@@ -37,7 +37,11 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "torque_disc": ("N m", "torque of the grains on the disc about z, window mean, whole device"),
     "torque_rotor": ("N m", "torque of the grains on the rotor about z, window mean, whole device"),
     "torque_housing": ("N m", "torque of the grains on the housing about z, window mean, whole device"),
-    "torque_field": ("N m", "reaction of the field to the magnetic forces on the grains, about z"),
+    "torque_field": (
+        "N m",
+        "minus the field's torque on the grains: nothing by the laws for coil and steel of revolution, so what the "
+        "moments are off their fixed point, or with fixed moments off the field of their neighbours",
+    ),
     "torque_field_gradient": ("N m", "part of torque_field from the gradient force of the field"),
     "torque_field_dipoles": ("N m", "part of torque_field from pairs of dipoles, booked as m x B"),
     "torque_field_images": ("N m", "part of torque_field from image dipoles in steel walls"),
@@ -51,6 +55,8 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "field_energy": ("J", "magnetic field energy"),
     "flux_linkage": ("Wb", "of the coil, all turns"),
     "gap_flux_density": ("T", "mean |B| in the gap"),
+    "field_strength_powder": ("A/m", "mean |H| of the macroscopic field between the pole faces"),
+    "fill_powder": ("1", "solid fraction between the pole faces"),
     "work_walls": ("J", "work of the walls on the grains in the window"),
     "work_magnetic": ("J", "work of the magnetic forces on the grains in the window"),
     "work_gravity": ("J", "work of gravity on the grains in the window"),

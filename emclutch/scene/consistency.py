@@ -12,14 +12,12 @@ from emclutch.scene.fault_report import entry_at
 from emclutch.scene.field_source import CoilField, UniformField
 from emclutch.scene.fill import fill_of
 from emclutch.scene.geometry import BoxGeometry, CadGeometry, CentrifugalGeometry, ClutchGeometry, ShearCellGeometry
-from emclutch.scene.grain_smear import LEAST_WIDTH, narrowest_gap, smear_width
+from emclutch.scene.grain_smear import LEAST_WIDTH, moments_are_fed_back, narrowest_gap, smear_width
 from emclutch.scene.materials import TableMaterial
 from emclutch.scene.motion import HELD
 from emclutch.scene.section import did_you_mean
 from emclutch.scene.surfaces import extent_in_words
 from emclutch.scene.time_table import largest
-from geometry import Clutch
-from geometry.cad_shape import CadShape
 
 if TYPE_CHECKING:
     from geometry.fault import Fault as ShapeFault
@@ -350,8 +348,6 @@ def _needs_of_moments(draft: Draft) -> Iterator[Fault]:
             "effects.dipoles.model",
             "needs grains that saturate, their necks do so first; add [effects.saturation], or take model = 'mutual'",
         )
-    if effects.back_reaction is not None and not isinstance(source, UniformField):
-        yield from _room_for_the_smear(draft)
     if model == "near_field" and effects.dipoles.cutoff < _NEAR_REACH:
         yield draft.fault(
             "effects.dipoles.cutoff",
@@ -368,9 +364,13 @@ def _needs_of_moments(draft: Draft) -> Iterator[Fault]:
 
 def _room_for_the_smear(draft: Draft) -> Iterator[Fault]:
     """What spreading the grains' moments over the section needs: a gap of two diameters, and room about the axis."""
-    scene, shape = draft.scene, draft.scene.shape()
-    if not isinstance(shape, (Clutch, CadShape)) or shape.faults(None):
+    scene = draft.scene
+    if not (moments_are_fed_back(scene) and isinstance(scene.geometry, (ClutchGeometry, CadGeometry))):
         return
+    shape = scene.shape()
+    if shape.faults(None) or isinstance(scene.field, UniformField):
+        return
+    assert scene.effects.dipoles is not None  # without it nothing is fed back
     largest, gap = scene.particles.largest_diameter, narrowest_gap(scene)
     if gap < LEAST_WIDTH * largest:
         yield draft.fault(
@@ -511,6 +511,7 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (_rigid, ("contact",)),
     (_sector_width, ("geometry", "particles", "effects")),
     (_needs_of_effects, ("effects",)),
+    (_room_for_the_smear, ("geometry", "particles", "effects", "field")),
     (_coil_transients, ("effects", "coil", "field", GEOMETRY_KIND, "materials")),
     (_slots, (GEOMETRY_KIND, "effects", "field", "particles")),
     (_motion, (GEOMETRY_KIND, "motion", "surfaces")),

@@ -44,6 +44,14 @@ class Accuracy(Section):
     contact_step: tuple[Annotated[float, number("20", 10.0, 200.0)], ...] = Field(
         default=(10.0, 14.0, 20.0, 28.0, 40.0), min_length=2, description="values of time.steps_per_contact"
     )
+    smear: tuple[Annotated[float, number("2.5", 2.0, 10.0)], ...] = Field(
+        default=(2.0, 2.5, 3.0, 3.5),
+        min_length=2,
+        description="values of effects.dipoles.cutoff where moments are fed back to the field; not above the gap",
+    )
+    refresh: tuple[Annotated[int, Whole(1, 10_000, "20")], ...] = Field(
+        default=(160, 80, 40, 20), min_length=2, description="values of effects.dipoles.update_every"
+    )
     time_end: Time | None = Field(default=None, description="end of these runs; default: time.end")
 
     @model_validator(mode="after")
@@ -52,6 +60,10 @@ class Accuracy(Section):
             raise refuse("must go from coarse to fine: decreasing numbers, none double", key="mesh")
         if list(self.contact_step) != sorted(set(self.contact_step)):
             raise refuse("must go from coarse to fine: increasing numbers, none double", key="contact_step")
+        if list(self.smear) != sorted(set(self.smear)):
+            raise refuse("must go from narrow to wide: increasing numbers, none double", key="smear")
+        if list(self.refresh) != sorted(set(self.refresh), reverse=True):
+            raise refuse("must go from coarse to fine: decreasing numbers, none double", key="refresh")
         return self
 
 

@@ -25,7 +25,10 @@ def test_price_tag_of_the_quickstart_at_toy_size(tmp_path):
     table = pandas.read_csv(folder / "accuracy.csv")
     assert (folder / "accuracy.png").stat().st_size > 10_000
     quantities = set(table[table.knob == "field mesh"].quantity)
-    assert quantities == {"gap B", "H at grains", "grad H at grains", "torque"}
+    standing = {"H at grains", "grad H at grains", "moments", "magnetic pull"}
+    assert quantities == standing | {"torque"}
+    assert set(table[table.knob == "smear width"].quantity) == {"moments", "magnetic pull"}
+    assert set(table[table.knob == "moment refresh"].quantity) == {"torque"}
     assert set(table[table.knob == "contact step"].quantity) == {"torque"}
     finest = table[table.setting.isin([0.7]) & (table.knob == "field mesh")]
     assert finest.error.isna().all()  # the reference has no error of its own

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from coupling.influence import find_influence
 from coupling.moment_kernels import contact_forces, gather_fields, wall_heights
 from coupling.mutual_moments import MutualMoments, grain_table
 from coupling.neighbour_rows import neighbour_rows
@@ -67,7 +68,13 @@ def parts(wall, x, m):
         torque, wall_torque = np.zeros(4), np.zeros(4)
         wall_heights(x, walls, 1.0, height)
         where = (rows.start, rows.other, rows.shift, rows.turn_cos, rows.turn_sin, walls, height)
-        gather_fields(x, radius, m, np.zeros((4, 3)), *where, 1.0, False, 0.0, field, potential, own)
+        known = find_influence(
+            table, x, radius, np.zeros((4, 3)), np.zeros((4, 4)), rows, walls, height, reach=1.0, smear=False,
+            own=0.0, near=False, smallest_gap=1e-3,
+        )  # fmt: skip
+        gather_fields(
+            m, np.zeros((4, 3)), rows.start, rows.other, known.block, known.image_potential, field, potential, own
+        )
         contact_forces(
             table, x, radius, radius, m, np.zeros((4, 3)), np.zeros((4, 4)), *where, 1.0, False, False, False,
             1e-3, np.zeros((4, 3)), 0.0, field, potential, own, np.zeros(4), np.zeros(4), force, torque, wall_torque,

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numba import typeof
 
+from coupling.staggered import refresh_field
 from emclutch import kernel_warm_up
 from emclutch.assembly import assemble
 from emclutch.case import case_from
@@ -44,6 +45,19 @@ def types(dem):
 def test_the_second_process_compiles_what_the_run_needs(values):
     case = case_from(CELL, values)
     simulation = assemble(case, *make_plan(case))
+    assert types(kernel_warm_up.grains_of_kind(*kernel_warm_up.kind_of(case.scene))) == types(simulation.dem)
+
+
+def test_the_second_process_knows_that_grains_attract():
+    """The pull of near grains is in the step from the first evaluation of the moments on."""
+    field = {"source": "uniform", "field_strength": "50 kA/m", "direction": "radial"}
+    effects = {"dipoles": {"model": "near_field", "cutoff": 2.0}, "saturation": {}}
+    case = case_from({**CELL, "field": field, "effects": effects}, {})
+    simulation = assemble(case, *make_plan(case))
+    refresh_field(simulation)
+    simulation.magnetised.update(simulation)
+    simulation.magnetised.hold(simulation.dem, np.zeros_like(simulation.dem.grains.position))
+    simulation.dem.attraction.fetch(simulation.dem)
     assert types(kernel_warm_up.grains_of_kind(*kernel_warm_up.kind_of(case.scene))) == types(simulation.dem)
 
 

@@ -1,0 +1,103 @@
+"""How far moments and magnetic pull depend on the settings of the magnetic model, on snapshots of a run.
+
+python tests/benchmarks/magnetic_knobs.py RUN_FOLDER [snapshots]; the folder's run.h5 holds at least so many in its
+second half (output.snapshots). For each knob and setting: root mean square change of the moments, and change of the
+pull across the gap, against the reference of the knob (the last setting), mean over the snapshots.
+
+Refresh: the grains move on with held moments for so many steps; by then the moments that the law asks for have changed
+by so much. In the mean over the interval it is half of that.
+"""
+
+import os
+import sys
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import numpy as np
+
+import emclutch
+from coupling.ledgers import Ledger
+from coupling.staggered import magnetic_forces, refresh_field
+from emclutch.assembly import simulation_of
+from emclutch.case import Case
+from emclutch.frozen_state import MOMENTS_TOLERANCE, FrozenState, frozen_state
+from emclutch.plan import make_plan
+from emclutch.results.record import Record
+from particles import Grains
+
+WIDTHS = (2.0, 2.5, 3.0, 3.5)  # diameters
+ROWS = (2.0, 3.0, 4.0, 6.0, 8.0, 12.0)  # of elements, over the width
+REFRESH = (10, 20, 40, 80, 160)  # steps
+
+
+def at_peak(case: Case) -> Case:
+    """The case without the rest of its course: a run's grains stand in the field of its largest current."""
+    return case.with_values({"output.snapshots": 0, "output.pictures": False})
+
+
+def change(found: FrozenState, reference: FrozenState) -> tuple[float, float, float]:
+    """Of the moments, root mean square; of the sum of their magnitudes; of the pull."""
+    size = np.sqrt((reference.moment**2).sum())
+    total = np.linalg.norm(found.moment, axis=1).sum() / np.linalg.norm(reference.moment, axis=1).sum()
+    return (
+        float(np.sqrt(((found.moment - reference.moment) ** 2).sum()) / size),
+        float(total - 1.0),
+        float(found.stress / reference.stress - 1.0),
+    )
+
+
+def held(case: Case, frame: dict[str, np.ndarray], steps: int) -> float:
+    """Root mean square change of the moments over so many steps in which they are held."""
+    device, plan = make_plan(case)
+    grains = Grains.create(
+        frame["position"], frame["radius"], case.scene.particles.density,
+        velocity=frame["velocity"], angular_velocity=frame["angular_velocity"],
+    )  # fmt: skip
+    simulation = simulation_of(case, device, plan, grains)
+    magnetised, dem = simulation.magnetised, simulation.dem
+    magnetised.tolerance = MOMENTS_TOLERANCE
+    refresh_field(simulation)
+    dem.external_force = magnetic_forces(simulation, magnetised, Ledger(simulation))
+    magnetised.hold(dem, dem.external_force)
+    dem.run(steps)
+    before = np.array(dem.grains.magnetic_moment)
+    magnetised.update(simulation)
+    after = dem.grains.magnetic_moment
+    return float(np.sqrt(((before - after) ** 2).sum() / (after**2).sum()))
+
+
+def main() -> None:
+    folder, count = sys.argv[1], int(sys.argv[2]) if len(sys.argv) > 2 else 10
+    case = at_peak(emclutch.load_case(f"{folder}/case.toml"))
+    record = Record.open(f"{folder}/run.h5")
+    total = len(record.frames())
+    frames = [record.grains(int(k)) for k in np.linspace(total // 2, total - 1, count).round()]
+    gap, d = make_plan(case)[0].shear_gap, case.scene.particles.largest_diameter
+    own = case.scene.effects.dipoles.cutoff
+    fine = round(4.0 * gap / d)  # layers: eight rows over the narrowest width
+    knobs = {
+        "width [d]": [(a, {"effects.dipoles.cutoff": a, "field.gap_layers": fine}) for a in WIDTHS],
+        "rows": [(n, {"field.size_factor": 4.0 / n}) for n in ROWS],
+    }
+    print(f"{folder}: {count} snapshots, a = {own:g} d, gap {gap / d:.3g} d")
+    for name, settings in knobs.items():
+        print(f"{name:>10}  {'moments':>9} {'sum |m|':>9} {'pull':>9} {'its spread':>10} {'s':>6}")
+        found = {
+            setting: [frozen_state(case.with_values(values), f["position"], 2.0 * f["radius"]) for f in frames]
+            for setting, values in settings
+        }
+        reference = found[settings[-1][0]]
+        for setting, states in found.items():
+            off = np.array([change(one, other) for one, other in zip(states, reference, strict=True)])
+            seconds = np.median([one.seconds for one in states])
+            rms, size, pull = off.mean(axis=0)
+            print(
+                f"{setting:10g}  {rms:9.2%} {size:9.2%} {pull:9.2%} {off[:, 2].std():10.2%} {seconds:6.2f}", flush=True
+            )
+    print(f"{'steps held':>10}  {'moments':>9}")
+    for steps in REFRESH:
+        print(f"{steps:10d}  {np.mean([held(case, frame, steps) for frame in frames[:3]]):9.2%}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
