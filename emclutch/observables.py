@@ -12,7 +12,7 @@ from math import pi, sqrt
 import numpy as np
 
 from coupling import CoilField, Simulation, SolidCoilField
-from emclutch.device import Device
+from emclutch.device import Device, field_is_needed
 from emclutch.pole_zone import pole_zone
 from field import MagneticField
 from field.solid import SolidField
@@ -28,7 +28,7 @@ class Observables:
         self._device = device
         self._seen_solution: object = None
         self._field_row: dict[str, float] = {}
-        self._zone = pole_zone(device)
+        self._zone = pole_zone(device) if field_is_needed(scene) else None
 
     def __call__(self, simulation: Simulation, row: dict) -> None:
         source = simulation.source
@@ -40,7 +40,7 @@ class Observables:
                 if self._zone is not None and source.sampler is not None:
                     self._field_row["field_strength_powder"] = self._zone.field_strength(source.sampler)
             row.update(self._field_row)
-        if self._zone is not None and simulation.magnetised is not None:
+        if self._zone is not None:
             grains = simulation.dem.grains
             row["fill_powder"] = self._zone.fill(grains.position, simulation.n_sectors * grains.volume)
         boxes = self._sheared_boxes()

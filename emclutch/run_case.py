@@ -289,8 +289,8 @@ def summarise(case, folder: RunFolder, device, plan, simulation, conditions: Ste
         }
         summary |= rise_times(history, device.coil.currents[-1])
         summary["field_error_estimate"] = field_error_estimate(simulation.source.solution)
-    zone = pole_zone(device)
-    if zone is not None and simulation.magnetised is not None and "torque_disc" in history:
+    zone = None if simulation.magnetised is None else pole_zone(device)
+    if zone is not None and "torque_disc" in history:
         summary |= zone_summary(zone, history, steady_torque(history, conditions))
     if "feedback_residual" in history:
         summary["feedback"] = {
