@@ -20,6 +20,8 @@ def test_price_tag_of_the_quickstart_at_toy_size(tmp_path):
         "particles.sector": "5 deg",
         "accuracy.mesh": [2.0, 1.2, 0.7],
         "accuracy.contact_step": [10.0, 20.0],
+        "accuracy.smear": [2.0, 3.0],
+        "accuracy.refresh": [80, 40],
     }
     folder = emclutch.accuracy(emclutch.load_case(CASES / "quickstart.toml").with_values(toy), out=tmp_path / "price")
     table = pandas.read_csv(folder / "accuracy.csv")
