@@ -149,6 +149,7 @@ def refresh_field(simulation: Simulation) -> None:
         magnetised.sampler = source.sampler
         return
     feedback = source.feedback
+    magnetised.sampler = source.sampler  # of a checkpoint, where nothing has changed since
     grains = simulation.dem.grains
     for solves in range(MOST_SOLVES + 1):
         feedback.deposit(grains.position, grains.volume, grains.magnetic_moment, source.solution)

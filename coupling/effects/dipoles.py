@@ -37,6 +37,8 @@ class MutualDipoles(Effect):
         grains, magnetised = simulation.dem.grains, simulation.magnetised
         solver = magnetised.solver
         dem = simulation.dem
+        if not magnetised.found.moment.any():  # without a current: nothing pulls
+            return {"dipoles": 0.0} if magnetised.mirrors is None else {"dipoles": 0.0, "images": 0.0}
         ahead = dem.dt * simulation.steps_per_update if isinstance(dem, DVI) else 0.0
         found, pairs, walls = solver.forces(
             grains.position, grains.radius, simulation.rows(solver.reach), magnetised.found,

@@ -81,6 +81,16 @@ def test_with_a_circuit_and_eddy_currents_it_resumes_bit_for_bit(tmp_path, kind)
     assert sound(whole)
 
 
+def test_a_run_goes_on_where_nothing_asks_for_a_new_field(tmp_path):
+    """The field of the checkpoint stands, and its sampler with it."""
+    still = {"effects.back_reaction.tolerance": 0.9}
+    whole = run(tmp_path, "whole", still).history
+    run(tmp_path, "part", still | {"time.end": "5 us"})
+    run(tmp_path, "part", still, resume=True)
+    assert whole["field_solves"].iloc[1:].sum() == 0
+    assert same(state(tmp_path, "whole"), state(tmp_path, "part"))
+
+
 @pytest.mark.hard
 def test_saturated_poles(tmp_path):
     """50 A: moments at saturation and not above it; a field of revolution takes no more torque than their residual."""
