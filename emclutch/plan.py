@@ -30,7 +30,10 @@ NECK_MARGIN = 10.0  # of a contact's stiffness over the negative one of its neck
 
 # nanoseconds a grain and step for contacts, and a neighbour for dipoles; measured on two cores, for estimates only
 CONTACT_NS = 95.0
+NEAR_CONTACT_NS = 500.0  # in the chains that near pulls hold together: contacts with rolling, and drives
 PAIR_NS = 9.0
+MOMENT_PAIR_NS = 150.0  # of moments that grains make each other, some six sweeps, and their forces
+FEEDBACK_S = 0.03  # a window: deposit, and a solve in every fifth
 RIGID_NS = 3000.0  # of a step of rigid grains that takes some sixty sweeps
 
 
@@ -440,8 +443,13 @@ def _estimates(scene, device: Device, plan: Plan) -> None:
         pairs = device.fill.solid_fraction * 8.0 * (scene.effects.dipoles.cutoff + 0.25) ** 3
         pairs *= pi / 6.0 * scene.particles.largest_diameter**3 / scene.particles.grain_volume
         pairs *= 2.0 if scene.effects.wall_images is not None else 1.0
-    per_grain = CONTACT_NS if isinstance(plan.contact, PairLaws) else RIGID_NS
-    seconds = steps * plan.count * (per_grain + pairs * PAIR_NS / plan.steps_per_update) * 1e-9
+    model = None if scene.effects.dipoles is None else scene.effects.dipoles.model
+    elastic = NEAR_CONTACT_NS if model == "near_field" else CONTACT_NS
+    per_grain = elastic if isinstance(plan.contact, PairLaws) else RIGID_NS
+    per_pair = MOMENT_PAIR_NS if model in ("mutual", "near_field") else PAIR_NS
+    seconds = steps * plan.count * (per_grain + pairs * per_pair / plan.steps_per_update) * 1e-9
+    if moments_are_fed_back(scene):
+        seconds += FEEDBACK_S * plan.windows * max(1.0, plan.count / 2000.0)
     if device.coil is not None:
         seconds += 5.0  # mesh, cold solve, and the few warm ones
     memory = plan.count * (1500 + 9 * pairs) / 2**20 + 400

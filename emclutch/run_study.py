@@ -134,6 +134,9 @@ def _row(values: dict, case: Case, result: Result) -> dict:
         "reason": torque.reason,
         "folder": result.folder.path.name,
     }
+    for name in ("shear_stress", "shear_stress_error", "field_strength_powder", "fill_powder"):
+        if name in summary:  # between pole faces: a point of the powder's law tau(H, phi)
+            row[name] = summary[name]
     if "rotor_speed" in result.history:
         row["rotor_speed"] = float(result.history["rotor_speed"].iloc[-1])
     if "lock_up_time" in summary:  # a shaft is free
