@@ -16,7 +16,7 @@ CASES = Path(__file__).resolve().parents[2] / "cases"
 
 def test_price_tag_of_the_quickstart_at_toy_size(tmp_path):
     toy = {
-        "time.end": "0.05 ms",
+        "time.end": "0.02 ms",
         "particles.sector": "5 deg",
         "accuracy.mesh": [2.0, 1.2, 0.7],
         "accuracy.contact_step": [10.0, 20.0],
