@@ -42,6 +42,6 @@ def test_fill_counts_the_grains_between_the_faces_alone(zone):
 @pytest.mark.parametrize(("cutoff", "width", "layers"), [(2.5, 0.5e-3, 8), (3.0, 0.6e-3, 7), (5.5, 1e-3, 4)])
 def test_the_smear_is_no_wider_than_the_gap_and_has_four_rows_of_elements(cutoff, width, layers):
     """Gap 1 mm, grains of 0.2 mm."""
-    scene = CASE.with_values({"effects.dipoles.cutoff": cutoff}).scene
+    scene = CASE.with_values({"effects.dipoles.cutoff": cutoff, "particles.sector": "3 deg"}).scene
     assert smear_width(scene) == pytest.approx(width, rel=1e-12) and element_layers(scene, 4) == layers
     assert element_layers(scene, 20) == 20
