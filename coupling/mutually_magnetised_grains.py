@@ -89,11 +89,13 @@ class MomentError(ConvergenceError):
     """The moments of grains that magnetise one another did not converge."""
 
     def __init__(self, residual: float, sweeps: int) -> None:
-        RuntimeError.__init__(
-            self,
-            f"the moments of the grains did not converge: residual {residual:.2g} after {sweeps} sweeps (at most "
-            f"{LOST:g} is gone on with); look at the grains where they overlap most, shorten "
-            "effects.dipoles.update_every, or take effects.dipoles.model = 'mutual'",
+        remedy = (
+            "look at the grains where they overlap most, shorten effects.dipoles.update_every, or take "
+            "effects.dipoles.model = 'mutual'"
         )
-        self.history = [(residual, 1.0)]
-        self.remedy = ""
+        super().__init__(
+            [(residual, 1.0)],
+            remedy,
+            f"the moments of the grains did not converge: residual {residual:.2g} after {sweeps} sweeps (at most "
+            f"{LOST:g} is gone on with); {remedy}",
+        )

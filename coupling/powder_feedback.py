@@ -235,11 +235,13 @@ class FeedbackError(ConvergenceError):
     """The field and the moments of the grains in it do not come to agree."""
 
     def __init__(self, residual: float, solves: int, tolerance: float) -> None:
-        RuntimeError.__init__(
-            self,
-            f"the field and the moments of the grains do not agree: they differ by {residual:.2g} of the magnetisation "
-            f"after {solves} solves of one window (asked for {tolerance:g}, effects.back_reaction.tolerance); look at "
-            "the grains where they are densest, raise that tolerance, or take effects.dipoles.model = 'mutual'",
+        remedy = (
+            "look at the grains where they are densest, raise that tolerance, or take effects.dipoles.model = 'fixed', "
+            "which feeds back the fill alone"
         )
-        self.history = [(residual, 1.0)]
-        self.remedy = ""
+        super().__init__(
+            [(residual, 1.0)],
+            remedy,
+            f"the field and the moments of the grains do not agree: they differ by {residual:.2g} of the magnetisation "
+            f"after {solves} solves of one window (asked for {tolerance:g}, effects.back_reaction.tolerance); {remedy}",
+        )

@@ -41,10 +41,12 @@ class ConvergenceError(RuntimeError):
     remedy : str
     """
 
-    def __init__(self, history: list[tuple[float, float]], remedy: str) -> None:
+    def __init__(self, history: list[tuple[float, float]], remedy: str, message: str | None = None) -> None:
+        """``message`` is the whole text of an iteration that is not Newton's; None: that of the field's solve."""
         last = history[-1][0] if history else float("nan")
         super().__init__(
-            f"the field did not converge: relative residual {last:.2e} after "
+            message
+            or f"the field did not converge: relative residual {last:.2e} after "
             f"{max(len(history) - 1, 0)} Newton steps; {remedy}"
         )
         self.history = history
