@@ -375,12 +375,22 @@ def doctor() -> None:
 
 def torque_line(torque: dict[str, Any] | None) -> str:
     """Say a run's torque with its error, and where it is not converged, why."""
+    from emclutch.results.statistics import Estimate  # local: it imports numpy
+
     if not torque or torque.get("mean") is None:
         return "torque on the disc: none" + (f" ({torque['reason']})" if torque else "")
     error = torque.get("standard_error")
     text = f"torque on the disc: {torque['mean']:.4g}"
     text += f" +- {error:.2g} N m" if error is not None else " N m, error unknown"
+    interval = Estimate.from_dict(torque).interval()
+    if interval is not None:
+        text += f" (95 %: {interval[0]:.4g} to {interval[1]:.4g}, {packings(torque.get('replicas') or 1)})"
     return text if torque.get("converged") else f"{text}; {torque.get('reason')}"
+
+
+def packings(count: int) -> str:
+    """Say out of how many packings a mean is, and of one, what its error lacks."""
+    return f"{count} packings" if count > 1 else "one packing: what packings differ by is not in it"
 
 
 def _tell_pair_force(names: list[str], picture: Path | None, out: Path | None, as_json: bool) -> None:

@@ -15,6 +15,7 @@ from emclutch.scene.geometry import BoxGeometry, CadGeometry, CentrifugalGeometr
 from emclutch.scene.grain_smear import LEAST_WIDTH, moments_are_fed_back, narrowest_gap, smear_width
 from emclutch.scene.materials import TableMaterial
 from emclutch.scene.motion import HELD
+from emclutch.scene.replica_count import packs_alike
 from emclutch.scene.section import did_you_mean
 from emclutch.scene.surfaces import extent_in_words
 from emclutch.scene.time_table import largest
@@ -495,6 +496,18 @@ def _accuracy(draft: Draft) -> Iterator[Fault]:
         yield draft.fault("accuracy.time_end", f"is not after time.average_from = {start:g} s; raise it, or lower that")
 
 
+def _replicas(draft: Draft) -> Iterator[Fault]:
+    scene = draft.scene
+    if (scene.accuracy.replicas or 1) > 1 and packs_alike(scene):
+        yield draft.fault(
+            "accuracy.replicas",
+            f"asks for several packings, and particles.packing = '{scene.particles.packing}' packs all of them alike; "
+            "take a random packing, or one replica",
+        )
+    if scene.time.until is not None and scene.geometry.kind == "box":
+        yield draft.fault("time.until", "has no disc whose torque could be known; remove it, a box ends at time.end")
+
+
 # What a check needs is right: a section as a whole, or of the geometry no more than the kind and the materials.
 CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (_shape, (GEOMETRY_KIND,)),
@@ -516,6 +529,7 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (_slots, (GEOMETRY_KIND, "effects", "field", "particles")),
     (_motion, (GEOMETRY_KIND, "motion", "surfaces")),
     (_accuracy, ("accuracy", "time")),
+    (_replicas, (GEOMETRY_KIND, "accuracy", "time", "particles")),
 )
 
 
