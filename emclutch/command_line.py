@@ -384,13 +384,17 @@ def torque_line(torque: dict[str, Any] | None) -> str:
     text += f" +- {error:.2g} N m" if error is not None else " N m, error unknown"
     interval = Estimate.from_dict(torque).interval()
     if interval is not None:
-        text += f" (95 %: {interval[0]:.4g} to {interval[1]:.4g}, {packings(torque.get('replicas') or 1)})"
+        behind = packings(torque.get("replicas") or 1, torque.get("packing_share"))
+        text += f" (95 %: {interval[0]:.4g} to {interval[1]:.4g}, {behind})"
     return text if torque.get("converged") else f"{text}; {torque.get('reason')}"
 
 
-def packings(count: int) -> str:
-    """Say out of how many packings a mean is, and of one, what its error lacks."""
-    return f"{count} packings" if count > 1 else "one packing: what packings differ by is not in it"
+def packings(count: int, share: float | None) -> str:
+    """Say out of how many packings a mean is, and of one, what its error lacks; `share` [N m] where it is known."""
+    if count > 1:
+        return f"{count} packings"
+    known = "" if share is None else f", some {share:.2g} N m,"
+    return f"one packing: what packings differ by{known} is not in it"
 
 
 def _tell_pair_force(names: list[str], picture: Path | None, out: Path | None, as_json: bool) -> None:

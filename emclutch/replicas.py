@@ -141,6 +141,16 @@ def other_replicas(case: Case, folder: RunFolder, count: int, *, threads: int, r
                 one.errors.close()
 
 
+def tell_packing_share(folder: RunFolder, share: float | None) -> None:
+    """Write into the summaries of the other replicas what the error of each alone lacks [N m]."""
+    for path in folder.replica_folders():
+        other = RunFolder(path)
+        summary = other.read_summary()
+        if "torque" in summary:
+            summary["torque"]["packing_share"] = share
+            other.write_summary(summary)
+
+
 def _goes_on(folder: RunFolder) -> bool:
     """Whether a replica has a checkpoint to go on from; what lies there without one is put aside."""
     if folder.checkpoint.is_file():

@@ -22,7 +22,7 @@ from emclutch.kernel_warm_up import step_compiled_beside
 from emclutch.observables import Observables
 from emclutch.plan import make_plan
 from emclutch.pole_zone import PoleZone, pole_zone
-from emclutch.replicas import Replicas, count_of_run, other_replicas
+from emclutch.replicas import Replicas, count_of_run, other_replicas, tell_packing_share
 from emclutch.results import Estimate, Result, RunFolder, load_result, read_history
 from emclutch.results.folder_lock import locked_folder
 from emclutch.results.grain_profiles import write_profiles
@@ -227,6 +227,8 @@ def _run(case, folder, resume, progress, begin, compiled, replicas: Replicas, st
         )
     others = replicas.other_histories() if replicas.number == 0 else []
     summarise(case, folder, device, plan, simulation, conditions, perf_counter() - begin, others)
+    if others:
+        tell_packing_share(folder, load_result(folder.path).torque.packing_share)
     across = [] if profiles is None else profiles.profiles()
     if across:
         write_profiles(folder.path, across)

@@ -60,7 +60,8 @@ class TorqueKnown:
     def __call__(self, simulation: Simulation, row: dict[str, Any] | None = None) -> bool:
         now = simulation.dem.time
         before = now - simulation.steps_per_update * simulation.updates * simulation.dem.dt
-        due = [at for at in asked_at(self.end) if before < at <= now]
+        start = self.conditions.average_from or 0.0
+        due = [at for at in asked_at(self.end) if before < at <= now and at > start]
         return self.ask(due[-1]) if due else False
 
     def ask(self, at: float) -> bool:

@@ -214,8 +214,8 @@ def correlation_samples(value: np.ndarray) -> float:
     Of several series (m, n), independent ones of the same process, their mean covariance is taken.
 
     Anticorrelated series would give less than 1; that gain is not claimed. The sample mean takes about tau/n from every
-    rho_k, which makes tau too small by the factor 1 - 2 tau/n to first order; that
-    is put back, at most twice the value: beyond it the series is too short for any statement.
+    rho_k, which makes tau too small by the factor (1 - (2 M + 1)/n)/(1 - tau/n) to first order, M terms in the sum;
+    that is put back, at most twice the value: beyond it the series is too short for any statement.
     """
     n = value.shape[-1]
     y = np.atleast_2d(value - value.mean(axis=-1, keepdims=True))
@@ -228,7 +228,7 @@ def correlation_samples(value: np.ndarray) -> float:
     inside = np.arange(n) >= SOKAL_WINDOW * tau_int
     window = int(np.argmax(inside)) if inside.any() else n - 1
     tau = max(1.0, 2.0 * float(tau_int[window]))
-    return tau / max(0.5, 1.0 - 2.0 * tau / n)
+    return tau * max(1.0, min(2.0, (1.0 - tau / n) / max(1e-9, 1.0 - (2 * window + 1) / n)))
 
 
 def rebinned(duration: np.ndarray, value: np.ndarray, bins: int) -> np.ndarray:
