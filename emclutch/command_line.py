@@ -489,9 +489,9 @@ def _tell_plan(case: Case, as_json: bool) -> None:
     for label, text in decisions.items():
         rows.add_row(label, text)
     console.print(rows)
-    rows = Table("left out", "", "the number that says when it matters")
+    rows = Table("left out", "matters", "by this number (from there on)")
     for line in left_out:
-        rows.add_row(f"{line.effect} ({line.where})", line.verdict, line.in_words())
+        rows.add_row(line.effect, line.verdict, line.in_words())
     console.print(rows)
 
 

@@ -62,19 +62,17 @@ class LeftOut:
 
     @property
     def verdict(self) -> str:
-        """Of `matters`, in words."""
-        if self.where == ALWAYS:
-            return {True: "it counts", False: "hardly counts", None: "not known"}[self.matters]
-        return {True: "MATTERS", False: "may be left out", None: "not known"}[self.matters]
+        """Of `matters`, in a word."""
+        return {True: "YES", False: "no", None: "not known"}[self.matters]
 
     def in_words(self) -> str:
-        """Number, limit and note."""
+        """Number, limit, note, and where the effect is if it is not one that is switched off."""
         text = self.number
         if self.value is not None:
             text += f": {two_digits(self.value)}"
         if self.value is not None and self.limit is not None:
-            text += f" (matters {'below' if self.below else 'above'} {self.limit:g})"
-        return f"{text}; {self.note}" if self.note else text
+            text += f" ({'below' if self.below else 'above'} {self.limit:g})"
+        return "; ".join(filter(None, (text, self.note, "" if self.where == OFF else self.where)))
 
     def as_dict(self) -> dict[str, object]:
         """For JSON."""
@@ -128,14 +126,12 @@ def _of_the_coil(at: Regime) -> Iterator[LeftOut]:
         ("coil_circuit", "time constant L/R of the coil", at.coil_time),
         ("eddy_currents", "diffusion time of the steel", at.diffusion_time),
     ):
-        if time is None:
-            yield LeftOut(effect, OFF, f"{number}, which this plan does not have")
-        elif at.switching_time is None:
-            yield LeftOut(effect, OFF, f"{number}, {two_digits(time)} s, over that of switching", 0.0, 0.1,
-                          note="the current is constant")  # fmt: skip
+        told = number if time is None else f"{number}, {two_digits(time)} s,"
+        if at.switching_time is None:
+            yield LeftOut(effect, OFF, f"{told} over that of switching", 0.0, 0.1, note="the current is constant")
         else:
-            yield LeftOut(effect, OFF, f"{number}, {two_digits(time)} s, over that of switching",
-                          time / at.switching_time, 0.1)  # fmt: skip
+            ratio = None if time is None else time / at.switching_time
+            yield LeftOut(effect, OFF, f"{told} over that of switching", ratio, 0.1)
 
 
 def _of_heat(at: Regime, device: Device) -> Iterator[LeftOut]:
