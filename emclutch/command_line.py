@@ -486,11 +486,12 @@ def _tell_plan(case: Case, as_json: bool) -> None:
     from emclutch.plan import plan  # local: it needs the packages of the physics
 
     with _bad_input_for(case.path):
-        decisions = plan(case)
+        decisions, left_out = plan(case)
     active = case.scene.effects.active
     if as_json:
         title = case.scene.scene.title
-        _print_json({"title": title, "effects": active, "warnings": case.warnings, "plan": decisions})
+        _print_json({"title": title, "effects": active, "warnings": case.warnings, "plan": decisions,
+                     "left_out": [line.as_dict() for line in left_out]})  # fmt: skip
         return
     console = Console()
     console.print(f"{case.scene.scene.title}: OK", highlight=False, markup=False)
@@ -501,6 +502,10 @@ def _tell_plan(case: Case, as_json: bool) -> None:
     rows = Table("what follows", "")
     for label, text in decisions.items():
         rows.add_row(label, text)
+    console.print(rows)
+    rows = Table("left out", "matters", "by this number (from there on)")
+    for line in left_out:
+        rows.add_row(line.effect, line.verdict, line.in_words())
     console.print(rows)
 
 
