@@ -278,6 +278,8 @@ def _sector_width(draft: Draft) -> Iterator[Fault]:
         return
     dipoles = draft.scene.effects.dipoles
     reach = largest * (_CONTACT_REACH if dipoles is None else max(dipoles.cutoff, _CONTACT_REACH))
+    if moments_are_fed_back(draft.scene) and isinstance(draft.scene.geometry, (ClutchGeometry, CadGeometry)):
+        reach = max(smear_width(draft.scene), largest * _CONTACT_REACH)  # in a narrow gap the shorter of the two
     radius = fill_of(shape, particles).inner_radius + 0.5 * largest
     chord = 2.0 * radius * math.sin(0.5 * particles.sector)
     if chord < 2.0 * reach:

@@ -2,8 +2,8 @@
 
 python tests/benchmarks/error_bars.py FOLDER SCENE.toml COUNT [replicas] [--set key=value ...]
 
-Makes COUNT single runs with seeds that no other study takes, under FOLDER (those that are there are kept), forms disjoint
-runs of so many replicas (2), pairs these, and tells how often the difference of a pair lies in its own 95 % interval:
+Makes COUNT single runs with seeds that no other study takes, under FOLDER (those that are there are kept), forms
+disjoint runs of so many replicas (2), pairs these, and tells how often their difference lies in its own 95 % interval:
 90 to 99 % of the pairs should. Beside it the same for single runs with the error that each finds for itself.
 """
 
