@@ -1,7 +1,8 @@
 """How far moments and magnetic pull depend on the settings of the magnetic model, on snapshots of a run.
 
-python tests/benchmarks/magnetic_knobs.py RUN_FOLDER [snapshots]; the folder's run.h5 holds at least so many in its
-second half (output.snapshots). For each knob and setting: root mean square change of the moments, and change of the
+python tests/benchmarks/magnetic_knobs.py RUN_FOLDER [snapshots] [sectors]; the folder's run.h5 holds at least so many
+in its second half (output.snapshots). A sector too narrow for the widest setting is taken so many times side by side.
+For each knob and setting: root mean square change of the moments, and change of the
 pull across the gap, against the reference of the knob (the last setting), mean over the snapshots.
 
 Refresh: the grains move on with held moments for so many steps; by then the moments that the law asks for have changed
@@ -33,6 +34,17 @@ REFRESH = (10, 20, 40, 80, 160)  # steps
 def at_peak(case: Case) -> Case:
     """The case without the rest of its course: a run's grains stand in the field of its largest current."""
     return case.with_values({"output.snapshots": 0, "output.pictures": False})
+
+
+def side_by_side(frame: dict[str, np.ndarray], sector: float, count: int) -> dict[str, np.ndarray]:
+    """The grains of so many neighbouring sectors: each the first one's, turned."""
+    turned = {name: [np.asarray(values)] for name, values in frame.items()}
+    for k in range(1, count):
+        c, s = np.cos(k * sector), np.sin(k * sector)
+        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        for rows in turned.values():
+            rows.append(rows[0] @ turn.T if rows[0].ndim == 2 else rows[0])
+    return {name: np.concatenate(rows) for name, rows in turned.items()}
 
 
 def change(found: FrozenState, reference: FrozenState) -> tuple[float, float, float]:
@@ -68,10 +80,16 @@ def held(case: Case, frame: dict[str, np.ndarray], steps: int) -> float:
 
 def main() -> None:
     folder, count = sys.argv[1], int(sys.argv[2]) if len(sys.argv) > 2 else 10
+    sectors = int(sys.argv[3]) if len(sys.argv) > 3 else 1
     case = at_peak(emclutch.load_case(f"{folder}/case.toml"))
+    alone = case.scene.particles.sector
+    if sectors > 1:
+        case = case.with_values({"particles.sector": sectors * alone})
     record = Record.open(f"{folder}/run.h5")
     total = len(record.frames())
-    frames = [record.grains(int(k)) for k in np.linspace(total // 2, total - 1, count).round()]
+    frames = [
+        side_by_side(record.grains(int(k)), alone, sectors) for k in np.linspace(total // 2, total - 1, count).round()
+    ]
     gap, d = make_plan(case)[0].shear_gap, case.scene.particles.largest_diameter
     own = case.scene.effects.dipoles.cutoff
     fine = round(4.0 * gap / d)  # layers: eight rows over the narrowest width
