@@ -6,6 +6,7 @@ import logging
 import signal
 import threading
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -15,6 +16,7 @@ import numpy as np
 from coupling import CoilField, SolidCoilField, run_staggered
 from emclutch.assembly import assemble, simulation_of
 from emclutch.case import Case
+from emclutch.free_memory import refuse_too_much
 from emclutch.heartbeat import Heartbeat
 from emclutch.kernel_compilation import compilation_told
 from emclutch.kernel_warm_up import step_compiled_beside
@@ -26,6 +28,7 @@ from emclutch.results.folder_lock import locked_folder
 from emclutch.results.grain_profiles import write_profiles
 from emclutch.results.rise_time import rise_times
 from emclutch.results.steady_torque import SteadyConditions, mean_torque, steady_torque
+from emclutch.run_pace import RunPace
 from emclutch.resume import refuse_changed_files, refuse_earlier_end, refuse_other_scene, run_checkpoint
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.snapshots import History, Snapshots, save_checkpoint
@@ -55,7 +58,13 @@ class _Stop:
 
 
 def run(
-    case: Case, *, out: str | Path | None = None, threads: int | None = None, resume: bool = False, progress=None
+    case: Case,
+    *,
+    out: str | Path | None = None,
+    threads: int | None = None,
+    resume: bool = False,
+    progress=None,
+    insist: bool = False,
 ) -> Result:
     """Run a scene and return its result.
 
@@ -65,7 +74,9 @@ def run(
     out : folder of the run; default: the scene's `output.folder`, or the next free runs/<case>-<nnn>.
     threads : of the kernels; default: ``OMP_NUM_THREADS``, or all cores. The result does not depend on it.
     resume : continue from the checkpoint in `out`.
-    progress : object with update(fraction, text), or None; if it has announce(text) too, what is being compiled.
+    progress : object with update(fraction, text), or None; if it has announce(text) too, what is being compiled, and
+        why a run falls behind its plan.
+    insist : run also where more memory is needed than is free.
 
     Raises
     ------
@@ -73,7 +84,8 @@ def run(
         The folder is in use or cannot be written; what is to be resumed belongs to another scene, or a file that the
         scene names has changed.
     RunError
-        A solver did not converge, grains do not fit, a contact failed; `Interrupted` after Ctrl-C.
+        More memory is needed than is free, a solver did not converge, grains do not fit, a contact failed;
+        `Interrupted` after Ctrl-C.
     """
     begin = perf_counter()
     use_threads(threads)
@@ -100,19 +112,20 @@ def run(
             step_compiled_beside(case.scene, tell),
         ):
             try:
-                return _run(case, folder, case_text, resume, progress, begin, compiled)
+                return _run(case, folder, case_text, resume, progress, begin, compiled, insist)
             except (ConvergenceError, ParticleError, PointOutside, ValueError) as error:
                 text = f"{error}{remedy_in_scene(case, error)}"
                 log.error("%s", text)
                 raise RunError(f"{text}\n(log: {folder.log})") from error
 
 
-def _run(case, folder, case_text, resume, progress, begin, compiled) -> Result:
+def _run(case, folder, case_text, resume, progress, begin, compiled, insist) -> Result:
     scene = case.scene
     _say(progress, 0.0, "mesh and field")
-    device, plan = make_plan(case)
+    device, plan = make_plan(case, threads=_threads())
     for label, reason in plan.reasons.items():
         log.info("%s: %s", label, reason)
+    refuse_too_much(plan.cost.memory, insist=insist)
     mesh_hash = None if device.coil is None else device.coil.mesh.hash()
     folder.write_provenance(
         seed=scene.scene.seed,
@@ -163,7 +176,8 @@ def _run(case, folder, case_text, resume, progress, begin, compiled) -> Result:
     profiles = profile_average(scene, device)
     extra = () if profiles is None else (profiles,)
     solver = (MissedSteps(scene.contact.dvi.allowed_misses),) if scene.contact.method == "dvi" else ()
-    observers = (Observables(scene, device), history, *solver, snapshots, *extra, report, checkpoint)
+    pace = RunPace(plan.cost, simulation.dem.time, partial(_announce, progress), lambda: compiled.count)
+    observers = (Observables(scene, device), history, *solver, snapshots, *extra, report, checkpoint, pace)
     alive = Heartbeat(progress, simulation, plan.end)
     observers = (alive.stop, *observers)
     with _interruptible(stop), alive:
@@ -324,7 +338,7 @@ def summarise(case, folder: RunFolder, device, plan, simulation, conditions: Ste
             for part in ("field", "magnetic", "contact", "total")
             if f"wall_{part}" in history
         }
-        | {"whole_run": seconds},
+        | {"whole_run": seconds, "foretold": plan.cost.seconds},
         "contact": plan.contact_data,
         "plan": plan.reasons,
     }
