@@ -28,8 +28,8 @@ from emclutch.results.folder_lock import locked_folder
 from emclutch.results.grain_profiles import write_profiles
 from emclutch.results.rise_time import rise_times
 from emclutch.results.steady_torque import SteadyConditions, mean_torque, steady_torque
-from emclutch.run_pace import RunPace
 from emclutch.resume import refuse_changed_files, refuse_earlier_end, refuse_other_scene, run_checkpoint
+from emclutch.run_pace import RunPace
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.snapshots import History, Snapshots, save_checkpoint
 from field import ConvergenceError, FluxLinkage, MagneticField, MeanFluxDensity, PointOutside, estimate_error
