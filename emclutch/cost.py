@@ -110,7 +110,7 @@ def foretell(
         rates[k] = (
             costs.window_seconds(scene, device, counts) * machine.solves,
             updates * costs.update_seconds(scene, grains, counts) * machine.loops if magnetic else 0.0,
-            updates * per_update * costs.step_seconds(scene, grains, counts) * machine.loops,
+            updates * (costs.CALL_S + per_update * costs.step_seconds(scene, grains, counts)) * machine.loops,
         )
     delay = machine.delay(threads)
     gain = machine.gain(threads) if grains >= WORTH_SHARING else 1.0

@@ -18,40 +18,41 @@ if TYPE_CHECKING:
     from emclutch.scene.model import Scene
 
 # A grain and step by DEM: motion, walls near it, the list and its renewals
-GRAIN_NS = 190.0
-GRAVITY_NS = 60.0
-ENERGIES_NS = 60.0  # the books, output.energies
-NEAR_NS = 150.0  # drives of near pulls, found anew with every list
+GRAIN_NS = 150.0  # thesis/centrifugal and electromagnetic, less the books
+ENERGIES_NS = 50.0  # the books, output.energies: a fifth
+NEAR_NS = 30.0  # drives of near pulls, found anew with every list: lock_up without current against centrifugal
+CALL_S = 0.5e-3  # of a batch of steps between two updates, or of a window's
 # A contact and step by DEM
-CONTACT_NS = 80.0
+CONTACT_NS = 85.0  # thesis/electromagnetic, 0.2 to 1.7 contacts a grain
 LAW_NS = {"linear": 0.0, "hertz": 10.0, "hertz_mindlin": 30.0, "thesis": 30.0, "walton_braun": 20.0}
-ROLLING_NS = 60.0
+ROLLING_NS = 60.0  # quickstart with and without
 TWISTING_NS = 40.0
 COHESION_NS = 5.0
-NEAR_CONTACT_NS = 100.0  # the pull of a neck from the gap of every step
+NEAR_CONTACT_NS = 110.0  # the pull of a neck from the gap of every step: lock_up, 0 to 2 contacts a grain
 # Of rigid grains
-RIGID_GRAIN_NS = 1500.0  # a grain and step: search, books, motion
-VISIT_NS = 60.0  # a contact in a sweep
+RIGID_GRAIN_NS = 650.0  # a grain and step: search, books, motion; thesis/centrifugal_methods
+VISIT_NS = 110.0  # a contact in a sweep of the accelerated solver: thesis/electromagnetic_study
 # An update of the magnetic forces, a grain of it, and a row of a neighbour (a pair is seen from both grains)
-UPDATE_S = 0.5e-3
+UPDATE_S = 0.3e-3
 SAMPLE_NS = 800.0
-DIPOLE_NS = 60.0
-IMAGE_NS = 50.0  # of the walls' images, for each row
-MUTUAL_NS = 250.0  # rows made anew, fields set up, forces
-NEAR_PAIR_NS = 100.0  # besides, of near contacts
-SWEEP_NS = 25.0  # a sweep of the moments
+DIPOLE_NS = 60.0  # thesis/electromagnetic
+IMAGE_NS = 35.0  # of the walls' images, for each row
+WEAK_NS = 30.0  # a row of moments that magnetise one another, without a field: lock_up's first millisecond
+MUTUAL_NS = 140.0  # with one, of fields set up and forces: quickstart, powder_clutch, slotted_disc
+NEAR_PAIR_NS = 60.0  # besides, of near contacts
+SWEEP_NS = 55.0  # a sweep of the moments
 # Of the field
 WINDOW_S = 2e-3  # bookkeeping and the history's row
-DEPOSIT_S = 3e-6  # a window and element of powder: smear of the moments
+DEPOSIT_S = 3e-6  # an element of powder: smear of the moments (quickstart, powder_clutch)
 FILL_S = 1e-7  # the same of the fill alone
-ITERATION_S = {"cholmod": 2.3e-6, "superlu": 1.2e-5}  # an unknown and Newton iteration in the section
-ITERATIONS = 3.0
-EDDY = 2.0  # times, where eddy currents are solved for
-SOLID_S = 3e-4  # an unknown of the field in space, the whole solve
+ITERATION_S = {"cholmod": 2.4e-6, "superlu": 1.2e-5}  # an unknown and Newton iteration in the section
+ITERATIONS = 3.0  # quickstart, powder_clutch: 2.3 to 3.5
+EDDY = 1.8  # times, where eddy currents are solved for: switch_on
+SOLID_S = 2.6e-4  # an unknown of the field in space, the whole solve: slotted_disc, with pyamg
 # Once
 START_S = 3.0  # imports, reading the scene
 MESH_S = 1e-4  # an unknown: mesh, the solve of the plan and the first of the run
-SOLID_MESH_S = 6e-4
+SOLID_MESH_S = 4e-4
 PACKING_S = 5e-4  # a grain
 FRAME_S = 0.05  # a snapshot
 FRAME_GRAIN_S = 1e-4
@@ -63,7 +64,7 @@ def step_seconds(scene: Scene, grains: int, counts: Counts) -> float:
     if scene.contact.method == "dvi":
         return 1e-9 * grains * (RIGID_GRAIN_NS + VISIT_NS * counts.contacts * counts.sweeps)
     effects, near = scene.effects, is_near(scene)
-    grain = GRAIN_NS + GRAVITY_NS * (effects.gravity is not None) + ENERGIES_NS * scene.output.energies + NEAR_NS * near
+    grain = GRAIN_NS + ENERGIES_NS * scene.output.energies + NEAR_NS * near
     contact = CONTACT_NS + LAW_NS[scene.contact.law]
     contact += ROLLING_NS * (effects.rolling_friction is not None)
     contact += TWISTING_NS * (effects.twisting_friction is not None)
@@ -77,24 +78,28 @@ def update_seconds(scene: Scene, grains: int, counts: Counts) -> float:
     if effects.dipoles is not None and effects.dipoles.model == "fixed":
         row = DIPOLE_NS + IMAGE_NS * (effects.wall_images is not None)
     elif effects.dipoles is not None:
-        row = MUTUAL_NS + NEAR_PAIR_NS * is_near(scene) + SWEEP_NS * counts.moment_sweeps
+        row = WEAK_NS
+        if counts.moment_sweeps > 0.0:
+            row = MUTUAL_NS + NEAR_PAIR_NS * is_near(scene) + SWEEP_NS * counts.moment_sweeps
     return UPDATE_S + 1e-9 * grains * (SAMPLE_NS + row * counts.neighbours)
 
 
 def window_seconds(scene: Scene, device: Device, counts: Counts) -> float:
-    """Seconds of a window beside its steps and updates: deposit, solves, history."""
+    """Seconds of a window's field: deposit, solves, moments that are found anew after each; and its bookkeeping."""
     coil = device.coil
     if coil is None:
         return WINDOW_S
     if not isinstance(coil, CoilDevice):
         return WINDOW_S + counts.solves * SOLID_S * coil.problem.n_dofs
-    deposit = 0.0
+    deposit = anew = 0.0
     if scene.effects.back_reaction is not None:
-        each = DEPOSIT_S if moments_are_fed_back(scene) else FILL_S
+        fed_back = moments_are_fed_back(scene)
+        each = DEPOSIT_S if fed_back else FILL_S
+        anew = update_seconds(scene, device.fill.count, counts) if fed_back else 0.0
         deposit = each * coil.problem.powder_elements.size
     eddy = EDDY if scene.effects.eddy_currents is not None else 1.0
     solve = ITERATIONS * eddy * ITERATION_S[available_backends()[0]] * coil.problem.n_dofs
-    return WINDOW_S + deposit + counts.solves * (solve + deposit)
+    return WINDOW_S + deposit + counts.solves * (solve + deposit + anew)
 
 
 def start_seconds(scene: Scene, device: Device) -> float:

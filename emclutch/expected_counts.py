@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from emclutch.scene.grain_smear import moments_are_fed_back
+from emclutch.scene.time_table import points_of
 
 if TYPE_CHECKING:
     from emclutch.device import Device
@@ -22,15 +23,17 @@ if TYPE_CHECKING:
 # Contacts a grain, walls included
 CHAINED = 2.0  # in a field, by DEM: 1.9 to 2.2 in the shipped drum clutches, from 5 % of shear on
 BEDDED = 2.3  # under their weight
+STIRRED = 0.5  # where walls or vanes throw them faster than they fall: 0.1 to 1.3 in the clutches with shot
 LOOSE = 0.1  # without either: grains that hit each other now and then
 SKIN = 0.25  # diameters beyond the cut-off: how far rows of neighbours reach
-SWEEPS = 5.0  # of the moments, an update that starts from the last one's: 3 to 6 at a tolerance of 1e-3
+SWEEPS = 4.0  # of the moments, an update that starts from the last one's: 3 to 5.5 at a tolerance of 1e-3
 SOLVES = 0.25  # of the field in a window of a quarter of a diameter, where moments are fed back: 0.20 to 0.29
 FILL_SOLVES = 0.05  # where only the fill is
 CURRENT_STEP = 0.01  # of the largest current: a change that calls for a solve
-EDDY_SOLVES = 0.5  # a window, while eddy currents still change the field
+EDDY_SOLVES = 0.35  # a window, with eddy currents: 1 while the field rises, 0.2 later
 OFF = 0.01  # of the largest current: less makes no chains
-DVI_SWEEPS = 60.0  # a step of rigid grains that lie in a bed or a chain
+FIELD_SWEEPS = 45.0  # a step of rigid grains that a field holds together, in thesis/electromagnetic_study
+FREE_SWEEPS = 5.0  # of others: thesis/centrifugal_methods
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,15 +64,14 @@ class Counts:
 def counts_at(scene: Scene, device: Device, time: float, window: float) -> Counts:
     """What is to be done at `time` [s] in a run whose coupling window is `window` [s] long."""
     attracted = scene.effects.dipoles is not None and field_share(device, time) > OFF
-    weighed = scene.effects.gravity is not None and time > settling_time(scene, device)
-    contacts = CHAINED if attracted else BEDDED if weighed else LOOSE
+    contacts = CHAINED if attracted else _contacts_without_field(scene, device, time)
     model = None if scene.effects.dipoles is None else scene.effects.dipoles.model
     return Counts(
         contacts,
         neighbours(scene, device),
         SWEEPS if attracted and model in ("mutual", "near_field") else 0.0,
         _solves(scene, device, time, window),
-        DVI_SWEEPS * min(1.0, contacts / CHAINED),
+        FIELD_SWEEPS if attracted else FREE_SWEEPS,
     )
 
 
@@ -80,6 +82,22 @@ def field_share(device: Device, time: float) -> float:
     if device.coil is None or device.coil.largest_current == 0.0:
         return 0.0
     return abs(device.coil.current(time)) / device.coil.largest_current
+
+
+def _contacts_without_field(scene: Scene, device: Device, time: float) -> float:
+    """Contacts a grain in a bed, in one that is stirred faster than it falls, and where nothing presses grains."""
+    if scene.effects.gravity is None:
+        return LOOSE
+    rotor = scene.motion.rotor
+    if rotor.free is not None:
+        motor = rotor.free.motor
+        speed = rotor.free.largest_speed if motor is None or time > motor.switched_on else 0.0
+    else:
+        assert rotor.speed is not None  # by the schema: one of the two
+        speed = abs(float(np.interp(time, *points_of(rotor.speed))))
+    if speed**2 * device.largest_radius > scene.effects.gravity.acceleration:
+        return STIRRED
+    return BEDDED if time > settling_time(scene, device) else LOOSE
 
 
 def settling_time(scene: Scene, device: Device) -> float:
