@@ -2,7 +2,7 @@
 
 Seconds are counts (`expected_counts`) times what each effect costs on the reference machine (`effect_costs`), times how
 fast the machine at hand is (`machine_speed`). Parts have the names under which a run measures them: `field` (deposit
-and solves), `magnetic` (moments and forces), `contact` (the grains' steps), `output` (pictures, snapshots) and `start`
+and solves), `magnetic` (moments and forces), `contact` (the grains' steps), `output` (history, snapshots, pictures) and `start`
 (imports, mesh, plan, packing). Compiling kernels, once for each kind of scene, and settling are not foretold.
 """
 
@@ -24,9 +24,11 @@ if TYPE_CHECKING:
     from emclutch.scene.model import Scene
 
 INSTANTS = 64  # at which the course of a run is foretold
-# MiB: the program with its libraries; bytes a grain, a neighbour's row, an unknown of the field
-BASE_MIB, GRAIN_BYTES, ROW_BYTES, UNKNOWN_BYTES = 300.0, 4000.0, 40.0, 4000.0
-SOLID_UNKNOWN_BYTES = 6000.0
+# MiB of the program, of what a field and what pictures load; bytes a grain, a neighbour's row, an unknown of the field.
+# Largest resident sizes: centrifugal 224 MiB, quickstart 368, with pictures 431, ten times its sector 481, slotted_disc
+# 590; compiling takes some 200 more, once
+BASE_MIB, FIELD_MIB, PICTURES_MIB = 220.0, 110.0, 60.0
+GRAIN_BYTES, ROW_BYTES, UNKNOWN_BYTES, SOLID_UNKNOWN_BYTES = 4000.0, 50.0, 4000.0, 5000.0
 # Bytes on disk: a grain's frame in each format, an unknown's; a grain and an unknown of the checkpoint; the rest
 FRAME_BYTES = {"vtk": 260.0, "hdf5": 120.0}
 FIELD_BYTES, CHECKPOINT_BYTES, UNKNOWN_CHECKPOINT_BYTES, REST_MIB = 29.0, 1200.0, 30.0, 3.0
@@ -108,7 +110,7 @@ def foretell(
     for k, middle in enumerate(0.5 * (time[1:] + time[:-1])):
         counts = counts_at(scene, device, float(middle), window)
         rates[k] = (
-            costs.window_seconds(scene, device, counts) * machine.solves,
+            costs.field_seconds(scene, device, counts) * machine.solves,
             updates * costs.update_seconds(scene, grains, counts) * machine.loops if magnetic else 0.0,
             updates * (costs.CALL_S + per_update * costs.step_seconds(scene, grains, counts)) * machine.loops,
         )
@@ -120,20 +122,21 @@ def foretell(
     alone = machine.delay(1)
     once = {
         "start": costs.start_seconds(scene, device) * machine.solves * alone,
-        "output": costs.output_seconds(scene, grains) * machine.loops * alone,
+        "output": costs.output_seconds(scene, grains, windows) * machine.loops * alone,
     }
     steps = windows * updates * per_update
     return Cost(time, spent, once, memory(scene, device), disk(scene, device), steps, grains, threads, machine)
 
 
 def memory(scene: Scene, device: Device) -> float:
-    """Memory [MiB] that a run holds at most."""
+    """Memory [MiB] that a run holds at most, but for compiling."""
     count = device.fill.count
+    kept = BASE_MIB + PICTURES_MIB * scene.output.pictures
     used = count * (GRAIN_BYTES + ROW_BYTES * neighbours(scene, device))
     if device.coil is not None:
         each = UNKNOWN_BYTES if costs.is_of_revolution(device) else SOLID_UNKNOWN_BYTES
-        used += each * device.coil.problem.n_dofs
-    return BASE_MIB + used / 2**20
+        kept, used = kept + FIELD_MIB, used + each * device.coil.problem.n_dofs
+    return kept + used / 2**20
 
 
 def disk(scene: Scene, device: Device) -> float:

@@ -30,8 +30,8 @@ TWISTING_NS = 40.0
 COHESION_NS = 5.0
 NEAR_CONTACT_NS = 110.0  # the pull of a neck from the gap of every step: lock_up, 0 to 2 contacts a grain
 # Of rigid grains
-RIGID_GRAIN_NS = 650.0  # a grain and step: search, books, motion; thesis/centrifugal_methods
-VISIT_NS = 110.0  # a contact in a sweep of the accelerated solver: thesis/electromagnetic_study
+RIGID_GRAIN_NS = 550.0  # a grain and step: search, books, motion; thesis/centrifugal_methods
+VISIT_NS = 70.0  # a contact in a sweep of the accelerated solver: thesis/centrifugal_methods, electromagnetic_study
 # An update of the magnetic forces, a grain of it, and a row of a neighbour (a pair is seen from both grains)
 UPDATE_S = 0.3e-3
 SAMPLE_NS = 800.0
@@ -42,14 +42,14 @@ MUTUAL_NS = 140.0  # with one, of fields set up and forces: quickstart, powder_c
 NEAR_PAIR_NS = 60.0  # besides, of near contacts
 SWEEP_NS = 55.0  # a sweep of the moments
 # Of the field
-WINDOW_S = 2e-3  # bookkeeping and the history's row
 DEPOSIT_S = 3e-6  # an element of powder: smear of the moments (quickstart, powder_clutch)
 FILL_S = 1e-7  # the same of the fill alone
 ITERATION_S = {"cholmod": 2.4e-6, "superlu": 1.2e-5}  # an unknown and Newton iteration in the section
 ITERATIONS = 3.0  # quickstart, powder_clutch: 2.3 to 3.5
 EDDY = 1.8  # times, where eddy currents are solved for: switch_on
 SOLID_S = 2.6e-4  # an unknown of the field in space, the whole solve: slotted_disc, with pyamg
-# Once
+# Of the output, and once
+WINDOW_S = 2e-3  # books, the history's row, what is said
 START_S = 3.0  # imports, reading the scene
 MESH_S = 1e-4  # an unknown: mesh, the solve of the plan and the first of the run
 SOLID_MESH_S = 4e-4
@@ -84,13 +84,13 @@ def update_seconds(scene: Scene, grains: int, counts: Counts) -> float:
     return UPDATE_S + 1e-9 * grains * (SAMPLE_NS + row * counts.neighbours)
 
 
-def window_seconds(scene: Scene, device: Device, counts: Counts) -> float:
-    """Seconds of a window's field: deposit, solves, moments that are found anew after each; and its bookkeeping."""
+def field_seconds(scene: Scene, device: Device, counts: Counts) -> float:
+    """Seconds of a window's field: deposit, solves, and the moments that are found anew after each."""
     coil = device.coil
     if coil is None:
-        return WINDOW_S
+        return 0.0
     if not isinstance(coil, CoilDevice):
-        return WINDOW_S + counts.solves * SOLID_S * coil.problem.n_dofs
+        return counts.solves * SOLID_S * coil.problem.n_dofs
     deposit = anew = 0.0
     if scene.effects.back_reaction is not None:
         fed_back = moments_are_fed_back(scene)
@@ -99,7 +99,7 @@ def window_seconds(scene: Scene, device: Device, counts: Counts) -> float:
         deposit = each * coil.problem.powder_elements.size
     eddy = EDDY if scene.effects.eddy_currents is not None else 1.0
     solve = ITERATIONS * eddy * ITERATION_S[available_backends()[0]] * coil.problem.n_dofs
-    return WINDOW_S + deposit + counts.solves * (solve + deposit + anew)
+    return deposit + counts.solves * (solve + deposit + anew)
 
 
 def start_seconds(scene: Scene, device: Device) -> float:
@@ -109,10 +109,10 @@ def start_seconds(scene: Scene, device: Device) -> float:
     return START_S + field + PACKING_S * device.fill.count
 
 
-def output_seconds(scene: Scene, grains: int) -> float:
-    """Seconds of snapshots and pictures."""
+def output_seconds(scene: Scene, grains: int, windows: int) -> float:
+    """Seconds of the windows' rows, snapshots and pictures."""
     frames = scene.output.snapshots * (FRAME_S + FRAME_GRAIN_S * grains) if scene.output.formats else 0.0
-    return frames + PICTURES_S * scene.output.pictures
+    return WINDOW_S * windows + frames + PICTURES_S * scene.output.pictures
 
 
 def is_near(scene: Scene) -> bool:

@@ -32,8 +32,8 @@ FILL_SOLVES = 0.05  # where only the fill is
 CURRENT_STEP = 0.01  # of the largest current: a change that calls for a solve
 EDDY_SOLVES = 0.35  # a window, with eddy currents: 1 while the field rises, 0.2 later
 OFF = 0.01  # of the largest current: less makes no chains
-FIELD_SWEEPS = 45.0  # a step of rigid grains that a field holds together, in thesis/electromagnetic_study
-FREE_SWEEPS = 5.0  # of others: thesis/centrifugal_methods
+FIELD_SWEEPS = 60.0  # a step of rigid grains that a field holds together, in thesis/electromagnetic_study
+FREE_SWEEPS = 4.0  # of others: thesis/centrifugal_methods
 
 
 @dataclass(frozen=True, slots=True)
