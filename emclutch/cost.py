@@ -2,8 +2,9 @@
 
 Seconds are counts (`expected_counts`) times what each effect costs on the reference machine (`effect_costs`), times how
 fast the machine at hand is (`machine_speed`). Parts have the names under which a run measures them: `field` (deposit
-and solves), `magnetic` (moments and forces), `contact` (the grains' steps), `output` (history, snapshots, pictures) and `start`
-(imports, mesh, plan, packing). Compiling kernels, once for each kind of scene, and settling are not foretold.
+and solves), `magnetic` (moments and forces), `contact` (the grains' steps); beside them `output` (history, snapshots,
+pictures) and `start` (imports, mesh, plan, packing). Compiling kernels, once for each kind of scene, and settling are
+not foretold.
 """
 
 from __future__ import annotations
@@ -68,6 +69,11 @@ class Cost:
         parts = {part: float(course[-1]) for part, course in self.spent.items()} | self.once
         return parts | {"total": sum(parts.values())}
 
+    @property
+    def gain(self) -> float:
+        """How many times as fast the threads make the loops over grains."""
+        return gain(self.machine, self.grains, self.threads)
+
     def until(self, time: float) -> dict[str, float]:
         """Wall-clock seconds of the loop's parts until `time` [s]."""
         return {part: float(np.interp(time, self.time, course)) for part, course in self.spent.items()}
@@ -115,8 +121,8 @@ def foretell(
             updates * (costs.CALL_S + per_update * costs.step_seconds(scene, grains, counts)) * machine.loops,
         )
     delay = machine.delay(threads)
-    gain = machine.gain(threads) if grains >= WORTH_SHARING else 1.0
-    rates *= delay / np.array([1.0, gain, gain])
+    faster = gain(machine, grains, threads)
+    rates *= delay / np.array([1.0, faster, faster])
     sums = np.vstack((np.zeros(3), np.cumsum(rates, axis=0))) * windows / INSTANTS
     spent = {part: sums[:, k] for k, part in enumerate(("field", "magnetic", "contact"))}
     alone = machine.delay(1)
@@ -126,6 +132,11 @@ def foretell(
     }
     steps = windows * updates * per_update
     return Cost(time, spent, once, memory(scene, device), disk(scene, device), steps, grains, threads, machine)
+
+
+def gain(machine: MachineSpeed, grains: int, threads: int) -> float:
+    """How many times as fast `threads` threads make the loops over so many grains; a few are not shared."""
+    return machine.gain(threads) if grains >= WORTH_SHARING else 1.0
 
 
 def memory(scene: Scene, device: Device) -> float:

@@ -23,12 +23,13 @@ ENERGIES_NS = 50.0  # the books, output.energies: a fifth
 NEAR_NS = 30.0  # drives of near pulls, found anew with every list: lock_up without current against centrifugal
 CALL_S = 0.5e-3  # of a batch of steps between two updates, or of a window's
 # A contact and step by DEM
-CONTACT_NS = 85.0  # thesis/electromagnetic, 0.2 to 1.7 contacts a grain
+CONTACT_NS = 70.0  # thesis/electromagnetic, 0.2 to 1.7 contacts a grain; these here: dem_cost.py
 LAW_NS = {"linear": 0.0, "hertz": 10.0, "hertz_mindlin": 30.0, "thesis": 30.0, "walton_braun": 20.0}
-ROLLING_NS = 60.0  # quickstart with and without
-TWISTING_NS = 40.0
-COHESION_NS = 5.0
-NEAR_CONTACT_NS = 110.0  # the pull of a neck from the gap of every step: lock_up, 0 to 2 contacts a grain
+SIZES_NS = 25.0  # where grains are of several sizes
+ROLLING_NS = 65.0
+TWISTING_NS = 25.0
+COHESION_NS = 6.0
+NEAR_CONTACT_NS = 120.0  # the pull of a neck from the gap of every step: lock_up, 0 to 2 contacts a grain
 # Of rigid grains
 RIGID_GRAIN_NS = 550.0  # a grain and step: search, books, motion; thesis/centrifugal_methods
 VISIT_NS = 70.0  # a contact in a sweep of the accelerated solver: thesis/centrifugal_methods, electromagnetic_study
@@ -65,7 +66,7 @@ def step_seconds(scene: Scene, grains: int, counts: Counts) -> float:
         return 1e-9 * grains * (RIGID_GRAIN_NS + VISIT_NS * counts.contacts * counts.sweeps)
     effects, near = scene.effects, is_near(scene)
     grain = GRAIN_NS + ENERGIES_NS * scene.output.energies + NEAR_NS * near
-    contact = CONTACT_NS + LAW_NS[scene.contact.law]
+    contact = CONTACT_NS + LAW_NS[scene.contact.law] + SIZES_NS * (scene.particles.sizes is not None)
     contact += ROLLING_NS * (effects.rolling_friction is not None)
     contact += TWISTING_NS * (effects.twisting_friction is not None)
     contact += COHESION_NS * (effects.cohesion is not None) + NEAR_CONTACT_NS * near

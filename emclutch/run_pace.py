@@ -19,7 +19,7 @@ BEHIND = 2.0  # times the seconds foretold
 WINDOWS = 10  # at least, and
 SHARE = 0.02  # of the run, and
 LEAST_S = 5.0  # have passed before anything is said: short runs need no plan
-BUSY = 1.3  # wall-clock over processor time of one thread: another program takes the core
+BUSY = 1.4  # processor time that was to be had over what was got: other programs take the cores
 _WORK = {
     "field": "field solves and deposit",
     "magnetic": "moments and magnetic forces",
@@ -79,8 +79,9 @@ class RunPace:
         if spent <= BEHIND * planned:
             return ""
         wall, processor = time.perf_counter() - self._wall, time.process_time() - self._processor
-        expected = self._cost.machine.delay(self._cost.threads)  # how busy the machine was when it was foretold
-        if wall > BUSY * expected * processor:
+        cost = self._cost
+        at_work = cost.gain / cost.machine.delay(cost.threads)  # cores at work, on a machine as when it was foretold
+        if BUSY * processor < at_work * wall:
             why = (
                 f"the machine is busy: of {wall:.0f} s this run had {processor:.0f} s of a core; end other programs, "
                 "or wait"

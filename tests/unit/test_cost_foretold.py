@@ -190,11 +190,11 @@ def test_a_container_allows_less_than_the_machine_has(monkeypatch, tmp_path):
 # -- pace
 
 
-def planned(**rates):
+def planned(threads=1, **rates):
     """A cost of so many seconds for each second of a run of 100 s."""
     time = np.linspace(0.0, 100.0, 3)
     spent = {part: rates[part] * time for part in ("field", "magnetic", "contact")}
-    return Cost(time, spent, {"start": 1.0, "output": 1.0}, 100.0, 10.0, 1000, 10, 1, REFERENCE)
+    return Cost(time, spent, {"start": 1.0, "output": 1.0}, 100.0, 10.0, 1000, 2000, threads, REFERENCE)
 
 
 def drive(pace, windows, clock=None, begin=0.0, **seconds):
@@ -232,10 +232,11 @@ def test_a_run_that_falls_behind_says_so_once_and_which_part(slow, named, clock)
     assert len(said) == 1 and named in said[0] and "times as slow as foretold" in said[0]
 
 
-def test_a_run_on_a_busy_machine_says_that(clock):
+@pytest.mark.parametrize(("threads", "share"), [(1, 0.4), (2, 0.9)])  # two have 1.4 cores where both are free
+def test_a_run_on_a_busy_machine_says_that(threads, share, clock):
     said = []
-    clock.share = 0.4
-    drive(RunPace(planned(field=0.1, magnetic=0.3, contact=0.6), 0.0, said.append), 60, clock,
+    clock.share = share
+    drive(RunPace(planned(threads, field=0.1, magnetic=0.3, contact=0.6), 0.0, said.append), 60, clock,
           field=0.25, magnetic=0.75, contact=1.5)  # fmt: skip
     assert len(said) == 1 and "the machine is busy" in said[0]
 
