@@ -24,7 +24,7 @@ NEAR_NS = 30.0  # drives of near pulls, found anew with every list: lock_up with
 CALL_S = 0.5e-3  # of a batch of steps between two updates, or of a window's
 # A contact and step by DEM
 CONTACT_NS = 70.0  # thesis/electromagnetic, 0.2 to 1.7 contacts a grain; these here: dem_cost.py
-LAW_NS = {"linear": 0.0, "hertz": 10.0, "hertz_mindlin": 30.0, "thesis": 30.0, "walton_braun": 20.0}
+LAW_NS = {"linear": 0.0, "hertz": 10.0, "hertz_mindlin": 15.0, "thesis": 15.0, "walton_braun": 15.0}
 SIZES_NS = 25.0  # where grains are of several sizes
 ROLLING_NS = 65.0
 TWISTING_NS = 25.0

@@ -9,6 +9,7 @@ of a core does not count; that is told apart, as the cores that are taken. Speed
 from __future__ import annotations
 
 import json
+import math
 import os
 import platform
 import time
@@ -31,6 +32,7 @@ LOOPS_S, SOLVES_S = 0.0125, 0.026
 LASTS = 86400.0  # s, that a measured speed is believed
 PAIRS, GRAINS, SIDE, REPEATS = 20_000, 2_500, 90, 5
 SERIAL = 0.43  # of a parallel step: two threads make it 1.4 times as fast (1.0 to 1.7 were measured)
+_SINCE = time.perf_counter(), time.process_time()
 TELL = 0.5  # cores taken by others, from which on it is said
 
 
@@ -45,7 +47,7 @@ class MachineSpeed:
     cores : int
         That this process may use.
     taken : float
-        Of these, used by other programs at the moment.
+        Cores that other programs ask for at the moment; it may be more than there are.
     """
 
     loops: float
@@ -66,7 +68,7 @@ class MachineSpeed:
         text = (
             f"this machine takes {self.loops:.2g} times the reference's time for grains, {self.solves:.2g} for fields"
         )
-        busy = round(self.taken)
+        busy = min(round(self.taken), self.cores)
         if self.taken < TELL or busy == 0:
             return text
         return f"{text}; {busy} of {self.cores} cores {'is' if busy == 1 else 'are'} busy with other programs"
@@ -75,8 +77,7 @@ class MachineSpeed:
 def machine_speed() -> MachineSpeed:
     """The machine at hand: its speed of today, and what of it is taken now."""
     loops, solves = _speed_of_today()
-    cores = cores_at_hand()
-    return MachineSpeed(loops, solves, cores, min(float(cores), _taken()))
+    return MachineSpeed(loops, solves, cores_at_hand(), _taken())
 
 
 def cores_at_hand() -> int:
@@ -157,12 +158,13 @@ def _laplacian_probe() -> Callable[[], object]:
 
 
 def _taken() -> float:
-    """Cores that other programs have used in the last minute, by the system's load; 0 where it tells none."""
+    """Cores that other programs have asked for in the last minute, by the system's load; 0 where it tells none."""
     if not hasattr(os, "getloadavg"):
         return 0.0
     return max(0.0, os.getloadavg()[0] - _own_load())
 
 
 def _own_load() -> float:
-    """What this process itself adds to the load of the last minute: it forgets by half in 42 s."""
-    return 1.0 - float(np.exp(-time.process_time() / 60.0))
+    """What this process itself adds to the load: its cores at work since this module was read, of the last minute."""
+    wall, processor = time.perf_counter() - _SINCE[0], time.process_time() - _SINCE[1]
+    return processor / max(wall, 1e-3) * (1.0 - math.exp(-wall / 60.0))

@@ -65,9 +65,12 @@ def test_threads_gain_less_than_their_number_and_only_on_cores_that_are_there():
     assert gains[0] < gains[1] < gains[2] < 4.0 and gains[3] == gains[2]
 
 
-def test_load_of_others_is_what_this_process_has_not_caused(monkeypatch):
-    monkeypatch.setattr(machine_speed.os, "getloadavg", lambda: (1.6, 0.0, 0.0))
-    monkeypatch.setattr(machine_speed.time, "process_time", lambda: 3600.0)
+@pytest.mark.parametrize("threads", [1.0, 2.0])
+def test_load_of_others_is_what_this_process_has_not_caused(threads, monkeypatch):
+    wall, processor = machine_speed._SINCE
+    monkeypatch.setattr(machine_speed.time, "perf_counter", lambda: wall + 3600.0)
+    monkeypatch.setattr(machine_speed.time, "process_time", lambda: processor + threads * 3600.0)
+    monkeypatch.setattr(machine_speed.os, "getloadavg", lambda: (threads + 0.6, 0.0, 0.0))
     found = machine_speed.machine_speed()
     assert found.taken == pytest.approx(0.6) and found.cores == cores_at_hand()
     monkeypatch.setattr(machine_speed.os, "getloadavg", lambda: (0.2, 0.0, 0.0))
