@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 GRAIN_NS = 150.0  # thesis/centrifugal and electromagnetic, less the books
 ENERGIES_NS = 50.0  # the books, output.energies: a fifth
 NEAR_NS = 30.0  # drives of near pulls, found anew with every list: lock_up without current against centrifugal
-CALL_S = 0.5e-3  # of a batch of steps between two updates, or of a window's
+CALL_S = 0.3e-3  # of a batch of steps between two updates, or of a window's
 # A contact and step by DEM
 CONTACT_NS = 70.0  # thesis/electromagnetic, 0.2 to 1.7 contacts a grain; these here: dem_cost.py
 LAW_NS = {"linear": 0.0, "hertz": 10.0, "hertz_mindlin": 15.0, "thesis": 15.0, "walton_braun": 15.0}

@@ -32,8 +32,9 @@ FILL_SOLVES = 0.05  # where only the fill is
 CURRENT_STEP = 0.01  # of the largest current: a change that calls for a solve
 EDDY_SOLVES = 0.35  # a window, with eddy currents: 1 while the field rises, 0.2 later
 OFF = 0.01  # of the largest current: less makes no chains
-FIELD_SWEEPS = 60.0  # a step of rigid grains that a field holds together, in thesis/electromagnetic_study
-FREE_SWEEPS = 4.0  # of others: thesis/centrifugal_methods
+FIELD_SWEEPS = 130.0  # a step of rigid grains that a field holds together: thesis/electromagnetic_study
+STIRRED_SWEEPS = 15.0  # that are stirred: thesis/centrifugal_methods
+FREE_SWEEPS = 4.0  # of others
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +72,7 @@ def counts_at(scene: Scene, device: Device, time: float, window: float) -> Count
         neighbours(scene, device),
         SWEEPS if attracted and model in ("mutual", "near_field") else 0.0,
         _solves(scene, device, time, window),
-        FIELD_SWEEPS if attracted else FREE_SWEEPS,
+        FIELD_SWEEPS if attracted else STIRRED_SWEEPS if contacts == STIRRED else FREE_SWEEPS,
     )
 
 

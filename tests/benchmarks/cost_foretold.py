@@ -30,6 +30,7 @@ from emclutch.cost import foretell
 from emclutch.machine_speed import MachineSpeed, machine_speed
 from emclutch.observables import Observables
 from emclutch.plan import make_plan
+from particles import ParticleError
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
 PARTS = ("field", "magnetic", "contact")
@@ -103,7 +104,11 @@ def main() -> None:
     print(speed.in_words())
     print(f"{'case':44} {'foretold':>9} {'measured':>9} {'ratio':>6}   ratio of " + ", ".join(PARTS))
     for name, case in scenes(given.cases or sorted(CASES.rglob("*.toml"))):
-        foretold, spent = measured(case, given.share, alone)
+        try:
+            foretold, spent = measured(case, given.share, alone)
+        except ParticleError as error:
+            print(f"{name:44} {error}", flush=True)
+            continue
         total, sure = sum(foretold.values()), sum(spent.values())
         each = "  ".join(f"{foretold[part] / spent[part]:5.2f}" if spent[part] else "    -" for part in PARTS)
         print(f"{name:44} {total:9.2f} {sure:9.2f} {total / sure:6.2f}   {each}", flush=True)
