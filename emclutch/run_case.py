@@ -6,7 +6,6 @@ import logging
 import signal
 import threading
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -176,7 +175,7 @@ def _run(case, folder, case_text, resume, progress, begin, compiled, insist) -> 
     profiles = profile_average(scene, device)
     extra = () if profiles is None else (profiles,)
     solver = (MissedSteps(scene.contact.dvi.allowed_misses),) if scene.contact.method == "dvi" else ()
-    pace = RunPace(plan.cost, simulation.dem.time, partial(_announce, progress), lambda: compiled.count)
+    pace = RunPace(plan.cost, simulation.dem.time, getattr(progress, "announce", None), lambda: compiled.count)
     observers = (Observables(scene, device), history, *solver, snapshots, *extra, report, checkpoint, pace)
     alive = Heartbeat(progress, simulation, plan.end)
     observers = (alive.stop, *observers)

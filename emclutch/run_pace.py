@@ -6,6 +6,7 @@ What the parts of the windows take is compared with what was foretold for the sa
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -15,10 +16,11 @@ from emclutch.cost import Cost, spoken
 if TYPE_CHECKING:
     from coupling import Simulation
 
+log = logging.getLogger(__name__)
 BEHIND = 2.0  # times the seconds foretold
 WINDOWS = 10  # at least, and
 SHARE = 0.02  # of the run, and
-LEAST_S = 5.0  # have passed before anything is said: short runs need no plan
+LEAST_S = 20.0  # have passed before anything is said: short runs need no plan, and short jams pass
 BUSY = 1.4  # processor time that was to be had over what was got: other programs take the cores
 _WORK = {
     "field": "field solves and deposit",
@@ -36,14 +38,14 @@ class RunPace:
         Of the run.
     begin : float
         Simulated time [s] at which this process takes the run up.
-    tell : callable
-        Takes the text.
+    tell : callable or None
+        Takes the text, which is logged as a warning too.
     compiled : callable
         How many kernels this process has compiled so far: the clock begins anew whenever it has compiled another one.
     """
 
     def __init__(
-        self, cost: Cost, begin: float, tell: Callable[[str], None], compiled: Callable[[], int] = lambda: 0
+        self, cost: Cost, begin: float, tell: Callable[[str], None] | None, compiled: Callable[[], int] = lambda: 0
     ) -> None:
         self._cost, self._tell, self._compiled = cost, tell, compiled
         self.said = ""
@@ -60,7 +62,9 @@ class RunPace:
         if not self.said and self._is_time(now):
             self.said = self._reason(now)
             if self.said:
-                self._tell(self.said)
+                log.warning("%s", self.said)
+                if self._tell is not None:
+                    self._tell(self.said)
 
     def _restart(self, now: float) -> None:
         self._begin, self._windows, self._kernels = now, 0, self._compiled()

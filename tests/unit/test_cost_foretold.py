@@ -224,12 +224,13 @@ def test_a_run_on_plan_is_silent(clock):
 @pytest.mark.parametrize(
     ("slow", "named"), [("field", "field solves"), ("magnetic", "moments"), ("contact", "the grains' steps")]
 )
-def test_a_run_that_falls_behind_says_so_once_and_which_part(slow, named, clock):
+def test_a_run_that_falls_behind_says_so_once_and_which_part(slow, named, clock, caplog):
     said = []
     rates = {"field": 0.3, "magnetic": 0.3, "contact": 0.4}
     pace = RunPace(planned(**rates), 0.0, said.append)
     drive(pace, 60, clock, **(rates | {slow: 3.0}))
     assert len(said) == 1 and named in said[0] and "times as slow as foretold" in said[0]
+    assert [record.getMessage() for record in caplog.records if record.levelname == "WARNING"] == said
 
 
 @pytest.mark.parametrize(("threads", "share"), [(1, 0.4), (2, 0.9)])  # two have 1.4 cores where both are free
