@@ -68,6 +68,7 @@ Sets = Annotated[
 ]
 Resume = Annotated[bool, typer.Option("--resume", help="go on from the last checkpoint")]
 Threads = Annotated[int | None, typer.Option("--threads", help="threads; results do not depend on them")]
+Insist = Annotated[bool, typer.Option("--insist", help="run also where more memory is needed than is free")]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="stop after the plan; nothing is written")]
 TrustScripts = Annotated[
     bool,
@@ -129,6 +130,7 @@ def run(
     dry_run: DryRun = False,
     as_json: AsJson = False,
     trust_scripts: TrustScripts = False,
+    insist: Insist = False,
 ) -> None:
     """Simulate one scene."""
     with _explained():
@@ -140,13 +142,13 @@ def run(
             message = f"needs a run; name the run's folder: emclutch run FOLDER --resume, not the scene {case}"
             raise SceneError([Fault("--resume", "", message)], "command line")
         if dry_run:
-            _tell_plan(read, as_json)
+            _tell_plan(read, as_json, threads)
             return
         from emclutch.results import Progress
         from emclutch.run_case import run as run_scene
 
         with nullcontext() if as_json else Progress() as progress:
-            result = run_scene(read, out=out, threads=threads, resume=resume, progress=progress)
+            result = run_scene(read, out=out, threads=threads, resume=resume, progress=progress, insist=insist)
         if as_json:
             _print_json(result.summary)
         else:
@@ -172,6 +174,7 @@ def sweep(
     resume: Resume = False,
     threads: Threads = None,
     trust_scripts: TrustScripts = False,
+    insist: Insist = False,
 ) -> None:
     """Simulate every point of a parameter study, one after the other."""
     with _explained():
@@ -186,7 +189,7 @@ def sweep(
         from emclutch.run_study import sweep as sweep_study
 
         with Progress() as progress:
-            folder = sweep_study(read, out=out, threads=threads, resume=resume, progress=progress)
+            folder = sweep_study(read, out=out, threads=threads, resume=resume, progress=progress, insist=insist)
         compared = folder / "methods.txt"
         if compared.is_file():
             typer.echo(compared.read_text(encoding="utf-8"), nl=False)
@@ -482,11 +485,11 @@ def _unknown(key: str) -> str:
     return key_fault(key, Scene)
 
 
-def _tell_plan(case: Case, as_json: bool) -> None:
+def _tell_plan(case: Case, as_json: bool, threads: int | None = None) -> None:
     from emclutch.plan import plan  # local: it needs the packages of the physics
 
     with _bad_input_for(case.path):
-        decisions, left_out = plan(case)
+        decisions, left_out = plan(case, threads)
     active = case.scene.effects.active
     if as_json:
         title = case.scene.scene.title

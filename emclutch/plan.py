@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import ceil, floor, pi
+from math import ceil, floor, inf, pi
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from coupling import chain_magnetisation, magnetic_load, neck_load, neck_stiffness, snap_in_overlap, weight_load
 from emclutch.case import Case
+from emclutch.cost import Cost, foretell
 from emclutch.device import CoilDevice, Device, build_device, grain_law
+from emclutch.machine_speed import threads_at_hand
 from emclutch.overlaps import SOFT, STOPS
+from emclutch.results.steady_torque import LEAST_STRAIN
 from emclutch.rigid_plan import RigidPlan, plan_rigid
 from emclutch.scene.contact import Contact
 from emclutch.scene.field_source import CoilField
 from emclutch.scene.grain_smear import moments_are_fed_back, smear_width
+from emclutch.scene.replica_count import replica_count
 from emclutch.scene.surfaces import extent_in_words
 from emclutch.scene.usual_ranges import FLUX_DENSITY
 from field import MagneticField
@@ -31,14 +34,6 @@ if TYPE_CHECKING:
     from emclutch.effects_left_out import LeftOut
 
 NECK_MARGIN = 10.0  # of a contact's stiffness over the negative one of its neck
-
-# nanoseconds a grain and step for contacts, and a neighbour for dipoles; measured on two cores, for estimates only
-CONTACT_NS = 95.0
-NEAR_CONTACT_NS = 500.0  # in the chains that near pulls hold together: contacts with rolling, and drives
-PAIR_NS = 9.0
-MOMENT_PAIR_NS = 150.0  # of moments that grains make each other, some six sweeps, and their forces
-FEEDBACK_S = 0.03  # a window: deposit, and a solve in every fifth
-RIGID_NS = 3000.0  # of a step of rigid grains that takes some sixty sweeps
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +59,8 @@ class Plan:
         Normal stiffness of a contact between grains, at the largest overlap to be expected [N/m]; None: rigid.
     reasons : dict of str to str
         One line for each decision, for people: what decides is in the other attributes.
+    cost : Cost
+        Of the run on this machine.
     """
 
     count: int
@@ -77,6 +74,7 @@ class Plan:
     M_max: float
     stiffness: float | None
     reasons: dict[str, str]
+    cost: Cost
 
     @property
     def contact_data(self) -> dict[str, str | bool | float | None]:
@@ -98,8 +96,10 @@ class Plan:
         return self.windows * self.updates * self.steps_per_update * self.dt
 
 
-def make_plan(case: Case, device: Device | None = None) -> tuple[Device, Plan]:
+def make_plan(case: Case, device: Device | None = None, threads: int | None = None) -> tuple[Device, Plan]:
     """Build the device (unless given) and decide stiffness, step, windows and numbers of the run.
+
+    The cost is that on `threads` threads (default: as a run takes them).
 
     Raises ValueError with a remedy when the scene's own step is too long, or its stiffness is too low or does
     not follow from it.
@@ -137,11 +137,36 @@ def make_plan(case: Case, device: Device | None = None) -> tuple[Device, Plan]:
         contact, dt, stiffness = _elastic(scene, device, M_max, speed, reasons)
     layers = max(_fall_speed(scene, device), _layer_speed(scene, device, speed))
     per_update, updates, windows = _windows(scene, dt, speed, layers, M_max > 0.0 or field is not None, reasons)
-    plan = Plan(fill.count, sector, contact, dt, per_update, updates, windows, field, M_max, stiffness, reasons)
     if moments_are_fed_back(scene) and isinstance(device.coil, CoilDevice):
         reasons["feedback"] = _feedback_in_words(scene, device.coil)
-    _estimates(scene, device, plan)
-    return device, plan
+    _mesh_in_words(scene, device, reasons)
+    cost = foretell(scene, device, dt, (per_update, updates, windows), threads or _threads_of_a_replica(scene))
+    _torque_in_words(scene, device, windows * updates * per_update * dt, reasons)
+    reasons["cost"] = cost.in_words()
+    return device, Plan(
+        fill.count, sector, contact, dt, per_update, updates, windows, field, M_max, stiffness, reasons, cost
+    )
+
+
+def _threads_of_a_replica(scene) -> int:
+    """Threads that a run takes by itself."""
+    return max(1, threads_at_hand() // replica_count(scene))
+
+
+def _torque_in_words(scene, device: Device, end: float, reasons: dict[str, str]) -> None:
+    """Of how many packings the torque will be, when the run ends, and whether it can be known by then."""
+    count, until = replica_count(scene), scene.time.until
+    if count > 1:
+        reasons["replicas"] = f"{count} packings side by side, a process each; the torque and its error are of all"
+    if until is not None:
+        strain = scene.motion.largest_slip * end * device.shear_radius / device.shear_gap if device.shear_gap else inf
+        aim = str(until).removeprefix("torque ")
+        reasons["end"] = f"as soon as half the torque's 95 % interval is {aim}, at the latest at {end:.4g} s"
+        if strain < LEAST_STRAIN:
+            reasons["end"] += (
+                f"; WARNING: until then the gap is sheared by {strain:.2g}, and no torque counts as known below "
+                f"{LEAST_STRAIN:g}: raise time.end to {end * 1.5 * LEAST_STRAIN / max(strain, 1e-9):.2g} s"
+            )
 
 
 def _feedback_in_words(scene, coil: CoilDevice) -> str:
@@ -434,67 +459,33 @@ def _windows(
     return per_update, updates, windows
 
 
-def _estimates(scene, device: Device, plan: Plan) -> None:
-    steps = plan.windows * plan.updates * plan.steps_per_update
-    pairs = 0.0
-    if scene.effects.dipoles is not None:
-        # neighbours within the cut-off and a skin, at the density of the filled space
-        pairs = device.fill.solid_fraction * 8.0 * (scene.effects.dipoles.cutoff + 0.25) ** 3
-        pairs *= pi / 6.0 * scene.particles.largest_diameter**3 / scene.particles.grain_volume
-        pairs *= 2.0 if scene.effects.wall_images is not None else 1.0
-    model = None if scene.effects.dipoles is None else scene.effects.dipoles.model
-    elastic = NEAR_CONTACT_NS if model == "near_field" else CONTACT_NS
-    per_grain = elastic if isinstance(plan.contact, PairLaws) else RIGID_NS
-    per_pair = MOMENT_PAIR_NS if model in ("mutual", "near_field") else PAIR_NS
-    seconds = steps * plan.count * (per_grain + pairs * per_pair / plan.steps_per_update) * 1e-9
-    if moments_are_fed_back(scene):
-        seconds += FEEDBACK_S * plan.windows * max(1.0, plan.count / 2000.0)
-    if device.coil is not None:
-        seconds += 5.0  # mesh, cold solve, and the few warm ones
-    memory = plan.count * (1500 + 9 * pairs) / 2**20 + 400
-    disk = scene.output.snapshots * plan.count * 160 / 2**20 + 2
+def _mesh_in_words(scene, device: Device, reasons: dict[str, str]) -> None:
+    """What the field is solved on."""
     if device.coil is not None and not isinstance(device.coil, CoilDevice):
         solid = device.coil
-        plan.reasons["mesh"] = (
+        reasons["mesh"] = (
             f"in space, for the slots: {len(solid.mesh.tetrahedra)} tetrahedra in 1/{solid.mesh.n_sectors} of the "
             "ring, "
             f"{solid.problem.n_dofs} unknowns; coil of {solid.turns:.0f} turns; {solid.problem.linear_solver}"
         )
     elif device.coil is not None and isinstance(scene.field, CoilField):
-        plan.reasons["mesh"] = (
+        reasons["mesh"] = (
             f"{len(device.coil.mesh.triangles)} triangles, {device.coil.problem.n_dofs} unknowns of order "
             f"{scene.field.order}; coil of {device.coil.turns:.0f} turns; "
             f"{describe_backend(device.coil.problem.factorisation_backend)}"
         )
         if device.coil.adapted is not None:
-            plan.reasons["mesh"] += f"; {device.coil.adapted.summary()}"
-    plan.reasons["cost"] = (
-        f"{steps} steps of {plan.count} grains: about {spoken(seconds)} on two cores, "
-        f"{memory:.0f} MiB of memory, {disk:.0f} MiB on disk"
-    )
-    available = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**20
-    if memory > available:
-        plan.reasons["cost"] += f"; WARNING: this machine has {available:.0f} MiB of memory; take a narrower sector"
-    elif seconds > 86400.0:
-        plan.reasons["cost"] += "; WARNING: more than a day; are all lengths and times in the units that were meant?"
+            reasons["mesh"] += f"; {device.coil.adapted.summary()}"
 
 
-def spoken(seconds: float) -> str:
-    """A duration in the unit that one would say it in."""
-    for limit, unit, size in ((90.0, "s", 1.0), (5400.0, "min", 60.0), (172800.0, "h", 3600.0)):
-        if seconds < limit:
-            return f"{seconds / size:.0f} {unit}"
-    return f"{seconds / 86400.0:.0f} days"
-
-
-def plan(case: Case) -> tuple[dict[str, str], list[LeftOut]]:
-    """The plan in words, label -> text, and what the scene leaves out, for `emclutch check`."""
+def plan(case: Case, threads: int | None = None) -> tuple[dict[str, str], list[LeftOut]]:
+    """The plan in words, label -> text, and what the scene leaves out, for `check`; the cost on `threads` threads."""
     from emclutch.coil_heat import coil_heat_in_words  # local, as the next two: a run does not need them
     from emclutch.effects_left_out import left_out
     from emclutch.expected_torque import expected_torque
 
     scene = case.scene
-    device, made = make_plan(case)
+    device, made = make_plan(case, threads=threads)
     B_max = 0.0
     if isinstance(made.peak_field, MagneticField) and isinstance(device.coil, CoilDevice):
         faces = device.shears_faces

@@ -16,6 +16,7 @@ import numpy as np
 from coupling import CoilField, SolidCoilField, run_staggered
 from emclutch.assembly import assemble, simulation_of
 from emclutch.case import Case
+from emclutch.free_memory import refuse_too_much
 from emclutch.heartbeat import Heartbeat
 from emclutch.kernel_compilation import compilation_told
 from emclutch.kernel_warm_up import step_compiled_beside
@@ -29,6 +30,7 @@ from emclutch.results.grain_profiles import write_profiles
 from emclutch.results.rise_time import rise_times
 from emclutch.results.steady_torque import SteadyConditions, mean_torque, steady_torque
 from emclutch.resume import refuse_changed_files, refuse_earlier_end, refuse_other_scene, run_checkpoint
+from emclutch.run_pace import RunPace
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.scene.replica_count import replica_seed
 from emclutch.snapshots import History, Snapshots, save_checkpoint
@@ -52,7 +54,13 @@ class Interrupted(RunError):
 
 
 def run(
-    case: Case, *, out: str | Path | None = None, threads: int | None = None, resume: bool = False, progress=None
+    case: Case,
+    *,
+    out: str | Path | None = None,
+    threads: int | None = None,
+    resume: bool = False,
+    progress=None,
+    insist: bool = False,
 ) -> Result:
     """Run a scene and return its result: the first of its replicas, with the torque of all of them.
 
@@ -66,7 +74,9 @@ def run(
     threads : of the kernels of each replica; default: ``OMP_NUM_THREADS`` or all cores, shared out among the replicas.
         The result does not depend on it.
     resume : continue from the checkpoint in `out`.
-    progress : object with update(fraction, text), or None; if it has announce(text) too, what is being compiled.
+    progress : object with update(fraction, text), or None; if it has announce(text) too, what is being compiled, and
+        why a run falls behind its plan.
+    insist : run also where more memory is needed than is free.
 
     Raises
     ------
@@ -74,7 +84,8 @@ def run(
         The folder is in use or cannot be written; what is to be resumed belongs to another scene, or a file that the
         scene names has changed.
     RunError
-        A solver did not converge, grains do not fit, a contact failed; `Interrupted` after Ctrl-C.
+        More memory is needed than is free, a solver did not converge, grains do not fit, a contact failed;
+        `Interrupted` after Ctrl-C.
     """
     target = out or case.scene.output.folder or RunFolder.next_path(case.name)
     stop = threading.Event()
@@ -86,7 +97,7 @@ def run(
             step_compiled_beside(case.scene, lambda text: _announce(progress, text)),
             other_replicas(case, folder, count, threads=threads, resume=resume) as replicas,
         ):
-            return _run(case, folder, resume, progress, begin, compiled, replicas, stop)
+            return _run(case, folder, resume, progress, begin, compiled, replicas, stop, insist)
 
 
 def run_replica(
@@ -95,7 +106,7 @@ def run_replica(
     """Run one of the other replicas; `stop` ends it with a checkpoint. Raises as `run`."""
     with _entered(case, target, resume, None) as (folder, compiled, begin):
         use_threads(threads)
-        return _run(case, folder, resume, None, begin, compiled, replicas, stop)
+        return _run(case, folder, resume, None, begin, compiled, replicas, stop, insist=True)
 
 
 @contextmanager
@@ -122,12 +133,15 @@ def _entered(case: Case, target: str | Path, resume: bool, progress) -> Iterator
                 raise RunError(f"{text}\n(log: {folder.log})") from error
 
 
-def _run(case, folder, resume, progress, begin, compiled, replicas: Replicas, stop: threading.Event) -> Result:
+def _run(
+    case, folder, resume, progress, begin, compiled, replicas: Replicas, stop: threading.Event, insist: bool
+) -> Result:
     scene, case_text = case.scene, case.toml()
     _say(progress, 0.0, "mesh and field")
-    device, plan = make_plan(case)
+    device, plan = make_plan(case, threads=_threads())
     for label, reason in plan.reasons.items():
         log.info("%s: %s", label, reason)
+    refuse_too_much(len(replicas.histories) * plan.cost.memory, insist=insist)
     mesh_hash = None if device.coil is None else device.coil.mesh.hash()
     folder.write_provenance(
         seed=scene.scene.seed,
@@ -194,7 +208,8 @@ def _run(case, folder, resume, progress, begin, compiled, replicas: Replicas, st
     extra = () if profiles is None else (profiles,)
     solver = (MissedSteps(scene.contact.dvi.allowed_misses),) if scene.contact.method == "dvi" else ()
     until = () if known is None else (known,)
-    observers = (Observables(scene, device), history, *solver, *until, snapshots, *extra, report, checkpoint)
+    pace = RunPace(plan.cost, simulation.dem.time, getattr(progress, "announce", None), lambda: compiled.count)
+    observers = (Observables(scene, device), history, *solver, *until, snapshots, *extra, report, checkpoint, pace)
     alive = Heartbeat(progress, simulation, plan.end)
     observers = (alive.stop, *observers)
     with alive:
@@ -374,7 +389,7 @@ def summarise(
             for part in ("field", "magnetic", "contact", "total")
             if f"wall_{part}" in history
         }
-        | {"whole_run": seconds},
+        | {"whole_run": seconds, "foretold": plan.cost.seconds},
         "contact": plan.contact_data,
         "plan": plan.reasons,
     }

@@ -103,7 +103,11 @@ def report(result: Result, page_folder: Path | None = None) -> str:
         (f"estimated relative error of the field: {goal}", f"{error:.2g}")
         for goal, error in (summary.get("field_error_estimate") or {}).items()
     ]
-    rows += [(f"wall-clock: {part.replace('_', ' ')}", f"{value:.1f} s") for part, value in summary["seconds"].items()]
+    for part, value in summary["seconds"].items():
+        if part == "foretold":
+            rows.append(("wall-clock foretold", f"{value['total']:.1f} s"))
+        else:
+            rows.append((f"wall-clock: {part.replace('_', ' ')}", f"{value:.1f} s"))
     lines += ["| | |", "|---|---|", *(f"| {label} | {text} |" for label, text in rows), "", "## Decisions", ""]
     lines += [f"- {label}: {text}" for label, text in summary["plan"].items()]
     home = result.folder.path.resolve()

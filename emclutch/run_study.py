@@ -29,6 +29,7 @@ def sweep(
     threads: int | None = None,
     resume: bool = False,
     progress=None,
+    insist: bool = False,
 ) -> Path:
     """Run every point of a study, one after the other, and return the study's folder.
 
@@ -46,6 +47,7 @@ def sweep(
     resume : keep the points that are done and continue the others from their checkpoints, also to a later time.end.
         A point is known by its values, so that values may be inserted, removed and put in another order; the folders
         keep their names, and new points get the next numbers.
+    insist : run also points that need more memory than is free.
 
     Raises
     ------
@@ -60,11 +62,11 @@ def sweep(
         if not resume and has_files(folder):
             raise OutputError(f"{folder} is not empty; continue it with --resume, or write elsewhere with --out")
         with logging_to(folder / "study.log", [__name__]):
-            _run_points(study, folder, threads, resume, progress)
+            _run_points(study, folder, threads, resume, progress, insist)
     return folder
 
 
-def _run_points(study: Study, folder: Path, threads: int | None, resume: bool, progress) -> None:
+def _run_points(study: Study, folder: Path, threads: int | None, resume: bool, progress, insist: bool) -> None:
     points = list(study.cases())
     targets = folders_of_points(folder, [case for _, case in points], fixed=study.values)
     if others := unclaimed(folder, targets):
@@ -75,7 +77,7 @@ def _run_points(study: Study, folder: Path, threads: int | None, resume: bool, p
     for number, ((values, case), target) in enumerate(zip(points, targets, strict=True)):
         part = None if progress is None else _Part(progress, number, len(points))
         try:
-            result = _run_point(case, target, threads, resume, part)
+            result = _run_point(case, target, threads, resume, part, insist)
         except Interrupted as stopped:
             hint = f"go on with: emclutch sweep {study.path} --out {folder} --resume"
             raise Interrupted(f"stopped at point {number + 1} of {len(points)}; {hint}") from stopped
@@ -89,7 +91,7 @@ def _run_points(study: Study, folder: Path, threads: int | None, resume: bool, p
             _write_comparison(folder, study, done)
 
 
-def _run_point(case: Case, point: PointFolder, threads: int | None, resume: bool, progress) -> Result:
+def _run_point(case: Case, point: PointFolder, threads: int | None, resume: bool, progress, insist: bool) -> Result:
     """The result of a point: as it lies there, continued, or computed."""
     name = point.path.name
     resumed = resume and RunFolder(point.path).checkpoint.is_file()
@@ -104,7 +106,7 @@ def _run_point(case: Case, point: PointFolder, threads: int | None, resume: bool
         log.warning("%s has no checkpoint to go on from: started anew, its files are kept as %s", name, aside.name)
     else:
         log.info("%s starts", name)
-    return run(case, out=point.path, threads=threads, progress=progress, resume=resumed)
+    return run(case, out=point.path, threads=threads, progress=progress, resume=resumed, insist=insist)
 
 
 def _write_comparison(folder: Path, study: Study, done: list[tuple[dict, Result]]) -> None:

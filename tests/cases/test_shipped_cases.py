@@ -67,13 +67,17 @@ def test_quickstart_at_toy_size(tmp_path):
     (tmp_path / "summary.json").rename(result.folder.summary)
     # the mesh of the quickstart is a coarse one
     assert 0.0 < result.summary["field_error_estimate"]["flux linkage"] < 0.01
+    seconds = result.summary["seconds"]
+    assert set(seconds["foretold"]) == {"field", "magnetic", "contact", "output", "start", "total"}
+    assert all(value > 0.0 for value in seconds["foretold"].values())
     page = report(result)
     for row in (
         "flux density under the poles",
         "torque balance",
         "energy balance",
         "inertial number",
-        "wall-clock",
+        "wall-clock: contact",
+        "wall-clock foretold",
         "error of the field",
     ):
         assert row in page

@@ -25,7 +25,7 @@ class Runs:
         self.asked = []
         self.dies = False
 
-    def __call__(self, case, *, out, threads, progress, resume):
+    def __call__(self, case, *, out, threads, progress, resume, insist):
         folder = RunFolder.create(out, case.toml(), resume=resume)
         self.asked.append((out.name, resume, case.scene.time.end))
         if self.dies:

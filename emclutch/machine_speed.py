@@ -1,0 +1,170 @@
+"""How fast this machine is beside the reference one, and whether its cores are free.
+
+Two probes of a few tens of milliseconds stand for what a run spends its time in: a gather, a square root and a scatter
+over a list of pairs (contacts, moments, forces), and sparse factorisations of a Laplacian (the field). They are made of
+numpy and scipy, so that nothing is compiled for them, and measured in processor time, so that another program's share
+of a core does not count; that is told apart, as the cores that are taken. Speeds are kept for a day in the cache.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import platform
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
+
+from emclutch.results.atomic_file import replace_json
+from field.spheres.table_files import cache_folder
+from geometry.threads import default_threads
+
+# Processor time of the probes on the reference machine [s]: one core of a Xeon at 2.8 GHz (x86-64, 2 cores, 2026).
+LOOPS_S, SOLVES_S = 0.0125, 0.026
+LASTS = 86400.0  # s, that a measured speed is believed
+PAIRS, GRAINS, SIDE, REPEATS = 20_000, 2_500, 90, 5
+SERIAL = 0.43  # of a parallel step: two threads make it 1.4 times as fast (1.0 to 1.7 were measured)
+_SINCE = time.perf_counter(), time.process_time()
+TELL = 0.5  # cores taken by others, from which on it is said
+
+
+@dataclass(frozen=True, slots=True)
+class MachineSpeed:
+    """What the machine at hand makes of a second of the reference machine.
+
+    Attributes
+    ----------
+    loops, solves : float
+        Seconds here over seconds there, of loops over grains and of field solves.
+    cores : int
+        That this process may use.
+    taken : float
+        Cores that other programs ask for at the moment; it may be more than there are.
+    """
+
+    loops: float
+    solves: float
+    cores: int
+    taken: float
+
+    def gain(self, threads: int) -> float:
+        """How many times as fast `threads` threads make the parallel loops; Amdahl's law with a measured share."""
+        return 1.0 / (SERIAL + (1.0 - SERIAL) / max(1, min(threads, self.cores)))
+
+    def delay(self, threads: int) -> float:
+        """Wall-clock over processor time of `threads` threads that share the cores with what takes them now."""
+        return max(1.0, (threads + self.taken) / self.cores)
+
+    def in_words(self) -> str:
+        """How fast, and how many cores are busy."""
+        text = (
+            f"this machine takes {self.loops:.2g} times the reference's time for grains, {self.solves:.2g} for fields"
+        )
+        busy = min(round(self.taken), self.cores)
+        if self.taken < TELL or busy == 0:
+            return text
+        return f"{text}; {busy} of {self.cores} cores {'is' if busy == 1 else 'are'} busy with other programs"
+
+
+def machine_speed() -> MachineSpeed:
+    """The machine at hand: its speed of today, and what of it is taken now."""
+    loops, solves = _speed_of_today()
+    return MachineSpeed(loops, solves, cores_at_hand(), _taken())
+
+
+def cores_at_hand() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def threads_at_hand() -> int:
+    """Threads that a run takes where none are asked for."""
+    return default_threads(cores_at_hand())
+
+
+def speed_file() -> Path:
+    """Where the measured speed is kept."""
+    return cache_folder() / "machine_speed.json"
+
+
+@lru_cache(maxsize=1)
+def _speed_of_today() -> tuple[float, float]:
+    """(loops, solves) of `MachineSpeed`: of the cache, or measured and put there, if it can be written."""
+    name = cpu_name()
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        kept = json.loads(speed_file().read_text(encoding="utf-8"))
+        loops, solves = float(kept["loops"]), float(kept["solves"])
+        fresh = 0.0 <= time.time() - float(kept["measured"]) < LASTS
+        if kept["cpu"] == name and fresh and 0.0 < loops < np.inf and 0.0 < solves < np.inf:
+            return loops, solves
+    loops, solves = least_seconds(_pairs_probe()) / LOOPS_S, least_seconds(_laplacian_probe()) / SOLVES_S
+    with suppress(OSError):  # the next call measures again
+        speed_file().parent.mkdir(parents=True, exist_ok=True)
+        replace_json(speed_file(), {"cpu": name, "measured": time.time(), "loops": loops, "solves": solves})
+    return loops, solves
+
+
+def cpu_name() -> str:
+    """Model of the processor, as the system names it."""
+    with suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
+
+
+def least_seconds(probe: Callable[[], object], repeats: int = REPEATS) -> float:
+    """Least processor time [s] of some calls: what disturbs one of them is not the machine."""
+    least = np.inf
+    for _ in range(repeats):
+        begin = time.process_time()
+        probe()
+        least = min(least, time.process_time() - begin)
+    return max(least, 1e-6)
+
+
+def _pairs_probe() -> Callable[[], object]:
+    """Distances and forces of a list of pairs, added up on the grains."""
+    rng = np.random.default_rng(0)
+    x = rng.random((GRAINS, 3))
+    i, j = rng.integers(0, GRAINS, (2, PAIRS))
+
+    def probe() -> np.ndarray:
+        total = np.zeros(GRAINS)
+        for _ in range(10):
+            along = x[i] - x[j]
+            r = np.sqrt(np.einsum("ij,ij->i", along, along)) + 1e-3
+            total += np.bincount(i, 1.0 / (r * r * r), GRAINS)
+        return total
+
+    return probe
+
+
+def _laplacian_probe() -> Callable[[], object]:
+    """A factorisation and a solve with the five-point Laplacian of a square."""
+    one = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(SIDE, SIDE))
+    same = sp.eye_array(SIDE)
+    matrix = (sp.kron(one, same) + sp.kron(same, one)).tocsc()
+    right = np.ones(SIDE * SIDE)
+    return lambda: splu(matrix, permc_spec="MMD_AT_PLUS_A").solve(right)
+
+
+def _taken() -> float:
+    """Cores that other programs have asked for in the last minute, by the system's load; 0 where it tells none."""
+    if not hasattr(os, "getloadavg"):
+        return 0.0
+    return max(0.0, os.getloadavg()[0] - _own_load())
+
+
+def _own_load() -> float:
+    """What this process itself adds to the load: its cores at work since this module was read, of the last minute."""
+    wall, processor = time.perf_counter() - _SINCE[0], time.process_time() - _SINCE[1]
+    return processor / max(wall, 1e-3) * (1.0 - math.exp(-wall / 60.0))
