@@ -29,6 +29,7 @@ from emclutch.results.steady_torque import SteadyConditions, mean_torque, steady
 from emclutch.resume import refuse_changed_files, refuse_earlier_end, refuse_other_scene, run_checkpoint
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.snapshots import History, Snapshots, save_checkpoint
+from emclutch.warm_start import StartingGrains, starting_grains, warm_started
 from field import ConvergenceError, FluxLinkage, MagneticField, MeanFluxDensity, PointOutside, estimate_error
 from geometry.kernel_cache import specialisations
 from geometry.threads import default_threads
@@ -55,7 +56,13 @@ class _Stop:
 
 
 def run(
-    case: Case, *, out: str | Path | None = None, threads: int | None = None, resume: bool = False, progress=None
+    case: Case,
+    *,
+    out: str | Path | None = None,
+    threads: int | None = None,
+    resume: bool = False,
+    progress=None,
+    start: str | Path | None = None,
 ) -> Result:
     """Run a scene and return its result.
 
@@ -65,13 +72,16 @@ def run(
     out : folder of the run; default: the scene's `output.folder`, or the next free runs/<case>-<nnn>.
     threads : of the kernels; default: ``OMP_NUM_THREADS``, or all cores. The result does not depend on it.
     resume : continue from the checkpoint in `out`.
-    progress : object with update(fraction, text), or None; if it has announce(text) too, what is being compiled.
+    progress : object with update(fraction, text), or None; if it has announce(text) too, what is being compiled; if its
+        stop_asked is true after a window, the run ends there as after Ctrl-C.
+    start : folder of a finished run whose grains this one begins with (`emclutch.warm_start`), in place of a packing; of
+        a run that is resumed it says nothing more.
 
     Raises
     ------
     OutputError
         The folder is in use or cannot be written; what is to be resumed belongs to another scene, or a file that the
-        scene names has changed.
+        scene names has changed; the run to start from has no checkpoint, or other grains.
     RunError
         A solver did not converge, grains do not fit, a contact failed; `Interrupted` after Ctrl-C.
     """
@@ -79,6 +89,7 @@ def run(
     use_threads(threads)
     target = out or case.scene.output.folder or RunFolder.next_path(case.name)
     case_text = case.toml()
+    grains = None if start is None or resume else starting_grains(case, start)
     if resume:  # before the lock makes a folder
         RunFolder(target).require_checkpoint()
     with locked_folder(target):
@@ -100,14 +111,16 @@ def run(
             step_compiled_beside(case.scene, tell),
         ):
             try:
-                return _run(case, folder, case_text, resume, progress, begin, compiled)
+                return _run(case, folder, case_text, resume, progress, begin, compiled, grains)
             except (ConvergenceError, ParticleError, PointOutside, ValueError) as error:
                 text = f"{error}{remedy_in_scene(case, error)}"
                 log.error("%s", text)
                 raise RunError(f"{text}\n(log: {folder.log})") from error
 
 
-def _run(case, folder, case_text, resume, progress, begin, compiled) -> Result:
+def _run(
+    case, folder, case_text, resume, progress, begin, compiled, grains: StartingGrains | None = None
+) -> Result:
     scene = case.scene
     _say(progress, 0.0, "mesh and field")
     device, plan = make_plan(case)
@@ -120,6 +133,7 @@ def _run(case, folder, case_text, resume, progress, begin, compiled) -> Result:
         threads=_threads(),
         threading_layer=_threading_layer(),
         input_files=hashed_input_files(scene),
+        grains_from=None if grains is None else grains.as_dict(),
     )
     conditions = SteadyConditions(scene.time.average_from, device.shear_gap, device.shear_radius)
     folder.write_plan({"contact": plan.contact_data, "steady_torque": conditions.as_dict(), "decisions": plan.reasons})
@@ -132,7 +146,8 @@ def _run(case, folder, case_text, resume, progress, begin, compiled) -> Result:
         if simulation.window < plan.windows:  # of an earlier end: a run that is cut off from here on has no summary
             folder.summary.unlink(missing_ok=True)
     else:
-        simulation, resume_time = assemble(case, device, plan), None
+        resume_time = None
+        simulation = assemble(case, device, plan) if grains is None else warm_started(case, device, plan, grains)
         log.info("started: %d windows", plan.windows)
     snapshots = Snapshots(
         folder, simulation.dem.walls, plan.windows, scene.output.snapshots, scene.output.formats, case_text, resume_time
@@ -142,6 +157,7 @@ def _run(case, folder, case_text, resume, progress, begin, compiled) -> Result:
 
     def checkpoint(simulation, row) -> bool:
         nonlocal last_save
+        stop.asked = stop.asked or getattr(progress, "stop_asked", False)
         done = simulation.window >= plan.windows
         if scene.output.checkpoint and (
             stop.asked or done or simulation.window == 1 or perf_counter() - last_save > CHECKPOINT_SECONDS

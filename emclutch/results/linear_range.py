@@ -49,6 +49,7 @@ class LinearRange:
     knee, knee_error : current beyond which the torque stays below the line [A]; None where it does not.
     first, last : smallest and largest current of the points in the range [A].
     points : how many these are.
+    is_tested : whether the points' errors told where the line holds.
     reason : what was found, or why nothing was, with the remedy.
     """
 
@@ -61,6 +62,7 @@ class LinearRange:
     first: float | None
     last: float | None
     points: int
+    is_tested: bool
     reason: str
 
     def as_dict(self) -> dict[str, Any]:
@@ -100,14 +102,14 @@ def linear_range(current: Any, torque: Any, error: Any) -> LinearRange:
 
 
 def _nothing(reason: str) -> LinearRange:
-    return LinearRange(None, None, None, None, None, None, None, None, 0, reason)
+    return LinearRange(None, None, None, None, None, None, None, None, 0, False, reason)
 
 
 def _unweighted(x: np.ndarray, y: np.ndarray, known: int) -> LinearRange:
     slope, offset, errors = _line(x, y, np.ones_like(x))
     scatter = math.sqrt(float(np.sum((y - slope * (x - offset)) ** 2)) / (x.size - 2))
     return LinearRange(
-        slope, scatter * errors[0], offset, scatter * errors[1], None, None, float(x[0]), float(x[-1]), x.size,
+        slope, scatter * errors[0], offset, scatter * errors[1], None, None, float(x[0]), float(x[-1]), x.size, False,
         f"a line through all points, unweighted: {known} of them have an error, {LEAST_POINTS} needed to tell where it "
         "holds; run longer",
     )  # fmt: skip
@@ -167,7 +169,17 @@ def _with_knee(x: np.ndarray, y: np.ndarray, sigma: np.ndarray, first: int, last
                 reason = f"{held}; the knee is its corner with a line through the next {end - last} points"
                 break
     return LinearRange(
-        slope, errors[0], offset, errors[1], knee, knee_error, float(x[first]), float(x[last]), last - first + 1, reason
+        slope,
+        errors[0],
+        offset,
+        errors[1],
+        knee,
+        knee_error,
+        float(x[first]),
+        float(x[last]),
+        last - first + 1,
+        True,
+        reason,
     )
 
 
