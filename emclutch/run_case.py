@@ -72,10 +72,10 @@ def run(
     out : folder of the run; default: the scene's `output.folder`, or the next free runs/<case>-<nnn>.
     threads : of the kernels; default: ``OMP_NUM_THREADS``, or all cores. The result does not depend on it.
     resume : continue from the checkpoint in `out`.
-    progress : object with update(fraction, text), or None; if it has announce(text) too, what is being compiled; if its
-        stop_asked is true after a window, the run ends there as after Ctrl-C.
-    start : folder of a finished run whose grains this one begins with (`emclutch.warm_start`), in place of a packing; of
-        a run that is resumed it says nothing more.
+    progress : object with update(fraction, text), or None; if it has announce(text) too, what is being compiled; if it
+        has stop_asked, and that is true after a window, the run ends there as after Ctrl-C.
+    start : folder of a finished run whose grains this one begins with (`emclutch.warm_start`), in place of a packing;
+        it says nothing more where a run is resumed.
 
     Raises
     ------
@@ -118,9 +118,7 @@ def run(
                 raise RunError(f"{text}\n(log: {folder.log})") from error
 
 
-def _run(
-    case, folder, case_text, resume, progress, begin, compiled, grains: StartingGrains | None = None
-) -> Result:
+def _run(case, folder, case_text, resume, progress, begin, compiled, grains: StartingGrains | None = None) -> Result:
     scene = case.scene
     _say(progress, 0.0, "mesh and field")
     device, plan = make_plan(case)

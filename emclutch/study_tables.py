@@ -101,6 +101,8 @@ def row_of(values: dict[str, Any], case: Case, result: Result) -> dict[str, Any]
         "reason": torque.reason,
         "folder": result.folder.path.name,
     }
+    if (start := result.folder.read_provenance().get("grains_from")) is not None:
+        row["started_from"] = Path(start["folder"]).name  # a study's point
     for name in ("shear_stress", "shear_stress_error", "field_strength_powder", "fill_powder"):
         if name in summary:  # between pole faces: a point of the powder's law tau(H, phi)
             row[name] = summary[name]

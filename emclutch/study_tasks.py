@@ -15,11 +15,11 @@ from typing import Any
 from emclutch.case import case_from
 from emclutch.faults import SceneError
 from emclutch.results import OutputError
+from emclutch.results.study_table import DONE, FAILED, STOPPED
 from emclutch.run_case import Interrupted, RunError, run
 
 STOP = "stop-asked"
 LOOK_SECONDS = 0.2  # between two looks for the file: windows may be shorter, and file systems far away
-DONE, FAILED, STOPPED = "done", "failed", "stopped"
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,14 +117,3 @@ class StopAsked:
         announce = getattr(self._progress, "announce", None)
         if announce is not None:
             announce(text)
-
-
-def leave_signals_to_the_parent() -> None:
-    """Initialiser of a worker: Ctrl-C in its terminal goes to the parent too, which asks it to stop by the file.
-
-    While a point runs, `emclutch.run_case` answers the signal with a checkpoint; before and after it would end the
-    worker and break the pool.
-    """
-    import signal
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -1,8 +1,8 @@
 """Grains of a finished run as the beginning of another one, in place of a packing.
 
 What is taken over is what the grains and their contacts remember: positions, velocities, spins, the springs of the
-contacts that touch, and how far the walls have turned. All else is the new run's: its law of contact with its stiffness,
-step, field, moments, shafts, and its time, which begins at 0.
+contacts that touch, and how far the walls have turned. All else is the new run's: its law of contact with its
+stiffness, step, field, moments, shafts, and its time, which begins at 0.
 
 A contact's stiffness follows from the load that is expected, so that its overlap does not: the overlaps of one current
 carry the load of another one from the first step on. Rigid contacts (DVI) remember nothing that outlasts a step.

@@ -47,7 +47,7 @@ def _average(group: Sequence[Mapping[str, Any]], seed: str, others: Sequence[str
     found["converged"] = all(row["converged"] for row in group)
     for name in first:
         if name not in (seed, *others, *found, *OF_A_RUN):
-            values = [row.get(name) for row in group]
+            values: list[Any] = [row.get(name) for row in group]
             numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values)
             found[name] = float(np.mean(values)) if numbers else None
     return found

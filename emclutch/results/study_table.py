@@ -105,6 +105,8 @@ class StudyTable:
     ) -> None:
         """A point is done, now or before: its torque with its standard error [N m] and its seconds."""
         row = self.rows[number]
+        if row.state == WAITING:  # it was too short to be seen running
+            row.began = self._clock() - (seconds or 0.0)
         row.state, row.fraction = KEPT if kept else DONE, 1.0
         row.torque, row.error, row.seconds = torque, error, seconds
         self._text = f"{row.label} is {row.state}: {torque_text(row)}"
@@ -113,7 +115,8 @@ class StudyTable:
     def set_ended(self, number: int, state: str) -> None:
         """A point has failed or was stopped."""
         row = self.rows[number]
-        row.state, row.seconds = state, self._clock() - row.began
+        row.seconds = None if row.state == WAITING else self._clock() - row.began
+        row.state = state
         self._text = f"{row.label} {'has failed' if state == FAILED else 'was stopped'}"
         self._tell(at_once=True)
 
@@ -128,7 +131,7 @@ class StudyTable:
         All points are taken to cost the same. What was done since the first of them began here tells the rate; but it
         lasts no shorter than the slowest of those that run.
         """
-        begun = [row for row in self.rows if row.state in (RUNNING, DONE, FAILED, STOPPED)]
+        begun = [row for row in self.rows if row.state in (RUNNING, DONE)]
         advanced = sum(row.fraction - (row.first or 0.0) for row in begun)
         left = sum(1.0 - row.fraction for row in self.rows)
         if not begun or advanced < LEAST_DONE * (advanced + left):
