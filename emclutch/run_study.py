@@ -150,11 +150,12 @@ class _StudyRun:
                     if not running:
                         return
                     for future in wait(running, LOOK_SECONDS, FIRST_COMPLETED).done:
-                        self._take(running.pop(future), future.result())
+                        outcome = future.result()
+                        self._take(running.pop(future), outcome)
                     for number in running.values():
                         self._look_at(number)
         except BrokenExecutor as error:
-            names = ", ".join(self.targets[number].path.name for number in running.values()) or "the others"
+            names = ", ".join(self.targets[number].path.name for number in running.values())
             raise RunError(
                 f"a process of the study ended without a word ({error}); it was killed, most often for want of memory, "
                 f"or the calling script lacks its if __name__ == '__main__'. Points that were running: {names}; take "

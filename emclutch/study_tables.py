@@ -53,7 +53,7 @@ def write_torques(folder: Path, study: Study, rows: list[dict[str, Any]]) -> Non
         _write_csv(folder / "seeds.csv", rows)
     title = study.title or None
     axis = next((key for key in (CURRENT, VOLTAGE) if key in varied), None)
-    if axis is not None and all(row.get("current") is not None for row in rows):
+    if axis is not None and _all_have("current", rows):
         curves = _write_curves(folder / "torque_vs_current.csv", rows, axis, "current", varied)
         ranges = [linear_range(curve.x, curve.torque, curve.error) for curve in curves]
         found = [
@@ -61,9 +61,14 @@ def write_torques(folder: Path, study: Study, rows: list[dict[str, Any]]) -> Non
         ]
         replace_json(folder / "torque_vs_current.json", {"curves": found})
         torque_against_current_picture(folder / "torque_vs_current.png", curves, ranges, title=title, seeds=seeds)
-    if SPEED in varied and not any(isinstance(speed, dict) for speed in study.values[SPEED]):
+    constant = not any(isinstance(speed, dict) for speed in study.values.get(SPEED, ()))
+    if SPEED in varied and constant and _all_have("rotor_speed", rows):
         curves = _write_curves(folder / "torque_vs_speed.csv", rows, SPEED, "rotor_speed", varied)
         torque_against_speed_picture(folder / "torque_vs_speed.png", curves, title=title, seeds=seeds)
+
+
+def _all_have(name: str, rows: list[dict[str, Any]]) -> bool:
+    return all(row.get(name) is not None for row in rows)
 
 
 def _write_curves(path: Path, rows: list[dict[str, Any]], axis: str, x: str, varied: list[str]) -> list[TorqueCurve]:

@@ -28,20 +28,23 @@ class PointRow:
     ----------
     label : its values.
     state : WAITING, RUNNING, DONE, KEPT, FAILED or STOPPED.
-    fraction, first : of it that is done, and that was done when it began here.
+    fraction : of it that is done.
     torque, error : of a point that is done [N m].
     seconds : wall-clock time of the whole run [s].
     began : reading of the clock when it began here [s].
+    marched, first : reading of the clock [s] when it was first seen to have done a part, and how much; what goes
+        before, compiling and packing, says nothing about the rest.
     """
 
     label: str
     state: str = WAITING
     fraction: float = 0.0
-    first: float | None = None
     torque: float | None = None
     error: float | None = None
     seconds: float | None = None
     began: float = 0.0
+    marched: float | None = None
+    first: float = 0.0
 
 
 class StudyTable:
@@ -89,8 +92,8 @@ class StudyTable:
     def set_fraction(self, number: int, fraction: float, text: str = "") -> None:
         """Say how far a running point is; `text` what is going on in it."""
         row = self.rows[number]
-        if row.first is None:
-            row.first = fraction
+        if row.marched is None and fraction > 0.0:
+            row.marched, row.first = self._clock(), fraction
         row.fraction = max(row.fraction, min(fraction, 1.0))
         self._text = f"{row.label}: {text}" if text else ""
         self._tell()
@@ -105,8 +108,8 @@ class StudyTable:
     ) -> None:
         """A point is done, now or before: its torque with its standard error [N m] and its seconds."""
         row = self.rows[number]
-        if row.state == WAITING:  # it was too short to be seen running
-            row.began = self._clock() - (seconds or 0.0)
+        if row.marched is None and not kept:  # it was too short to be seen running
+            row.marched = self._clock() - (seconds or 0.0)
         row.state, row.fraction = KEPT if kept else DONE, 1.0
         row.torque, row.error, row.seconds = torque, error, seconds
         self._text = f"{row.label} is {row.state}: {torque_text(row)}"
@@ -131,17 +134,16 @@ class StudyTable:
         All points are taken to cost the same. What was done since the first of them began here tells the rate; but it
         lasts no shorter than the slowest of those that run.
         """
-        begun = [row for row in self.rows if row.state in (RUNNING, DONE)]
-        advanced = sum(row.fraction - (row.first or 0.0) for row in begun)
-        left = sum(1.0 - row.fraction for row in self.rows)
-        if not begun or advanced < LEAST_DONE * (advanced + left):
-            return None
         now = self._clock()
-        guess = (now - min(row.began for row in begun)) * left / advanced
-        for row in begun:
-            own = row.fraction - (row.first or 0.0)
-            if row.state == RUNNING and own > LEAST_DONE:
-                guess = max(guess, (now - row.began) * (1.0 - row.fraction) / own)
+        seen = [(row, row.marched) for row in self.rows if row.marched is not None and row.state in (RUNNING, DONE)]
+        advanced = sum(row.fraction - row.first for row, _ in seen)
+        left = sum(1.0 - row.fraction for row in self.rows)
+        if not seen or advanced < LEAST_DONE * (advanced + left):
+            return None
+        guess = (now - min(since for _, since in seen)) * left / advanced
+        for row, since in seen:
+            if row.state == RUNNING and row.fraction - row.first > LEAST_DONE:
+                guess = max(guess, (now - since) * (1.0 - row.fraction) / (row.fraction - row.first))
         return guess
 
     def table(self) -> Table:
