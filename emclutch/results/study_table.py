@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 WAITING, RUNNING, DONE, KEPT, FAILED, STOPPED = "waiting", "running", "done", "kept", "failed", "stopped"
 LEAST_DONE = 0.01  # of the work since the start; below, no time left is guessed
+FRAME = 7  # lines of a terminal beside the points: title, head, rules, what is going on
 STYLES = {RUNNING: "bold", FAILED: "red", STOPPED: "yellow", WAITING: "dim"}
 
 
@@ -63,6 +64,7 @@ class StudyTable:
         self._live: Live | None = None
         self._line_time, self._line_fraction = clock(), 0.0
         self._text = ""
+        self._room: int | None = None
 
     def __enter__(self) -> StudyTable:
         if self.stream.isatty():
@@ -70,7 +72,8 @@ class StudyTable:
             from rich.live import Live
 
             console = Console(file=self.stream)
-            self._live = Live(console=console, get_renderable=self.table, refresh_per_second=2, transient=False)
+            self._room = max(console.height - FRAME, 1)
+            self._live = Live(console=console, get_renderable=self.table, refresh_per_second=2)
             self._live.start()
         return self
 
@@ -78,6 +81,7 @@ class StudyTable:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if self._live is not None:
+            self._room = None
             self._live.stop()
 
     def begin(self, labels: Sequence[str]) -> None:
@@ -147,7 +151,7 @@ class StudyTable:
         return guess
 
     def table(self) -> Table:
-        """The table as it stands."""
+        """The table as it stands; on a terminal with too few lines from the first point on that is not done."""
         from rich.table import Table
 
         left = self.seconds_left()
@@ -160,7 +164,12 @@ class StudyTable:
         table = Table(title=f"{100.0 * self.fraction:.0f} % of {len(self.rows)} points: {counts}{ahead}")
         for name in ("point", "state", "done", "torque [N m]", "time"):
             table.add_column(name, justify="left" if name in ("point", "state") else "right")
-        for row in self.rows:
+        rows = self.rows
+        if self._room is not None and len(rows) > self._room:
+            undone = next((k for k, row in enumerate(rows) if row.state not in (DONE, KEPT)), len(rows))
+            first = min(undone, len(rows) - self._room)
+            rows = rows[first : first + self._room]
+        for row in rows:
             seconds = self._clock() - row.began if row.state == RUNNING else row.seconds
             table.add_row(
                 row.label,

@@ -127,6 +127,27 @@ def test_the_live_table_has_a_row_a_point_and_the_time_left():
         assert words in page.getvalue()
 
 
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_on_a_small_terminal_the_points_that_are_not_done_are_seen(monkeypatch):
+    """Nine points on 10 lines, three of them of points; at the end all are printed."""
+    monkeypatch.setenv("LINES", "10")
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setenv("TERM", "xterm")
+    with StudyTable(stream=Terminal()) as table:
+        table.begin([f"current {k} A" for k in range(9)])
+        for number in range(5):
+            table.set_done(number, 1.0, 0.1, 1.0)
+        assert list(table.table().columns[0].cells) == ["current 5 A", "current 6 A", "current 7 A"]
+        for number in range(5, 9):
+            table.set_done(number, 1.0, 0.1, 1.0)
+        assert list(table.table().columns[0].cells) == ["current 6 A", "current 7 A", "current 8 A"]
+    assert "current 0 A" in table.stream.getvalue()
+
+
 def test_without_a_terminal_the_table_is_lines():
     stream = io.StringIO()
     with StudyTable(stream=stream) as table:
