@@ -14,9 +14,10 @@ import tomli_w
 from pydantic import Field, ValidationError, create_model
 
 from emclutch.faults import Fault, SceneError
-from emclutch.scene.consistency import GEOMETRY_KIND, Draft, faults_between_sections, warnings_of
+from emclutch.scene.consistency import GEOMETRY_KIND, Draft, faults_between_sections
 from emclutch.scene.fault_report import faults_from
 from emclutch.scene.geometry_sketch import sketch_of
+from emclutch.scene.likely_mistakes import warnings_of
 from emclutch.scene.model import Scene
 from emclutch.scene.section import Section
 

@@ -377,12 +377,26 @@ def doctor() -> None:
 
 def torque_line(torque: dict[str, Any] | None) -> str:
     """Say a run's torque with its error, and where it is not converged, why."""
+    from emclutch.results.statistics import Estimate  # local: it imports numpy
+
     if not torque or torque.get("mean") is None:
         return "torque on the disc: none" + (f" ({torque['reason']})" if torque else "")
     error = torque.get("standard_error")
     text = f"torque on the disc: {torque['mean']:.4g}"
     text += f" +- {error:.2g} N m" if error is not None else " N m, error unknown"
+    interval = Estimate.from_dict(torque).interval()
+    if interval is not None:
+        behind = packings(torque.get("replicas") or 1, torque.get("packing_share"))
+        text += f" (95 %: {interval[0]:.4g} to {interval[1]:.4g}, {behind})"
     return text if torque.get("converged") else f"{text}; {torque.get('reason')}"
+
+
+def packings(count: int, share: float | None) -> str:
+    """Say out of how many packings a mean is, and of one, what its error lacks; `share` [N m] where it is known."""
+    if count > 1:
+        return f"{count} packings"
+    known = "" if share is None else f", some {share:.2g} N m,"
+    return f"one packing: what packings differ by{known} is not in it"
 
 
 def _tell_pair_force(names: list[str], picture: Path | None, out: Path | None, as_json: bool) -> None:
@@ -474,11 +488,12 @@ def _tell_plan(case: Case, as_json: bool) -> None:
     from emclutch.plan import plan  # local: it needs the packages of the physics
 
     with _bad_input_for(case.path):
-        decisions = plan(case)
+        decisions, left_out = plan(case)
     active = case.scene.effects.active
     if as_json:
         title = case.scene.scene.title
-        _print_json({"title": title, "effects": active, "warnings": case.warnings, "plan": decisions})
+        _print_json({"title": title, "effects": active, "warnings": case.warnings, "plan": decisions,
+                     "left_out": [line.as_dict() for line in left_out]})  # fmt: skip
         return
     console = Console()
     console.print(f"{case.scene.scene.title}: OK", highlight=False, markup=False)
@@ -489,6 +504,10 @@ def _tell_plan(case: Case, as_json: bool) -> None:
     rows = Table("what follows", "")
     for label, text in decisions.items():
         rows.add_row(label, text)
+    console.print(rows)
+    rows = Table("left out", "matters", "by this number (from there on)")
+    for line in left_out:
+        rows.add_row(line.effect, line.verdict, line.in_words())
     console.print(rows)
 
 

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import ceil, floor, pi
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,13 +19,16 @@ from emclutch.scene.contact import Contact
 from emclutch.scene.field_source import CoilField
 from emclutch.scene.grain_smear import moments_are_fed_back, smear_width
 from emclutch.scene.surfaces import extent_in_words
-from emclutch.scene.time_table import largest
+from emclutch.scene.usual_ranges import FLUX_DENSITY
 from field import MagneticField
 from field.factorisation import describe_backend
 from field.solid import SolidField
 from geometry import AnnularBox, Box, Clutch, ShearCell
 from geometry.centrifugal import CentrifugalClutch
 from particles import CyclicSector, PairLaws, RollingFriction, TwistingFriction, choose_time_step
+
+if TYPE_CHECKING:
+    from emclutch.effects_left_out import LeftOut
 
 NECK_MARGIN = 10.0  # of a contact's stiffness over the negative one of its neck
 
@@ -243,13 +247,8 @@ def _sample_points(boxes: list[AnnularBox], diameter: float) -> np.ndarray:
 
 def _largest_speed(scene, device: Device) -> float:
     """Largest speed [m/s] that a driven wall gives to grains, or that weight can."""
-    wall = max(_shaft_speed(scene.motion.rotor), _shaft_speed(scene.motion.disc)) * device.largest_radius
+    wall = max(scene.motion.rotor.largest_speed, scene.motion.disc.largest_speed) * device.largest_radius
     return max(wall, _fall_speed(scene, device))
-
-
-def _shaft_speed(motion) -> float:
-    """Largest speed [rad/s] of a shaft, driven or free."""
-    return motion.free.largest_speed if motion.free is not None else largest(motion.speed)
 
 
 def _fall_speed(scene, device: Device) -> float:
@@ -300,7 +299,7 @@ def _impact_speed(scene, device: Device, speed: float) -> float:
     at rest meets the vanes of a centrifugal clutch, which go at the speed of their tips.
     """
     if isinstance(device.shape, CentrifugalClutch):
-        return max(_fall_speed(scene, device), _shaft_speed(scene.motion.rotor) * device.shape.tip_radius)
+        return max(_fall_speed(scene, device), scene.motion.rotor.largest_speed * device.shape.tip_radius)
     return max(_fall_speed(scene, device), 2.0 * _layer_speed(scene, device, speed))
 
 
@@ -488,9 +487,15 @@ def spoken(seconds: float) -> str:
     return f"{seconds / 86400.0:.0f} days"
 
 
-def plan(case: Case) -> dict[str, str]:
-    """The plan in words, label -> text, for `emclutch check`."""
+def plan(case: Case) -> tuple[dict[str, str], list[LeftOut]]:
+    """The plan in words, label -> text, and what the scene leaves out, for `emclutch check`."""
+    from emclutch.coil_heat import coil_heat_in_words  # local, as the next two: a run does not need them
+    from emclutch.effects_left_out import left_out
+    from emclutch.expected_torque import expected_torque
+
+    scene = case.scene
     device, made = make_plan(case)
+    B_max = 0.0
     if isinstance(made.peak_field, MagneticField) and isinstance(device.coil, CoilDevice):
         faces = device.shears_faces
         midline = device.coil.shape.face_midline() if faces else device.coil.shape.gap_midline()
@@ -500,13 +505,21 @@ def plan(case: Case) -> dict[str, str]:
             f"at the largest current, powder spread evenly: |B| in {where} up to "
             f"{B.max():.3g} T, grains magnetised up to {made.M_max / 1e3:.3g} kA/m"
         )
+        B_max = float(B.max())
     elif isinstance(made.peak_field, SolidField):
         from emclutch.solid_device import SolidCoilDevice, gap_flux_density  # local: most scenes need no such field
 
         assert isinstance(device.coil, SolidCoilDevice)
-        B_gap = gap_flux_density(device.coil, made.peak_field)
+        B_max = gap_flux_density(device.coil, made.peak_field)
         made.reasons["field"] = (
-            f"at the largest current, without powder: |B| under the poles {B_gap:.3g} T on average, "
+            f"at the largest current, without powder: |B| under the poles {B_max:.3g} T on average, "
             f"grains magnetised up to {made.M_max / 1e3:.3g} kA/m"
         )
-    return made.reasons
+    unusual = FLUX_DENSITY.remark("|B|", B_max)
+    if unusual:
+        made.reasons["field"] += f"; WARNING: {unusual}"
+    if device.coil is not None:
+        made.reasons["copper"] = coil_heat_in_words(scene, device.coil, device.coil.shape)
+    expected = expected_torque(scene, device, made.peak_field)
+    made.reasons["expected torque"] = expected.in_words()
+    return made.reasons, left_out(scene, device, made, expected)

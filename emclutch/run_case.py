@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 import signal
 import threading
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -21,14 +22,17 @@ from emclutch.kernel_warm_up import step_compiled_beside
 from emclutch.observables import Observables
 from emclutch.plan import make_plan
 from emclutch.pole_zone import PoleZone, pole_zone
-from emclutch.results import Result, RunFolder, load_result, read_history
+from emclutch.replicas import Replicas, count_of_run, other_replicas, tell_packing_share
+from emclutch.results import Estimate, Result, RunFolder, load_result, read_history
 from emclutch.results.folder_lock import locked_folder
 from emclutch.results.grain_profiles import write_profiles
 from emclutch.results.rise_time import rise_times
 from emclutch.results.steady_torque import SteadyConditions, mean_torque, steady_torque
 from emclutch.resume import refuse_changed_files, refuse_earlier_end, refuse_other_scene, run_checkpoint
 from emclutch.scene.input_files import hashed_input_files
+from emclutch.scene.replica_count import replica_seed
 from emclutch.snapshots import History, Snapshots, save_checkpoint
+from emclutch.torque_known import TorqueKnown, how_it_ended
 from emclutch.warm_start import StartingGrains, starting_grains, warm_started
 from field import ConvergenceError, FluxLinkage, MagneticField, MeanFluxDensity, PointOutside, estimate_error
 from geometry.kernel_cache import specialisations
@@ -48,13 +52,6 @@ class Interrupted(RunError):
     """The user stopped the run; a checkpoint lies in its folder."""
 
 
-@dataclass(slots=True)
-class _Stop:
-    """Set by Ctrl-C; the loop ends after the window."""
-
-    asked: bool = False
-
-
 def run(
     case: Case,
     *,
@@ -64,13 +61,17 @@ def run(
     progress=None,
     start: str | Path | None = None,
 ) -> Result:
-    """Run a scene and return its result.
+    """Run a scene and return its result: the first of its replicas, with the torque of all of them.
+
+    The other replicas, as many as `accuracy.replicas` says, are processes beside this one; their folders lie under
+    its own.
 
     Parameters
     ----------
     case : Case
     out : folder of the run; default: the scene's `output.folder`, or the next free runs/<case>-<nnn>.
-    threads : of the kernels; default: ``OMP_NUM_THREADS``, or all cores. The result does not depend on it.
+    threads : of the kernels of each replica; default: ``OMP_NUM_THREADS`` or all cores, shared out among the replicas.
+        The result does not depend on it.
     resume : continue from the checkpoint in `out`.
     progress : object with update(fraction, text), or None; if it has announce(text) too, what is being compiled; if it
         has stop_asked, and that is true after a window, the run ends there as after Ctrl-C.
@@ -85,41 +86,73 @@ def run(
     RunError
         A solver did not converge, grains do not fit, a contact failed; `Interrupted` after Ctrl-C.
     """
-    begin = perf_counter()
-    use_threads(threads)
     target = out or case.scene.output.folder or RunFolder.next_path(case.name)
-    case_text = case.toml()
     grains = None if start is None or resume else starting_grains(case, start)
+    stop = threading.Event()
+    with _entered(case, target, resume, progress) as (folder, compiled, begin):
+        count = count_of_run(case, folder, resume)
+        threads = use_threads(threads, count)
+        with (
+            _interruptible(stop),
+            step_compiled_beside(case.scene, lambda text: _announce(progress, text)),
+            other_replicas(case, folder, count, threads=threads, resume=resume, start=start) as replicas,
+        ):
+            return _run(case, folder, resume, progress, begin, compiled, replicas, stop, grains)
+
+
+def run_replica(
+    case: Case,
+    target: str | Path,
+    replicas: Replicas,
+    *,
+    threads: int,
+    resume: bool,
+    stop: threading.Event,
+    start: str | Path | None = None,
+) -> Result:
+    """Run one of the other replicas; `stop` ends it with a checkpoint. `start` and what is raised are as of `run`."""
+    grains = None if start is None or resume else starting_grains(case, start)
+    with _entered(case, target, resume, None) as (folder, compiled, begin):
+        use_threads(threads)
+        return _run(case, folder, resume, None, begin, compiled, replicas, stop, grains)
+
+
+@contextmanager
+def _entered(case: Case, target: str | Path, resume: bool, progress) -> Iterator[tuple[RunFolder, Any, float]]:
+    """The run's folder, held, logging and fit to go on in; what fails in the block is told as a RunError."""
+    begin = perf_counter()
     if resume:  # before the lock makes a folder
         RunFolder(target).require_checkpoint()
     with locked_folder(target):
         if resume:  # compared before anything in the folder is touched
             folder = RunFolder(target)
             state = run_checkpoint(folder.checkpoint)
-            refuse_other_scene(state["case"], case_text, target)
+            refuse_other_scene(state["case"], case.toml(), target)
             refuse_earlier_end(folder, state, case.scene.time.end)
             with folder.logging():
                 refuse_changed_files(case, folder)
-        folder = RunFolder.create(target, case_text, resume=resume)
-
-        def tell(text: str) -> None:
-            _announce(progress, text)
-
-        with (
-            folder.logging(),
-            compilation_told(tell) as compiled,
-            step_compiled_beside(case.scene, tell),
-        ):
+        folder = RunFolder.create(target, case.toml(), resume=resume)
+        with folder.logging(), compilation_told(lambda text: _announce(progress, text)) as compiled:
             try:
-                return _run(case, folder, case_text, resume, progress, begin, compiled, grains)
+                yield folder, compiled, begin
             except (ConvergenceError, ParticleError, PointOutside, ValueError) as error:
                 text = f"{error}{remedy_in_scene(case, error)}"
                 log.error("%s", text)
                 raise RunError(f"{text}\n(log: {folder.log})") from error
 
 
-def _run(case, folder, case_text, resume, progress, begin, compiled, grains: StartingGrains | None = None) -> Result:
-    scene = case.scene
+def _run(
+    case,
+    folder,
+    resume,
+    progress,
+    begin,
+    compiled,
+    replicas: Replicas,
+    stop: threading.Event,
+    grains: StartingGrains | None = None,
+) -> Result:
+    scene, case_text = case.scene, case.toml()
     _say(progress, 0.0, "mesh and field")
     device, plan = make_plan(case)
     for label, reason in plan.reasons.items():
@@ -147,23 +180,39 @@ def _run(case, folder, case_text, resume, progress, begin, compiled, grains: Sta
         resume_time = None
         simulation = assemble(case, device, plan) if grains is None else warm_started(case, device, plan, grains)
         log.info("started: %d windows", plan.windows)
-    snapshots = Snapshots(
-        folder, simulation.dem.walls, plan.windows, scene.output.snapshots, scene.output.formats, case_text, resume_time
-    )
     history = History(folder.history, resume_time)
-    stop, last_save = _Stop(), perf_counter()
+    last_save = perf_counter()
+
+    def is_stopped() -> bool:
+        if getattr(progress, "stop_asked", False):
+            stop.set()
+        return stop.is_set() or bool(replicas.failure())
+
+    known = None
+    if scene.time.until is not None:
+        known = TorqueKnown(scene.time.until, conditions, replicas, plan.end, is_stopped)
+    snapshots = Snapshots(
+        folder,
+        simulation.dem.walls,
+        plan.windows,
+        scene.output.snapshots,
+        scene.output.formats,
+        case_text,
+        resume_time,
+        lambda: known is not None and known.reached,
+    )
 
     def checkpoint(simulation, row) -> bool:
         nonlocal last_save
-        stop.asked = stop.asked or getattr(progress, "stop_asked", False)
-        done = simulation.window >= plan.windows
+        stopped = is_stopped()
+        done = simulation.window >= plan.windows or (known is not None and known.reached)
         if scene.output.checkpoint and (
-            stop.asked or done or simulation.window == 1 or perf_counter() - last_save > CHECKPOINT_SECONDS
+            stopped or done or simulation.window == 1 or perf_counter() - last_save > CHECKPOINT_SECONDS
         ):
             snapshots.flush()
             save_checkpoint(folder.checkpoint, simulation, case_text)
             last_save = perf_counter()
-        return stop.asked
+        return stopped
 
     def report(simulation, row) -> None:
         _say(
@@ -177,12 +226,14 @@ def _run(case, folder, case_text, resume, progress, begin, compiled, grains: Sta
     profiles = profile_average(scene, device)
     extra = () if profiles is None else (profiles,)
     solver = (MissedSteps(scene.contact.dvi.allowed_misses),) if scene.contact.method == "dvi" else ()
-    observers = (Observables(scene, device), history, *solver, snapshots, *extra, report, checkpoint)
+    until = () if known is None else (known,)
+    observers = (Observables(scene, device), history, *solver, *until, snapshots, *extra, report, checkpoint)
     alive = Heartbeat(progress, simulation, plan.end)
     observers = (alive.stop, *observers)
-    with _interruptible(stop), alive:
+    with alive:
         try:
-            run_staggered(simulation, plan.end, observers)
+            if resume_time is None or known is None or not known(simulation):
+                run_staggered(simulation, plan.end, observers)
         finally:
             history.close()
             snapshots.close()
@@ -192,7 +243,12 @@ def _run(case, folder, case_text, resume, progress, begin, compiled, grains: Sta
         compiled.count,
         compiled.seconds,
     )
-    if stop.asked and simulation.window < plan.windows:
+    if known is not None and known.reached:
+        log.info("the torque is known at t = %g s", simulation.dem.time)
+    if problem := replicas.failure() or replicas.wait(is_stopped, lambda text: _announce(progress, text)):
+        raise RunError(f"{problem}\n(log: {folder.log})")
+    cut_off = simulation.window < plan.windows and not (known is not None and known.reached)
+    if stop.is_set() and (cut_off or replicas.are_running()):
         log.info("stopped by the user at t = %g s", simulation.dem.time)
         raise Interrupted(
             f"stopped at t = {simulation.dem.time:.4g} s; "
@@ -202,7 +258,10 @@ def _run(case, folder, case_text, resume, progress, begin, compiled, grains: Sta
                 else "no checkpoint was written (output.checkpoint = false)"
             )
         )
-    summarise(case, folder, device, plan, simulation, conditions, perf_counter() - begin)
+    others = replicas.other_histories() if replicas.number == 0 else []
+    summarise(case, folder, device, plan, simulation, conditions, perf_counter() - begin, others)
+    if others:
+        tell_packing_share(folder, load_result(folder.path).torque.packing_share)
     across = [] if profiles is None else profiles.profiles()
     if across:
         write_profiles(folder.path, across)
@@ -281,16 +340,26 @@ def restore(case, device, plan, state: dict):
     return simulation, simulation.dem.time
 
 
-def summarise(case, folder: RunFolder, device, plan, simulation, conditions: SteadyConditions, seconds: float) -> None:
-    """summary.json: the torque with its error, the device, the numerics, the cost."""
+def summarise(
+    case, folder: RunFolder, device, plan, simulation, conditions: SteadyConditions, seconds: float, others=()
+) -> None:
+    """summary.json: the torque with its error, the device, the numerics, the cost.
+
+    `others` are the histories of the other replicas: their torques count, all else is of this run.
+    """
     history = read_history(folder.history)
     summary: dict = {"title": case.scene.scene.title, "effects": list(case.scene.effects.active)}
     for body in ("rotor", "field"):
         column = f"torque_{body}"
         if column in history and (body != "field" or simulation.magnetised is not None):
-            summary[column] = mean_torque(history, column, conditions.average_from).as_dict()
-    if "torque_disc" in history:
-        summary["torque"] = steady_torque(history, conditions).as_dict()
+            summary[column] = mean_torque(history, column, conditions.average_from, others).as_dict()
+    torque = steady_torque(history, conditions, others) if "torque_disc" in history else None
+    if torque is not None:
+        summary["torque"] = torque.as_dict()
+        if others:
+            summary["replicas"] = replicas_summary(case, (history, *others), torque)
+        if case.scene.time.until is not None:
+            summary["until"] = how_it_ended(torque, case.scene.time.until, history)
     if simulation.dem.bodies and any(body.is_free for body in simulation.dem.bodies):
         summary["lock_up_time"] = lock_up_time(history)
     if isinstance(simulation.source, (CoilField, SolidCoilField)):
@@ -304,8 +373,8 @@ def summarise(case, folder: RunFolder, device, plan, simulation, conditions: Ste
         summary |= rise_times(history, device.coil.currents[-1])
         summary["field_error_estimate"] = field_error_estimate(simulation.source.solution)
     zone = None if simulation.magnetised is None else pole_zone(device)
-    if zone is not None and "torque_disc" in history:
-        summary |= zone_summary(zone, history, steady_torque(history, conditions))
+    if zone is not None and torque is not None:
+        summary |= zone_summary(zone, (history, *others), torque)
     if "feedback_residual" in history:
         summary["feedback"] = {
             "tolerance": simulation.source.fill_tolerance,
@@ -345,17 +414,28 @@ def summarise(case, folder: RunFolder, device, plan, simulation, conditions: Ste
     folder.write_summary(summary)
 
 
-def zone_summary(zone: PoleZone, history, torque) -> dict[str, float | None]:
+def zone_summary(zone: PoleZone, histories, torque: Estimate) -> dict[str, float | None]:
     """Shear stress [Pa] with its error, mean H [A/m] and fill of the powder between the poles, of the steady part."""
-    late = history[history["time"] > (torque.start or 0.0)]
+    late = [each[each["time"] > (torque.start or 0.0)] for each in histories]
     found: dict[str, float | None] = {
         "shear_stress": None if torque.mean is None else zone.shear_stress(torque.mean),
         "shear_stress_error": None if torque.standard_error is None else zone.shear_stress(torque.standard_error),
     }
     for name in ("field_strength_powder", "fill_powder"):
-        if name in late:
-            found[name] = float(late[name].mean())
+        if name in late[0]:
+            found[name] = float(np.mean([each[name].mean() for each in late]))
     return found
+
+
+def replicas_summary(case, histories, torque: Estimate) -> dict[str, Any]:
+    """The replicas' seeds, and the mean torque of each over the steady part that they have in common."""
+    start = torque.start or 0.0
+    return {
+        "count": len(histories),
+        "seeds": [replica_seed(case.scene.scene.seed, number) for number in range(len(histories))],
+        "means": [mean_torque(each, "torque_disc", start).mean for each in histories],
+        "packing_share": torque.packing_share,
+    }
 
 
 def moments_summary(dipoles, history, plan, dem) -> dict[str, float | str]:
@@ -413,14 +493,19 @@ def lock_up_time(history) -> float | None:
     return float(history["time"].iloc[slipping[-1] + 1])
 
 
-def use_threads(threads: int | None) -> None:
-    """Set the number of threads of the compiled kernels; ValueError outside 1 .. the machine's cores."""
+def use_threads(threads: int | None, replicas: int = 1) -> int:
+    """Set the number of threads of the compiled kernels, and return it; None: all, shared out among the replicas.
+
+    ValueError outside 1 .. the machine's cores.
+    """
     import numba
 
     available: int = getattr(numba.config, "NUMBA_NUM_THREADS")  # noqa: B009 (numba's stubs hide it)
     if threads is not None and not 1 <= threads <= available:
         raise ValueError(f"threads = {threads}; allowed: 1 to {available}, the cores of this machine")
-    numba.set_num_threads(threads or default_threads(available))
+    chosen = threads or max(1, default_threads(available) // replicas)
+    numba.set_num_threads(chosen)
+    return chosen
 
 
 def _threads() -> int:
@@ -454,7 +539,7 @@ def _announce(progress, text: str) -> None:
 class _interruptible:
     """Ctrl-C asks the loop to stop after its window; a second one stops at once."""
 
-    def __init__(self, stop: _Stop):
+    def __init__(self, stop: threading.Event):
         self._stop = stop
         self._former: Any = None
 
@@ -463,9 +548,9 @@ class _interruptible:
             self._former = signal.signal(signal.SIGINT, self._ask)
 
     def _ask(self, number, frame):
-        if self._stop.asked:
+        if self._stop.is_set():
             raise KeyboardInterrupt
-        self._stop.asked = True
+        self._stop.set()
 
     def __exit__(self, *error):
         if self._former is not None:

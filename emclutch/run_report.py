@@ -16,7 +16,7 @@ RPM = 30.0 / math.pi
 
 
 def closing_lines(result: Result) -> list[str]:
-    """What a run says last, beside its torque: whether the output locked, and a caution about soft grains."""
+    """What a run says last, beside its torque: whether the output locked, the torque is known, grains are too soft."""
     summary, lines = result.summary, []
     if "lock_up_time" in summary:
         history = result.history
@@ -25,6 +25,12 @@ def closing_lines(result: Result) -> list[str]:
             lines.append(f"output locked at {summary['lock_up_time']:.4g} s, at {disc:.4g} rpm at the end")
         else:
             lines.append(f"output not locked: {disc:.4g} rpm at the end, the motor {rotor:.4g} rpm")
+    if until := summary.get("until"):
+        lines.append(
+            f"known as well as asked for ({until['asked']}) at t = {summary['time']:.4g} s"
+            if until["reached"]
+            else f"not known as well as asked for ({until['asked']}): {until['reason']}"
+        )
     caution = soft_grains(summary)
     return lines + ([f"caution: {caution}"] if caution else [])
 
@@ -58,6 +64,13 @@ def report(result: Result, page_folder: Path | None = None) -> str:
         error = "unknown" if torque.standard_error is None else f"{torque.standard_error:.2g} N m"
         mean = "none" if torque.mean is None else f"{torque.mean:.4g} N m"
         lines += [f"**Torque on the disc: {mean}, standard error {error}** ({torque.reason}).", ""]
+        if (interval := torque.interval()) is not None:
+            share = "unknown" if torque.packing_share is None else f"{torque.packing_share:.2g} N m"
+            lines += [
+                f"95 % interval {interval[0]:.4g} to {interval[1]:.4g} N m, of {torque.replicas} "
+                f"{'packing' if torque.replicas == 1 else 'packings'}; what packings differ by: {share}.",
+                "",
+            ]
     lines += [f"**{line[:1].upper()}{line[1:]}.**\n" for line in closing_lines(result)]
     rows = [("effects", ", ".join(summary["effects"]) or "none")]
     for key, label, unit in (

@@ -24,6 +24,7 @@ from emclutch.results.history import last_time
 from emclutch.results.run_folder import logging_to
 from emclutch.results.study_table import DONE, FAILED, STOPPED, WAITING, StudyTable
 from emclutch.run_case import Interrupted, RunError
+from emclutch.scene.replica_count import replica_count
 from emclutch.scene.study import Study, load_study
 from emclutch.study_points import PointFolder, folders_of_points, set_aside, unclaimed
 from emclutch.study_tables import Done, label_of, write_tables
@@ -56,13 +57,14 @@ def sweep(
     ----------
     study : a Study, or the path of a study file.
     out : folder; default: the next free studies/<name>-<nnn>.
-    threads : of the kernels of each point; default: ``OMP_NUM_THREADS`` or all cores, shared out among `jobs`. Results
-        do not depend on it.
+    threads : of the kernels of each point's replicas; default: ``OMP_NUM_THREADS`` or all cores, shared out among
+        `jobs` and replicas. Results do not depend on it.
     resume : keep the points that are done and continue the others from their checkpoints, also to a later time.end.
         A point is known by its values, so that values may be inserted, removed and put in another order; the folders
         keep their names, and new points get the next numbers.
-    jobs : points that run at a time, each in a process of its own; 1, the default, runs all of them in this one. A
-        script that asks for more must do so under ``if __name__ == "__main__":``. Results do not depend on it.
+    jobs : points that run at a time, each in a process of its own with its replicas beside it; 1, the default, runs all
+        of them in this one. A script that asks for more must do so under ``if __name__ == "__main__":``. Results do not
+        depend on it.
     executor : where points run instead: any `concurrent.futures.Executor`, of a cluster too, whose workers see the same
         file system. It gets `jobs` points at a time, by default all; it is not shut down.
     progress : table of the points to keep up to date.
@@ -86,14 +88,14 @@ def sweep(
             raise OutputError(f"{folder} is not empty; continue it with --resume, or write elsewhere with --out")
         (folder / STOP).unlink(missing_ok=True)
         with logging_to(folder / "study.log", [__name__]):
-            if executor is None and (jobs or 1) > 1:
-                threads = threads or threads_of_a_worker(jobs or 1)
-            run = _StudyRun(study, folder, threads, resume, progress or StudyTable(stream=io.StringIO()))
+            here = executor is None and (jobs or 1) == 1
+            share = 1 if executor is not None else jobs or 1
+            run = _StudyRun(study, folder, threads, share, resume, progress or StudyTable(stream=io.StringIO()))
             try:
-                if executor is None and (jobs or 1) == 1:
+                if here:
                     run.here()
                 else:
-                    pool = worker_pool(jobs or 1) if executor is None else nullcontext(executor)
+                    pool = worker_pool(share) if executor is None else nullcontext(executor)
                     with pool as workers:
                         run.by(workers, jobs)
             finally:
@@ -105,8 +107,11 @@ def sweep(
 class _StudyRun:
     """The points of a study on their way: which wait, which run, what became of them."""
 
-    def __init__(self, study: Study, folder: Path, threads: int | None, resume: bool, table: StudyTable) -> None:
+    def __init__(
+        self, study: Study, folder: Path, threads: int | None, share: int, resume: bool, table: StudyTable
+    ) -> None:
         self.study, self.folder, self.threads, self.resume, self.table = study, folder, threads, resume, table
+        self.share = share  # processes of this study on this machine
         self.points = list(study.cases())
         self.targets = folders_of_points(folder, [case for _, case in self.points], fixed=study.values)
         if others := unclaimed(folder, self.targets):
@@ -199,7 +204,10 @@ class _StudyRun:
         resumed = _goes_on(case, point, self.resume)
         start = None if before is None else str(self.targets[before].path)
         path = None if case.path is None else str(case.path.resolve())
-        return PointTask(case.data, path, case.trust_scripts, str(point.path), self.threads, resumed, start)
+        threads = self.threads
+        if threads is None and self.share > 1:
+            threads = threads_of_a_worker(self.share * replica_count(case.scene))
+        return PointTask(case.data, path, case.trust_scripts, str(point.path), threads, resumed, start)
 
     def _take(self, number: int, outcome: PointOutcome) -> None:
         if outcome.state == DONE:

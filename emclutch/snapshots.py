@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -28,11 +29,22 @@ class Snapshots:
         "vtk", "hdf5".
     resume_time : float or None
         Later frames of an interrupted run are removed [s].
+    ends_early : function
+        Whether the run ends with the present window, of which a frame is then written too.
     """
 
     def __init__(
-        self, folder: RunFolder, walls, windows: int, count: int, formats, case_text: str, resume_time: float | None
+        self,
+        folder: RunFolder,
+        walls,
+        windows: int,
+        count: int,
+        formats,
+        case_text: str,
+        resume_time: float | None,
+        ends_early: Callable[[], bool] = lambda: False,
     ):
+        self._ends_early = ends_early
         self._walls = walls
         self._at = {round(k * windows / count) for k in range(1, count + 1)} if count else set()
         self._series = {}
@@ -54,7 +66,7 @@ class Snapshots:
     def __call__(self, simulation: Simulation, row: dict) -> None:
         if self.record is not None:
             self.record.append_observables(row, step=simulation.dem.step_count)
-        if simulation.window in self._at:
+        if simulation.window in self._at or (self._at and self._ends_early()):
             self.write(simulation)
 
     def write(self, simulation: Simulation) -> None:

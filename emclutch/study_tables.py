@@ -46,8 +46,7 @@ def write_torques(folder: Path, study: Study, rows: list[dict[str, Any]]) -> Non
     """`study.csv`, averages over seeds, and torque against current and against speed where these are varied."""
     _write_csv(folder / "study.csv", rows)
     varied = [key for key, values in study.values.items() if len(values) > 1]
-    seeds = SEED in varied
-    if seeds:
+    if SEED in varied:
         varied.remove(SEED)
         rows = averaged_over_seeds(rows, SEED, varied)
         _write_csv(folder / "seeds.csv", rows)
@@ -60,11 +59,11 @@ def write_torques(folder: Path, study: Study, rows: list[dict[str, Any]]) -> Non
             {"values": curve.values, "linear_range": one.as_dict()} for curve, one in zip(curves, ranges, strict=True)
         ]
         replace_json(folder / "torque_vs_current.json", {"curves": found})
-        torque_against_current_picture(folder / "torque_vs_current.png", curves, ranges, title=title, seeds=seeds)
+        torque_against_current_picture(folder / "torque_vs_current.png", curves, ranges, title=title)
     constant = not any(isinstance(speed, dict) for speed in study.values.get(SPEED, ()))
     if SPEED in varied and constant and _all_have("rotor_speed", rows):
         curves = _write_curves(folder / "torque_vs_speed.csv", rows, SPEED, "rotor_speed", varied)
-        torque_against_speed_picture(folder / "torque_vs_speed.png", curves, title=title, seeds=seeds)
+        torque_against_speed_picture(folder / "torque_vs_speed.png", curves, title=title)
 
 
 def _all_have(name: str, rows: list[dict[str, Any]]) -> bool:
@@ -91,12 +90,15 @@ def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
 def row_of(values: dict[str, Any], case: Case, result: Result) -> dict[str, Any]:
     """A point's row of `study.csv`."""
     torque, summary = result.torque, result.summary
+    low, high = torque.interval() or (None, None)
     row = {**values, "end_time": case.scene.time.end}  # [s]; of points that are kept, too: others are continued
     if "current" in summary:
         row["current"] = summary["current"]
     row |= {
         "torque": torque.mean,
         "standard_error": torque.standard_error,
+        "low": low,
+        "high": high,
         "converged": torque.converged,
         "torque_rotor": summary.get("torque_rotor", {}).get("mean"),
         "gap_flux_density": summary.get("gap_flux_density"),

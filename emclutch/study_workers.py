@@ -16,12 +16,12 @@ def worker_pool(jobs: int) -> ProcessPoolExecutor:
     )
 
 
-def threads_of_a_worker(jobs: int) -> int:
+def threads_of_a_worker(processes: int) -> int:
     """Threads of each of so many processes, where none are asked for: ``OMP_NUM_THREADS`` or all cores, shared out."""
     import numba
 
     available: int = getattr(numba.config, "NUMBA_NUM_THREADS")  # noqa: B009 (numba's stubs hide it)
-    return max(1, default_threads(available) // jobs)
+    return max(1, default_threads(available) // processes)
 
 
 def leave_ctrl_c_to_the_study() -> None:

@@ -262,3 +262,8 @@ Acceleration = Annotated[float, Quantity("an acceleration", "m/s^2", "9.81 m/s^2
 def number(example: str, minimum: float = -math.inf, maximum: float = math.inf, *, above: bool = False) -> Quantity:
     """Return the quantity of a pure number within [minimum, maximum]; `above`: the minimum is excluded."""
     return Quantity("a number", "", example, minimum, maximum, open_minimum=above)
+
+
+def two_digits(value: float) -> str:
+    """A number of which no more is known: 270, 4400, 0.0093, 1.9e-06."""
+    return f"{float(f'{value:.2g}'):g}"

@@ -25,6 +25,12 @@ def one_thread():
     numba.set_num_threads(1)
 
 
+@pytest.fixture(autouse=True)
+def one_replica(monkeypatch):
+    """A scene that does not say how many replicas it wants has one; tests of replicas say how many."""
+    monkeypatch.setattr("emclutch.scene.replica_count.automatic_count", lambda scene: 1)
+
+
 def pytest_sessionfinish(session):
     """A worker sends what it has; the process that collects compares the whole with what is allowed."""
     if hasattr(session.config, "workeroutput"):

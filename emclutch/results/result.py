@@ -53,8 +53,16 @@ class Result:
             history = self.history
             if "torque_disc" not in history:
                 raise OutputError(f"{self.folder.history} has no torque_disc: the scene has no disc")
-            self._torque = steady_torque(history, self._conditions())
+            self._torque = steady_torque(history, self._conditions(), self._other_histories())
         return self._torque
+
+    def _other_histories(self) -> list[pandas.DataFrame]:
+        """Of the other replicas, as far as they have come."""
+        from emclutch.results.history import read_history
+
+        folders = (RunFolder(path) for path in self.folder.replica_folders())
+        found = [read_history(folder.history) for folder in folders if folder.history.is_file()]
+        return [history for history in found if len(history)]
 
     def _conditions(self) -> SteadyConditions:
         """The scene's part of the verdict, from ``plan.json``; of a folder without one, what the scene itself says."""

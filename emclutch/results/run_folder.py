@@ -123,6 +123,15 @@ class RunFolder:
         return self.path / "checkpoint.h5"
 
     @property
+    def replicas(self) -> Path:
+        """Folder of the runs of the same scene with other packings; this run is the first of them."""
+        return self.path / "replicas"
+
+    def replica_folders(self) -> list[Path]:
+        """Folders of the other packings that are there, in their order."""
+        return sorted(self.replicas.glob("[0-9][0-9]")) if self.replicas.is_dir() else []
+
+    @property
     def mesh(self) -> Path:
         return self.path / "mesh.msh"
 

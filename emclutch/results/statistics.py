@@ -57,6 +57,10 @@ class Estimate:
     start : beginning of the steady part [s].
     converged : steady, without drift, and at least 10 batches each longer than 4 correlation times.
     reason : the same in words, with the remedy.
+    replicas : independent runs behind it; of one alone, the error lacks what its packing does to the mean.
+    degrees_of_freedom : of the error; None: one less than the batches.
+    packing_share : standard deviation by which means of replicas differ beyond what their own fluctuation explains
+        [unit of the signal]; None: unknown, of one replica.
     """
 
     mean: float | None
@@ -66,15 +70,23 @@ class Estimate:
     start: float | None
     converged: bool
     reason: str
+    replicas: int = 1
+    degrees_of_freedom: float | None = None
+    packing_share: float | None = None
 
-    def interval(self, confidence: float = 0.95) -> tuple[float, float] | None:
-        """Two-sided confidence interval of the mean, Student's t with ``batches - 1`` degrees of freedom."""
-        if self.mean is None or self.standard_error is None or self.batches < 2:
+    def half_width(self, confidence: float = 0.95) -> float | None:
+        """Half the width of the mean's two-sided confidence interval by Student's t; None: unknown."""
+        freedom = self.batches - 1 if self.degrees_of_freedom is None else self.degrees_of_freedom
+        if self.mean is None or self.standard_error is None or freedom < 1:
             return None
         from scipy.special import stdtrit
 
-        half = float(stdtrit(self.batches - 1, 0.5 + 0.5 * confidence)) * self.standard_error
-        return self.mean - half, self.mean + half
+        return float(stdtrit(freedom, 0.5 + 0.5 * confidence)) * self.standard_error
+
+    def interval(self, confidence: float = 0.95) -> tuple[float, float] | None:
+        """Two-sided confidence interval of the mean; None: unknown."""
+        half = self.half_width(confidence)
+        return None if half is None or self.mean is None else (self.mean - half, self.mean + half)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
@@ -83,7 +95,8 @@ class Estimate:
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Estimate:
         """Inverse of `as_dict`; other keys are ignored."""
-        return cls(**{name: values.get(name) for name in cls.__slots__})  # type: ignore[arg-type]
+        known = {name: values.get(name) for name in cls.__slots__}
+        return cls(**{**known, "batches": known["batches"] or 0, "replicas": known["replicas"] or 1})  # type: ignore[arg-type]
 
 
 def steady_mean(
@@ -107,7 +120,7 @@ def steady_mean(
     ------
     ValueError : lengths differ, time does not increase, or a value is not finite.
     """
-    t, y, dt = _checked(time, value, duration)
+    t, y, dt = checked_signal(time, value, duration)
     keep = np.ones(t.size, dtype=bool)
     if average_from is not None:
         # A window that straddles the wanted start still holds transient: leave it out.
@@ -140,7 +153,7 @@ def steady_mean(
             reason="not converged: the signal does not change, so nothing in it says how far off its mean is",
         )
     mean = float(np.average(y, weights=dt))
-    even = y if np.ptp(dt) <= 1e-6 * dt.mean() else _rebin(dt, y, y.size)
+    even = y if np.ptp(dt) <= 1e-6 * dt.mean() else rebinned(dt, y, y.size)
     step = total / even.size
     tau = step * correlation_samples(even)
     possible = int(total / (BATCH_CORRELATION_TIMES * tau))
@@ -148,7 +161,7 @@ def steady_mean(
     error = float(np.std(even)) * math.sqrt(min(1.0, tau / total))
     drift = False
     if batches >= 2:
-        means = _rebin(dt, y, batches)
+        means = rebinned(dt, y, batches)
         error = max(error, float(np.std(means, ddof=1)) / math.sqrt(batches))
         drift = batches >= MIN_BATCHES and _drifts(means)
 
@@ -196,27 +209,29 @@ def mser_cut(value: np.ndarray, duration: np.ndarray) -> tuple[int, bool]:
 
 
 def correlation_samples(value: np.ndarray) -> float:
-    """Statistical inefficiency ``1 + 2 sum rho_k`` of evenly spaced samples, Sokal's window; at least 1.
+    """Statistical inefficiency ``1 + 2 sum rho_k`` of evenly spaced samples (n,), Sokal's window; at least 1.
+
+    Of several series (m, n), independent ones of the same process, their mean covariance is taken.
 
     Anticorrelated series would give less than 1; that gain is not claimed. The sample mean takes about tau/n from every
-    rho_k, which makes tau too small by the factor 1 - 2 tau/n to first order; that
-    is put back, at most twice the value: beyond it the series is too short for any statement.
+    rho_k, which makes tau too small by the factor (1 - (2 M + 1)/n)/(1 - tau/n) to first order, M terms in the sum;
+    that is put back, at most twice the value: beyond it the series is too short for any statement.
     """
-    n = value.size
-    y = value - value.mean()
+    n = value.shape[-1]
+    y = np.atleast_2d(value - value.mean(axis=-1, keepdims=True))
     size = 1 << (2 * n - 1).bit_length()
     spectrum = np.fft.rfft(y, size)
-    covariance = np.fft.irfft(spectrum * np.conj(spectrum), size)[:n]
+    covariance = np.fft.irfft(spectrum * np.conj(spectrum), size)[:, :n].mean(axis=0)
     if covariance[0] <= 0.0:
         return 1.0
     tau_int = np.cumsum(covariance / covariance[0]) - 0.5
     inside = np.arange(n) >= SOKAL_WINDOW * tau_int
     window = int(np.argmax(inside)) if inside.any() else n - 1
     tau = max(1.0, 2.0 * float(tau_int[window]))
-    return tau / max(0.5, 1.0 - 2.0 * tau / n)
+    return tau * max(1.0, min(2.0, (1.0 - tau / n) / max(1e-9, 1.0 - (2 * window + 1) / n)))
 
 
-def _rebin(duration: np.ndarray, value: np.ndarray, bins: int) -> np.ndarray:
+def rebinned(duration: np.ndarray, value: np.ndarray, bins: int) -> np.ndarray:
     """Means over `bins` equal stretches of time of a signal that is constant over each window."""
     edges = np.concatenate([[0.0], np.cumsum(duration)])
     integral = np.concatenate([[0.0], np.cumsum(duration * value)])
@@ -237,7 +252,7 @@ def _drifts(means: np.ndarray) -> bool:
     return abs(slope) > float(stdtrit(n - 2, 1.0 - 0.5 * DRIFT_SIGNIFICANCE)) * error
 
 
-def _checked(
+def checked_signal(
     time: np.ndarray, value: np.ndarray, duration: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     t = np.asarray(time, dtype=np.float64).ravel()

@@ -8,13 +8,14 @@ the averaging began, or the packing has not forgotten how it was made.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from emclutch.results.statistics import Estimate, steady_mean
+from emclutch.results.replicated_mean import replicated_mean
+from emclutch.results.statistics import Estimate
 
 if TYPE_CHECKING:
     import pandas
@@ -52,14 +53,17 @@ class SteadyConditions:
         return cls(values.get("average_from"), values.get("shear_gap"), values.get("shear_radius") or 0.0)
 
 
-def mean_torque(history: pandas.DataFrame, column: str, average_from: float | None) -> Estimate:
-    """Mean and standard error [N m] of a torque's steady part, by statistics alone."""
-    return steady_mean(
-        history["time"].to_numpy(), history[column].to_numpy(), duration=_durations(history), average_from=average_from
-    )
+def mean_torque(
+    history: pandas.DataFrame, column: str, average_from: float | None, replicas: Sequence[pandas.DataFrame] = ()
+) -> Estimate:
+    """Mean and standard error [N m] of a torque's steady part, by statistics alone; `replicas`: other histories."""
+    signals = [(each["time"].to_numpy(), each[column].to_numpy(), _durations(each)) for each in (history, *replicas)]
+    return replicated_mean(signals, average_from=average_from)
 
 
-def steady_torque(history: pandas.DataFrame, conditions: SteadyConditions) -> Estimate:
+def steady_torque(
+    history: pandas.DataFrame, conditions: SteadyConditions, replicas: Sequence[pandas.DataFrame] = ()
+) -> Estimate:
     """The disc's steady torque [N m]; converged only where statistics, balance and shear agree.
 
     Parameters
@@ -67,16 +71,23 @@ def steady_torque(history: pandas.DataFrame, conditions: SteadyConditions) -> Es
     history : DataFrame
         Columns `time` [s], `torque_disc` [N m], and where the scene has them `torque_rotor`, `torque_housing`,
         `torque_field` [N m], `rotor_speed` and `disc_speed` [rad/s]; windows begin at time 0.
+    conditions : SteadyConditions
+    replicas : sequence of DataFrame
+        Histories of the same scene with other packings.
     """
-    found = mean_torque(history, "torque_disc", conditions.average_from)
+    found = mean_torque(history, "torque_disc", conditions.average_from, replicas)
     if not found.converged or found.mean is None or found.start is None:
         return found
-    duration = _durations(history)
-    late = history["time"].to_numpy() - 0.5 * duration > found.start
-    problem = _imbalance(history[late], duration[late], found.mean, found.standard_error or 0.0) or _little_shear(
-        history, duration, late, conditions
-    )
-    return replace(found, converged=False, reason=f"not converged: {problem}") if problem else found
+    for each in (history, *replicas):
+        duration = _durations(each)
+        late = each["time"].to_numpy() - 0.5 * duration > found.start
+        error = (found.standard_error or 0.0) * found.replicas**0.5  # of one of them
+        problem = _imbalance(each[late], duration[late], found.mean, error) or _little_shear(
+            each, duration, late, conditions
+        )
+        if problem:
+            return replace(found, converged=False, reason=f"not converged: {problem}")
+    return found
 
 
 def _imbalance(late: pandas.DataFrame, duration: np.ndarray, mean: float, error: float) -> str:

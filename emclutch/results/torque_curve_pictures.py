@@ -26,9 +26,8 @@ def torque_against_current_picture(
     ranges: Sequence[LinearRange] = (),
     *,
     title: str | None = None,
-    seeds: bool = False,
 ) -> Path:
-    """Draw the torque that each current transmits, with error bars.
+    """Draw the torque that each current transmits, with its 95 % interval.
 
     Parameters
     ----------
@@ -36,9 +35,8 @@ def torque_against_current_picture(
     curves : over the current [A]; points that are not converged are drawn hollow, those of unknown error as hollow
         diamonds without a bar.
     ranges : of each curve; a thin line is drawn through a linear range, with a mark at its knee.
-    seeds : bars are 95 % intervals of averages over seeds; otherwise ± 2 standard errors.
     """
-    figure, axis = _torque_axes(curves, title, seeds=seeds, joined=True)
+    figure, axis = _torque_axes(curves, title, joined=True)
     for curve, found in zip(curves, ranges, strict=False):
         _draw_range(axis, curve, found)
     axis.set_xlabel("coil current [A]")
@@ -47,9 +45,7 @@ def torque_against_current_picture(
     return Path(path)
 
 
-def torque_against_speed_picture(
-    path: str | Path, curves: Sequence[TorqueCurve], *, title: str | None = None, seeds: bool = False
-) -> Path:
+def torque_against_speed_picture(path: str | Path, curves: Sequence[TorqueCurve], *, title: str | None = None) -> Path:
     """Draw the torque that is transmitted at each speed of the motor, and the power law through it.
 
     Parameters
@@ -58,7 +54,7 @@ def torque_against_speed_picture(
     curves : over the speed [rad/s]; drawn as for currents.
     """
     in_rpm = [curve.along(RPM * np.abs(curve.x)) for curve in curves]
-    figure, axis = _torque_axes(in_rpm, title, seeds=seeds, joined=False)
+    figure, axis = _torque_axes(in_rpm, title, joined=False)
     for curve in curves:
         speed = np.abs(curve.x)
         law = power_law(speed, np.abs(curve.torque), curve.error)
@@ -89,9 +85,7 @@ def _draw_range(axis: Axes, curve: TorqueCurve, found: LinearRange) -> None:
     axis.plot(sign * along, found.slope * (along - found.offset), color=LAW, lw=0.9, label=label)
 
 
-def _torque_axes(
-    curves: Sequence[TorqueCurve], title: str | None, *, seeds: bool = False, joined: bool
-) -> tuple[Figure, Axes]:
+def _torque_axes(curves: Sequence[TorqueCurve], title: str | None, *, joined: bool) -> tuple[Figure, Axes]:
     """Torques with their error bars; hollow where not converged, without a bar where the error is unknown."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -99,7 +93,6 @@ def _torque_axes(
     figure = Figure(figsize=(7.0, 4.8), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     axis = figure.add_subplot()
-    what = "95 % interval between seeds" if seeds else "± 2 standard errors"
     told: set[str] = set()
 
     def once(label: str) -> str:
@@ -110,13 +103,13 @@ def _torque_axes(
 
     for number, curve in enumerate(curves):
         colour = COLOURS[number % len(COLOURS)]
-        bars = (NORMAL if seeds else 2.0) * curve.error
+        bars = NORMAL * curve.error
         known = np.isfinite(bars)
         if joined or len(curves) > 1:
             axis.plot(curve.x, curve.torque, color=colour, lw=0.8, alpha=0.6, label=curve.label or "_nolegend_")
         for chosen, fill, label in (
-            (known & curve.converged, colour, what),
-            (known & ~curve.converged, "white", f"{what}, not converged"),
+            (known & curve.converged, colour, "95 % interval"),
+            (known & ~curve.converged, "white", "95 % interval, not converged"),
         ):
             if chosen.any():
                 axis.errorbar(curve.x[chosen], curve.torque[chosen], bars[chosen], fmt="o", ms=6, mfc=fill, capsize=4,

@@ -20,8 +20,8 @@ class TorqueCurve:
     values : the study's other values, the same for all points; empty where it has none.
     x : (n,) current [A] or speed [rad/s].
     torque : (n,) [N m]; nan where a run has none.
-    error : (n,) standard errors [N m]; nan where unknown. Of averages over few seeds it is larger than the scatter
-        says: a normal distribution of this error has the 95 % interval of Student's.
+    error : (n,) standard errors [N m]; nan where unknown. Of few packings it is larger than their scatter says: a
+        normal distribution of this error has the 95 % interval of Student's.
     converged : (n,) whether the run says so.
     """
 
@@ -46,8 +46,8 @@ def torque_curves(rows: Sequence[Mapping[str, Any]], x: str, others: Sequence[st
 
     Parameters
     ----------
-    rows : columns `x`, `others`, `torque` [N m], `standard_error` [N m] or None, `converged`, and of averages over
-        seeds `low` and `high` [N m] or None.
+    rows : columns `x`, `others`, `torque`, `standard_error` [N m] or None, `converged`, and where known the ends `low`
+        and `high` [N m] of the torque's 95 % interval.
     x : name of the column along the curves.
     others : names of the columns that tell the curves apart.
     """

@@ -13,11 +13,10 @@ from emclutch.scene.field_source import CoilField, UniformField
 from emclutch.scene.fill import fill_of
 from emclutch.scene.geometry import BoxGeometry, CadGeometry, CentrifugalGeometry, ClutchGeometry, ShearCellGeometry
 from emclutch.scene.grain_smear import LEAST_WIDTH, moments_are_fed_back, narrowest_gap, smear_width
-from emclutch.scene.materials import TableMaterial
 from emclutch.scene.motion import HELD
+from emclutch.scene.replica_count import packs_alike
 from emclutch.scene.section import did_you_mean
 from emclutch.scene.surfaces import extent_in_words
-from emclutch.scene.time_table import largest
 
 if TYPE_CHECKING:
     from geometry.fault import Fault as ShapeFault
@@ -279,6 +278,8 @@ def _sector_width(draft: Draft) -> Iterator[Fault]:
         return
     dipoles = draft.scene.effects.dipoles
     reach = largest * (_CONTACT_REACH if dipoles is None else max(dipoles.cutoff, _CONTACT_REACH))
+    if moments_are_fed_back(draft.scene) and isinstance(draft.scene.geometry, (ClutchGeometry, CadGeometry)):
+        reach = max(smear_width(draft.scene), largest * _CONTACT_REACH)  # in a narrow gap the shorter of the two
     radius = fill_of(shape, particles).inner_radius + 0.5 * largest
     chord = 2.0 * radius * math.sin(0.5 * particles.sector)
     if chord < 2.0 * reach:
@@ -495,6 +496,18 @@ def _accuracy(draft: Draft) -> Iterator[Fault]:
         yield draft.fault("accuracy.time_end", f"is not after time.average_from = {start:g} s; raise it, or lower that")
 
 
+def _replicas(draft: Draft) -> Iterator[Fault]:
+    scene = draft.scene
+    if (scene.accuracy.replicas or 1) > 1 and packs_alike(scene):
+        yield draft.fault(
+            "accuracy.replicas",
+            f"asks for several packings, and particles.packing = '{scene.particles.packing}' packs all of them alike; "
+            "take a random packing, or one replica",
+        )
+    if scene.time.until is not None and scene.geometry.kind == "box":
+        yield draft.fault("time.until", "has no disc whose torque could be known; remove it, a box ends at time.end")
+
+
 # What a check needs is right: a section as a whole, or of the geometry no more than the kind and the materials.
 CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (_shape, (GEOMETRY_KIND,)),
@@ -516,50 +529,5 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (_slots, (GEOMETRY_KIND, "effects", "field", "particles")),
     (_motion, (GEOMETRY_KIND, "motion", "surfaces")),
     (_accuracy, ("accuracy", "time")),
+    (_replicas, (GEOMETRY_KIND, "accuracy", "time", "particles")),
 )
-
-
-def warnings_of(scene: Any) -> Iterator[str]:
-    """Yield what is allowed and yet likely not meant."""
-    effects = scene.effects
-    magnetic = effects.magnetic_force is not None or effects.dipoles is not None
-    if effects.magnetic_force is not None and effects.dipoles is None:
-        yield (
-            "[effects.dipoles] is missing: without the forces between magnetised grains the powder forms no "
-            "chains, and the torque will be near nothing"
-        )
-    if magnetic and effects.saturation is None:
-        yield "[effects.saturation] is missing: the grains are linear and magnetise without limit"
-    if scene.coil is not None and not isinstance(scene.geometry, (ClutchGeometry, CadGeometry)):
-        kind = scene.geometry.kind
-        yield f"[coil] is not used: a device of geometry.kind = '{kind}' has none; remove the table"
-    elif scene.coil is not None and not isinstance(scene.field, CoilField):
-        yield "[coil] is not used: that needs [field] with source = 'coil'"
-    if scene.field is not None and not magnetic:
-        yield "[field] moves no grain: that needs [effects.dipoles] or [effects.magnetic_force]"
-    slotted = [name for name in ("disc_slots", "rotor_slots") if getattr(scene.geometry, name, None) is not None]
-    if effects.wall_images is not None and slotted:
-        yield f"[effects.wall_images] mirrors dipoles in the slots of geometry.{slotted[0]} too, as if they were steel"
-    if slotted and not isinstance(scene.field, CoilField):
-        yield f"geometry.{slotted[0]} has no effect: only the field of a coil sees slots, grains meet smooth walls"
-    steel = isinstance(scene.geometry, ShearCellGeometry) and scene.geometry.steel
-    if effects.wall_images is not None and not (isinstance(scene.geometry, (ClutchGeometry, CadGeometry)) or steel):
-        kind = scene.geometry.kind
-        yield f"[effects.wall_images] has no effect: geometry.kind = '{kind}' has no steel faces"
-    elif effects.wall_images is not None and not any(wall.magnetic for wall in scene.shape().walls()):
-        yield "[effects.wall_images] has no effect: no wall is of a magnetic material"
-    source = scene.field
-    if effects.wall_images is not None and isinstance(source, UniformField) and source.means == "macroscopic":
-        yield (
-            "[effects.wall_images] beside field.means = 'macroscopic': the mean field is taken as even up to the "
-            "steel; what layers of grains there change in it is left out"
-        )
-    for name, own in scene.materials.items():
-        if isinstance(own, TableMaterial) and own.caution:
-            yield f"materials.{name}: {own.caution}"
-    coil = scene.coil
-    window = scene.shape() if isinstance(scene.geometry, (ClutchGeometry, CadGeometry)) else None
-    if coil is not None and coil.current is not None and coil.voltage is not None and window is not None:
-        drop = largest(coil.current) * coil.resistance_in(window.coil_area, window.coil_mean_radius)
-        if drop > 1.01 * coil.voltage:  # rounded data of a type plate agree within a percent
-            yield f"coil.current needs {drop:.4g} V, more than coil.voltage = {coil.voltage:g} V"

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Self
 
+import numpy as np
 from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
 
 from emclutch.scene.section import Section, refuse
-from emclutch.scene.time_table import SpeedCourse, TimeTable
+from emclutch.scene.time_table import SpeedCourse, TimeTable, largest, points_of
 from emclutch.units import Inertia, Instant, LoadTorque, Quantity, Speed, Torque
 
 _StallTorque = Annotated[float, Quantity("a torque", "N*m", "1500 N m", 0.0, 1e7, open_minimum=True)]
@@ -95,6 +96,14 @@ class ShaftMotion(Section):
             )
         return self
 
+    @property
+    def largest_speed(self) -> float:
+        """Largest speed [rad/s] that follows from the entries alone, driven or free."""
+        if self.free is not None:
+            return self.free.largest_speed
+        assert self.speed is not None  # by the model's rule
+        return largest(self.speed)
+
 
 HELD = ShaftMotion(speed=0.0)
 
@@ -104,3 +113,12 @@ class Motion(Section):
 
     rotor: ShaftMotion = HELD
     disc: ShaftMotion = HELD
+
+    @property
+    def largest_slip(self) -> float:
+        """Largest difference [rad/s] of both speeds; with a free shaft the larger of both."""
+        if self.rotor.speed is None or self.disc.speed is None:
+            return max(self.rotor.largest_speed, self.disc.largest_speed)
+        (t_rotor, rotor), (t_disc, disc) = points_of(self.rotor.speed), points_of(self.disc.speed)
+        times = sorted({*t_rotor, *t_disc})
+        return float(np.abs(np.interp(times, t_rotor, rotor) - np.interp(times, t_disc, disc)).max())

@@ -14,6 +14,7 @@ from pydantic.fields import FieldInfo
 from emclutch.scene.model import Scene
 from emclutch.scene.section import Automatic, Choice, Section, Whole
 from emclutch.scene.time_table import TimeTable
+from emclutch.scene.torque_target import TorqueTarget
 from emclutch.units import Quantity
 
 HEAD = """# The scene file: all sections and keys
@@ -96,7 +97,9 @@ def _entry(annotation: Any, marks: tuple[Any, ...] = ()) -> str:
         return f"list of {_entry(parts[0])}" if parts[-1] is ... else f"list of {len(parts)}: {_entry(parts[0])}"
     if _is_section(annotation) and issubclass(annotation, TimeTable):
         return "a table in time"
-    return {bool: "true or false", str: "text"}.get(annotation, getattr(annotation, "__name__", str(annotation)))
+    return {bool: "true or false", str: "text", TorqueTarget: "text"}.get(
+        annotation, getattr(annotation, "__name__", str(annotation))
+    )
 
 
 def _range(annotation: Any, marks: tuple[Any, ...] = ()) -> str:

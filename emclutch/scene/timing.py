@@ -7,13 +7,19 @@ from typing import Annotated, Self
 from pydantic import Field, StrictBool, model_validator
 
 from emclutch.scene.section import Automatic, Choice, Section, Whole, refuse
+from emclutch.scene.torque_target import TorqueTarget
 from emclutch.units import Instant, Time, number
 
 
 class TimeSpan(Section):
     """End of the simulation, coupling window and step of the grains; None is chosen by the program."""
 
-    end: Time = Field(description="end of the simulation")
+    end: Time = Field(description="end of the simulation; with `until` the latest")
+    until: TorqueTarget | None = Field(
+        default=None,
+        description="end as soon as the steady torque is known so well: half its 95 % interval, over the torque or in "
+        "N m, or either: 'torque 2 %', 'torque 0.01 N m', 'torque 2 % or 0.01 N m'",
+    )
     window: Annotated[Time | None, Automatic()] = Field(default=None, description="coupling window, or auto")
     step: Annotated[Time | None, Automatic()] = Field(default=None, description="step of the grains, or auto")
     steps_per_contact: Annotated[float, number("20", 10.0, 200.0)] = Field(
@@ -53,6 +59,11 @@ class Accuracy(Section):
         default=(160, 80, 40, 20), min_length=2, description="values of effects.dipoles.update_every"
     )
     time_end: Time | None = Field(default=None, description="end of these runs; default: time.end")
+    replicas: Annotated[Annotated[int, Whole(1, 64, "4")] | None, Automatic()] = Field(
+        default=None,
+        description="runs of the scene with own packings, side by side, from which the torque and its error come; "
+        "auto: as many as cores, at least 2, for a steady torque of grains that are packed at random, else 1",
+    )
 
     @model_validator(mode="after")
     def _goes_from_coarse_to_fine(self) -> Self:

@@ -11,7 +11,7 @@ from emclutch.results.checkpoint import read_checkpoint
 THESIS = Path(__file__).resolve().parents[2] / "cases" / "thesis"
 TOY = {
     "particles.count": 8, "time.end": "10 ms", "time.window": "2 ms", "output.snapshots": 0, "output.pictures": False,
-    "output.formats": [],
+    "output.formats": [], "accuracy.replicas": 1,
 }  # fmt: skip
 SPEED = "motion.rotor.speed"
 

@@ -45,3 +45,11 @@ def test_the_smear_is_no_wider_than_the_gap_and_has_four_rows_of_elements(cutoff
     scene = CASE.with_values({"effects.dipoles.cutoff": cutoff, "particles.sector": "3 deg"}).scene
     assert smear_width(scene) == pytest.approx(width, rel=1e-12) and element_layers(scene, 4) == layers
     assert element_layers(scene, 20) == 20
+
+
+def test_a_sector_needs_twice_the_reach_that_the_grains_have():
+    """With the cut-off at 5.5 diameters, 1.1 mm, that is 1.1 mm - or the gap's 1 mm, where moments are fed back."""
+    values = {"effects.dipoles.cutoff": 5.5, "particles.sector": "2.571428571428571 deg"}
+    assert CASE.with_values(values).scene.particles.sector == pytest.approx(2.0 * np.pi / 140)
+    with pytest.raises(emclutch.SceneError, match=r"less than two reaches of a grain \(2.2 mm\)"):
+        CASE.with_values({**values, "effects.back_reaction": None})

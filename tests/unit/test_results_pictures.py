@@ -88,7 +88,7 @@ def test_torque_against_current(tmp_path):
         curve([1], [2], [None], [False], speed="2 rpm"),
     ]
     assert is_picture(pictures.torque_against_current_picture(tmp_path / "c.png", two))
-    assert is_picture(pictures.torque_against_speed_picture(tmp_path / "d.png", two[:1], seeds=True))
+    assert is_picture(pictures.torque_against_speed_picture(tmp_path / "d.png", two[:1]))
 
 
 def test_a_linear_range_is_drawn_up_to_its_knee():

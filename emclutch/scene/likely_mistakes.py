@@ -1,0 +1,59 @@
+"""What a scene may say and yet hardly means: effects that do nothing where they stand, entries of unusual size."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from emclutch.scene.field_source import CoilField, UniformField
+from emclutch.scene.geometry import CadGeometry, ClutchGeometry, ShearCellGeometry
+from emclutch.scene.materials import TableMaterial
+from emclutch.scene.time_table import largest
+from emclutch.scene.usual_ranges import unusual_entries
+
+
+def warnings_of(scene: Any) -> Iterator[str]:
+    """Yield what is allowed and yet likely not meant."""
+    effects = scene.effects
+    magnetic = effects.magnetic_force is not None or effects.dipoles is not None
+    if effects.magnetic_force is not None and effects.dipoles is None:
+        yield (
+            "[effects.dipoles] is missing: without the forces between magnetised grains the powder forms no "
+            "chains, and the torque will be near nothing"
+        )
+    if magnetic and effects.saturation is None:
+        yield "[effects.saturation] is missing: the grains are linear and magnetise without limit"
+    if scene.coil is not None and not isinstance(scene.geometry, (ClutchGeometry, CadGeometry)):
+        kind = scene.geometry.kind
+        yield f"[coil] is not used: a device of geometry.kind = '{kind}' has none; remove the table"
+    elif scene.coil is not None and not isinstance(scene.field, CoilField):
+        yield "[coil] is not used: that needs [field] with source = 'coil'"
+    if scene.field is not None and not magnetic:
+        yield "[field] moves no grain: that needs [effects.dipoles] or [effects.magnetic_force]"
+    slotted = [name for name in ("disc_slots", "rotor_slots") if getattr(scene.geometry, name, None) is not None]
+    if effects.wall_images is not None and slotted:
+        yield f"[effects.wall_images] mirrors dipoles in the slots of geometry.{slotted[0]} too, as if they were steel"
+    if slotted and not isinstance(scene.field, CoilField):
+        yield f"geometry.{slotted[0]} has no effect: only the field of a coil sees slots, grains meet smooth walls"
+    steel = isinstance(scene.geometry, ShearCellGeometry) and scene.geometry.steel
+    if effects.wall_images is not None and not (isinstance(scene.geometry, (ClutchGeometry, CadGeometry)) or steel):
+        kind = scene.geometry.kind
+        yield f"[effects.wall_images] has no effect: geometry.kind = '{kind}' has no steel faces"
+    elif effects.wall_images is not None and not any(wall.magnetic for wall in scene.shape().walls()):
+        yield "[effects.wall_images] has no effect: no wall is of a magnetic material"
+    source = scene.field
+    if effects.wall_images is not None and isinstance(source, UniformField) and source.means == "macroscopic":
+        yield (
+            "[effects.wall_images] beside field.means = 'macroscopic': the mean field is taken as even up to the "
+            "steel; what layers of grains there change in it is left out"
+        )
+    for name, own in scene.materials.items():
+        if isinstance(own, TableMaterial) and own.caution:
+            yield f"materials.{name}: {own.caution}"
+    coil = scene.coil
+    window = scene.shape() if isinstance(scene.geometry, (ClutchGeometry, CadGeometry)) else None
+    if coil is not None and coil.current is not None and coil.voltage is not None and window is not None:
+        drop = largest(coil.current) * coil.resistance_in(window.coil_area, window.coil_mean_radius)
+        if drop > 1.01 * coil.voltage:  # rounded data of a type plate agree within a percent
+            yield f"coil.current needs {drop:.4g} V, more than coil.voltage = {coil.voltage:g} V"
+    yield from unusual_entries(scene)

@@ -1,0 +1,81 @@
+"""How well a run's torque is to be known: ``until = "torque 2 %"``."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from pydantic_core import PydanticCustomError, core_schema
+
+from emclutch.units import Quantity, number
+
+if TYPE_CHECKING:
+    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+
+EXAMPLES = ("torque 2 %", "torque 0.01 N m", "torque 2 % or 0.01 N m")
+_SHARE = number("2", 0.01, 50.0)
+_TORQUE = Quantity("a torque", "N*m", "0.01 N m", 0.0, 1e7, open_minimum=True)
+
+
+@dataclass(frozen=True, slots=True)
+class TorqueTarget:
+    """Half the width of the torque's 95 % interval that is good enough; one of the two suffices.
+
+    Attributes
+    ----------
+    relative : float or None
+        Over the torque's magnitude.
+    absolute : float or None
+        [N m].
+    """
+
+    relative: float | None = None
+    absolute: float | None = None
+
+    @classmethod
+    def of_text(cls, text: object) -> TorqueTarget:
+        """Read ``torque 2 %``, ``torque 0.01 N m`` or both with ``or`` between; ValueError with the remedy."""
+        examples = "write " + ", ".join(f"'{one}'" for one in EXAMPLES)
+        match = re.fullmatch(r"\s*torque\s+(.+)", text) if isinstance(text, str) else None
+        if match is None:
+            raise ValueError(f"is no aim for the torque; {examples}")
+        parts = re.split(r"\s+or\s+", match[1])
+        shares = [part.strip().removesuffix("%").strip() for part in parts if part.strip().endswith("%")]
+        torques = [part.strip() for part in parts if not part.strip().endswith("%")]
+        if len(shares) > 1 or len(torques) > 1:
+            raise ValueError(f"has two aims of one kind; {examples}")
+        try:
+            relative = 0.01 * _SHARE.read(shares[0]) if shares else None
+            absolute = _TORQUE.read(torques[0]) if torques else None
+        except ValueError as error:
+            raise ValueError(f"{error}; {examples}") from None
+        return cls(relative, absolute)
+
+    def half_width(self, mean: float) -> float:
+        """The half width [N m] that is good enough for a torque of this mean [N m]."""
+        return max(0.0 if self.relative is None else self.relative * abs(mean), self.absolute or 0.0)
+
+    def __str__(self) -> str:
+        share = None if self.relative is None else f"{100.0 * self.relative:.6g} %"
+        torque = None if self.absolute is None else f"{self.absolute!r} N m"
+        return "torque " + " or ".join(filter(None, (share, torque)))
+
+    @classmethod
+    def _validate(cls, given: object) -> TorqueTarget:
+        if isinstance(given, TorqueTarget):
+            return given
+        try:
+            return cls.of_text(given)
+        except ValueError as error:
+            raise PydanticCustomError("torque_target", "{message}", {"message": str(error)}) from None
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_plain_validator_function(
+            cls._validate, serialization=core_schema.plain_serializer_function_ser_schema(str)
+        )
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"type": "string", "examples": list(EXAMPLES)}

@@ -1,0 +1,114 @@
+"""The usual range of what a scene says: an entry outside is allowed, and told, being likely a slip of unit or of point.
+
+The ranges are those of dry metal powders, shot and coils of clutches: handbook values, unless a source is named.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from emclutch.scene.field_source import UniformField
+from emclutch.scene.geometry import BoxGeometry, CadGeometry, ClutchGeometry
+
+_MU_0 = 4e-7 * math.pi  # [H/m]; the field's own constant would load the field
+
+
+@dataclass(frozen=True, slots=True)
+class UsualRange:
+    """From where to where a quantity is usual.
+
+    Attributes
+    ----------
+    low, high : float
+        In `unit`.
+    unit : str
+        As it is spoken of; empty for a pure number.
+    why : str
+        What lies at the ends, with its source.
+    ask : str
+        What is likely meant by a value outside.
+    """
+
+    low: float
+    high: float
+    unit: str
+    why: str
+    ask: str
+
+    def remark(self, name: str, value: float) -> str | None:
+        """What is to be said of a value in `unit`; None within the range."""
+        if self.low <= value <= self.high:
+            return None
+        unit = f" {self.unit}" if self.unit else ""
+        return (
+            f"{name} = {value:.4g}{unit} is outside the usual range of {self.low:g} to {self.high:g}{unit} "
+            f"({self.why}); {self.ask}"
+        )
+
+
+FRICTION = UsualRange(0.05, 1.0, "", "lubricated steel to rough grains; dry steel on steel 0.1 to 0.6",
+                      "is a decimal point missing?")  # fmt: skip
+RESTITUTION = UsualRange(0.05, 0.98, "", "plastic impacts to bearing balls on glass; W. Goldsmith, Impact, 1960",
+                         "1 loses nothing, and such a powder never comes to rest")  # fmt: skip
+ROLLING = UsualRange(0.0, 0.5, "", "smooth to angular grains; C. M. Wensrich and A. Katterfeld, Powder Technol. 217 "
+                     "(2012) 409", "it counts in effective radii, is a length meant?")  # fmt: skip
+DENSITY = UsualRange(2000.0, 9000.0, "kg/m^3", "glass 2500, ferrite 5000, steel 7700, nickel 8900",
+                     "it is that of the grains, not of the heap; is g/cm^3 meant, as in '7.7 g/cm^3'?")  # fmt: skip
+SPEED = UsualRange(0.0, 100.0, "m/s", "rims of steel wheels; grinding wheels run at 30 to 100",
+                   "a bare number is in rad/s; is rpm meant, as in '1000 rpm'?")  # fmt: skip
+CURRENT_DENSITY = UsualRange(0.0, 30.0, "A/mm^2", "3 to 6 for long without forced cooling, 10 with it, 30 for seconds",
+                             "are current, turns and window in the units that were meant?")  # fmt: skip
+FLUX_DENSITY = UsualRange(0.0, 2.5, "T", "iron saturates at 2.2 T; more takes superconductors or pulses",
+                          "are current, turns and gap, or field strength, in the units that were meant?")  # fmt: skip
+
+
+def unusual_entries(scene: Any) -> Iterator[str]:
+    """Yield a remark for each entry of a scene that is outside its usual range; a friction of 0 is asked for."""
+    contact, effects = scene.contact, scene.effects
+    entries: list[tuple[UsualRange, str, float | None]] = [
+        (RESTITUTION, "contact.restitution", contact.restitution),
+        (RESTITUTION, "contact.wall_restitution", contact.wall_restitution),
+        (DENSITY, "particles.density", scene.particles.density),
+    ]
+    entries += [
+        (FRICTION, f"contact.{key}", value)
+        for key in ("friction", "wall_friction")
+        if (value := getattr(contact, key))  # neither left out nor 0
+    ]
+    if effects.rolling_friction is not None:
+        entries += [
+            (ROLLING, f"effects.rolling_friction.{key}", getattr(effects.rolling_friction, key))
+            for key in ("coefficient", "wall_coefficient")
+        ]
+    if isinstance(scene.field, UniformField):
+        entries.append((FLUX_DENSITY, "mu_0 field.field_strength", abs(_MU_0 * scene.field.field_strength)))
+    yield from (told for usual, key, value in entries if value is not None and (told := usual.remark(key, value)))
+    yield from _of_the_shafts(scene)
+    yield from _of_the_winding(scene)
+
+
+def _of_the_shafts(scene: Any) -> Iterator[str]:
+    if isinstance(scene.geometry, BoxGeometry):
+        return
+    shape = scene.shape()
+    radius = shape.bore_radius if isinstance(scene.geometry, (ClutchGeometry, CadGeometry)) else shape.outer_radius
+    for shaft in ("rotor", "disc"):
+        speed = getattr(scene.motion, shaft).largest_speed
+        told = SPEED.remark(f"motion.{shaft}: the speed at r = {1e3 * radius:.3g} mm", speed * radius)
+        if told:
+            yield told
+
+
+def _of_the_winding(scene: Any) -> Iterator[str]:
+    if scene.coil is None or not isinstance(scene.geometry, (ClutchGeometry, CadGeometry)):
+        return
+    shape = scene.shape()
+    window = shape.coil_area, shape.coil_mean_radius
+    current = max(map(abs, scene.coil.currents_in(*window)[1]))
+    density = 1e-6 * scene.coil.winding_in(*window).current_density(current)
+    told = CURRENT_DENSITY.remark("[coil]: the current density in the copper", density)
+    if told:
+        yield told

@@ -1,0 +1,164 @@
+"""Replicas of a run: whole runs with other packings, beside it; their torques together; an end once it is known."""
+
+import os
+import re
+import signal
+
+import numpy as np
+import pytest
+
+import emclutch
+from emclutch.case import case_from
+from emclutch.faults import SceneError
+from emclutch.results import read_history
+from emclutch.results.steady_torque import SteadyConditions, steady_torque
+from emclutch.run_case import Interrupted, RunError
+from emclutch.scene.replica_count import automatic_count, replica_seed
+from emclutch.scene.torque_target import TorqueTarget
+
+CELL = {
+    "scene": {"title": "sheared annulus", "seed": 3},
+    "geometry": {"kind": "shear_cell", "inner_radius": 10e-3, "outer_radius": 11.2e-3, "height": 1e-3},
+    "field": {"source": "uniform", "field_strength": "300 kA/m", "direction": "radial"},
+    "particles": {"diameter": "0.3 mm", "solid_fraction": 0.45, "sector": "20 deg"},
+    "motion": {"rotor": {"speed": "6000 rpm"}, "disc": {"speed": 0.0}},
+    "effects": {"magnetic_force": {}, "dipoles": {"cutoff": 2.5, "update_every": 61}, "saturation": {}},
+    "contact": {"stiffness": "50 kN/m"},
+    "time": {"end": "6 ms", "until": "torque 1 N m", "window": "20 us", "average_from": "0.6 ms"},
+    "accuracy": {"replicas": 2},
+    "output": {"snapshots": 0, "pictures": False, "formats": []},
+}
+CLOCKS = ["wall_field", "wall_magnetic", "wall_contact", "wall_output", "wall_total"]
+
+
+def rows(path):
+    return read_history(path / "history.csv").drop(columns=CLOCKS, errors="ignore")
+
+
+@pytest.fixture(scope="module")
+def known(tmp_path_factory):
+    """A run of two replicas that ended because its torque was known."""
+    return emclutch.run(case_from(CELL), out=tmp_path_factory.mktemp("known") / "run")
+
+
+def test_a_replica_is_the_run_of_another_seed(known, tmp_path):
+    """To the last bit, as long as it lasts: nothing passes between replicas but the question whether to go on."""
+    seed = replica_seed(3, 1)
+    single = {
+        "scene.seed": seed,
+        "accuracy.replicas": 1,
+        "time.until": None,
+        "time.end": "0.4 ms",
+        "time.average_from": None,
+    }
+    emclutch.run(case_from(CELL, single), out=tmp_path / "single")
+    alone, beside = rows(tmp_path / "single"), rows(known.folder.replica_folders()[0])
+    assert len(alone) > 15 and alone.equals(beside[: len(alone)])
+    assert not beside[:20].equals(rows(known.folder.path)[:20])
+
+
+def test_the_torque_is_that_of_all_replicas(known):
+    histories = [rows(known.folder.path), rows(known.folder.replica_folders()[0])]
+    plan = known.folder.read_plan()["steady_torque"]
+    both = steady_torque(histories[0], SteadyConditions.from_dict(plan), histories[1:])
+    assert known.torque == both and both.replicas == 2
+    assert known.summary["replicas"]["seeds"] == [3, replica_seed(3, 1)]
+    means = known.summary["replicas"]["means"]
+    assert np.mean(means) == pytest.approx(both.mean, rel=1e-9) and means[0] != means[1]
+    one = emclutch.load_result(known.folder.replica_folders()[0]).torque
+    assert one.replicas == 1 and one.packing_share == both.packing_share >= 0.0  # of one alone: what its error lacks
+
+
+def test_all_replicas_end_at_the_same_window_once_the_torque_is_known(known):
+    """Before that window, and not at one of the earlier questions: there it was not known yet."""
+    histories = [rows(known.folder.path), rows(known.folder.replica_folders()[0])]
+    assert len(histories[0]) == len(histories[1]) < 300
+    assert known.summary["until"]["reached"] and known.torque.converged
+    assert known.torque.half_width() == known.summary["until"]["half_width"] <= 1.0
+    questions = re.findall(r"torque_known: t = .* N m; (.*)", known.folder.log.read_text())
+    assert len(questions) > 2 and [q.startswith("converged") for q in questions] == [False] * (len(questions) - 1) + [
+        True
+    ]
+
+
+def test_stopped_and_resumed_replicas_end_as_undisturbed_ones(known, tmp_path):
+    class StopAt:
+        def update(self, fraction, text):
+            if fraction > 0.1 and not self.done:
+                self.done = True
+                signal.raise_signal(signal.SIGINT)
+
+        done = False
+
+    with pytest.raises(Interrupted, match="--resume"):
+        emclutch.run(case_from(CELL), out=tmp_path / "run", progress=StopAt())
+    assert not (tmp_path / "run" / "summary.json").exists()
+    again = emclutch.run(case_from(CELL), out=tmp_path / "run", resume=True)
+    assert rows(again.folder.path).equals(rows(known.folder.path))
+    assert rows(again.folder.replica_folders()[0]).equals(rows(known.folder.replica_folders()[0]))
+    assert again.torque == known.torque
+
+
+def test_a_replica_that_dies_ends_the_run_with_its_name(tmp_path):
+    log = tmp_path / "run" / "run.log"
+
+    class Kill:
+        def update(self, fraction, text):
+            if fraction > 0.02:
+                for number in re.findall(r"replicas/01: process (\d+)", log.read_text()):
+                    os.kill(int(number), signal.SIGKILL)
+
+    with pytest.raises(RunError, match=r"replicas/01 failed: it was killed"):
+        emclutch.run(case_from(CELL), out=tmp_path / "run", progress=Kill())
+    assert (tmp_path / "run" / "checkpoint.h5").exists()
+
+
+def test_replicas_of_grains_that_are_packed_alike_are_refused():
+    lattice = {"particles.packing": "lattice", "particles.noise": 0.0, "particles.solid_fraction": 0.2}
+    with pytest.raises(SceneError, match=r"accuracy.replicas = 2 asks for several packings"):
+        case_from(CELL, lattice)
+    assert automatic_count(case_from(CELL, {**lattice, "accuracy.replicas": None}).scene) == 1
+
+
+def test_only_steady_torques_have_replicas_by_themselves():
+    """Two at the least: a machine with one core finds what packings differ by, too."""
+    cell = {"accuracy.replicas": None}
+    assert automatic_count(case_from(CELL, cell).scene) >= 2
+    table = {"times": ["0 s", "1 s"], "values": ["0 rpm", "100 rpm"]}
+    assert automatic_count(case_from(CELL, {**cell, "motion.rotor.speed": table}).scene) == 1
+    free = {"motion.disc": {"free": {"inertia": 1e-6}}}
+    assert automatic_count(case_from(CELL, {**cell, **free}).scene) == 1
+
+
+def test_seeds_of_replicas_are_no_seeds_that_people_take():
+    seeds = {replica_seed(seed, number) for seed in range(1, 50) for number in range(1, 5)}
+    assert len(seeds) == 49 * 4 and min(seeds) > 1e6 and replica_seed(7, 0) == 7
+
+
+@pytest.mark.parametrize(
+    ("text", "target"),
+    [
+        ("torque 2 %", TorqueTarget(0.02, None)),
+        ("torque 10 mN m", TorqueTarget(None, 0.01)),
+        ("torque 5 % or 0.1 N m", TorqueTarget(0.05, 0.1)),
+    ],
+)
+def test_aims_for_the_torque(text, target):
+    case = case_from(CELL, {"time.until": text})
+    assert case.scene.time.until == target
+    assert case_from(case.resolved()).scene == case.scene
+
+
+@pytest.mark.parametrize(
+    ("text", "answer"),
+    [
+        ("2 %", "is no aim for the torque"),
+        ("torque 2", "has no unit"),
+        ("torque 2 % or 3 %", "two aims of one kind"),
+        ("torque 90 %", "out of range"),
+        ("torque 2 mm", "a torque is needed"),
+    ],
+)
+def test_aims_that_are_none_are_explained(text, answer):
+    with pytest.raises(SceneError, match=f"(?s)time.until.*{answer}.*torque 2 %"):
+        case_from(CELL, {"time.until": text})
