@@ -18,9 +18,9 @@ that of the covariance. Of a curve without a corner it says where lines through 
 the knee is only known to lie between two points: their middle, with the standard error of a number that is equally
 likely everywhere there, their distance over sqrt(12).
 
-Valid for independent points with known errors, several of them along the line. What noise hides it cannot find: with
-errors of 1 % of the largest torque, 11 points and a toe at the bottom, the intervals of two standard errors hold the
-true slope in 94 % of all cases; with 3 % in 80 %.
+Valid for independent points with known errors, several of them along the line. What noise hides it cannot find: of
+simulated curves of 11 points with a toe at the bottom and a knee, intervals of 1.96 standard errors hold the true slope
+in 95 % of 1500 draws with errors of 0.8 % of the largest torque, and in 76 % with 2.4 %.
 """
 
 from __future__ import annotations
