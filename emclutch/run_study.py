@@ -88,11 +88,10 @@ def sweep(
             raise OutputError(f"{folder} is not empty; continue it with --resume, or write elsewhere with --out")
         (folder / STOP).unlink(missing_ok=True)
         with logging_to(folder / "study.log", [__name__]):
-            here = executor is None and (jobs or 1) == 1
             share = 1 if executor is not None else jobs or 1
             run = _StudyRun(study, folder, threads, share, resume, progress or StudyTable(stream=io.StringIO()))
             try:
-                if here:
+                if executor is None and share == 1:
                     run.here()
                 else:
                     pool = worker_pool(share) if executor is None else nullcontext(executor)
@@ -202,12 +201,12 @@ class _StudyRun:
             self._is_done(number, load_result(point.path), kept=True)
             return None
         resumed = _goes_on(case, point, self.resume)
-        start = None if before is None else str(self.targets[before].path)
+        start = None if before is None else str(self.targets[before].path.resolve())
         path = None if case.path is None else str(case.path.resolve())
         threads = self.threads
         if threads is None and self.share > 1:
             threads = threads_of_a_worker(self.share * replica_count(case.scene))
-        return PointTask(case.data, path, case.trust_scripts, str(point.path), threads, resumed, start)
+        return PointTask(case.data, path, case.trust_scripts, str(point.path.resolve()), threads, resumed, start)
 
     def _take(self, number: int, outcome: PointOutcome) -> None:
         if outcome.state == DONE:

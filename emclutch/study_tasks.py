@@ -28,7 +28,8 @@ class PointTask:
 
     Attributes
     ----------
-    data, path, trust_scripts : of its case, see `emclutch.case.Case`.
+    data, path, trust_scripts : of its case, see `emclutch.case.Case`; paths are absolute, for workers that stand in
+        another folder.
     folder : of the point, inside the study's.
     threads : of the kernels; None: ``OMP_NUM_THREADS``, or all cores.
     resume : go on from the checkpoint in `folder`.
