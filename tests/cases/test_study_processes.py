@@ -26,6 +26,7 @@ def studied(tmp_path_factory):
     return small, emclutch.sweep(small, out=tmp_path_factory.mktemp("study") / "alone")
 
 
+@pytest.mark.slow
 def test_processes_change_nothing(studied, tmp_path):
     study, alone = studied
     folder = emclutch.sweep(study, out=tmp_path / "two", jobs=2)
