@@ -69,6 +69,7 @@ Sets = Annotated[
 Resume = Annotated[bool, typer.Option("--resume", help="go on from the last checkpoint")]
 Threads = Annotated[int | None, typer.Option("--threads", help="threads; results do not depend on them")]
 Insist = Annotated[bool, typer.Option("--insist", help="run also where more memory is needed than is free")]
+Jobs = Annotated[int, typer.Option("--jobs", min=1, help="points that run at a time, each in a process of its own")]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="stop after the plan; nothing is written")]
 TrustScripts = Annotated[
     bool,
@@ -172,11 +173,12 @@ def sweep(
     study: StudyFile,
     out: Out = None,
     resume: Resume = False,
+    jobs: Jobs = 1,
     threads: Threads = None,
     trust_scripts: TrustScripts = False,
     insist: Insist = False,
 ) -> None:
-    """Simulate every point of a parameter study, one after the other."""
+    """Simulate every point of a parameter study, several at a time with --jobs."""
     with _explained():
         from emclutch.scene.study import load_study
 
@@ -185,11 +187,13 @@ def sweep(
             message = "needs a study that was begun; name the study's folder with --out"
             raise SceneError([Fault("--resume", "", message)], "command line")
         read = load_study(study, trust_scripts=trust_scripts)
-        from emclutch.results import Progress
+        from emclutch.results.study_table import StudyTable
         from emclutch.run_study import sweep as sweep_study
 
-        with Progress() as progress:
-            folder = sweep_study(read, out=out, threads=threads, resume=resume, progress=progress, insist=insist)
+        with StudyTable() as table:
+            folder = sweep_study(
+                read, out=out, threads=threads, resume=resume, jobs=jobs, progress=table, insist=insist
+            )
         compared = folder / "methods.txt"
         if compared.is_file():
             typer.echo(compared.read_text(encoding="utf-8"), nl=False)

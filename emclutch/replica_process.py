@@ -26,7 +26,8 @@ def run_task(task: dict[str, Any], stop: threading.Event) -> int:
     case = case_from(tomllib.loads(task["case"]), trust_scripts=task["trust_scripts"])
     group = Replicas([Path(path) for path in task["histories"]], task["number"])
     try:
-        run_replica(case, task["folder"], group, threads=task["threads"], resume=task["resume"], stop=stop)
+        settings = {name: task[name] for name in ("threads", "resume", "start")}
+        run_replica(case, task["folder"], group, stop=stop, **settings)
     except Interrupted:
         return STOPPED
     except (RunError, OutputError) as error:

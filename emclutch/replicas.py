@@ -115,8 +115,13 @@ def case_of_replica(case: Case, number: int) -> Case:
 
 
 @contextmanager
-def other_replicas(case: Case, folder: RunFolder, count: int, *, threads: int, resume: bool) -> Iterator[Replicas]:
-    """Start replicas 1 to count - 1 of a run beside it; at the end of the block those that still run are ended."""
+def other_replicas(
+    case: Case, folder: RunFolder, count: int, *, threads: int, resume: bool, start: str | Path | None = None
+) -> Iterator[Replicas]:
+    """Start replicas 1 to count - 1 of a run beside it; at the end of the block those that still run are ended.
+
+    Where the run begins with the grains of another one, in the folder `start`, each does with those of its replica.
+    """
     folders = [folder, *(RunFolder(folder.replicas / f"{number:02d}") for number in range(1, count))]
     group = Replicas([each.history for each in folders])
     with tempfile.TemporaryDirectory(prefix="emclutch-") as scratch:
@@ -130,6 +135,7 @@ def other_replicas(case: Case, folder: RunFolder, count: int, *, threads: int, r
                     "threads": threads,
                     "resume": _goes_on(own) if resume else False,
                     "trust_scripts": case.trust_scripts,
+                    "start": None if start is None else str(RunFolder(start).replicas / own.path.name),
                 }
                 group.processes.append(_started(own, task, Path(scratch) / f"{number:02d}"))
             yield group

@@ -35,6 +35,7 @@ from emclutch.scene.input_files import hashed_input_files
 from emclutch.scene.replica_count import replica_seed
 from emclutch.snapshots import History, Snapshots, save_checkpoint
 from emclutch.torque_known import TorqueKnown, how_it_ended
+from emclutch.warm_start import StartingGrains, starting_grains, warm_started
 from field import ConvergenceError, FluxLinkage, MagneticField, MeanFluxDensity, PointOutside, estimate_error
 from geometry.kernel_cache import specialisations
 from geometry.threads import default_threads
@@ -60,6 +61,7 @@ def run(
     threads: int | None = None,
     resume: bool = False,
     progress=None,
+    start: str | Path | None = None,
     insist: bool = False,
 ) -> Result:
     """Run a scene and return its result: the first of its replicas, with the torque of all of them.
@@ -75,19 +77,23 @@ def run(
         The result does not depend on it.
     resume : continue from the checkpoint in `out`.
     progress : object with update(fraction, text), or None; if it has announce(text) too, what is being compiled, and
-        why a run falls behind its plan.
+        why a run falls behind its plan; if it has stop_asked, and that is true after a window, the run ends there as
+        after Ctrl-C.
+    start : folder of a finished run whose grains this one begins with (`emclutch.warm_start`), in place of a packing;
+        it says nothing more where a run is resumed.
     insist : run also where more memory is needed than is free.
 
     Raises
     ------
     OutputError
         The folder is in use or cannot be written; what is to be resumed belongs to another scene, or a file that the
-        scene names has changed.
+        scene names has changed; the run to start from has no checkpoint, or other grains.
     RunError
         More memory is needed than is free, a solver did not converge, grains do not fit, a contact failed;
         `Interrupted` after Ctrl-C.
     """
     target = out or case.scene.output.folder or RunFolder.next_path(case.name)
+    grains = None if start is None or resume else starting_grains(case, start)
     stop = threading.Event()
     with _entered(case, target, resume, progress) as (folder, compiled, begin):
         count = count_of_run(case, folder, resume)
@@ -95,18 +101,26 @@ def run(
         with (
             _interruptible(stop),
             step_compiled_beside(case.scene, lambda text: _announce(progress, text)),
-            other_replicas(case, folder, count, threads=threads, resume=resume) as replicas,
+            other_replicas(case, folder, count, threads=threads, resume=resume, start=start) as replicas,
         ):
-            return _run(case, folder, resume, progress, begin, compiled, replicas, stop, insist)
+            return _run(case, folder, resume, progress, begin, compiled, replicas, stop, insist, grains)
 
 
 def run_replica(
-    case: Case, target: str | Path, replicas: Replicas, *, threads: int, resume: bool, stop: threading.Event
+    case: Case,
+    target: str | Path,
+    replicas: Replicas,
+    *,
+    threads: int,
+    resume: bool,
+    stop: threading.Event,
+    start: str | Path | None = None,
 ) -> Result:
-    """Run one of the other replicas; `stop` ends it with a checkpoint. Raises as `run`."""
+    """Run one of the other replicas; `stop` ends it with a checkpoint. `start` and what is raised are as of `run`."""
+    grains = None if start is None or resume else starting_grains(case, start)
     with _entered(case, target, resume, None) as (folder, compiled, begin):
         use_threads(threads)
-        return _run(case, folder, resume, None, begin, compiled, replicas, stop, insist=True)
+        return _run(case, folder, resume, None, begin, compiled, replicas, stop, True, grains)
 
 
 @contextmanager
@@ -134,7 +148,16 @@ def _entered(case: Case, target: str | Path, resume: bool, progress) -> Iterator
 
 
 def _run(
-    case, folder, resume, progress, begin, compiled, replicas: Replicas, stop: threading.Event, insist: bool
+    case,
+    folder,
+    resume,
+    progress,
+    begin,
+    compiled,
+    replicas: Replicas,
+    stop: threading.Event,
+    insist: bool,
+    grains: StartingGrains | None = None,
 ) -> Result:
     scene, case_text = case.scene, case.toml()
     _say(progress, 0.0, "mesh and field")
@@ -149,6 +172,7 @@ def _run(
         threads=_threads(),
         threading_layer=_threading_layer(),
         input_files=hashed_input_files(scene),
+        grains_from=None if grains is None else grains.as_dict(),
     )
     conditions = SteadyConditions(scene.time.average_from, device.shear_gap, device.shear_radius)
     folder.write_plan({"contact": plan.contact_data, "steady_torque": conditions.as_dict(), "decisions": plan.reasons})
@@ -161,12 +185,15 @@ def _run(
         if simulation.window < plan.windows:  # of an earlier end: a run that is cut off from here on has no summary
             folder.summary.unlink(missing_ok=True)
     else:
-        simulation, resume_time = assemble(case, device, plan), None
+        resume_time = None
+        simulation = assemble(case, device, plan) if grains is None else warm_started(case, device, plan, grains)
         log.info("started: %d windows", plan.windows)
     history = History(folder.history, resume_time)
     last_save = perf_counter()
 
     def is_stopped() -> bool:
+        if getattr(progress, "stop_asked", False):
+            stop.set()
         return stop.is_set() or bool(replicas.failure())
 
     known = None
@@ -227,7 +254,7 @@ def _run(
     )
     if known is not None and known.reached:
         log.info("the torque is known at t = %g s", simulation.dem.time)
-    if problem := replicas.failure() or replicas.wait(stop.is_set, lambda text: _announce(progress, text)):
+    if problem := replicas.failure() or replicas.wait(is_stopped, lambda text: _announce(progress, text)):
         raise RunError(f"{problem}\n(log: {folder.log})")
     cut_off = simulation.window < plan.windows and not (known is not None and known.reached)
     if stop.is_set() and (cut_off or replicas.are_running()):

@@ -97,6 +97,8 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "wall_total": ("s", "wall-clock time of the window"),
 }
 
+LONGEST_ROW = 8192  # bytes; a row has some sixty columns of at most 25
+
 
 class HistoryWriter:
     """Writes rows to a history file; every row is on disk when `append` returns.
@@ -178,6 +180,18 @@ def read_history(path: str | Path) -> pandas.DataFrame:
     table = pandas.DataFrame({name: _numbers(column) for name, column in zip(header, cells, strict=True)})
     table.attrs["units"] = {name: COLUMNS[name][0] for name in table.columns if name in COLUMNS}
     return table
+
+
+def last_time(path: Path) -> float | None:
+    """Time [s] of the last whole row of a history that may be growing; None where there is none yet."""
+    try:
+        with path.open("rb") as file:
+            file.seek(0, io.SEEK_END)
+            file.seek(max(0, file.tell() - LONGEST_ROW))
+            lines = file.read().split(b"\n")
+        return float(lines[-2].split(b",", 1)[0])  # after the last line's end nothing whole stands; time comes first
+    except (OSError, IndexError, ValueError):  # no file, no line, the names alone
+        return None
 
 
 def _numbers(cells: Sequence[str]) -> np.ndarray:

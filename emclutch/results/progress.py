@@ -86,7 +86,7 @@ class Progress:
     def _left(self, fraction: float) -> str:
         now = time.monotonic()
         if fraction >= 1.0:
-            return f"took {_duration(now - self._started)}"
+            return f"took {duration_text(now - self._started)}"
         done = (fraction - self._first) / (1.0 - self._first)
         if self._clock is None:
             if self._steps >= FIRST_STEPS and done >= FIRST_FRACTION:
@@ -95,7 +95,7 @@ class Progress:
         passed, advanced = now - self._clock[0], fraction - self._clock[1]
         if done < LEAST_DONE or advanced <= 0.0 or passed < 0.5:  # too early for an honest guess
             return ""
-        return f"{_duration(passed * (1.0 - fraction) / advanced)} left"
+        return f"{duration_text(passed * (1.0 - fraction) / advanced)} left"
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -104,7 +104,8 @@ class Progress:
             self._bar.stop()
 
 
-def _duration(seconds: float) -> str:
+def duration_text(seconds: float) -> str:
+    """Seconds, minutes or hours in words."""
     if seconds < 60.0:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60.0)

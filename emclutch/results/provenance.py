@@ -23,6 +23,7 @@ def provenance(
     threads: int | None = None,
     threading_layer: str | None = None,
     input_files: dict[str, dict[str, str]] | None = None,
+    grains_from: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
     """All that a reader needs to repeat a run; what cannot be found out is None.
 
@@ -32,6 +33,7 @@ def provenance(
     mesh_hash : sha256 of the field's mesh.
     threads, threading_layer : as used by the kernels; None asks numba's settings, if numba is loaded.
     input_files : key of the scene -> path and sha256 of the file that it names.
+    grains_from : folder, time and sha256 of the run whose grains this one began with, in place of a packing.
     """
     numba = sys.modules.get("numba")  # a run without compiled kernels need not load it for this
     if numba is not None:
@@ -46,6 +48,7 @@ def provenance(
         "seed": seed,
         "mesh_hash": mesh_hash,
         "input_files": input_files,
+        "grains_from": grains_from,
         "threads": threads,
         "threading_layer": threading_layer,
         "machine": {

@@ -1,4 +1,4 @@
-"""Pictures of studies: torque against current or speed, and what accuracy costs in time."""
+"""Picture of what accuracy costs in time."""
 
 from __future__ import annotations
 
@@ -7,91 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from emclutch.results.speed_picture import RPM, power_law
-
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.axis import Axis
-    from matplotlib.figure import Figure
 
 MARKERS = "osD^v<>Ph*"
-
-
-def torque_against_current_picture(path: str | Path, table: Any, *, title: str | None = None) -> Path:
-    """Draw the torque that each current transmits, with error bars.
-
-    Parameters
-    ----------
-    path : PNG to write.
-    table : columns `current` [A], `torque` [N m], and where known `standard_error` [N m] and
-        `converged`; points that are not converged are drawn hollow, those of unknown error as hollow diamonds
-        without a bar. Bars show ± 2 standard errors.
-    """
-    figure, axis = _torque_axes(table, _column(table, "current"), title, joined=True)
-    axis.set_xlabel("coil current [A]")
-    axis.legend(frameon=False)
-    figure.savefig(path)
-    return Path(path)
-
-
-def torque_against_speed_picture(path: str | Path, table: Any, *, title: str | None = None) -> Path:
-    """Draw the torque that is transmitted at each speed of the motor, and the power law through it.
-
-    Parameters
-    ----------
-    path : PNG to write.
-    table : columns `rotor_speed` [rad/s], `torque` [N m], and `standard_error`, `converged` as for currents.
-    """
-    speed = np.abs(_column(table, "rotor_speed"))
-    figure, axis = _torque_axes(table, RPM * speed, title, joined=False)
-    law = power_law(speed, np.abs(_column(table, "torque")), _errors(table))
-    if law is not None:
-        factor, exponent, error = law
-        along = np.linspace(0.0, float(speed.max()), 201)[1:]
-        label = f"{factor * (1000.0 / RPM) ** exponent:.3g} N m · (rpm/1000)^({exponent:.2f} ± {error:.2f})"
-        sign = np.sign(np.nansum(_column(table, "torque")))
-        axis.plot(RPM * along, sign * factor * along**exponent, color="#c4540a", lw=1.2, label=label)
-    axis.set_xlabel("speed of the motor [rpm]")
-    axis.set_xlim(left=0.0)
-    axis.legend(frameon=False)
-    figure.savefig(path)
-    return Path(path)
-
-
-def _torque_axes(table: Any, x: np.ndarray, title: str | None, *, joined: bool) -> tuple[Figure, Axes]:
-    """Torques over x with their error bars; hollow where not converged, without a bar where the error is unknown."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    torque, bars = _column(table, "torque"), 2.0 * _errors(table)
-    known = np.isfinite(bars)
-    converged = np.asarray(table["converged"], dtype=bool) if "converged" in table else np.ones(len(torque), bool)
-    figure = Figure(figsize=(7.0, 4.8), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    axis = figure.add_subplot()
-    if joined:
-        order = np.argsort(x, kind="stable")
-        axis.plot(x[order], torque[order], color="#0b5fa5", lw=0.8, alpha=0.5)
-    for chosen, fill, label in (
-        (known & converged, "#0b5fa5", "± 2 standard errors"),
-        (known & ~converged, "white", "± 2 standard errors, not converged"),
-    ):
-        if chosen.any():
-            axis.errorbar(x[chosen], torque[chosen], bars[chosen], fmt="o", ms=6, mfc=fill, color="#0b5fa5", capsize=4,
-                          lw=1.2, label=label)  # fmt: skip
-    if not known.all():
-        axis.plot(x[~known], torque[~known], "D", ms=6, mfc="white", color="#0b5fa5", label="error unknown")
-    axis.axhline(0.0, color="black", lw=0.6)
-    axis.set_ylabel("torque on the disc [N m]")
-    axis.grid(alpha=0.25)
-    if title:
-        axis.set_title(title, loc="left", fontsize=11)
-    return figure, axis
-
-
-def _errors(table: Any) -> np.ndarray:
-    """Standard errors [N m]; nan where the table has none."""
-    return _column(table, "standard_error") if "standard_error" in table else np.full(len(table["torque"]), np.nan)
 
 
 def work_precision_picture(path: str | Path, table: Any, *, title: str | None = None) -> Path:

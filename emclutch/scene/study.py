@@ -45,6 +45,9 @@ class Study(Section):
     set: Annotated[dict[str, Any], BeforeValidator(_flat)] = Field(
         default={}, description="dotted key = value, for every point"
     )
+    warm_start: str | None = Field(
+        default=None, description="one of the values: along it each point begins with the grains of the one before"
+    )
     _path: Path = PrivateAttr(default=Path("study.toml"))
     _trust_scripts: bool = PrivateAttr(default=False)
 
@@ -63,11 +66,26 @@ class Study(Section):
         combinations = itertools.product(*self.values.values())
         return [dict(zip(self.values, point, strict=True)) for point in combinations]
 
+    def predecessors(self) -> list[int | None]:
+        """The number of the point whose grains each point begins with, None where it packs its own."""
+        if self.warm_start is None:
+            return [None] * len(self.points())
+        latest: dict[str, int] = {}
+        found: list[int | None] = []
+        for number, point in enumerate(self.points()):
+            chain = repr([value for key, value in point.items() if key != self.warm_start])
+            found.append(latest.get(chain))
+            latest[chain] = number
+        return found
+
     def cases(self) -> Iterator[tuple[dict[str, Any], Case]]:
         """Yield each point's values with its checked case."""
         base = load_case(self.case_path, trust_scripts=self._trust_scripts)
         for point in self.points():
             yield point, base.with_values({**self.set, **point})
+
+
+NO_CHECKPOINT = Fault("output.checkpoint", "false", "keeps no grains to hand on; leave it out, or study.warm_start")
 
 
 class _StudyFile(Section):
@@ -104,10 +122,23 @@ def load_study(path: str | Path, *, trust_scripts: bool = False) -> Study:
         for key, values in study.values.items()
         if not isinstance(values, list) or not values
     ]
+    faults += _warm_start_faults(study)
     if faults:
         raise SceneError(faults, str(path))
     _check_points(study)
     return study
+
+
+def _warm_start_faults(study: Study) -> list[Fault]:
+    """What is wrong with the axis along which grains are handed on."""
+    key = study.warm_start
+    if key is None:
+        return []
+    allowed = [one for one in study.values if one.startswith(("coil.", "motion.")) and len(study.values[one]) > 1]
+    if key not in allowed:
+        options = f"one of {', '.join(allowed)}" if allowed else "none, as it varies no coil.* and no motion.*"
+        return [Fault("study.warm_start", shown(key), f"hands on no grains; allowed in this study: {options}")]
+    return []
 
 
 def _check_points(study: Study) -> None:
@@ -116,11 +147,14 @@ def _check_points(study: Study) -> None:
     faults: dict[Fault, str] = {}
     for point in study.points():
         try:
-            base.with_values({**study.set, **point})
+            case = base.with_values({**study.set, **point})
         except SceneError as error:
-            where = ", ".join(f"{key} = {shown(value)}" for key, value in point.items())
-            for fault in error.faults:
-                faults.setdefault(fault, where)
+            found = error.faults
+        else:
+            found = () if study.warm_start is None or case.scene.output.checkpoint else (NO_CHECKPOINT,)
+        where = ", ".join(f"{key} = {shown(value)}" for key, value in point.items())
+        for fault in found:
+            faults.setdefault(fault, where)
     if faults:
         raise SceneError(
             [Fault(fault.key, fault.value, f"{fault.message} (at {where})") for fault, where in faults.items()],

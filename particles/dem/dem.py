@@ -363,6 +363,35 @@ class DEM:
         self._elastic, self._kinetic, self.dt, self.skin = (float(v) for v in state["scalars"])
         self._fit_scratch()
 
+    def begin_with(self, state: dict[str, np.ndarray]) -> None:
+        """Begin at time 0 with the grains of a `state` and what their contacts remember.
+
+        Law, step, skin and the speeds of the bodies stay this DEM's; the bodies' angles are the state's, so that walls
+        with teeth stand to the grains as they did. Held forces, moments and attraction are left behind.
+
+        Raises
+        ------
+        ValueError
+            As `restore`, or where contacts remember something else, by another kind of law.
+        """
+        remembered = state["list_pair_history"].shape[1]
+        if remembered != self._n_columns:
+            raise ValueError(
+                f"a contact of the state remembers {remembered} numbers, one of this DEM {self._n_columns}; begin with "
+                "grains of the same kind of contact law, of the same rolling and twisting friction and books of energy"
+            )
+        own, speeds = (self.dt, self.skin), [body.speed for body in self.bodies]
+        of_the_run = ("external_force", "magnetic_moment")
+        self.restore({k: v for k, v in state.items() if k not in of_the_run and not k.startswith(ATTRACTION)})
+        self.dt, self.skin = own
+        for body, speed in zip(self.bodies, speeds, strict=True):
+            body.speed, body.external_torque = speed, 0.0
+        self.step_count = self._list_step = 0
+        self._rebuild()
+        if self.ledger:
+            self._kinetic = self.grains.kinetic_energy()
+            self._elastic = self._stored_now()
+
     # -- inside: what the kernel is given
     # ---------------------------------------------------------------------------------------------------
 
@@ -473,12 +502,12 @@ class DEM:
             drives, data, angle, speed, self._body_turn, self._chunk_sums, self._body_chunks, totals, body_totals,
         ]  # fmt: skip
 
-    def _probe(self, pair_force, wall_force, touching, wall_touching) -> list:
+    def _probe(self, pair_force, wall_force, touching, wall_touching, totals=None) -> list:
         """Arguments of one step on copies of everything that it changes; it leaves its forces in the first two."""
         angle, speed = (np.array([getattr(b, name) for b in self.bodies]) for name in ("angle", "speed"))
-        given = self._arguments(
-            1, True, angle, speed, np.zeros(sums.N_SUMS), np.zeros((len(self.bodies), sums.N_BODY_SUMS)), driven=False
-        )
+        totals = np.zeros(sums.N_SUMS) if totals is None else totals
+        body_totals = np.zeros((len(self.bodies), sums.N_BODY_SUMS))
+        given = self._arguments(1, True, angle, speed, totals, body_totals, driven=False)
         c = self._list
         changed = (self.grains.where, self.grains.motion, self._net, c.history, c.wall_history, c.chunks.reaction)
         copies = {id(array): array.copy() for array in changed}
@@ -486,6 +515,14 @@ class DEM:
         given = [copies.get(id(value), value) for value in given]
         given[PAIR_RECORD], given[WALL_RECORD] = pair_force, wall_force
         return given
+
+    def _stored_now(self) -> float:
+        """Elastic energy [J] of the contacts of now, by what they remember."""
+        c, totals = self._list, np.zeros(sums.N_SUMS)
+        records = np.zeros((c.pairs.count, 3)), np.zeros((len(c.wall_other), 7))
+        with threads_for(self.grains.count):
+            kernel.run_steps(*self._probe(*records, c.touching.copy(), c.wall_touching.copy(), totals))
+        return float(totals[sums.ELASTIC])
 
     def _stored_at_rest(self) -> float:
         """Elastic energy [J] of the overlaps of a state that has no history yet."""

@@ -1,5 +1,6 @@
 """Every shipped scene runs at toy size, end to end, and gives one number that is right for it."""
 
+import json
 import math
 import re
 import subprocess
@@ -127,11 +128,14 @@ def test_current_to_torque_at_toy_size(tmp_path):
         "output.pictures": False,
         "field.size_factor": 2.0,
     }
-    small = study.model_copy(update={"set": toy, "values": {"coil.current": ["0 A", "0.94 A"]}})
+    values = {"coil.current": ["0 A", "0.94 A"]}
+    small = study.model_copy(update={"set": toy, "values": values, "warm_start": "coil.current"})
     small._path = study.path
     folder = emclutch.sweep(small, out=tmp_path / "study")
-    table = (folder / "torque_vs_current.csv").read_text().splitlines()
-    assert len(table) == 3
+    table = pandas.read_csv(folder / "torque_vs_current.csv")
+    assert table["current"].tolist() == [0.0, 0.94] and table["started_from"].tolist()[1] == "point-000"
+    found = json.loads((folder / "torque_vs_current.json").read_text())["curves"][0]["linear_range"]
+    assert found["slope"] is None and "torques at 2 currents, 4 needed" in found["reason"]
     assert (folder / "torque_vs_current.png").stat().st_size > 10_000
     # nothing is repeated on resuming a study that is done
     before = (folder / "point-000" / "history.csv").stat().st_mtime_ns

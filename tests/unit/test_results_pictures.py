@@ -10,7 +10,9 @@ import pytest
 
 from emclutch.results import pictures, steady_mean
 from emclutch.results.grains_picture import _across
-from emclutch.results.study_pictures import _torque_axes
+from emclutch.results.linear_range import linear_range
+from emclutch.results.torque_curve_pictures import _draw_range, _torque_axes
+from emclutch.results.torque_curves import torque_curves
 from geometry import AnnularBox
 
 
@@ -73,26 +75,43 @@ def test_torque(tmp_path, count):
     assert is_picture(pictures.torque_picture(tmp_path / "t0.png", without, steady_mean(time, np.zeros(count))))
 
 
+def curve(x, torque, error, converged, **values):
+    """A curve of a study's rows."""
+    points = zip(x, torque, error, converged, strict=True)
+    rows = [{"x": x, "torque": t, "standard_error": e, "converged": c, **values} for x, t, e, c in points]
+    return torque_curves(rows, "x", list(values))[0]
+
+
 def test_torque_against_current(tmp_path):
-    table = {
-        "current": [1.0, 0.0],
-        "torque": [3.0, 0.1],
-        "standard_error": [0.1, None],
-        "converged": [True, False],
-    }
-    assert is_picture(pictures.torque_against_current_picture(tmp_path / "c.png", table))
-    assert is_picture(pictures.torque_against_current_picture(tmp_path / "d.png", {"current": [1], "torque": [2]}))
+    two = [
+        curve([1.0, 0.0], [3.0, 0.1], [0.1, None], [True, False], speed="1 rpm"),
+        curve([1], [2], [None], [False], speed="2 rpm"),
+    ]
+    assert is_picture(pictures.torque_against_current_picture(tmp_path / "c.png", two))
+    assert is_picture(pictures.torque_against_speed_picture(tmp_path / "d.png", two[:1]))
+
+
+def test_a_linear_range_is_drawn_up_to_its_knee():
+    x = np.linspace(0.0, 2.0, 11)
+    of = curve(x, np.minimum(x, 1.25), np.full(11, 0.01), np.full(11, True))
+    _, axis = _torque_axes([of], None, joined=True)
+    _draw_range(axis, of, linear_range(of.x, of.torque, of.error))
+    line = axis.get_lines()[-1]
+    assert line.get_label().startswith("1 ±") and "knee at 1.25" in line.get_label()
+    assert line.get_xydata() == pytest.approx(np.array([[0.0, 0.0], [1.25, 1.25]]), abs=0.02)
+    _draw_range(axis, of, linear_range(of.x, of.torque, np.full(11, np.nan)))  # of unknown range
+    assert axis.get_lines()[-1] is line
 
 
 def test_an_unknown_error_is_no_bar():
     """It is drawn hollow, without a bar, and the legend says so; a bar of length 0 would claim to be exact."""
-    table = {"current": [0.0, 1.0, 2.0], "torque": [0.1, 3.0, 5.0], "standard_error": [None, 0.1, 0.2],
-             "converged": [False, True, False]}  # fmt: skip
-    _, axis = _torque_axes(table, np.array(table["current"]), None, joined=False)
+    _, axis = _torque_axes(
+        [curve([0.0, 1.0, 2.0], [0.1, 3.0, 5.0], [None, 0.1, 0.2], [False, True, False])], None, joined=False
+    )
     assert [len(bars.lines[0].get_xdata()) for bars in axis.containers] == [1, 1]
     (unknown,) = [line for line in axis.get_lines() if line.get_label() == "error unknown"]
     assert list(unknown.get_xdata()) == [0.0] and unknown.get_markerfacecolor() == "white"
-    _, axis = _torque_axes({"torque": [2.0]}, np.array([1.0]), None, joined=False)
+    _, axis = _torque_axes([curve([1.0], [2.0], [None], [True])], None, joined=False)
     assert not axis.containers
 
 

@@ -6,10 +6,11 @@ from pathlib import Path
 import pandas
 import pytest
 
-from emclutch import run_study
+from emclutch import run_study, study_tables, study_tasks
 from emclutch.results import HistoryWriter, OutputError, RunFolder, load_result
 from emclutch.results.checkpoint import write_checkpoint
 from emclutch.results.folder_lock import locked_folder
+from emclutch.run_case import Interrupted
 from emclutch.run_study import sweep
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.scene.study import load_study
@@ -25,9 +26,9 @@ class Runs:
         self.asked = []
         self.dies = False
 
-    def __call__(self, case, *, out, threads, progress, resume, insist):
+    def __call__(self, case, *, out, threads, progress, resume, start, insist):
         folder = RunFolder.create(out, case.toml(), resume=resume)
-        self.asked.append((out.name, resume, case.scene.time.end))
+        self.asked.append((Path(out).name, resume, case.scene.time.end))
         if self.dies:
             raise KeyboardInterrupt
         folder.write_provenance(input_files=hashed_input_files(case.scene))
@@ -41,7 +42,7 @@ class Runs:
 @pytest.fixture
 def runs(monkeypatch):
     stand_in = Runs()
-    monkeypatch.setattr(run_study, "run", stand_in)
+    monkeypatch.setattr(study_tasks, "run", stand_in)
     return stand_in
 
 
@@ -87,10 +88,10 @@ def test_a_later_end_continues_every_point_and_is_in_the_table(tmp_path, runs):
 
 
 def test_torque_against_current_has_the_end_time(tmp_path, monkeypatch):
-    monkeypatch.setattr(run_study, "torque_against_current_picture", lambda *_, **__: None)
-    study = study_of(tmp_path, {"coil.current": ["0.1 A"]})
-    row = {"coil.current": "0.1 A", "end_time": 2e-3, "current": 0.1, "torque": 1.0}
-    run_study._write_tables(tmp_path, study, [row])
+    monkeypatch.setattr(study_tables, "torque_against_current_picture", lambda *_, **__: None)
+    study = study_of(tmp_path, {"coil.current": ["0.1 A", "0.2 A"]})
+    row = {"coil.current": "0.1 A", "end_time": 2e-3, "current": 0.1, "torque": 1.0, "converged": True}
+    study_tables.write_torques(tmp_path, study, [row])
     assert pandas.read_csv(tmp_path / "torque_vs_current.csv")["end_time"].tolist() == [2e-3]
 
 
@@ -99,7 +100,7 @@ def test_a_point_killed_on_its_way_to_a_later_end_is_not_done(tmp_path, runs):
     out = sweep(study_of(tmp_path, values, **{"time.end": "4 ms"}), out=tmp_path / "out")
     later = study_of(tmp_path, values, **{"time.end": "5 ms"})
     runs.dies = True
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(Interrupted, match="--resume"):
         sweep(later, out=out, resume=True)
     runs.dies, runs.asked = False, []
     sweep(later, out=out, resume=True)
@@ -116,7 +117,7 @@ def test_ends_that_are_the_studys_values_tell_points_apart(tmp_path, runs):
 def test_a_point_killed_before_its_first_checkpoint_is_started_anew(tmp_path, runs):
     study = study_of(tmp_path, {FRICTION: [0.1, 0.3]})
     runs.dies = True
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(Interrupted, match="--resume"):
         sweep(study, out=tmp_path / "out")
     (tmp_path / "out" / "point-000" / "history.csv").write_text("half")
     runs.dies, runs.asked = False, []

@@ -1,0 +1,206 @@
+"""How far a study is: one live table with a row a point and the time left on a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import TYPE_CHECKING, TextIO
+
+from emclutch.results.progress import LINE_EVERY_FRACTION, LINE_EVERY_SECONDS, duration_text
+
+if TYPE_CHECKING:
+    from rich.live import Live
+    from rich.table import Table
+
+WAITING, RUNNING, DONE, KEPT, FAILED, STOPPED = "waiting", "running", "done", "kept", "failed", "stopped"
+LEAST_DONE = 0.01  # of the work since the start; below, no time left is guessed
+FRAME = 7  # lines of a terminal beside the points: title, head, rules, what is going on
+STYLES = {RUNNING: "bold", FAILED: "red", STOPPED: "yellow", WAITING: "dim"}
+
+
+@dataclass(slots=True)
+class PointRow:
+    """What the table says of a point.
+
+    Attributes
+    ----------
+    label : its values.
+    state : WAITING, RUNNING, DONE, KEPT, FAILED or STOPPED.
+    fraction : of it that is done.
+    torque, error : of a point that is done [N m].
+    seconds : wall-clock time of the whole run [s].
+    began : reading of the clock when it began here [s].
+    marched, first : reading of the clock [s] when it was first seen to have done a part, and how much; what goes
+        before, compiling and packing, says nothing about the rest.
+    """
+
+    label: str
+    state: str = WAITING
+    fraction: float = 0.0
+    torque: float | None = None
+    error: float | None = None
+    seconds: float | None = None
+    began: float = 0.0
+    marched: float | None = None
+    first: float = 0.0
+
+
+class StudyTable:
+    """Shows the progress of a study; use it in a ``with`` block.
+
+    Parameters
+    ----------
+    stream : where to; stderr by default.
+    clock : seconds that pass.
+    """
+
+    def __init__(self, *, stream: TextIO | None = None, clock=time.monotonic) -> None:
+        self.stream = sys.stderr if stream is None else stream
+        self.rows: list[PointRow] = []
+        self._clock = clock
+        self._live: Live | None = None
+        self._line_time, self._line_fraction = clock(), 0.0
+        self._text = ""
+        self._room: int | None = None
+
+    def __enter__(self) -> StudyTable:
+        if self.stream.isatty():
+            from rich.console import Console
+            from rich.live import Live
+
+            console = Console(file=self.stream)
+            self._room = max(console.height - FRAME, 1)
+            self._live = Live(console=console, get_renderable=self.table, refresh_per_second=2)
+            self._live.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._live is not None:
+            self._room = None
+            self._live.stop()
+
+    def begin(self, labels: Sequence[str]) -> None:
+        """Take the points of a study, all of them waiting."""
+        self.rows = [PointRow(label) for label in labels]
+
+    def set_running(self, number: int) -> None:
+        """A point begins."""
+        row = self.rows[number]
+        row.state, row.began = RUNNING, self._clock()
+
+    def set_fraction(self, number: int, fraction: float, text: str = "") -> None:
+        """Say how far a running point is; `text` what is going on in it."""
+        row = self.rows[number]
+        if row.marched is None and fraction > 0.0:
+            row.marched, row.first = self._clock(), fraction
+        row.fraction = max(row.fraction, min(fraction, 1.0))
+        self._text = f"{row.label}: {text}" if text else ""
+        self._tell()
+
+    def announce(self, number: int, text: str) -> None:
+        """Show at once what a point waits for."""
+        self._text = f"{self.rows[number].label}: {text}"
+        self._tell(at_once=True)
+
+    def set_done(
+        self, number: int, torque: float | None, error: float | None, seconds: float | None, *, kept: bool = False
+    ) -> None:
+        """A point is done, now or before: its torque with its standard error [N m] and its seconds."""
+        row = self.rows[number]
+        if row.marched is None and not kept:  # it was too short to be seen running
+            row.marched = self._clock() - (seconds or 0.0)
+        row.state, row.fraction = KEPT if kept else DONE, 1.0
+        row.torque, row.error, row.seconds = torque, error, seconds
+        self._text = f"{row.label} is {row.state}: {torque_text(row)}"
+        self._tell(at_once=True)
+
+    def set_ended(self, number: int, state: str) -> None:
+        """A point has failed or was stopped."""
+        row = self.rows[number]
+        row.seconds = None if row.state == WAITING else self._clock() - row.began
+        row.state = state
+        self._text = f"{row.label} {'has failed' if state == FAILED else 'was stopped'}"
+        self._tell(at_once=True)
+
+    @property
+    def fraction(self) -> float:
+        """Of the whole study."""
+        return sum(row.fraction for row in self.rows) / max(len(self.rows), 1)
+
+    def seconds_left(self) -> float | None:
+        """Wall-clock time [s] that the study will still take; None too early for an honest guess.
+
+        All points are taken to cost the same. What was done since the first of them began here tells the rate; but it
+        lasts no shorter than the slowest of those that run.
+        """
+        now = self._clock()
+        seen = [(row, row.marched) for row in self.rows if row.marched is not None and row.state in (RUNNING, DONE)]
+        advanced = sum(row.fraction - row.first for row, _ in seen)
+        left = sum(1.0 - row.fraction for row in self.rows)
+        if not seen or advanced < LEAST_DONE * (advanced + left):
+            return None
+        guess = (now - min(since for _, since in seen)) * left / advanced
+        for row, since in seen:
+            if row.state == RUNNING and row.fraction - row.first > LEAST_DONE:
+                guess = max(guess, (now - since) * (1.0 - row.fraction) / (row.fraction - row.first))
+        return guess
+
+    def table(self) -> Table:
+        """The table as it stands; on a terminal with too few lines from the first point on that is not done."""
+        from rich.table import Table
+
+        left = self.seconds_left()
+        counts = ", ".join(
+            f"{number} {state}"
+            for state in (DONE, KEPT, RUNNING, WAITING, FAILED, STOPPED)
+            if (number := sum(row.state == state for row in self.rows))
+        )
+        ahead = "" if left is None or self.fraction >= 1.0 else f", {duration_text(left)} left"
+        table = Table(title=f"{100.0 * self.fraction:.0f} % of {len(self.rows)} points: {counts}{ahead}")
+        for name in ("point", "state", "done", "torque [N m]", "time"):
+            table.add_column(name, justify="left" if name in ("point", "state") else "right")
+        rows = self.rows
+        if self._room is not None and len(rows) > self._room:
+            undone = next((k for k, row in enumerate(rows) if row.state not in (DONE, KEPT)), len(rows))
+            first = min(undone, len(rows) - self._room)
+            rows = rows[first : first + self._room]
+        for row in rows:
+            seconds = self._clock() - row.began if row.state == RUNNING else row.seconds
+            table.add_row(
+                row.label,
+                row.state,
+                "" if row.state == WAITING else f"{100.0 * row.fraction:.0f} %",
+                torque_text(row).removesuffix(" N m"),
+                "" if seconds is None else duration_text(seconds),
+                style=STYLES.get(row.state),
+            )
+        table.caption = self._text or None
+        return table
+
+    def _tell(self, at_once: bool = False) -> None:
+        """A line where there is no terminal, when it is due."""
+        if self._live is not None:
+            return
+        now, fraction = self._clock(), self.fraction
+        due = now - self._line_time >= LINE_EVERY_SECONDS or fraction - self._line_fraction >= LINE_EVERY_FRACTION
+        if not (at_once or due):
+            return
+        left = self.seconds_left()
+        done = sum(row.state in (DONE, KEPT) for row in self.rows)
+        parts = [f"{100.0 * fraction:3.0f} %", f"{done} of {len(self.rows)} points", self._text]
+        if left is not None and fraction < 1.0:
+            parts.append(f"{duration_text(left)} left")
+        print("  ".join(part for part in parts if part), file=self.stream, flush=True)
+        self._line_time, self._line_fraction = now, fraction
+
+
+def torque_text(row: PointRow) -> str:
+    """A point's torque with its standard error, or nothing."""
+    if row.torque is None:
+        return "" if row.state in (WAITING, RUNNING, FAILED, STOPPED) else "no torque"
+    return f"{row.torque:.4g}" + (" N m" if row.error is None else f" ± {row.error:.2g} N m")

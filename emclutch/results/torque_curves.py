@@ -1,0 +1,80 @@
+"""Torque curves of a study: torque over one of its values, a curve for each set of the others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+NORMAL = 1.96  # half of a normal distribution's 95 % interval, in standard errors
+
+
+@dataclass(frozen=True, slots=True)
+class TorqueCurve:
+    """Points of one curve, by increasing x.
+
+    Attributes
+    ----------
+    values : the study's other values, the same for all points; empty where it has none.
+    x : (n,) current [A] or speed [rad/s].
+    torque : (n,) [N m]; nan where a run has none.
+    error : (n,) standard errors [N m]; nan where unknown. Of few packings it is larger than their scatter says: a
+        normal distribution of this error has the 95 % interval of Student's.
+    converged : (n,) whether the run says so.
+    """
+
+    values: dict[str, Any]
+    x: np.ndarray
+    torque: np.ndarray
+    error: np.ndarray
+    converged: np.ndarray
+
+    def along(self, x: np.ndarray) -> TorqueCurve:
+        """The same torques over another x, (n,)."""
+        return replace(self, x=x)
+
+    @property
+    def label(self) -> str:
+        """The last part of each other value's key, with the value."""
+        return ", ".join(f"{key.rpartition('.')[2].replace('_', ' ')} {value}" for key, value in self.values.items())
+
+
+def torque_curves(rows: Sequence[Mapping[str, Any]], x: str, others: Sequence[str]) -> list[TorqueCurve]:
+    """Curves of a study's rows, in the order in which the other values are met.
+
+    Parameters
+    ----------
+    rows : columns `x`, `others`, `torque`, `standard_error` [N m] or None, `converged`, and where known the ends `low`
+        and `high` [N m] of the torque's 95 % interval.
+    x : name of the column along the curves.
+    others : names of the columns that tell the curves apart.
+    """
+    groups: dict[str, list[Mapping[str, Any]]] = {}
+    for row in rows:
+        groups.setdefault(repr([row[key] for key in others]), []).append(row)
+    curves = []
+    for group in groups.values():
+        ordered = sorted(group, key=lambda row: row[x])
+        curves.append(
+            TorqueCurve(
+                {key: group[0][key] for key in others},
+                _numbers([row[x] for row in ordered]),
+                _numbers([row["torque"] for row in ordered]),
+                _numbers([_error(row) for row in ordered]),
+                np.array([bool(row["converged"]) for row in ordered]),
+            )
+        )
+    return curves
+
+
+def _error(row: Mapping[str, Any]) -> float | None:
+    if row.get("high") is not None:
+        return 0.5 * (row["high"] - row["low"]) / NORMAL
+    return row.get("standard_error")
+
+
+def _numbers(values: Sequence[float | None]) -> np.ndarray:
+    """None becomes nan, which is not drawn."""
+    return np.array([np.nan if value is None else value for value in values], dtype=np.float64)

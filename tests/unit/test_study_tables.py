@@ -1,0 +1,160 @@
+"""Tables over the points of a study: averages over seeds, curves over currents and speeds, the live table."""
+
+import io
+import json
+
+import numpy as np
+import pandas
+import pytest
+from rich.console import Console
+
+from emclutch.results import HistoryWriter
+from emclutch.results.history import last_time
+from emclutch.results.seed_average import averaged_over_seeds
+from emclutch.results.study_table import FAILED, StudyTable
+from emclutch.scene.study import Study
+from emclutch.study_tables import write_torques
+
+CURRENT, SEED, SPEED, VOLTAGE = "coil.current", "scene.seed", "motion.rotor.speed", "coil.voltage"
+
+
+def study(**values):
+    return Study(case="case.toml", values={key: list(options) for key, options in values.items()})
+
+
+def row(torque, **more):
+    return {"torque": torque, "standard_error": 0.05, "converged": True, "reason": "fine", **more}
+
+
+def test_the_interval_between_seeds_holds_the_mean_as_often_as_it_promises():
+    """Student's: of 3 normal torques, in 95 % of 2000 draws, less three deviations; ± 1.96 errors hold it in 81 %."""
+    rng, held, narrow = np.random.default_rng(2), 0, 0
+    for _ in range(2000):
+        rows = [row(torque, **{SEED: k}) for k, torque in enumerate(5.0 + rng.standard_normal(3))]
+        (found,) = averaged_over_seeds(rows, SEED, [])
+        held += found["low"] < 5.0 < found["high"]
+        narrow += abs(found["torque"] - 5.0) < 1.96 * found["standard_error"]
+    assert held / 2000 == pytest.approx(0.95, abs=3.0 * np.sqrt(0.95 * 0.05 / 2000))
+    assert narrow / 2000 < 0.85
+
+
+def test_one_seed_and_a_missing_torque_have_no_interval():
+    (one,) = averaged_over_seeds([row(2.0, **{SEED: 1})], SEED, [])
+    assert (one["seeds"], one["torque"], one["standard_error"], one["low"]) == (1, 2.0, None, None)
+    (none,) = averaged_over_seeds([row(None, **{SEED: 1}), row(2.0, **{SEED: 2})], SEED, [])
+    assert none["torque"] is None and none["high"] is None
+
+
+def test_curves_over_the_current_have_a_column_for_every_other_value(tmp_path):
+    values = {CURRENT: ("2 A", "0 A", "1 A", "3 A"), "contact.friction": (0.1, 0.3), SEED: (1, 2)}
+    currents = {"0 A": 0.0, "1 A": 1.0, "2 A": 2.0, "3 A": 3.0}
+    rows = [
+        row(friction * currents[i] + 1e-3 * seed, current=currents[i],
+            **{CURRENT: i, "contact.friction": friction, SEED: seed})
+        for i in values[CURRENT] for friction in values["contact.friction"] for seed in values[SEED]
+    ]  # fmt: skip
+    write_torques(tmp_path, study(**values), rows)
+    table = pandas.read_csv(tmp_path / "torque_vs_current.csv")
+    assert table["contact.friction"].tolist() == [0.1] * 4 + [0.3] * 4
+    assert table["current"].tolist() == [0.0, 1.0, 2.0, 3.0] * 2 and (table["seeds"] == 2).all()
+    assert table["torque"].to_numpy() == pytest.approx(table["contact.friction"] * table["current"] + 1.5e-3)
+    assert len(pandas.read_csv(tmp_path / "study.csv")) == 16 and len(pandas.read_csv(tmp_path / "seeds.csv")) == 8
+    curves = json.loads((tmp_path / "torque_vs_current.json").read_text())["curves"]
+    assert [curve["values"] for curve in curves] == [{"contact.friction": 0.1}, {"contact.friction": 0.3}]
+    assert [curve["linear_range"]["slope"] for curve in curves] == pytest.approx([0.1, 0.3])
+    assert (tmp_path / "torque_vs_current.png").stat().st_size > 10_000
+
+
+def test_a_study_of_voltages_is_drawn_over_the_current_that_they_reach(tmp_path):
+    rows = [row(u / 24.0, current=u / 25.0, **{VOLTAGE: f"{u} V"}) for u in (24, 6, 12)]
+    write_torques(tmp_path, study(**{VOLTAGE: ("24 V", "6 V", "12 V")}), rows)
+    table = pandas.read_csv(tmp_path / "torque_vs_current.csv")
+    assert table["current"].tolist() == [0.24, 0.48, 0.96] and table[VOLTAGE].tolist() == ["6 V", "12 V", "24 V"]
+
+
+def test_one_current_or_none_reached_is_no_curve(tmp_path):
+    write_torques(tmp_path, study(**{CURRENT: ("1 A",), "contact.friction": (0.1, 0.2)}), [row(1.0, current=1.0)])
+    rows = [row(1.0, **{CURRENT: "1 A"})]  # no effect needs the field
+    write_torques(tmp_path, study(**{CURRENT: ("1 A", "2 A")}), rows)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["study.csv"]
+
+
+def test_the_time_of_a_growing_history_is_that_of_its_last_whole_row(tmp_path):
+    path = tmp_path / "history.csv"
+    assert last_time(path) is None
+    with HistoryWriter(path) as history:
+        history.append({"torque_disc": 1.0, "time": 1e-3})
+        history.append({"torque_disc": 1.0, "time": 2e-3})
+    with path.open("a") as file:
+        file.write("0.003,1")
+    assert last_time(path) == 2e-3
+    path.write_text("time,torque_disc\n")
+    assert last_time(path) is None
+
+
+def test_the_live_table_has_a_row_a_point_and_the_time_left():
+    """Four points of 100 s, two at a time: after 100 s two are done, 100 s are left; a slow one prolongs that."""
+    now = [0.0]
+    table = StudyTable(stream=io.StringIO(), clock=lambda: now[0])
+    table.begin(["current 1 A", "current 2 A", "current 3 A", "current 4 A"])
+    for number in (0, 1):
+        table.set_running(number)
+        table.set_fraction(number, 1e-9)
+    assert table.seconds_left() is None
+    now[0] = 100.0
+    table.set_done(0, 1.234, 0.056, 100.0)
+    table.set_done(1, 2.0, None, 100.0)
+    assert table.seconds_left() == pytest.approx(100.0)
+    for number in (2, 3):
+        table.set_running(number)
+        table.set_fraction(number, 1e-9)
+    now[0] = 150.0
+    table.set_fraction(2, 0.5)
+    table.set_fraction(3, 0.1)
+    assert table.seconds_left() == pytest.approx(450.0)
+    table.set_ended(2, FAILED)
+    page = io.StringIO()
+    Console(file=page, width=100).print(table.table())
+    for words in (
+        "current 1 A",
+        "1.234 ± 0.056",
+        "failed",
+        "running",
+        "10 %",
+        "2 done, 1 running, 1 failed",
+        "min left",
+    ):
+        assert words in page.getvalue()
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_on_a_small_terminal_the_points_that_are_not_done_are_seen(monkeypatch):
+    """Nine points on 10 lines, three of them of points; at the end all are printed."""
+    monkeypatch.setenv("LINES", "10")
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setenv("TERM", "xterm")
+    with StudyTable(stream=Terminal()) as table:
+        table.begin([f"current {k} A" for k in range(9)])
+        for number in range(5):
+            table.set_done(number, 1.0, 0.1, 1.0)
+        assert list(table.table().columns[0].cells) == ["current 5 A", "current 6 A", "current 7 A"]
+        for number in range(5, 9):
+            table.set_done(number, 1.0, 0.1, 1.0)
+        assert list(table.table().columns[0].cells) == ["current 6 A", "current 7 A", "current 8 A"]
+    assert "current 0 A" in table.stream.getvalue()
+
+
+def test_without_a_terminal_the_table_is_lines():
+    stream = io.StringIO()
+    with StudyTable(stream=stream) as table:
+        table.begin(["friction 0.1", "friction 0.2"])
+        table.set_done(0, 1.0, 0.1, 3.0, kept=True)
+        table.set_running(1)
+        table.set_done(1, None, None, 3.0)
+    lines = stream.getvalue().splitlines()
+    assert lines[0] == " 50 %  1 of 2 points  friction 0.1 is kept: 1 ± 0.1 N m"
+    assert lines[1] == "100 %  2 of 2 points  friction 0.2 is done: no torque"
