@@ -17,7 +17,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 import emclutch
-from emclutch.command_line import _assignments
+from emclutch.command_input import assignments
 from emclutch.results import Estimate, load_result
 from emclutch.results.steady_torque import SteadyConditions, steady_torque
 
@@ -57,7 +57,7 @@ def main() -> None:
     plain = [text for k, text in enumerate(arguments) if text != "--set" and (k == 0 or arguments[k - 1] != "--set")]
     folder, scene, count = Path(plain[0]), plain[1], int(plain[2])
     replicas = int(plain[3]) if len(plain) > 3 else 2
-    case = emclutch.load_case(scene, _assignments(sets))
+    case = emclutch.load_case(scene, assignments(sets))
     quiet = {"accuracy.replicas": 1, "output.snapshots": 0, "output.pictures": False, "output.formats": []}
     for k in range(count):
         out = folder / f"seed-{FIRST_SEED + k}"

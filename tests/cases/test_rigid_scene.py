@@ -7,8 +7,9 @@ import pytest
 
 import emclutch
 from emclutch.case import case_from
+from emclutch.missed_steps import MissedSteps
 from emclutch.results.checkpoint import read_checkpoint
-from emclutch.run_case import Interrupted, MissedSteps, RunError
+from emclutch.run_case import Interrupted, RunError
 from particles import ParticleError
 
 SCENE = {

@@ -15,7 +15,10 @@ from typer.testing import CliRunner
 
 from emclutch import __version__
 from emclutch.case import load_case
-from emclutch.command_line import _assignments, _explained, _load, app, torque_line
+from emclutch.command_errors import explained
+from emclutch.command_input import assignments, load
+from emclutch.command_line import app
+from emclutch.command_output import torque_line
 from emclutch.results import OutputError
 from emclutch.run_case import Interrupted, refuse_other_scene, remedy_in_scene
 from emclutch.run_report import closing_lines, soft_grains
@@ -33,7 +36,7 @@ def test_settings_are_toml_or_text():
         "output.pictures=false",
         "a.b=c=d",
     ]
-    assert _assignments(given) == {
+    assert assignments(given) == {
         "coil.current": "0.8 A",
         "particles.count": 12,
         "output.formats": ["vtk"],
@@ -111,7 +114,7 @@ def test_grains_pressed_in_too_far_name_the_key(values, told):
 
 def test_none_and_off_remove_and_on_adds():
     given = ["effects.gravity=off", "effects.dipoles=on", "coil.voltage=none", "scene.title='none'"]
-    assert _assignments(given) == {
+    assert assignments(given) == {
         "effects.gravity": None, "effects.dipoles": {}, "coil.voltage": None, "scene.title": "none",
     }  # fmt: skip
 
@@ -119,7 +122,7 @@ def test_none_and_off_remove_and_on_adds():
 def test_an_effect_that_is_on_keeps_its_entries(tmp_path):
     text = GOOD.read_text().replace("[effects.dipoles]", "[effects.dipoles]\ncutoff = 3.5", 1)
     (tmp_path / "scene.toml").write_text(text)
-    kept = _load(tmp_path / "scene.toml", ["effects.dipoles=on", "effects.wall_images=on"]).scene.effects
+    kept = load(tmp_path / "scene.toml", ["effects.dipoles=on", "effects.wall_images=on"]).scene.effects
     assert kept.dipoles.cutoff == 3.5 and kept.wall_images is not None
 
 
@@ -128,7 +131,7 @@ def test_version_is_told():
 
 
 def test_ctrl_c_is_no_failure(capsys):
-    with pytest.raises(typer.Exit) as stopped, _explained():
+    with pytest.raises(typer.Exit) as stopped, explained():
         raise Interrupted("stopped at t = 1 s")
     assert stopped.value.exit_code == 130 and capsys.readouterr().err == "stopped at t = 1 s\n"
 

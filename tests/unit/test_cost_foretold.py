@@ -11,10 +11,10 @@ from typer.testing import CliRunner
 from emclutch import expected_counts, free_memory, run_pace
 from emclutch.case import case_from
 from emclutch.command_line import app
-from emclutch.cost import Cost
+from emclutch.cost import Cost, foretell
 from emclutch.expected_counts import SKIN, counts_at, neighbours
 from emclutch.machine_speed import MachineSpeed
-from emclutch.plan import foretell, make_plan
+from emclutch.plan import make_plan
 from emclutch.run_case import RunError, run
 from emclutch.run_pace import RunPace
 
@@ -154,7 +154,7 @@ def test_who_insists_is_not_refused(monkeypatch):
 @pytest.mark.parametrize("command", ["run", "sweep"])
 def test_the_command_line_hands_on_that_one_insists(command, monkeypatch, tmp_path):
     import emclutch.run_case
-    import emclutch.run_study
+    import emclutch.study_tasks
 
     asked = {}
 
@@ -163,7 +163,7 @@ def test_the_command_line_hands_on_that_one_insists(command, monkeypatch, tmp_pa
         raise emclutch.run_case.RunError("seen")
 
     monkeypatch.setattr(emclutch.run_case, "run", stand_in)
-    monkeypatch.setattr(emclutch.run_study, "run", stand_in)
+    monkeypatch.setattr(emclutch.study_tasks, "run", stand_in)
     case, study = tmp_path / "case.toml", tmp_path / "study.toml"
     case.write_text(case_from(CELL, {}).toml())
     study.write_text('[study]\ncase = "case.toml"\n[study.values]\n"scene.seed" = [1]\n')
@@ -194,7 +194,7 @@ def planned(threads=1, **rates):
     """A cost of so many seconds for each second of a run of 100 s."""
     time = np.linspace(0.0, 100.0, 3)
     spent = {part: rates[part] * time for part in ("field", "magnetic", "contact")}
-    return Cost(time, spent, {"start": 1.0, "output": 1.0}, 100.0, 10.0, 1000, 2000, threads, REFERENCE)
+    return Cost(time, spent, {"start": 1.0, "output": 1.0}, 100.0, 10.0, 1000, 2000, threads, 1, REFERENCE)
 
 
 def drive(pace, windows, clock=None, begin=0.0, **seconds):

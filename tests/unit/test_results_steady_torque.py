@@ -10,7 +10,7 @@ from emclutch.case import case_from
 from emclutch.method_comparison import compare_methods
 from emclutch.results import Estimate, HistoryWriter, RunFolder, load_result
 from emclutch.results.steady_torque import SteadyConditions, steady_torque
-from emclutch.run_case import summarise
+from emclutch.run_summary import summarise
 
 CASE = case_from(
     {

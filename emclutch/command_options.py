@@ -1,0 +1,76 @@
+"""The options of the command line, each once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+RunSource = Annotated[
+    Path, typer.Argument(metavar="CASE", help="scene file (.toml); with --resume the folder of a run")
+]
+CaseFile = Annotated[Path, typer.Argument(metavar="CASE", help="scene file (.toml)")]
+StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="study file (.toml)")]
+RunPath = Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run")]
+RunPaths = Annotated[list[Path], typer.Argument(metavar="RUN...", help="folders of runs")]
+SpeedsAsked = Annotated[bool, typer.Option("--speeds", help="speeds of motor and output against time")]
+TorqueSpeedAsked = Annotated[bool, typer.Option("--torque-speed", help="torque on the output over the motor's speed")]
+Measured = Annotated[
+    Path | None,
+    typer.Option("--measured", metavar="FILE", help="CSV to lay over --speeds: time [s], then speeds [rpm], named"),
+]
+Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="new folder for the results")]
+Currents = Annotated[
+    str | None,
+    typer.Option(
+        "--current", metavar="I", help="'0.5 A', a list '0 A, 1 A', or first : last : how many; default: the largest"
+    ),
+]
+Lines = Annotated[
+    list[str] | None,
+    typer.Option("--line", metavar="R0,Z0,R1,Z1", help="write B and H along a line: '44 mm, 0 mm, 46 mm, 0 mm'"),
+]
+NewFile = Annotated[Path | None, typer.Option("--out", metavar="FILE", help="new file; default: the terminal")]
+NewPicture = Annotated[Path | None, typer.Option("--out", metavar="FILE", help="new picture (.png)")]
+Sets = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="set a key: coil.current='0.8 A'; KEY=none removes it; effects.NAME=off or on removes or adds an effect",
+    ),
+]
+Resume = Annotated[bool, typer.Option("--resume", help="go on from the last checkpoint")]
+Threads = Annotated[int | None, typer.Option("--threads", help="threads; results do not depend on them")]
+Insist = Annotated[bool, typer.Option("--insist", help="run also where more memory is needed than is free")]
+Jobs = Annotated[int, typer.Option("--jobs", min=1, help="points that run at a time, each in a process of its own")]
+DryRun = Annotated[bool, typer.Option("--dry-run", help="stop after the plan; nothing is written")]
+TrustScripts = Annotated[
+    bool,
+    typer.Option(
+        "--trust-scripts", help="run a script (.geo) that the scene names as its geometry; it may run any command"
+    ),
+]
+AsMarkdown = Annotated[bool, typer.Option("--markdown", help="a page of all keys for people to read")]
+MaterialNames = Annotated[
+    list[str] | None, typer.Argument(metavar="[NAME]...", help="materials, or files of a curve (.csv); default: all")
+]
+CurvePicture = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="new picture of B(H) and mu_r(B)")]
+PairForceAsked = Annotated[
+    bool, typer.Option("--pair-force", help="force between two grains of a powder against their gap (powder_iron)")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="print JSON and nothing else")]
+PowderName = Annotated[str | None, typer.Argument(metavar="[MATERIAL]", help="a powder by its name, as powder_iron")]
+Chi = Annotated[float | None, typer.Option("--chi", help="susceptibility of the grains' material, in place of a name")]
+Saturation = Annotated[str | None, typer.Option("--ms", metavar="M", help="its saturation: '1.7 MA/m'")]
+FillList = Annotated[str, typer.Option("--fill", metavar="PHI", help="solid fractions: '0.32, 0.45'")]
+FieldList = Annotated[
+    str,
+    typer.Option("--field", metavar="H", help="macroscopic fields: '18 kA/m, 80 kA/m', or first : last : how many"),
+]
+Seeds = Annotated[int, typer.Option("--seeds", min=1, max=99, help="cells that are averaged at each point")]
+GrainCount = Annotated[int, typer.Option("--grains", min=1, max=1_000_000, help="grains in a cell")]
+Strain = Annotated[float, typer.Option("--strain", min=1e-3, max=1e3, help="how far each cell is sheared")]
+FrictionAsked = Annotated[float, typer.Option("--friction", min=0.0, max=10.0, help="Coulomb friction of the grains")]
+DipoleModel = Annotated[str, typer.Option("--model", help="moments of the grains: near_field or mutual")]

@@ -1,0 +1,68 @@
+"""What commands print: a plan, a torque, JSON."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from emclutch.case import Case
+from emclutch.command_errors import bad_input_for
+
+
+def torque_line(torque: dict[str, Any] | None) -> str:
+    """Say a run's torque with its error, and where it is not converged, why."""
+    from emclutch.results.statistics import Estimate  # local: it imports numpy
+
+    if not torque or torque.get("mean") is None:
+        return "torque on the disc: none" + (f" ({torque['reason']})" if torque else "")
+    error = torque.get("standard_error")
+    text = f"torque on the disc: {torque['mean']:.4g}"
+    text += f" +- {error:.2g} N m" if error is not None else " N m, error unknown"
+    interval = Estimate.from_dict(torque).interval()
+    if interval is not None:
+        behind = packings(torque.get("replicas") or 1, torque.get("packing_share"))
+        text += f" (95 %: {interval[0]:.4g} to {interval[1]:.4g}, {behind})"
+    return text if torque.get("converged") else f"{text}; {torque.get('reason')}"
+
+
+def packings(count: int, share: float | None) -> str:
+    """Say out of how many packings a mean is, and of one, what its error lacks; `share` [N m] where it is known."""
+    if count > 1:
+        return f"{count} packings"
+    known = "" if share is None else f", some {share:.2g} N m,"
+    return f"one packing: what packings differ by{known} is not in it"
+
+
+def tell_plan(case: Case, as_json: bool, threads: int | None = None) -> None:
+    from emclutch.plan import plan  # local: it needs the packages of the physics
+
+    with bad_input_for(case.path):
+        decisions, left_out = plan(case, threads)
+    active = case.scene.effects.active
+    if as_json:
+        title = case.scene.scene.title
+        print_json({"title": title, "effects": active, "warnings": case.warnings, "plan": decisions,
+                     "left_out": [line.as_dict() for line in left_out]})  # fmt: skip
+        return
+    console = Console()
+    console.print(f"{case.scene.scene.title}: OK", highlight=False, markup=False)
+    effects = Table("effect", "")
+    for name in case.scene.effects.names():
+        effects.add_row(name, "on" if name in active else "off")
+    console.print(effects)
+    rows = Table("what follows", "")
+    for label, text in decisions.items():
+        rows.add_row(label, text)
+    console.print(rows)
+    rows = Table("left out", "matters", "by this number (from there on)")
+    for line in left_out:
+        rows.add_row(line.effect, line.verdict, line.in_words())
+    console.print(rows)
+
+
+def print_json(values: Any) -> None:
+    typer.echo(json.dumps(values, indent=2, default=str))

@@ -1,0 +1,30 @@
+"""A run of rigid grains whose solver fails too often is stopped."""
+
+from __future__ import annotations
+
+from particles import ParticleError
+
+
+class MissedSteps:
+    """Callback that stops a run of rigid grains of whose steps too many miss the tolerance.
+
+    Raises
+    ------
+    ParticleError
+        If more than the share ``allowed`` of all steps so far, and of a hundred at the least, have missed it.
+    """
+
+    def __init__(self, allowed: float):
+        self._allowed = allowed
+        self._missed = self._steps = 0
+
+    def __call__(self, simulation, row: dict) -> None:
+        self._missed += row["missed_steps"]
+        self._steps += row["steps"]
+        if self._missed > self._allowed * max(self._steps, 100):
+            raise ParticleError(
+                f"t = {row['time']:.4g} s: {self._missed} of {self._steps} steps missed the tolerance of "
+                f"{simulation.dem.tolerance:.3g} m/s on the contacts (the last window's residual: "
+                f"{row['solver_residual']:.3g} m/s); raise contact.dvi.max_sweeps or contact.dvi.tolerance, shorten "
+                "contact.dvi.step, or allow more by contact.dvi.allowed_misses"
+            )

@@ -1,0 +1,240 @@
+"""What field, materials, slots and magnetic effects of a scene ask of each other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from emclutch.faults import Fault
+from emclutch.scene.draft import Draft, size_key
+from emclutch.scene.field_source import CoilField, UniformField
+from emclutch.scene.fill import fill_of
+from emclutch.scene.geometry import CadGeometry, ClutchGeometry, ShearCellGeometry
+from emclutch.scene.grain_smear import LEAST_WIDTH, moments_are_fed_back, narrowest_gap, smear_width
+from emclutch.scene.section import did_you_mean
+
+_NEAR_REACH = 1.8  # diameters: two radii and the farthest gap of a near pair, 1.2 radii, where dipoles are whole
+
+
+def materials(draft: Draft) -> Iterator[Fault]:
+    """Materials that the geometry names are there, and those that are there are used."""
+    from field.laws.materials import canonical_name, material_aliases, material_names  # local: only here
+
+    built_in, own = material_names(), list(draft.scene.materials or {})
+    for name in own:
+        if canonical_name(name) is not None:
+            yield draft.fault(f"materials.{name}", "has the name of a built-in material; choose another name")
+    if isinstance(draft.scene.geometry, (ClutchGeometry, CadGeometry)):
+        for region, name in dict(draft.scene.geometry.materials or {}).items():
+            if canonical_name(name) is None and name not in own:
+                yield draft.fault(
+                    f"geometry.materials.{region}",
+                    f"is no material; {did_you_mean(name, [*own, *built_in, *material_aliases()])}"
+                    f"built in: {', '.join(built_in)}; "
+                    f"or define [materials.{name}]",
+                )
+
+
+def field_source(draft: Draft) -> Iterator[Fault]:
+    """A field has the source that its geometry can have."""
+    field, geometry = draft.scene.field, draft.scene.geometry
+    if isinstance(field, CoilField) and not isinstance(geometry, (ClutchGeometry, CadGeometry)):
+        yield draft.fault(
+            "field.source",
+            f"needs a device with a coil, but geometry.kind = '{geometry.kind}'; "
+            "take geometry.kind = 'clutch', 'drum' or 'cad', or field.source = 'uniform'",
+        )
+    elif isinstance(field, CoilField) and draft.scene.coil is None and "coil" not in draft.broken:
+        yield Fault("coil", "", "is missing, but field.source = 'coil'; add [coil] with its current and turns")
+    if isinstance(field, UniformField) and field.direction == "radial" and not isinstance(geometry, ShearCellGeometry):
+        yield draft.fault(
+            "field.direction",
+            "needs geometry.kind = 'shear_cell', whose mid radius is that of "
+            "field_strength; take another direction, e.g. 'axial'",
+        )
+
+
+def needs_of_effects(draft: Draft) -> Iterator[Fault]:
+    """Magnetic effects need a field, and some need each other."""
+    effects, has_field = draft.scene.effects, "field" in draft.data
+    magnetic = effects.magnetic_force is not None or effects.dipoles is not None
+    for name in ("magnetic_force", "dipoles", "back_reaction"):
+        if getattr(effects, name) is not None and not has_field:
+            yield Fault(
+                f"effects.{name}",
+                "",
+                "needs a field; add [field] with source = 'coil' or 'uniform', or remove the effect's table",
+            )
+    for name in ("saturation", "back_reaction"):
+        if getattr(effects, name) is not None and not magnetic:
+            yield Fault(
+                f"effects.{name}",
+                "",
+                "needs magnetised grains; add [effects.dipoles] or "
+                "[effects.magnetic_force], or remove the effect's table",
+            )
+    yield from needs_of_moments(draft)
+    if effects.wall_images is not None and effects.dipoles is None:
+        yield Fault("effects.wall_images", "", "needs dipoles to mirror; add [effects.dipoles], or remove its table")
+    if effects.back_reaction is not None and isinstance(draft.scene.field, UniformField):
+        yield Fault(
+            "effects.back_reaction",
+            "",
+            "needs a field that is solved, and field.source = 'uniform' is "
+            "prescribed; take field.source = 'coil', or remove its table",
+        )
+
+
+def needs_of_moments(draft: Draft) -> Iterator[Fault]:
+    """What grains that magnetise one another need, and what cannot stand beside them."""
+    effects, particles = draft.scene.effects, draft.scene.particles
+    if effects.dipoles is None:
+        return
+    model, source = effects.dipoles.model, draft.scene.field
+    macroscopic = isinstance(source, UniformField) and source.means == "macroscopic"
+    if model == "fixed":
+        if macroscopic:
+            yield draft.fault(
+                "field.means",
+                "is not used by effects.dipoles.model = 'fixed'; take model = 'near_field' or 'mutual', or remove it",
+            )
+        return
+    if particles.law == "thesis":
+        yield draft.fault(
+            "effects.dipoles.model",
+            "does not go with particles.law = 'thesis': M = chi H has no material behind it, in which grains could "
+            "magnetise one another; take model = 'fixed', or law = 'sphere'",
+        )
+    if model == "near_field" and effects.saturation is None:
+        yield draft.fault(
+            "effects.dipoles.model",
+            "needs grains that saturate, their necks do so first; add [effects.saturation], or take model = 'mutual'",
+        )
+    if model == "near_field" and effects.dipoles.cutoff < _NEAR_REACH:
+        yield draft.fault(
+            "effects.dipoles.cutoff",
+            f"ends inside the range of near grains; allowed with model = 'near_field': at least {_NEAR_REACH:g} "
+            "diameters",
+        )
+    if macroscopic and effects.dipoles.cutoff < 2.0:
+        yield draft.fault(
+            "effects.dipoles.cutoff",
+            "is the width over which field.means = 'macroscopic' spreads a grain; allowed: at least 2 diameters "
+            "(2.5 to 3 are usual)",
+        )
+
+
+def room_for_the_smear(draft: Draft) -> Iterator[Fault]:
+    """What spreading the grains' moments over the section needs: a gap of two diameters, and room about the axis."""
+    scene = draft.scene
+    if not (moments_are_fed_back(scene) and isinstance(scene.geometry, (ClutchGeometry, CadGeometry))):
+        return
+    shape = scene.shape()
+    if shape.faults(None) or isinstance(scene.field, UniformField):
+        return
+    assert scene.effects.dipoles is not None  # without it nothing is fed back
+    largest, gap = scene.particles.largest_diameter, narrowest_gap(scene)
+    if gap < LEAST_WIDTH * largest:
+        yield draft.fault(
+            "effects.back_reaction",
+            f"spreads each grain over at least {LEAST_WIDTH:g} diameters, and the gap of {1e3 * gap:.3g} mm has "
+            f"{gap / largest:.3g}; remove its table (the field then holds no grain), take effects.dipoles.model = "
+            f"'fixed', or lower particles.{size_key(scene.particles)}",
+        )
+        return
+    width = max(smear_width(scene), LEAST_WIDTH * largest)
+    if scene.effects.dipoles.cutoff < LEAST_WIDTH:
+        yield draft.fault(
+            "effects.dipoles.cutoff",
+            f"is the width over which back_reaction spreads a grain; allowed: at least {LEAST_WIDTH:g} diameters (2.5 "
+            "to 3 are usual)",
+        )
+    radius = fill_of(shape, scene.particles).inner_radius
+    if radius < 4.0 * width:
+        yield draft.fault(
+            "effects.back_reaction",
+            f"cannot spread grains so near the axis: powder begins at {1e3 * radius:.3g} mm, allowed are 4 widths, "
+            f"{4e3 * width:.3g} mm; remove its table, lower effects.dipoles.cutoff, or take model = 'fixed'",
+        )
+
+
+def coil_transients(draft: Draft) -> Iterator[Fault]:
+    """What a coil's circuit and eddy currents need."""
+    effects = draft.scene.effects
+    magnetic = effects.magnetic_force is not None or effects.dipoles is not None
+    coil, solved = draft.scene.coil, isinstance(draft.scene.field, CoilField)
+    for name in ("coil_circuit", "eddy_currents"):
+        if getattr(effects, name) is not None and not (solved and magnetic):
+            yield Fault(
+                f"effects.{name}",
+                "",
+                "needs the field of a coil and an effect that feels it; take [field] source = 'coil' with "
+                "[effects.dipoles] or [effects.magnetic_force], or remove the effect's table",
+            )
+    if effects.coil_circuit is not None and coil is not None:
+        if coil.current is not None and coil.voltage is not None:
+            yield draft.fault(
+                "coil.current",
+                "stands beside coil.voltage, but [effects.coil_circuit] computes it; remove it, or the effect's table",
+            )
+        elif coil.voltage is None:
+            yield Fault(
+                "coil.voltage",
+                "",
+                "is missing: [effects.coil_circuit] computes the current from it; give coil.voltage, e.g. '24 V', "
+                "instead of coil.current, or remove the effect's table",
+            )
+    if effects.eddy_currents is not None and "geometry.materials" not in draft.of_geometry:
+        known = {*(draft.scene.materials or {}), *_materials_in_use(draft)}
+        for name in effects.eddy_currents.conductivity:
+            if name not in known:
+                yield draft.fault(
+                    f"effects.eddy_currents.conductivity.{name}",
+                    f"is for no material of this device; it has {', '.join(sorted(known))}",
+                )
+
+
+def _materials_in_use(draft: Draft) -> set[str]:
+    materials = getattr(draft.scene.geometry, "materials", None)
+    if materials is None:
+        return set()
+    return set(dict(materials).values())
+
+
+def slots(draft: Draft) -> Iterator[Fault]:
+    """What slots need of field, effects and sector."""
+    """What a field in space cannot do, or not yet."""
+    geometry, effects = draft.scene.geometry, draft.scene.effects
+    if not isinstance(geometry, ClutchGeometry) or not isinstance(draft.scene.field, CoilField):
+        return
+    slotted = {key: s for key in ("disc_slots", "rotor_slots") if (s := getattr(geometry, key)) is not None}
+    if not slotted:
+        return
+    key = f"geometry.{next(iter(slotted))}"
+    if len(slotted) == 2:
+        yield Fault(
+            "geometry.rotor_slots",
+            "",
+            "stands beside geometry.disc_slots: the field would change with the angle between both, and is solved "
+            "once a current only; keep one of them",
+        )
+    for name in ("back_reaction", "coil_circuit", "eddy_currents"):
+        if getattr(effects, name) is not None:
+            yield Fault(
+                f"effects.{name}", "", f"is not there for a field in space, which {key} asks for; remove one of them"
+            )
+    if draft.scene.field.tolerance is not None:
+        yield draft.fault(
+            "field.tolerance", f"refines the mesh of a section, but {key} asks for a field in space; remove it, and "
+            "set the mesh by field.size_factor"
+        )  # fmt: skip
+    sector = draft.scene.particles.sector
+    if sector is not None and len(slotted) == 1:
+        pitches = sector * slotted[next(iter(slotted))].count / (2.0 * math.pi)
+        if abs(pitches - round(pitches)) > 1e-6 or round(pitches) < 1:
+            pitch = 360.0 / slotted[next(iter(slotted))].count
+            yield draft.fault(
+                "particles.sector",
+                f"is {pitches:.4g} pitches of {key}; the field repeats every pitch only: take '{pitch:.10g} deg' or a "
+                "multiple, or another count of slots",
+            )

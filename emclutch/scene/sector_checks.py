@@ -1,0 +1,90 @@
+"""What a cyclic sector must fit: geometry, surfaces, weight, field, and the reach of its grains."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from emclutch.faults import Fault, shown
+from emclutch.scene.draft import Draft, size_key
+from emclutch.scene.field_source import UniformField
+from emclutch.scene.fill import fill_of
+from emclutch.scene.geometry import BoxGeometry, CadGeometry, CentrifugalGeometry, ClutchGeometry
+from emclutch.scene.grain_smear import moments_are_fed_back, smear_width
+
+# Reach of a contact in grain diameters: the Verlet list holds pairs that may touch before it is built anew.
+_CONTACT_REACH = 1.3
+
+
+def sector_in_geometry(draft: Draft) -> Iterator[Fault]:
+    """A sector needs an axis, and walls that repeat from sector to sector."""
+    if draft.scene.particles.sector is None:
+        return
+    if isinstance(draft.scene.geometry, BoxGeometry):
+        yield draft.fault(
+            "particles.sector",
+            "needs a shape with an axis; remove it, or take another geometry.kind than 'box'",
+        )
+    if isinstance(draft.scene.geometry, CentrifugalGeometry):
+        yield draft.fault(
+            "particles.sector",
+            "cannot stand in a centrifugal clutch: its vanes and ribs do not repeat from sector to sector as one turns "
+            "past the other; remove it (the full ring is simulated)",
+        )
+
+
+def sector_in_surfaces(draft: Draft) -> Iterator[Fault]:
+    """Surfaces from files repeat from no sector to the next."""
+    if draft.scene.particles.sector is not None and draft.scene.surfaces:
+        yield draft.fault(
+            "particles.sector",
+            "cannot stand beside [surfaces]: a mesh does not repeat from sector to sector; remove one of them",
+        )
+
+
+def sector_in_gravity(draft: Draft) -> Iterator[Fault]:
+    """Weight may act along the axis of a sector only."""
+    gravity = draft.scene.effects.gravity
+    if draft.scene.particles.sector is not None and gravity is not None and any(gravity.direction[:2]):
+        yield Fault(
+            "effects.gravity.direction",
+            shown(list(gravity.direction)),
+            "turns from sector to sector; with particles.sector it must lie along the axis: take [0, 0, -1], "
+            "or remove particles.sector or [effects.gravity]",
+        )
+
+
+def sector_in_field(draft: Draft) -> Iterator[Fault]:
+    """A uniform field across the axis differs from sector to sector."""
+    field = draft.scene.field
+    if draft.scene.particles.sector is not None and isinstance(field, UniformField) and field.direction in ("x", "y"):
+        yield draft.fault(
+            "field.direction",
+            "turns from sector to sector; with particles.sector take 'axial' or 'radial', or remove particles.sector",
+        )
+
+
+def sector_width(draft: Draft) -> Iterator[Fault]:
+    """Neither its own image nor one partner through both faces may be in a grain's reach."""
+    particles, shape = draft.scene.particles, draft.scene.shape()
+    if particles.sector is None or isinstance(draft.scene.geometry, (BoxGeometry, CentrifugalGeometry)):
+        return
+    largest = particles.largest_diameter
+    if shape.faults(None):
+        return
+    dipoles = draft.scene.effects.dipoles
+    reach = largest * (_CONTACT_REACH if dipoles is None else max(dipoles.cutoff, _CONTACT_REACH))
+    if moments_are_fed_back(draft.scene) and isinstance(draft.scene.geometry, (ClutchGeometry, CadGeometry)):
+        reach = max(smear_width(draft.scene), largest * _CONTACT_REACH)  # in a narrow gap the shorter of the two
+    radius = fill_of(shape, particles).inner_radius + 0.5 * largest
+    chord = 2.0 * radius * math.sin(0.5 * particles.sector)
+    if chord < 2.0 * reach:
+        narrowest = 2.0 * math.asin(min(1.0, reach / radius))
+        wider = 360.0 / max(1, math.floor(2.0 * math.pi / narrowest))
+        shorter = "" if dipoles is None else ", or lower effects.dipoles.cutoff"
+        yield draft.fault(
+            "particles.sector",
+            f"is {1e3 * chord:.4g} mm wide at r = {1e3 * radius:.4g} mm, less than two "
+            f"reaches of a grain ({2e3 * reach:.4g} mm); allowed: at least '{wider:.10g} deg'; widen it, "
+            f"lower particles.{size_key(particles)}{shorter}",
+        )
