@@ -170,7 +170,8 @@ def _run(
         input_files=hashed_input_files(scene),
         grains_from=None if grains is None else grains.as_dict(),
     )
-    conditions = SteadyConditions(scene.time.average_from, device.shear_gap, device.shear_radius)
+    negligible = 0.0 if scene.time.until is None else scene.time.until.absolute or 0.0
+    conditions = SteadyConditions(scene.time.average_from, device.shear_gap, device.shear_radius, negligible)
     folder.write_plan({"contact": plan.contact_data, "steady_torque": conditions.as_dict(), "decisions": plan.reasons})
     _say(progress, 0.0, f"packing {plan.count} grains")
     if resume:

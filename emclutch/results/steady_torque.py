@@ -37,11 +37,14 @@ class SteadyConditions:
         Width of the sheared gap [m], 0 where nothing is sheared; None: unknown, as of a run of an earlier version.
     shear_radius : float
         Mean radius of that gap [m].
+    negligible : float
+        Torque [N m] below which it need not be known any better, as `time.until` may say; 0: there is none.
     """
 
     average_from: float | None = None
     shear_gap: float | None = None
     shear_radius: float = 0.0
+    negligible: float = 0.0
 
     def as_dict(self) -> dict[str, float | None]:
         """Plain values for JSON."""
@@ -50,7 +53,8 @@ class SteadyConditions:
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> SteadyConditions:
         """Inverse of `as_dict`; what is missing is unknown."""
-        return cls(values.get("average_from"), values.get("shear_gap"), values.get("shear_radius") or 0.0)
+        radius, negligible = values.get("shear_radius") or 0.0, values.get("negligible") or 0.0
+        return cls(values.get("average_from"), values.get("shear_gap"), radius, negligible)
 
 
 def mean_torque(
@@ -76,6 +80,8 @@ def steady_torque(
         Histories of the same scene with other packings.
     """
     found = mean_torque(history, "torque_disc", conditions.average_from, replicas)
+    if _is_negligible((history, *replicas), conditions):
+        return _negligible(found, conditions.negligible)
     if not found.converged or found.mean is None or found.start is None:
         return found
     for each in (history, *replicas):
@@ -88,6 +94,31 @@ def steady_torque(
         if problem:
             return replace(found, converged=False, reason=f"not converged: {problem}")
     return found
+
+
+def _is_negligible(histories: Sequence[pandas.DataFrame], conditions: SteadyConditions) -> bool:
+    """Whether the disc's torque is below what counts in every window of the later half, while the gap is sheared."""
+    if not conditions.negligible:
+        return False
+    for history in histories:
+        duration = _durations(history)
+        late = history["time"].to_numpy() > 0.5 * history["time"].iloc[-1]
+        if history["torque_disc"].abs()[late].max() >= conditions.negligible:
+            return False
+        if _little_shear(history, duration, late, conditions):
+            return False
+    return True
+
+
+def _negligible(found: Estimate, bound: float) -> Estimate:
+    """The estimate of a torque that was below `bound` [N m] in every window: its interval is no wider than that."""
+    half = found.half_width()
+    error = found.standard_error
+    if error is None or half is None or half > bound:
+        freedom = found.degrees_of_freedom or max(found.batches - 1.0, 1.0)
+        unit = replace(found, standard_error=1.0, degrees_of_freedom=freedom).half_width()
+        found = replace(found, standard_error=bound / (unit or 1.0), degrees_of_freedom=freedom)
+    return replace(found, converged=True, reason=f"converged: below {bound:g} N m in every window of the later half")
 
 
 def _imbalance(late: pandas.DataFrame, duration: np.ndarray, mean: float, error: float) -> str:

@@ -1,5 +1,6 @@
 """A run has one steady torque: summary, result without a summary and comparison of methods give the same verdict."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -113,3 +114,17 @@ def test_a_folder_that_does_not_know_its_gap_is_not_trusted(tmp_path):
     torque = load_result(folder.path).torque
     assert torque.start == pytest.approx(3.0)
     assert not torque.converged and "its shear is unknown" in torque.reason
+
+
+def test_a_torque_that_does_not_count_is_known_once_the_gap_was_sheared():
+    """A coil without current: what friction leaves is neither steady nor in balance, and far below what counts."""
+    rows = history(driven=3.0)
+    small = rows.assign(torque_disc=1e-4 * rows["torque_disc"], torque_rotor=1e-4 * rows["torque_rotor"])
+    assert not steady_torque(small, CONDITIONS).converged
+    enough = replace(CONDITIONS, negligible=1e-3)
+    found = steady_torque(small, enough)
+    assert found.converged and found.half_width() <= 1e-3 and "below 0.001 N m" in found.reason
+    assert not steady_torque(rows, enough).converged  # in a window it was more
+    still = small.assign(rotor_speed=0.1)  # not sheared yet: grains that touch nothing know no torque
+    assert not steady_torque(still, replace(enough, negligible=1e-3)).converged
+    assert SteadyConditions.from_dict(enough.as_dict()) == enough
