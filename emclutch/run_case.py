@@ -271,6 +271,8 @@ def _run(
     across = [] if profiles is None else profiles.profiles()
     if across:
         write_profiles(folder.path, across)
+    elif profiles is not None:
+        log.warning("no profiles: the run ended before their averaging began; set time.average_from to an earlier time")
     if scene.output.pictures:
         _say(progress, 1.0, "pictures")
         from emclutch.run_pictures import draw_run
