@@ -24,7 +24,7 @@ from particles.sector import CyclicSector
 from particles.walls.device_walls import DeviceWalls
 
 
-class WallSlots(NamedTuple):
+class ListedWalls(NamedTuple):
     """The (grain, wall) slots of a list, row by row.
 
     Attributes
