@@ -19,13 +19,30 @@ from numba.core.cpu import CPUContext
 from numba.core.targetconfig import ConfigStack
 
 
-def inner(**options: Any) -> Callable[[Callable], Any]:
+def inner(*, borrows: bool = False, **options: Any) -> Callable[[Callable], Any]:
     """`numba.njit` for a function that kernels call and Python does not.
 
     It is compiled into them, without a cache of its own, without wrappers and without machine code: calling it from
     Python, or handing it to C, is a defect (numba raises a SystemError or crashes).
+
+    Parameters
+    ----------
+    borrows : bool
+        As with `borrowing`.
+    **options
+        Of `numba.njit`.
     """
-    return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)  # type: ignore[call-overload]
+    made = borrowing if borrows else numba.njit
+    return made(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)  # type: ignore[call-overload]
+
+
+def borrowing(**options: Any) -> Callable[[Callable], Any]:
+    """`numba.njit` for a function that counts no references to its arrays, which its caller holds.
+
+    Where a function is called in a loop and takes arrays out of tuples, counting costs more than the work. It can
+    allocate nothing (numba refuses), and must return no array.
+    """
+    return numba.njit(_nrt=False, **options)  # type: ignore[call-overload]
 
 
 def _finish_without_code(library: Any) -> None:

@@ -7,8 +7,9 @@ processes that compile one function for different arguments at the same time may
 
 So (1) a kernel's stamp is a hash of what it is made of (`kernel_stamp`): its own instructions and constants, without
 docstrings, comments and line numbers, the values of the globals that it reads, and the same of every compiled function
-that it calls, whichever file it stands in; (2) index and code are read and written under a lock, and who finds another
-process compiling a kernel waits for its code instead of compiling it too.
+that it calls, whichever file it stands in, also of one that is chosen by types or found in a table; (2) index and
+code are read and written under a lock, and who finds another process compiling a kernel waits for its code instead of
+compiling it too.
 
 It stands in this package because `field` and `particles` both have kernels and import nothing else in common; each
 imports it before its first kernel is defined. Kernels of other packages keep numba's own rule.
@@ -30,6 +31,7 @@ import numba
 import numpy as np
 from numba.core import caching, event
 from numba.core.dispatcher import Dispatcher
+from numba.core.typing.templates import builtin_registry
 
 try:
     import fcntl
@@ -150,6 +152,12 @@ def _add_value(name: str, value: Any, digest: Any, seen: set[int]) -> None:
             _add_function(value.py_func, digest, seen)
     elif isinstance(value, FunctionType) and is_own(value):
         _add_function(value, digest, seen)
+        for chosen in _overloads(value):
+            _add_function(chosen, digest, seen)
+    elif isinstance(value, dict) or (isinstance(value, tuple) and any(map(_is_compiled, value))):
+        pairs = value.items() if isinstance(value, dict) else enumerate(value)
+        for key, one in pairs:
+            _add_value(f"{name}[{_shown(key)}]", one, digest, seen)
     elif isinstance(value, bool | int | float | complex | str | tuple | frozenset | type(None)):
         digest.update(f"{name} = {_shown(value)}".encode())
     elif isinstance(value, np.generic | np.ndarray):  # an array that is read as a global is part of the code
@@ -158,6 +166,20 @@ def _add_value(name: str, value: Any, digest: Any, seen: set[int]) -> None:
         digest.update(f"{name}: {value.__qualname__}{getattr(value, '_fields', ())!r}".encode())
     else:  # numpy, math and what they hold come with numba's version
         digest.update(f"{name}: {type(value).__name__} {getattr(value, '__name__', '')}".encode())
+
+
+def _is_compiled(value: Any) -> bool:
+    return isinstance(value, Dispatcher)
+
+
+def _overloads(function: Callable) -> list[Callable]:
+    """Functions that choose the code of a plain function, by types, where kernels call it (`numba.extending.overload`).
+
+    They hold that code, or the names under which it stands.
+    """
+    found = (kind for value, kind in builtin_registry.globals if value is function)
+    templates = (template for kind in found for template in kind.templates)
+    return [template._overload_func for template in templates if hasattr(template, "_overload_func")]
 
 
 def _shown(value: Any) -> str:

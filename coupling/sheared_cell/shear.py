@@ -46,6 +46,7 @@ from field.laws.powder_law import GrainLaw
 from field.laws.reluctivity import MU_0, Law
 from field.spheres.lone_sphere import saturation
 from particles import LinearContact
+from particles.laws.linear import EqualLinearTable
 
 SKIN = 0.3  # of the lists, in diameters
 OVERLAP = 0.005  # of a diameter, under the load of a chain
@@ -180,9 +181,8 @@ class Shear:
         self.moments: CellMoments | None = None
         self.mu_r_at_rest = 1.0
         gamma = 2.0 * np.sqrt(stiffness * 0.5 * self.mass)
-        self._equal = np.array([[self.contact.damping_n * gamma, self.contact.damping_t * gamma]])
-        self._law = self.contact.row()[None, :]
-        self._columns = np.array([-1, -1, column.BOOKS])
+        dashpots = np.array([[self.contact.damping_n * gamma, self.contact.damping_t * gamma]])
+        self._law = EqualLinearTable(self.contact.row()[None, :], dashpots)
         self._touching, self._history = np.zeros(0, dtype=np.int8), np.zeros((0, column.N_HISTORY))
         self._key = np.zeros(0, dtype=np.int64)
         model = p.model if p.law is not None else "mutual"
@@ -266,7 +266,7 @@ class Shear:
         shear_steps(
             steps, self.dt, np.array(self.box.lengths), self.offset, self.rate, self.position, self.velocity, self.spin,
             held, self.radius, self.mass, self._first, self._second, self._image, self._history, self._touching,
-            self._law, self._equal, self._columns, self._table, m is not None and m.near,
+            self._law, self._table, m is not None and m.near,
             self.parameters.smallest_gap, grip, sums,
         )  # fmt: skip
         self.steps += steps

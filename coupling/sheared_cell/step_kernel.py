@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from coupling.sheared_cell.near_pull import held_pull
-from particles.dem.contact_kernel import contact_force, left_in_springs
+from particles.dem.contact_kernel import Touch, contact_force, left_in_springs
 
 # Columns of the sums over steps; those of the first line are sums over the steps
 CONTACT_ZX, CONTACT_XZ, CONTACT_ALL, NEAR_ZX, NEAR_ALL, KINETIC_ZX, CONTACTS = range(7)
@@ -27,17 +27,16 @@ BOOKS = 3
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def shear_steps(
     n_steps, dt, lengths, offset, rate, position, velocity, spin, held, radius, mass,
-    first, second, image, history, touching, law, equal, columns,
+    first, second, image, history, touching, law,
     table, near, smallest_gap, grip, sums,
 ):  # fmt: skip
     """``n_steps`` steps; position, velocity (n, 3), spin (n, 3) [rad/s], history and sums are brought forward.
 
     ``held`` (n, 3) [N] are forces that stay for these steps; first, second, image, grip belong to the pairs
-    within reach of the attraction. ``columns``: as the law's history is laid out, see `contact_force`.
+    within reach of the attraction.
     """
     n = position.shape[0]
     force, couple = np.empty((n, 3)), np.empty((n, 3))
-    inv_dt = 1.0 / dt
     reach2 = 4.0 * radius * radius
     most = 2.0 * radius + 1.2 * radius
     jump = rate * lengths[2]
@@ -83,13 +82,15 @@ def shear_steps(
                 along = hx * nx + hy * ny + hz * nz
                 last = 1.0 + along
                 hx, hy, hz = (hx - along * nx) * last, (hy - along * ny) * last, (hz - along * nz) * last
-                spin_n = 0.5 * ((wx + qx) * nx + (wy + qy) * ny + (wz + qz) * nz)
-                gx, gy, gz, _, _, _, _, stored, lost_n, lost_t, lost_s, _ = contact_force(
-                    True, None, None, None, None, law, 0, equal, False, True, True, 0.5 * mass, 0.5 * radius, dt,
-                    inv_dt, 2.0 * radius - d, nx, ny, nz,
-                    vx - ux + ay * nz - az * ny, vy - uy + az * nx - ax * nz, vz - uz + ax * ny - ay * nx,
-                    hx, hy, hz, spin_n, history, k, BOOKS,
-                )  # fmt: skip
+                touch = Touch(
+                    2.0 * radius - d,
+                    (nx, ny, nz),
+                    (vx - ux + ay * nz - az * ny, vy - uy + az * nx - ax * nz, vz - uz + ax * ny - ay * nx),
+                    (hx, hy, hz),
+                    0.5 * ((wx + qx) * nx + (wy + qy) * ny + (wz + qz) * nz),
+                )
+                contact = contact_force(law, 0, BOOKS, 0.5 * mass, 0.5 * radius, dt, touch, history, k)
+                gx, gy, gz = contact.x, contact.y, contact.z
                 mx, my, mz = arm * (ny * gz - nz * gy), arm * (nz * gx - nx * gz), arm * (nx * gy - ny * gx)
                 couple[i, 0] += mx
                 couple[i, 1] += my
@@ -101,18 +102,16 @@ def shear_steps(
                 contact_xz -= dx * gz
                 contact_all -= dx * gx + dy * gy + dz * gz
                 contacts += 1.0
-                lost_normal += lost_n
-                lost_tangential += lost_t
-                lost_sliding += lost_s
-                elastic += stored
+                lost_normal += contact.lost_n
+                lost_tangential += contact.lost_t
+                lost_sliding += contact.lost_s
+                elastic += contact.stored
                 deepest = max(deepest, 2.0 * radius - d)
                 fx, fy, fz = fx + gx, fy + gy, fz + gz
             elif touching[k] != 0:
                 touching[k] = 0
                 closing = (vx - ux) * nx + (vy - uy) * ny + (vz - uz) * nz
-                lost_n, lost_s, _, _ = left_in_springs(
-                    True, None, None, law, 0, 0.5 * radius, closing * dt, history, k, columns
-                )
+                lost_n, lost_s, _, _ = left_in_springs(law, 0, None, BOOKS, 0.5 * radius, closing * dt, history, k)
                 lost_normal += lost_n
                 lost_sliding += lost_s
                 for a in range(history.shape[1]):

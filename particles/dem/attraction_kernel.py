@@ -31,7 +31,7 @@ class HeldAttraction(NamedTuple):
     cross: np.ndarray
 
 
-@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def pull_at(held, gap, column, amplitude, across_amplitude):
     """Pull [N] at a gap [radii]: linear in ln gap and in the column; constant below the grid, 0 beyond it."""
     gap = max(gap, held.smallest_gap)

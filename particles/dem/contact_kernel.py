@@ -1,9 +1,8 @@
 """Compiled force of one contact, whoever the partner is: a grain, a smooth wall, a triangle.
 
-The normal spring and the dashpots come from the scene's law (`particles.laws`); its flag is the only one of
-``linear``, ``hertz_mindlin``, ``hertz``, ``thesis``, ``walton_braun`` that is not None, and numba leaves the others out
-of the compiled code. What all laws share stands here: the clip (an impact never pulls), cohesion, the tangential spring
-with its slider, rolling and twisting, and where the energy goes.
+The normal spring and the dashpots come from the scene's law, by the type of its table (`particles.laws.springs`). What
+all laws share stands here: the clip (an impact never pulls), cohesion, the tangential spring with its slider, rolling
+and twisting, and where the energy goes.
 
 **Tangential.** A spring xi and a dashpot in parallel, in series with a slider that yields at mu |F_rep|
 (`particles.laws.linear`): the return mapping of an implicit step. The spring turns with its pair. Where the stiffness
@@ -15,40 +14,101 @@ in a step the mean of its last and its present force times that drift (trapezoid
 beside the spring, in a step that keeps the books (``ledger``) only.
 
 Columns of a contact's history: 0-2 spring xi [m]; with any law but the linear one 3 its memory, 4 its last k_t [N/m],
-5 its last stored energy [J]; from ``columns[0]`` 3 rolling angles [rad]; from ``columns[1]`` the twisting angle [rad];
-from ``columns[2]`` the last forces: normal dashpot, tangential force (3), rolling couple (3), twisting couple.
+5 its last stored energy [J]; then 3 rolling angles [rad] and the twisting angle [rad] (`Resistance`); from ``ledger``
+on the last forces: normal dashpot, tangential force (3), rolling couple (3), twisting couple.
 """
 
 from __future__ import annotations
 
-import numpy as np
-from numba import njit
+from typing import NamedTuple
 
-from geometry.inner_functions import inner
-from particles.laws.columns import COHESION_0, COHESION_1, MU, MU_ROLLING, MU_TWISTING
-from particles.laws.hertz import hertz_spring
-from particles.laws.hertz_mindlin import hertz_mindlin_spring
-from particles.laws.linear import linear_spring
-from particles.laws.thesis import thesis_spring
-from particles.laws.walton_braun import walton_braun_spring
+import numpy as np
+
+from geometry.inner_functions import borrowing, inner
+from particles.laws.columns import COHESION_0, COHESION_1, DAMPING_ROLLING, MU, MU_ROLLING, MU_TWISTING
+from particles.laws.springs import remembers, spring, varies
 
 MEMORY, LAST_STIFFNESS, LAST_STORED = 3, 4, 5
-LAST_TANGENTIAL, LAST_ROLLING, LAST_TWISTING = 1, 4, 7  # after columns[2]
+LAST_TANGENTIAL, LAST_ROLLING, LAST_TWISTING = 1, 4, 7  # after the ledger's column
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def turned(pair, history, slot, first, nx, ny, nz, wx, wy, wz, phi):
+class Resistance(NamedTuple):
+    """First columns of the rolling angles and of the twisting angle in a contact's history; -1 where there is none."""
+
+    rolling: int
+    twisting: int
+
+
+class Touch(NamedTuple):
+    """How grain i touches its partner.
+
+    Attributes
+    ----------
+    delta : float
+        Overlap [m].
+    normal : tuple of 3 floats
+        Unit vector n from i to its partner.
+    velocity : tuple of 3 floats
+        Of i relative to its partner where they touch [m/s].
+    way : tuple of 3 floats, or None
+        By how much n has turned in the drift that has just ended, between grains; None at a wall (`turned`).
+    spin : float
+        Mean spin of both about n [rad/s].
+    """
+
+    delta: float
+    normal: tuple[float, float, float]
+    velocity: tuple[float, float, float]
+    way: tuple[float, float, float] | None
+    spin: float
+
+
+class ContactForce(NamedTuple):
+    """What one step of a contact gives.
+
+    Attributes
+    ----------
+    x, y, z : float
+        Force on grain i [N].
+    repulsion, dashpot, pull : float
+        The repulsive part of the normal force, which friction scales with, its dashpot, and cohesion [N].
+    k_t, last_k_t : float
+        Tangential stiffness of this step and of the last one [N/m].
+    stored : float
+        Energy of the springs [J].
+    lost_n, lost_t, lost_s : float
+        Lost in this step to normal damping, tangential damping and sliding [J]; 0 without a ledger.
+    """
+
+    x: float
+    y: float
+    z: float
+    repulsion: float
+    dashpot: float
+    pull: float
+    k_t: float
+    stored: float
+    lost_n: float
+    lost_t: float
+    lost_s: float
+    last_k_t: float
+
+
+@borrowing(error_model="numpy", fastmath={"contract"}, forceinline=True)
+def turned(way, phi, n, history, slot, first):
     """The spring in columns ``first`` .. first + 2 of ``history[slot]``, turned with its pair at unchanged length.
 
     It lay in the tangent plane of the last step; it is laid into that of ``n`` and turned about n by the mean spin
-    ``phi`` of this step. Between grains n has turned by the vector w = n - n_last (tangential part), known from the
-    drift; then n_last -> n is the turn xi - (xi.n) n + (xi.n) w/2, with cos and sin of phi as series: no root, no
-    division, lengths right to fourth order in a step's turn and never longer (1 - w^4/8, 1 - phi^6/72 up to 2.8 rad a
-    step). At curved walls (``pair`` None), whose curvature is not known here, the length is restored by a root.
+    ``phi`` of this step. Between grains n has turned by the vector w = n - n_last (tangential part, ``way``), known
+    from the drift; then n_last -> n is the turn xi - (xi.n) n + (xi.n) w/2, with cos and sin of phi as series: no root,
+    no division, lengths right to fourth order in a step's turn and never longer (1 - w^4/8, 1 - phi^6/72 up to 2.8 rad
+    a step). At curved walls (``way`` None), whose curvature is not known here, the length is restored by a root.
     """
+    nx, ny, nz = n
     x, y, z = history[slot, first], history[slot, first + 1], history[slot, first + 2]
     along = x * nx + y * ny + z * nz
-    if pair is not None:
+    if way is not None:
+        wx, wy, wz = way
         half = 0.5 * along
         x, y, z = x - along * nx + half * wx, y - along * ny + half * wy, z - along * nz + half * wz
     else:
@@ -65,49 +125,31 @@ def turned(pair, history, slot, first, nx, ny, nz, wx, wy, wz, phi):
     return cos * x + sin * cx, cos * y + sin * cy, cos * z + sin * cz
 
 
-@njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def contact_force(
-    linear, hertz_mindlin, hertz, thesis, walton_braun, law, kind, equal, cohesive, ledger, pair,
-    m_eff, r_eff, dt, inv_dt, delta, nx, ny, nz, ux, uy, uz, wx, wy, wz, spin_n, history, slot, books,
-):  # fmt: skip
-    """Force on grain i; n points from i to its partner, u is the velocity of i relative to it at the contact.
+@borrowing(error_model="numpy", fastmath={"contract"}, forceinline=True)
+def contact_force(law, kind, ledger, m_eff, r_eff, dt, touch, history, slot):
+    """Force on grain i in the contact ``touch``, and what it has cost: a `ContactForce`.
 
-    ``pair`` and w are those of `turned`.
-
-    ``history[slot]`` is updated; ``books`` is the first column of the last forces. Returns the force (3), the
-    repulsive part of the normal force (what friction scales with), its dashpot, the pull of cohesion, the tangential
-    stiffness, the stored energy [J], the energy lost in this step [J] to normal damping, tangential damping and
-    sliding (these four are 0 without a ledger), and the tangential stiffness of the last step.
+    ``law`` is the table of a spring (`particles.laws.springs`), ``kind`` its row. ``history[slot]`` is updated;
+    ``ledger`` is the first column of the last forces there, or None: then nothing that is lost is told.
     """
+    delta, inv_dt = touch.delta, 1.0 / dt
+    nx, ny, nz = touch.normal
+    ux, uy, uz = touch.velocity
+    phi = touch.spin * dt
     closing = ux * nx + uy * ny + uz * nz
-    if linear is not None:
-        if equal is not None:  # grains of one size and mass: the dashpots are constants
-            f_el, k_t, gamma_n, gamma_t = law[kind, 0] * delta, law[kind, 1], equal[kind, 0], equal[kind, 1]
-            stored = 0.5 * f_el * delta
-        else:
-            f_el, k_t, gamma_n, gamma_t, stored, _ = linear_spring(law, kind, delta, m_eff, r_eff, 0.0)
-    elif hertz_mindlin is not None:
-        f_el, k_t, gamma_n, gamma_t, stored, _ = hertz_mindlin_spring(law, kind, delta, m_eff, r_eff, 0.0)
-    elif hertz is not None:
-        f_el, k_t, gamma_n, gamma_t, stored, _ = hertz_spring(law, kind, delta, m_eff, r_eff, 0.0)
-    elif thesis is not None:
-        f_el, k_t, gamma_n, gamma_t, stored, _ = thesis_spring(law, kind, delta, m_eff, r_eff, 0.0)
-    else:
-        f_el, k_t, gamma_n, gamma_t, stored, memory = walton_braun_spring(
-            law, kind, delta, m_eff, r_eff, history[slot, MEMORY]
-        )
+    if remembers(law):
+        f_el, k_t, gamma_n, gamma_t, stored, memory = spring(law, kind, delta, m_eff, r_eff, history[slot, MEMORY])
         history[slot, MEMORY] = memory
+    else:
+        f_el, k_t, gamma_n, gamma_t, stored, _ = spring(law, kind, delta, m_eff, r_eff, 0.0)
     f_rep = max(f_el + gamma_n * closing, 0.0)  # an impact never pulls
-    f_n = f_rep
-    pull = 0.0
-    if cohesive:
-        pull = law[kind, COHESION_0] + law[kind, COHESION_1] * r_eff
-        f_n -= pull
+    pull = law.rows[kind, COHESION_0] + law.rows[kind, COHESION_1] * r_eff
+    f_n = f_rep - pull
 
-    xi_x, xi_y, xi_z = turned(pair, history, slot, 0, nx, ny, nz, wx, wy, wz, spin_n * dt)
+    xi_x, xi_y, xi_z = turned(touch.way, phi, touch.normal, history, slot, 0)
     lost_n = lost_t = lost_s = 0.0
     last = k_t
-    if linear is None:
+    if varies(law):
         last = history[slot, LAST_STIFFNESS]
         held = 0.5 * (xi_x * xi_x + xi_y * xi_y + xi_z * xi_z)
         lost_s = (last - k_t) * held
@@ -123,7 +165,7 @@ def contact_force(
     both = k_t + rate
     tx, ty, tz = k_t * xi_x + both * sx, k_t * xi_y + both * sy, k_t * xi_z + both * sz
     trial2 = tx * tx + ty * ty + tz * tz
-    limit = law[kind, MU] * f_rep
+    limit = law.rows[kind, MU] * f_rep
     slip_x = slip_y = slip_z = 0.0
     if trial2 > limit * limit:
         trial = np.sqrt(trial2)
@@ -134,15 +176,15 @@ def contact_force(
         tx, ty, tz = tx * share, ty * share, tz * share
     if ledger is not None:
         # last forces; that of the tangential dashpot is the last force less its spring's
-        if walton_braun is not None:  # no dashpot: what the spring has taken and does not hold
-            lost_n = 0.5 * (history[slot, books] + f_rep) * closing * dt - (stored - history[slot, LAST_STORED])
+        if remembers(law):  # no dashpot: what the spring has taken and does not hold
+            lost_n = 0.5 * (history[slot, ledger] + f_rep) * closing * dt - (stored - history[slot, LAST_STORED])
             history[slot, LAST_STORED] = stored
-            history[slot, books] = f_rep
+            history[slot, ledger] = f_rep
         else:
-            lost_n = 0.5 * (history[slot, books] + f_rep - f_el) * closing * dt
-            history[slot, books] = f_rep - f_el
-        q = books + LAST_TANGENTIAL
-        px, py, pz = turned(pair, history, slot, q, nx, ny, nz, wx, wy, wz, spin_n * dt)
+            lost_n = 0.5 * (history[slot, ledger] + f_rep - f_el) * closing * dt
+            history[slot, ledger] = f_rep - f_el
+        q = ledger + LAST_TANGENTIAL
+        px, py, pz = turned(touch.way, phi, touch.normal, history, slot, q)
         lost_t = 0.5 * (
             (px - k_t * xi_x + rate * sx) * sx + (py - k_t * xi_y + rate * sy) * sy + (pz - k_t * xi_z + rate * sz) * sz
         )
@@ -152,25 +194,26 @@ def contact_force(
     history[slot, 0], history[slot, 1], history[slot, 2] = xi_x, xi_y, xi_z
     if ledger is not None:
         stored += 0.5 * k_t * (xi_x * xi_x + xi_y * xi_y + xi_z * xi_z) - pull * delta
-    return (
+    return ContactForce(
         -f_n * nx - tx, -f_n * ny - ty, -f_n * nz - tz, f_rep, f_rep - f_el, pull, k_t, stored,
         lost_n, lost_t, lost_s, last,
     )  # fmt: skip
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def rolling_couple(
-    law, kind, ledger, pair, arm, inertia, k_t, last, damping, dt, f_rep, nx, ny, nz, px, py, pz, wx, wy, wz, spin_n,
-    history, slot, first, books,
-):  # fmt: skip
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def rolling_couple(law, kind, ledger, arm, inertia, dt, force, touch, p, history, slot, first):
     """Rolling resistance on grain i (`particles.laws.rolling_friction`); p is its spin relative to the partner's.
 
-    ``damping`` is a share of critical damping; ``history[slot, first:]`` the rolling angle [rad], updated. Returns the
-    couple (3) [N m], the stored energy [J] and the energy lost in this step [J].
+    ``history[slot, first:]`` is the rolling angle [rad], updated. Returns the couple (3) [N m], the stored energy [J]
+    and the energy lost in this step [J].
     """
+    k_t, last, phi = force.k_t, force.last_k_t, touch.spin * dt
+    nx, ny, nz = touch.normal
+    px, py, pz = p
+    damping = law.rows[kind, DAMPING_ROLLING]
     k = k_t * arm * arm
     rate = 2.0 * damping * np.sqrt(k * inertia) / dt
-    x, y, z = turned(pair, history, slot, first, nx, ny, nz, wx, wy, wz, spin_n * dt)
+    x, y, z = turned(touch.way, phi, touch.normal, history, slot, first)
     # a spring that stiffens while the contact closes keeps its couple, one that softens its angle (module docstring)
     held = 0.5 * arm * arm * (x * x + y * y + z * z)
     lost = (last - k_t) * held
@@ -183,7 +226,7 @@ def rolling_couple(
     both = k + rate
     tx, ty, tz = k * x + both * sx, k * y + both * sy, k * z + both * sz
     trial = np.sqrt(tx * tx + ty * ty + tz * tz)
-    limit = law[kind, MU_ROLLING] * arm * f_rep
+    limit = law.rows[kind, MU_ROLLING] * arm * force.repulsion
     slip_x = slip_y = slip_z = 0.0
     if trial > limit:
         share = limit / trial
@@ -192,8 +235,8 @@ def rolling_couple(
         sx, sy, sz = sx - slip_x, sy - slip_y, sz - slip_z
         tx, ty, tz = tx * share, ty * share, tz * share
     if ledger is not None:
-        q = books + LAST_ROLLING
-        lx, ly, lz = turned(pair, history, slot, q, nx, ny, nz, wx, wy, wz, spin_n * dt)
+        q = ledger + LAST_ROLLING
+        lx, ly, lz = turned(touch.way, phi, touch.normal, history, slot, q)
         lost += 0.5 * (
             (lx - k * x + rate * sx) * sx + (ly - k * y + rate * sy) * sy + (lz - k * z + rate * sz) * sz
             + (lx + tx) * slip_x + (ly + ty) * slip_y + (lz + tz) * slip_z
@@ -201,18 +244,17 @@ def rolling_couple(
         history[slot, q], history[slot, q + 1], history[slot, q + 2] = tx, ty, tz
     x, y, z = x + sx, y + sy, z + sz
     history[slot, first], history[slot, first + 1], history[slot, first + 2] = x, y, z
-    return -tx, -ty, -tz, 0.5 * k * (x * x + y * y + z * z), lost
+    return (-tx, -ty, -tz), 0.5 * k * (x * x + y * y + z * z), lost
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def twisting_couple(
-    law, kind, ledger, arm, inertia, k_t, last, damping, dt, f_rep, spin, history, slot, first, books
-):  # fmt: skip
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def twisting_couple(law, kind, ledger, arm, inertia, dt, force, spin, history, slot, first):
     """Twisting resistance about the normal on grain i (`particles.laws.twisting_friction`).
 
     ``spin`` is its spin about n relative to the partner's. Returns the couple along n [N m], the stored energy [J] and
     the energy lost in this step [J].
     """
+    k_t, last, damping = force.k_t, force.last_k_t, law.rows[kind, DAMPING_ROLLING]
     k = k_t * arm * arm
     rate = 2.0 * damping * np.sqrt(k * inertia) / dt
     angle, step = history[slot, first], spin * dt
@@ -223,7 +265,7 @@ def twisting_couple(
         angle *= share
         lost = last * (1.0 - share) * held
     couple = k * angle + (k + rate) * step
-    limit = law[kind, MU_TWISTING] * arm * f_rep
+    limit = law.rows[kind, MU_TWISTING] * arm * force.repulsion
     slip = 0.0
     if abs(couple) > limit:
         capped = limit if couple > 0.0 else -limit
@@ -231,36 +273,35 @@ def twisting_couple(
         couple = capped
         step -= slip
     if ledger is not None:
-        before = history[slot, books + LAST_TWISTING]
+        before = history[slot, ledger + LAST_TWISTING]
         lost += 0.5 * ((before - k * angle + rate * step) * step + (before + couple) * slip)
-        history[slot, books + LAST_TWISTING] = couple
+        history[slot, ledger + LAST_TWISTING] = couple
     angle += step
     history[slot, first] = angle
     return -couple, 0.5 * k * angle * angle, lost
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def left_in_springs(linear, walton_braun, resisting, law, kind, arm, closed, history, slot, columns):
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def left_in_springs(law, kind, resistance, ledger, arm, closed, history, slot):
     """What a contact that has just parted still held, by the mechanism that it is lost to [J].
 
     ``closed`` is the distance by which its last drift closed it (negative: opened) [m]. Returns the losses to normal
     damping, sliding, rolling and twisting.
     """
-    k_t = law[kind, 1]
-    if linear is None:
+    k_t = law.rows[kind, 1]
+    if varies(law):
         k_t = history[slot, LAST_STIFFNESS]
-    books = columns[2]
     # the last normal force worked for half a drift more; the spring's part of it is in the change of stored energy
-    lost_n = 0.5 * history[slot, books] * closed
-    if walton_braun is not None:
+    lost_n = 0.5 * history[slot, ledger] * closed
+    if remembers(law):
         lost_n += history[slot, LAST_STORED]
     lost_s = 0.5 * k_t * (history[slot, 0] ** 2 + history[slot, 1] ** 2 + history[slot, 2] ** 2)
     lost_r = lost_w = 0.0
     k = k_t * arm * arm
-    if resisting is not None:
-        if columns[0] >= 0:
-            r = columns[0]
+    if resistance is not None:
+        r = resistance.rolling
+        if r >= 0:
             lost_r = 0.5 * k * (history[slot, r] ** 2 + history[slot, r + 1] ** 2 + history[slot, r + 2] ** 2)
-        if columns[1] >= 0:
-            lost_w = 0.5 * k * history[slot, columns[1]] ** 2
+        if resistance.twisting >= 0:
+            lost_w = 0.5 * k * history[slot, resistance.twisting] ** 2
     return lost_n, lost_s, lost_r, lost_w

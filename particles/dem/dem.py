@@ -6,8 +6,8 @@ sector, carry the history), sums become `StepTotals`, and what went wrong is exp
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +17,17 @@ from particles.dem import step_kernel as kernel
 from particles.dem import sums
 from particles.dem.attraction import PREFIX as ATTRACTION
 from particles.dem.attraction import Attraction
-from particles.dem.contact_kernel import LAST_STORED
+from particles.dem.contact_kernel import LAST_ROLLING, LAST_STORED, LAST_TANGENTIAL, Resistance
+from particles.dem.kernel_state import (
+    Call,
+    GrainState,
+    PairSlots,
+    Shafts,
+    StepArguments,
+    Totals,
+    WallSlots,
+    WallState,
+)
 from particles.dem.step_totals import EnergyTotals, StepTotals
 from particles.dem.time_step import choose_time_step
 from particles.faults import DemError, DemErrorKind
@@ -25,11 +35,12 @@ from particles.grains import Grains
 from particles.laws.cohesion import Cohesion
 from particles.laws.columns import COHESION_0, COHESION_1, MU_ROLLING, MU_TWISTING
 from particles.laws.contact_law import ContactLaw
+from particles.laws.linear import EqualLinearTable
 from particles.laws.pair_table import PairLaws
 from particles.laws.rolling_friction import RollingFriction
-from particles.laws.springs import SPRINGS
+from particles.laws.springs import SPRINGS, remembers, spring, varies
 from particles.laws.twisting_friction import TwistingFriction
-from particles.lists.contact_list import ContactList, WallSlots, reaches
+from particles.lists.contact_list import ContactList, ListedWalls, reaches
 from particles.lists.contact_table import ContactTable, contact_table, geometric_overlaps
 from particles.lists.neighbours import PairList, cell_order, finest_cell
 from particles.lists.skin import USUAL, WIDEST, next_skin
@@ -42,9 +53,6 @@ from particles.walls.wall_table import outside
 STEPS_PER_CALL = 512  # bounds the tables in time (speeds, torques, gravity)
 WALL_SKIN = 0.5  # of the skin: how far triangles may turn before the list is made anew
 
-# places of the records of forces among the kernel's arguments
-_NAMES = list(inspect.signature(kernel.run_steps.py_func).parameters)
-PAIR_RECORD, WALL_RECORD = _NAMES.index("pair_record"), _NAMES.index("wall_record")
 FASTEST = 1.0  # radii of the smallest grain in a step: beyond it a grain may pass through another
 
 Gravity = np.ndarray | Sequence[float] | Callable[[np.ndarray], np.ndarray]
@@ -156,7 +164,7 @@ class DEM:
         if len(material) != len(self.walls) or (len(material) and not 0 <= material.max() < laws.wall.shape[1]):
             raise ValueError(f"wall_material must be {len(self.walls)} numbers from 0 to {laws.wall.shape[1] - 1}")
         self._wall_row = np.ascontiguousarray(laws.wall[:, material[self._device.wall].astype(np.int64)])
-        self._equal = self._equal_dashpots()
+        self._table = self._law_table()
         self._choose_columns()
         self._turn = None if sector is None else np.array([np.cos(sector.angle), np.sin(sector.angle)])
         # a device that does not hold its grains at the start (a bare disc, a belt) cannot lose them either
@@ -204,10 +212,10 @@ class DEM:
         return self._list.pairs
 
     @property
-    def listed_walls(self) -> WallSlots:
+    def listed_walls(self) -> ListedWalls:
         """Walls near each grain in the present list."""
         number = self._list.wall_other
-        return WallSlots(self._list.wall_start, self._device.wall[number], number < len(self._device.rows))
+        return ListedWalls(self._list.wall_start, self._device.wall[number], number < len(self._device.rows))
 
     @property
     def n_sectors(self) -> int:
@@ -395,45 +403,42 @@ class DEM:
     # -- inside: what the kernel is given
     # ---------------------------------------------------------------------------------------------------
 
-    def _equal_dashpots(self) -> np.ndarray | None:
-        """Dashpots (gamma_n, gamma_t) [kg/s] of each row of a linear law, where all grains are of one size and mass."""
-        g = self.grains
+    def _law_table(self) -> Any:
+        """The table of the law; with constant dashpots [kg/s] where grains of a linear law are of one size and mass."""
+        g, rows = self.grains, self.laws.rows
+        table = SPRINGS[self.laws.kernel].table(rows)
         if self.laws.kernel != "linear" or self._species is not None:
-            return None
+            return table
         if np.ptp(g.radius) > 0.0 or np.ptp(g.mass) > 0.0:
-            return None
-        found = np.zeros((len(self.laws.rows), 2))
-        for row in range(len(found)):
+            return table
+        dashpots = np.zeros((len(rows), 2))
+        for row in range(len(rows)):
             m_eff = float(g.mass[0]) * (1.0 if row in self.laws.wall else 0.5)
-            found[row] = SPRINGS["linear"](self.laws.rows, row, 1e-6, m_eff, 1.0, 0.0)[2:4]
-        return found
+            dashpots[row] = spring(table, row, 1e-6, m_eff, 1.0, 0.0)[2:4]
+        return EqualLinearTable(rows, dashpots)
 
     def _choose_columns(self) -> None:
         """Which parts the compiled step has, and where a contact keeps what it remembers."""
         rows = self.laws.rows
-        on = {name: True if self.laws.kernel == name else None for name in SPRINGS}
-        self._law_flags = [on[name] for name in ("linear", "hertz_mindlin", "hertz", "thesis", "walton_braun")]
         self._rolling, self._twisting = bool(rows[:, MU_ROLLING].any()), bool(rows[:, MU_TWISTING].any())
-        self._resisting = True if self._rolling or self._twisting else None
-        self._cohesive = bool(rows[:, [COHESION_0, COHESION_1]].any())
-        rolling = 3 if self.laws.kernel == "linear" else 6
+        rolling = LAST_STORED + 1 if varies(self._table) else 3
         twisting = rolling + (3 if self._rolling else 0)
-        books = twisting + (1 if self._twisting else 0)
+        last = twisting + (1 if self._twisting else 0)
         # what a contact does not remember has no column
-        self._columns = np.array(
-            [rolling if self._rolling else -1, twisting if self._twisting else -1, books], dtype=np.int64
-        )
-        kept = 0
+        self._resistance = None
+        if self._rolling or self._twisting:
+            self._resistance = Resistance(rolling if self._rolling else -1, twisting if self._twisting else -1)
+        self._ledger_column = last if self.ledger else None
+        self._n_columns = last
         if self.ledger:
-            kept = 8 if self._twisting else 7 if self._rolling else 4
-        self._n_columns = books + kept
+            self._n_columns += 8 if self._twisting else 7 if self._rolling else 4
         vectors = [0]
         if self._rolling:
             vectors.append(rolling)
         if self.ledger:
-            vectors.append(books + 1)
+            vectors.append(last + LAST_TANGENTIAL)
             if self._rolling:
-                vectors.append(books + 4)
+                vectors.append(last + LAST_ROLLING)
         self._vectors = np.array(vectors, dtype=np.int64)
 
     def _fit_scratch(self) -> None:
@@ -471,7 +476,7 @@ class DEM:
         totals: np.ndarray,
         body_totals: np.ndarray,
         driven: bool = True,
-    ) -> list:
+    ) -> StepArguments:
         g, c = self.grains, self._list
         none = np.zeros((0, 3))
         external = gravity = none
@@ -485,36 +490,41 @@ class DEM:
         elif self.gravity is not None:
             gravity = np.array(self.gravity, dtype=float).reshape(1, 3)
         species = np.zeros(0, dtype=np.int64) if self._species is None else self._species
-        attraction = None if self.attraction is None else self.attraction.held(c, g.count, driven)
-        drives, data = self._drives(n_steps)
-        k = c.chunks
-        return [
-            n_steps, self.dt, float(self.n_sectors), last_call,
-            (0.5 * self.skin) ** 2, WALL_SKIN * self.skin, self.overlap_limit,
-            self._fastest,
-            *self._law_flags, self.laws.rows, self.laws.pair, self._wall_row, species, self._equal, self._columns,
-            self._cohesive, self._resisting, True if self.ledger else None, self._turn, gravity, external,
-            attraction, g.where, g.motion, g.mass, c.reference, self._net, k.late,
-            c.pairs.start, c.pairs.other, None if self.sector is None else c.pairs.shift, c.touching, c.history, none,
-            k.start, k.cross_start, k.reaction, k.late_start, k.late_grain, k.in_start, k.in_slot,
-            self._device.rows, self._device.triangles, self._device.body, self._device.reach, c.angles,
-            c.wall_start, c.wall_other, c.wall_touching, c.wall_history, none, self._scratch,
-            drives, data, angle, speed, self._body_turn, self._chunk_sums, self._body_chunks, totals, body_totals,
-        ]  # fmt: skip
+        drives, constants = self._drives(n_steps)
+        walls, shift = self._device, None if self.sector is None else c.pairs.shift
+        return StepArguments(
+            Call(
+                n_steps, self.dt, last_call, (0.5 * self.skin) ** 2, WALL_SKIN * self.skin, self.overlap_limit,
+                self._fastest,
+            ),
+            self._table,
+            self._resistance,
+            self._ledger_column,
+            None if self.attraction is None else self.attraction.held(c, g.count, driven),
+            GrainState(g.where, g.motion, g.mass, species, gravity, external, c.reference, self._net),
+            PairSlots(
+                c.pairs.start, c.pairs.other, shift, self._turn, self.laws.pair, c.touching, c.history, none
+            ),
+            WallSlots(c.wall_start, c.wall_other, c.wall_touching, c.wall_history, none, self._scratch),
+            WallState(walls.rows, walls.triangles, self._wall_row, walls.body, speed, self._body_turn),
+            Shafts(drives, constants, angle, speed, walls.reach, c.angles, float(self.n_sectors)),
+            c.chunks,
+            Totals(totals, body_totals, self._chunk_sums, self._body_chunks),
+        )  # fmt: skip
 
-    def _probe(self, pair_force, wall_force, touching, wall_touching, totals=None) -> list:
+    def _probe(self, pair_force, wall_force, touching, wall_touching, totals=None) -> StepArguments:
         """Arguments of one step on copies of everything that it changes; it leaves its forces in the first two."""
         angle, speed = (np.array([getattr(b, name) for b in self.bodies]) for name in ("angle", "speed"))
         totals = np.zeros(sums.N_SUMS) if totals is None else totals
         body_totals = np.zeros((len(self.bodies), sums.N_BODY_SUMS))
         given = self._arguments(1, True, angle, speed, totals, body_totals, driven=False)
-        c = self._list
-        changed = (self.grains.where, self.grains.motion, self._net, c.history, c.wall_history, c.chunks.reaction)
-        copies = {id(array): array.copy() for array in changed}
-        copies[id(c.touching)], copies[id(c.wall_touching)] = touching, wall_touching
-        given = [copies.get(id(value), value) for value in given]
-        given[PAIR_RECORD], given[WALL_RECORD] = pair_force, wall_force
-        return given
+        g, p, w = given.grains, given.pairs, given.slots
+        return given._replace(
+            grains=g._replace(where=g.where.copy(), motion=g.motion.copy(), net=g.net.copy()),
+            pairs=p._replace(touching=touching, history=p.history.copy(), record=pair_force),
+            slots=w._replace(touching=wall_touching, history=w.history.copy(), record=wall_force),
+            chunks=given.chunks._replace(reaction=given.chunks.reaction.copy()),
+        )
 
     def _stored_now(self) -> float:
         """Elastic energy [J] of the contacts of now, by what they remember."""
@@ -527,7 +537,7 @@ class DEM:
     def _stored_at_rest(self) -> float:
         """Elastic energy [J] of the overlaps of a state that has no history yet."""
         g, c = self.grains, self._list
-        spring, energy = SPRINGS[self.laws.kernel], 0.0
+        table, energy = self._table, 0.0
         species = np.zeros(g.count, dtype=np.int64) if self._species is None else self._species
         pairs, walls = geometric_overlaps(g, c, self._device, [b.angle for b in self.bodies], self.sector)
         radius, mass = g.radius, g.mass
@@ -536,16 +546,16 @@ class DEM:
             m_eff = mass[i] * mass[j] / (mass[i] + mass[j])
             r_eff = radius[i] * radius[j] / (radius[i] + radius[j])
             row = int(self.laws.pair[species[i], species[j]])
-            stored = spring(self.laws.rows, row, pairs[k], m_eff, r_eff, 0.0)[4]
+            stored = spring(table, row, pairs[k], m_eff, r_eff, 0.0)[4]
             energy += stored - self._pull(row, r_eff) * pairs[k]
-            if self.laws.kernel == "walton_braun":  # its losses are told from the change of what is stored
+            if remembers(table):  # its losses are told from the change of what is stored
                 c.history[k, LAST_STORED], c.touching[k] = stored, 1
         for k in np.flatnonzero(walls > 0.0):
             i = int(np.searchsorted(c.wall_start, k, side="right") - 1)
             row = int(self._wall_row[species[i], c.wall_other[k]])
-            stored = spring(self.laws.rows, row, walls[k], mass[i], radius[i], 0.0)[4]
+            stored = spring(table, row, walls[k], mass[i], radius[i], 0.0)[4]
             energy += stored - self._pull(row, radius[i]) * walls[k]
-            if self.laws.kernel == "walton_braun":
+            if remembers(table):
                 c.wall_history[k, LAST_STORED], c.wall_touching[k] = stored, 1
         return energy
 

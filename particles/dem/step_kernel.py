@@ -8,11 +8,16 @@ and the same for spins (2/5 m R^2). A step has two parallel stages over chunks o
 number of grains alone (`particles.dem.row_kernel`); sums over grains are kept by chunk and added in the order of the
 chunks. So nothing depends on the number of threads, bit for bit.
 
-What would cost in the loop over pairs and is not in the scene (``turn``, ``resisting``, ``ledger``, ``equal``,
-``attraction``, the laws but one) is passed as None: numba prunes its branches, the compiled code does not contain it.
-What is done once a grain or once a contact (gravity, held forces, triangles, species, cohesion, which of rolling and
-twisting) is a branch at run time, on an empty array or a flag: every combination compiled would be 5 632 variants of
-ten seconds and more. Rolling and twisting as such a branch too made steps slower, and stayed compiled out.
+The law is the one whose table is given: numba compiles for its type (`particles.laws.springs`). What would cost in the
+loop over pairs and is not in the scene (a sector's ``turn``, ``resistance``, ``ledger``, ``attraction``) is None where
+a function takes it as an argument: numba prunes its branches, the compiled code does not contain it. What is done once
+a grain or once a contact (gravity, held forces, triangles, species, which of rolling and twisting) is a branch at run
+time, on an empty array or a number; cohesion is always added, a pull of 0 without: every combination compiled would be
+thousands of variants of ten seconds and more. Rolling and twisting as such a branch too made steps slower, and stayed
+compiled out.
+
+Functions take tuples of arrays (`particles.dem.kernel_state`), and those that are called for every grain count no
+references to them (`geometry.inner_functions`): counted, a step took twice as long.
 """
 
 from __future__ import annotations
@@ -21,6 +26,7 @@ import numpy as np
 from numba import njit, prange
 
 from geometry.inner_functions import inner
+from particles.dem.kernel_state import Now
 from particles.dem.row_kernel import finish_rows, sweep_rows
 from particles.dem.sums import (
     BODY_WORK,
@@ -55,8 +61,20 @@ from particles.dem.sums import (
 
 
 @inner(error_model="numpy", fastmath={"contract"})
-def _turn_bodies(dt, n_sectors, drives, step, body_data, body_angle, body_speed, body_chunks, body_totals):
+def _drive_bodies(step, shafts, walls):
+    """Speeds of driven bodies, and where their triangles have turned to."""
+    for b in range(shafts.speed.shape[0]):
+        if shafts.constants[b, FREE] == 0.0:
+            shafts.speed[b] = shafts.drives[step, b, SPEED]
+        if walls.triangle.shape[0] > 0:
+            walls.turn[b, 0], walls.turn[b, 1] = np.cos(shafts.angle[b]), np.sin(shafts.angle[b])
+
+
+@inner(error_model="numpy", fastmath={"contract"})
+def _turn_bodies(dt, step, shafts, totals):
     """Add the chunks in their order, turn the shafts (`particles.bodies`)."""
+    drives, constants, body_angle, body_speed = shafts.drives, shafts.constants, shafts.angle, shafts.speed
+    body_chunks, body_totals, n_sectors = totals.chunk_bodies, totals.bodies, shafts.n_sectors
     for b in range(body_speed.shape[0]):
         torque = 0.0
         for column in range(N_CHUNK_BODY):
@@ -67,9 +85,9 @@ def _turn_bodies(dt, n_sectors, drives, step, body_data, body_angle, body_speed,
             if column <= TORQUE_T:
                 torque += total
         mean = before = body_speed[b]
-        if body_data[b, FREE] != 0.0:
+        if constants[b, FREE] != 0.0:
             old = body_speed[b]
-            per = dt / body_data[b, INERTIA]
+            per = dt / constants[b, INERTIA]
             # the drive falls with speed: taken at the mean of old and new
             slope = 0.5 * per * drives[step, b, DRIVE_SLOPE]
             new = (old * (1.0 - slope) + per * (n_sectors * torque + drives[step, b, DRIVE])) / (1.0 + slope)
@@ -90,7 +108,16 @@ def _turn_bodies(dt, n_sectors, drives, step, body_data, body_angle, body_speed,
 
 
 @inner(error_model="numpy", fastmath={"contract"})
-def _verdict(chunk_sums, totals, travel_limit, wall_travel, wall_limit, overlap_limit, speed_limit):
+def _wall_travel(shafts):
+    """The longest way of a triangle since the list was made [m]."""
+    way = 0.0
+    for b in range(shafts.speed.shape[0]):
+        way = max(way, abs(shafts.angle[b] - shafts.list_angle[b]) * shafts.reach[b])
+    return way
+
+
+@inner(error_model="numpy", fastmath={"contract"})
+def _verdict(call, wall_travel, chunk_sums, totals):
     """Add the chunks in their order: energies accumulate, extremes are kept, contacts are the last."""
     contacts = elastic = travel = fastest = 0.0
     for c in range(chunk_sums.shape[0]):
@@ -116,59 +143,51 @@ def _verdict(chunk_sums, totals, travel_limit, wall_travel, wall_limit, overlap_
     totals[MAX_TRAVEL], totals[MAX_SPEED] = travel, max(totals[MAX_SPEED], fastest)
     if not travel < np.inf:
         return NOT_FINITE
-    if totals[MAX_OVERLAP] > overlap_limit:
+    if totals[MAX_OVERLAP] > call.overlap:
         return OVERLAP
-    if fastest > speed_limit * speed_limit:
+    if fastest > call.speed * call.speed:
         return TOO_FAST
-    return REBUILD if travel > travel_limit or wall_travel > wall_limit else DONE
+    return REBUILD if travel > call.travel or wall_travel > call.wall_travel else DONE
 
 
 @njit(parallel=True, cache=True, error_model="numpy", fastmath={"contract"})
-def run_steps(
-    n_steps, dt, n_sectors, last_call, travel_limit, wall_limit, overlap_limit, speed_limit,
-    linear, hertz_mindlin, hertz, thesis, walton_braun, law, pair_row, wall_row, species, equal, columns,
-    cohesive, resisting, ledger, turn, gravity, external, attraction,
-    where, motion, mass, reference, net, late,
-    pair_start, pair_other, pair_shift, pair_touching, pair_history, pair_record,
-    chunk, cross_start, cross, late_start, late_grain, in_start, in_slot,
-    wall, triangle, wall_body, body_reach, body_start_angle,
-    wall_start, wall_other, wall_touching, wall_history, wall_record, scratch,
-    drives, body_data, body_angle, body_speed, body_turn, chunk_sums, body_chunks, totals, body_totals,
-):  # fmt: skip
-    """Up to ``n_steps`` steps; stops early when a list must be rebuilt or a grain is in trouble.
+def run_steps(call, law, resistance, ledger, attraction, grains, pairs, slots, walls, shafts, chunks, totals):
+    """Up to ``call.n_steps`` steps; stops early when a list must be rebuilt or a grain is in trouble.
 
-    Returns (answer, steps done); every array is documented where it is made, in `particles.dem.dem`.
+    Parameters
+    ----------
+    call : Call
+    law : table of a spring (`particles.laws.springs`)
+    resistance : Resistance, or None
+        Rolling and twisting.
+    ledger : int, or None
+        First column of the last forces in a contact's history, in a step that keeps the books.
+    attraction : HeldAttraction, or None
+    grains, pairs, slots, walls, shafts, chunks, totals
+        `particles.dem.kernel_state`, and `particles.lists.chunks.Chunks`.
+
+    Returns
+    -------
+    answer, steps done : int
     """
-    n_chunks = chunk.shape[0] - 1
-    for step in range(n_steps):
-        last = last_call and step == n_steps - 1
-        for b in range(body_speed.shape[0]):
-            if body_data[b, FREE] == 0.0:
-                body_speed[b] = drives[step, b, SPEED]
-            if triangle.shape[0] > 0:
-                body_turn[b, 0], body_turn[b, 1] = np.cos(body_angle[b]), np.sin(body_angle[b])
+    n_chunks = chunks.start.shape[0] - 1
+    for step in range(call.n_steps):
+        now = Now(step, call.dt, call.last and step == call.n_steps - 1)
+        # 1. bodies at their prescribed speeds
+        _drive_bodies(step, shafts, walls)
+        # 2. contacts and pulls; kick and drift of grains that no other chunk touches
         for c in prange(n_chunks):
             sweep_rows(  # int64: numba's own index is unsigned, and everything would be compiled for both
-                np.int64(c), chunk[c], chunk[c + 1], dt, step, last,
-                linear, hertz_mindlin, hertz, thesis, walton_braun, law, pair_row, wall_row, species, equal,
-                columns, cohesive, resisting, ledger, turn, gravity, external, attraction,
-                where, motion, mass, reference, net, late,
-                pair_start, pair_other, pair_shift, pair_touching, pair_history, pair_record, cross_start, cross,
-                wall, triangle, wall_body, body_speed, body_turn,
-                wall_start, wall_other, wall_touching, wall_history, wall_record, scratch,
-                chunk_sums, body_chunks,
-            )  # fmt: skip
-        if late_grain.shape[0] > 0:
+                np.int64(c), now, law, resistance, ledger, attraction, grains, pairs, slots, walls, chunks, totals
+            )
+        # 3. kick and drift of the others
+        if chunks.late_grain.shape[0] > 0:
             for c in prange(n_chunks):
-                finish_rows(
-                    np.int64(c), dt, step, last, equal, ledger, gravity, external, attraction, where, motion, mass,
-                    reference, net, late_start, late_grain, in_start, in_slot, cross, chunk_sums,
-                )  # fmt: skip
-        _turn_bodies(dt, n_sectors, drives, step, body_data, body_angle, body_speed, body_chunks, body_totals)
-        wall_travel = 0.0
-        for b in range(body_speed.shape[0]):
-            wall_travel = max(wall_travel, abs(body_angle[b] - body_start_angle[b]) * body_reach[b])
-        answer = _verdict(chunk_sums, totals, travel_limit, wall_travel, wall_limit, overlap_limit, speed_limit)
+                finish_rows(np.int64(c), now, law, ledger, attraction, grains, chunks, totals)
+        # 4. shafts
+        _turn_bodies(call.dt, step, shafts, totals)
+        # 5. totals, and whether to go on
+        answer = _verdict(call, _wall_travel(shafts), totals.chunk, totals.run)
         if answer != DONE:
             return answer, step + 1
-    return DONE, n_steps
+    return DONE, call.n_steps

@@ -191,8 +191,8 @@ def _of_contact(law: ContactLaw, m_eff: float, r_eff: float, turning: float, mee
     stiffness = law.stiffness_at(delta, r_eff)
     duration = min(law.contact_time(m_eff, r_eff, meeting.speed), _half_period(m_eff, stiffness))
     # the plain function behind the compiled one: nothing has to be compiled to choose a step
-    spring = SPRINGS[law.kernel].py_func
-    _, k_t, gamma_n, _, _, _ = spring(law.row()[None], 0, delta, m_eff, r_eff, 0.0)
+    spring = SPRINGS[law.kernel]
+    _, k_t, gamma_n, _, _, _ = spring.force.py_func(spring.table(law.row()[None]), 0, delta, m_eff, r_eff, 0.0)
     at_depth = "" if law.kernel in ("linear", "walton_braun") else f" at an overlap of {delta * 1e6:.3g} um"
     limits = [
         StepLimit(

@@ -2,13 +2,14 @@
 
 ``kernel`` names the compiled spring (`particles.laws.springs`), which all contacts of a scene share:
 
-    spring(law, kind, delta, m_eff, r_eff, memory) -> (f_elastic, k_t, gamma_n, gamma_t, energy, memory)
+    spring(table, kind, delta, m_eff, r_eff, memory) -> (f_elastic, k_t, gamma_n, gamma_t, energy, memory)
 
-with the table ``law`` (rows, N_LAW) and its row ``kind``, the overlap delta [m] > 0, 1/m_eff = 1/m_i + 1/m_j (m_eff =
-m_i at a wall) [kg], r_eff = R_i R_j/(R_i + R_j) (R_i at a wall) [m]. f_elastic [N] >= 0 repels, k_t [N/m] is the
-tangential stiffness at this overlap, gamma_n and gamma_t [kg/s] are the dashpots (force = gamma times closing or
-sliding speed), energy [J] is what the normal spring gives back, and memory a number that is 0 when the contact begins
-and comes back in its next step. The contact clips max(0, f_elastic + gamma_n v_closing): it never pulls.
+with the law's table (a NamedTuple of its own type, whose ``rows`` (rows, N_LAW) are parameters) and its row ``kind``,
+the overlap delta [m] > 0, 1/m_eff = 1/m_i + 1/m_j (m_eff = m_i at a wall) [kg], r_eff = R_i R_j/(R_i + R_j) (R_i at a
+wall) [m]. f_elastic [N] >= 0 repels, k_t [N/m] is the tangential stiffness at this overlap, gamma_n and gamma_t [kg/s]
+are the dashpots (force = gamma times closing or sliding speed), energy [J] is what the normal spring gives back, and
+memory a number that is 0 when the contact begins and comes back in its next step. The contact clips max(0, f_elastic +
+gamma_n v_closing): it never pulls.
 """
 
 from __future__ import annotations

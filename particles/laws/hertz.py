@@ -13,22 +13,30 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from geometry.inner_functions import borrowing
 from particles.laws.columns import DAMPING_N, DAMPING_T, STIFFNESS_N, STIFFNESS_T
 from particles.laws.contact_law import check_parameters, law_row
 from particles.laws.hertz_impact import impact_time, loaded_depth, tangent_stiffness
 from particles.laws.restitution import check_reference, damping_ratio, power_law_damping, power_law_restitution
 
 
-@njit(error_model="numpy", fastmath={"contract"})
-def hertz_spring(law, kind, delta, m_eff, r_eff, memory):
+class HertzTable(NamedTuple):
+    """What `hertz_spring` reads: parameters by pair of materials (`particles.laws.columns`)."""
+
+    rows: np.ndarray
+
+
+@borrowing(error_model="numpy", fastmath={"contract"})
+def hertz_spring(table, kind, delta, m_eff, r_eff, memory):
     """Spring and dashpots of `HertzContact` (signature: `particles.laws.contact_law`)."""
     root = np.sqrt(delta)
-    f = law[kind, STIFFNESS_N] * root * delta
-    return f, law[kind, STIFFNESS_T] * root, law[kind, DAMPING_N], law[kind, DAMPING_T], 0.4 * f * delta, memory
+    f = table.rows[kind, STIFFNESS_N] * root * delta
+    gamma_n, gamma_t = table.rows[kind, DAMPING_N], table.rows[kind, DAMPING_T]
+    return f, table.rows[kind, STIFFNESS_T] * root, gamma_n, gamma_t, 0.4 * f * delta, memory
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,10 +15,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from geometry.inner_functions import borrowing
 from particles.laws.columns import DAMPING_N, DAMPING_T, SHEAR, YOUNG
 from particles.laws.contact_law import check_parameters, law_row
 from particles.laws.elastic import Elastic, effective_modulus, effective_shear_modulus
@@ -26,14 +27,20 @@ from particles.laws.hertz_impact import impact_time, loaded_depth, tangent_stiff
 from particles.laws.restitution import damping_ratio, restitution_of
 
 
-@njit(error_model="numpy", fastmath={"contract"})
-def hertz_mindlin_spring(law, kind, delta, m_eff, r_eff, memory):
+class HertzMindlinTable(NamedTuple):
+    """What `hertz_mindlin_spring` reads: parameters by pair of materials (`particles.laws.columns`)."""
+
+    rows: np.ndarray
+
+
+@borrowing(error_model="numpy", fastmath={"contract"})
+def hertz_mindlin_spring(table, kind, delta, m_eff, r_eff, memory):
     """Spring and dashpots of `HertzMindlin` (signature: `particles.laws.contact_law`)."""
     a = np.sqrt(r_eff * delta)
-    f = 4.0 / 3.0 * law[kind, YOUNG] * a * delta
+    f = 4.0 / 3.0 * table.rows[kind, YOUNG] * a * delta
     unit = np.sqrt(m_eff * a)
-    k_t = 8.0 * law[kind, SHEAR] * a
-    return f, k_t, law[kind, DAMPING_N] * unit, law[kind, DAMPING_T] * unit, 0.4 * f * delta, memory
+    k_t = 8.0 * table.rows[kind, SHEAR] * a
+    return f, k_t, table.rows[kind, DAMPING_N] * unit, table.rows[kind, DAMPING_T] * unit, 0.4 * f * delta, memory
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,22 +28,43 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from geometry.inner_functions import borrowing
 from particles.laws.columns import DAMPING_N, DAMPING_T, STIFFNESS_N, STIFFNESS_T
 from particles.laws.contact_law import check_parameters, law_row
 from particles.laws.restitution import damping_ratio, restitution_of
 
 
-@njit(error_model="numpy", fastmath={"contract"})
-def linear_spring(law, kind, delta, m_eff, r_eff, memory):
+class LinearTable(NamedTuple):
+    """What `linear_spring` reads: parameters by pair of materials (`particles.laws.columns`)."""
+
+    rows: np.ndarray
+
+
+@borrowing(error_model="numpy", fastmath={"contract"})
+def linear_spring(table, kind, delta, m_eff, r_eff, memory):
     """Spring and dashpots of `LinearContact` (signature: `particles.laws.contact_law`)."""
-    f = law[kind, STIFFNESS_N] * delta
-    unit = 2.0 * np.sqrt(law[kind, STIFFNESS_N] * m_eff)
-    gamma_n, gamma_t = law[kind, DAMPING_N] * unit, law[kind, DAMPING_T] * unit
-    return f, law[kind, STIFFNESS_T], gamma_n, gamma_t, 0.5 * f * delta, memory
+    f = table.rows[kind, STIFFNESS_N] * delta
+    unit = 2.0 * np.sqrt(table.rows[kind, STIFFNESS_N] * m_eff)
+    gamma_n, gamma_t = table.rows[kind, DAMPING_N] * unit, table.rows[kind, DAMPING_T] * unit
+    return f, table.rows[kind, STIFFNESS_T], gamma_n, gamma_t, 0.5 * f * delta, memory
+
+
+class EqualLinearTable(NamedTuple):
+    """What `equal_linear_spring` reads; ``dashpots`` (rows, 2): gamma_n and gamma_t of each row [kg/s]."""
+
+    rows: np.ndarray
+    dashpots: np.ndarray
+
+
+@borrowing(error_model="numpy", fastmath={"contract"})
+def equal_linear_spring(table, kind, delta, m_eff, r_eff, memory):
+    """`linear_spring` between grains of one size and mass: its dashpots are constants."""
+    f = table.rows[kind, STIFFNESS_N] * delta
+    return f, table.rows[kind, STIFFNESS_T], table.dashpots[kind, 0], table.dashpots[kind, 1], 0.5 * f * delta, memory
 
 
 @dataclass(frozen=True, slots=True)

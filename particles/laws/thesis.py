@@ -22,10 +22,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from geometry.inner_functions import borrowing
 from particles.laws.columns import DAMPING_N, DAMPING_T, DIAMETER, EXPONENT, STIFFNESS_N, STIFFNESS_T
 from particles.laws.contact_law import check_parameters, law_row
 from particles.laws.hertz_impact import impact_time, loaded_depth, tangent_stiffness
@@ -38,17 +39,24 @@ from particles.laws.restitution import (
 )
 
 
-@njit(error_model="numpy", fastmath={"contract"})
-def thesis_spring(law, kind, delta, m_eff, r_eff, memory):
+class ThesisTable(NamedTuple):
+    """What `thesis_spring` reads: parameters by pair of materials (`particles.laws.columns`)."""
+
+    rows: np.ndarray
+
+
+@borrowing(error_model="numpy", fastmath={"contract"})
+def thesis_spring(table, kind, delta, m_eff, r_eff, memory):
     """Spring and dashpots of `ThesisContact` (signature: `particles.laws.contact_law`)."""
-    if law[kind, EXPONENT] == 0.0:
+    if table.rows[kind, EXPONENT] == 0.0:
         f, share = 1.0, 0.5
     else:
-        f, share = np.sqrt(delta / law[kind, DIAMETER]), 0.4
-    force = f * law[kind, STIFFNESS_N] * delta
+        f, share = np.sqrt(delta / table.rows[kind, DIAMETER]), 0.4
+    force = f * table.rows[kind, STIFFNESS_N] * delta
     unit = f * m_eff
-    k_t = f * law[kind, STIFFNESS_T]
-    return force, k_t, law[kind, DAMPING_N] * unit, law[kind, DAMPING_T] * unit, share * force * delta, memory
+    k_t = f * table.rows[kind, STIFFNESS_T]
+    gamma_n, gamma_t = table.rows[kind, DAMPING_N] * unit, table.rows[kind, DAMPING_T] * unit
+    return force, k_t, gamma_n, gamma_t, share * force * delta, memory
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,23 +17,30 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from geometry.inner_functions import borrowing
 from particles.laws.columns import DAMPING_T, STIFFNESS_N, STIFFNESS_T, UNLOADING
 from particles.laws.contact_law import check_parameters, law_row
 from particles.laws.restitution import checked_restitution, damping_ratio
 
 
-@njit(error_model="numpy", fastmath={"contract"})
-def walton_braun_spring(law, kind, delta, m_eff, r_eff, memory):
+class WaltonBraunTable(NamedTuple):
+    """What `walton_braun_spring` reads: parameters by pair of materials (`particles.laws.columns`)."""
+
+    rows: np.ndarray
+
+
+@borrowing(error_model="numpy", fastmath={"contract"})
+def walton_braun_spring(table, kind, delta, m_eff, r_eff, memory):
     """Spring of `WaltonBraun` (signature: `particles.laws.contact_law`); ``memory`` is the peak overlap [m]."""
-    k_1, k_2 = law[kind, STIFFNESS_N], law[kind, UNLOADING]
+    k_1, k_2 = table.rows[kind, STIFFNESS_N], table.rows[kind, UNLOADING]
     peak = max(memory, delta)
     f = max(0.0, k_1 * peak - k_2 * (peak - delta))
-    gamma_t = 2.0 * law[kind, DAMPING_T] * np.sqrt(k_1 * m_eff)
-    return f, law[kind, STIFFNESS_T], 0.0, gamma_t, 0.5 * f * f / k_2, peak
+    gamma_t = 2.0 * table.rows[kind, DAMPING_T] * np.sqrt(k_1 * m_eff)
+    return f, table.rows[kind, STIFFNESS_T], 0.0, gamma_t, 0.5 * f * f / k_2, peak
 
 
 @dataclass(frozen=True, slots=True)

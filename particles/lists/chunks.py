@@ -8,7 +8,7 @@ when the other chunk has written there.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -16,8 +16,7 @@ from numba import njit
 LAYERS = 4  # of grains in a chunk, at the least: thinner chunks have more interface than inside
 
 
-@dataclass(frozen=True, slots=True)
-class Chunks:
+class Chunks(NamedTuple):
     """How n rows with p pairs are shared out.
 
     Attributes

@@ -24,7 +24,7 @@ from particles.sector import CyclicSector
 from particles.walls.device_walls import DeviceWalls
 
 
-class WallSlots(NamedTuple):
+class ListedWalls(NamedTuple):
     """The (grain, wall) slots of a list, row by row.
 
     Attributes
@@ -42,8 +42,7 @@ class WallSlots(NamedTuple):
     smooth: np.ndarray
 
 
-@dataclass(frozen=True, slots=True)
-class ContactMemory:
+class ContactMemory(NamedTuple):
     """The touching contacts alone, row by row as in the list that they are taken from."""
 
     start: np.ndarray
@@ -53,6 +52,16 @@ class ContactMemory:
     wall_start: np.ndarray
     wall_other: np.ndarray
     wall_history: np.ndarray
+
+
+class _PairSlots(NamedTuple):
+    """Pairs of a `ContactList` that take over what those of another one remember."""
+
+    start: np.ndarray
+    other: np.ndarray
+    shift: np.ndarray
+    touching: np.ndarray
+    history: np.ndarray
 
 
 @dataclass(slots=True)
@@ -148,10 +157,8 @@ class ContactList:
         turned = np.zeros(n, dtype=np.int64) if wraps is None else wraps
         parts = 1 if sector is None else sector.n_sectors
         angle = 0.0 if sector is None else sector.angle
-        _carry_pairs(
-            vectors, rank, turned, parts, angle, memory.start, memory.other, memory.shift, memory.history,
-            self.pairs.start, self.pairs.other, self.pairs.shift, self.touching, self.history,
-        )  # fmt: skip
+        to = _PairSlots(self.pairs.start, self.pairs.other, self.pairs.shift, self.touching, self.history)
+        _carry_pairs(vectors, rank, turned, parts, angle, memory, to)
         _carry_walls(
             vectors, rank, turned, angle, memory.wall_start, memory.wall_other, memory.wall_history,
             self.wall_start, self.wall_other, self.wall_touching, self.wall_history,
@@ -210,10 +217,9 @@ def _touching_rows(start, other, shift, touching, history):
 
 
 @njit(cache=True, error_model="numpy")
-def _carry_pairs(
-    vectors, rank, wraps, parts, angle, start, other, shift, history,
-    new_start, new_other, new_shift, new_touching, new_history,
-):  # fmt: skip
+def _carry_pairs(vectors, rank, wraps, parts, angle, memory, to):
+    start, other, shift, history = memory.start, memory.other, memory.shift, memory.history
+    new_start, new_other, new_shift, new_touching, new_history = to
     for old_i in range(rank.shape[0]):
         for k in range(start[old_i], start[old_i + 1]):
             i, j = rank[old_i], rank[other[k]]

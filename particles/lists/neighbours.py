@@ -142,6 +142,26 @@ AXIS, COUNT, BEGIN, END, TABLE, NUMBER = 0, 3, 6, 7, 8, 9
 LOW, INVERSE, REACH = 0, 3, 6
 
 
+class _Piece(NamedTuple):
+    """Room for some rows of the list.
+
+    Attributes
+    ----------
+    other, shift : ndarray of int32 and int8, shape (room,)
+        Partners and their shifts.
+    near, key : ndarray of int32 and float, shape (room,)
+        Scratch: candidates of a row, then codes and squared distances [m^2] of its partners.
+    rank : ndarray of int64, shape (SHORT,)
+        Scratch: places of the partners of a short row.
+    """
+
+    other: np.ndarray
+    shift: np.ndarray
+    near: np.ndarray
+    key: np.ndarray
+    rank: np.ndarray
+
+
 class _Search(NamedTuple):
     """Grids of cells over each other, one a level of size, and what lies in them: what the kernel needs.
 
@@ -267,10 +287,13 @@ def _block(search: _Search, row: int, stop: int, start: np.ndarray) -> list[tupl
     pieces = []
     room = 8 * (stop - row) + 256
     while row < stop:
-        other, shift = np.empty(room, dtype=np.int32), np.empty(room, dtype=np.int8)
-        near, key, rank = np.empty(room, dtype=np.int32), np.empty(room), np.empty(SHORT, dtype=np.int64)
-        reached, found = _fill_rows(*search, row, stop, start, other, shift, near, key, rank)
-        pieces.append((other[:found].copy(), shift[:found].copy() if len(search.beside_face) else shift[:0]))
+        piece = _Piece(
+            np.empty(room, dtype=np.int32), np.empty(room, dtype=np.int8), np.empty(room, dtype=np.int32),
+            np.empty(room), np.empty(SHORT, dtype=np.int64),
+        )  # fmt: skip
+        reached, found = _fill_rows(search, row, stop, start, piece)
+        shift = piece.shift[:found].copy() if len(search.beside_face) else piece.shift[:0]
+        pieces.append((piece.other[:found].copy(), shift))
         if reached == row:  # this row alone needs more
             room *= 4
         row = reached
@@ -278,15 +301,10 @@ def _block(search: _Search, row: int, stop: int, start: np.ndarray) -> list[tupl
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _fill_rows(
-    limit, grids, lengths, own, ordered, beside_face, slot, entry, code, table, number,
-    row, stop, start, other, shift, near, key, rank,
-):  # fmt: skip
-    """Fill rows from ``row`` on; returns the row at which the room ended, or ``stop``, and the pairs found.
-
-    ``near`` and ``key``, as long as ``other``, are scratch: candidates of the row, then codes and squared
-    distances of its partners.
-    """
+def _fill_rows(search, row, stop, start, piece):
+    """Fill rows from ``row`` on; returns the row at which the room ended, or ``stop``, and the pairs found."""
+    limit, grids, lengths, own, ordered, beside_face, slot, entry, code, table, number = search
+    other, shift, near, key, rank = piece
     room, found = other.shape[0], 0
     after = 0  # first entry of the ordered grid that has a higher number than i
     if ordered >= 0:

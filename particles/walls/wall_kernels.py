@@ -12,7 +12,7 @@ KIND, R0, Z0, R1, Z1, UR, UZ, OWN0, NR0, NZ0, OWN1, NR1, NZ1 = range(13)
 N_WALL = 13
 
 
-@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _wall_gap(wall, w, x, y, z):
     """Distance of the centre to a wall, unit vector towards it (3), and whether this wall owns the point."""
     if wall[w, KIND] == 1.0:  # plane: point in columns 1-3, normal in 4-6

@@ -1,12 +1,17 @@
 """Functions that only kernels call have no machine code, and kernels that took them in do what they say."""
 
+import importlib
+import inspect
 import subprocess
 import sys
+from typing import NamedTuple
 
+import numpy as np
 import pytest
 from numba import njit, prange
+from numba.core.errors import NumbaError
 
-from geometry.inner_functions import inner
+from geometry.inner_functions import borrowing, inner
 from geometry.kernel_cache import ROOT
 
 PROGRAM = """
@@ -85,3 +90,49 @@ def test_in_a_parallel_loop_and_for_two_types():
         return total
 
     assert kernel(1.5) == 120.0
+
+
+class Arrays(NamedTuple):
+    first: np.ndarray
+    second: np.ndarray
+
+
+def test_who_borrows_leaves_the_count_of_references_as_it_was():
+    @borrowing()
+    def product(arrays):
+        total, first = 0.0, arrays.first
+        for i in range(first.shape[0]):
+            total += first[i] * arrays.second[i]
+        return total
+
+    @njit
+    def kernel(arrays):
+        return product(arrays) + product(Arrays(arrays.second, arrays.second))
+
+    arrays = Arrays(np.arange(3.0), np.ones(3))
+    before = [sys.getrefcount(array) for array in arrays]
+    assert (product(arrays), kernel(arrays)) == (3.0, 6.0)
+    assert [sys.getrefcount(array) for array in arrays] == before
+
+
+def test_who_borrows_can_allocate_nothing():
+    @borrowing()
+    def sums(n):
+        return np.zeros(n).sum()
+
+    with pytest.raises(NumbaError, match="returning of array"):
+        sums(3)
+
+
+@pytest.mark.parametrize("package", ["particles.dem", "particles.laws", "particles.lists", "particles.walls"])
+def test_functions_of_the_dem_take_at_most_twelve_arguments(package):
+    folder = ROOT / package.replace(".", "/")
+    for path in folder.glob("*.py"):
+        module = importlib.import_module(f"{package}.{path.stem}")
+        for name, value in vars(module).items():
+            function = getattr(value, "py_func", value)
+            if inspect.isfunction(function) and function.__module__ == module.__name__:
+                positional = [
+                    one for one in inspect.signature(function).parameters.values() if one.kind != one.KEYWORD_ONLY
+                ]
+                assert len(positional) <= 12, f"{module.__name__}.{name}: carry its arrays in a tuple"

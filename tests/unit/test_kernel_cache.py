@@ -18,6 +18,7 @@ from numba import njit
 from numba.core import event
 from numba.core.caching import IndexDataCacheFile, NullCache
 from numba.core.dispatcher import Dispatcher
+from numba.extending import overload
 
 from geometry import kernel_cache
 from geometry.kernel_cache import _Stamp, callees, kernel_stamp, specialisations
@@ -34,6 +35,22 @@ class Arrays(NamedTuple):
 def scaled(x):
     '''Twice.'''
     return FACTOR * x
+
+@njit
+def fivefold(x):
+    return 5.0 * x
+
+TABLE = {"one": fivefold}
+
+def by_type(x):
+    raise NotImplementedError
+
+@overload(by_type)
+def _by_type(x):
+    code = TABLE["one"]
+    def threefold(x):
+        return 3.0 * code(x)
+    return threefold
 """
 KERNEL = """
 import constants
@@ -48,7 +65,7 @@ def kernel(x):
 
 @njit(error_model="numpy")
 def later(x):
-    return scaled(x) if x > 0.0 else 0.0
+    return scaled(x) if x > 0.0 else by_type(x)
 """
 
 
@@ -58,9 +75,9 @@ def stamp(callee=CALLEE, kernel=KERNEL, shift=1.0):
     constants.SHIFT, constants.OTHER = shift, 5.0
     sys.modules["constants"] = constants
     try:
-        below = {"njit": njit, "NamedTuple": NamedTuple, "__name__": "particles.callee"}
+        below = {"njit": njit, "overload": overload, "NamedTuple": NamedTuple, "__name__": "particles.callee"}
         exec(callee, below)
-        above = {"njit": njit, "__name__": "particles.kernel", "scaled": below["scaled"]}
+        above = {"njit": njit, "__name__": "particles.kernel", "scaled": below["scaled"], "by_type": below["by_type"]}
         exec(kernel, above)
         return kernel_stamp(above["kernel"].py_func)
     finally:
@@ -92,6 +109,8 @@ def test_the_stamp_stays(what, change):
         ("a callee that stands below", {"kernel": KERNEL.replace("x > 0.0", "x >= 0.0")}),
         ("a constant read through its module", {"shift": 1.5}),
         ("a compiler option", {"kernel": KERNEL.replace("numpy", "python", 1)}),
+        ("an instruction chosen by type", {"callee": CALLEE.replace("return 3.0 *", "return 4.0 *")}),
+        ("a callee found in a table", {"callee": CALLEE.replace("return 5.0 *", "return 6.0 *")}),
         ("a compiler option of a callee", {"callee": CALLEE.replace('error_model="numpy"', 'error_model="python"')}),
     ],
 )

@@ -1,19 +1,21 @@
 """One contact by itself: tangential spring, slider, rolling of the history, and where the energy goes."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from particles.dem.contact_kernel import contact_force, turned
-from particles.laws.columns import COHESION_0
+from geometry.inner_functions import borrowing
+from particles.dem.contact_kernel import Touch, contact_force, turned
+from particles.laws.columns import COHESION_0, MU, N_LAW
 from particles.laws.elastic import Elastic
 from particles.laws.hertz import HertzContact
 from particles.laws.hertz_mindlin import HertzMindlin
-from particles.laws.linear import LinearContact
+from particles.laws.linear import EqualLinearTable, LinearContact
 from particles.laws.restitution import damping_ratio, restitution_of
-from particles.laws.springs import SPRINGS
+from particles.laws.springs import OF_TABLE, SPRINGS, Spring, spring
 from particles.laws.thesis import ThesisContact
 from particles.laws.walton_braun import WaltonBraun
 
@@ -24,19 +26,16 @@ class Contact:
     """A contact of a sphere of ``mass`` and ``radius`` with a wall; ``force`` is one step of the kernel."""
 
     def __init__(self, law, mass=1e-3, radius=1e-3, dt=1e-4, friction=None, pull=0.0):
-        self.flags = [True if name == law.kernel else None for name in SPRINGS]
         self.row = law.row()[None]
+        self.table = SPRINGS[law.kernel].table(self.row)
         self.row[0, COHESION_0] = pull
-        self.cohesive = pull != 0.0
         self.mass, self.radius, self.dt = mass, radius, dt
         self.history = np.zeros((1, BOOKS + 8))
 
     def force(self, delta, n, u, spin_n=0.0):
         """(force (3), f_rep, dashpot, pull, k_t, stored, lost normal, tangential, sliding)."""
-        out = contact_force(
-            *self.flags, self.row, 0, None, self.cohesive, True, None, self.mass, self.radius, self.dt, 1.0 / self.dt,
-            delta, *n, *u, 0.0, 0.0, 0.0, spin_n, self.history, 0, BOOKS,
-        )  # fmt: skip
+        touch = Touch(delta, tuple(map(float, n)), tuple(map(float, u)), None, spin_n)
+        out = contact_force(self.table, 0, BOOKS, self.mass, self.radius, self.dt, touch, self.history, 0)
         return np.array(out[:3]), *out[3:-1]  # the last stiffness is for rolling and twisting alone
 
     @property
@@ -93,12 +92,12 @@ def test_spring_of_a_pair_follows_its_normal_through_a_quarter_turn(steps, loss)
         new = np.array([np.sin(k * turn), 0.0, np.cos(k * turn)])
         w = new - n
         w -= (w @ new) * new
-        history[0] = turned(True, history, 0, 0, *new, *w, 0.0)
+        history[0] = turned(tuple(w), 0.0, tuple(new), history, 0, 0)
         n = new
     assert history[0] == pytest.approx([0.0, 4e-6, -3e-6], abs=10 * loss * 5e-6)
     assert 1.0 - loss <= np.linalg.norm(history[0]) / 5e-6 <= 1.0 + 1e-12
     for _ in range(steps):
-        history[0] = turned(True, history, 0, 0, *n, 0.0, 0.0, 0.0, turn)
+        history[0] = turned((0.0, 0.0, 0.0), turn, tuple(n), history, 0, 0)
     assert history[0] == pytest.approx([0.0, 3e-6, 4e-6], abs=10 * loss * 5e-6)
 
 
@@ -197,3 +196,36 @@ def test_cohesion_pulls_as_long_as_the_overlap_lasts_and_stores_its_work():
     assert stored == pytest.approx(0.5 * 1e4 * 1e-12 - 2e-3 * 1e-6)
     before, after, _ = oblique_impact(law, 0, pull=2e-3)
     assert after == pytest.approx(before, rel=2e-4)  # the last step may pull up to F_c v dt too long
+
+
+class ConstantTable(NamedTuple):
+    """A law of a stranger: the force F_0, whatever the overlap; one type, one spring, one line."""
+
+    rows: np.ndarray
+
+
+@borrowing(error_model="numpy")
+def constant_spring(table, kind, delta, m_eff, r_eff, memory):
+    f = table.rows[kind, 0]
+    return f, 0.0, 0.0, 0.0, f * delta, memory
+
+
+def test_a_new_law_is_a_table_a_spring_and_a_line(monkeypatch):
+    monkeypatch.setitem(OF_TABLE, ConstantTable, Spring(ConstantTable, constant_spring, varies=False))
+    rows = np.zeros((1, N_LAW))
+    rows[0, [0, MU]] = 2e-3, 0.3
+    touch = Touch(1e-6, (0.0, 0.0, 1.0), (0.0, 0.0, 0.5), None, 0.0)
+    found = contact_force(ConstantTable(rows), 0, BOOKS, MASS, RADIUS, 1e-6, touch, np.zeros((1, BOOKS + 8)), 0)
+    assert (found.x, found.y, found.z, found.stored) == pytest.approx((0.0, 0.0, -2e-3, 2e-9))
+
+
+def test_equal_grains_have_the_same_force_with_constant_dashpots():
+    law = LinearContact.from_restitution(1e4, 0.6, 0.3)
+    table = SPRINGS["linear"].table(law.row()[None])
+    dashpots = np.array([spring(table, 0, 1e-6, MASS, RADIUS, 0.0)[2:4]])
+    touch = Touch(2e-6, (0.0, 0.6, 0.8), (0.2, -0.3, 0.4), None, 5.0)
+    one, other = (
+        contact_force(given, 0, BOOKS, MASS, RADIUS, 1e-6, touch, np.zeros((1, BOOKS + 8)), 0)
+        for given in (table, EqualLinearTable(table.rows, dashpots))
+    )
+    assert other == pytest.approx(one, rel=1e-12)

@@ -14,6 +14,7 @@ from particles.laws.hertz import HertzContact
 from particles.laws.hertz_mindlin import HertzMindlin
 from particles.laws.linear import LinearContact
 from particles.laws.springs import SPRINGS
+from particles.laws.springs import spring as spring_of
 from particles.laws.thesis import ThesisContact
 from particles.laws.walton_braun import WaltonBraun
 
@@ -30,7 +31,7 @@ M, R = 2e-6, 0.25e-3  # reduced mass [kg] and effective radius [m]
 
 
 def spring(law, delta, m_eff=M, r_eff=R, memory=0.0):
-    return SPRINGS[law.kernel](law.row()[None], 0, delta, m_eff, r_eff, memory)
+    return spring_of(SPRINGS[law.kernel].table(law.row()[None]), 0, delta, m_eff, r_eff, memory)
 
 
 def textbook(name, d):

@@ -1,0 +1,240 @@
+"""What the compiled step reads and writes: tuples of arrays, named by what they belong to.
+
+Each is one argument of `particles.dem.step_kernel.run_steps`. Numba knows a tuple by its class, so classes stand at the
+level of a module, and a field that is left out of the compiled code is None in every step of that kind.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from particles.dem.attraction_kernel import HeldAttraction
+from particles.dem.contact_kernel import Resistance
+from particles.lists.chunks import Chunks
+
+
+class Call(NamedTuple):
+    """One call of the step: how far, and what stops it.
+
+    Attributes
+    ----------
+    n_steps : int
+    dt : float
+        [s]
+    last : bool
+        The last of these steps is the last of the run: it leaves what the run reports.
+    travel : float
+        Squared way of a grain since the list was made [m^2].
+    wall_travel : float
+        Way of a triangle since then [m].
+    overlap : float
+        Share of the diameter.
+    speed : float
+        [m/s]
+    """
+
+    n_steps: int
+    dt: float
+    last: bool
+    travel: float
+    wall_travel: float
+    overlap: float
+    speed: float
+
+
+class Now(NamedTuple):
+    """The present step of a call: its number, dt [s], and whether it is the last of the run."""
+
+    step: int
+    dt: float
+    last: bool
+
+
+class GrainState(NamedTuple):
+    """Grains and what is held during the call.
+
+    Attributes
+    ----------
+    where, motion, mass : ndarray, shapes (n, 4), (n, 12), (n,)
+        As in `particles.grains.Grains`.
+    species : ndarray of int64, shape (n,) or (0,)
+        Material of each grain; empty where there is one.
+    gravity : ndarray, shape (k, 3)
+        Acceleration [m/s^2]: a row a step, one row for all of them, or none.
+    external : ndarray, shape (n, 3) or (0, 3)
+        Held force [N]; empty without.
+    reference : ndarray, shape (n, 3)
+        Centres at which the list was made [m].
+    net : ndarray, shape (n, 3)
+        Contact force on each grain in the last step of the run [N].
+    """
+
+    where: np.ndarray
+    motion: np.ndarray
+    mass: np.ndarray
+    species: np.ndarray
+    gravity: np.ndarray
+    external: np.ndarray
+    reference: np.ndarray
+    net: np.ndarray
+
+
+class PairSlots(NamedTuple):
+    """Slots of the half list, row by row.
+
+    Attributes
+    ----------
+    start, other : ndarray of int64, shapes (n + 1,), (p,)
+        Grain i has the slots ``start[i]`` up to ``start[i + 1]``.
+    shift : ndarray of int8, shape (p,), or None
+        The partner is the image R(shift*angle) x_j; None without a sector, and so is
+    turn : ndarray, shape (2,), or None
+        Cosine and sine of the sector's angle.
+    law_row : ndarray of int64, shape (s, s)
+        Row of the law's table by species.
+    touching, history : ndarray, shapes (p,) uint8, (p, columns)
+        Whether the pair touches, and what it remembers (`particles.dem.contact_kernel`).
+    record : ndarray, shape (p, 3) or (0, 3)
+        Where forces [N] are left, if they are asked for.
+    """
+
+    start: np.ndarray
+    other: np.ndarray
+    shift: np.ndarray | None
+    turn: np.ndarray | None
+    law_row: np.ndarray
+    touching: np.ndarray
+    history: np.ndarray
+    record: np.ndarray
+
+
+class WallSlots(NamedTuple):
+    """Slots of (grain, wall), row by row, as in `PairSlots`.
+
+    Attributes
+    ----------
+    record : ndarray, shape (s, 7) or (0, 3)
+        Force [N], overlap [m] and unit vector towards the wall, if they are asked for.
+    found : ndarray, shape (c, most, N_FOUND)
+        Scratch of each chunk: what a grain touches.
+    """
+
+    start: np.ndarray
+    other: np.ndarray
+    touching: np.ndarray
+    history: np.ndarray
+    record: np.ndarray
+    found: np.ndarray
+
+
+class WallState(NamedTuple):
+    """Walls on bodies that turn.
+
+    Attributes
+    ----------
+    smooth, triangle : ndarray
+        As in `particles.walls.device_walls.DeviceWalls`.
+    law_row : ndarray of int64, shape (s, walls)
+        Row of the law's table by species and wall.
+    body : ndarray of int64, shape (walls,)
+        Body of each wall.
+    speed : ndarray, shape (n_bodies,)
+        Of the bodies [rad/s], that of `Shafts`.
+    turn : ndarray, shape (n_bodies, 2)
+        Cosine and sine of their angles; kept where there are triangles.
+    """
+
+    smooth: np.ndarray
+    triangle: np.ndarray
+    law_row: np.ndarray
+    body: np.ndarray
+    speed: np.ndarray
+    turn: np.ndarray
+
+
+class Shafts(NamedTuple):
+    """Bodies and what drives them.
+
+    Attributes
+    ----------
+    drives : ndarray, shape (n_steps, n_bodies, 4)
+        Speeds and torques at the coming steps (`particles.dem.sums`).
+    constants : ndarray, shape (n_bodies, 2)
+        Whether the body is free, and its inertia [kg m^2].
+    angle, speed : ndarray, shape (n_bodies,)
+        [rad], [rad/s]
+    reach, list_angle : ndarray, shape (n_bodies,)
+        Largest radius of its triangles [m]; its angle when the list was made [rad].
+    n_sectors : float
+        Sectors in the ring: a shaft feels all of them.
+    """
+
+    drives: np.ndarray
+    constants: np.ndarray
+    angle: np.ndarray
+    speed: np.ndarray
+    reach: np.ndarray
+    list_angle: np.ndarray
+    n_sectors: float
+
+
+class Totals(NamedTuple):
+    """Sums over steps (`particles.dem.sums`), and those of the chunks in one step that they are added from.
+
+    Attributes
+    ----------
+    run, bodies : ndarray, shapes (N_SUMS,), (n_bodies, N_BODY_SUMS)
+    chunk, chunk_bodies : ndarray, shapes (c, N_SUMS), (c, n_bodies, N_CHUNK_BODY)
+    """
+
+    run: np.ndarray
+    bodies: np.ndarray
+    chunk: np.ndarray
+    chunk_bodies: np.ndarray
+
+
+class Tally(NamedTuple):
+    """What the rows of a chunk have added up so far in one step.
+
+    Attributes
+    ----------
+    contacts : int
+    elastic : float
+        Energy of the springs [J].
+    normal, tangential, sliding, rolling, twisting : float
+        Losses [J] by mechanism.
+    left : tuple of 4 floats
+        Losses where a grain left a wall: to normal damping, sliding, rolling and twisting.
+    deepest, deepest_at : float, int
+        Largest overlap [share of the diameter; m between equal grains], and the grain that has it.
+    """
+
+    contacts: int
+    elastic: float
+    normal: float
+    tangential: float
+    sliding: float
+    rolling: float
+    twisting: float
+    left: tuple[float, float, float, float]
+    deepest: float
+    deepest_at: int
+
+
+class StepArguments(NamedTuple):
+    """The arguments of `run_steps`, in its order."""
+
+    call: Call
+    law: Any
+    resistance: Resistance | None
+    ledger: int | None
+    attraction: HeldAttraction | None
+    grains: GrainState
+    pairs: PairSlots
+    slots: WallSlots
+    walls: WallState
+    shafts: Shafts
+    chunks: Chunks
+    totals: Totals
