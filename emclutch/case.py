@@ -130,7 +130,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     except FileNotFoundError:
         reason = "does not exist; check the path"
     except IsADirectoryError:
-        reason = "is a folder; name the .toml file in it"
+        reason = "is a folder; name a scene's .toml file, or go on with a run in it by --resume"
     except OSError as error:
         reason = f"cannot be read ({error.strerror}); check the path and its permissions"
     except UnicodeDecodeError:

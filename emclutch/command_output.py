@@ -25,7 +25,7 @@ def torque_line(torque: dict[str, Any] | None) -> str:
     interval = Estimate.from_dict(torque).interval()
     if interval is not None:
         behind = packings(torque.get("replicas") or 1, torque.get("packing_share"))
-        text += f" (95 %: {interval[0]:.4g} to {interval[1]:.4g}, {behind})"
+        text += f" (standard error; 95 %: {interval[0]:.3g} to {interval[1]:.3g}, {behind})"
     return text if torque.get("converged") else f"{text}; {torque.get('reason')}"
 
 

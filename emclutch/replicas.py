@@ -49,7 +49,8 @@ class ReplicaProcess:
             return ""
         self.errors.seek(0)
         lines = self.errors.read().strip().splitlines()
-        return f"the replica in {self.folder.path} failed: {lines[-1] if lines else 'it was killed'}"
+        why = lines[-1] if lines else "it was killed, most often for want of memory"
+        return f"the replica in {self.folder.path} failed: {why}"
 
     def release(self) -> None:
         """Ask it to end with a checkpoint."""

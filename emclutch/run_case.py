@@ -160,6 +160,8 @@ def _run(
     device, plan = make_plan(case, threads=threads_in_use())
     for label, reason in plan.reasons.items():
         log.info("%s: %s", label, reason)
+        if "WARNING" in reason:
+            _announce(progress, f"{label}: {reason}")
     refuse_too_much(len(replicas.histories) * plan.cost.memory, insist=insist)
     mesh_hash = None if device.coil is None else device.coil.mesh.hash()
     folder.write_provenance(
@@ -252,7 +254,7 @@ def _run(
     if known is not None and known.reached:
         log.info("the torque is known at t = %g s", simulation.dem.time)
     if problem := replicas.failure() or replicas.wait(is_stopped, lambda text: _announce(progress, text)):
-        raise RunError(f"{problem}\n(log: {folder.log})")
+        raise RunError(f"{problem}; go on with: emclutch run {folder.path} --resume\n(log: {folder.log})")
     cut_off = simulation.window < plan.windows and not (known is not None and known.reached)
     if stop.is_set() and (cut_off or replicas.are_running()):
         log.info("stopped by the user at t = %g s", simulation.dem.time)

@@ -21,6 +21,7 @@ BEHIND = 2.0  # times the seconds foretold
 WINDOWS = 10  # at least, and
 SHARE = 0.02  # of the run, and
 LEAST_S = 20.0  # have passed before anything is said: short runs need no plan, and short jams pass
+WAITED_S, ASLEEP = 5.0, 0.1  # a window so long in which the process had no more than this share of a core slept
 BUSY = 1.4  # processor time that was to be had over what was got: other programs take the cores
 _WORK = {
     "field": "field solves and deposit",
@@ -56,9 +57,15 @@ class RunPace:
         if self._compiled() != self._kernels:
             self._restart(now)
             return
+        work = {part: row.get(f"wall_{part}", 0.0) for part in self._spent}
+        processor = time.process_time()
+        at_work, self._latest = processor - self._latest, processor
+        if sum(work.values()) > WAITED_S and at_work < ASLEEP * sum(work.values()):
+            self._restart(now)  # it waited for a kernel that another process compiles
+            return
         self._windows += 1
-        for part in self._spent:
-            self._spent[part] += row.get(f"wall_{part}", 0.0)
+        for part, seconds in work.items():
+            self._spent[part] += seconds
         if not self.said and self._is_time(now):
             self.said = self._reason(now)
             if self.said:
@@ -69,7 +76,8 @@ class RunPace:
     def _restart(self, now: float) -> None:
         self._begin, self._windows, self._kernels = now, 0, self._compiled()
         self._spent = dict.fromkeys(_WORK, 0.0)
-        self._wall, self._processor = time.perf_counter(), time.process_time()
+        self._wall = time.perf_counter()
+        self._processor = self._latest = time.process_time()
 
     def _is_time(self, now: float) -> bool:
         passed = (now - self._begin) / self._cost.time[-1]

@@ -29,7 +29,8 @@ def closing_lines(result: Result) -> list[str]:
         lines.append(
             f"known as well as asked for ({until['asked']}) at t = {summary['time']:.4g} s"
             if until["reached"]
-            else f"not known as well as asked for ({until['asked']}): {until['reason']}"
+            else f"not known as well as asked for ({until['asked']})"
+            + (f": {until['reason']}" if until["reason"] != summary["torque"]["reason"] else "")
         )
     caution = soft_grains(summary)
     return lines + ([f"caution: {caution}"] if caution else [])

@@ -235,7 +235,7 @@ class _StudyRun:
     def _is_done(self, number: int, result: Result, kept: bool = False) -> None:
         torque = result.torque
         seconds = result.summary["seconds"]["whole_run"]
-        self.table.set_done(number, torque.mean, torque.standard_error, seconds, kept=kept)
+        self.table.set_done(number, torque.mean, torque.standard_error, seconds, kept=kept, converged=torque.converged)
         if not kept:
             log.info("%s is done", self.targets[number].path.name)
         self.done[number] = (*self.points[number], result)

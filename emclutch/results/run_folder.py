@@ -70,7 +70,7 @@ class RunFolder:
         if not self.checkpoint.is_file():
             raise OutputError(
                 f"nothing to resume in {self.path}: it has no {self.checkpoint.name}; "
-                "start without --resume in a new folder, or name the right one with --out"
+                "remove it and start anew, or name the folder of another run"
             )
 
     @staticmethod

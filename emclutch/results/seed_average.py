@@ -32,7 +32,8 @@ def averaged_over_seeds(rows: Sequence[Mapping[str, Any]], seed: str, others: Se
     list of dict
         The other values; `seeds`, how many; `torque` with its `standard_error` [N m] from the scatter between the seeds
         and the ends `low`, `high` of its 95 % interval, None of one seed; `converged` where all runs are; the mean of
-        every other column of numbers, None where a run has none.
+        every other column of numbers, None where a run has none; of an `..._error` the error of that mean, as of the
+        torque.
     """
     groups: dict[str, list[Mapping[str, Any]]] = {}
     for row in rows:
@@ -49,7 +50,11 @@ def _average(group: Sequence[Mapping[str, Any]], seed: str, others: Sequence[str
         if name not in (seed, *others, *found, *OF_A_RUN):
             values: list[Any] = [row.get(name) for row in group]
             numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values)
-            found[name] = float(np.mean(values)) if numbers else None
+            if numbers and name.endswith("_error") and name.removesuffix("_error") in first:  # not the runs' own
+                of = [row[name.removesuffix("_error")] for row in group]
+                found[name] = float(np.std(of, ddof=1)) / math.sqrt(len(of)) if len(of) > 1 else None
+            else:
+                found[name] = float(np.mean(values)) if numbers else None
     return found
 
 

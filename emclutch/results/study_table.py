@@ -30,7 +30,7 @@ class PointRow:
     label : its values.
     state : WAITING, RUNNING, DONE, KEPT, FAILED or STOPPED.
     fraction : of it that is done.
-    torque, error : of a point that is done [N m].
+    torque, error, converged : of a point that is done [N m].
     seconds : wall-clock time of the whole run [s].
     began : reading of the clock when it began here [s].
     marched, first : reading of the clock [s] when it was first seen to have done a part, and how much; what goes
@@ -42,6 +42,7 @@ class PointRow:
     fraction: float = 0.0
     torque: float | None = None
     error: float | None = None
+    converged: bool = True
     seconds: float | None = None
     began: float = 0.0
     marched: float | None = None
@@ -108,7 +109,14 @@ class StudyTable:
         self._tell(at_once=True)
 
     def set_done(
-        self, number: int, torque: float | None, error: float | None, seconds: float | None, *, kept: bool = False
+        self,
+        number: int,
+        torque: float | None,
+        error: float | None,
+        seconds: float | None,
+        *,
+        kept: bool = False,
+        converged: bool = True,
     ) -> None:
         """A point is done, now or before: its torque with its standard error [N m] and its seconds."""
         row = self.rows[number]
@@ -116,6 +124,7 @@ class StudyTable:
             row.marched = self._clock() - (seconds or 0.0)
         row.state, row.fraction = KEPT if kept else DONE, 1.0
         row.torque, row.error, row.seconds = torque, error, seconds
+        row.converged = converged
         self._text = f"{row.label} is {row.state}: {torque_text(row)}"
         self._tell(at_once=True)
 
@@ -203,4 +212,5 @@ def torque_text(row: PointRow) -> str:
     """A point's torque with its standard error, or nothing."""
     if row.torque is None:
         return "" if row.state in (WAITING, RUNNING, FAILED, STOPPED) else "no torque"
-    return f"{row.torque:.4g}" + (" N m" if row.error is None else f" ± {row.error:.2g} N m")
+    text = f"{row.torque:.4g}" + (" N m" if row.error is None else f" ± {row.error:.2g} N m")
+    return text if row.converged else f"{text}, not converged"

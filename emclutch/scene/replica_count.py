@@ -47,10 +47,10 @@ def packs_alike(scene: Scene) -> bool:
 def replica_seed(seed: int, number: int) -> int:
     """Seed of a replica; the first has the scene's own, the others are unlike those that a study may list.
 
-    They come from NumPy's SeedSequence, whose streams are independent.
+    They come from NumPy's SeedSequence, whose streams are independent, and are whole numbers in any reader of JSON.
     """
     if number == 0:
         return seed
     import numpy as np
 
-    return int(np.random.SeedSequence([seed, number]).generate_state(1, np.uint64)[0] >> 1)
+    return int(np.random.SeedSequence([seed, number]).generate_state(1, np.uint64)[0] >> 12)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 EXAMPLES = ("torque 2 %", "torque 0.01 N m", "torque 2 % or 0.01 N m")
 _SHARE = number("2", 0.01, 50.0)
 _TORQUE = Quantity("a torque", "N*m", "0.01 N m", 0.0, 1e7, open_minimum=True)
+_BARE = re.compile(r"[\d.eE+-]+")
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +46,8 @@ class TorqueTarget:
         torques = [part.strip() for part in parts if not part.strip().endswith("%")]
         if len(shares) > 1 or len(torques) > 1:
             raise ValueError(f"has two aims of one kind; {examples}")
+        if any(_BARE.fullmatch(torque) for torque in torques):
+            raise ValueError(f"has no unit; {examples}")
         try:
             relative = 0.01 * _SHARE.read(shares[0]) if shares else None
             absolute = _TORQUE.read(torques[0]) if torques else None
@@ -68,7 +71,7 @@ class TorqueTarget:
         try:
             return cls.of_text(given)
         except ValueError as error:
-            raise PydanticCustomError("torque_target", "{message}", {"message": str(error)}) from None
+            raise PydanticCustomError("quantity", "{message}", {"message": str(error)}) from None
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
