@@ -33,6 +33,7 @@ from particles import CyclicSector, PairLaws, RollingFriction, TwistingFriction,
 if TYPE_CHECKING:
     from emclutch.effects_left_out import LeftOut
 
+HEAP = 0.6  # solid fraction of grains at rest
 NECK_MARGIN = 10.0  # of a contact's stiffness over the negative one of its neck
 
 
@@ -277,14 +278,21 @@ def _largest_speed(scene, device: Device) -> float:
 
 
 def _fall_speed(scene, device: Device) -> float:
-    """Speed [m/s] of a grain that falls across the sheared gap, or, where grains are poured in, through the device."""
+    """Speed [m/s] of a grain that falls across the sheared gap, or, where grains are poured in, through the device.
+
+    In a box it falls through what the heap of all others leaves empty.
+    """
     gravity = scene.effects.gravity
     if gravity is None:
         return 0.0
-    height = device.shear_gap
+    along = np.abs(gravity.direction)
+    whole = float(along @ _size(device)) / float(np.linalg.norm(along))
     if scene.particles.packing == "pour":
-        along = np.abs(gravity.direction)
-        height = float(along @ _size(device)) / float(np.linalg.norm(along))
+        height = whole
+    elif isinstance(device.shape, Box):
+        height = max(whole * (1.0 - device.fill.solid_fraction / HEAP), scene.particles.largest_diameter)
+    else:
+        height = device.shear_gap
     return float(np.sqrt(2 * gravity.acceleration * height))
 
 
