@@ -119,11 +119,15 @@ def current(run: FinishedRun, most: float) -> float:
 
 
 def coil_energy(run: FinishedRun, share: float) -> float:
-    """What the supply gives is copper loss, eddy loss and the field's energy (and the little work on the grains)."""
-    given = run.sum_of("coil_supplied").sum()
-    used = run.sum_of("copper_loss", "eddy_loss").sum() + run.history["field_energy"].iloc[-1]
+    """What the supply gives is copper loss, eddy loss and the field's energy (and the little work on the grains).
+
+    At a circuit without eddy currents the field is that of the window's begin: what the last window gave is not in it.
+    """
+    flow = run.sum_of("coil_supplied") - run.sum_of("copper_loss", "eddy_loss")
+    if "eddy_loss" not in run.history:
+        flow = flow[:-1]
     scale = np.abs(run.sum_of("coil_supplied")).sum() + run.history["field_energy"].max()
-    return abs(given - used) / (share * scale)
+    return abs(flow.sum() - run.history["field_energy"].iloc[-1]) / (share * scale)
 
 
 def flux_linkage(run: FinishedRun, bounds: list[float]) -> float:
@@ -202,13 +206,13 @@ def energy_through(run: FinishedRun) -> float:
 def torque_scale(run: FinishedRun) -> float:
     """Largest sum of the sizes of all torques and of dL/dt in a window [N m].
 
-    Where all are nothing but round-off it is 1e-4 of the grains' largest angular momentum, given in a window.
+    Where all are nothing but round-off it is a millionth of the grains' largest angular momentum, given in a window.
     """
     names = [name for name in ("torque_disc", "torque_rotor", "torque_housing", "torque_field") if name in run.history]
     momentum = run.history["angular_momentum"].to_numpy()
     change = np.diff(momentum, prepend=momentum[0]) / _durations(run)
     terms = run.history[names].abs().sum(axis=1).to_numpy() + np.abs(change)
-    return max(float(terms.max()), 1e-4 * _inertial_torque(run))
+    return max(float(terms.max()), 1e-6 * _inertial_torque(run))
 
 
 def _durations(run: FinishedRun) -> np.ndarray:

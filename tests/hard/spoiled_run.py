@@ -91,7 +91,7 @@ def _a_current_too_large(run: FinishedRun) -> None:
 
 
 def _a_supply_that_gives_more(run: FinishedRun) -> None:
-    _add(run, "coil_supplied", run.history["coil_supplied"].abs().sum() + run.history["field_energy"].max())
+    run.history["coil_supplied"] += run.history["coil_supplied"].abs().sum() + run.history["field_energy"].max()
 
 
 def _no_flux(run: FinishedRun) -> None:
