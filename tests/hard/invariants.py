@@ -58,7 +58,7 @@ def energy_balance(run: FinishedRun, share: float) -> float:
 
 def losses(run: FinishedRun, share: float) -> float:
     """No mechanism gives energy back: the most negative loss of a window over all losses."""
-    worst = -float(run.history.filter(like="dissipated").to_numpy().min(initial=0.0))
+    worst = abs(float(run.history.filter(like="dissipated").to_numpy().min(initial=0.0)))
     return worst / (share * energy_through(run))
 
 
