@@ -329,6 +329,7 @@ class EddyCoilField(CoilField):
     due: float = -np.inf
     largest: float = 0.0
     _before: TransientState | None = None
+    _begun: float = -np.inf
     _base: TransientState | None = None
 
     def __post_init__(self) -> None:
@@ -349,11 +350,12 @@ class EddyCoilField(CoilField):
         assert self.eddy is not None
         if self.transient is None:
             powder = self._powder(fill, 0.0)
-            self.transient = self._beginning(time, powder)
-            self._before = self.transient
+            self.transient = self._before = self._beginning(time, powder)
+            self._begun = time
             self.is_stale(self.transient.current, fill)
         else:
-            self._before = self.transient
+            if time > self._begun:  # a window with feedback asks again until field and moments agree
+                self._before, self._begun = self.transient, time
             current = self.transient.current if self.voltage is not None else self.current(time)
             changed = self.is_stale(current, fill)
             stops = [b for b in self.breaks if self.transient.time < b < time]

@@ -8,6 +8,8 @@ from emclutch.device import Device
 from geometry import Box
 from geometry.centrifugal import CentrifugalClutch
 
+HEAP = 0.6  # solid fraction of grains at rest
+
 
 def largest_speed(scene, device: Device) -> float:
     """Largest speed [m/s] that a driven wall gives to grains, or that weight can."""
@@ -16,14 +18,21 @@ def largest_speed(scene, device: Device) -> float:
 
 
 def fall_speed(scene, device: Device) -> float:
-    """Speed [m/s] of a grain that falls across the sheared gap, or, where grains are poured in, through the device."""
+    """Speed [m/s] of a grain that falls across the sheared gap, or, where grains are poured in, through the device.
+
+    In a box it falls through what the heap of all others leaves empty.
+    """
     gravity = scene.effects.gravity
     if gravity is None:
         return 0.0
-    height = device.shear_gap
+    along = np.abs(gravity.direction)
+    whole = float(along @ device_extent(device)) / float(np.linalg.norm(along))
     if scene.particles.packing == "pour":
-        along = np.abs(gravity.direction)
-        height = float(along @ device_extent(device)) / float(np.linalg.norm(along))
+        height = whole
+    elif isinstance(device.shape, Box):
+        height = max(whole * (1.0 - device.fill.solid_fraction / HEAP), scene.particles.largest_diameter)
+    else:
+        height = device.shear_gap
     return float(np.sqrt(2 * gravity.acceleration * height))
 
 

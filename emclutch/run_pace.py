@@ -50,6 +50,7 @@ class RunPace:
     ) -> None:
         self._cost, self._tell, self._compiled = cost, tell, compiled
         self.said = ""
+        self._latest = 0.0  # reading of the processor's clock after the last window [s]
         self._restart(begin)
 
     def __call__(self, simulation: Simulation, row: dict) -> None:

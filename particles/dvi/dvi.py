@@ -212,6 +212,7 @@ class DVI:
         self._reach = self.skin
         self._impulses: ImpulseList | None = None
         self._rebuild()
+        self._springs[0] = self._pressed_in()
 
     @property
     def time(self) -> float:
@@ -504,6 +505,19 @@ class DVI:
             depth[k, 0] = radius[row[k]] - distance
             depth[k, 1:] = away / max(distance, np.finfo(float).tiny)
         return depth
+
+    def _pressed_in(self) -> float:
+        """Energy [J] that the normal springs hold at the start, where grains overlap each other or smooth walls."""
+        if self._stiffness is None:
+            return 0.0
+        g, c = self.grains, self._list
+        i, j = c.pairs.rows(), c.pairs.other
+        pairs = g.radius[i] + g.radius[j] - np.linalg.norm(g.position[j] - g.position[i], axis=1)
+        row, wall = c.wall_rows(), c.wall_other.astype(np.int64)
+        smooth = wall < len(self._device.rows)
+        walls = self._depths(row[smooth], wall[smooth])[:, 0]
+        by_kind = zip(self._stiffness[:, 0], (pairs, walls), strict=True)
+        return float(sum(0.5 * k * np.sum(depth[depth > 0.0] ** 2) for k, depth in by_kind))
 
     def _refuse_escaped(self) -> None:
         g = self.grains

@@ -116,10 +116,10 @@ def coulomb_block(w_nn, w_n1, w_n2, w_11, w_12, w_22, mu, q_n, q_1, q_2):
 @njit(error_model="numpy", fastmath={"contract"})
 def on_cone(mu, r_n, r_t):
     """Nearest point (n, t) of the friction cone to a vector with normal part r_n and tangential size r_t >= 0."""
+    if mu * r_t <= -r_n:  # first: without friction the other would take a pull for a point of the cone
+        return 0.0, 0.0
     if r_t <= mu * r_n:
         return r_n, r_t
-    if mu * r_t <= -r_n:
-        return 0.0, 0.0
     n = (r_n + mu * r_t) / (1.0 + mu * mu)
     return n, mu * n
 
@@ -131,11 +131,11 @@ def natural_map(convex, w_n, mu, r_n, r_1, r_2, u_n, u_1, u_2):
         u_n = u_n + mu * np.sqrt(u_1 * u_1 + u_2 * u_2)
     n, x, y = r_n - u_n / w_n, r_1 - u_1 / w_n, r_2 - u_2 / w_n
     t = np.sqrt(x * x + y * y)
+    if mu * t <= -n:  # first: see `on_cone`
+        return w_n * np.sqrt(r_n * r_n + r_1 * r_1 + r_2 * r_2)
     # from the velocity, not from the difference of impulses: where these have run away it would round to nothing
     if t <= mu * n:
         return np.sqrt(u_n * u_n + u_1 * u_1 + u_2 * u_2)
-    if mu * t <= -n:
-        return w_n * np.sqrt(r_n * r_n + r_1 * r_1 + r_2 * r_2)
     out = w_n * (t - mu * n) / (1.0 + mu * mu)  # from the cone's surface
     d_n, d_1, d_2 = u_n - mu * out, u_1 + out * x / t, u_2 + out * y / t
     return np.sqrt(d_n * d_n + d_1 * d_1 + d_2 * d_2)

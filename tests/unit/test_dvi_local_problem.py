@@ -144,6 +144,8 @@ def test_residual_sees_what_is_wrong_in_metres_a_second():
         assert natural_map(False, w_n, 0.3, 0.0, 0.0, 0.0, -0.25, 0.0, 0.0) == pytest.approx(0.25)
         # kept in contact although it parts at 0.25 m/s, by an impulse that would change it by 1 m/s
         assert natural_map(False, w_n, 0.3, mass, 0.0, 0.0, 0.25, 0.0, 0.0) == pytest.approx(0.25)
+        for mu in (0.0, 0.3):  # nor is anything wrong where it parts and carries nothing, also without friction
+            assert natural_map(False, w_n, mu, 0.0, 0.0, 0.0, 0.25, 0.0, 0.0) == 0.0
         # the convex law's own solution of a sliding contact is none of Coulomb's: it parts at mu |u_t|
         c = convex_isotropic(w_n, 3.5 * w_n, 0.3, -1.0, 5.0, 0.0)
         u = (w_n * c[0] - 1.0, 3.5 * w_n * c[1] + 5.0, 0.0)

@@ -1,0 +1,93 @@
+"""A hard scene with its invariants, and its runs: the short one of the gate and the long ones of `make stability`."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from finished_run import FinishedRun
+from invariants import margins
+
+import emclutch
+from emclutch.case import Case
+from emclutch.faults import SceneError
+from emclutch.plan import make_plan
+from emclutch.run_case import RunError
+
+FOLDER = Path(__file__).resolve().parents[2] / "cases" / "hard"
+TABLE = FOLDER / "invariants.toml"
+BARE = {"output.snapshots": 0, "output.pictures": False, "output.formats": [], "accuracy.replicas": 1}
+STEPS_PER_CONTACT = (10.0, 32.0, 100.0)  # by DEM; the default is 20, and 10 the least that is allowed
+OF_RIGID_STEP = (0.32, 1.0, 3.2)  # by DVI, of the default step
+
+
+@dataclass(frozen=True, slots=True)
+class HardScene:
+    """A scene of cases/hard with what must hold in it.
+
+    Attributes
+    ----------
+    name : str
+        Of its file.
+    bounds : dict
+        Bound by invariant, those of every scene among them.
+    short : dict
+        Values that the gate sets.
+    stops : str or None
+        Pattern of the explanation with which the scene is refused, or stops; None: it runs to its end.
+    """
+
+    name: str
+    bounds: dict[str, Any]
+    short: dict[str, Any] = field(default_factory=dict)
+    stops: str | None = None
+
+    def case(self, values: Mapping[str, Any] | None = None) -> Case:
+        """The scene without pictures and frames, with `values`."""
+        return emclutch.load_case(FOLDER / f"{self.name}.toml", BARE | dict(values or {}))
+
+    def run(self, folder: Path, values: Mapping[str, Any] | None = None) -> FinishedRun:
+        """Raises what a run raises: SceneError, RunError."""
+        case = self.case(values)
+        emclutch.run(case, out=folder)
+        return FinishedRun.of(case, folder)
+
+    def explanation(self, folder: Path, values: Mapping[str, Any] | None = None) -> str | None:
+        """With what words the run was refused or stopped; None where it ran to its end."""
+        try:
+            self.run(folder, values)
+        except (SceneError, RunError) as error:
+            return str(error)
+        return None
+
+    def is_explained(self, words: str | None) -> bool:
+        """Whether these are the words with which the scene is to stop."""
+        return words is not None and self.stops is not None and re.search(self.stops, words, re.DOTALL) is not None
+
+    def margins(self, run: FinishedRun) -> dict[str, float]:
+        """Margin by invariant."""
+        return margins(run, self.bounds)
+
+    def steps(self) -> Iterator[dict[str, Any]]:
+        """Values that set the steps of the long runs: a decade around the default, which is one of them by DVI."""
+        case = self.case()
+        if case.scene.contact.method == "dem":
+            yield from ({"time.steps_per_contact": n, "time.step": "auto"} for n in STEPS_PER_CONTACT)
+            return
+        dt = make_plan(case)[1].dt
+        yield from ({"contact.dvi.step": factor * dt, "contact.dvi.insist": True} for factor in OF_RIGID_STEP)
+
+
+def hard_scenes() -> list[HardScene]:
+    """All scenes that ``cases/hard/invariants.toml`` names, in its order."""
+    table = tomllib.loads(TABLE.read_text(encoding="utf-8"))
+    every = table.pop("every")
+    scenes = []
+    for name, entry in table.items():
+        short, stops = entry.pop("short", {}), entry.pop("stops", None)
+        scenes.append(HardScene(name, every | entry, short, stops))
+    return scenes
