@@ -70,7 +70,7 @@ class RunFolder:
         if not self.checkpoint.is_file():
             raise OutputError(
                 f"nothing to resume in {self.path}: it has no {self.checkpoint.name}; "
-                "remove it and start anew, or name the folder of another run"
+                "start anew without --resume, elsewhere with --out or after removing it"
             )
 
     @staticmethod

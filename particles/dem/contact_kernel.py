@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from geometry.inner_functions import borrowing, inner
-from particles.laws.columns import COHESION_0, COHESION_1, DAMPING_ROLLING, MU, MU_ROLLING, MU_TWISTING
+from particles.laws.columns import COHESION_0, COHESION_1, COHESIVE, DAMPING_ROLLING, MU, MU_ROLLING, MU_TWISTING
 from particles.laws.springs import remembers, spring, varies
 
 MEMORY, LAST_STIFFNESS, LAST_STORED = 3, 4, 5
@@ -143,7 +143,9 @@ def contact_force(law, kind, ledger, m_eff, r_eff, dt, touch, history, slot):
     else:
         f_el, k_t, gamma_n, gamma_t, stored, _ = spring(law, kind, delta, m_eff, r_eff, 0.0)
     f_rep = max(f_el + gamma_n * closing, 0.0)  # an impact never pulls
-    pull = law.rows[kind, COHESION_0] + law.rows[kind, COHESION_1] * r_eff
+    pull = 0.0
+    if law.rows[kind, COHESIVE] > 0.0:
+        pull = law.rows[kind, COHESION_0] + law.rows[kind, COHESION_1] * r_eff
     f_n = f_rep - pull
 
     xi_x, xi_y, xi_z = turned(touch.way, phi, touch.normal, history, slot, 0)

@@ -11,10 +11,9 @@ chunks. So nothing depends on the number of threads, bit for bit.
 The law is the one whose table is given: numba compiles for its type (`particles.laws.springs`). What would cost in the
 loop over pairs and is not in the scene (a sector's ``turn``, ``resistance``, ``ledger``, ``attraction``) is None where
 a function takes it as an argument: numba prunes its branches, the compiled code does not contain it. What is done once
-a grain or once a contact (gravity, held forces, triangles, species, which of rolling and twisting) is a branch at run
-time, on an empty array or a number; cohesion is always added, a pull of 0 without: every combination compiled would be
-thousands of variants of ten seconds and more. Rolling and twisting as such a branch too made steps slower, and stayed
-compiled out.
+a grain or once a contact (gravity, held forces, triangles, species, cohesion, which of rolling and twisting) is a
+branch at run time, on an empty array or a number: every combination compiled would be thousands of variants of ten
+seconds and more. Rolling and twisting as such a branch too made steps slower, and stayed compiled out.
 
 Functions take tuples of arrays (`particles.dem.kernel_state`), and those that are called for every grain count no
 references to them (`geometry.inner_functions`): counted, a step took twice as long.
