@@ -117,7 +117,14 @@ def case_of_replica(case: Case, number: int) -> Case:
 
 @contextmanager
 def other_replicas(
-    case: Case, folder: RunFolder, count: int, *, threads: int, resume: bool, start: str | Path | None = None
+    case: Case,
+    folder: RunFolder,
+    count: int,
+    *,
+    threads: int,
+    free: bool,
+    resume: bool,
+    start: str | Path | None = None,
 ) -> Iterator[Replicas]:
     """Start replicas 1 to count - 1 of a run beside it; at the end of the block those that still run are ended.
 
@@ -134,6 +141,7 @@ def other_replicas(
                     "histories": [str(path) for path in group.histories],
                     "number": number,
                     "threads": threads,
+                    "free": free,
                     "resume": _goes_on(own) if resume else False,
                     "trust_scripts": case.trust_scripts,
                     "start": None if start is None else str(RunFolder(start).replicas / own.path.name),

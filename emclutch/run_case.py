@@ -29,9 +29,10 @@ from emclutch.results.steady_torque import SteadyConditions
 from emclutch.resume import refuse_changed_files, refuse_earlier_end, refuse_other_scene, run_checkpoint
 from emclutch.run_pace import RunPace
 from emclutch.run_summary import summarise
-from emclutch.run_threads import threading_layer, threads_in_use, use_threads
+from emclutch.run_threads import threading_layer, threads_are_open, threads_in_use, use_threads
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.snapshots import History, Snapshots, save_checkpoint
+from emclutch.thread_trial import ThreadTrial
 from emclutch.torque_known import TorqueKnown
 from emclutch.warm_start import StartingGrains, starting_grains, warm_started
 from field import ConvergenceError, PointOutside
@@ -69,8 +70,8 @@ def run(
     ----------
     case : Case
     out : folder of the run; default: the scene's `output.folder`, or the next free runs/<case>-<nnn>.
-    threads : of the kernels of each replica; default: ``OMP_NUM_THREADS`` or all cores, shared out among the replicas.
-        The result does not depend on it.
+    threads : of the kernels of each replica; default: ``OMP_NUM_THREADS``, or what a trial in the first windows finds
+        to pay of the cores, shared out among the replicas. The result does not depend on it.
     resume : continue from the checkpoint in `out`.
     progress : object with update(fraction, text), or None; if it has announce(text) too, what is being compiled, and
         why a run falls behind its plan; if it has stop_asked, and that is true after a window, the run ends there as
@@ -93,13 +94,13 @@ def run(
     stop = threading.Event()
     with _entered(case, target, resume, progress) as (folder, compiled, begin):
         count = count_of_run(case, folder, resume)
-        threads = use_threads(threads, count)
+        free, threads = threads_are_open(threads), use_threads(threads, count)
         with (
             interruptible(stop),
             step_compiled_beside(case.scene, lambda text: _announce(progress, text)),
-            other_replicas(case, folder, count, threads=threads, resume=resume, start=start) as replicas,
+            other_replicas(case, folder, count, threads=threads, free=free, resume=resume, start=start) as replicas,
         ):
-            return _run(case, folder, resume, progress, begin, compiled, replicas, stop, insist, grains)
+            return _run(case, folder, resume, progress, begin, compiled, replicas, stop, free, insist, grains)
 
 
 def run_replica(
@@ -108,15 +109,19 @@ def run_replica(
     replicas: Replicas,
     *,
     threads: int,
+    free: bool,
     resume: bool,
     stop: threading.Event,
     start: str | Path | None = None,
 ) -> Result:
-    """Run one of the other replicas; `stop` ends it with a checkpoint. `start` and what is raised are as of `run`."""
+    """Run one of the other replicas; `stop` ends it with a checkpoint. `start` and what is raised are as of `run`.
+
+    ``free``: it may take fewer threads where fewer pay.
+    """
     grains = None if start is None or resume else starting_grains(case, start)
     with _entered(case, target, resume, None) as (folder, compiled, begin):
         use_threads(threads)
-        return _run(case, folder, resume, None, begin, compiled, replicas, stop, True, grains)
+        return _run(case, folder, resume, None, begin, compiled, replicas, stop, free, True, grains)
 
 
 @contextmanager
@@ -152,6 +157,7 @@ def _run(
     compiled,
     replicas: Replicas,
     stop: threading.Event,
+    free: bool,
     insist: bool,
     grains: StartingGrains | None = None,
 ) -> Result:
@@ -235,9 +241,10 @@ def _run(
     solver = (MissedSteps(scene.contact.dvi.allowed_misses),) if scene.contact.method == "dvi" else ()
     until = () if known is None else (known,)
     pace = RunPace(plan.cost, simulation.dem.time, getattr(progress, "announce", None), lambda: compiled.count)
-    observers = (Observables(scene, device), history, *solver, *until, snapshots, *extra, report, checkpoint, pace)
+    trial = thread_trial(progress, lambda: compiled.count) if free and threads_in_use() > 1 else ()
     alive = Heartbeat(progress, simulation, plan.end)
-    observers = (alive.stop, *observers)
+    books = (alive.stop, Observables(scene, device), history)
+    observers = (*books, *solver, *until, snapshots, *extra, report, checkpoint, pace, *trial)
     with alive:
         try:
             if resume_time is None or known is None or not known(simulation):
@@ -281,6 +288,11 @@ def _run(
 
         draw_run(case, folder, device, simulation, across)
     return load_result(folder.path)
+
+
+def thread_trial(progress, compiled) -> tuple[ThreadTrial, ...]:
+    """The callback that finds out how many threads pay."""
+    return (ThreadTrial(threads_in_use(), use_threads, compiled, getattr(progress, "announce", None)),)
 
 
 def remedy_in_scene(case: Case, error: Exception) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from geometry.threads import default_threads
+from geometry.threads import default_threads, threads_asked_for
 
 
 def use_threads(threads: int | None, replicas: int = 1) -> int:
@@ -18,6 +18,11 @@ def use_threads(threads: int | None, replicas: int = 1) -> int:
     chosen = threads or max(1, default_threads(available) // replicas)
     numba.set_num_threads(chosen)
     return chosen
+
+
+def threads_are_open(threads: int | None) -> bool:
+    """Whether neither the caller nor ``OMP_NUM_THREADS`` says how many, so that a run may find out what pays."""
+    return threads is None and threads_asked_for() is None
 
 
 def threads_in_use() -> int:

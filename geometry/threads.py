@@ -1,20 +1,30 @@
-"""How threads of compiled loops wait for one another: asleep, not spinning.
+"""How threads of compiled loops wait for one another: they spin for half a millisecond, then sleep.
 
-GNU OpenMP's threads spin at a barrier for milliseconds by default. A step of the grains has two barriers and takes some
-hundred microseconds, so that with one core taken by another program two spinning threads were 2.8 times *slower* than
-one, and a test run with two workers took 2.8 times as long. Passive waiting costs a sixth where the machine is idle.
+A step of the grains has two barriers and takes some hundred microseconds. Threads that sleep at each are woken too late
+(1 000 grains on two idle cores of a virtual machine: 2.7 million particle steps a second, 5.0 with one thread, 8 to 10
+with two that spin); threads that spin while another program has their core hold up the others instead (1.8 where one
+thread does 4.9, less the longer they spin). So they spin, but not for long, and a run finds out how many threads pay
+(`emclutch.thread_trial`).
 
-The policy is read once, when the OpenMP library is loaded (by numba's first parallel loop, or by gmsh): it stands here,
+The count is read once, when the OpenMP library is loaded (by numba's first parallel loop, or by gmsh): it stands here,
 in the package that all others import, and nothing heavy is imported for it. What the user has set wins:
-``OMP_WAIT_POLICY=active`` on a machine of one's own.
+``OMP_WAIT_POLICY=passive`` with a number of threads of one's own on a machine that is shared.
 """
 
 from __future__ import annotations
 
 import os
 
-if "GOMP_SPINCOUNT" not in os.environ:  # the user's own way to say the same
-    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+SPIN = 10_000  # turns of a waiting loop before a thread sleeps: about 0.5 ms
+
+if "OMP_WAIT_POLICY" not in os.environ:
+    os.environ.setdefault("GOMP_SPINCOUNT", str(SPIN))
+
+
+def threads_asked_for() -> int | None:
+    """What ``OMP_NUM_THREADS`` says; None where it is not set to a number."""
+    asked = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()  # a list has one number a nesting level
+    return int(asked) if asked.isdigit() and int(asked) > 0 else None
 
 
 def default_threads(available: int) -> int:
@@ -25,5 +35,4 @@ def default_threads(available: int) -> int:
     available : int
         Cores that this process may use; no more are taken.
     """
-    asked = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()  # a list has one number a nesting level
-    return max(1, min(available, int(asked))) if asked.isdigit() and int(asked) > 0 else available
+    return min(available, threads_asked_for() or available)

@@ -8,6 +8,7 @@ needs one more raises the number, and says in the commit what for.
 import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy and numba are loaded; two workers share two cores
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # tests of threads: the other worker has the other core
 
 import numba
 import pytest
