@@ -32,6 +32,7 @@ LOOPS_S, SOLVES_S = 0.0125, 0.026
 LASTS = 86400.0  # s, that a measured speed is believed
 PAIRS, GRAINS, SIDE, REPEATS = 20_000, 2_500, 90, 5
 SERIAL = 0.43  # of a parallel step: two threads make it 1.4 times as fast (1.0 to 1.7 were measured)
+BELIEVED_S = 20.0  # s, that cores found busy or idle are taken to stay so
 _SINCE = time.perf_counter(), time.process_time()
 TELL = 0.5  # cores taken by others, from which on it is said
 
@@ -158,10 +159,40 @@ def _laplacian_probe() -> Callable[[], object]:
 
 
 def _taken() -> float:
-    """Cores that other programs have asked for in the last minute, by the system's load; 0 where it tells none."""
+    """Cores that other programs want: of the last minute by the system's load, or at this moment, whichever is less.
+
+    What ended a short while ago is still in the load, and what runs for a blink only in the moment. 0 where the system
+    tells neither.
+    """
     if not hasattr(os, "getloadavg"):
         return 0.0
-    return max(0.0, os.getloadavg()[0] - _own_load())
+    asked = max(0.0, os.getloadavg()[0] - _own_load())
+    return asked if asked < TELL else min(asked, _taken_now(int(time.monotonic() // BELIEVED_S)))
+
+
+@lru_cache(maxsize=1)
+def _taken_now(moment: int) -> float:
+    """Cores that other programs have at work during a fifth of a second; infinite where the system does not tell.
+
+    Where they have all that this process leaves them, more may be waiting: infinite as well. ``moment`` names the span
+    of `BELIEVED_S` for which the answer is kept.
+    """
+    begin, own, wall = _busy_seconds(), time.process_time(), time.perf_counter()
+    if begin is None:
+        return math.inf
+    time.sleep(0.2)
+    busy, own, wall = (_busy_seconds() or begin) - begin, time.process_time() - own, time.perf_counter() - wall
+    taken = (busy - own) / wall
+    return math.inf if taken > cores_at_hand() - 0.25 else max(0.0, taken)
+
+
+def _busy_seconds() -> float | None:
+    """Seconds that the cores of the whole machine were at work so far (Linux' /proc/stat); None where there is none."""
+    with suppress(OSError, ValueError):
+        first = Path("/proc/stat").read_text(encoding="utf-8").partition("\n")[0].split()
+        user, nice, system, _idle, _waiting, interrupts, soft = (int(word) for word in first[1:8])
+        return (user + nice + system + interrupts + soft) / os.sysconf("SC_CLK_TCK")
+    return None
 
 
 def _own_load() -> float:

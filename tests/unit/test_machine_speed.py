@@ -71,7 +71,21 @@ def test_load_of_others_is_what_this_process_has_not_caused(threads, monkeypatch
     monkeypatch.setattr(machine_speed.time, "perf_counter", lambda: wall + 3600.0)
     monkeypatch.setattr(machine_speed.time, "process_time", lambda: processor + threads * 3600.0)
     monkeypatch.setattr(machine_speed.os, "getloadavg", lambda: (threads + 0.6, 0.0, 0.0))
+    monkeypatch.setattr(machine_speed, "_taken_now", lambda moment: float("inf"))
     found = machine_speed.machine_speed()
     assert found.taken == pytest.approx(0.6) and found.cores == cores_at_hand()
     monkeypatch.setattr(machine_speed.os, "getloadavg", lambda: (0.2, 0.0, 0.0))
     assert machine_speed.machine_speed().taken == 0.0
+
+
+@pytest.mark.parametrize(("busy", "taken"), [(0.0, 0.0), (0.1, 0.5), (10.0, 1.8)])
+def test_what_ended_before_is_not_counted(busy, taken, monkeypatch):
+    """``busy``: seconds of all cores within the fifth of a second, of which the system's load says 1.8 cores."""
+    clock = iter([0.0, busy])
+    monkeypatch.setattr(machine_speed, "_busy_seconds", lambda: next(clock))
+    monkeypatch.setattr(machine_speed.time, "process_time", lambda: 0.0)
+    monkeypatch.setattr(machine_speed, "_own_load", lambda: 0.0)
+    monkeypatch.setattr(machine_speed.os, "getloadavg", lambda: (1.8, 0.0, 0.0))
+    machine_speed._taken_now.cache_clear()
+    assert machine_speed._taken() == pytest.approx(taken, rel=0.2)
+    machine_speed._taken_now.cache_clear()
