@@ -47,7 +47,7 @@ def plot_runs(
     if kind == TORQUE:
         from emclutch.results.torque_picture import torque_picture
 
-        return torque_picture(out, results[0].history, results[0].torque)
+        return torque_picture(out, results[0].history, results[0].torque, results[0].other_histories)
     from emclutch.results.speed_picture import speed_picture, torque_speed_picture
 
     runs = dict(zip(_names(folders), (result.history for result in results), strict=True))

@@ -274,7 +274,8 @@ def _run(
             )
         )
     others = replicas.other_histories() if replicas.number == 0 else []
-    summarise(case, folder, device, plan, simulation, conditions, perf_counter() - begin, others)
+    seconds = {"whole_run": perf_counter() - begin, "compiling": compiled.seconds}
+    summarise(case, folder, device, plan, simulation, conditions, seconds, others)
     if others:
         tell_packing_share(folder, load_result(folder.path).torque.packing_share)
     across = [] if profiles is None else profiles.profiles()

@@ -48,7 +48,7 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
         gap_map_picture(folder.path / "gap.png", *gap_map(device.coil, source.solution), title=title)
     result = load_result(folder.path)
     if "torque_disc" in result.history:  # a box has no disc
-        torque_picture(folder.torque_picture, result.history, result.torque, title=title)
+        torque_picture(folder.torque_picture, result.history, result.torque, result.other_histories, title=title)
     if speeds_vary(result.history):
         speed_picture(folder.path / "speeds.png", {title: result.history}, title=title)
     if profiles:

@@ -20,11 +20,19 @@ JAM = 1e3  # tolerances of the solver of rigid contacts, beyond which a step cou
 
 
 def summarise(
-    case, folder: RunFolder, device, plan, simulation, conditions: SteadyConditions, seconds: float, others=()
+    case,
+    folder: RunFolder,
+    device,
+    plan,
+    simulation,
+    conditions: SteadyConditions,
+    seconds: dict[str, float],
+    others=(),
 ) -> None:
     """summary.json: the torque with its error, the device, the numerics, the cost.
 
-    `others` are the histories of the other replicas: their torques count, all else is of this run.
+    `seconds` are of the process: the whole run, and what of it went into compiling kernels (in the windows' seconds it is
+    not taken off). `others` are the histories of the other replicas: their torques count, all else is of this run.
     """
     history = read_history(folder.history)
     summary: dict = {"title": case.scene.scene.title, "effects": list(case.scene.effects.active)}
@@ -86,7 +94,7 @@ def summarise(
             for part in ("field", "magnetic", "contact", "total")
             if f"wall_{part}" in history
         }
-        | {"whole_run": seconds, "foretold": plan.cost.seconds},
+        | {**seconds, "foretold": plan.cost.seconds},
         "contact": plan.contact_data,
         "plan": plan.reasons,
     }

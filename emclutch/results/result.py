@@ -53,11 +53,12 @@ class Result:
             history = self.history
             if "torque_disc" not in history:
                 raise OutputError(f"{self.folder.history} has no torque_disc: the scene has no disc")
-            self._torque = steady_torque(history, self._conditions(), self._other_histories())
+            self._torque = steady_torque(history, self._conditions(), self.other_histories)
         return self._torque
 
-    def _other_histories(self) -> list[pandas.DataFrame]:
-        """Of the other replicas, as far as they have come."""
+    @property
+    def other_histories(self) -> list[pandas.DataFrame]:
+        """Histories of the other replicas, as far as they have come."""
         from emclutch.results.history import read_history
 
         folders = (RunFolder(path) for path in self.folder.replica_folders())

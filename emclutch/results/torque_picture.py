@@ -15,7 +15,7 @@ RPM = 60.0 / (2.0 * np.pi)
 
 
 def torque_picture(
-    path: str | Path, history: Any, estimate: Estimate | None = None, *, title: str | None = None
+    path: str | Path, history: Any, estimate: Estimate | None = None, others: Any = (), *, title: str | None = None
 ) -> Path:
     """Draw the torques on the bodies, and current and speeds where they vary.
 
@@ -25,6 +25,7 @@ def torque_picture(
     history : table with the columns of `history.COLUMNS` (pandas, or a dictionary of arrays).
     estimate : of the disc's torque; its steady part is shaded and its mean drawn ± standard error; an unknown one is
         said, and no band is drawn.
+    others : histories of the other replicas: their torque on the disc is drawn thin, as the mean is of all of them.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -48,15 +49,24 @@ def torque_picture(
         if f"torque_{body}_field" in history:
             part = factor * np.asarray(history[f"torque_{body}_field"], dtype=np.float64)
             axis.plot(time, part, color=COLOURS[body], lw=0.8, ls=":", label="of it by its slots' field")
+    for number, other in enumerate(others):
+        label = None if number else "on the disc, other packings"
+        torque = factor * np.asarray(other["torque_disc"], dtype=np.float64)
+        axis.plot(time_factor * np.asarray(other["time"]), torque, color="#7fb2dd", lw=0.6, zorder=1, label=label)
     axis.axhline(0.0, color="black", lw=0.6)
     if estimate is not None and estimate.mean is not None and estimate.start is not None:
         start = time_factor * estimate.start
         axis.axvspan(start, time[-1], color="#0b5fa5", alpha=0.07, lw=0, label="averaged part")
         mean, error = factor * estimate.mean, estimate.standard_error
         digits = max(0, 1 - math.floor(math.log10(factor * error))) if error else 3
-        label = f"disc {mean:.{digits}f}"
+        label = f"disc{f', {estimate.replicas} packings:' if estimate.replicas > 1 else ''} {mean:.{digits}f}"
         if error is not None:
             label += f" ± {factor * error:.{digits}f}"
+            half, limits = factor * (estimate.half_width() or error), axis.get_ylim()
+            axis.fill_between(
+                [start, time[-1]], mean - half, mean + half, color="#0b5fa5", alpha=0.15, lw=0, label="95 % interval"
+            )
+            axis.set_ylim(limits)  # of few packings it is wider than the picture
             axis.fill_between(
                 [start, time[-1]],
                 mean - factor * error,

@@ -61,7 +61,7 @@ def three_ways(path, rows, conditions):
         dem=SimpleNamespace(bodies=[], tolerance=1e-6), magnetised=None, source=None, n_sectors=1
     )
     plan = SimpleNamespace(count=10, dt=1e-3, contact_data={}, reasons={}, cost=SimpleNamespace(seconds={"total": 1.0}))
-    summarise(CASE, folder, None, plan, simulation, conditions, 1.0)
+    summarise(CASE, folder, None, plan, simulation, conditions, {"whole_run": 1.0})
     written = Estimate.from_dict(folder.read_summary()["torque"])
     result = load_result(path)
     (row,) = compare_methods([({"contact.method": method}, result) for method in ("dem", "dvi")])
