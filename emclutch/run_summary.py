@@ -31,8 +31,9 @@ def summarise(
 ) -> None:
     """summary.json: the torque with its error, the device, the numerics, the cost.
 
-    `seconds` are of the process: the whole run, and what of it went into compiling kernels, which stands in the windows'
-    seconds as well. `others` are the histories of the other replicas: their torques count, all else is of this run.
+    `seconds` are of the process: the whole run, and what of it went into compiling kernels, which the seconds of the
+    windows contain as well. `others` are the histories of the other replicas: their torques count, all else is of this
+    run.
     """
     history = read_history(folder.history)
     summary: dict = {"title": case.scene.scene.title, "effects": list(case.scene.effects.active)}
