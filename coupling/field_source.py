@@ -205,6 +205,7 @@ class CircuitCoilField(CoilField):
     coil: LinearisedCoil | None = None
     largest_linkage: float = 0.0
     stride: float = np.inf
+    _began: float = -np.inf
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.resistance) and self.resistance > 0.0):
@@ -214,12 +215,17 @@ class CircuitCoilField(CoilField):
     def refresh(self, time: float, fill: np.ndarray | None = None) -> bool:
         """See `CoilField.refresh`."""
         begin = perf_counter()
-        if self.circuit is None or self.coil is None:
+        if self.circuit is None or self.coil is None or time == self._began:
+            # at the first instant it is the current that is given; later the linkage, whatever the moments answer
             current = self.voltage(time) / self.resistance if self.begin_steady else 0.0
-            self.is_stale(current, fill)
+            if not self.is_stale(current, fill):
+                return False
             powder = self._powder(fill, current)
-            solution = self.problem.solve(self.turns * current, fill=powder, tolerance=self.newton_tolerance)
+            solution = self.problem.solve(
+                self.turns * current, fill=powder, guess=self.solution, tolerance=self.newton_tolerance
+            )
             self.circuit = CircuitState(time, self.turns * solution.flux_linkage_per_turn, current)
+            self._began = time
         else:
             self.circuit = self.coil.advanced(self.circuit, time, self.voltage, self.breaks)
             linkage = self.circuit.linkage
@@ -348,11 +354,13 @@ class EddyCoilField(CoilField):
         """See `CoilField.refresh`."""
         begin = perf_counter()
         assert self.eddy is not None
-        if self.transient is None:
-            powder = self._powder(fill, 0.0)
+        if self.transient is None or (self._base is None and time == self.transient.time):
+            current = self._first_current(time)
+            if not self.is_stale(current, fill):
+                return False
+            powder = self._powder(fill, current)
             self.transient = self._before = self._beginning(time, powder)
             self._begun = time
-            self.is_stale(self.transient.current, fill)
         else:
             if time > self._begun:  # a window with feedback asks again until field and moments agree
                 self._before, self._begun = self.transient, time
@@ -377,13 +385,19 @@ class EddyCoilField(CoilField):
         self.seconds += perf_counter() - begin
         return True
 
+    def _first_current(self, time: float) -> float:
+        """Current [A] of the field that the coil begins with."""
+        drive = self._drive
+        if not self.begin_steady:
+            return 0.0
+        return drive.voltage(time) / drive.resistance if isinstance(drive, VoltageDrive) else drive.current(time)
+
     def _beginning(self, time: float, fill: Powder) -> TransientState:
         assert self.eddy is not None
         if not self.begin_steady:
             return self.eddy.at_rest(time)
-        drive = self._drive
-        current = drive.voltage(time) / drive.resistance if isinstance(drive, VoltageDrive) else drive.current(time)
-        solution = self.problem.solve(self.turns * current, fill=fill, tolerance=self.newton_tolerance)
+        ampere_turns = self.turns * self._first_current(time)
+        solution = self.problem.solve(ampere_turns, fill=fill, guess=self.solution, tolerance=self.newton_tolerance)
         return self.eddy.steady(solution, time)
 
     def _stepped(self, before: TransientState, time: float, fill: Powder) -> TransientState:

@@ -8,8 +8,10 @@ from fed_back_grains import fed_back, powder_problem
 from test_coupled_run import CELL, same
 
 import emclutch
-from emclutch.assembly import grain_law
+from coupling.staggered import refresh_field
+from emclutch.assembly import assemble, grain_law
 from emclutch.device import build_device
+from emclutch.plan import make_plan
 from emclutch.results.checkpoint import read_checkpoint
 from field.spheres.lone_sphere import sphere_magnetisation
 from particles import CyclicSector
@@ -79,6 +81,24 @@ def test_with_a_circuit_and_eddy_currents_it_resumes_bit_for_bit(tmp_path, kind)
     assert np.array_equal(whole[physics].to_numpy(), parts[physics].to_numpy(), equal_nan=True)
     assert (np.diff(whole["current"]) > 0.0).all() and np.abs(moments(tmp_path, "whole")).max() > 0.0
     assert sound(whole)
+
+
+@pytest.mark.parametrize("kind", ["circuit", "eddy currents"])
+def test_a_steady_beginning_is_the_fixed_point_of_its_powder(kind):
+    """The first instant is solved until field and moments agree, at the current V/R: no later window mends it."""
+    values = FED_BACK | {"effects.back_reaction.tolerance": 1e-3, "coil.current": None, "coil.voltage": "24 V"}
+    values["effects.coil_circuit"] = {"begin": "steady"}
+    if kind == "eddy currents":
+        values["effects.eddy_currents"] = {"begin": "steady"}
+    case = emclutch.load_case(QUICKSTART).with_values(values)
+    device, plan = make_plan(case)
+    simulation = assemble(case, device, plan)
+    refresh_field(simulation)
+    source = simulation.source
+    assert 0.0 < source.feedback.residual.total <= 1e-3 and source.solves > 1
+    assert source.current(0.0) == pytest.approx(device.coil.largest_current, rel=1e-9)
+    assert source.solution.ampere_turns == pytest.approx(source.turns * device.coil.largest_current, rel=1e-9)
+    assert not source.refresh(0.0)
 
 
 def test_a_run_goes_on_where_nothing_asks_for_a_new_field(tmp_path):
