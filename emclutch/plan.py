@@ -115,6 +115,10 @@ def make_plan(case: Case, device: Device | None = None, threads: int | None = No
         reasons[f"surface {surface.name}"] = (
             f"{len(surface.triangles)} triangles, {extent_in_words(*surface.bounds)} mm, on body {surface.body}"
         )
+        if scene.effects.wall_images is not None:
+            reasons[f"surface {surface.name}"] += (
+                "; taken as not magnetic: it mirrors no dipoles (effects.wall_images) and is not in the field's solve"
+            )
     if isinstance(device.shape, Clutch):
         reasons["sheared gap"] = (
             f"{'at the faces' if device.shears_faces else 'at the rim'}, {1e3 * device.shear_gap:.3g} mm wide at a "

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 class Surface(Section):
     """A surface that grains touch from either side, in the place that its file says, the device's axis being z.
 
-    Meshes are read in metres times `scale`, CAD files in their own unit.
+    Meshes are read in metres times `scale`, CAD files in their own unit. It has no material: the field is solved
+    without it, and it mirrors no dipoles (`wall_images`), so that it stands for a part that is not magnetic.
     """
 
     file: str = Field(
