@@ -1,6 +1,8 @@
 """`emclutch field`: the field alone, at one current or along a sweep, with every quantity that it gives.
 
-The powder, where `back_reaction` is on, is spread evenly over the space that it fills; no grain is moved.
+The powder, where `back_reaction` is on, is spread evenly over the space that it fills, with the permeability of grains
+without order; no grain is moved. Where a run feeds back the moments of its grains, the gap field and the linkage of
+grains in straight chains stand beside at the last current (`emclutch.expected_field`).
 """
 
 from __future__ import annotations
@@ -20,12 +22,14 @@ from rich.table import Table
 
 from emclutch.case import Case
 from emclutch.device import CoilDevice, Device, build_device, grain_law, region_laws
+from emclutch.expected_field import field_in_chains, powder_in_words
 from emclutch.field_arrays import field_arrays
 from emclutch.observables import pole_flux_density
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.field_pictures import line_picture, saturation_picture
 from emclutch.results.pictures import section_picture
 from emclutch.results.vtk_series import PvdSeries
+from emclutch.scene.grain_smear import moments_are_fed_back
 from emclutch.solid_device import SolidCoilDevice
 from emclutch.solid_field_study import solid_field_study
 from emclutch.units import Quantity
@@ -61,6 +65,8 @@ DETAIL_UNITS = {
     "wire_diameter": "m",
     "copper_mass": "kg",
     "largest_flux_density": "T",
+    "gap_flux_density_in_chains": "T",
+    "flux_linkage_in_chains": "Wb",
     "axial_force": "N",
 }
 """Of what field.json holds for the last current; the rest are pure numbers."""
@@ -191,7 +197,11 @@ def field_study(
         r0, z0, r1, z1 = (1e3 * x for x in line)
         where = f"from (r, z) = ({r0:g}, {z0:g}) to ({r1:g}, {z1:g}) mm"
         line_picture(folder / f"line-{number}.png", along, title=f"{at}\n{where}")
-    summary = {"units": UNITS | DETAIL_UNITS, "currents": rows, "at_last_current": _details(case, coil, solution)}
+    summary = {
+        "units": UNITS | DETAIL_UNITS,
+        "currents": rows,
+        "at_last_current": _details(case, device, coil, solution),
+    }
     (folder / "field.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     return folder
 
@@ -296,9 +306,11 @@ def _resistance(case: Case, coil: CoilDevice) -> float:
     return case.scene.coil.resistance_in(coil.shape.coil_area, coil.shape.coil_mean_radius)
 
 
-def _details(case: Case, coil: CoilDevice, solution: MagneticField) -> dict:
-    """What is computed once, at the last current: error estimate, forces, winding, solver."""
+def _details(case: Case, device: Device, coil: CoilDevice, solution: MagneticField) -> dict:
+    """What is computed once, at the last current: powder in chains, error estimate, forces, winding, solver."""
+    phi = device.fill.solid_fraction
     details: dict = {
+        "powder": powder_in_words(case.scene, phi),
         "unknowns": solution.problem.n_dofs,
         "triangles": len(coil.mesh.triangles),
         "order": solution.problem.elements.order,
@@ -314,6 +326,12 @@ def _details(case: Case, coil: CoilDevice, solution: MagneticField) -> dict:
         details["mesh"] = coil.adapted.summary()
     if solution.ampere_turns == 0.0:
         return details
+    if moments_are_fed_back(case.scene):
+        chains = field_in_chains(coil, phi, solution.ampere_turns / coil.turns, solution)
+        if isinstance(coil.shape, Clutch):
+            B = pole_flux_density(coil.shape, chains, faces=device.shears_faces)
+            details["gap_flux_density_in_chains"] = B
+        details["flux_linkage_in_chains"] = coil.turns * chains.flux_linkage_per_turn
     estimate = estimate_error(solution, [FluxLinkage(), MeanFluxDensity("powder")])
     details["estimated_relative_error"] = {goal.goal: goal.relative for goal in estimate.goals}
     forces: dict[str, dict] = {"coil (J x B)": {"lorentz": lorentz_force(solution)}}

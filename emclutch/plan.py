@@ -12,7 +12,7 @@ from emclutch.case import Case
 from emclutch.contact_plan import elastic_contacts, rigid_springs
 from emclutch.cost import Cost, foretell
 from emclutch.device import CoilDevice, Device, build_device
-from emclutch.expected_field import expected_magnetisation
+from emclutch.expected_field import expected_magnetisation, field_in_chains, powder_in_words
 from emclutch.expected_speeds import device_extent, fall_speed, largest_speed, layer_speed
 from emclutch.machine_speed import threads_at_hand
 from emclutch.results.steady_torque import LEAST_STRAIN
@@ -282,15 +282,20 @@ def plan(case: Case, threads: int | None = None) -> tuple[dict[str, str], list[L
     device, made = make_plan(case, threads=threads)
     B_max = 0.0
     if isinstance(made.peak_field, MagneticField) and isinstance(device.coil, CoilDevice):
-        faces = device.shears_faces
+        faces, phi = device.shears_faces, device.fill.solid_fraction
         midline = device.coil.shape.face_midline() if faces else device.coil.shape.gap_midline()
-        B = np.linalg.norm(made.peak_field.B_along(midline), axis=1)
-        where = f"the {'face' if faces else 'rim'} gap"
+
+        def largest(field: MagneticField) -> float:
+            return float(np.linalg.norm(field.B_along(midline), axis=1).max())
+
+        B_max = largest(made.peak_field)
         made.reasons["field"] = (
-            f"at the largest current, powder spread evenly: |B| in {where} up to "
-            f"{B.max():.3g} T, grains magnetised up to {made.M_max / 1e3:.3g} kA/m"
+            f"at the largest current, {powder_in_words(scene, phi)}: |B| in the {'face' if faces else 'rim'} gap up to "
+            f"{B_max:.3g} T, grains magnetised up to {made.M_max / 1e3:.3g} kA/m"
         )
-        B_max = float(B.max())
+        if moments_are_fed_back(scene) and device.coil.largest_current > 0.0:
+            chains = field_in_chains(device.coil, phi, device.coil.largest_current, made.peak_field)
+            made.reasons["field"] += f"; were they in straight chains, up to {largest(chains):.3g} T"
     elif isinstance(made.peak_field, SolidField):
         from emclutch.solid_device import SolidCoilDevice, gap_flux_density  # local: most scenes need no such field
 

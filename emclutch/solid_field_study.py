@@ -77,6 +77,7 @@ def solid_field_study(
     assert solution is not None
     gap_map_picture(folder / "gap.png", *gap_map(device, solution), title=case.scene.scene.title)
     details = {
+        "powder": "left out: a field in space is solved without it",
         "tetrahedra": len(device.mesh.tetrahedra),
         "unknowns": device.problem.n_dofs,
         "part_of_the_ring": f"1/{device.mesh.n_sectors}",

@@ -55,6 +55,15 @@ def test_summary_and_pictures_are_there(studied):
     assert list(dict.fromkeys(line["region"])) == ["disc", "powder", "rotor"]
 
 
+def test_powder_that_is_fed_back_is_told_beside_its_chains(studied):
+    """The rows have grains without order; in chains they carry more flux, at most in proportion to their mu_r."""
+    last = json.loads((studied / "field.json").read_text())["at_last_current"]
+    row = pandas.read_csv(studied / "field.csv").iloc[-1]
+    assert "Maxwell Garnett" in last["powder"] and "feeds back" in last["powder"]
+    for name in ("gap_flux_density", "flux_linkage"):
+        assert row[name] < last[f"{name}_in_chains"] < 1.37 * row[name]  # mu_r of both in weak fields: 3.54 and 2.58
+
+
 def test_a_pot_magnet_pulls_its_disc_by_the_pressure_on_the_poles(tmp_path):
     """F = flux^2/(2 mu_0) (1/A_inner + 1/A_outer) across a gap of 0.5 mm, by both ways of taking it, towards the pot.
 
