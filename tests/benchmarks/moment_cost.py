@@ -57,7 +57,10 @@ def shares(folder: Path) -> str:
     parts = {name: seconds[name] for name in ("field", "magnetic", "contact") if name in seconds}
     parts["rest"] = whole - sum(parts.values())
     foretold = seconds.get("foretold", {})
-    lines = [f"{summary['title']}: {summary['steps']} steps of {summary['grains']} grains in {whole:.4g} s"]
+    lines = [
+        f"{summary['title']}: {summary['steps']} steps of {summary['grains']} grains in {whole:.4g} s, of which "
+        f"{seconds.get('compiling', 0.0):.3g} s compiled kernels, within the parts that called them first"
+    ]
     for name, spent in parts.items():
         beside = f", foretold {foretold[name]:.3g} s" if name in foretold else ""
         lines.append(f"  {name:9}{100.0 * spent / whole:5.1f} %  {spent:8.4g} s{beside}")

@@ -279,3 +279,30 @@ def test_centrifugal_overload_at_toy_size(tmp_path):
         alone.to_numpy(), abs=0.02
     )  # of 9 rad/s: the sphere's part
     assert (history["disc_speed"] == 0.0).all()  # held by its load
+
+
+def test_electromagnetic_overload_at_toy_size(tmp_path):
+    """The motor's torque, falling with the speed, less what the shot takes is J domega/dt; a load holds the output."""
+    toy = {
+        "particles.count": 24,
+        "field.size_factor": 3.0,
+        "motion.rotor.free.motor.switched_on": "0.5 ms",
+        "motion.disc.free.load_torque": "20 N m",
+        # a sector and rolling friction, as the quickstart has: no kernel is compiled for this test alone
+        "particles.sector": "60 deg",
+        "effects.rolling_friction": {},
+        "effects.gravity": None,
+        "time.end": "5 ms",
+        "time.window": "0.25 ms",
+        "output.snapshots": 0,
+        "output.pictures": False,
+    }
+    case = emclutch.load_case(THESIS / "electromagnetic_overload.toml").with_values(toy)
+    history = emclutch.run(case, out=tmp_path / "run").history
+    assert (history["disc_speed"] == 0.0).all()
+    on = history[history["time"] > 0.6e-3]
+    speed, step = on["rotor_speed"].to_numpy(), np.diff(on["time"])
+    motor = 40.0 * (1.0 - 0.5 * (speed[1:] + speed[:-1]) * 30.0 / math.pi / 600.0)
+    impulse = ((motor + on["torque_rotor"].to_numpy()[1:]) * step).sum()
+    assert 8e-3 * (speed[-1] - speed[0]) == pytest.approx(impulse, rel=1e-3)
+    assert speed[-1] > 10.0 and on["torque_rotor"].abs().max() > 0.01
