@@ -178,7 +178,7 @@ def test_slotted_disc_at_toy_size(tmp_path):
 def test_switch_on_at_toy_size(tmp_path):
     case = emclutch.load_case(CASES / "switch_on.toml").with_values({**TOY, "time.end": "2 ms", "time.window": "40 us",
         "output.snapshots": 0,
-        "field.size_factor": 2.0, "particles.solid_fraction": 0.05,
+        "field.size_factor": 3.0, "particles.solid_fraction": 0.05,
         "effects.dipoles": None, "effects.wall_images": None})  # fmt: skip
     result = emclutch.run(case, out=tmp_path / "run")
     history = result.history
