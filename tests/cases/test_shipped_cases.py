@@ -90,7 +90,7 @@ def test_quickstart_at_toy_size(tmp_path):
 
 def test_powder_clutch_at_toy_size(tmp_path):
     toy = {"time.end": "0.01 ms", "particles.sector": "1.5 deg", "field.size_factor": 2.0,
-           "output.snapshots": 0, "output.pictures": False}  # fmt: skip
+           "output.snapshots": 0, "output.pictures": False, "accuracy.replicas": 1}  # fmt: skip
     case = emclutch.load_case(CASES / "powder_clutch.toml").with_values(toy)
     result = emclutch.run(case, out=tmp_path / "run")
     # turns from 25.5 ohm in a window of 14 mm x 14 mm at a mean radius of 58.8 mm, fill 0.6, 1.72e-8 ohm m
@@ -131,6 +131,7 @@ def test_current_to_torque_at_toy_size(tmp_path):
         "output.snapshots": 0,
         "output.pictures": False,
         "field.size_factor": 2.0,
+        "accuracy.replicas": 1,
     }
     values = {"coil.current": ["0 A", "0.94 A"]}
     small = study.model_copy(update={"set": toy, "values": values, "warm_start": "coil.current"})
