@@ -56,6 +56,9 @@ class SolidCoilField:
         The slotted body.
     newton_tolerance, current_tolerance : float
         As in `CoilField`.
+    known : SolidField or None
+        A field of this problem that was solved for from nothing, to the same tolerance: it is not solved for again
+        where the first current is its own.
     """
 
     problem: SolidProblem
@@ -64,6 +67,7 @@ class SolidCoilField:
     carrier: Body
     newton_tolerance: float = 1e-8
     current_tolerance: float = 0.01
+    known: SolidField | None = None
     solution: SolidField | None = None
     sampler: FieldSampler | None = None
     solved_current: float = np.nan
@@ -80,10 +84,15 @@ class SolidCoilField:
             return False
         begin = perf_counter()
         guess = self.solution if self.solution is not None and self.solved_current != 0.0 else None
-        self._take(self.problem.solve(self.turns * current, guess, tolerance=self.newton_tolerance), current)
+        self._take(self._solved(self.turns * current, guess), current)
         self.solves += 1
         self.seconds += perf_counter() - begin
         return True
+
+    def _solved(self, ampere_turns: float, guess: SolidField | None) -> SolidField:
+        if guess is None and self.known is not None and self.known.ampere_turns == ampere_turns:
+            return self.known
+        return self.problem.solve(ampere_turns, guess, tolerance=self.newton_tolerance)
 
     def _take(self, solution: SolidField, current: float) -> None:
         self.solution, self.solved_current = solution, current

@@ -40,8 +40,9 @@ from emclutch.scene.grain_smear import moments_are_fed_back, smear_width
 from emclutch.scene.model import Scene
 from emclutch.scene.motion import FreeShaft as FreeShaftSection
 from emclutch.scene.time_table import points_of
-from field import AxisymmetricProblem
+from field import AxisymmetricProblem, MagneticField
 from field.section.eddy_currents import EddyCurrentProblem, VoltageDrive
+from field.solid import SolidField
 from particles import DEM, DVI, Body, FreeShaft, Grains, PrescribedSpeed
 
 log = logging.getLogger(__name__)
@@ -89,7 +90,7 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
             sector=plan.sector,
             ledger=scene.output.energies,
         )
-    source = field_source(scene, device, dem.bodies)
+    source = field_source(scene, device, dem.bodies, plan.peak_field)
     deposition = None
     fill_at = None
     if moments_are_fed_back(scene) and isinstance(source, CoilField):
@@ -180,9 +181,9 @@ def _fill_at(deposition: FillDeposition, source: CoilField, position: np.ndarray
 
 
 def field_source(
-    scene: Scene, device: Device, bodies: Sequence[Body]
+    scene: Scene, device: Device, bodies: Sequence[Body], peak: MagneticField | SolidField | None
 ) -> CoilField | SolidCoilField | ImposedField | None:
-    """Where the scene's field comes from; None when no effect needs one."""
+    """Where the scene's field comes from; None when no effect needs one. `peak` is solved at the largest current."""
     if device.imposed is not None:
         return ImposedField(device.imposed)
     if device.coil is None:
@@ -190,7 +191,8 @@ def field_source(
     if not isinstance(device.coil, CoilDevice):
         coil = device.coil
         carrier = next(body for body in bodies if body.name == coil.carrier)
-        return SolidCoilField(coil.problem, coil.turns, coil.current, carrier, coil.newton_tolerance)
+        known = peak if isinstance(peak, SolidField) else None
+        return SolidCoilField(coil.problem, coil.turns, coil.current, carrier, coil.newton_tolerance, known=known)
     source = coil_source(scene, device.coil)
     if scene.effects.back_reaction is not None:
         asked = scene.effects.back_reaction.tolerance

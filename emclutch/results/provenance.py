@@ -7,6 +7,7 @@ import os
 import platform
 import subprocess
 import sys
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -60,6 +61,7 @@ def provenance(
     }
 
 
+@cache  # a study asks once a run, and finding them takes 30 ms
 def _version(package: str) -> str | None:
     try:
         return metadata.version(package)

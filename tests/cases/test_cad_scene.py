@@ -69,7 +69,7 @@ def test_faces_of_steel_mirror_dipoles_and_others_do_not(drawn):
 
 def test_it_runs_with_grains(drawn, tmp_path):
     folder, data = drawn
-    toy = {"time.end": "0.05 ms", "output.snapshots": 2}
+    toy = {"time.end": "0.01 ms", "output.snapshots": 2}
     case = load_case(written(folder, data)).with_values(toy)
     result = emclutch.run(case, out=tmp_path / "run")
     assert result.summary["gap_flux_density"] > 0.1 and (result.folder.path / "section.png").stat().st_size > 10_000

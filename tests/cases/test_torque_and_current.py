@@ -17,14 +17,15 @@ def test_torque_rises_with_current(tmp_path):
     friction.
     """
     toy = {
-        "time.end": "0.3 ms", "time.window": 1e-5, "particles.sector": "4 deg", "field.size_factor": 2.0,
+        "motion.rotor.speed": "1500 rpm", "time.end": "0.2 ms", "time.window": 5e-6,
+        "particles.sector": "3.6 deg", "field.size_factor": 2.0,
         "output.snapshots": 0, "output.pictures": False, "output.formats": [], "output.checkpoint": False,
     }  # fmt: skip
     torque, noise = [], []
     for current in CURRENTS:
         case = emclutch.load_case(QUICKSTART).with_values({**toy, "coil.current": current})
         history = emclutch.run(case, out=tmp_path / f"{current} A").history
-        late = history["torque_disc"].to_numpy()[history["time"] > 0.15e-3]
+        late = history["torque_disc"].to_numpy()[history["time"] > 0.1e-3]
         batches = np.array([part.mean() for part in np.array_split(late, 8)])
         torque.append(batches.mean())
         noise.append(batches.std(ddof=1) / np.sqrt(len(batches)))

@@ -7,6 +7,8 @@ test takes the engine as it is by default unless it is about another one.
 import numpy as np
 
 from geometry.walls import Plane
+from particles.dvi import gauss_seidel as gs
+from particles.dvi.accelerated import relax_number
 
 G = 9.81
 R = 5e-3
@@ -24,3 +26,18 @@ def lattice(n):
     """The first n places of a cubic lattice of cells 1 wide, the cube at 0: (n, 3), and cells along an edge."""
     count = int(np.ceil(n ** (1.0 / 3.0)))
     return np.stack(np.meshgrid(*[np.arange(count) + 0.5] * 3), axis=-1).reshape(-1, 3)[:n], count
+
+
+def swept(tolerance, cap, records, *, convex=None, relax=None, soft=None):
+    """Plain sweeps over ``records`` until their residual is ``tolerance`` [m/s], ``cap`` at most: sweeps, residual.
+
+    One call a sweep: the loop of the engine would be compiled once more for tests alone. The residual is looked at
+    every tenth sweep.
+    """
+    count, reached = 0, np.inf
+    while reached > tolerance and count < cap:
+        for _ in range(min(10, cap - count)):
+            gs.sweep_records(convex, relax_number(convex, relax), soft, *records)
+            count += 1
+        reached = gs.residual_records(convex, soft, *records)
+    return count, reached

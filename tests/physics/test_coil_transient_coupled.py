@@ -229,12 +229,12 @@ def test_current_of_a_closed_iron_circuit_does_not_lag_its_linkage(section_grid,
     linkage, worst, window = 0.0, 0.0, 1e-4
     for k in range(400):
         source.refresh(k * window)
-        for _ in range(20):  # classical Runge-Kutta
+        for _ in range(4):  # classical Runge-Kutta
 
             def slope(at):
                 return V - R * float(curve.current(at))
 
-            h = window / 20
+            h = window / 4
             a = slope(linkage)
             b = slope(linkage + 0.5 * h * a)
             c = slope(linkage + 0.5 * h * b)

@@ -47,7 +47,7 @@ def test_sizes_of_one_to_ten_fall_apart_and_lie_still():
     )  # fmt: skip
     height = np.sum(grains.mass * grains.position[:, 2]) * G
     before = height
-    for _ in range(12):
+    for _ in range(8):
         totals = dem.run(int(0.01 / dem.dt))
         now = energy(totals) + np.sum(dem.grains.mass * dem.grains.position[:, 2]) * G
         assert now < before + 1e-4 * height

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from dvi_scenes import DOWN, STEEL, G, R
+from dvi_scenes import DOWN, STEEL, G, R, swept
 
 from geometry import Box
 from geometry.walls import annulus, cylinder
 from particles import Body, FreeShaft, Grains, PrescribedSpeed
 from particles.dvi import gauss_seidel as gs
-from particles.dvi.accelerated import ANDERSON, GAUSS_SEIDEL, solve_records
+from particles.dvi.accelerated import accelerate_records
 from particles.dvi.dvi import DVI
 from particles.dvi.interior_point import solve_by_interior_point
 from particles.dvi.rigid_contact import RigidContact
@@ -158,7 +158,7 @@ GOAL = 1e-8 * G * 1e-3  # of g h: in impulses, of m g h
 @pytest.mark.hard
 def test_a_cold_dense_packing_is_solved_where_sweeps_stall(settled):
     """From no impulses at all: the interior point reaches 1e-8 of g h, plain sweeps do not in 5 000."""
-    assert solve_records(None, None, None, GAUSS_SEIDEL, GOAL, 5000, *_scaled(settled, 0.0))[1] > 10.0 * GOAL
+    assert swept(GOAL, 5000, _scaled(settled, 0.0))[1] > 10.0 * GOAL
     records = _scaled(settled, 0.0)
     assert solve_by_interior_point(None, GOAL, *records)[1] <= GOAL
     assert gs.residual_records(None, None, *records) <= GOAL
@@ -168,9 +168,9 @@ def test_a_cold_dense_packing_is_solved_where_sweeps_stall(settled):
 
 def test_an_accelerated_warm_step_reaches_eight_digits(settled):
     """From impulses 0.1 % off: 1e-8 of g h in less than half the plain sweeps."""
-    quick = solve_records(None, None, None, ANDERSON, GOAL, 5000, *_scaled(settled, 0.999))
+    quick = accelerate_records(None, None, None, GOAL, 5000, *_scaled(settled, 0.999))
     assert quick[1] <= GOAL
-    assert solve_records(None, None, None, GAUSS_SEIDEL, GOAL, 2 * quick[0], *_scaled(settled, 0.999))[1] > GOAL
+    assert swept(GOAL, 2 * quick[0], _scaled(settled, 0.999))[1] > GOAL
 
 
 def test_restart_is_bit_exact():

@@ -337,7 +337,7 @@ def test_every_contact_obeys_signorini_and_coulomb(kind):
     assert np.all(miss <= few * (1.0 + speed[slips] / slip[slips]))
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("kind", KINDS)
 def test_velocities_of_the_convex_law(kind, seed):
     """They are unique: equal to those of the dense projected gradients."""
@@ -356,7 +356,7 @@ def test_velocities_of_exact_coulomb(kind):
     and in one both solve the laws with velocities that differ by 1e-3.
     """
     same = []
-    for seed in range(6):
+    for seed in range(4):
         step = _solved(kind, seed, "coulomb", 1e-11)
         assert step.totals.residual <= 1e-11
         p = _coulomb(step)

@@ -2,31 +2,37 @@
 
 import numpy as np
 import pytest
-from dvi_scenes import STEEL, G, R
+from dvi_scenes import STEEL, G, R, swept
 
 from geometry import Box
 from particles import Body, Grains
 from particles.dvi import gauss_seidel as gs
-from particles.dvi.accelerated import ANDERSON, GAUSS_SEIDEL, solve_records
-from particles.dvi.apgd import apgd_records
+from particles.dvi.accelerated import accelerate_records
 from particles.dvi.dvi import DVI
 from particles.dvi.interior_point import cone_problem, cone_programme
 from particles.dvi.rigid_contact import RigidContact
 
+SIDEWAYS = np.array([G, 0.0, 0.0])
 
-@pytest.fixture(scope="module")
-def sheared():
-    """A contact problem of 64 spheres in a box whose gravity has turned to the side; impulses of the step before."""
+
+def _box(**more):
+    """64 spheres in a box that just holds them."""
     side = 4 * 2.05 * R
     sites = np.stack(np.meshgrid(*[np.arange(4) + 0.5] * 3), axis=-1).reshape(-1, 3) * 2.05 * R
     where = sites - [0.5 * side, 0.5 * side, 0.0] + 2e-4 * R * np.random.default_rng(2).normal(size=sites.shape)
     box = Box((side, side, 1.1 * side))
-    dvi = DVI(Grains.create(where, R, STEEL), box.walls(), [Body("housing")], RigidContact(0.3), dt=1e-3,
-              gravity=(0.0, 0.0, -G), tolerance=1e-5, max_sweeps=500)  # fmt: skip
+    return DVI(Grains.create(where, R, STEEL), box.walls(), [Body("housing")], RigidContact(0.3), dt=1e-3,
+               **({"gravity": (0.0, 0.0, -G), "tolerance": 1e-5, "max_sweeps": 500} | more))  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def sheared():
+    """Their bed after its gravity has turned to the side."""
+    dvi = _box()
     dvi.run(150)
-    dvi.gravity = np.array([G, 0.0, 0.0])
+    dvi.gravity = SIDEWAYS
     dvi.run(40)
-    return dvi._records()
+    return dvi
 
 
 def _cold(records):
@@ -43,8 +49,8 @@ def _velocities(records):
 
 def test_over_relaxed_sweeps_have_the_fixed_points_of_plain_ones(sheared):
     """A solution stays where it is, and its residual with it, at any over-relaxation."""
-    records = _cold(sheared)
-    reached = solve_records(None, None, None, ANDERSON, 1e-12, 100_000, *records)[1]
+    records = _cold(sheared._records())
+    reached = accelerate_records(None, None, None, 1e-12, 100_000, *records)[1]
     assert reached <= 1e-12
     solved = [a.copy() for a in records]
     for over in (0.5, 1.6):
@@ -56,21 +62,22 @@ def test_over_relaxed_sweeps_have_the_fixed_points_of_plain_ones(sheared):
 
 def test_apgd_finds_the_velocities_of_the_convex_law(sheared):
     """They are unique: a cone programme with sparse factors and first-order gradients must meet."""
-    records = _cold(sheared)
-    problem = cone_problem(*records)
+    dvi = _box(gravity=SIDEWAYS, friction="convex", solver="apgd", warm_start=False, tolerance=1e-8, max_sweeps=20_000)
+    dvi.restore(sheared.state())
+    totals = dvi.run(1)
+    assert totals.missed_steps == 0 and totals.n_contacts > 64
+    records, sweeps = dvi._records(), _cold(dvi._records())
+    assert totals.residual == pytest.approx(gs.residual_records(True, None, *records))
+    problem = cone_problem(*sweeps)
     velocity = cone_programme(problem, np.zeros(len(problem.friction)), 1e-10)[1]
-    count, reached = apgd_records(1e-8, 20_000, *records)
-    assert reached <= 1e-8 and count < 20_000
-    assert reached == pytest.approx(gs.residual_records(True, None, *records))
     assert _velocities(records) == pytest.approx(velocity, abs=1e-5)
-    sweeps = _cold(sheared)
-    assert solve_records(True, None, None, GAUSS_SEIDEL, 1e-9, 200_000, *sweeps)[1] <= 1e-9
+    assert swept(1e-9, 200_000, sweeps, convex=True)[1] <= 1e-9
     assert _velocities(records) == pytest.approx(_velocities(sweeps), abs=1e-5)
 
 
 def test_linearised_shift_solves_exact_coulomb(sheared):
     """One programme, no sweeps: the natural map of the exact law is met, that of the convex law is not."""
-    records = _cold(sheared)
+    records = _cold(sheared._records())
     problem = cone_problem(*records)
     impulse, velocity = cone_programme(problem, None, 1e-9, 100)
     world = np.einsum("mi,mij->mj", impulse, problem.frame)

@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-from dvi_scenes import STEEL, G, R, lattice
+from dvi_scenes import STEEL, G, R, lattice, swept
 
 from geometry import Box
 from geometry.triangle_wall import TriangleWall
 from geometry.walls import Plane, annulus
 from particles import DEM, Body, Grains, LinearContact, PrescribedSpeed
 from particles.dvi import gauss_seidel as gs
-from particles.dvi.accelerated import ANDERSON, solve_records
 from particles.dvi.dvi import DVI
 from particles.dvi.rigid_contact import RigidContact
 from particles.dvi.springs import ROOTS, calibrated, rebound
@@ -120,13 +119,12 @@ def moving():
 def test_forces_of_a_packing_are_unique(moving):
     """From no impulses and from those of the step before: the same ones, in more contacts than there are unknowns."""
     warm = moving._records()
-    soft = moving._soft
     cold = [a.copy() for a in warm]
     gs.apply_records(-1.0, *cold)
     for rows in (cold[3], cold[5]):
         rows[:, gs.RX : gs.RZ + 1] = 0.0
     for records in (warm, cold):
-        assert solve_records(None, None, soft, ANDERSON, 1e-12, 100_000, *records)[1] <= 1e-12
+        assert swept(1e-12, 100_000, records, soft=moving._soft)[1] <= 1e-12
     loaded = np.any(warm[3][:, gs.RX : gs.RZ + 1] != 0.0, axis=1).sum() + len(warm[5])
     assert 3 * loaded > 6 * 125
     scale = np.abs(warm[3][:, gs.RX : gs.RZ + 1]).max()

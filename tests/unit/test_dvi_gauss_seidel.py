@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from dvi_scenes import swept
 
 from geometry.walls import annulus, cylinder
 from particles import Body, FreeShaft, Grains
 from particles.dvi import gauss_seidel as gs
-from particles.dvi.accelerated import ANDERSON, GAUSS_SEIDEL, relax_number, solve_records
+from particles.dvi.accelerated import accelerate_records, relax_number
 from particles.dvi.dvi import DVI
 from particles.dvi.interior_point import cone_problem, cone_programme, solve_by_interior_point
 from particles.dvi.rigid_contact import RigidContact
@@ -160,7 +161,7 @@ def test_converged_sweeps_satisfy_the_dense_laws(inertia):
     """Exact Coulomb to 1e-12 m/s, with a shaft 25 to 2.5e9 times as hard to turn as a grain in the system."""
     records = _records(inertia=inertia)
     mass, matrices = _dense(records)
-    sweeps, reached, _ = solve_records(None, None, None, ANDERSON, 1e-12, 20_000, *records)
+    sweeps, reached = accelerate_records(None, None, None, 1e-12, 20_000, *records)
     assert reached <= 1e-12 and sweeps < 20_000
     assert _dense_residual(matrices, mass, _vector(*records[:2]), _rows(records)) < 2e-12
     loaded = sum(bool(np.any(row[gs.RX : gs.RZ + 1] != 0.0)) for row in _rows(records))
@@ -172,8 +173,8 @@ def test_convex_law_has_one_velocity_whatever_the_solver():
     records = _records(speed=0.1)
     records[1][:, gs.LOAD] = 0.0  # the programme holds the brake; here there is none
     a, b = _copy(records), _copy(records)
-    assert solve_records(True, None, None, GAUSS_SEIDEL, 1e-11, 50_000, *a)[1] <= 1e-11
-    assert solve_records(True, 1.0, None, GAUSS_SEIDEL, 1e-11, 200_000, *b)[1] <= 1e-11
+    assert swept(1e-11, 50_000, a, convex=True)[1] <= 1e-11
+    assert swept(1e-11, 200_000, b, convex=True, relax=1.0)[1] <= 1e-11
     problem = cone_problem(*records)
     impulse, velocity = cone_programme(problem, np.zeros(len(problem.friction)), 1e-11)
     assert _vector(*b[:2]) == pytest.approx(_vector(*a[:2]), abs=1e-8)
@@ -184,7 +185,7 @@ def test_convex_law_has_one_velocity_whatever_the_solver():
 def test_interior_point_and_sweeps_agree_on_exact_coulomb():
     records = _records(speed=0.1)
     a, b = _copy(records), _copy(records)
-    assert solve_records(None, None, None, ANDERSON, 1e-11, 50_000, *a)[1] <= 1e-11
+    assert accelerate_records(None, None, None, 1e-11, 50_000, *a)[1] <= 1e-11
     assert solve_by_interior_point(None, 1e-11, *b)[1] <= 1e-11
     assert _vector(*b[:2]) == pytest.approx(_vector(*a[:2]), abs=1e-7)
 
@@ -192,8 +193,8 @@ def test_interior_point_and_sweeps_agree_on_exact_coulomb():
 def test_acceleration_needs_fewer_sweeps_for_the_same_residual():
     records = _records()
     plain, fast = _copy(records), _copy(records)
-    slow = solve_records(None, None, None, GAUSS_SEIDEL, 1e-10, 50_000, *plain)
-    quick = solve_records(None, None, None, ANDERSON, 1e-10, 50_000, *fast)
+    slow = swept(1e-10, 50_000, plain)
+    quick = accelerate_records(None, None, None, 1e-10, 50_000, *fast)
     assert max(slow[1], quick[1]) <= 1e-10
     assert 2 * quick[0] < slow[0]
     assert _vector(*fast[:2]) == pytest.approx(_vector(*plain[:2]), abs=1e-7)
