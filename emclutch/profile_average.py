@@ -51,7 +51,8 @@ class ProfileAverage:
     def state(self) -> dict[str, Any]:
         """What a run that is resumed goes on with."""
         bins = [{"kind": type(one).__name__, **_fields(one)} for one in self._bins]
-        return {"start": self._start, "bins": bins, "sums": [_fields(one) for one in self._sums], "speeds": self._speeds}
+        sums = [_fields(one) for one in self._sums]
+        return {"start": self._start, "bins": bins, "sums": sums, "speeds": self._speeds}
 
     def restore(self, state: dict[str, Any] | None) -> None:
         """Go on from the sums of a checkpoint; averaging begins anew where it has none, or those from another time."""

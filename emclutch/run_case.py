@@ -150,7 +150,8 @@ def _entered(case: Case, target: str | Path, resume: bool, progress) -> Iterator
 
 
 def _may_go_on(case: Case, folder: RunFolder) -> bool:
-    """Whether a run goes on from a checkpoint; OutputError where scene or files are others, or nothing is left to do."""
+    """Whether a run goes on from a checkpoint; OutputError where scene or files are others, or nothing is left to do.
+    """
     goes_on = folder.has_checkpoint()
     if goes_on:
         state = run_checkpoint(folder.checkpoint)
@@ -254,7 +255,7 @@ def _run(
     if profiles is not None and goes_on:
         profiles.restore(state.get("profiles"))
     extra = () if profiles is None else (profiles,)
-    solver = ()
+    solver: tuple[MissedSteps, ...] = ()
     if scene.contact.method == "dvi":
         solver = (MissedSteps(scene.contact.dvi.allowed_misses, read_history(folder.history) if goes_on else None),)
     until = () if known is None else (known,)

@@ -363,7 +363,7 @@ def _install() -> None:
         own = [f"{__name__}.{locator.__name__}" for locator in (AskedFor, BesideSource, OfUser, OfProcess)]
         usual = [locator.__name__ for locator in caching.CacheImpl._locator_classes]
         numba.config.CACHE_LOCATOR_CLASSES = ",".join(own + usual)  # type: ignore[attr-defined]
-    caching.Cache._guard_against_spurious_io_errors = _without_cache_if_need_be  # type: ignore[method-assign]
+    caching.Cache._guard_against_spurious_io_errors = _without_cache_if_need_be  # type: ignore
     save, load = caching.IndexDataCacheFile.save, caching.IndexDataCacheFile.load
     load_index, load_data = caching.IndexDataCacheFile._load_index, caching.IndexDataCacheFile._load_data
 

@@ -66,7 +66,9 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
             "with --out"
         ) from error
     if not isinstance(state, dict):
-        raise OutputError(f"{path} holds no state of a run; start the run anew, without --resume and elsewhere with --out")
+        raise OutputError(
+            f"{path} holds no state of a run; start the run anew, without --resume and elsewhere with --out"
+        )
     return state
 
 

@@ -169,8 +169,8 @@ class HistoryWriter:
         if len(kept) < 2 or reached < resume_time - slack:
             there = "holds no row that can be read" if len(kept) < 2 else f"can be read to t = {reached:.6g} s"
             raise OutputError(
-                f"{self.path} {there}, and the checkpoint is at t = {resume_time:.6g} s: the rows in between are missing; "
-                "put the file back as the run left it, or start anew in another folder with --out"
+                f"{self.path} {there}, and the checkpoint is at t = {resume_time:.6g} s: the rows in between are "
+                "missing; put the file back as the run left it, or start anew in another folder with --out"
             )
         replace_text(self.path, "".join(",".join(row) + "\n" for row in kept))
         return kept[0]

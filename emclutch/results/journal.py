@@ -147,12 +147,13 @@ class JournalledFile(io.RawIOBase):
     def _take_journal(self) -> None:
         """The pages of a commit that was cut off."""
         try:
-            with np.load(self._journal) as kept:
+            with self._journal.open("rb") as stream, np.load(stream) as kept:
                 self._size, self._kept, pages = int(kept["size"]), int(kept["kept"]), kept["pages"].reshape(-1, PAGE)
                 self._pages = {int(n): bytearray(page) for n, page in zip(kept["numbers"], pages, strict=True)}
         except FileNotFoundError:  # its writer has just finished
             self._size = self._kept = os.fstat(self._file.fileno()).st_size
         except Exception as error:  # whatever numpy and zipfile find in a foreign file
+            self._file.close()
             raise OSError(f"{self._journal} is no journal of changes ({error})") from error
 
 

@@ -234,7 +234,7 @@ class RunFolder:
         replace_json(self.summary, values)
 
     def read_summary(self) -> dict[str, Any]:
-        """``summary.json``, or an empty dictionary where the run has not written one yet; raises as `read_provenance`."""
+        """``summary.json``, or an empty dictionary where there is none yet; raises as `read_provenance`."""
         return _read_json(self.summary)
 
     @contextmanager
