@@ -163,9 +163,7 @@ class History:
         self._writer.close()
 
 
-def save_checkpoint(
-    path: Path, simulation: Simulation, case_text: str, profiles: ProfileAverage | None = None
-) -> None:
+def save_checkpoint(path: Path, simulation: Simulation, case_text: str, profiles: ProfileAverage | None = None) -> None:
     """Everything that a bit-exact continuation needs."""
     state = {
         "case": case_text,

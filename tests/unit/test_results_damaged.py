@@ -91,7 +91,9 @@ def test_rows_that_are_missing_before_the_checkpoint_are_told(tmp_path, content,
     assert (path.read_bytes() if path.exists() else None) == before
 
 
-@pytest.mark.parametrize("content", [b"\xff\xfe\x00", b"x,y\n1,2\n", b"time,current\n0.1,one\n", b"time,current\n0.1\n"])
+@pytest.mark.parametrize(
+    "content", [b"\xff\xfe\x00", b"x,y\n1,2\n", b"time,current\n0.1,one\n", b"time,current\n0.1\n"]
+)
 def test_a_history_of_something_else_is_told(tmp_path, content):
     (tmp_path / "history.csv").write_bytes(content)
     with pytest.raises(OutputError, match=r"history\.csv is no history that a run wrote, or damaged"):
@@ -216,5 +218,3 @@ def test_a_disk_that_may_only_be_read_is_told(small_disk):
         pytest.skip("it cannot be mounted read-only here")
     with pytest.raises(OutputError, match=r"cannot write to .*Read-only file system; write elsewhere with --out"):
         RunFolder.create(small_disk / "run", "a = 1")
-
-
