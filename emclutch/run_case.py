@@ -150,7 +150,7 @@ def _entered(case: Case, target: str | Path, resume: bool, progress) -> Iterator
 
 
 def _may_go_on(case: Case, folder: RunFolder) -> bool:
-    """Whether a run goes on from a checkpoint; OutputError where scene or files are others, or nothing is left to do."""
+    """Whether a run goes on from a checkpoint; OutputError where scene or files differ, or nothing is left to do."""
     goes_on = folder.has_checkpoint()
     if goes_on:
         state = run_checkpoint(folder.checkpoint)

@@ -5,7 +5,7 @@ at which it writes a file or just after that, and resumed, until it has been kil
 has at its end must be, to the last bit, what it has when nobody disturbs it: history, record, summary, last state,
 profiles, files for ParaView, those of its replicas too; of a study the table and every point. Clocks are left out.
 
-The table (scene, effects, kills, at what, runs that came to their end, records equal, processor seconds) is printed, and
+The table (scene, effects, kills, at what, runs that came to their end, what differs, processor seconds) is printed, and
 stored as FOLDER/kills.csv. Exit code 1: a record differs, or a run did not go on.
 """
 
@@ -125,7 +125,8 @@ def killed(scene: Scene, folder: Path, kills: int | None = None) -> dict[str, An
     return {
         "scene": scene.name, "effects": scene.effects, "kills": deaths, "runs": done + 1,
         "killed at": ", ".join(f"{what} {times}" for what, times in sorted(run.moments.items())),
-        "compared": len(whole), "differ": len(wrong), "which": "; ".join(sorted(wrong)[:4]), "seconds": round(sum(spent)),
+        "compared": len(whole), "differ": len(wrong), "which": "; ".join(sorted(wrong)[:4]),
+        "seconds": round(sum(spent)),
     }  # fmt: skip
 
 

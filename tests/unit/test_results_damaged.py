@@ -1,4 +1,4 @@
-"""Files of a run that are cut off, empty, foreign, of another version or not written for want of room: told, and kept."""
+"""Files of a run that are cut off, empty, foreign, of another version, or find no room: told, and nothing is lost."""
 
 import logging
 import subprocess
