@@ -103,7 +103,7 @@ class Replicas:
 
 
 def count_of_run(case: Case, folder: RunFolder, goes_on: bool) -> int:
-    """How many replicas a run has: what its scene says; where that says nothing, a resumed one has what it began with."""
+    """How many replicas a run has: what its scene says; where it is silent, a resumed one has what it began with."""
     if case.scene.accuracy.replicas is None and goes_on:
         return 1 + len(folder.replica_folders())
     return replica_count(case.scene)

@@ -37,14 +37,14 @@ class Death:
     ----------
     event : int
         Number of the event; 0: none.
-    seconds : float or None
-        After the event, or after the start of the process; None: it lives.
+    seconds : float
+        After the event, or after the start of the process.
     whole_family : bool
         With its replicas and workers; else these see it die.
     """
 
     event: int = 0
-    seconds: float | None = None
+    seconds: float = 0.0
     whole_family: bool = False
 
 
@@ -75,18 +75,18 @@ class KilledRun:
     def live(self, death: Death | None = None) -> int | None:
         """Start or resume it; the number of its events, or None where it was killed before it was done."""
         before = self._log()
-        timed = death is not None and not death.event
-        number = death.event if death is not None else 0
-        delay = death.seconds if death is not None and death.event else 0.0
-        command = [sys.executable, str(HERE / "mortal_command.py"), str(self.folder), str(number), str(delay)]
+        by_itself = Death() if death is None else death
+        command = [sys.executable, str(HERE / "mortal_command.py"), str(self.folder)]
+        command += [str(by_itself.event), str(by_itself.seconds)]
         process = subprocess.Popen(
             [*command, *self._words()], cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}, text=True,
             stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
         )  # fmt: skip
         try:
-            _, said = process.communicate(timeout=death.seconds if timed and death is not None else LONGEST)
+            is_timed = death is not None and not death.event
+            _, said = process.communicate(timeout=by_itself.seconds if is_timed else LONGEST)
         except subprocess.TimeoutExpired:
-            for pid in [process.pid, *(family(process.pid) if death is not None and death.whole_family else [])]:
+            for pid in [process.pid, *(family(process.pid) if by_itself.whole_family else [])]:
                 os.kill(pid, signal.SIGKILL)
             _, said = process.communicate()
         if process.returncode == -signal.SIGKILL:
