@@ -17,7 +17,10 @@ from emclutch.command_line import app
 from emclutch.results import OutputError
 from emclutch.results.checkpoint import write_checkpoint
 
-TOY = {"time.end": "60 us", "time.window": "10 us", "output.snapshots": 3, "output.formats": ["hdf5", "vtk"]}
+TOY = {
+    "time.end": "60 us", "time.window": "10 us", "accuracy.replicas": 1,
+    "output.snapshots": 3, "output.formats": ["hdf5", "vtk"],
+}  # fmt: skip
 CASE = case_from(CELL, TOY)
 
 
