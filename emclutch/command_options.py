@@ -41,7 +41,9 @@ Sets = Annotated[
         help="set a key: coil.current='0.8 A'; KEY=none removes it; effects.NAME=off or on removes or adds an effect",
     ),
 ]
-Resume = Annotated[bool, typer.Option("--resume", help="go on from the last checkpoint")]
+Resume = Annotated[
+    bool, typer.Option("--resume", help="go on from the last checkpoint; killed before the first, start anew")
+]
 Threads = Annotated[int | None, typer.Option("--threads", help="threads; results do not depend on them")]
 Insist = Annotated[bool, typer.Option("--insist", help="run also where more memory is needed than is free")]
 Jobs = Annotated[int, typer.Option("--jobs", min=1, help="points that run at a time, each in a process of its own")]

@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from particles import ParticleError
+
+if TYPE_CHECKING:
+    import pandas
 
 
 class MissedSteps:
     """Callback that stops a run of rigid grains of whose steps too many miss the tolerance.
+
+    Parameters
+    ----------
+    allowed : share of all steps.
+    before : history of a run that is resumed: its steps count.
 
     Raises
     ------
@@ -14,9 +24,10 @@ class MissedSteps:
         If more than the share ``allowed`` of all steps so far, and of a hundred at the least, have missed it.
     """
 
-    def __init__(self, allowed: float):
+    def __init__(self, allowed: float, before: pandas.DataFrame | None = None):
         self._allowed = allowed
-        self._missed = self._steps = 0
+        self._missed = 0 if before is None else int(before["missed_steps"].sum())
+        self._steps = 0 if before is None else int(before["steps"].sum())
 
     def __call__(self, simulation, row: dict) -> None:
         self._missed += row["missed_steps"]

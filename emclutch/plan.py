@@ -83,7 +83,7 @@ class Plan:
 
     def continued(self, steps_per_update: int, updates: int, end: float) -> Plan:
         """The plan of a run that goes on with the windows it began with, to the time `end` [s]."""
-        windows = max(1, ceil(end / (steps_per_update * updates * self.dt) - 1e-9))
+        windows = _parts(end, steps_per_update * updates * self.dt)
         return replace(self, steps_per_update=steps_per_update, updates=updates, windows=windows)
 
     @property
@@ -214,12 +214,17 @@ def _packing_in_words(scene, device: Device) -> str:
     )
 
 
+def _parts(duration: float, part: float) -> int:
+    """How many parts [s] reach the end of a duration [s]; round-off of their quotient adds none."""
+    return max(1, ceil(duration / part - 1e-9))
+
+
 def _windows(
     scene, dt: float, speed: float, between_layers: float, magnetic: bool, reasons: dict[str, str]
 ) -> tuple[int, int, int]:
     """Steps a force update, updates a window and windows of the run; speeds of the walls and of layers [m/s]."""
     d = scene.particles.smallest_diameter
-    end_steps = max(1, ceil(scene.time.end / dt))
+    end_steps = _parts(scene.time.end, dt)
     per_update = 1
     if magnetic:
         asked = scene.effects.dipoles.update_every if scene.effects.dipoles is not None else None
@@ -245,7 +250,7 @@ def _windows(
         per_update, updates = steps, 1
     else:
         updates = max(1, round(steps / per_update))
-    windows = max(1, ceil(end_steps / (per_update * updates)))
+    windows = _parts(scene.time.end, per_update * updates * dt)
     reasons["coupling window"] = (
         f"{per_update * updates} steps = {per_update * updates * dt:.3g} s, "
         f"{windows} windows to t = {windows * per_update * updates * dt:.4g} s"

@@ -1,18 +1,19 @@
 """Profiles of a run across its gap, averaged over the windows of its steady part: a callback of the loop.
 
-It asks for the contacts of each window and changes nothing. A run that is resumed averages from there on.
+It asks for the contacts of each window and changes nothing.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
 from geometry.walls import AnnularBox
 from particles import DEM
-from particles.diagnostics.bins import Bins, ring_bins
+from particles.diagnostics.bins import Bins, RingBins, SlabBins, ring_bins
 from particles.diagnostics.enclosed_space import BoxSpace, Space, enclosed_space
 from particles.diagnostics.grain_diagnostics import default_bins
 from particles.diagnostics.profiles import Profile, ProfileSums, profile_of, profile_sums
@@ -47,6 +48,21 @@ class ProfileAverage:
         for body in dem.bodies:
             self._speeds[body.name] = self._speeds.get(body.name, 0.0) + body.speed
 
+    def state(self) -> dict[str, Any]:
+        """What a run that is resumed goes on with."""
+        bins = [{"kind": type(one).__name__, **_fields(one)} for one in self._bins]
+        sums = [_fields(one) for one in self._sums]
+        return {"start": self._start, "bins": bins, "sums": sums, "speeds": self._speeds}
+
+    def restore(self, state: dict[str, Any] | None) -> None:
+        """Go on from the sums of a checkpoint; averaging begins anew where it has none, or those from another time."""
+        if state is None or state["start"] != self._start:
+            return
+        kinds = {kind.__name__: kind for kind in (RingBins, SlabBins)}
+        self._bins = [kinds[one.pop("kind")](**one) for one in state["bins"]]
+        self._sums = [ProfileSums(**one) for one in state["sums"]]
+        self._speeds = dict(state["speeds"])
+
     def profiles(self) -> list[Profile]:
         """The means: against r and z in a ring, against z in a box; empty before the first window that counts."""
         if not self._sums:
@@ -54,6 +70,11 @@ class ProfileAverage:
         moments = float(self._sums[0].moments[0])
         speeds = {name: total / moments for name, total in self._speeds.items()}
         return [profile_of(sums, bins, speeds) for sums, bins in zip(self._sums, self._bins, strict=True)]
+
+
+def _fields(one: Any) -> dict[str, Any]:
+    """The fields of a dataclass by name, as they are."""
+    return {each.name: getattr(one, each.name) for each in fields(one)}
 
 
 def gap_of(shape: Any, dem: DEM) -> Space:

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from emclutch.results import OutputError, RunFolder, read_history
-from emclutch.results.folder_lock import has_files
+from emclutch.results.folder_lock import FolderInUse, has_files, locked_folder
 from emclutch.scene.replica_count import replica_count, replica_seed
 from emclutch.study_points import set_aside
 from geometry.kernel_cache import ROOT
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 POLL = 0.1  # s, between looks at a process
+PATIENCE = 60.0  # s, for a replica of a killed run: it ends, with a checkpoint, after the window that it is in
 
 
 @dataclass(slots=True)
@@ -101,9 +102,9 @@ class Replicas:
         return self.failure()
 
 
-def count_of_run(case: Case, folder: RunFolder, resume: bool) -> int:
-    """How many replicas a run has: what its scene says; of a resumed one that says nothing, what it began with."""
-    if case.scene.accuracy.replicas is None and resume:
+def count_of_run(case: Case, folder: RunFolder, goes_on: bool) -> int:
+    """How many replicas a run has: what its scene says; where it is silent, a resumed one has what it began with."""
+    if case.scene.accuracy.replicas is None and goes_on:
         return 1 + len(folder.replica_folders())
     return replica_count(case.scene)
 
@@ -134,6 +135,8 @@ def other_replicas(
     group = Replicas([each.history for each in folders])
     with tempfile.TemporaryDirectory(prefix="emclutch-") as scratch:
         try:
+            for own in folders[1:]:  # before the first window: how many there are is known from them (`count_of_run`)
+                own.path.mkdir(parents=True, exist_ok=True)
             for number, own in enumerate(folders[1:], start=1):
                 task = {
                     "case": case_of_replica(case, number).toml(),
@@ -168,12 +171,26 @@ def tell_packing_share(folder: RunFolder, share: float | None) -> None:
 
 def _goes_on(folder: RunFolder) -> bool:
     """Whether a replica has a checkpoint to go on from; what lies there without one is put aside."""
+    _wait_for_the_former(folder)
     if folder.checkpoint.is_file():
         return True
     if folder.path.is_dir() and has_files(folder.path):
         aside = set_aside(folder.path)
         log.warning("%s has no checkpoint to go on from: started anew, its files are kept as %s", folder.path, aside)
     return False
+
+
+def _wait_for_the_former(folder: RunFolder) -> None:
+    """Wait until a replica whose run was killed has ended; FolderInUse where it does not."""
+    last = time.monotonic() + PATIENCE
+    while True:
+        try:
+            with locked_folder(folder.path):
+                return
+        except FolderInUse:
+            if time.monotonic() > last:
+                raise
+            time.sleep(POLL)
 
 
 def _started(folder: RunFolder, task: dict[str, Any], errors: Path) -> ReplicaProcess:

@@ -46,7 +46,7 @@ def refuse_other_scene(old_text: str, new_text: str, target: str | Path) -> None
         contact = any(text.startswith("contact.") for text in differing)
         why = "a changed contact needs a new run: " if contact else ""
         raise OutputError(
-            f"the checkpoint in {target} belongs to another scene ({'; '.join(differing)}); {why}start anew in another "
+            f"the run in {target} belongs to another scene ({'; '.join(differing)}); {why}start anew in another "
             f"folder with --out, or continue the old scene with emclutch run {target} --resume"
         )
 

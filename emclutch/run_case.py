@@ -22,7 +22,7 @@ from emclutch.missed_steps import MissedSteps
 from emclutch.observables import Observables
 from emclutch.plan import make_plan
 from emclutch.replicas import Replicas, count_of_run, other_replicas, tell_packing_share
-from emclutch.results import Result, RunFolder, load_result
+from emclutch.results import OutputError, Result, RunFolder, load_result, read_history
 from emclutch.results.folder_lock import locked_folder
 from emclutch.results.grain_profiles import write_profiles
 from emclutch.results.steady_torque import SteadyConditions
@@ -70,14 +70,16 @@ def run(
     ----------
     case : Case
     out : folder of the run; default: the scene's `output.folder`, or the next free runs/<case>-<nnn>.
-    threads : of the kernels of each replica; default: ``OMP_NUM_THREADS``, or what a trial in the first windows finds
-        to pay of the cores, shared out among the replicas. The result does not depend on it.
-    resume : continue from the checkpoint in `out`.
+    with _entered(case, target, resume, progress) as (folder, goes_on, compiled, begin):
+        if resume and not goes_on and (start := start or folder.grains_from()) is not None:
+            grains = starting_grains(case, start)
+        count = count_of_run(case, folder, goes_on)
+        free, threads = threads_are_open(threads), use_threads(threads, count)
     progress : object with update(fraction, text), or None; if it has announce(text) too, what is being compiled, and
         why a run falls behind its plan; if it has stop_asked, and that is true after a window, the run ends there as
         after Ctrl-C.
     start : folder of a finished run whose grains this one begins with (`emclutch.warm_start`), in place of a packing;
-        it says nothing more where a run is resumed.
+        it says nothing more where a run is resumed from a checkpoint.
     insist : run also where more memory is needed than is free.
 
     Raises
@@ -90,17 +92,15 @@ def run(
         `Interrupted` after Ctrl-C.
     """
     target = out or case.scene.output.folder or RunFolder.next_path(case.name)
-    grains = None if start is None or resume else starting_grains(case, start)
+    grains = None if start is None or resume else starting_grains(case, start)  # before the lock makes a folder
     stop = threading.Event()
-    with _entered(case, target, resume, progress) as (folder, compiled, begin):
-        count = count_of_run(case, folder, resume)
-        free, threads = threads_are_open(threads), use_threads(threads, count)
+            return _run(case, folder, goes_on, progress, begin, compiled, replicas, stop, free, insist, grains)
         with (
             interruptible(stop),
             step_compiled_beside(case.scene, lambda text: _announce(progress, text)),
             other_replicas(case, folder, count, threads=threads, free=free, resume=resume, start=start) as replicas,
         ):
-            return _run(case, folder, resume, progress, begin, compiled, replicas, stop, free, insist, grains)
+        return _run(case, folder, goes_on, None, begin, compiled, replicas, stop, free, True, grains)
 
 
 def run_replica(
@@ -119,39 +119,57 @@ def run_replica(
     ``free``: it may take fewer threads where fewer pay.
     """
     grains = None if start is None or resume else starting_grains(case, start)
-    with _entered(case, target, resume, None) as (folder, compiled, begin):
+    with _entered(case, target, resume, None) as (folder, goes_on, compiled, begin):
         use_threads(threads)
-        return _run(case, folder, resume, None, begin, compiled, replicas, stop, free, True, grains)
+        return _run(case, folder, goes_on, None, begin, compiled, replicas, stop, True, grains)
 
 
 @contextmanager
-def _entered(case: Case, target: str | Path, resume: bool, progress) -> Iterator[tuple[RunFolder, Any, float]]:
-    """The run's folder, held, logging and fit to go on in; what fails in the block is told as a RunError."""
+def _entered(case: Case, target: str | Path, resume: bool, progress) -> Iterator[tuple[RunFolder, bool, Any, float]]:
+    """The run's folder, held, logging and fit to go on in; what fails in the block is told as a RunError.
+
+    Yields the folder, whether the run goes on from a checkpoint in it, what is compiled, and the time of the begin.
+    """
     begin = perf_counter()
     if resume:  # before the lock makes a folder
-        RunFolder(target).require_checkpoint()
+        RunFolder(target).has_checkpoint()
     with locked_folder(target):
-        if resume:  # compared before anything in the folder is touched
-            folder = RunFolder(target)
-            state = run_checkpoint(folder.checkpoint)
-            refuse_other_scene(state["case"], case.toml(), target)
-            refuse_earlier_end(folder, state, case.scene.time.end)
-            with folder.logging():
-                refuse_changed_files(case, folder)
+        goes_on = resume and _may_go_on(case, RunFolder(target))  # compared before anything in the folder is touched
         folder = RunFolder.create(target, case.toml(), resume=resume)
         with folder.logging(), compilation_told(lambda text: _announce(progress, text)) as compiled:
+            if resume and not goes_on:
+                _announce(progress, f"{folder.path} has no checkpoint yet: the run starts anew")
             try:
-                yield folder, compiled, begin
+                yield folder, goes_on, compiled, begin
             except (ConvergenceError, ParticleError, PointOutside, ValueError) as error:
                 text = f"{error}{remedy_in_scene(case, error)}"
                 log.error("%s", text)
                 raise RunError(f"{text}\n(log: {folder.log})") from error
+            except OSError as error:
+                text = f"{error.filename or folder.path}: {error.strerror or error}"
+                log.error("%s", text)
+                how = f"go on with: emclutch run {folder.path} --resume" if folder.is_begun() else "start anew"
+                raise OutputError(f"{text}; see to the path, its room and its permissions, then {how}") from error
+
+
+def _may_go_on(case: Case, folder: RunFolder) -> bool:
+    """Whether a run goes on from a checkpoint; OutputError where scene or files differ, or nothing is left to do."""
+    goes_on = folder.has_checkpoint()
+    if goes_on:
+        state = run_checkpoint(folder.checkpoint)
+        refuse_other_scene(state["case"], case.toml(), folder.path)
+        refuse_earlier_end(folder, state, case.scene.time.end)
+    else:
+        refuse_other_scene(folder.read_case(), case.toml(), folder.path)
+    with folder.logging():
+        refuse_changed_files(case, folder)
+    return goes_on
 
 
 def _run(
     case,
     folder,
-    resume,
+    goes_on: bool,
     progress,
     begin,
     compiled,
@@ -182,7 +200,7 @@ def _run(
     conditions = SteadyConditions(scene.time.average_from, device.shear_gap, device.shear_radius, negligible)
     folder.write_plan({"contact": plan.contact_data, "steady_torque": conditions.as_dict(), "decisions": plan.reasons})
     _say(progress, 0.0, f"packing {plan.count} grains")
-    if resume:
+    if goes_on:
         state = run_checkpoint(folder.checkpoint)
         plan = plan.continued(state["steps_per_update"], state["updates"], scene.time.end)
         simulation, resume_time = restore(case, device, plan, state)
@@ -223,7 +241,7 @@ def _run(
             stopped or done or simulation.window == 1 or perf_counter() - last_save > CHECKPOINT_SECONDS
         ):
             snapshots.flush()
-            save_checkpoint(folder.checkpoint, simulation, case_text)
+            save_checkpoint(folder.checkpoint, simulation, case_text, profiles)
             last_save = perf_counter()
         return stopped
 
@@ -237,8 +255,12 @@ def _run(
         )
 
     profiles = profile_average(scene, device)
+    if profiles is not None and goes_on:
+        profiles.restore(state.get("profiles"))
     extra = () if profiles is None else (profiles,)
-    solver = (MissedSteps(scene.contact.dvi.allowed_misses),) if scene.contact.method == "dvi" else ()
+    solver: tuple[MissedSteps, ...] = ()
+    if scene.contact.method == "dvi":
+        solver = (MissedSteps(scene.contact.dvi.allowed_misses, read_history(folder.history) if goes_on else None),)
     until = () if known is None else (known,)
     pace = RunPace(plan.cost, simulation.dem.time, getattr(progress, "announce", None), lambda: compiled.count)
     trial = thread_trial(progress, lambda: compiled.count) if free and threads_in_use() > 1 else ()
@@ -273,16 +295,16 @@ def _run(
                 else "no checkpoint was written (output.checkpoint = false)"
             )
         )
-    others = replicas.other_histories() if replicas.number == 0 else []
-    seconds = {"whole_run": perf_counter() - begin, "compiling": compiled.seconds}
-    summarise(case, folder, device, plan, simulation, conditions, seconds, others)
-    if others:
-        tell_packing_share(folder, load_result(folder.path).torque.packing_share)
     across = [] if profiles is None else profiles.profiles()
     if across:
         write_profiles(folder.path, across)
     elif profiles is not None:
         log.warning("no profiles: the run ended before their averaging began; set time.average_from to an earlier time")
+    others = replicas.other_histories() if replicas.number == 0 else []
+    seconds = {"whole_run": perf_counter() - begin, "compiling": compiled.seconds}
+    summarise(case, folder, device, plan, simulation, conditions, seconds, others)
+    if others:
+        tell_packing_share(folder, load_result(folder.path).torque.packing_share)
     if scene.output.pictures:
         _say(progress, 1.0, "pictures")
         from emclutch.run_pictures import draw_run

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from emclutch.results.checkpoint import write_checkpoint
 from emclutch.results.record import Record
 from emclutch.results.vtk_series import PvdSeries
 from particles import DEM, DVI
+
+if TYPE_CHECKING:
+    from emclutch.profile_average import ProfileAverage
 
 
 class Snapshots:
@@ -159,7 +163,7 @@ class History:
         self._writer.close()
 
 
-def save_checkpoint(path: Path, simulation: Simulation, case_text: str) -> None:
+def save_checkpoint(path: Path, simulation: Simulation, case_text: str, profiles: ProfileAverage | None = None) -> None:
     """Everything that a bit-exact continuation needs."""
     state = {
         "case": case_text,
@@ -173,4 +177,6 @@ def save_checkpoint(path: Path, simulation: Simulation, case_text: str) -> None:
     source = simulation.source
     if isinstance(source, (CoilField, SolidCoilField)):
         state["source"] = source.state()
+    if profiles is not None:
+        state["profiles"] = profiles.state()
     write_checkpoint(path, state)

@@ -17,7 +17,7 @@ from typing import Any
 
 from emclutch.case import Case
 from emclutch.results import OutputError, RunFolder, read_history
-from emclutch.results.folder_lock import LOCK, locked_folder
+from emclutch.results.folder_lock import LOCK, has_files, locked_folder
 from emclutch.resume import differing_keys, flat_scene, may_change, refuse_changed_files
 
 POINT = "point-"
@@ -68,7 +68,11 @@ def folders_of_points(folder: Path, cases: Sequence[Case], fixed: Collection[str
                 if (path := found[number]) is not None:
                     _refuse_earlier_end(path, there.pop(path), scene)
     is_done = [path is not None and _is_done(path, scene) for path, scene in zip(found, wanted, strict=True)]
-    used = [int(match[1]) for path in folder.glob(f"{POINT}*") if (match := _NUMBERED.match(path.name))]
+    used = [
+        int(match[1])
+        for path in folder.glob(f"{POINT}*")
+        if (match := _NUMBERED.match(path.name)) and (path.is_file() or has_files(path))
+    ]
     free = max(used, default=-1) + 1
     folders = []
     for path, done in zip(found, is_done, strict=True):

@@ -9,7 +9,8 @@ So (1) a kernel's stamp is a hash of what it is made of (`kernel_stamp`): its ow
 docstrings, comments and line numbers, the values of the globals that it reads, and the same of every compiled function
 that it calls, whichever file it stands in, also of one that is chosen by types or found in a table; (2) index and
 code are read and written under a lock, and who finds another process compiling a kernel waits for its code instead of
-compiling it too.
+compiling it too; (3) a cache only saves time: where its disk is full, nothing can be written, or a file in it is
+damaged, kernels are compiled, and a warning says so.
 
 It stands in this package because `field` and `particles` both have kernels and import nothing else in common; each
 imports it before its first kernel is defined. Kernels of other packages keep numba's own rule.
@@ -19,7 +20,12 @@ from __future__ import annotations
 
 import gc
 import hashlib
+import os
+import shutil
 import sys
+import tempfile
+import warnings
+from atexit import register
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -248,6 +254,40 @@ class OfUser(_BySyntax, caching.UserWideCacheLocator):
     """In the user's cache folder, where the source may not be written."""
 
 
+class OfProcess(_BySyntax, caching.UserWideCacheLocator):
+    """In a folder of this process alone, where no other may be written: it is removed with the process."""
+
+    _folder: str | None = None
+
+    def get_cache_path(self) -> str:
+        if OfProcess._folder is None:
+            OfProcess._folder = tempfile.mkdtemp(prefix="emclutch-kernels-")
+            register(shutil.rmtree, OfProcess._folder, ignore_errors=True)
+            _warn("no folder for compiled kernels can be written")
+        return os.path.join(OfProcess._folder, os.path.basename(self._cache_path))
+
+
+_told: set[str] = set()
+
+
+def _warn(fault: str) -> None:
+    """Say once that kernels are not kept."""
+    if fault not in _told:
+        _told.add(fault)
+        text = f"{fault}: they are compiled anew by every run, which takes a minute; make room or permissions there, or"
+        warnings.warn(f"{text} set NUMBA_CACHE_DIR to another folder", RuntimeWarning, stacklevel=2)
+
+
+@contextmanager
+def _without_cache_if_need_be(cache: caching.Cache) -> Iterator[None]:
+    """Leave the block where the disk says no: numba compiles what it cannot read, and keeps what it cannot write."""
+    try:
+        yield
+    except OSError as error:
+        _compiled()
+        _warn(f"compiled kernels cannot be kept in {cache.cache_path} ({error.strerror or error})")
+
+
 @contextmanager
 def _locked(path: str, *, alone: bool) -> Iterator[None]:
     """Hold the lock of an index; without one where the file system has none."""
@@ -320,10 +360,33 @@ def _install() -> None:
     event.register("numba:compile", _WithoutCollection())
     numba.config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]  # type: ignore[attr-defined]
     if not numba.config.CACHE_LOCATOR_CLASSES:  # type: ignore[attr-defined]
-        own = [f"{__name__}.{locator.__name__}" for locator in (AskedFor, BesideSource, OfUser)]
+        own = [f"{__name__}.{locator.__name__}" for locator in (AskedFor, BesideSource, OfUser, OfProcess)]
         usual = [locator.__name__ for locator in caching.CacheImpl._locator_classes]
         numba.config.CACHE_LOCATOR_CLASSES = ",".join(own + usual)  # type: ignore[attr-defined]
+    caching.Cache._guard_against_spurious_io_errors = _without_cache_if_need_be  # type: ignore
     save, load = caching.IndexDataCacheFile.save, caching.IndexDataCacheFile.load
+    load_index, load_data = caching.IndexDataCacheFile._load_index, caching.IndexDataCacheFile._load_data
+
+    def index_or_none(self):
+        try:
+            return load_index(self)
+        except OSError:
+            raise
+        except Exception:  # whatever pickle finds in half a file
+            with suppress(OSError):
+                os.unlink(self._index_path)
+            return {}
+
+    def data_or_none(self, name):
+        try:
+            return load_data(self, name)
+        except OSError:
+            raise
+        except Exception as error:
+            raise OSError(f"{name} is damaged") from error  # for numba it is not there, and is written anew
+
+    caching.IndexDataCacheFile._load_index = index_or_none  # type: ignore[method-assign]
+    caching.IndexDataCacheFile._load_data = data_or_none  # type: ignore[method-assign]
 
     def locked_save(self, key, data):
         with _locked(self._index_path, alone=True):

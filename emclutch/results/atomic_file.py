@@ -5,24 +5,50 @@ from __future__ import annotations
 import json
 import math
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+UNFINISHED = ".new"
+"""Ending of a file that is being written; what a killed process leaves of it is of no use to anybody."""
 
-def replace_text(path: Path, text: str) -> None:
-    """Write a text file beside its place and move it there in one step, safe against a crash in between."""
-    beside = path.with_name(f"{path.name}.{os.getpid()}.new")  # two runs may write one file at the same time
+
+def replace_bytes(path: Path, content: bytes | memoryview) -> None:
+    """Write a file beside its place and move it there in one step, safe against a crash and a full disk."""
+    beside = path.with_name(f"{path.name}.{os.getpid()}{UNFINISHED}")  # two runs may write one file at the same time
     try:
-        with beside.open("w", encoding="utf-8") as file:
-            file.write(text)
+        with beside.open("wb") as file:
+            file.write(content)
             file.flush()
             os.fsync(file.fileno())
         os.replace(beside, path)
-    except BaseException:
-        beside.unlink(missing_ok=True)
+    except BaseException as error:
+        if isinstance(error, OSError):
+            error.filename = str(path)  # a full disk says no name by itself
+        with suppress(OSError):  # a folder that is gone, or may not be written any more
+            beside.unlink(missing_ok=True)
         raise
+
+
+def remove_unfinished(folder: Path) -> None:
+    """Remove what killed processes have left of files that they were writing into a folder.
+
+    Only for who holds the folder's lock: the file of a process that writes looks alike.
+    """
+    for left in folder.glob(f"*.[0-9]*{UNFINISHED}"):
+        left.unlink(missing_ok=True)
+
+
+def is_unfinished(path: Path) -> bool:
+    """Whether a file is one that was being written."""
+    return path.match(f"*.[0-9]*{UNFINISHED}")
+
+
+def replace_text(path: Path, text: str) -> None:
+    """`replace_bytes` of a text in UTF-8."""
+    replace_bytes(path, text.encode())
 
 
 def replace_json(path: Path, values: Any) -> None:

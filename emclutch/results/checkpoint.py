@@ -10,13 +10,14 @@ comes back with its type, dtype and shape. Integers may have any size (states of
 
 from __future__ import annotations
 
-import os
+import io
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
+from emclutch.results.atomic_file import replace_bytes
 from emclutch.results.output_error import OutputError
 
 VERSION = 1
@@ -30,19 +31,13 @@ def write_checkpoint(path: str | Path, state: dict[str, Any]) -> None:
     Raises
     ------
     TypeError : a value of a type that cannot be stored, named by its place.
-    OutputError : the disk does not take it; the former checkpoint is untouched.
+    OSError : the disk does not take it; the former checkpoint is untouched.
     """
-    path = Path(path)
-    beside = path.with_name(path.name + ".new")
-    try:
-        with h5py.File(beside, "w") as file:
-            file.attrs["version"] = VERSION
-            _write(file, "state", state, "state")
-        with beside.open("rb") as written:
-            os.fsync(written.fileno())
-        os.replace(beside, path)
-    except OSError as error:
-        raise OutputError(f"cannot write {path}: {error}; make room or permissions there") from error
+    content = io.BytesIO()  # a disk that takes no more is told by Python, at once and in words
+    with h5py.File(content, "w") as file:
+        file.attrs["version"] = VERSION
+        _write(file, "state", state, "state")
+    replace_bytes(Path(path), content.getbuffer())
 
 
 def read_checkpoint(path: str | Path) -> dict[str, Any]:
@@ -58,7 +53,7 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
             if version is None or "state" not in file:
                 raise OutputError(
                     f"{path} is an HDF5 file, but no checkpoint that this program wrote; name the right folder, or "
-                    "start the run anew without --resume"
+                    "start the run anew, without --resume and elsewhere with --out"
                 )
             if version != VERSION:
                 raise OutputError(
@@ -66,9 +61,14 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
                 )
             state = _read(file["state"])
     except (OSError, *DAMAGED) as error:
-        raise OutputError(f"cannot read {path}: {error}; start the run anew without --resume") from error
+        raise OutputError(
+            f"cannot read {path}: {error}; put a good one there, or start the run anew, without --resume and elsewhere "
+            "with --out"
+        ) from error
     if not isinstance(state, dict):
-        raise OutputError(f"{path} holds no state of a run; start the run anew without --resume")
+        raise OutputError(
+            f"{path} holds no state of a run; start the run anew, without --resume and elsewhere with --out"
+        )
     return state
 
 

@@ -22,6 +22,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from emclutch.results.atomic_file import is_unfinished
 from emclutch.results.output_error import OutputError
 
 try:
@@ -33,14 +34,20 @@ LOCK = "emclutch.lock"
 _NO_FLOCK = {errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP}
 
 
+class FolderInUse(OutputError):
+    """Somebody else writes the folder."""
+
+
 @contextmanager
 def locked_folder(folder: str | Path) -> Iterator[None]:
     """Hold a folder for writing inside a ``with`` block; it is made if it is missing.
 
     Raises
     ------
+    FolderInUse
+        Another process (or another part of this one) holds it.
     OutputError
-        Another process (or another part of this one) holds it; it cannot be made or written.
+        It cannot be made or written.
     """
     path = Path(folder) / LOCK
     try:
@@ -67,8 +74,8 @@ def locked_folder(folder: str | Path) -> Iterator[None]:
 
 
 def has_files(folder: str | Path) -> bool:
-    """Whether anything but a lock lies in a folder."""
-    return any(entry.name != LOCK for entry in Path(folder).iterdir())
+    """Whether anything lies in a folder but a lock and what a killed process had begun to write."""
+    return any(entry.name != LOCK and not is_unfinished(entry) for entry in Path(folder).iterdir())
 
 
 def _take(path: Path) -> int:
@@ -135,12 +142,12 @@ def _holder(path: Path) -> dict | None:
     return holder if isinstance(holder, dict) and isinstance(holder.get("pid"), int) else None
 
 
-def _in_use(path: Path, remedy: str) -> OutputError:
+def _in_use(path: Path, remedy: str) -> FolderInUse:
     holder = _holder(path)
     who = "another process"
     if holder is not None:
         who = f"process {holder['pid']} on {holder.get('host')}, since {holder.get('since')}"
-    return OutputError(f"{path.parent} is in use by {who}; {remedy}, or write elsewhere with --out")
+    return FolderInUse(f"{path.parent} is in use by {who}; {remedy}, or write elsewhere with --out")
 
 
 def _left_or_in_use(path: Path) -> OutputError:

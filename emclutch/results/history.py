@@ -110,12 +110,16 @@ class HistoryWriter:
     path : the file. A new run starts it anew.
     resume_time : time of the checkpoint [s] that a run resumes from: the rows up to it are kept, later
         ones and a last row that was cut off are removed.
+
+    Raises
+    ------
+    OutputError : the rows up to `resume_time` are not all there; nothing was changed.
     """
 
     def __init__(self, path: str | Path, *, resume_time: float | None = None) -> None:
         self.path = Path(path)
         self.columns: list[str] | None = None
-        if resume_time is not None and self.path.is_file():
+        if resume_time is not None:
             self.columns = self._cut_back(resume_time)
         self._file = self.path.open("a" if self.columns else "w", encoding="utf-8", newline="")
         self._writer = csv.writer(self._file, lineterminator="\n")
@@ -151,35 +155,73 @@ class HistoryWriter:
     ) -> None:
         self.close()
 
-    def _cut_back(self, resume_time: float) -> list[str] | None:
-        text = self.path.read_text(encoding="utf-8")
-        complete = text[: text.rfind("\n") + 1]
-        rows = list(csv.reader(io.StringIO(complete)))
-        if not rows:
-            return None
-        header, kept = rows[0], [rows[0]]
-        at = header.index("time")
-        limit = resume_time + 1e-12 * abs(resume_time)  # round-off of a time that was added up anew
+    def _cut_back(self, resume_time: float) -> list[str]:
+        """The columns; rows after `resume_time` are removed."""
+        rows = _rows_of(self.path) if self.path.is_file() else []
+        kept, reached = rows[:1], 0.0
+        slack = 1e-12 * abs(resume_time)  # round-off of a time that was added up anew
         for row in rows[1:]:
-            if len(row) != len(header) or float(row[at]) > limit:
+            time = _time_of(row, rows[0])
+            if time is None or not time <= resume_time + slack:
                 break
             kept.append(row)
+            reached = time
+        if len(kept) < 2 or reached < resume_time - slack:
+            there = "holds no row that can be read" if len(kept) < 2 else f"can be read to t = {reached:.6g} s"
+            raise OutputError(
+                f"{self.path} {there}, and the checkpoint is at t = {resume_time:.6g} s: the rows in between are "
+                "missing; put the file back as the run left it, or start anew in another folder with --out"
+            )
         replace_text(self.path, "".join(",".join(row) + "\n" for row in kept))
-        return header
+        return kept[0]
 
 
 def read_history(path: str | Path) -> pandas.DataFrame:
-    """A history as a table; ``attrs["units"]`` holds the unit of each column."""
+    """A history as a table; ``attrs["units"]`` holds the unit of each column.
+
+    Raises
+    ------
+    OutputError : it is none, or damaged.
+    """
     import pandas
 
     # Not read_csv: only its newest default returns each float exactly, and the option for it is deprecated.
-    text = Path(path).read_text(encoding="utf-8")
-    complete = text[: text.rfind("\n") + 1]  # a run that was killed may have left half a row
-    header, *rows = list(csv.reader(io.StringIO(complete))) or [[]]
-    cells = zip(*rows, strict=True) if rows else ([] for _ in header)
-    table = pandas.DataFrame({name: _numbers(column) for name, column in zip(header, cells, strict=True)})
+    header, *rows = _rows_of(Path(path)) or [["time"]]
+    try:
+        if "time" not in header:
+            raise ValueError("it has no column time")
+        cells = zip(*rows, strict=True) if rows else ([] for _ in header)
+        table = pandas.DataFrame({name: _numbers(column) for name, column in zip(header, cells, strict=True)})
+    except ValueError as error:
+        raise OutputError(f"{path} is no history that a run wrote, or damaged ({error}); name another run") from error
     table.attrs["units"] = {name: COLUMNS[name][0] for name in table.columns if name in COLUMNS}
     return table
+
+
+def _rows_of(path: Path) -> list[list[str]]:
+    """All whole rows, the columns' names first; a run that was killed may have left half a row."""
+    try:
+        text = path.read_text(encoding="utf-8")
+        return list(csv.reader(io.StringIO(text[: text.rfind("\n") + 1])))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise OutputError(f"{path} is no history that a run wrote, or damaged ({error}); name another run") from error
+
+
+def _time_of(row: list[str], header: list[str]) -> float | None:
+    """The time of a row [s]; None where it is none of these columns."""
+    try:
+        return float(row[header.index("time")]) if len(row) == len(header) else None
+    except ValueError:
+        return None
+
+
+def whole_rows(path: Path) -> int:
+    """Windows that a history has; 0 where there is none."""
+    try:
+        with path.open("rb") as file:
+            return max(0, sum(line.endswith(b"\n") for line in file) - 1)
+    except OSError:
+        return 0
 
 
 def last_time(path: Path) -> float | None:

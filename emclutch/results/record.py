@@ -9,8 +9,9 @@
     /parameters              case (TOML text), provenance (JSON text)
 
 The grains of a frame are in the order of their ids, so ``value[:, i]`` is the path of one grain
-although the program sorts the grains by cell. The file is opened for each write only: a run that is
-killed between two writes leaves a readable record. Checkpoints have their own file (`checkpoint`).
+although the program sorts the grains by cell. Each write is one change that arrives whole or not at all
+(`journal`): a run that is killed at any moment, and a disk that is full, leave a record that can be read
+and continued. Checkpoints have their own file (`checkpoint`).
 
 P. de Buyl, P. H. Colberg, F. Höfling, "H5MD: a structured, efficient, and portable file format for
 molecular data", Comput. Phys. Commun. 185 (2014) 1546-1553.
@@ -18,6 +19,7 @@ molecular data", Comput. Phys. Commun. 185 (2014) 1546-1553.
 
 from __future__ import annotations
 
+import io
 import logging
 import os
 from collections.abc import Iterator, Mapping
@@ -30,8 +32,10 @@ import h5py
 import numpy as np
 
 from emclutch.results.array_units import ARRAY_UNITS
+from emclutch.results.atomic_file import replace_bytes
 from emclutch.results.checkpoint import DAMAGED
 from emclutch.results.history import COLUMNS
+from emclutch.results.journal import JournalledFile, journal_of
 from emclutch.results.output_error import OutputError
 
 logger = logging.getLogger(__name__)
@@ -83,17 +87,29 @@ class Record:
                 return record
         if mode == "a" and record.path.is_file():
             try:
-                with h5py.File(record.path, "r+") as file:
-                    if resume_time is not None:
-                        _cut_back(file, resume_time)
+                with JournalledFile(record.path) as content:
+                    with h5py.File(content, "r+") as file:
+                        if resume_time is not None:
+                            _cut_back(file, resume_time)
+                    content.commit()
                 return record
             except (OSError, *DAMAGED) as error:
+                if isinstance(error, OSError) and error.errno is not None:  # the disk's, not the content's
+                    raise
                 number = 1
                 while (broken := record.path.with_name(f"run-broken-{number}.h5")).exists():
                     number += 1
                 os.replace(record.path, broken)
-                logger.warning("%s cannot be read (%s): kept as %s, starting anew", path, error, broken.name)
-        with h5py.File(record.path, "w") as file:
+                logger.warning(
+                    "%s cannot be read (%s): kept as %s; a new one begins here, what was before stands in history.csv",
+                    path,
+                    error,
+                    broken.name,
+                )
+        elif mode == "a":
+            logger.warning("%s is not there: it begins here, what was before stands in history.csv", path)
+        begun = io.BytesIO()
+        with h5py.File(begun, "w") as file:
             head = file.create_group("h5md")
             head.attrs["version"] = np.array([1, 1], dtype=np.int32)
             head.create_group("author").attrs["name"] = "emclutch"
@@ -107,6 +123,8 @@ class Record:
             parameters = file.create_group("parameters")
             parameters["case"] = case_text
             parameters["provenance"] = provenance_text
+        journal_of(record.path).unlink(missing_ok=True)
+        replace_bytes(record.path, begun.getbuffer())
         return record
 
     def append_grains(self, step: int, time: float, arrays: Mapping[str, np.ndarray]) -> None:
@@ -121,7 +139,7 @@ class Record:
         self._must_write()
         named = {("id" if name == "particle_id" else name): np.asarray(a) for name, a in arrays.items()}
         order = np.argsort(named["id"], kind="stable") if "id" in named else slice(None)
-        with h5py.File(self.path, "r+") as file:
+        with _changed(self.path) as file:
             for name, array in named.items():
                 if array.dtype.kind == "f" and not np.isfinite(array).all():
                     raise OutputError(f"{name} of the grains at t = {time:g} s is not finite: broken run")
@@ -144,7 +162,7 @@ class Record:
         """Write the rows that were kept back; call before a checkpoint."""
         if not self._rows:
             return
-        with h5py.File(self.path, "r+") as file:
+        with _changed(self.path) as file:
             names = dict.fromkeys(name for _, _, values in self._rows for name in values)
             for name in names:
                 rows = [(step, time, values[name]) for step, time, values in self._rows if name in values]
@@ -189,7 +207,7 @@ class Record:
     def _reading(self) -> Iterator[h5py.File]:
         """The open file of a record; OutputError where it is none, or damaged."""
         try:
-            with h5py.File(self.path, "r") as file:
+            with JournalledFile(self.path) as content, h5py.File(content, "r") as file:
                 missing = [name for name in (GRAINS, "observables") if name not in file]
                 if missing:
                     raise OutputError(
@@ -221,6 +239,15 @@ class Record:
     def _n_rows(self) -> int:
         with self._reading() as file:
             return max((g["step"][-1] + 1 for g in file["observables"].values() if g["step"].size), default=0)
+
+
+@contextmanager
+def _changed(path: Path) -> Iterator[h5py.File]:
+    """The open file of a record, whose changes arrive when the block is left without an error."""
+    with JournalledFile(path) as content:
+        with h5py.File(content, "r+") as file:
+            yield file
+        content.commit()
 
 
 def _append(file: h5py.File, where: str, step: int, time: float, value: np.ndarray, unit: str | None) -> None:

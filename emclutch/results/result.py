@@ -27,11 +27,15 @@ class Result:
 
     @property
     def history(self) -> pandas.DataFrame:
-        """One row a coupling window; columns and units as of `history.COLUMNS`."""
+        """One row a coupling window; columns and units as of `history.COLUMNS`. OutputError where there is none."""
         if self._history is None:
             from emclutch.results.history import read_history
 
             self._history = read_history(self.folder.history)
+            if not len(self._history):
+                raise OutputError(
+                    f"{self.folder.history} has no window yet; go on with: emclutch run {self.folder.path} --resume"
+                )
         return self._history
 
     @property

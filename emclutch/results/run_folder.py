@@ -6,13 +6,15 @@ import json
 import logging
 import os
 import shutil
+import tomllib
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from emclutch.results.atomic_file import replace_json, replace_text
+from emclutch.results.atomic_file import remove_unfinished, replace_json, replace_text
 from emclutch.results.folder_lock import has_files
+from emclutch.results.history import whole_rows
 from emclutch.results.output_error import OutputError
 from emclutch.results.provenance import provenance
 
@@ -30,7 +32,7 @@ class RunFolder:
 
     @classmethod
     def create(cls, path: str | Path, case_toml_text: str, *, resume: bool = False) -> RunFolder:
-        """Make the folder with its ``case.toml``, or open one to resume from its checkpoint.
+        """Make the folder with its ``case.toml``, or open one to resume.
 
         On resuming with another scene text the old one is kept as ``case-1.toml``, ``case-2.toml``, …, and its summary
         as ``summary-1.json``, …
@@ -45,11 +47,13 @@ class RunFolder:
             if folder.path.exists() and not folder.path.is_dir():
                 raise OutputError(f"{folder.path} is a file; name a folder with --out")
             if resume:
-                folder.require_checkpoint()
+                folder.has_checkpoint()
             if not resume and folder.path.is_dir() and has_files(folder.path):
-                remedy = "continue it with --resume, or " if folder.checkpoint.is_file() else ""
+                remedy = "continue it with --resume, or " if folder.is_begun() else ""
                 raise OutputError(f"{folder.path} is not empty; {remedy}write elsewhere with --out")
             folder.path.mkdir(parents=True, exist_ok=True)
+            for place in (folder.path, *(series.with_suffix("") for series in folder.series())):
+                remove_unfinished(place)
             if folder.case.is_file() and folder.case.read_text(encoding="utf-8") != case_toml_text:
                 number = 1
                 while (older := folder.path / f"case-{number}.toml").exists():
@@ -65,13 +69,26 @@ class RunFolder:
             ) from error
         return folder
 
-    def require_checkpoint(self) -> None:
-        """OutputError where there is nothing to resume."""
-        if not self.checkpoint.is_file():
+    def has_checkpoint(self) -> bool:
+        """Whether a run that is to be resumed goes on from a checkpoint; False: it was killed before it wrote one.
+
+        Such a run starts anew in its folder: it has lost what was before the end of its first window, no more.
+
+        Raises
+        ------
+        OutputError : there is nothing to resume.
+        """
+        if not self.is_begun():
             raise OutputError(
                 f"nothing to resume in {self.path}: it has no {self.checkpoint.name}; "
                 "start anew without --resume, elsewhere with --out or after removing it"
             )
+        return self.checkpoint.is_file()
+
+    def is_begun(self) -> bool:
+        """Whether there is a run that can be resumed, without losing anything if it has no checkpoint."""
+        nothing_yet = self.case.is_file() and not self.summary.is_file() and whole_rows(self.history) <= 1
+        return self.checkpoint.is_file() or nothing_yet
 
     @staticmethod
     def next_path(case_stem: str, parent: str | Path = "runs") -> Path:
@@ -155,6 +172,10 @@ class RunFolder:
         """ParaView: force chains in time."""
         return self.path / "contacts.pvd"
 
+    def series(self) -> tuple[Path, ...]:
+        """The files for ParaView."""
+        return self.particles, self.field, self.walls, self.contacts
+
     @property
     def section_picture(self) -> Path:
         return self.path / "section.png"
@@ -166,6 +187,15 @@ class RunFolder:
     @property
     def grains_picture(self) -> Path:
         return self.path / "grains.png"
+
+    def read_case(self) -> str:
+        """``case.toml``; OutputError where it cannot be read."""
+        try:
+            text = self.case.read_text(encoding="utf-8")
+            tomllib.loads(text)
+        except (OSError, ValueError) as error:
+            raise OutputError(f"cannot read {self.case}: {error}; put it back, or start anew with --out") from error
+        return text
 
     def write_provenance(self, **known: Any) -> None:
         """Write ``provenance.json``; keywords as of `provenance.provenance`. A resumed run adds an entry.
@@ -185,33 +215,27 @@ class RunFolder:
         ------
         OutputError : it is not what a run writes.
         """
-        try:
-            found = json.loads(self.provenance.read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            return {}
-        except (OSError, ValueError) as error:
-            raise OutputError(f"cannot read {self.provenance}: {error}; remove it, or start anew with --out") from error
-        if not isinstance(found, dict):
-            raise OutputError(f"{self.provenance} is none that a run writes; remove it, or start anew with --out")
-        return found
+        return _read_json(self.provenance)
+
+    def grains_from(self) -> str | None:
+        """Folder of the run whose grains this one began with; None where it packed its own."""
+        return (self.read_provenance().get("grains_from") or {}).get("folder")
 
     def write_plan(self, values: dict[str, Any]) -> None:
         """Replace ``plan.json`` in one step."""
         replace_json(self.plan, values)
 
     def read_plan(self) -> dict[str, Any]:
-        """``plan.json``, or an empty dictionary in a folder of an earlier version."""
-        return json.loads(self.plan.read_text(encoding="utf-8")) if self.plan.is_file() else {}
+        """``plan.json``, or an empty dictionary in a folder of an earlier version; raises as `read_provenance`."""
+        return _read_json(self.plan)
 
     def write_summary(self, values: dict[str, Any]) -> None:
         """Replace ``summary.json`` in one step; numbers that are not finite become null."""
         replace_json(self.summary, values)
 
     def read_summary(self) -> dict[str, Any]:
-        """``summary.json``, or an empty dictionary where the run has not written one yet."""
-        if not self.summary.is_file():
-            return {}
-        return json.loads(self.summary.read_text(encoding="utf-8"))
+        """``summary.json``, or an empty dictionary where there is none yet; raises as `read_provenance`."""
+        return _read_json(self.summary)
 
     @contextmanager
     def logging(self, level: int = logging.INFO) -> Iterator[None]:
@@ -220,10 +244,34 @@ class RunFolder:
             yield
 
 
+def _read_json(path: Path) -> dict[str, Any]:
+    """A file that `replace_json` wrote; empty where there is none."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError) as error:
+        raise OutputError(f"cannot read {path}: {error}; remove it, or start anew with --out") from error
+    if not isinstance(found, dict):
+        raise OutputError(f"{path} is none that a run writes; remove it, or start anew with --out")
+    return found
+
+
+class _Log(logging.FileHandler):
+    """A log that cannot be written stops nothing, and spoils no terminal: who writes results meets the same disk."""
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        """See above."""
+
+    def close(self) -> None:
+        with suppress(OSError):
+            super().close()
+
+
 @contextmanager
 def logging_to(path: Path, loggers: Iterable[str], level: int = logging.INFO) -> Iterator[None]:
     """Append the messages of some loggers to a file inside a ``with`` block."""
-    handler = logging.FileHandler(path, encoding="utf-8")
+    handler = _Log(path, encoding="utf-8")
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(name)s: %(message)s"))
     handler.setLevel(level)
     before = {}

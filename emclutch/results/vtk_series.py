@@ -18,6 +18,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from emclutch.results.atomic_file import replace_text
+from emclutch.results.output_error import OutputError
 from emclutch.results.vtk_xml import write_poly_data, write_simplices
 from emclutch.results.wall_surface import plane_polygon, revolved_surface, triangle_surface
 
@@ -243,10 +244,13 @@ class PvdSeries:
 
 
 def read_pvd(path: str | Path) -> list[tuple[float, Path]]:
-    """Times [s] and files of a series, in time order as written."""
+    """Times [s] and files of a series, in time order as written; OutputError where the file is damaged."""
     path = Path(path)
-    data_sets = ElementTree.parse(path).getroot().iter("DataSet")
-    return [(float(entry.attrib["timestep"]), path.parent / entry.attrib["file"]) for entry in data_sets]
+    try:
+        data_sets = ElementTree.parse(path).getroot().iter("DataSet")
+        return [(float(entry.attrib["timestep"]), path.parent / entry.attrib["file"]) for entry in data_sets]
+    except (ElementTree.ParseError, KeyError, ValueError) as error:
+        raise OutputError(f"{path} is no series that a run wrote ({error}); move it elsewhere, then go on") from error
 
 
 def _meridional(arrays: Mapping[str, np.ndarray] | None) -> dict[str, np.ndarray]:

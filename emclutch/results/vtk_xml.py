@@ -7,7 +7,6 @@ Format: "VTK XML formats", https://docs.vtk.org/en/latest/vtk_file_formats/vtkxm
 
 from __future__ import annotations
 
-import os
 import struct
 import zlib
 from collections.abc import Mapping, Sequence
@@ -17,6 +16,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from emclutch.results.array_units import ARRAY_UNITS
+from emclutch.results.atomic_file import replace_bytes
 
 BLOCK = 1 << 20  # bytes compressed together
 TYPES = {
@@ -200,9 +200,4 @@ def _write_file(
         f"</{kind}>",
         '<AppendedData encoding="raw">\n_',
     ]
-    beside = path.with_name(path.name + ".new")
-    with beside.open("wb") as file:
-        file.write("\n".join(head).encode())
-        file.writelines(body.parts)
-        file.write(b"\n</AppendedData>\n</VTKFile>\n")
-    os.replace(beside, path)
+    replace_bytes(path, b"".join(["\n".join(head).encode(), *body.parts, b"\n</AppendedData>\n</VTKFile>\n"]))

@@ -370,6 +370,8 @@ class DEM:
         self._stale = bool(stale)
         self._elastic, self._kinetic, self.dt, self.skin = (float(v) for v in state["scalars"])
         self._fit_scratch()
+        if self.attraction is not None and self.attraction.pair_drive is not None:
+            self.attraction.fetch(self)  # the drives are known: how strong they are can be asked before the next step
 
     def begin_with(self, state: dict[str, np.ndarray]) -> None:
         """Begin at time 0 with the grains of a `state` and what their contacts remember.

@@ -3,14 +3,17 @@
 import os
 import re
 import signal
+import threading
 
 import numpy as np
 import pytest
 
 import emclutch
+from emclutch import replicas
 from emclutch.case import case_from
 from emclutch.faults import SceneError
-from emclutch.results import read_history
+from emclutch.results import RunFolder, read_history
+from emclutch.results.folder_lock import FolderInUse, locked_folder
 from emclutch.results.steady_torque import SteadyConditions, steady_torque
 from emclutch.run_case import Interrupted, RunError
 from emclutch.scene.replica_count import automatic_count, replica_seed
@@ -111,6 +114,42 @@ def test_a_replica_that_dies_ends_the_run_with_its_name(tmp_path):
     with pytest.raises(RunError, match=r"replicas/01 failed: it was killed"):
         emclutch.run(case_from(CELL), out=tmp_path / "run", progress=Kill())
     assert (tmp_path / "run" / "checkpoint.h5").exists()
+
+
+def test_a_replica_of_a_killed_run_is_waited_for(tmp_path, monkeypatch):
+    """It ends by itself, after the window that it is in: no reason to refuse the run that goes on."""
+    former = RunFolder(tmp_path / "01")
+    held, let_go = threading.Event(), threading.Event()
+
+    def hold():
+        with locked_folder(former.path):
+            held.set()
+            let_go.wait(20.0)
+
+    holder = threading.Thread(target=hold)
+    holder.start()
+    assert held.wait(20.0)
+    monkeypatch.setattr(replicas, "PATIENCE", 0.0)
+    with pytest.raises(FolderInUse, match=f"in use by process {os.getpid()} "):
+        replicas._goes_on(former)
+    monkeypatch.setattr(replicas, "PATIENCE", 20.0)
+    threading.Timer(0.3, let_go.set).start()
+    assert not replicas._goes_on(former) and let_go.is_set()
+    holder.join()
+
+
+def test_a_run_that_is_killed_at_once_has_as_many_replicas_when_it_goes_on(tmp_path, monkeypatch):
+    """They begin later than the run itself, whose first checkpoint may be there before them."""
+    folder = RunFolder(tmp_path / "run")
+
+    def dies(own, task, errors):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(replicas, "_started", dies)
+    with pytest.raises(KeyboardInterrupt), replicas.other_replicas(case_from(CELL), folder, 3, threads=1, resume=False):
+        pass
+    silent = case_from(CELL, {"accuracy.replicas": None})
+    assert replicas.count_of_run(silent, folder, goes_on=True) == 3
 
 
 def test_replicas_of_grains_that_are_packed_alike_are_refused():

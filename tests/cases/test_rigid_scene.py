@@ -1,8 +1,10 @@
 """One scene by DEM and by DVI: contact.method is the only line that differs."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
+import pandas
 import pytest
 
 import emclutch
@@ -127,6 +129,16 @@ def test_a_few_misses_are_recorded_only():
         callback(Simulation, {"missed_steps": 5, "steps": 10, "time": 0.0, "solver_residual": 1e-5})
     with pytest.raises(ParticleError, match="61 of 110"):
         callback(Simulation, {"missed_steps": 11, "steps": 10, "time": 0.0, "solver_residual": 1e-5})
+
+
+def test_misses_before_a_resumption_count():
+    """Half of 40 steps and none of 60 more: 20 of 100, as if the run had not been stopped."""
+    before = pandas.DataFrame({"missed_steps": [10, 10], "steps": [20, 20]})
+    row = {"missed_steps": 0, "steps": 60, "time": 0.0, "solver_residual": 1e-5}
+    simulation = SimpleNamespace(dem=SimpleNamespace(tolerance=1e-6))
+    MissedSteps(0.21, before)(simulation, row)
+    with pytest.raises(ParticleError, match="20 of 100"):
+        MissedSteps(0.19, before)(simulation, row)
 
 
 def test_magnetic_forces_move_rigid_grains_as_elastic_ones(tmp_path):

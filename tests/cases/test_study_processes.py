@@ -63,6 +63,23 @@ def test_a_run_that_began_with_others_grains_is_resumed_bit_for_bit(studied, tmp
     assert [name for name in whole if (whole[name] != parts[name]).any()] == []
 
 
+def test_killed_before_its_first_checkpoint_a_run_begins_with_others_grains_again(studied, tmp_path):
+    class Killed:
+        def update(self, fraction, text):
+            if text.startswith("packing"):
+                raise KeyboardInterrupt
+
+    _, folder = studied
+    short = {"output.folder": None, "time.end": "2 ms"}
+    case = emclutch.load_case(folder / "point-002" / "case.toml").with_values(short)
+    with pytest.raises(KeyboardInterrupt):
+        emclutch.run(case, out=tmp_path / "run", start=folder / "point-000", progress=Killed())
+    emclutch.run(case, out=tmp_path / "run", resume=True)
+    emclutch.run(case, out=tmp_path / "whole", start=folder / "point-000")
+    whole, parts = (read_checkpoint(tmp_path / name / "checkpoint.h5")["dem"] for name in ("whole", "run"))
+    assert [name for name in whole if (whole[name] != parts[name]).any()] == []
+
+
 def test_grains_of_another_scene_or_of_no_checkpoint_are_refused(studied, tmp_path):
     _, folder = studied
     case = emclutch.load_case(folder / "point-000" / "case.toml")

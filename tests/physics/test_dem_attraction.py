@@ -265,6 +265,7 @@ def test_restart_is_bitwise_between_two_renewals():
     saved = first.state()
     fresh = crowd(200, seed=1)  # what its grains hold comes from the state
     fresh.restore(saved)
+    assert fresh.attraction.strongest == first.attraction.strongest > 0.0  # before a step: a run may be over
     fresh.run(163)
     assert differing(straight, fresh) == []
     assert straight.list_version > first.list_version > 1

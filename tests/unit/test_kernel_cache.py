@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from full_disk import full_disk
 from numba import njit
 from numba.core import event
 from numba.core.caching import IndexDataCacheFile, NullCache
@@ -261,3 +262,62 @@ def test_the_collector_runs_again_after_a_kernel_was_compiled():
     with event.install_listener("numba:compile", Listener()):
         assert outside(1.0) == 4.0
     assert paused == [True, True] and gc.isenabled()
+
+
+@pytest.mark.parametrize("ending", ["nbi", "nbc"])
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
+def test_a_damaged_file_of_the_cache_is_compiled_anew(tmp_path, ending, share):
+    """Cut off by a full disk or a power failure; numba's own cache ends in an EOFError."""
+    file = IndexDataCacheFile(str(tmp_path), "kernel-s.py311", "stamp")
+    file.save("key", "code" * 100)
+    (path,) = tmp_path.glob(f"*.{ending}")
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(share * len(whole))])
+    assert file.load("key") is None
+    file.save("key", "code anew")
+    assert file.load("key") == "code anew"
+
+
+def kernel_of(folder, monkeypatch):
+    """A new kernel with a cache in a folder."""
+    monkeypatch.setattr(kernel_cache, "_told", set())
+
+    @njit(cache=True)
+    def twice(x):
+        return 2.0 * x
+
+    cache = twice._cache
+    monkeypatch.setattr(cache._impl.locator, "get_cache_path", lambda: str(folder))
+    monkeypatch.setattr(cache, "_cache_path", str(folder))
+    cache._cache_file = IndexDataCacheFile(str(folder), "twice-s.py311", "stamp")
+    return twice
+
+
+def test_a_kernel_that_finds_no_room_in_the_cache_is_used_all_the_same(tmp_path, monkeypatch):
+    twice = kernel_of(tmp_path, monkeypatch)
+    with full_disk(100), pytest.warns(RuntimeWarning, match=r"cannot be kept in .*too large.*NUMBA_CACHE_DIR"):
+        assert twice(2.0) == 4.0
+    assert kernel_cache._compiling == [] and not list(tmp_path.glob("*.tmp.*"))
+
+
+def test_a_kernel_whose_cache_is_gone_is_used_all_the_same(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    twice = kernel_of(tmp_path / "file" / "below", monkeypatch)
+    with pytest.warns(RuntimeWarning, match=r"cannot be kept in .*file/below \(Not a directory\)"):
+        assert twice(2.0) == 4.0
+
+
+def test_where_nothing_can_be_written_kernels_are_kept_for_the_process_alone(tmp_path, monkeypatch):
+    """As for a user without a home in a container that may only be read; numba's own cache ends in a RuntimeError."""
+    from particles.dem.step_kernel import run_steps
+
+    def refused(self):
+        raise PermissionError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr(kernel_cache, "_told", set())
+    monkeypatch.setattr(kernel_cache.OfProcess, "_folder", None)
+    for locator in (kernel_cache.AskedFor, kernel_cache.BesideSource, kernel_cache.OfUser):
+        monkeypatch.setattr(locator, "ensure_cache_path", refused)
+    with pytest.warns(RuntimeWarning, match="no folder for compiled kernels can be written.*NUMBA_CACHE_DIR"):
+        cache = type(run_steps._cache)(run_steps.py_func)
+    assert os.listdir(kernel_cache.OfProcess._folder) == [os.path.basename(cache.cache_path)]

@@ -8,6 +8,7 @@ import pytest
 
 from emclutch.profile_average import ProfileAverage, gap_of
 from emclutch.results import OutputError
+from emclutch.results.checkpoint import read_checkpoint, write_checkpoint
 from emclutch.results.grain_profiles import profile_column, profile_table, read_profiles, write_profiles
 from emclutch.results.profile_picture import profile_picture
 from geometry.walls import AnnularBox
@@ -99,6 +100,25 @@ def test_average_begins_at_its_time_and_takes_the_mean_of_the_moments():
     np.testing.assert_allclose(radial.slip["rotor"], once.slip["rotor"])
     np.testing.assert_allclose(radial.torque, once.torque)
     assert radial.torque[1] == pytest.approx(0.0112 * 0.1)  # the spoke: 0.1 N at 11.2 mm
+
+
+def test_an_average_goes_on_from_a_checkpoint_as_if_nothing_had_been(tmp_path):
+    grains, contacts = moment()
+    rotor = SimpleNamespace(name="rotor", speed=10.0)
+    dem = SimpleNamespace(time=1.0, grains=grains, sector=None, bodies=[rotor], walls=[], contacts=lambda: contacts)
+    for shape in (SimpleNamespace(fill_boxes=lambda: {"gap": RING}), SimpleNamespace()):  # in a ring, in a box
+        whole, part, again, other = (ProfileAverage(shape, start) for start in (0.0, 0.0, 0.0, 0.5))
+        for average in (whole, whole, part):
+            average(SimpleNamespace(dem=dem), {})
+        write_checkpoint(tmp_path / "checkpoint.h5", part.state())
+        again.restore(read_checkpoint(tmp_path / "checkpoint.h5"))
+        again(SimpleNamespace(dem=dem), {})
+        for first, second in zip(whole.profiles(), again.profiles(), strict=True):
+            assert first.moments == second.moments == 2
+            for name in ("volume", "torque", "temperature", "shear_rate"):
+                np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
+        other.restore(read_checkpoint(tmp_path / "checkpoint.h5"))  # of another time: averaging begins anew
+        assert other.profiles() == []
 
 
 def test_gap_is_the_space_that_holds_most_grains_or_what_walls_enclose():

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from emclutch.case import load_case
+from emclutch.plan import _parts
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.checkpoint import write_checkpoint
 from emclutch.resume import refuse_changed_files, refuse_other_scene, run_checkpoint
@@ -94,3 +95,11 @@ def test_a_checkpoint_of_something_else_is_told(tmp_path):
     write_checkpoint(tmp_path / "checkpoint.h5", {"case": "", "window": 3})
     with pytest.raises(OutputError, match=r"is no checkpoint of a run: it lacks steps_per_update, .*--out"):
         run_checkpoint(tmp_path / "checkpoint.h5")
+
+
+def test_a_run_has_as_many_windows_whether_it_is_resumed_or_not():
+    """The end over the window is a whole number but for round-off, from which no window may come."""
+    for window in (5e-5, 2e-3, 1e-6 / 3.0, 61 * 4.7e-8):
+        for count in (1, 10, 501, 99_999):
+            assert _parts(count * window, window) == count
+            assert _parts((count + 0.01) * window, window) == count + 1

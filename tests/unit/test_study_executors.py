@@ -2,7 +2,10 @@
 
 import os
 import signal
+import subprocess
+import sys
 import threading
+import time
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
@@ -18,6 +21,7 @@ from emclutch.run_study import sweep
 from emclutch.scene.study import load_study
 
 GOOD = Path(__file__).parents[1] / "cases" / "broken" / "good.toml"
+ROOT = Path(__file__).parents[2]
 FRICTION, SPEED = "contact.friction", "motion.rotor.speed"
 WAIT = 20.0  # s; a test that needs it has failed
 
@@ -125,6 +129,38 @@ class Breaks(Executor):
 def test_a_worker_that_was_killed_is_explained(tmp_path, runs):
     with pytest.raises(RunError, match=r"killed, most often for want of memory.*point-000.*fewer --jobs.*--resume"):
         sweep(study_of(tmp_path, {FRICTION: [0.1]}), out=tmp_path / "out", executor=Breaks())
+
+
+def test_a_worker_does_not_outlive_its_study(tmp_path):
+    """Killed itself, the study cannot end its processes: each would hold its point's folder, and then wait for ever."""
+    script = tmp_path / "study.py"
+    script.write_text(
+        "import os, time\n"
+        "from emclutch.study_workers import worker_pool\n"
+        "if __name__ == '__main__':\n"
+        "    with worker_pool(1) as pool:\n"
+        "        print(pool.submit(os.getpid).result(), flush=True)\n"
+        "        pool.submit(time.sleep, 60)\n"
+        "        time.sleep(60)\n"
+    )
+    study = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True, cwd=ROOT,
+                             env={**os.environ, "PYTHONPATH": str(ROOT)})  # fmt: skip
+    worker = int(study.stdout.readline())
+    os.kill(worker, 0)
+    study.kill()
+    study.communicate()
+    last = time.monotonic() + WAIT
+    while lives(worker) and time.monotonic() < last:
+        time.sleep(0.02)
+    assert not lives(worker)
+
+
+def lives(pid):
+    """Whether a process is there that has not ended: nobody may be left to collect one that has."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
 
 
 def test_a_point_that_cannot_be_written_is_bad_input(tmp_path, runs, threads):

@@ -130,6 +130,15 @@ def test_a_point_killed_before_its_first_checkpoint_is_started_anew(tmp_path, ru
     assert not runs.asked
 
 
+def test_a_point_killed_before_its_scene_was_written_keeps_its_folder(tmp_path, runs):
+    """Another number would stand in the table."""
+    (tmp_path / "out" / "point-000").mkdir(parents=True)
+    (tmp_path / "out" / "point-000" / "case.toml.12.new").write_text("half")
+    out = sweep(study_of(tmp_path, {FRICTION: [0.1, 0.3]}), out=tmp_path / "out", resume=True)
+    assert table(out)["folder"].tolist() == ["point-000", "point-001"]
+    assert not (out / "point-000" / "case.toml.12.new").exists()
+
+
 def test_a_point_that_another_process_writes_is_not_set_aside(tmp_path, runs):
     study = study_of(tmp_path, {FRICTION: [0.1]})
     point = RunFolder.create(tmp_path / "out" / "point-000", next(iter(study.cases()))[1].toml())

@@ -1,0 +1,105 @@
+"""Threads and how they wait change no bit: `python tests/hard/threads.py FOLDER [CASE ...]`.
+
+Every shipped case, shortened to a few windows, is run with 1, 2 and 4 threads that wait asleep, and with 2 and 4 that
+spin (`OMP_WAIT_POLICY`), each time in a process of its own. All that a run leaves and no clock is in must be the same,
+to the last bit (`killed_run.record_of`). Of a study it is the last point. More threads than the machine has cores are
+slow, but right.
+
+The table (case, windows, threads and policies that were compared, what differs, processor seconds) is printed, and
+stored as FOLDER/threads.csv. Exit code 1: something differs.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import pandas
+from killed_run import LONGEST, ROOT, differences, record_of
+
+import emclutch
+from emclutch.case import Case
+from emclutch.plan import make_plan
+
+CASES = ROOT / "cases"
+REFERENCE = (1, "passive")
+OTHERS = ((2, "passive"), (4, "passive"), (2, "active"), (4, "active"))
+MOST_THREADS = max(threads for threads, _ in OTHERS)
+WINDOWS = 3
+QUIET = {"output.pictures": False, "output.snapshots": 1, "accuracy.replicas": 1, "time.average_from": None}
+
+
+def shipped() -> list[Path]:
+    """All cases but those that are there to break the program, which `stability.py` runs."""
+    return sorted(path for path in CASES.rglob("*.toml") if path.parent.name != "hard")
+
+
+def shortened(path: Path) -> Case:
+    """A case of a few of its own windows; of a study its last point."""
+    if "[study]" in path.read_text(encoding="utf-8"):
+        case = list(emclutch.load_study(path).cases())[-1][1]
+    else:
+        case = emclutch.load_case(path)
+    plan = make_plan(case)[1]
+    window = plan.steps_per_update * plan.updates * plan.dt
+    return case.with_values({**QUIET, "time.window": window, "time.end": WINDOWS * window, "time.until": None})
+
+
+def run(scene: Path, folder: Path, threads: int, policy: str) -> dict[str, Any]:
+    """What a run leaves, in a process of its own."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_WAIT_POLICY": policy}
+    environment["NUMBA_NUM_THREADS"] = str(MOST_THREADS)
+    environment.pop("OMP_NUM_THREADS", None)
+    command = [sys.executable, "-c", "from emclutch.command_line import main; main()", "run", str(scene)]
+    done = subprocess.run(
+        [*command, "--out", str(folder), "--threads", str(threads)], env=environment, cwd=ROOT, text=True,
+        capture_output=True, timeout=LONGEST, check=False,
+    )  # fmt: skip
+    if done.returncode != 0:
+        raise AssertionError(f"{scene} with {threads} threads ended with {done.returncode}:\n{done.stderr}")
+    return record_of(folder)
+
+
+def compared(path: Path, folder: Path) -> dict[str, Any]:
+    """The row of the table."""
+    begin = os.times()
+    scene = folder / "scene.toml"
+    case = shortened(path)
+    scene.write_text(case.toml(), encoding="utf-8")
+    run(scene, folder / "compiled", *REFERENCE)  # what is not in the cache: machine code of two compilations may differ
+    reference = run(scene, folder / "reference", *REFERENCE)
+    wrong = {
+        f"{threads} {policy}: {name}"
+        for threads, policy in OTHERS
+        for name in differences(run(scene, folder / f"{threads}-{policy}", threads, policy), reference)
+    }
+    spent = [after - before for before, after in zip(begin, os.times(), strict=True)][:4]
+    return {
+        "case": str(path.relative_to(CASES)), "grains": make_plan(case)[1].count, "windows": WINDOWS,
+        "compared": ", ".join(f"{threads} {policy}" for threads, policy in OTHERS), "parts": len(reference),
+        "differ": len(wrong), "which": "; ".join(sorted(wrong)[:4]), "seconds": round(sum(spent)),
+    }  # fmt: skip
+
+
+def main(folder: Path, names: list[str]) -> int:
+    """Compare the cases of those names, all if there is none; the exit code."""
+    folder.mkdir(parents=True, exist_ok=True)
+    rows: list[dict[str, Any]] = []
+    for path in shipped():
+        if names and path.stem not in names:
+            continue
+        with tempfile.TemporaryDirectory() as scratch:
+            rows.append(compared(path, Path(scratch)))
+        print(pandas.DataFrame(rows[-1:]).to_string(index=False, max_colwidth=None), flush=True)
+        pandas.DataFrame(rows).to_csv(folder / "threads.csv", index=False)
+    differ = sum(row["differ"] for row in rows)
+    print(f"{len(rows)} cases with {len(OTHERS)} choices of threads each; {differ} parts of records differ")
+    return 1 if differ else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1]), sys.argv[2:]))
