@@ -200,7 +200,7 @@ def _run(
         known = TorqueKnown(scene.time.until, conditions, replicas, plan.end, is_stopped)
     snapshots = Snapshots(
         folder,
-        simulation.dem.walls,
+        simulation.motion.walls,
         plan.windows,
         scene.output.snapshots,
         scene.output.formats,
@@ -234,7 +234,7 @@ def _run(
     extra = () if profiles is None else (profiles,)
     solver = (MissedSteps(scene.contact.dvi.allowed_misses),) if scene.contact.method == "dvi" else ()
     until = () if known is None else (known,)
-    pace = RunPace(plan.cost, simulation.dem.time, getattr(progress, "announce", None), lambda: compiled.count)
+    pace = RunPace(plan.cost, simulation.motion.time, getattr(progress, "announce", None), lambda: compiled.count)
     observers = (Observables(scene, device), history, *solver, *until, snapshots, *extra, report, checkpoint, pace)
     alive = Heartbeat(progress, simulation, plan.end)
     observers = (alive.stop, *observers)
@@ -252,14 +252,14 @@ def _run(
         compiled.seconds,
     )
     if known is not None and known.reached:
-        log.info("the torque is known at t = %g s", simulation.dem.time)
+        log.info("the torque is known at t = %g s", simulation.motion.time)
     if problem := replicas.failure() or replicas.wait(is_stopped, lambda text: _announce(progress, text)):
         raise RunError(f"{problem}; go on with: emclutch run {folder.path} --resume\n(log: {folder.log})")
     cut_off = simulation.window < plan.windows and not (known is not None and known.reached)
     if stop.is_set() and (cut_off or replicas.are_running()):
-        log.info("stopped by the user at t = %g s", simulation.dem.time)
+        log.info("stopped by the user at t = %g s", simulation.motion.time)
         raise Interrupted(
-            f"stopped at t = {simulation.dem.time:.4g} s; "
+            f"stopped at t = {simulation.motion.time:.4g} s; "
             + (
                 f"go on with: emclutch run {folder.path} --resume"
                 if scene.output.checkpoint
@@ -313,16 +313,16 @@ def restore(case, device, plan, state: dict):
     dem_state = state["dem"]
     simulation = simulation_of(case, device, plan, Grains.of_records(dem_state))
     near = getattr(simulation.magnetised, "near", None)
-    if near is not None and isinstance(simulation.dem, DEM):
-        simulation.dem.attraction = near.attraction  # the state's drives belong to it
-    simulation.dem.restore(dem_state)
+    if near is not None and isinstance(simulation.motion, DEM):
+        simulation.motion.attraction = near.attraction  # the state's drives belong to it
+    simulation.motion.restore(dem_state)
     simulation.window = state["window"]
     simulation.restore_rows(state["rows"])
     saved = state["source"]
     source = simulation.source
     if saved is not None and isinstance(source, (CoilField, SolidCoilField)):
         source.restore(saved)
-    return simulation, simulation.dem.time
+    return simulation, simulation.motion.time
 
 
 def _say(progress, fraction: float, text: str) -> None:
