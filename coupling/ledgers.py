@@ -32,8 +32,8 @@ class Ledger:
         self._seconds = dict.fromkeys(("field", "magnetic", "contact"), 0.0)
         self._bookings: dict[str, list[float]] = {}
         self._steps: list = []
-        self._momentum = simulation.dem.grains.angular_momentum_z()
-        self._weight = _weight_torque(simulation.dem)
+        self._momentum = simulation.motion.grains.angular_momentum_z()
+        self._weight = _weight_torque(simulation.motion)
         self._solves = getattr(simulation.source, "solves", 0)
 
     def clock(self, part: str | None) -> None:
@@ -56,7 +56,7 @@ class Ledger:
         """The window's row: torques [N m], energies [J], counts, wall-clock seconds."""
         self.clock(None)
         simulation = self._simulation
-        dem, n, steps = simulation.dem, simulation.n_sectors, self._steps
+        dem, n, steps = simulation.motion, simulation.n_sectors, self._steps
         duration = sum(s.duration for s in steps)
         row: dict[str, float] = {"time": dem.time}
         residual = 0.0
@@ -113,7 +113,7 @@ class Ledger:
         row["work_walls"] = sum(sum(s.books.wall_work.values()) for s in steps)
         if self._simulation.magnetised is not None:
             row["work_magnetic"] = sum(s.books.external_work for s in steps)
-        if self._simulation.dem.gravity is not None:
+        if self._simulation.motion.gravity is not None:
             row["work_gravity"] = sum(s.books.gravity_work for s in steps)
         for kind in steps[-1].books.dissipation:
             row[f"dissipated_{kind}"] = sum(s.books.dissipation[kind] for s in steps)

@@ -36,7 +36,7 @@ class MagnetisedGrains:
     def update(self, simulation) -> None:
         """Sample the field at the simulation's grains and set their `magnetic_moment` [A m^2]."""
         assert self.sampler is not None  # the loop refreshes the source first
-        grains = simulation.dem.grains
+        grains = simulation.motion.grains
         self.H, self.grad_H = self.sampler.sample(grains.position)
         grains.magnetic_moment = moments(
             self.law, self.H, self.fill_at and self.fill_at(grains.position), grains.volume

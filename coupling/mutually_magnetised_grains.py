@@ -49,7 +49,7 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
     def update(self, simulation) -> None:
         """Sample the field and find the moments; raises `MomentError` where they do not converge."""
         assert self.sampler is not None  # the loop refreshes the source first
-        grains = simulation.dem.grains
+        grains = simulation.motion.grains
         self.H, self.grad_H = self.sampler.sample(grains.position)
         self._refresh_walls(simulation.source)
         rows = simulation.rows(self.solver.reach)

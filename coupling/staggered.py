@@ -20,7 +20,7 @@ from coupling.ledgers import Ledger
 from coupling.magnetised_grains import MagnetisedGrains
 from coupling.neighbour_rows import NeighbourRows, neighbour_rows
 from coupling.powder_feedback import FeedbackError
-from particles import DEM, DVI, Body
+from particles import Body, GrainMotion
 
 if TYPE_CHECKING:
     from coupling.solid_field_source import SolidCoilField
@@ -35,7 +35,7 @@ class Simulation:
 
     Attributes
     ----------
-    dem : DEM or DVI
+    motion : GrainMotion
         What moves the grains.
     effects : list of Effect
         Exactly those of the scene, in the order in which they act.
@@ -46,7 +46,7 @@ class Simulation:
         Grain steps between evaluations of the magnetic forces; such sub-cycles a window.
     """
 
-    dem: DEM | DVI
+    motion: GrainMotion
     effects: list[Effect]
     magnetised: MagnetisedGrains | None
     source: CoilField | SolidCoilField | ImposedField | None
@@ -68,10 +68,10 @@ class Simulation:
 
         They are made anew with the grains' list, which sorts the grains, and when grains have moved too far for them.
         """
-        key = (cutoff, self.dem.list_version)
-        position = self.dem.grains.position
+        key = (cutoff, self.motion.list_version)
+        position = self.motion.grains.position
         if self._rows is None or key != self._rows_key or not self._rows.hold(position, cutoff):
-            reach, sector = cutoff + self.dem.list_skin, self.dem.sector
+            reach, sector = cutoff + self.motion.list_skin, self.motion.sector
             if sector is not None:  # in a narrow one with less to spare: the rows are made anew more often
                 reach = max(cutoff, min(reach, sector.widest_cutoff(position)))
             self._rows = neighbour_rows(position, reach, sector)
@@ -80,7 +80,7 @@ class Simulation:
 
     def rows_state(self) -> dict | None:
         """The present rows for a checkpoint: their order fixes the order of sums, bit for bit."""
-        if self._rows is None or self._rows_key[1] != self.dem.list_version:
+        if self._rows is None or self._rows_key[1] != self.motion.list_version:
             return None  # stale: they would be built anew in any case
         return {
             "cutoff": self._rows_key[0],
@@ -97,7 +97,7 @@ class Simulation:
         """Take the rows of a checkpoint; those that do not say where the grains were are left, and made anew."""
         if state is not None and "position" in state:
             state = dict(state)
-            self._rows_key = (state.pop("cutoff"), self.dem.list_version)
+            self._rows_key = (state.pop("cutoff"), self.motion.list_version)
             self._rows = NeighbourRows(**state)
 
 
@@ -106,9 +106,9 @@ def run_staggered(simulation: Simulation, end: float, callbacks: Iterable[Callab
 
     A callback that returns True stops the run after this window (steady torque, interrupt).
     """
-    dem = simulation.dem
-    last_step = round(end / dem.dt)
-    while dem.step_count < last_step:
+    motion = simulation.motion
+    last_step = round(end / motion.dt)
+    while motion.step_count < last_step:
         ledger = Ledger(simulation)
 
         # 1. coil and powder -> field
@@ -121,12 +121,12 @@ def run_staggered(simulation: Simulation, end: float, callbacks: Iterable[Callab
             # 2. field -> moments -> held forces
             ledger.clock("magnetic")
             if simulation.magnetised is not None:
-                dem.external_force = magnetic_forces(simulation, simulation.magnetised, ledger)
-                simulation.magnetised.hold(dem, dem.external_force)
+                motion.external_force = magnetic_forces(simulation, simulation.magnetised, ledger)
+                simulation.magnetised.hold(motion, motion.external_force)
 
             # 3. grains and shafts, many steps
             ledger.clock("contact")
-            ledger.add_steps(dem.run(simulation.steps_per_update))
+            ledger.add_steps(motion.run(simulation.steps_per_update))
 
         # 4. conservation, output, checkpoint, an early stop
         simulation.window += 1
@@ -145,17 +145,17 @@ def refresh_field(simulation: Simulation) -> None:
     if source is None or magnetised is None:
         return
     if not isinstance(source, CoilField) or source.feedback is None:
-        source.refresh(simulation.dem.time, simulation.fill)
+        source.refresh(simulation.motion.time, simulation.fill)
         magnetised.sampler = source.sampler
         return
     feedback = source.feedback
     magnetised.sampler = source.sampler  # of a checkpoint, where nothing has changed since
-    grains = simulation.dem.grains
+    grains = simulation.motion.grains
     for solves in range(MOST_SOLVES + 1):
         feedback.deposit(grains.position, grains.volume, grains.magnetic_moment, source.solution)
         if solves == MOST_SOLVES and source.is_stale(source.solved_current, None):
             raise FeedbackError(feedback.residual.total, solves, source.fill_tolerance)
-        if not source.refresh(simulation.dem.time, None):
+        if not source.refresh(simulation.motion.time, None):
             return
         magnetised.sampler = source.sampler
         magnetised.update(simulation)
@@ -164,7 +164,7 @@ def refresh_field(simulation: Simulation) -> None:
 def magnetic_forces(simulation: Simulation, magnetised: MagnetisedGrains, ledger: Ledger) -> np.ndarray:
     """Moments and the sum of all magnetic effects' forces (n, 3) [N] at the present positions."""
     magnetised.update(simulation)
-    force = np.zeros_like(simulation.dem.grains.position)
+    force = np.zeros_like(simulation.motion.grains.position)
     for effect in simulation.effects:
         ledger.book(effect.add_forces(simulation, force))
     return force

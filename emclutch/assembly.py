@@ -43,7 +43,7 @@ from emclutch.scene.time_table import points_of
 from field import AxisymmetricProblem, MagneticField
 from field.section.eddy_currents import EddyCurrentProblem, VoltageDrive
 from field.solid import SolidField
-from particles import DEM, DVI, Body, FreeShaft, Grains, PrescribedSpeed
+from particles import DEM, DVI, Body, FreeShaft, GrainMotion, Grains, PrescribedSpeed
 
 log = logging.getLogger(__name__)
 
@@ -57,7 +57,7 @@ def assemble(case: Case, device: Device, plan: Plan) -> Simulation:
     scene = case.scene
     packing = packed(scene, device.boxes, device.walls(), plan.count, plan.sector)
     simulation = simulation_of(case, device, plan, grains_of(packing, scene.particles.density))
-    settling = settled(scene, simulation.dem)
+    settling = settled(scene, simulation.motion)
     if settling is not None:
         log.info(
             "settled in %.4g s of simulated time, before time 0: kinetic energy %.2g of the reference, %d contacts",
@@ -76,7 +76,7 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
     if effects.gravity is not None:
         gravity = np.asarray(effects.gravity.vector, dtype=float)
     bodies = shafts(scene, walls)
-    dem: DEM | DVI
+    dem: GrainMotion
     if isinstance(plan.contact, RigidPlan):
         dem = rigid_grains(scene, plan, plan.contact, grains, walls, bodies, gravity)
     else:
@@ -144,7 +144,7 @@ def effects_of(scene: Scene, walls, deposition: FillDeposition | None) -> list[E
     return effects
 
 
-def magnetised_grains(scene: Scene, sampler, fill_at, walls, dem: DEM | DVI) -> MagnetisedGrains:
+def magnetised_grains(scene: Scene, sampler, fill_at, walls, dem: GrainMotion) -> MagnetisedGrains:
     """What gives the grains their moments: the field alone, or also the other grains and their images."""
     law, dipoles = grain_law(scene), scene.effects.dipoles
     if dipoles is None or dipoles.model == "fixed":

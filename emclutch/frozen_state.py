@@ -69,7 +69,7 @@ def frozen_state(case: Case, position: np.ndarray, diameter: np.ndarray | float 
     refresh_field(simulation)
     force = magnetic_forces(simulation, magnetised, Ledger(simulation))
     seconds = perf_counter() - begin
-    grains = simulation.dem.grains
+    grains = simulation.motion.grains
     assert grains.magnetic_moment is not None  # of the update in `magnetic_forces`
     given = np.argsort(grains.particle_id)
     pull = pull_across(device.shear_radius, grains.position, force)

@@ -46,9 +46,9 @@ class Heartbeat:
         self.stop()
 
     def _beat(self) -> None:
-        steps = self._simulation.dem.step_count
+        steps = self._simulation.motion.step_count
         while not self._stopped.wait(SECONDS):
-            if self._simulation.dem.step_count > steps:  # else what was said last is still what is waited for
-                steps = self._simulation.dem.step_count
-                time = self._simulation.dem.time
+            if self._simulation.motion.step_count > steps:  # else what was said last is still what is waited for
+                steps = self._simulation.motion.step_count
+                time = self._simulation.motion.time
                 self._progress.update(time / self._end, f"t = {time * 1e3:.3g} ms, in the first window")

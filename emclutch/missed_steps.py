@@ -35,7 +35,7 @@ class MissedSteps:
         if self._missed > self._allowed * max(self._steps, 100):
             raise ParticleError(
                 f"t = {row['time']:.4g} s: {self._missed} of {self._steps} steps missed the tolerance of "
-                f"{simulation.dem.tolerance:.3g} m/s on the contacts (the last window's residual: "
+                f"{simulation.motion.tolerance:.3g} m/s on the contacts (the last window's residual: "
                 f"{row['solver_residual']:.3g} m/s); raise contact.dvi.max_sweeps or contact.dvi.tolerance, shorten "
                 "contact.dvi.step, or allow more by contact.dvi.allowed_misses"
             )

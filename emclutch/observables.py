@@ -41,16 +41,16 @@ class Observables:
                     self._field_row["field_strength_powder"] = self._zone.field_strength(source.sampler)
             row.update(self._field_row)
         if self._zone is not None:
-            grains = simulation.dem.grains
+            grains = simulation.motion.grains
             row["fill_powder"] = self._zone.fill(grains.position, simulation.n_sectors * grains.volume)
         boxes = self._sheared_boxes()
         if boxes:
-            x = simulation.dem.grains.position
+            x = simulation.motion.grains.position
             r = np.hypot(x[:, 0], x[:, 1])
             inside = np.zeros(len(r), dtype=bool)
             for box in boxes:
                 inside |= (r > box.r0) & (r < box.r1) & (x[:, 2] > box.z0) & (x[:, 2] < box.z1)
-            volume = simulation.n_sectors * simulation.dem.grains.volume[inside].sum()
+            volume = simulation.n_sectors * simulation.motion.grains.volume[inside].sum()
             row["solid_fraction_gap"] = float(volume / sum(box.volume() for box in boxes))
             row["inertial_number"] = self.inertial_number(row["torque_disc"], row["rotor_speed"] - row["disc_speed"])
 

@@ -10,7 +10,7 @@ from emclutch.scene.fill import diameters_of
 from emclutch.scene.model import Scene
 from geometry import AnnularBox, Box
 from geometry.walls import Wall
-from particles import DEM, DVI, CyclicSector, Grains, PackingError
+from particles import CyclicSector, GrainMotion, Grains, PackingError
 from particles.packing.file_packing import OVERLAP_LIMIT
 from particles.packing.grown_packing import grown_packing
 from particles.packing.lattice_packing import lattice_packing
@@ -60,7 +60,7 @@ def grains_of(packing: Packing, density: float) -> Grains:
     )
 
 
-def settled(scene: Scene, dem: DEM | DVI) -> Settling | None:
+def settled(scene: Scene, dem: GrainMotion) -> Settling | None:
     """Let the grains come to rest before time 0, shafts held and without magnetic forces; None where not asked for.
 
     Raises

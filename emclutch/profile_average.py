@@ -37,7 +37,7 @@ class ProfileAverage:
         self._speeds: dict[str, float] = {}
 
     def __call__(self, simulation: Any, row: dict) -> None:
-        dem = simulation.dem
+        dem = simulation.motion
         if dem.time <= self._start:
             return
         if not self._bins:

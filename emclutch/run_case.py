@@ -70,11 +70,9 @@ def run(
     ----------
     case : Case
     out : folder of the run; default: the scene's `output.folder`, or the next free runs/<case>-<nnn>.
-    with _entered(case, target, resume, progress) as (folder, goes_on, compiled, begin):
-        if resume and not goes_on and (start := start or folder.grains_from()) is not None:
-            grains = starting_grains(case, start)
-        count = count_of_run(case, folder, goes_on)
-        free, threads = threads_are_open(threads), use_threads(threads, count)
+    threads : of the kernels of each replica; default: ``OMP_NUM_THREADS``, or what a trial in the first windows finds
+        to pay of the cores, shared out among the replicas. The result does not depend on it.
+    resume : continue from the checkpoint in `out`; a run that was killed before it wrote one starts anew there.
     progress : object with update(fraction, text), or None; if it has announce(text) too, what is being compiled, and
         why a run falls behind its plan; if it has stop_asked, and that is true after a window, the run ends there as
         after Ctrl-C.
@@ -94,13 +92,17 @@ def run(
     target = out or case.scene.output.folder or RunFolder.next_path(case.name)
     grains = None if start is None or resume else starting_grains(case, start)  # before the lock makes a folder
     stop = threading.Event()
-            return _run(case, folder, goes_on, progress, begin, compiled, replicas, stop, free, insist, grains)
+    with _entered(case, target, resume, progress) as (folder, goes_on, compiled, begin):
+        if resume and not goes_on and (start := start or folder.grains_from()) is not None:
+            grains = starting_grains(case, start)
+        count = count_of_run(case, folder, goes_on)
+        free, threads = threads_are_open(threads), use_threads(threads, count)
         with (
             interruptible(stop),
             step_compiled_beside(case.scene, lambda text: _announce(progress, text)),
             other_replicas(case, folder, count, threads=threads, free=free, resume=resume, start=start) as replicas,
         ):
-        return _run(case, folder, goes_on, None, begin, compiled, replicas, stop, free, True, grains)
+            return _run(case, folder, goes_on, progress, begin, compiled, replicas, stop, free, insist, grains)
 
 
 def run_replica(
@@ -121,7 +123,7 @@ def run_replica(
     grains = None if start is None or resume else starting_grains(case, start)
     with _entered(case, target, resume, None) as (folder, goes_on, compiled, begin):
         use_threads(threads)
-        return _run(case, folder, goes_on, None, begin, compiled, replicas, stop, True, grains)
+        return _run(case, folder, goes_on, None, begin, compiled, replicas, stop, free, True, grains)
 
 
 @contextmanager
@@ -224,7 +226,7 @@ def _run(
         known = TorqueKnown(scene.time.until, conditions, replicas, plan.end, is_stopped)
     snapshots = Snapshots(
         folder,
-        simulation.dem.walls,
+        simulation.motion.walls,
         plan.windows,
         scene.output.snapshots,
         scene.output.formats,
@@ -262,7 +264,7 @@ def _run(
     if scene.contact.method == "dvi":
         solver = (MissedSteps(scene.contact.dvi.allowed_misses, read_history(folder.history) if goes_on else None),)
     until = () if known is None else (known,)
-    pace = RunPace(plan.cost, simulation.dem.time, getattr(progress, "announce", None), lambda: compiled.count)
+    pace = RunPace(plan.cost, simulation.motion.time, getattr(progress, "announce", None), lambda: compiled.count)
     trial = thread_trial(progress, lambda: compiled.count) if free and threads_in_use() > 1 else ()
     alive = Heartbeat(progress, simulation, plan.end)
     books = (alive.stop, Observables(scene, device), history)
@@ -281,14 +283,14 @@ def _run(
         compiled.seconds,
     )
     if known is not None and known.reached:
-        log.info("the torque is known at t = %g s", simulation.dem.time)
+        log.info("the torque is known at t = %g s", simulation.motion.time)
     if problem := replicas.failure() or replicas.wait(is_stopped, lambda text: _announce(progress, text)):
         raise RunError(f"{problem}; go on with: emclutch run {folder.path} --resume\n(log: {folder.log})")
     cut_off = simulation.window < plan.windows and not (known is not None and known.reached)
     if stop.is_set() and (cut_off or replicas.are_running()):
-        log.info("stopped by the user at t = %g s", simulation.dem.time)
+        log.info("stopped by the user at t = %g s", simulation.motion.time)
         raise Interrupted(
-            f"stopped at t = {simulation.dem.time:.4g} s; "
+            f"stopped at t = {simulation.motion.time:.4g} s; "
             + (
                 f"go on with: emclutch run {folder.path} --resume"
                 if scene.output.checkpoint
@@ -348,16 +350,16 @@ def restore(case, device, plan, state: dict):
     dem_state = state["dem"]
     simulation = simulation_of(case, device, plan, Grains.of_records(dem_state))
     near = getattr(simulation.magnetised, "near", None)
-    if near is not None and isinstance(simulation.dem, DEM):
-        simulation.dem.attraction = near.attraction  # the state's drives belong to it
-    simulation.dem.restore(dem_state)
+    if near is not None and isinstance(simulation.motion, DEM):
+        simulation.motion.attraction = near.attraction  # the state's drives belong to it
+    simulation.motion.restore(dem_state)
     simulation.window = state["window"]
     simulation.restore_rows(state["rows"])
     saved = state["source"]
     source = simulation.source
     if saved is not None and isinstance(source, (CoilField, SolidCoilField)):
         source.restore(saved)
-    return simulation, simulation.dem.time
+    return simulation, simulation.motion.time
 
 
 def _say(progress, fraction: float, text: str) -> None:

@@ -28,7 +28,7 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
     profiles.png where they were asked for.
     """
     title = case.scene.scene.title
-    grains, dem = simulation.dem.grains, simulation.dem
+    grains, dem = simulation.motion.grains, simulation.motion
     source = simulation.source
     if isinstance(source, CoilField) and source.solution is not None:
         x = grains.position

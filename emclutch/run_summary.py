@@ -48,7 +48,7 @@ def summarise(
             summary["replicas"] = replicas_summary(case, (history, *others), torque)
         if case.scene.time.until is not None:
             summary["until"] = how_it_ended(torque, case.scene.time.until, history)
-    if simulation.dem.bodies and any(body.is_free for body in simulation.dem.bodies):
+    if simulation.motion.bodies and any(body.is_free for body in simulation.motion.bodies):
         summary["lock_up_time"] = lock_up_time(history)
     if isinstance(simulation.source, (CoilField, SolidCoilField)):
         summary |= {
@@ -69,9 +69,9 @@ def summarise(
             "worst_residual": float(history["feedback_residual"].max()),
         } | {part: float(history[f"feedback_{part}"].iloc[-1]) for part in ("across", "clipped", "lagged")}
     if "moment_residual" in history:
-        summary["moments"] = moments_summary(case.scene.effects.dipoles, history, plan, simulation.dem)
+        summary["moments"] = moments_summary(case.scene.effects.dipoles, history, plan, simulation.motion)
     if "missed_steps" in history:
-        summary["solver"] = solver_summary(history, simulation.dem.tolerance)
+        summary["solver"] = solver_summary(history, simulation.motion.tolerance)
     if "inertial_number" in history:
         late = history["inertial_number"].iloc[len(history) // 2 :].dropna()
         summary["inertial_number"] = float(late.median()) if len(late) else None

@@ -14,7 +14,7 @@ from emclutch.results import HistoryWriter, RunFolder
 from emclutch.results.checkpoint import write_checkpoint
 from emclutch.results.record import Record
 from emclutch.results.vtk_series import PvdSeries
-from particles import DEM, DVI
+from particles import GrainMotion
 
 if TYPE_CHECKING:
     from emclutch.profile_average import ProfileAverage
@@ -69,13 +69,13 @@ class Snapshots:
 
     def __call__(self, simulation: Simulation, row: dict) -> None:
         if self.record is not None:
-            self.record.append_observables(row, step=simulation.dem.step_count)
+            self.record.append_observables(row, step=simulation.motion.step_count)
         if simulation.window in self._at or (self._at and self._ends_early()):
             self.write(simulation)
 
     def write(self, simulation: Simulation) -> None:
         """Write a frame of everything now."""
-        dem, grains = simulation.dem, simulation.dem.grains
+        dem, grains = simulation.motion, simulation.motion.grains
         arrays = {
             "radius": grains.radius,
             "velocity": grains.velocity,
@@ -131,7 +131,7 @@ class Snapshots:
             self.record.close()
 
 
-def contacts_per_grain(dem: DEM | DVI) -> np.ndarray:
+def contacts_per_grain(dem: GrainMotion) -> np.ndarray:
     """Number of grains and walls that each grain touches, (n,) int64."""
     table = dem.contacts()
     return np.bincount(table.i, minlength=dem.grains.count) + np.bincount(
@@ -139,7 +139,7 @@ def contacts_per_grain(dem: DEM | DVI) -> np.ndarray:
     )
 
 
-def contact_lines(dem: DEM | DVI) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def contact_lines(dem: GrainMotion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Force chains: centre of grain i (m, 3), its partner's centre or the point on the wall, and the force [N] on i."""
     table, x = dem.contacts(), dem.grains.position
     partner = x[np.maximum(table.j, 0)]
@@ -170,7 +170,7 @@ def save_checkpoint(path: Path, simulation: Simulation, case_text: str, profiles
         "window": simulation.window,
         "steps_per_update": simulation.steps_per_update,
         "updates": simulation.updates,
-        "dem": simulation.dem.state(),
+        "dem": simulation.motion.state(),
         "rows": simulation.rows_state(),
         "source": None,
     }

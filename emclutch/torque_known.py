@@ -58,8 +58,8 @@ class TorqueKnown:
     reached: bool = False
 
     def __call__(self, simulation: Simulation, row: dict[str, Any] | None = None) -> bool:
-        now = simulation.dem.time
-        before = now - simulation.steps_per_update * simulation.updates * simulation.dem.dt
+        now = simulation.motion.time
+        before = now - simulation.steps_per_update * simulation.updates * simulation.motion.dt
         start = self.conditions.average_from or 0.0
         due = [at for at in asked_at(self.end) if before < at <= now and at > start]
         return self.ask(due[-1]) if due else False

@@ -23,7 +23,7 @@ from emclutch.assembly import simulation_of
 from emclutch.case import Case
 from emclutch.results import OutputError, RunFolder
 from emclutch.resume import differing_keys, flat_scene, may_change, refuse_changed_files, run_checkpoint
-from particles import DEM, Grains
+from particles import Grains
 
 log = logging.getLogger(__name__)
 OF_THE_DRIVE = ("coil.", "motion.", "time.")
@@ -86,12 +86,6 @@ def starting_grains(case: Case, folder: str | Path) -> StartingGrains:
 def warm_started(case: Case, device, plan, start: StartingGrains) -> Simulation:
     """The simulation at time 0 around the grains of another run; they are neither packed nor settled."""
     simulation = simulation_of(case, device, plan, Grains.of_records(start.state))
-    dem = simulation.dem
-    if isinstance(dem, DEM):
-        dem.begin_with(start.state)
-    else:
-        for body, (angle, _, _) in zip(dem.bodies, start.state["bodies"], strict=True):
-            body.angle = float(angle)
-        dem.invalidate()
-    log.info("%d grains of %s at its t = %g s", dem.grains.count, start.folder, start.time)
+    simulation.motion.begin_with(start.state)
+    log.info("%d grains of %s at its t = %g s", simulation.motion.grains.count, start.folder, start.time)
     return simulation

@@ -10,6 +10,7 @@ from particles.dvi.dvi import DVI, RigidTotals
 from particles.dvi.rigid_contact import RigidContact
 from particles.dvi.rigid_step import choose_rigid_step
 from particles.faults import DemError, DemErrorKind, PackingError, ParticleError
+from particles.grain_motion import GrainMotion
 from particles.grains import Grains
 from particles.laws.cohesion import Cohesion
 from particles.laws.contact_law import ContactLaw
@@ -52,6 +53,7 @@ __all__ = [
     "EnergyTotals",
     "EqualSizes",
     "FreeShaft",
+    "GrainMotion",
     "Grains",
     "HertzContact",
     "HertzMindlin",

@@ -15,5 +15,5 @@ class BackReaction(Effect):
         self.deposition = deposition
 
     def begin_window(self, simulation):
-        grains = simulation.dem.grains
+        grains = simulation.motion.grains
         simulation.fill = self.deposition.fill(grains.position, grains.volume)

@@ -21,7 +21,7 @@ class FixedDipoles(Effect):
         self.cutoff = cutoff
 
     def add_forces(self, simulation, force):
-        grains = simulation.dem.grains
+        grains = simulation.motion.grains
         reaction, _energy = add_dipole_forces(
             grains.position, grains.magnetic_moment, grains.radius, simulation.rows(self.cutoff), self.cutoff, force
         )
@@ -34,9 +34,9 @@ class MutualDipoles(Effect):
     name = "dipoles"
 
     def add_forces(self, simulation, force):
-        grains, magnetised = simulation.dem.grains, simulation.magnetised
+        grains, magnetised = simulation.motion.grains, simulation.magnetised
         solver = magnetised.solver
-        dem = simulation.dem
+        dem = simulation.motion
         if not magnetised.found.moment.any():  # without a current: nothing pulls
             return {"dipoles": 0.0} if magnetised.mirrors is None else {"dipoles": 0.0, "images": 0.0}
         ahead = dem.dt * simulation.steps_per_update if isinstance(dem, DVI) else 0.0

@@ -39,7 +39,7 @@ class MagneticForce(Effect):
     name = "magnetic_force"
 
     def add_forces(self, simulation, force):
-        grains = simulation.dem.grains
+        grains = simulation.motion.grains
         pull = gradient_force(grains.magnetic_moment, simulation.magnetised.grad_H)
         force += pull
         x = grains.position

@@ -17,7 +17,7 @@ class WallImages(Effect):
         self.walls = magnetic_wall_table(walls)
 
     def add_forces(self, simulation, force):
-        grains = simulation.dem.grains
+        grains = simulation.motion.grains
         torque = add_image_forces(
             grains.position,
             grains.magnetic_moment,

@@ -6,13 +6,13 @@ sector, carry the history), sums become `StepTotals`, and what went wrong is exp
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from geometry.walls import Wall
-from particles.bodies import Body, FreeShaft, PrescribedSpeed
+from particles.bodies import Body
 from particles.dem import step_kernel as kernel
 from particles.dem import sums
 from particles.dem.attraction import PREFIX as ATTRACTION
@@ -22,7 +22,6 @@ from particles.dem.kernel_state import (
     Call,
     GrainState,
     PairSlots,
-    Shafts,
     StepArguments,
     Totals,
     WallSlots,
@@ -31,6 +30,7 @@ from particles.dem.kernel_state import (
 from particles.dem.step_totals import EnergyTotals, StepTotals
 from particles.dem.time_step import choose_time_step
 from particles.faults import DemError, DemErrorKind
+from particles.grain_motion import Gravity
 from particles.grains import Grains
 from particles.laws.cohesion import Cohesion
 from particles.laws.columns import COHESION_0, COHESION_1, MU_ROLLING, MU_TWISTING
@@ -45,6 +45,7 @@ from particles.lists.contact_table import ContactTable, contact_table, geometric
 from particles.lists.neighbours import PairList, cell_order, finest_cell
 from particles.lists.skin import USUAL, WIDEST, next_skin
 from particles.sector import CyclicSector
+from particles.shafts import Shafts, drives_at
 from particles.threads import threads_for
 from particles.walls.device_walls import DeviceWalls
 from particles.walls.triangle_kernels import N_FOUND
@@ -54,8 +55,6 @@ STEPS_PER_CALL = 512  # bounds the tables in time (speeds, torques, gravity)
 WALL_SKIN = 0.5  # of the skin: how far triangles may turn before the list is made anew
 
 FASTEST = 1.0  # radii of the smallest grain in a step: beyond it a grain may pass through another
-
-Gravity = np.ndarray | Sequence[float] | Callable[[np.ndarray], np.ndarray]
 
 
 class DEM:
@@ -453,22 +452,6 @@ class DEM:
         self._body_chunks = np.zeros((n_chunks, n_bodies, sums.N_CHUNK_BODY))
         self._body_turn = np.zeros((n_bodies, 2))
 
-    def _drives(self, n_steps: int) -> tuple[np.ndarray, np.ndarray]:
-        """Speeds and torques of the bodies at the coming steps (n_steps, n_bodies, 4), and their constants."""
-        times = (self.step_count + np.arange(n_steps)) * self.dt
-        drives, data = np.zeros((n_steps, len(self.bodies), 4)), np.zeros((len(self.bodies), 2))
-        for b, body in enumerate(self.bodies):
-            if isinstance(body.motion, PrescribedSpeed):
-                drives[:, b, sums.SPEED] = body.motion.at(times)
-            elif isinstance(body.motion, FreeShaft):
-                motion = body.motion
-                data[b] = 1.0, motion.inertia
-                on = times >= motion.switched_on
-                drives[:, b, sums.DRIVE] = on * motion.drive_torque + body.external_torque
-                drives[:, b, sums.DRIVE_SLOPE] = on * motion.drive_slope
-                drives[:, b, sums.LOAD] = motion.load_at(times)
-        return drives, data
-
     def _arguments(
         self,
         n_steps: int,
@@ -486,13 +469,13 @@ class DEM:
             external = np.ascontiguousarray(self.external_force, dtype=float)
             if external.shape != (g.count, 3):
                 raise ValueError(f"external_force has shape {external.shape}; it must be ({g.count}, 3)")
+        times = (self.step_count + np.arange(n_steps)) * self.dt
         if callable(self.gravity):
-            times = (self.step_count + np.arange(n_steps)) * self.dt
             gravity = np.ascontiguousarray(self.gravity(times), dtype=float).reshape(n_steps, 3)
         elif self.gravity is not None:
             gravity = np.array(self.gravity, dtype=float).reshape(1, 3)
         species = np.zeros(0, dtype=np.int64) if self._species is None else self._species
-        drives, constants = self._drives(n_steps)
+        drives, constants = drives_at(self.bodies, times)
         walls, shift = self._device, None if self.sector is None else c.pairs.shift
         return StepArguments(
             Call(

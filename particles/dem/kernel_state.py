@@ -13,6 +13,7 @@ import numpy as np
 from particles.dem.attraction_kernel import HeldAttraction
 from particles.dem.contact_kernel import Resistance
 from particles.lists.chunks import Chunks
+from particles.shafts import Shafts
 
 
 class Call(NamedTuple):
@@ -152,32 +153,6 @@ class WallState(NamedTuple):
     body: np.ndarray
     speed: np.ndarray
     turn: np.ndarray
-
-
-class Shafts(NamedTuple):
-    """Bodies and what drives them.
-
-    Attributes
-    ----------
-    drives : ndarray, shape (n_steps, n_bodies, 4)
-        Speeds and torques at the coming steps (`particles.dem.sums`).
-    constants : ndarray, shape (n_bodies, 2)
-        Whether the body is free, and its inertia [kg m^2].
-    angle, speed : ndarray, shape (n_bodies,)
-        [rad], [rad/s]
-    reach, list_angle : ndarray, shape (n_bodies,)
-        Largest radius of its triangles [m]; its angle when the list was made [rad].
-    n_sectors : float
-        Sectors in the ring: a shaft feels all of them.
-    """
-
-    drives: np.ndarray
-    constants: np.ndarray
-    angle: np.ndarray
-    speed: np.ndarray
-    reach: np.ndarray
-    list_angle: np.ndarray
-    n_sectors: float
 
 
 class Totals(NamedTuple):

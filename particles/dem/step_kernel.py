@@ -33,16 +33,11 @@ from particles.dem.sums import (
     CONTACT_WORK,
     CONTACTS,
     DONE,
-    DRIVE,
-    DRIVE_SLOPE,
     DRIVE_WORK,
     ELASTIC,
-    FREE,
     GRAIN,
-    INERTIA,
     KINETIC,
     LAST_TORQUE,
-    LOAD,
     LOAD_WORK,
     MAX_OVERLAP,
     MAX_SPEED,
@@ -53,10 +48,10 @@ from particles.dem.sums import (
     OVERLAP,
     REBUILD,
     SHAFT_CONTACT_WORK,
-    SPEED,
     TOO_FAST,
     TORQUE_T,
 )  # fmt: skip
+from particles.shafts import DRIVE, DRIVE_SLOPE, FREE, INERTIA, LOAD, SPEED
 
 
 @inner(error_model="numpy", fastmath={"contract"})

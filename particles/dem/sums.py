@@ -14,7 +14,3 @@ TORQUE_N, TORQUE_D, TORQUE_T, FORCE_N, FORCE_D, FORCE_T = 0, 1, 2, 3, 6, 9
 N_CHUNK_BODY = 12
 BODY_WORK, DRIVE_WORK, LOAD_WORK, SHAFT_CONTACT_WORK, LAST_TORQUE = range(12, 17)
 N_BODY_SUMS = 17
-# a body's entries in the table of its drives, one row a step: speed where it is prescribed, torques where it is free
-SPEED, DRIVE, LOAD, DRIVE_SLOPE = range(4)
-# a body's constants: whether it is free, its inertia
-FREE, INERTIA = range(2)

@@ -26,8 +26,9 @@ from numba import njit
 
 from geometry.inner_functions import inner
 from particles.dvi.couples import no_couples, residual, sweep, weigh_couples
-from particles.dvi.gauss_seidel import BRAKE, IWN, RX
-from particles.dvi.history import HISTORY, N_PRODUCTS, extrapolate, gather, remember
+from particles.dvi.gauss_seidel import IWN
+from particles.dvi.history import HISTORY, N_PRODUCTS, Vectors, extrapolate, gather, remember
+from particles.dvi.kernel_state import Records, Search, whole
 from particles.dvi.shares import extrapolate_shares, gather_shares, remember_shares, residual_of_shares, sweep_shares
 
 # methods: sweeps alone, accelerated, then an interior point; accelerated projected gradients (convex only)
@@ -41,72 +42,66 @@ OVER = 1.6  # over-relaxation of the sweeps after a stall; beyond 1.8 sheared be
 
 
 @inner(error_model="numpy", fastmath={"contract"})
-def solve(
-    convex, relax, soft, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples,
-    share=None, alone=True,
-):  # fmt: skip
-    """Plain sweeps, then (unless ``method`` is GAUSS_SEIDEL) accelerated ones.
+def solve(convex, soft, search, records, couples, share=None, alone=True):
+    """Plain sweeps, then (unless the method is GAUSS_SEIDEL) accelerated ones.
 
-    ``couples``: as in `particles.dvi.couples.sweep`; ``share`` not None, and ``alone`` None: threads share the
-    sweeps (`particles.dvi.shares`). Returns sweeps, the honest residual [m/s], and whether acceleration took over.
+    ``share`` not None, and ``alone`` None: threads share the sweeps (`particles.dvi.shares`). Returns sweeps, the
+    honest residual [m/s], and whether acceleration took over.
     """
-    first = cap if method == GAUSS_SEIDEL else min(cap, PLAIN_SWEEPS)
+    cap, tolerance = search.cap, search.tolerance
+    first = cap if search.method == GAUSS_SEIDEL else min(cap, PLAIN_SWEEPS)
     for count in range(first):
-        change = _sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall, share, alone)
+        change = _sweep(convex, search.relax, soft, records, couples, share, alone)
         if change <= tolerance:
-            reached = _residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall, share, alone)
+            reached = _residual(convex, soft, records, couples, share, alone)
             if reached <= tolerance:
                 return count + 1, reached, 0
     if first == cap:
-        return cap, _residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall, share, alone), 0
-    done, reached = anderson(
-        convex, relax, soft, tolerance, cap - first, grain, body, pair_index, pair, wall_index, wall, couples, share,
-        alone,
-    )  # fmt: skip
+        return cap, _residual(convex, soft, records, couples, share, alone), 0
+    done, reached = anderson(convex, soft, search, cap - first, records, couples, share, alone)
     return first + done, reached, 1
 
 
 @inner(error_model="numpy", fastmath={"contract"})
-def anderson(
-    convex, relax, soft, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples, share=None,
-    alone=True,
-):  # fmt: skip
+def anderson(convex, soft, search, cap, records, couples, share=None, alone=True):
     """Up to ``cap`` accelerated sweeps from the impulses in the records; returns their number and the residual."""
-    contacts = 3 * (pair.shape[0] + wall.shape[0]) + body.shape[0]
-    if couples[0].shape[0] > 0:
-        contacts += 3 * (pair.shape[0] + wall.shape[0])
-    size = contacts + 6 * grain.shape[0] + body.shape[0]
-    weight = np.empty(contacts)
-    _weights(weight, pair, wall, body, couples)
-    r, g, old_g, best_g = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
-    f, old_f = np.zeros(contacts), np.zeros(contacts)
-    d_g, d_f = np.empty((HISTORY, size)), np.empty((HISTORY, contacts))
+    relax, tolerance = search.relax, search.tolerance
+    bodies, all_contacts = records.body.shape[0], records.pair.shape[0] + records.wall.shape[0]
+    contacts = 3 * all_contacts + bodies
+    if couples.law.shape[0] > 0:
+        contacts += 3 * all_contacts
+    size = contacts + 6 * records.grain.shape[0] + bodies
+    vectors = Vectors(
+        np.empty(size), np.empty(size), np.empty(size), np.empty(size), np.zeros(contacts), np.zeros(contacts),
+        np.empty(contacts), np.empty((HISTORY, size)), np.empty((HISTORY, contacts)), np.zeros(N_PRODUCTS),
+    )  # fmt: skip
+    r, g, products = vectors.r, vectors.g, vectors.products
+    _weights(vectors.weight, records, couples)
     gram, c = np.zeros((HISTORY, HISTORY)), np.zeros(HISTORY)
-    products = np.zeros(N_PRODUCTS)
     none = gram.shape[0] - HISTORY  # a plain 0 is a type of its own, and would compile what takes it twice
     known, slot, best, first = none, none, np.inf, True
     waited, plain, mark, pause = 0, 0, np.inf, PATIENCE
     done = 0
-    _gather(r, r, weight, f, products, grain, body, pair, wall, couples, share, alone)
+    _gather(r, vectors, records, couples, share, alone)
     while done < cap:
         change = 0.0
         for _ in range(min(SWEEPS, cap - done)):
             over = relax
             if convex is None:
                 over = OVER if plain > 0 else SLIGHTLY_OVER
-            change = _sweep(convex, over, soft, couples, grain, body, pair_index, pair, wall_index, wall, share, alone)
+            change = _sweep(convex, over, soft, records, couples, share, alone)
             done += 1
         if change <= tolerance:
-            reached = _residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall, share, alone)
+            reached = _residual(convex, soft, records, couples, share, alone)
             if reached <= tolerance:
                 return done, reached
         if plain > 0:
             plain -= SWEEPS
             if plain <= 0:
-                _gather(r, r, weight, f, products, grain, body, pair, wall, couples, share, alone)
+                _gather(r, vectors, records, couples, share, alone)
                 waited, best, mark = 0, np.inf, np.inf
             continue
-        _gather(g, r, weight, f, products, grain, body, pair, wall, couples, share, alone)
+        _gather(g, vectors, records, couples, share, alone)
         norm = np.sqrt(products[0])
         waited += SWEEPS
         if waited > PATIENCE:
@@ -115,7 +110,7 @@ def anderson(
             continue
         if norm > 2.0 * best:
             known, slot, best, first = none, none, np.inf, True
-            _extrapolate(r, best_g, c, known, d_g, grain, body, pair, wall, couples, share, alone)
+            _extrapolate(vectors.best_g, c, known, vectors, records, couples, share, alone)
             continue
         better = norm < best
         if better:
@@ -124,10 +119,7 @@ def anderson(
             best = norm
         if not first:
             known = min(known + 1, HISTORY)
-        _remember(
-            better, first, slot, known, g, old_g, best_g, f, old_f, d_g, d_f, products, grain, body, pair, wall,
-            couples, share, alone,
-        )  # fmt: skip
+        _remember(better, first, slot, known, vectors, records, couples, share, alone)
         if not first:
             for q in range(known):
                 gram[slot, q] = gram[q, slot] = products[q]
@@ -136,114 +128,73 @@ def anderson(
         for q in range(known):
             c[q] = products[HISTORY + q]
         solved = known > 0 and _solve_gram(gram, c, known) and _largest(c, known) < FURTHEST
-        _extrapolate(r, g, c, known if solved else none, d_g, grain, body, pair, wall, couples, share, alone)
-    _sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall, share, alone)
-    return done, _residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall, share, alone)
+        _extrapolate(g, c, known if solved else none, vectors, records, couples, share, alone)
+    _sweep(convex, relax, soft, records, couples, share, alone)
+    return done, _residual(convex, soft, records, couples, share, alone)
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def _weights(weight, pair, wall, body, couples):
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def _weights(weight, records, couples):
     """sqrt(w_n) for each component of an impulse, sqrt(1/J) for the loads of shafts, sqrt(W) for couples."""
+    pair, wall, body = records.pair, records.wall, records.body
     p = pair.shape[0]
     for k in range(p):
         weight[3 * k : 3 * k + 3] = 1.0 / np.sqrt(pair[k, IWN])
     for k in range(wall.shape[0]):
         weight[3 * (p + k) : 3 * (p + k) + 3] = 1.0 / np.sqrt(wall[k, IWN])
     q = 3 * (p + wall.shape[0])
-    weight[q : q + body.shape[0]] = np.sqrt(body[:, 1])
-    if couples[0].shape[0] > 0:
+    for b in range(body.shape[0]):
+        weight[q + b] = np.sqrt(body[b, 1])
+    if couples.law.shape[0] > 0:
         weigh_couples(weight, q + body.shape[0], p, wall.shape[0], couples)
 
 
 # What follows is done in one piece, or in shares: numba leaves out a branch that asks for something that is None
 @inner(inline="always", error_model="numpy", fastmath={"contract"})
-def _sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall, share, alone):
+def _sweep(convex, relax, soft, records, couples, share, alone):
     change = 0.0
     if alone is not None:
-        change = sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall)
+        change = sweep(convex, relax, soft, records, couples)
     if share is not None:
-        at = share.pairs, share.walls, share.sums
-        change = sweep_shares(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall, *at)
+        change = sweep_shares(convex, relax, soft, records, couples, share)
     return change
 
 
 @inner(inline="always", error_model="numpy", fastmath={"contract"})
-def _residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall, share, alone):
+def _residual(convex, soft, records, couples, share, alone):
     reached = 0.0
     if alone is not None:
-        reached = residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall)
+        reached = residual(whole(records), convex, soft, records, couples)
     if share is not None:
-        reached = residual_of_shares(
-            convex, soft, couples, grain, body, pair_index, pair, wall_index, wall,
-            share.pairs, share.walls, share.sums,
-        )  # fmt: skip
+        reached = residual_of_shares(convex, soft, records, couples, share)
     return reached
 
 
 @inner(inline="always", error_model="numpy", fastmath={"contract"})
-def _gather(g, r, weight, f, products, grain, body, pair, wall, couples, share, alone):
+def _gather(g, vectors, records, couples, share, alone):
     if alone is not None:
-        part = (0, pair.shape[0], 0, wall.shape[0], 0, grain.shape[0], 1)
-        gather(part, g, r, weight, f, products, grain, body, pair, wall, couples)
+        gather(whole(records), g, vectors, vectors.products, records, couples)
     if share is not None:
-        gather_shares(
-            g, r, weight, f, products, grain, body, pair, wall, couples,
-            share.rows, share.pairs, share.walls, share.sums,
-        )  # fmt: skip
+        gather_shares(g, vectors, records, couples, share)
 
 
 @inner(inline="always", error_model="numpy", fastmath={"contract"})
-def _remember(
-    better, first, slot, known, g, old_g, best_g, f, old_f, d_g, d_f, products, grain, body, pair, wall, couples,
-    share, alone,
-):  # fmt: skip
+def _remember(better, first, slot, known, vectors, records, couples, share, alone):
     if alone is not None:
-        part = (0, pair.shape[0], 0, wall.shape[0], 0, grain.shape[0], 1)
-        remember(
-            part, better, first, slot, known, g, old_g, best_g, f, old_f, d_g, d_f, products, grain, body, pair, wall,
-            couples,
-        )  # fmt: skip
+        remember(whole(records), better, first, slot, known, vectors, vectors.products, records, couples)
     if share is not None:
-        remember_shares(
-            better, first, slot, known, g, old_g, best_g, f, old_f, d_g, d_f, products, grain, body, pair, wall,
-            couples, share.rows, share.pairs, share.walls, share.sums,
-        )  # fmt: skip
+        remember_shares(better, first, slot, known, vectors, records, couples, share)
 
 
 @inner(inline="always", error_model="numpy", fastmath={"contract"})
-def _extrapolate(r, g, c, known, d_g, grain, body, pair, wall, couples, share, alone):
+def _extrapolate(g, c, known, vectors, records, couples, share, alone):
     if alone is not None:
-        part = (0, pair.shape[0], 0, wall.shape[0], 0, grain.shape[0], 1)
-        extrapolate(part, r, g, c, known, d_g, grain, body, pair, wall, couples)
+        extrapolate(whole(records), g, c, known, vectors, records, couples)
     if share is not None:
-        extrapolate_shares(r, g, c, known, d_g, grain, body, pair, wall, couples, share.rows, share.pairs, share.walls)
+        extrapolate_shares(g, c, known, vectors, records, couples, share)
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def _collect(r, pair, wall, body):
-    p, w = pair.shape[0], wall.shape[0]
-    for k in range(p):
-        r[3 * k], r[3 * k + 1], r[3 * k + 2] = pair[k, RX], pair[k, RX + 1], pair[k, RX + 2]
-    for k in range(w):
-        q = 3 * (p + k)
-        r[q], r[q + 1], r[q + 2] = wall[k, RX], wall[k, RX + 1], wall[k, RX + 2]
-    for b in range(body.shape[0]):
-        r[3 * (p + w) + b] = body[b, BRAKE]
-
-
-@inner(error_model="numpy", fastmath={"contract"})
-def _spread(r, pair, wall, body):
-    p, w = pair.shape[0], wall.shape[0]
-    for k in range(p):
-        pair[k, RX], pair[k, RX + 1], pair[k, RX + 2] = r[3 * k], r[3 * k + 1], r[3 * k + 2]
-    for k in range(w):
-        q = 3 * (p + k)
-        wall[k, RX], wall[k, RX + 1], wall[k, RX + 2] = r[q], r[q + 1], r[q + 2]
-    for b in range(body.shape[0]):
-        body[b, BRAKE] = r[3 * (p + w) + b]
-
-
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def _largest(c, n):
     worst = 0.0
     for q in range(n):
@@ -284,23 +235,25 @@ def _solve_gram(gram, c, n):
 
 # for calls from Python: the functions above are compiled into the step and have no cache of their own
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _solve(convex, relax, soft, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples):
-    return solve(convex, relax, soft, method, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples)
+def _solve(convex, soft, search, records, couples):
+    return solve(convex, soft, search, records, couples)
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _anderson(convex, relax, soft, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples):
-    return anderson(convex, relax, soft, tolerance, cap, grain, body, pair_index, pair, wall_index, wall, couples)
+def _anderson(convex, soft, search, records, couples):
+    return anderson(convex, soft, search, search.cap, records, couples)
 
 
 def solve_records(convex, relax, soft, method, tolerance, cap, *records):
     """`solve` for calls from Python, without couples; ``relax`` None: not relaxed."""
-    return _solve(convex, relax_number(convex, relax), soft, method, tolerance, cap, *records, no_couples())  # type: ignore[call-arg]
+    search = Search(method, relax_number(convex, relax), tolerance, cap)
+    return _solve(convex, soft, search, Records(*records), no_couples())
 
 
 def accelerate_records(convex, relax, soft, tolerance, cap, *records):
     """`anderson` for calls from Python, without couples; ``relax`` None: not relaxed."""
-    return _anderson(convex, relax_number(convex, relax), soft, tolerance, cap, *records, no_couples())  # type: ignore[call-arg]
+    search = Search(ANDERSON, relax_number(convex, relax), tolerance, cap)
+    return _anderson(convex, soft, search, Records(*records), no_couples())
 
 
 def relax_number(convex: bool | None, relax: float | None) -> float:

@@ -17,7 +17,6 @@ import numpy as np
 from numba import njit
 
 from geometry.inner_functions import inner
-from particles.dvi.accelerated import _collect, _spread
 from particles.dvi.gauss_seidel import (
     ARM,
     BRAKE,
@@ -43,6 +42,7 @@ from particles.dvi.gauss_seidel import (
     residual,
     sweep_loads,
 )
+from particles.dvi.kernel_state import Records, whole
 from particles.dvi.local_problem import on_cone
 
 FIRST_LENGTH = 0.25  # of 1/w_n
@@ -51,33 +51,34 @@ CHECK = 10  # iterations between two looks at the natural map
 
 
 @inner(error_model="numpy", fastmath={"contract"})
-def apgd(tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
+def apgd(tolerance, cap, records):
     """Up to ``cap`` iterations from the impulses in the records; returns their number and the residual [m/s].
 
     The load of a free shaft is swept once an iteration, between the gradient steps.
     """
+    pair, wall, body = records.pair, records.wall, records.body
     p, w = pair.shape[0], wall.shape[0]
     size = 3 * (p + w) + body.shape[0]
-    free, free_body = grain.copy(), body.copy()
-    apply_impulses(-1.0, free, free_body, pair_index, pair, wall_index, wall)
+    free, free_body = records.grain.copy(), body.copy()
+    apply_impulses(-1.0, Records(free, free_body, records.pair_index, pair, records.wall_index, wall))
     r, y, new, slope, best = np.empty(size), np.empty(size), np.empty(size), np.zeros(size), np.empty(size)
     weight = np.zeros(size)
     for k in range(p):
         weight[3 * k : 3 * k + 3] = 1.0 / pair[k, IWN]
     for k in range(w):
         weight[3 * (p + k) : 3 * (p + k) + 3] = 1.0 / wall[k, IWN]
-    _collect(r, pair, wall, body)
+    _collect(r, records)
     y[:], best[:] = r, r
-    reached = residual(True, None, grain, body, pair_index, pair, wall_index, wall)
+    reached = residual(whole(records), True, None, records)
     length, theta, count = FIRST_LENGTH, 1.0, 0
     while count < cap and reached > tolerance:
         # the energy at y, and its gradient
-        at_y = _put(y, free, free_body, grain, body, pair_index, pair, wall_index, wall)
-        _gradient(slope, grain, body, pair_index, pair, wall_index, wall)
+        at_y = _put(y, free, free_body, records)
+        _gradient(slope, records)
         shorter = False
         while True:
-            _step(new, y, slope, length, pair, wall)
-            at_new = _put(new, free, free_body, grain, body, pair_index, pair, wall_index, wall)
+            _step(new, y, slope, length, records)
+            at_new = _put(new, free, free_body, records)
             model = at_y
             for q in range(size):
                 d = new[q] - y[q]
@@ -102,15 +103,15 @@ def apgd(tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
             length = min(LONGER * length, 1.0)
         _swept_loads(r, y, body)
         if count % CHECK == 0 or count == cap:
-            now = residual(True, None, grain, body, pair_index, pair, wall_index, wall)
+            now = residual(whole(records), True, None, records)
             if now < reached:
                 reached = now
-                _collect(best, pair, wall, body)
-    _put(best, free, free_body, grain, body, pair_index, pair, wall_index, wall)
-    return count, residual(True, None, grain, body, pair_index, pair, wall_index, wall)
+                _collect(best, records)
+    _put(best, free, free_body, records)
+    return count, residual(whole(records), True, None, records)
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def _swept_loads(r, y, body):
     """One visit to the loads; their impulses stand behind those of the contacts."""
     first = r.shape[0] - body.shape[0]
@@ -119,12 +120,41 @@ def _swept_loads(r, y, body):
         r[first + b] = y[first + b] = body[b, BRAKE]
 
 
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def _collect(r, records):
+    """Impulses of pairs and walls, then of the loads, from the records into r."""
+    pair, wall, body = records.pair, records.wall, records.body
+    p, w = pair.shape[0], wall.shape[0]
+    for k in range(p):
+        r[3 * k], r[3 * k + 1], r[3 * k + 2] = pair[k, RX], pair[k, RX + 1], pair[k, RX + 2]
+    for k in range(w):
+        q = 3 * (p + k)
+        r[q], r[q + 1], r[q + 2] = wall[k, RX], wall[k, RX + 1], wall[k, RX + 2]
+    for b in range(body.shape[0]):
+        r[3 * (p + w) + b] = body[b, BRAKE]
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def _spread(r, records):
+    """The inverse of `_collect`."""
+    pair, wall, body = records.pair, records.wall, records.body
+    p, w = pair.shape[0], wall.shape[0]
+    for k in range(p):
+        pair[k, RX], pair[k, RX + 1], pair[k, RX + 2] = r[3 * k], r[3 * k + 1], r[3 * k + 2]
+    for k in range(w):
+        q = 3 * (p + k)
+        wall[k, RX], wall[k, RX + 1], wall[k, RX + 2] = r[q], r[q + 1], r[q + 2]
+    for b in range(body.shape[0]):
+        body[b, BRAKE] = r[3 * (p + w) + b]
+
+
 @inner(error_model="numpy", fastmath={"contract"})
-def _put(r, free, free_body, grain, body, pair_index, pair, wall_index, wall):
+def _put(r, free, free_body, records):
     """Write impulses into the records, velocities to match; returns the energy [J] less that of resting grains."""
+    grain, body, _, pair, wall_index, wall = records
     grain[:], body[:, SPEED] = free, free_body[:, SPEED]
-    _spread(r, pair, wall, body)
-    apply_impulses(1.0, grain, body, pair_index, pair, wall_index, wall)
+    _spread(r, records)
+    apply_impulses(1.0, records)
     energy = 0.0
     for i in range(grain.shape[0]):
         linear = grain[i, VX] ** 2 + grain[i, VY] ** 2 + grain[i, VZ] ** 2
@@ -146,9 +176,10 @@ def _put(r, free, free_body, grain, body, pair_index, pair, wall_index, wall):
     return energy
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def _gradient(slope, grain, body, pair_index, pair, wall_index, wall):
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def _gradient(slope, records):
     """Relative velocity of every contact, b added along its normal."""
+    grain, body, pair_index, pair, wall_index, wall = records
     for k in range(pair.shape[0]):
         i, j = pair_index[k, 0], pair_index[k, 1]
         ex, ey, ez, arm = pair[k, EX], pair[k, EY], pair[k, EZ], pair[k, ARM]
@@ -167,8 +198,9 @@ def _gradient(slope, grain, body, pair_index, pair, wall_index, wall):
 
 
 @inner(error_model="numpy", fastmath={"contract"})
-def _step(new, y, slope, length, pair, wall):
+def _step(new, y, slope, length, records):
     """A gradient step of ``length``/w_n for each contact, put back into its cone."""
+    pair, wall = records.pair, records.wall
     p = pair.shape[0]
     new[:] = y
     for k in range(p + wall.shape[0]):
@@ -189,4 +221,4 @@ def _step(new, y, slope, length, pair, wall):
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def apgd_records(tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
     """`apgd` for calls from Python."""
-    return apgd(tolerance, cap, grain, body, pair_index, pair, wall_index, wall)
+    return apgd(tolerance, cap, Records(grain, body, pair_index, pair, wall_index, wall))

@@ -35,15 +35,18 @@ from particles.dvi.springs import remember, strike
 from particles.walls.wall_kernels import _wall_gap
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def free_velocities(h, gravity, external, velocity, spin, radius, mass, grain, bound):
-    """Fill the records of the grains with v + h F/m; ``bound`` (n,): the larger speed of before and after."""
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def free_velocities(h, step, grains, grain):
+    """Fill the records of the grains with v + h F/m; their bounds: the larger speed of before and after."""
+    gravity, external, velocity, spin = grains.gravity, grains.external, grains.velocity, grains.spin
+    radius, mass, bound = grains.radius, grains.mass, grains.bound
+    g = min(step, gravity.shape[0] - 1)
     fastest = 0.0
     for i in range(mass.shape[0]):
         x, y, z = velocity[i, 0], velocity[i, 1], velocity[i, 2]
         before = x * x + y * y + z * z
         if gravity.shape[0] > 0:
-            x, y, z = x + h * gravity[0], y + h * gravity[1], z + h * gravity[2]
+            x, y, z = x + h * gravity[g, 0], y + h * gravity[g, 1], z + h * gravity[g, 2]
         if external.shape[0] > 0:
             a = h / mass[i]
             x, y, z = x + a * external[i, 0], y + a * external[i, 1], z + a * external[i, 2]
@@ -56,18 +59,26 @@ def free_velocities(h, gravity, external, velocity, spin, radius, mass, grain, b
     return fastest
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def find_contacts(
-    lo, hi, pairs, walls, near, h, law, soft, margin, slop, grain, bound, position, velocity, radius,
-    pair_start, pair_other, pair_impulse, wall, triangle, wall_body, wall_start, wall_other, wall_impulse,
-    body, old_speed, pair_index, pair_slot, pair, wall_index, wall_slot, wall_row,
-):  # fmt: skip
-    """Fill the records of contacts, from the numbers ``pairs`` and ``walls`` on, of the rows lo <= i < hi.
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def find_contacts(rows, numbers, near, look, soft, grains, pair_slots, slots, walls, old_speed, records):
+    """Fill the records of contacts, from the ``numbers`` of a pair and a wall on, of the rows[0] <= i < rows[1].
 
     These are the slots whose gap may close within the step; ``near`` says of which pairs it is already known. Returns
     the numbers behind the last ones.
     """
-    for i in range(lo, hi):
+    h, margin, slop, law = look
+    position, velocity, radius, bound = grains.position, grains.velocity, grains.radius, grains.bound
+    pair_start, pair_other, pair_impulse, pair_slot = (
+        pair_slots.start,
+        pair_slots.other,
+        pair_slots.impulse,
+        pair_slots.met,
+    )
+    wall_start, wall_other, wall_impulse, wall_slot = slots.start, slots.other, slots.impulse, slots.met
+    grain, body, pair_index, pair, wall_index, wall_row = records
+    wall, wall_body = walls.smooth, walls.body
+    pairs, met = numbers
+    for i in range(rows[0], rows[1]):
         x, y, z, ri = position[i, 0], position[i, 1], position[i, 2], radius[i]
         for k in range(pair_start[i], pair_start[i + 1]):
             j = pair_other[k]
@@ -116,7 +127,7 @@ def find_contacts(
             if not owned or distance >= ri + h * 2.0 * bound[i] + margin + slop * ri:
                 wall_impulse[k, 0] = wall_impulse[k, 1] = wall_impulse[k, 2] = 0.0
                 continue
-            row = wall_row[walls]
+            row = wall_row[met]
             row[EX], row[EY], row[EZ], row[ARM] = -nx, -ny, -nz, distance / ri
             row[RX], row[RY], row[RZ] = wall_impulse[k, 0], wall_impulse[k, 1], wall_impulse[k, 2]
             row[LX], row[LY] = -(y + distance * ny), x + distance * nx
@@ -135,14 +146,17 @@ def find_contacts(
                     row[B] = law[1, 1] * before
                     if soft is not None:
                         strike(law[1, 1], before, give, row, gs.N_WALL_CONTACT)
-            wall_index[walls, 0], wall_index[walls, 1], wall_slot[walls] = i, b, k
-            walls += 1
-    return pairs, walls
+            wall_index[met, 0], wall_index[met, 1], wall_slot[met] = i, b, k
+            met += 1
+    return pairs, met
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def _near(lo, hi, h, margin, slop, bound, position, radius, pair_start, pair_other, near):
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def _near(lo, hi, look, grains, pair_slots, near):
     """Mark the pairs of rows lo <= i < hi whose gap may close within the step; returns how many."""
+    h, margin, slop, _ = look
+    position, radius, bound = grains.position, grains.radius, grains.bound
+    pair_start, pair_other = pair_slots.start, pair_slots.other
     count = 0
     for i in range(lo, hi):
         x, y, z, ri = position[i, 0], position[i, 1], position[i, 2], radius[i]
@@ -156,51 +170,35 @@ def _near(lo, hi, h, margin, slop, bound, position, radius, pair_start, pair_oth
 
 
 @inner(parallel=True, error_model="numpy", fastmath={"contract"})
-def find_in_shares(
-    h, law, soft, margin, slop, grain, bound, position, velocity, radius,
-    pair_start, pair_other, pair_impulse, wall, triangle, wall_body, wall_start, wall_other, wall_impulse,
-    body, old_speed, turn, found, tally, pair_index, pair_slot, pair, wall_index, wall_slot, wall_row,
-    rows, pairs, near, ends,
-):  # fmt: skip
+def find_in_shares(look, soft, grains, pair_slots, slots, walls, old_speed, records, share, ends):
     """`find_contacts` and `record` by shares: pairs without gaps, walls from the first slot of each share to ``ends``.
 
-    How many contacts the shares before it have must be known before a share can fill its records.
+    How many contacts the shares before it have must be known before a share can fill its records. Those of walls are
+    put in order by `particles.dvi.shares.sort_walls`.
     """
+    rows, pairs, near, first = share.rows, share.pairs, share.near, slots.start
     count = rows.shape[0] - 1
     for c in prange(count):
-        pairs[c + 1] = _near(
-            rows[c], rows[c + 1], h, margin, slop, bound, position, radius, pair_start, pair_other, near
-        )
+        pairs[c + 1] = _near(rows[c], rows[c + 1], look, grains, pair_slots, near)
     for c in range(count):
         pairs[c + 1] += pairs[c]
     for c in prange(count):
+        own = rows[c], rows[c + 1]
         _, end = find_contacts(
-            rows[c], rows[c + 1], pairs[c], wall_start[rows[c]], near,
-            h, law, soft, margin, slop, grain, bound, position, velocity, radius, pair_start, pair_other, pair_impulse,
-            wall, triangle, wall_body, wall_start, wall_other, wall_impulse, body, old_speed,
-            pair_index, pair_slot, pair, wall_index, wall_slot, wall_row,
-        )  # fmt: skip
-        if triangle.shape[0] > 0:
-            end = record(
-                rows[c], rows[c + 1], h, law, soft, margin, slop, grain, bound, position, velocity, radius,
-                wall.shape[0], wall_body, wall_start, wall_other, wall_impulse, body, old_speed, turn, found, tally,
-                end, wall_index, wall_slot, wall_row,
-            )  # fmt: skip
+            own, (pairs[c], first[rows[c]]), near, look, soft, grains, pair_slots, slots, walls, old_speed, records
+        )
+        if walls.triangle.shape[0] > 0:
+            end = record(own, end, look, soft, grains, slots, walls, old_speed, records)
         ends[c] = end
 
 
 @inner(parallel=True, error_model="numpy", fastmath={"contract"})
-def search_in_shares(
-    h, law, margin, bound, position, radius, triangle, n_smooth, wall_body, wall_start, wall_other,
-    body, old_speed, body_reach, turn, found, tally, rows, sums,
-):  # fmt: skip
+def search_in_shares(look, grains, slots, walls, shafts, body, share):
     """`search` by shares."""
+    rows, sums = share.rows, share.sums
     count = rows.shape[0] - 1
     for c in prange(count):
-        sums[c, 0] = search(
-            rows[c], rows[c + 1], h, law, margin, bound, position, radius, triangle, n_smooth,
-            wall_body, wall_start, wall_other, body, old_speed, body_reach, turn, found, tally,
-        )  # fmt: skip
+        sums[c, 0] = search(rows[c], rows[c + 1], look, grains, slots, walls, shafts, body)
     raised = 0.0
     for c in range(count):
         raised = max(raised, sums[c, 0])

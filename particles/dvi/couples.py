@@ -46,6 +46,7 @@ from particles.dvi.gauss_seidel import (
     TANGENTIAL,
     WALLS,
 )  # fmt: skip
+from particles.dvi.kernel_state import Couples, whole
 from particles.dvi.rigid_triangles import COS_STEP, SIN_STEP
 
 # columns of a couple: c, R_eff/R_i, R_eff/R_j (at a wall R_i itself), 1/W (the largest W), mu_r, mu_w; with springs
@@ -55,21 +56,21 @@ N_COUPLE = 8
 N_SPRING_COUPLE = 12
 
 
-def no_couples() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def no_couples() -> Couples:
     """The couples of contacts that resist neither rolling nor twisting: no rows, for which nothing is done."""
-    return np.zeros((0, 2)), np.zeros((0, N_COUPLE)), np.zeros((0, N_COUPLE))
+    return Couples(np.zeros((0, 2)), np.zeros((0, N_COUPLE)), np.zeros((0, N_COUPLE)))
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def begin_couples(
-    law, soft, radius, grain, body, pair_index, pair_slot, pair, pair_impulse, wall_index, wall_slot, wall,
-    wall_impulse, n_smooth, wall_other, turn, pair_couple, wall_couple,
-):  # fmt: skip
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def begin_couples(soft, radius, pairs, slots, walls, records, couples):
     """Fill the records of the couples, those of the last step first in line, and let them act on the velocities.
 
-    ``law`` (2, 2): mu_r and mu_w between grains, at walls. Columns 3 to 5 of the slots hold the last c; they are
-    cleared. On triangles c turns with the body, as impulses do.
+    Columns 3 to 5 of the slots hold the last c; they are cleared. On triangles c turns with the body, as impulses do.
     """
+    law, pair_couple, wall_couple = couples
+    grain, body, pair_index, pair, wall_index, wall = records
+    pair_slot, pair_impulse, wall_slot, wall_impulse = pairs.met, pairs.impulse, slots.met, slots.impulse
+    n_smooth, wall_other, turn = walls.smooth.shape[0], slots.other, walls.turn
     for k in range(pair.shape[0]):
         row, s = pair_couple[k], pair_slot[k]
         i, j = pair_index[k, 0], pair_index[k, 1]
@@ -100,10 +101,10 @@ def begin_couples(
             _remember(soft[WALLS, TANGENTIAL], wall[k, GAP], row)
     pair_impulse[:, 3:] = 0.0
     wall_impulse[:, 3:] = 0.0
-    apply_couples(1.0, grain, body, pair_index, pair_couple, wall_index, wall_couple)
+    apply_couples(1.0, records, couples)
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def _remember(give, gap, row):
     """Put the spring into a couple's row, which holds the couple of the step before."""
     row[GIVE] = give
@@ -112,9 +113,11 @@ def _remember(give, gap, row):
         row[OX + a] = -give * row[CX + a] if gap <= 0.0 else 0.0
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def apply_couples(sign, grain, body, pair_index, pair_couple, wall_index, wall_couple):
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def apply_couples(sign, records, couples):
     """Add to the spins ``sign`` times what the couples in the records do."""
+    grain, body, pair_index, wall_index = records.grain, records.body, records.pair_index, records.wall_index
+    pair_couple, wall_couple = couples.pair, couples.wall
     for k in range(pair_index.shape[0]):
         _turn_pair(
             grain, pair_index[k, 0], pair_index[k, 1], pair_couple[k],
@@ -127,7 +130,7 @@ def apply_couples(sign, grain, body, pair_index, pair_couple, wall_index, wall_c
         )  # fmt: skip
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def _turn_pair(grain, i, j, row, x, y, z):
     """What the couple (x, y, z) adds to the spins of two grains."""
     a, b = 2.5 * row[QI] * grain[i, IM], 2.5 * row[QJ] * grain[j, IM]
@@ -139,7 +142,7 @@ def _turn_pair(grain, i, j, row, x, y, z):
     grain[j, PZ] -= b * z
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def _turn_at_wall(grain, body, i, b, row, x, y, z):
     """The same for a grain and a body."""
     a = 2.5 * grain[i, IM]
@@ -150,7 +153,7 @@ def _turn_at_wall(grain, body, i, b, row, x, y, z):
         body[b, SPEED] -= body[b, IJ] * row[QJ] * z
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def _admissible(row, r_n, ex, ey, ez, x, y, z):
     """The nearest couple to (x, y, z) that the contact bears under the normal impulse r_n."""
     load = max(r_n, 0.0)
@@ -165,7 +168,7 @@ def _admissible(row, r_n, ex, ey, ez, x, y, z):
     return x + along * ex, y + along * ey, z + along * ez
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def _pair_velocity(soft, grain, i, j, row):
     """w [m/s] of two grains, and what their spring gives."""
     a, b = row[QI], row[QJ]
@@ -180,7 +183,7 @@ def _pair_velocity(soft, grain, i, j, row):
     return x, y, z
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def _wall_velocity(soft, grain, body, i, b, row):
     """The same of a grain at a body."""
     x, y, z = grain[i, PX], grain[i, PY], grain[i, PZ] - row[QJ] * body[b, SPEED]
@@ -190,12 +193,14 @@ def _wall_velocity(soft, grain, body, i, b, row):
     return x, y, z
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def sweep_couples(relax, soft, grain, body, pair_index, pair, wall_index, wall, pair_couple, wall_couple):
-    """Visit every couple once; returns the largest change of a couple times W [m/s]."""
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def sweep_couples(part, relax, soft, records, couples):
+    """Visit every couple of a part once; returns the largest change of a couple times W [m/s]."""
+    grain, body, pair_index, pair, wall_index, wall = records
+    pair_couple, wall_couple = couples.pair, couples.wall
     largest = 0.0
     over = relax if relax > 0.0 else 1.0
-    for k in range(pair.shape[0]):
+    for k in range(part.p0, part.p1):
         row = pair_couple[k]
         ex, ey, ez = pair[k, EX], pair[k, EY], pair[k, EZ]
         r_n = pair[k, RX] * ex + pair[k, RY] * ey + pair[k, RZ] * ez
@@ -209,7 +214,7 @@ def sweep_couples(relax, soft, grain, body, pair_index, pair, wall_index, wall, 
         x, y, z = x - cx, y - cy, z - cz
         largest = max(largest, (x * x + y * y + z * z) / (row[IW] * row[IW]))
         _turn_pair(grain, i, j, row, x, y, z)
-    for k in range(wall.shape[0]):
+    for k in range(part.w0, part.w1):
         row = wall_couple[k]
         ex, ey, ez = wall[k, EX], wall[k, EY], wall[k, EZ]
         r_n = wall[k, RX] * ex + wall[k, RY] * ey + wall[k, RZ] * ez
@@ -233,7 +238,7 @@ def sweep_couples(relax, soft, grain, body, pair_index, pair, wall_index, wall, 
     return np.sqrt(largest)
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def _at_free_shaft(own, free, row, r_n, ex, ey, ez, wx, wy, wz):
     """The new couple at a body that its z-component turns: W = own + free R^2 e_z e_z^T; (wx, wy, wz) is w."""
     load = max(r_n, 0.0)
@@ -283,20 +288,22 @@ def in_disc(a, b, limit, f, g):
     return x * (limit / size), y * (limit / size)
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def couple_residual(soft, grain, body, pair_index, pair, wall_index, wall, pair_couple, wall_couple):
-    """Largest natural map |c - P(c - w/W)| W over all couples [m/s], P the nearest admissible one."""
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def couple_residual(part, soft, records, couples):
+    """Largest natural map |c - P(c - w/W)| W over the couples of a part [m/s], P the nearest admissible one."""
+    grain, body, pair_index, pair, wall_index, wall = records
+    pair_couple, wall_couple = couples.pair, couples.wall
     worst = 0.0
-    for k in range(pair.shape[0]):
+    for k in range(part.p0, part.p1):
         x, y, z = _pair_velocity(soft, grain, pair_index[k, 0], pair_index[k, 1], pair_couple[k])
         worst = max(worst, _violation(pair_couple[k], pair, k, x, y, z))
-    for k in range(wall.shape[0]):
+    for k in range(part.w0, part.w1):
         x, y, z = _wall_velocity(soft, grain, body, wall_index[k, 0], wall_index[k, 1], wall_couple[k])
         worst = max(worst, _violation(wall_couple[k], wall, k, x, y, z))
     return worst
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def _violation(row, contact, k, wx, wy, wz):
     ex, ey, ez = contact[k, EX], contact[k, EY], contact[k, EZ]
     r_n = contact[k, RX] * ex + contact[k, RY] * ey + contact[k, RZ] * ez
@@ -306,50 +313,45 @@ def _violation(row, contact, k, wx, wy, wz):
     return np.sqrt(x * x + y * y + z * z) / step
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def sweep(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall):
-    """One sweep over impulses and, where there are ``couples``, these; returns the largest change [m/s].
-
-    ``couples``: mu_r and mu_w (2, 2), no rows where nothing resists (`no_couples`), then records of the couples of
-    pairs and of walls, at least as many as contacts.
-    """
-    change = gs.sweep(convex, relax, soft, grain, body, pair_index, pair, wall_index, wall)
-    if couples[0].shape[0] > 0:
-        turned = sweep_couples(relax, soft, grain, body, pair_index, pair, wall_index, wall, couples[1], couples[2])
-        change = max(change, turned)
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def sweep(convex, relax, soft, records, couples):
+    """One sweep over impulses and, where there are ``couples``, these; returns the largest change [m/s]."""
+    change = gs.sweep(convex, relax, soft, records)
+    if couples.law.shape[0] > 0:
+        change = max(change, sweep_couples(whole(records), relax, soft, records, couples))
     return change
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def residual(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall):
-    """The honest residual of impulses and, where there are ``couples``, of these [m/s]."""
-    worst = gs.residual(convex, soft, grain, body, pair_index, pair, wall_index, wall)
-    if couples[0].shape[0] > 0:
-        turning = couple_residual(soft, grain, body, pair_index, pair, wall_index, wall, couples[1], couples[2])
-        worst = max(worst, turning)
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def residual(part, convex, soft, records, couples):
+    """The honest residual of a part of the impulses and, where there are ``couples``, of these [m/s]."""
+    worst = gs.residual(part, convex, soft, records)
+    if couples.law.shape[0] > 0:
+        worst = max(worst, couple_residual(part, soft, records, couples))
     return worst
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def weigh_couples(weight, first, pairs, walls, couples):
     """sqrt(W) of so many pairs and walls, from place ``first`` on."""
     for k in range(pairs):
-        weight[first + 3 * k : first + 3 * k + 3] = 1.0 / np.sqrt(couples[1][k, IW])
+        weight[first + 3 * k : first + 3 * k + 3] = 1.0 / np.sqrt(couples.pair[k, IW])
     first += 3 * pairs
     for k in range(walls):
-        weight[first + 3 * k : first + 3 * k + 3] = 1.0 / np.sqrt(couples[2][k, IW])
+        weight[first + 3 * k : first + 3 * k + 3] = 1.0 / np.sqrt(couples.wall[k, IW])
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def book_couples(
-    h, soft, springs, grain, spin, radius, mean_speed, pair_index, pair_slot, pair, pair_impulse, pair_couple,
-    wall_index, wall_slot, wall, wall_impulse, wall_couple, body_totals, torque, body_work,
-):  # fmt: skip
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def book_couples(h, soft, mean_speed, grains, pairs, slots, records, couples, totals, torque, body_work):
     """Keep the couples for the next step; book work and torques with the mean of old and new spin.
 
-    Returns the losses to rolling and to twisting and the work on the grains [J]; ``torque``, ``body_work``: columns.
-    ``springs[2:]``: energy in those of rolling and of twisting, renewed.
+    Returns the losses to rolling and to twisting and the work on the grains [J]; ``torque``, ``body_work``: columns of
+    the bodies' totals. The energy in the springs is renewed.
     """
+    grain, _, pair_index, pair, wall_index, wall = records
+    spin, radius, springs, body_totals = grains.spin, grains.radius, totals.springs, totals.bodies
+    pair_slot, pair_impulse, wall_slot, wall_impulse = pairs.met, pairs.impulse, slots.met, slots.impulse
+    pair_couple, wall_couple = couples.pair, couples.wall
     rolling = twisting = work = spring_r = spring_w = 0.0
     for k in range(pair.shape[0]):
         row, s = pair_couple[k], pair_slot[k]

@@ -5,13 +5,13 @@ The same face as `particles.DEM`: what moves grains need not know which of the t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from geometry.walls import Wall
-from particles.bodies import Body, FreeShaft, PrescribedSpeed
+from particles.bodies import Body
 from particles.dem.step_totals import EnergyTotals, StepTotals
 from particles.dvi import gauss_seidel as gs
 from particles.dvi import step_books as books
@@ -20,23 +20,36 @@ from particles.dvi.accelerated import ANDERSON, APGD, GAUSS_SEIDEL, INTERIOR, re
 from particles.dvi.couples import N_COUPLE, N_SPRING_COUPLE, no_couples
 from particles.dvi.impulse_list import ImpulseList
 from particles.dvi.interior_point import solve_by_interior_point
+from particles.dvi.kernel_state import (
+    Call,
+    Couples,
+    GrainState,
+    PairSlots,
+    Partition,
+    Records,
+    Search,
+    StepArguments,
+    Totals,
+    WallSlots,
+    WallState,
+)
 from particles.dvi.rigid_contact import RigidContact
 from particles.dvi.rigid_triangles import N_TURN
 from particles.dvi.shares import make_shares
 from particles.dvi.springs import spring_table
 from particles.faults import DemError, DemErrorKind, ParticleError
+from particles.grain_motion import Gravity
 from particles.grains import Grains
 from particles.laws.rolling_friction import RollingFriction
 from particles.laws.twisting_friction import TwistingFriction
 from particles.lists.contact_table import ContactTable
 from particles.lists.neighbours import cell_order
+from particles.shafts import Shafts, drives_at
 from particles.threads import at_most
 from particles.walls.device_walls import DeviceWalls
 from particles.walls.triangle_kernels import N_FOUND, closest_on_triangle
 from particles.walls.wall_kernels import wall_overlaps
 from particles.walls.wall_table import outside
-
-Gravity = np.ndarray | Sequence[float] | Callable[[np.ndarray], np.ndarray]
 
 STEPS_PER_CALL = 512  # bounds the table of prescribed speeds
 # grains may reach beyond the gap that their own speeds close, when others push them: this share of the fastest one's
@@ -206,7 +219,6 @@ class DVI:
         self._grain = np.zeros((n, gs.N_GRAIN))
         self._bound = np.zeros(n)
         self._body = np.zeros((len(self.bodies), gs.N_BODY))
-        self._brake = np.zeros(len(self.bodies))
         self._couples = no_couples()
         self._stale = True
         self._reach = self.skin
@@ -319,7 +331,7 @@ class DVI:
                 arrays[name] = value.copy()
         arrays |= {f"list_{name}": value.copy() for name, value in self._list.arrays().items()}
         arrays["bodies"] = np.array([[b.angle, b.speed, b.external_torque] for b in self.bodies]).reshape(-1, 3)
-        arrays["brake"], arrays["springs"] = self._brake.copy(), self._springs.copy()
+        arrays["brake"], arrays["springs"] = self._body[:, gs.BRAKE].copy(), self._springs.copy()
         arrays["counters"] = np.array(
             [self.step_count, self.order_version, self._stale, self.list_version], dtype=np.int64
         )
@@ -334,11 +346,7 @@ class DVI:
         ValueError
             If the state has another number of grains or bodies, or couples where this DVI has none, or none.
         """
-        if len(state["mass"]) != self.grains.count or len(state["bodies"]) != len(self.bodies):
-            raise ValueError(
-                f"the state has {len(state['mass'])} grains and {len(state['bodies'])} bodies, this DVI "
-                f"{self.grains.count} and {len(self.bodies)}; restore it into the scene that it came from"
-            )
+        self._refuse_another_scene(state)
         if state["list_pair_impulse"].shape[1] != self._list.pair_impulse.shape[1]:
             raise ValueError(
                 "of the state and this DVI, one has rolling or twisting friction and the other none; restore it into "
@@ -355,47 +363,86 @@ class DVI:
         )
         for body, (angle, speed, torque) in zip(self.bodies, state["bodies"], strict=True):
             body.angle, body.speed, body.external_torque = float(angle), float(speed), float(torque)
-        self._brake, self._springs = state["brake"].copy(), state["springs"].copy()
+        self._body[:, gs.BRAKE], self._springs = state["brake"], state["springs"].copy()
         self.step_count, self.order_version = (int(v) for v in state["counters"][:2])
         self._stale, self.list_version = bool(state["counters"][2]), int(state["counters"][3])
         self.dt, self.skin, self._reach = (float(v) for v in state["scalars"])
         self._soft = self._springs_of_step()
         self._make_room()
 
+    def begin_with(self, state: dict[str, np.ndarray]) -> None:
+        """Begin at time 0 with the grains of a `state` and the angles of its bodies; impulses are left behind.
+
+        Raises
+        ------
+        ValueError
+            If the state has another number of grains or bodies.
+        """
+        self._refuse_another_scene(state)
+        for name in ("where", "motion", "mass", "particle_id"):
+            setattr(self.grains, name, state[name].copy())
+        self.grains.magnetic_moment = self.external_force = self._impulses = None
+        for body, (angle, _, _) in zip(self.bodies, state["bodies"], strict=True):
+            body.angle, body.external_torque = float(angle), 0.0
+        self._body[:, gs.BRAKE], self.step_count = 0.0, 0
+        self._rebuild()
+        self._springs = np.array([self._pressed_in(), 0.0, 0.0, 0.0])
+
     # -- inside
     # ---------------------------------------------------------------------------------------------------
+
+    def _refuse_another_scene(self, state: dict[str, np.ndarray]) -> None:
+        if len(state["mass"]) != self.grains.count or len(state["bodies"]) != len(self.bodies):
+            raise ValueError(
+                f"the state has {len(state['mass'])} grains and {len(state['bodies'])} bodies, this DVI "
+                f"{self.grains.count} and {len(self.bodies)}; restore it into the scene that it came from"
+            )
 
     def _advance(
         self, n_steps: int, angle: np.ndarray, speed: np.ndarray, totals: np.ndarray, body_totals: np.ndarray
     ) -> tuple[int, int]:
         g, c = self.grains, self._list
-        drives, data = self._drives(n_steps)
+        if not self.warm_start and self._open_step[0] < 0.0:
+            n_steps = 1  # impulses are forgotten between calls
+            c.pair_impulse[:], c.wall_impulse[:], self._body[:, gs.BRAKE] = 0.0, 0.0, 0.0
+        given = self._arguments(n_steps, angle, speed, Totals(totals, body_totals, self._springs))
+        with at_most(1 if self._share is None else len(self._share.pairs) // 2):
+            answer = kernel.run_steps(*given)
+        state = given.grains
+        g.position[:], g.velocity[:], g.angular_velocity[:] = state.position, state.velocity, state.spin
+        return answer
+
+    def _arguments(self, n_steps: int, angle: np.ndarray, speed: np.ndarray, totals: Totals) -> StepArguments:
+        g, c, device = self.grains, self._list, self._device
         external = np.zeros((0, 3))
         if self.external_force is not None:
             external = np.ascontiguousarray(self.external_force, dtype=float)
             if external.shape != (g.count, 3):
                 raise ValueError(f"external_force has shape {external.shape}; it must be ({g.count}, 3)")
-        if not self.warm_start and self._open_step[0] < 0.0:
-            n_steps = 1  # impulses are forgotten between calls
-            c.pair_impulse[:], c.wall_impulse[:], self._brake[:] = 0.0, 0.0, 0.0
         position, velocity, spin = (np.ascontiguousarray(a) for a in (g.position, g.velocity, g.angular_velocity))
-        with at_most(1 if self._share is None else len(self._share.pairs) // 2):
-            answer = kernel.run_steps(
-                n_steps, self.dt, self.theta, float(self.n_sectors), self._law, self._soft, self._couples,
-                self._springs,
-                self._pull(n_steps), external,
-                0.5 * self._reach, c.wall_way, self.overlap_limit, SLOP, MARGIN,
-                self._convex, self._relax, self._method, self.tolerance, self.max_sweeps, self._open_step,
-                position, velocity, spin, np.ascontiguousarray(g.radius), g.mass, c.reference,
-                c.pairs.start, c.pairs.other, c.pair_impulse, self._device.rows, self._device.triangles,
-                self._device.body, c.wall_start, c.wall_other, c.wall_impulse, self._device.reach, c.angles,
-                self._turn, self._found, self._tally, drives, data, angle, speed, self._brake,
-                self._grain, self._bound, self._body, self._pair_index, self._pair_slot, self._pair,
-                self._wall_index, self._wall_slot, self._wall, self._share, True if self._share is None else None,
-                totals, body_totals,
-            )  # fmt: skip
-        g.position[:], g.velocity[:], g.angular_velocity[:] = position, velocity, spin
-        return answer
+        times = (self.step_count + np.arange(n_steps)) * self.dt
+        # the new velocities are those of the end of the step at theta = 1/2, and lag behind it at 1
+        drives, constants = drives_at(self.bodies, times, times + 2.0 * (1.0 - self.theta) * self.dt)
+        return StepArguments(
+            Call(
+                n_steps, self.dt, self.theta, 0.5 * self._reach, c.wall_way, self.overlap_limit, SLOP, MARGIN,
+                self._law, Search(self._method, self._relax, self.tolerance, self.max_sweeps), self._open_step,
+            ),
+            self._convex,
+            self._soft,
+            GrainState(
+                position, velocity, spin, np.ascontiguousarray(g.radius), g.mass, self._pull(n_steps), external,
+                c.reference, self._bound,
+            ),
+            PairSlots(c.pairs.start, c.pairs.other, c.pair_impulse, self._pair_slot),
+            WallSlots(c.wall_start, c.wall_other, c.wall_impulse, self._wall_slot, self._found, self._tally),
+            WallState(device.rows, device.triangles, device.body, self._turn),
+            Shafts(drives, constants, angle, speed, device.reach, c.angles, float(self.n_sectors)),
+            Records(self._grain, self._body, self._pair_index, self._pair, self._wall_index, self._wall),
+            self._couples,
+            Partition(self._share, True if self._share is None else None),
+            totals,
+        )  # fmt: skip
 
     def _pull(self, n_steps: int) -> np.ndarray:
         """Gravity at the coming steps, (n_steps, 3) or (1, 3); (0, 3) without."""
@@ -406,32 +453,15 @@ class DVI:
             return np.ascontiguousarray(self.gravity(times), dtype=float).reshape(n_steps, 3)
         return np.array(self.gravity, dtype=float).reshape(1, 3)
 
-    def _drives(self, n_steps: int) -> tuple[np.ndarray, np.ndarray]:
-        """Speeds and torques of the bodies at the coming steps (n_steps, n_bodies, 4), and their constants."""
-        times = (self.step_count + np.arange(n_steps)) * self.dt
-        drives, data = np.zeros((n_steps, len(self.bodies), 4)), np.zeros((len(self.bodies), 2))
-        for b, body in enumerate(self.bodies):
-            if isinstance(body.motion, PrescribedSpeed):
-                # the new velocities are those of the end of the step at theta = 1/2, and lag behind it at 1
-                drives[:, b, kernel.PRESCRIBED] = body.motion.at(times + 2.0 * (1.0 - self.theta) * self.dt)
-            elif isinstance(body.motion, FreeShaft):
-                motion = body.motion
-                data[b] = 1.0, motion.inertia
-                on = times >= motion.switched_on
-                drives[:, b, kernel.DRIVE] = on * motion.drive_torque + body.external_torque
-                drives[:, b, kernel.DRIVE_SLOPE] = on * motion.drive_slope
-                drives[:, b, kernel.LOAD_TORQUE] = motion.load_at(times)
-        return drives, data
-
     def _springs_of_step(self) -> np.ndarray | None:
         """The table of springs for the present step; None for rigid contacts."""
         return None if self._stiffness is None else spring_table(self.dt, self._stiffness, self._law[:, 1])
 
-    def _records(self) -> list[np.ndarray]:
+    def _records(self) -> Records:
         """Grains, bodies and contacts as the last step left them (`particles.dvi.gauss_seidel`), copied."""
         p, s = int(self._open_step[5]), int(self._open_step[6])
         views = (self._grain, self._body, self._pair_index[:p], self._pair[:p], self._wall_index[:s], self._wall[:s])
-        return [array.copy() for array in views]
+        return Records(*(array.copy() for array in views))
 
     def _improve(self) -> None:
         """Let the interior point work on the step that the kernel has left open."""
@@ -452,7 +482,7 @@ class DVI:
         self._couples = no_couples()
         if self._resist.any():
             columns = N_COUPLE if self._soft is None else N_SPRING_COUPLE
-            self._couples = self._resist, np.zeros((p, columns)), np.zeros((s, columns))
+            self._couples = Couples(self._resist, np.zeros((p, columns)), np.zeros((s, columns)))
         self._share = make_shares(
             self._list.pairs.start, self._list.pairs.other, self._list.wall_start,
             (len(self.bodies), books.N_BODY_SUMS), self._wall.shape[1],

@@ -29,6 +29,7 @@ import numpy as np
 from numba import njit
 
 from geometry.inner_functions import inner
+from particles.dvi.kernel_state import Records, whole
 from particles.dvi.local_problem import coulomb_block, natural_map
 
 # columns of a grain: velocity, 1/m, scaled spin
@@ -49,16 +50,10 @@ PAIRS, WALLS = 0, 1
 STIFFNESS, TANGENTIAL, MET, DASHPOT, SHARES = range(5)
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def apply_impulses(sign, grain, body, pair_index, pair, wall_index, wall):
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def apply_impulses(sign, records):
     """Add to the velocities ``sign`` times what the impulses in the records do."""
-    apply_contacts(sign, grain, body, pair_index, pair, wall_index, wall)
-    apply_loads(sign, body)
-
-
-@inner(error_model="numpy", fastmath={"contract"})
-def apply_contacts(sign, grain, body, pair_index, pair, wall_index, wall):
-    """The part of the contacts."""
+    grain, body, pair_index, pair, wall_index, wall = records
     for k in range(pair.shape[0]):
         i, j = pair_index[k, 0], pair_index[k, 1]
         x, y, z = sign * pair[k, RX], sign * pair[k, RY], sign * pair[k, RZ]
@@ -93,22 +88,18 @@ def apply_contacts(sign, grain, body, pair_index, pair, wall_index, wall):
         grain[i, PZ] += c * (wall[k, EX] * y - wall[k, EY] * x)
         if body[b, IJ] > 0.0:
             body[b, SPEED] -= body[b, IJ] * (wall[k, LX] * x + wall[k, LY] * y)
-
-
-@inner(error_model="numpy", fastmath={"contract"})
-def apply_loads(sign, body):
-    """The same for the loads of free shafts."""
     for b in range(body.shape[0]):
         body[b, SPEED] -= sign * body[b, IJ] * body[b, BRAKE]
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def sweep_pairs(lo, hi, convex, relax, soft, grain, index, pair):
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def sweep_pairs(lo, hi, convex, relax, soft, records):
     """Visit the pairs lo <= k < hi; returns the largest change of an impulse times w_n, squared [m^2/s^2].
 
     ``convex`` None: exact Coulomb, over-relaxed by ``relax`` (1: not). For the convex law ``relax`` > 0 is the length
     of a projected gradient step (PSOR), 0 takes the exact local solution.
     """
+    grain, index, pair = records.grain, records.pair_index, records.pair
     largest = 0.0
     for k in range(lo, hi):
         i, j = index[k, 0], index[k, 1]
@@ -188,9 +179,10 @@ def sweep_pairs(lo, hi, convex, relax, soft, grain, index, pair):
     return largest
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def sweep_walls(lo, hi, convex, relax, soft, grain, body, index, wall):
-    """The same for contacts with walls; ``index``: grain, body."""
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def sweep_walls(lo, hi, convex, relax, soft, records):
+    """The same for contacts with walls."""
+    grain, body, index, wall = records.grain, records.body, records.wall_index, records.wall
     largest = 0.0
     for k in range(lo, hi):
         i, b = index[k, 0], index[k, 1]
@@ -261,7 +253,7 @@ def sweep_walls(lo, hi, convex, relax, soft, grain, body, index, wall):
     return largest
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def _frame(wall, k):
     """Lever along the normal, lever in the tangent plane, and the unit tangent vector along it."""
     along = wall[k, LX] * wall[k, EX] + wall[k, LY] * wall[k, EY]
@@ -277,7 +269,7 @@ def _frame(wall, k):
     return along, 0.0, x / size, y / size, z / size
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def _block(wall, k, free, mu, u_n, ux, uy, uz, was):
     """The new impulse (world axes) of a contact with a free shaft; u_t in world axes, ``was`` the old r_n."""
     ex, ey, ez = wall[k, EX], wall[k, EY], wall[k, EZ]
@@ -294,7 +286,7 @@ def _block(wall, k, free, mu, u_n, ux, uy, uz, was):
     return n * ex + a * fx + b * gx, n * ey + a * fy + b * gy, n * ez + a * fz + b * gz
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def sweep_loads(body):
     """Dry friction on the free shafts: the brake's impulse stops them, up to its limit; returns the largest change."""
     largest = 0.0
@@ -309,22 +301,23 @@ def sweep_loads(body):
     return largest
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def sweep(convex, relax, soft, grain, body, pair_index, pair, wall_index, wall):
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def sweep(convex, relax, soft, records):
     """One sweep over everything; returns the largest change [m/s]."""
     first = np.int64(0)  # a plain 0 is a type of its own
-    b = sweep_pairs(first, pair.shape[0], convex, relax, soft, grain, pair_index, pair)
-    a = sweep_walls(first, wall.shape[0], convex, relax, soft, grain, body, wall_index, wall)
-    sweep_loads(body)
+    b = sweep_pairs(first, records.pair.shape[0], convex, relax, soft, records)
+    a = sweep_walls(first, records.wall.shape[0], convex, relax, soft, records)
+    sweep_loads(records.body)
     return np.sqrt(max(a, b))
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def residual(convex, soft, grain, body, pair_index, pair, wall_index, wall):
-    """Largest natural map over all contacts [m/s], all at the same velocities."""
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def residual(part, convex, soft, records):
+    """Largest natural map over the contacts of a part [m/s], all at the same velocities."""
+    grain, body, pair_index, pair, wall_index, wall = records
     law = convex is not None
     worst = 0.0
-    for k in range(pair.shape[0]):
+    for k in range(part.p0, part.p1):
         i, j = pair_index[k, 0], pair_index[k, 1]
         ex, ey, ez = pair[k, EX], pair[k, EY], pair[k, EZ]
         ux, uy, uz = grain[i, VX] - grain[j, VX], grain[i, VY] - grain[j, VY], grain[i, VZ] - grain[j, VZ]
@@ -337,7 +330,7 @@ def residual(convex, soft, grain, body, pair_index, pair, wall_index, wall):
         uy = uy - u_n * ey - arm * (sz * ex - sx * ez)
         uz = uz - u_n * ez - arm * (sx * ey - sy * ex)
         worst = max(worst, _map(law, soft, PAIRS, N_PAIR, pair, k, u_n, ux, uy, uz))
-    for k in range(wall.shape[0]):
+    for k in range(part.w0, part.w1):
         i, b = wall_index[k, 0], wall_index[k, 1]
         ex, ey, ez = wall[k, EX], wall[k, EY], wall[k, EZ]
         omega, arm = body[b, SPEED], wall[k, ARM]
@@ -350,7 +343,7 @@ def residual(convex, soft, grain, body, pair_index, pair, wall_index, wall):
     return worst
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def _map(law, soft, kind, offset, row, k, u_n, ux, uy, uz):
     """Natural map of contact k from its velocity, tangential part in world axes."""
     ex, ey, ez = row[k, EX], row[k, EY], row[k, EZ]
@@ -377,16 +370,17 @@ def _map(law, soft, kind, offset, row, k, u_n, ux, uy, uz):
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def apply_records(sign, grain, body, pair_index, pair, wall_index, wall):
     """`apply_impulses` for calls from Python."""
-    apply_impulses(sign, grain, body, pair_index, pair, wall_index, wall)
+    apply_impulses(sign, Records(grain, body, pair_index, pair, wall_index, wall))
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def sweep_records(convex, relax, soft, grain, body, pair_index, pair, wall_index, wall):
     """`sweep` for calls from Python."""
-    return sweep(convex, relax, soft, grain, body, pair_index, pair, wall_index, wall)
+    return sweep(convex, relax, soft, Records(grain, body, pair_index, pair, wall_index, wall))
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def residual_records(convex, soft, grain, body, pair_index, pair, wall_index, wall):
     """`residual` for calls from Python."""
-    return residual(convex, soft, grain, body, pair_index, pair, wall_index, wall)
+    records = Records(grain, body, pair_index, pair, wall_index, wall)
+    return residual(whole(records), convex, soft, records)

@@ -1,12 +1,15 @@
 """Anderson's vectors part by part: what `particles.dvi.accelerated` keeps of its last sweeps.
 
 A vector holds the impulses of pairs, of walls and the loads of shafts, the couples of pairs and of walls where there
-are some, then the velocities of grains and of shafts. A part (p0, p1, w0, w1, i0, i1, b) has pairs p0 to p1, walls w0
-to w1, grains i0 to i1, and with b = 1 the shafts. Parts do not touch each other's entries, so that threads may work on
-several.
+are some, then the velocities of grains and of shafts. Parts (`particles.dvi.kernel_state.Part`) do not touch each
+other's entries, so that threads may work on several.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
 
 from geometry.inner_functions import inner
 from particles.dvi.couples import CX
@@ -17,28 +20,56 @@ HISTORY = 5
 N_PRODUCTS = 2 * HISTORY
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+class Vectors(NamedTuple):
+    """What is kept of the last sweeps, for ``size`` impulses and velocities of which ``contacts`` are impulses.
+
+    Attributes
+    ----------
+    r, g, old_g, best_g : ndarray, shape (size,)
+        From where the last sweeps began, where they have come to, where the ones before and the best ones had.
+    f, old_f, weight : ndarray, shape (contacts,)
+        Weighed change of the last sweeps and of those before; sqrt(w_n), and what weighs loads and couples.
+    d_g, d_f : ndarray, shapes (HISTORY, size), (HISTORY, contacts)
+        Changes of g and f from one time to the next.
+    products : ndarray, shape (N_PRODUCTS,)
+    """
+
+    r: np.ndarray
+    g: np.ndarray
+    old_g: np.ndarray
+    best_g: np.ndarray
+    f: np.ndarray
+    old_f: np.ndarray
+    weight: np.ndarray
+    d_g: np.ndarray
+    d_f: np.ndarray
+    products: np.ndarray
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def _contacts(contacts, bodies, couples):
     """Where the velocities begin."""
-    if couples[0].shape[0] == 0:
+    if couples.law.shape[0] == 0:
         return 3 * contacts + bodies
     return 6 * contacts + bodies
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def _impulses(p0, p1, w0, w1, pairs, loads, own, bodies, couples):
     """Stretches of impulses, loads and couples."""
     first = loads + bodies
     a0, a1, b0, b1 = first, first, first, first
-    if couples[0].shape[0] > 0:
+    if couples.law.shape[0] > 0:
         a0, a1, b0, b1 = first + 3 * p0, first + 3 * p1, first + 3 * (pairs + w0), first + 3 * (pairs + w1)
     return (3 * p0, 3 * p1), (3 * (pairs + w0), 3 * (pairs + w1)), (loads, loads + own), (a0, a1), (b0, b1)
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def gather(part, g, r, weight, f, products, grain, body, pair, wall, couples):
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def gather(part, g, vectors, products, records, couples):
     """Read impulses and velocities into ``g``, weigh how far it is from r, f = weight (g - r), and add up f.f."""
     p0, p1, w0, w1, i0, i1, shafts = part
+    r, weight, f = vectors.r, vectors.weight, vectors.f
+    grain, body, pair, wall = records.grain, records.body, records.pair, records.wall
     p, w, n, m = pair.shape[0], wall.shape[0], grain.shape[0], body.shape[0]
     loads, contacts = 3 * (p + w), _contacts(p + w, m, couples)
     product = 0.0
@@ -58,8 +89,8 @@ def gather(part, g, r, weight, f, products, grain, body, pair, wall, couples):
         for b in range(m):
             g[loads + b], g[contacts + 6 * n + b] = body[b, BRAKE], body[b, SPEED]
         product += _weigh(loads, loads + m, g, r, weight, f)
-    if couples[0].shape[0] > 0:
-        for lo, hi, first, couple in ((p0, p1, loads + m, couples[1]), (w0, w1, loads + m + 3 * p, couples[2])):
+    if couples.law.shape[0] > 0:
+        for lo, hi, first, couple in ((p0, p1, loads + m, couples.pair), (w0, w1, loads + m + 3 * p, couples.wall)):
             for k in range(lo, hi):
                 q = first + 3 * k
                 g[q], g[q + 1], g[q + 2] = couple[k, CX], couple[k, CX + 1], couple[k, CX + 2]
@@ -67,20 +98,20 @@ def gather(part, g, r, weight, f, products, grain, body, pair, wall, couples):
     products[0] = product
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def _weigh(lo, hi, g, r, weight, f):
     for q in range(lo, hi):
         f[q] = weight[q] * (g[q] - r[q])
     return _dot(f[lo:hi], f[lo:hi])
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def remember(
-    part, better, first, slot, known, g, old_g, best_g, f, old_f, d_g, d_f, products, grain, body, pair, wall, couples
-):
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def remember(part, better, first, slot, known, vectors, products, records, couples):
     """Keep the changes since the last time, unless this is the ``first``, and ``g`` also where it is ``better``."""
     p0, p1, w0, w1, i0, i1, shafts = part
-    p, w, n, m = pair.shape[0], wall.shape[0], grain.shape[0], body.shape[0]
+    g, old_g, best_g, d_g = vectors.g, vectors.old_g, vectors.best_g, vectors.d_g
+    f, old_f, d_f = vectors.f, vectors.old_f, vectors.d_f
+    p, w, n, m = records.pair.shape[0], records.wall.shape[0], records.grain.shape[0], records.body.shape[0]
     loads, contacts = 3 * (p + w), _contacts(p + w, m, couples)
     products[:] = 0.0
     own = shafts * m
@@ -105,9 +136,11 @@ def remember(
 
 
 @inner(error_model="numpy", fastmath={"contract"})
-def extrapolate(part, r, g, c, known, d_g, grain, body, pair, wall, couples):
+def extrapolate(part, g, c, known, vectors, records, couples):
     """r = g less the changes of g times ``c``, into the records as well."""
     p0, p1, w0, w1, i0, i1, shafts = part
+    r, d_g = vectors.r, vectors.d_g
+    grain, body, pair, wall = records.grain, records.body, records.pair, records.wall
     p, w, n, m = pair.shape[0], wall.shape[0], grain.shape[0], body.shape[0]
     loads, contacts = 3 * (p + w), _contacts(p + w, m, couples)
     own = shafts * m
@@ -129,14 +162,14 @@ def extrapolate(part, r, g, c, known, d_g, grain, body, pair, wall, couples):
         grain[i, PX], grain[i, PY], grain[i, PZ] = r[q + 3], r[q + 4], r[q + 5]
     for b in range(own):
         body[b, BRAKE], body[b, SPEED] = r[loads + b], r[contacts + 6 * n + b]
-    if couples[0].shape[0] > 0:
-        for lo, hi, first, couple in ((p0, p1, loads + m, couples[1]), (w0, w1, loads + m + 3 * p, couples[2])):
+    if couples.law.shape[0] > 0:
+        for lo, hi, first, couple in ((p0, p1, loads + m, couples.pair), (w0, w1, loads + m + 3 * p, couples.wall)):
             for k in range(lo, hi):
                 q = first + 3 * k
                 couple[k, CX], couple[k, CX + 1], couple[k, CX + 2] = r[q], r[q + 1], r[q + 2]
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def _dot(a, b):
     """Sum of products in eight partial sums: a fixed order that the processor can still do side by side."""
     s0 = s1 = s2 = s3 = s4 = s5 = s6 = s7 = 0.0

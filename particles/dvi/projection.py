@@ -12,10 +12,7 @@ from particles.walls.wall_kernels import _wall_gap
 
 
 @inner(error_model="numpy", fastmath={"contract"})
-def project(
-    slop, cap, gravity, external, position, radius, mass, pair_start, pair_other,
-    wall, triangle, wall_body, wall_start, wall_other, turn, found, share=None, alone=True,
-):  # fmt: skip
+def project(slop, cap, step, grains, pair_slots, slots, walls, share=None, alone=True):
     """Push overlapping grains apart, positions only, by inverse masses, until none overlaps by more than slop*radius.
 
     Nonlinear Gauss-Seidel on the gaps; with an infinite ``slop``, that of springs, they are only looked at. Returns the
@@ -26,14 +23,10 @@ def project(
     for sweep in range(cap):
         if alone is not None:
             worst, depth, where, done = _project_rows(
-                0, radius.shape[0], sweep == 0, slop, gravity, external, position, radius, mass, pair_start, pair_other,
-                wall, triangle, wall_body, wall_start, wall_other, turn, found,
-            )  # fmt: skip
+                0, grains.radius.shape[0], sweep == 0, slop, step, grains, pair_slots, slots, walls
+            )
         if share is not None:
-            worst, depth, where, done = _project_shares(
-                sweep == 0, slop, gravity, external, position, radius, mass, pair_start, pair_other,
-                wall, triangle, wall_body, wall_start, wall_other, turn, found, share.rows, share.sums,
-            )  # fmt: skip
+            worst, depth, where, done = _project_shares(sweep == 0, slop, step, grains, pair_slots, slots, walls, share)
         if sweep == 0:
             deepest, at = depth, where
         work += done
@@ -44,19 +37,16 @@ def project(
 
 
 @inner(parallel=True, error_model="numpy", fastmath={"contract"})
-def _project_shares(
-    first, slop, gravity, external, position, radius, mass, pair_start, pair_other,
-    wall, triangle, wall_body, wall_start, wall_other, turn, found, rows, sums,
-):  # fmt: skip
+def _project_shares(first, slop, step, grains, pair_slots, slots, walls, share):
     """`_project_rows` by shares."""
+    rows, sums = share.rows, share.sums
     count = rows.shape[0] - 1
     for odd in range(2):
         for half in prange((count + 1 - odd) // 2):
             c = 2 * half + odd
             sums[c, 0], sums[c, 1], sums[c, 2], sums[c, 3] = _project_rows(
-                rows[c], rows[c + 1], first, slop, gravity, external, position, radius, mass, pair_start, pair_other,
-                wall, triangle, wall_body, wall_start, wall_other, turn, found,
-            )  # fmt: skip
+                rows[c], rows[c + 1], first, slop, step, grains, pair_slots, slots, walls
+            )
     worst, deepest, at, work = 0.0, 0.0, -1, 0.0
     for c in range(count):
         worst = max(worst, sums[c, 0])
@@ -66,13 +56,14 @@ def _project_shares(
     return worst, deepest, at, work
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def _project_rows(
-    lo, hi, first, slop, gravity, external, position, radius, mass, pair_start, pair_other,
-    wall, triangle, wall_body, wall_start, wall_other, turn, found,
-):  # fmt: skip
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def _project_rows(lo, hi, first, slop, step, grains, pair_slots, slots, walls):
     """One sweep over the rows lo <= i < hi; returns the largest overlap as a share of the radius and, the first time,
     of the diameter, whose it is, and the work."""
+    position, radius, mass = grains.position, grains.radius, grains.mass
+    pair_start, pair_other = pair_slots.start, pair_slots.other
+    wall_start, wall_other, found = slots.start, slots.other, slots.found
+    wall, triangle, wall_body = walls.smooth, walls.triangle, walls.body
     worst, deepest, at, work = 0.0, 0.0, -1, 0.0
     for i in range(lo, hi):
         for k in range(pair_start[i], pair_start[i + 1]):
@@ -94,8 +85,8 @@ def _project_rows(
                 continue
             share = (reach - d) / (max(d, 1e-300) * (mass[i] + mass[j]))
             a, b = share * mass[j], share * mass[i]
-            work += _shift(gravity, external, mass, position, i, a * dx, a * dy, a * dz)
-            work += _shift(gravity, external, mass, position, j, -b * dx, -b * dy, -b * dz)
+            work += _shift(step, grains, i, a * dx, a * dy, a * dz)
+            work += _shift(step, grains, j, -b * dx, -b * dy, -b * dz)
         for k in range(wall_start[i], wall_start[i + 1]):
             if wall_other[k] >= wall.shape[0]:  # triangles
                 break
@@ -109,7 +100,7 @@ def _project_rows(
             if first and worst <= slop:
                 continue
             depth *= radius[i]
-            work += _shift(gravity, external, mass, position, i, -depth * nx, -depth * ny, -depth * nz)
+            work += _shift(step, grains, i, -depth * nx, -depth * ny, -depth * nz)
         if triangle.shape[0] > 0:
             k, end = wall_start[i], wall_start[i + 1]
             while k < end and wall_other[k] < wall.shape[0]:
@@ -119,7 +110,7 @@ def _project_rows(
                 while k < end and wall_body[wall_other[k]] == b:
                     k += 1
                 x, y, z = position[i, 0], position[i, 1], position[i, 2]
-                count = overlapping(triangle, wall_body, wall_other, begin, k, x, y, z, radius[i], turn, found[begin:k])
+                count = overlapping(walls, wall_other, begin, k, x, y, z, radius[i], found[begin:k])
                 for a in range(begin, begin + count):
                     nx, ny, nz = found[a, TOWARDS_X], found[a, TOWARDS_Y], found[a, TOWARDS_Z]
                     # what earlier pushes have already moved it away from this wall
@@ -133,19 +124,21 @@ def _project_rows(
                     if first and worst <= slop:
                         continue
                     depth *= radius[i]
-                    work += _shift(gravity, external, mass, position, i, -depth * nx, -depth * ny, -depth * nz)
+                    work += _shift(step, grains, i, -depth * nx, -depth * ny, -depth * nz)
     return worst, deepest, at, work
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def _shift(gravity, external, mass, position, i, x, y, z):
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def _shift(step, grains, i, x, y, z):
     """Move grain i; returns the work of gravity and the held force on it."""
+    position, gravity, external = grains.position, grains.gravity, grains.external
     position[i, 0] += x
     position[i, 1] += y
     position[i, 2] += z
     work = 0.0
     if gravity.shape[0] > 0:
-        work += mass[i] * (gravity[0] * x + gravity[1] * y + gravity[2] * z)
+        g = min(step, gravity.shape[0] - 1)
+        work += grains.mass[i] * (gravity[g, 0] * x + gravity[g, 1] * y + gravity[g, 2] * z)
     if external.shape[0] > 0:
         work += external[i, 0] * x + external[i, 1] * y + external[i, 2] * z
     return work

@@ -53,9 +53,10 @@ COS, SIN, COS_STEP, SIN_STEP = range(4)
 N_TURN = 4
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def turn_bodies(h, theta, body_angle, body_speed, turn):
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def turn_bodies(h, theta, shafts, walls):
     """Half drift of the bodies, to the middle of the step, and the frames that the triangles are met in."""
+    body_angle, body_speed, turn = shafts.angle, shafts.speed, walls.turn
     for b in range(body_angle.shape[0]):
         if theta < 1.0:
             body_angle[b] += (1.0 - theta) * h * body_speed[b]
@@ -64,16 +65,18 @@ def turn_bodies(h, theta, body_angle, body_speed, turn):
             turn[b, COS_STEP], turn[b, SIN_STEP] = np.cos(h * body_speed[b]), np.sin(h * body_speed[b])
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def search(
-    lo, hi, h, law, margin, bound, position, radius, triangle, n_smooth, wall_body, wall_start, wall_other,
-    body, old_speed, body_reach, turn, found, tally,
-):  # fmt: skip
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def search(lo, hi, look, grains, slots, walls, shafts, body):
     """Contacts of grains lo <= i < hi with triangles into ``found``, ``tally``; bounds that walls push grains to.
 
     ``found`` (s, N_FOUND): those of a grain with a body from its first slot of that body on, directions in world axes;
     ``tally`` (s, 2), at that slot: how many count, and how many were seen. Returns the largest bound that was raised.
     """
+    h, margin, _, law = look
+    bound, position, radius = grains.bound, grains.position, grains.radius
+    triangle, n_smooth, wall_body, turn = walls.triangle, walls.smooth.shape[0], walls.body, walls.turn
+    wall_start, wall_other, found, tally = slots.start, slots.other, slots.found, slots.tally
+    old_speed, body_reach = shafts.speed, shafts.reach
     push, top = 1.0 + law[1, 1], 0.0
     for b in range(body_reach.shape[0]):
         top = max(top, push * max(abs(old_speed[b]), abs(body[b, SPEED])) * body_reach[b])
@@ -108,9 +111,11 @@ def search(
     return raised
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def pass_on(h, bound, position, radius, pair_start, pair_other):
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def pass_on(h, grains, pair_slots):
     """Raise the bounds of grains that others push: once down the list and once up it."""
+    bound, position, radius = grains.bound, grains.position, grains.radius
+    pair_start, pair_other = pair_slots.start, pair_slots.other
     n = radius.shape[0]
     for backward in range(2):
         for step in range(n):
@@ -129,26 +134,27 @@ def pass_on(h, bound, position, radius, pair_start, pair_other):
                     bound[i], bound[j] = max(bound[i], pushed), max(bound[j], pushed)
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def record(
-    lo, hi, h, law, soft, margin, slop, grain, bound, position, velocity, radius, n_smooth,
-    wall_body, wall_start, wall_other, wall_impulse, body, old_speed, turn, found, tally,
-    walls, wall_index, wall_slot, wall_row,
-):  # fmt: skip
-    """Fill the records of rows lo <= i < hi, from number ``walls`` on, of what may close within the step.
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def record(rows, met, look, soft, grains, slots, walls, old_speed, records):
+    """Fill the records of rows[0] <= i < rows[1], from number ``met`` on, of what may close within the step.
 
     Returns the number behind the last one.
 
     Impulses of slots that hold no contact any more are handed over, or forgotten.
     """
-    for i in range(lo, hi):
+    h, margin, slop, law = look
+    position, velocity, radius, bound = grains.position, grains.velocity, grains.radius, grains.bound
+    wall_start, wall_other, wall_impulse, wall_slot, found, tally = slots
+    n_smooth, wall_body, turn = walls.smooth.shape[0], walls.body, walls.turn
+    grain, body, wall_index, wall_row = records.grain, records.body, records.wall_index, records.wall
+    for i in range(rows[0], rows[1]):
         k, end = wall_start[i], wall_start[i + 1]
         while k < end and wall_other[k] < n_smooth:
             k += 1
         x, y, ri = position[i, 0], position[i, 1], radius[i]
         while k < end:
             b = wall_body[wall_other[k]]
-            begin, first = k, walls
+            begin, first = k, met
             while k < end and wall_body[wall_other[k]] == b:
                 k += 1
             part = found[begin:k]
@@ -164,7 +170,7 @@ def record(
                 px, py = x + d * nx, y + d * ny
                 if d >= ri + h * (bound[i] + speed * np.sqrt(px * px + py * py)) + margin:
                     continue
-                row = wall_row[walls]
+                row = wall_row[met]
                 row[EX], row[EY], row[EZ], row[ARM] = -nx, -ny, -nz, d / ri
                 rx, ry = wall_impulse[slot, 0], wall_impulse[slot, 1]
                 row[RX] = turn[b, COS_STEP] * rx - turn[b, SIN_STEP] * ry
@@ -186,22 +192,22 @@ def record(
                         row[B] = law[1, 1] * before
                         if soft is not None:
                             strike(law[1, 1], before, give, row, N_WALL_CONTACT)
-                wall_index[walls, 0], wall_index[walls, 1], wall_slot[walls] = i, b, slot
-                walls += 1
+                wall_index[met, 0], wall_index[met, 1], wall_slot[met] = i, b, slot
+                met += 1
             for q in range(begin, k):
                 wall_impulse[q, 0] = wall_impulse[q, 1] = wall_impulse[q, 2] = 0.0
-            for w in range(first, walls):  # the books ask whether a contact has had an impulse
+            for w in range(first, met):  # the books ask whether a contact has had an impulse
                 for q in range(3):
                     wall_impulse[wall_slot[w], q] = wall_row[w, RX + q]
-    return walls
+    return met
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def overlapping(triangle, wall_body, wall_other, first, last, x, y, z, radius, turn, found):
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def overlapping(walls, other, first, last, x, y, z, radius, found):
     """Triangles of one body that a grain overlaps, among slots first <= k < last; directions in world axes."""
-    b = wall_body[wall_other[first]]
-    c, s = turn[b, COS], turn[b, SIN]
-    count, _ = triangle_contacts(triangle, wall_other, first, last, c * x + s * y, c * y - s * x, z, radius, found)
+    b = walls.body[other[first]]
+    c, s = walls.turn[b, COS], walls.turn[b, SIN]
+    count, _ = triangle_contacts(walls.triangle, other, first, last, c * x + s * y, c * y - s * x, z, radius, found)
     for a in range(count):
         nx, ny = found[a, TOWARDS_X], found[a, TOWARDS_Y]
         found[a, TOWARDS_X], found[a, TOWARDS_Y] = c * nx - s * ny, s * nx + c * ny

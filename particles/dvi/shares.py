@@ -18,9 +18,10 @@ import numpy as np
 from numba import njit, prange
 
 from geometry.inner_functions import inner
-from particles.dvi.couples import couple_residual, sweep_couples
-from particles.dvi.gauss_seidel import IJ, residual, sweep_loads, sweep_pairs, sweep_walls
+from particles.dvi.couples import residual, sweep_couples
+from particles.dvi.gauss_seidel import IJ, sweep_loads, sweep_pairs, sweep_walls
 from particles.dvi.history import N_PRODUCTS, extrapolate, gather, remember
+from particles.dvi.kernel_state import Part
 
 WORTH_SHARING = 2000  # grains; for fewer the gain is small beside the longer compilation
 COUNTS = (64, 48, 32, 24, 16, 12, 8, 4, 1)  # of shares: as many even as odd ones, for two threads or four
@@ -96,12 +97,13 @@ def _furthest(start, other, furthest):
         furthest[i] = last
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def sort_walls(rows, walls, first, ends, body, from_index, from_slot, from_row, index, slot, row):
-    """Put wall contacts in the order of shares, those of free shafts last; returns how many there are.
-
-    Share c has met those from first[rows[c]] to ends[c].
-    """
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def sort_walls(share, slots, records):
+    """Put the wall contacts that shares have met in their order, those of free shafts last; returns how many."""
+    rows, walls, ends, from_index, from_slot, from_row = (
+        share.rows, share.walls, share.ends, share.met_index, share.met_slot, share.met,
+    )  # fmt: skip
+    first, slot, body, index, row = slots.start, slots.met, records.body, records.wall_index, records.wall
     to, count = 0, rows.shape[0] - 1
     for last in range(2):
         for c in range(count):
@@ -117,72 +119,54 @@ def sort_walls(rows, walls, first, ends, body, from_index, from_slot, from_row, 
     return to
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def _sweep(p0, p1, w0, w1, convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall):
-    """Impulses of pairs p0 to p1 and walls w0 to w1, then their couples; returns the largest change [m/s]."""
-    a = sweep_pairs(p0, p1, convex, relax, soft, grain, pair_index, pair)
-    b = sweep_walls(w0, w1, convex, relax, soft, grain, body, wall_index, wall)
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def part_of(c, rows, pairs, walls):
+    """What share c has of contacts and grains; c = number of shares: what belongs to the free shafts."""
+    count = rows.shape[0] - 1
+    after = min(c + 1, count)
+    return Part(pairs[c], pairs[after], walls[c], walls[c + 1], rows[c], rows[after], 1 if c == count else 0)
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def _sweep(part, convex, relax, soft, records, couples):
+    """Impulses of a part, then its couples; returns the largest change [m/s]."""
+    a = sweep_pairs(part.p0, part.p1, convex, relax, soft, records)
+    b = sweep_walls(part.w0, part.w1, convex, relax, soft, records)
     change = np.sqrt(max(a, b))
-    if couples[0].shape[0] > 0:
-        turned = sweep_couples(
-            relax, soft, grain, body, pair_index[p0:p1], pair[p0:p1], wall_index[w0:w1], wall[w0:w1],
-            couples[1][p0:p1], couples[2][w0:w1],
-        )  # fmt: skip
-        change = max(change, turned)
+    if couples.law.shape[0] > 0:
+        change = max(change, sweep_couples(part, relax, soft, records, couples))
     return change
 
 
 @inner(parallel=True, error_model="numpy", fastmath={"contract"})
-def sweep_shares(convex, relax, soft, couples, grain, body, pair_index, pair, wall_index, wall, pairs, walls, sums):
+def sweep_shares(convex, relax, soft, records, couples, share):
     """One sweep over everything; returns the largest change [m/s]."""
-    count = pairs.shape[0] - 1
+    rows, pairs, walls, sums = share.rows, share.pairs, share.walls, share.sums
+    count = rows.shape[0] - 1
     for odd in range(2):
         for half in prange((count + 1 - odd) // 2):
             c = 2 * half + odd
-            sums[c, 0] = _sweep(
-                pairs[c], pairs[c + 1], walls[c], walls[c + 1], convex, relax, soft, couples,
-                grain, body, pair_index, pair, wall_index, wall,
-            )  # fmt: skip
-    largest = _sweep(
-        0, 0, walls[count], walls[count + 1], convex, relax, soft, couples,
-        grain, body, pair_index, pair, wall_index, wall,
-    )  # fmt: skip
-    sweep_loads(body)
+            sums[c, 0] = _sweep(part_of(c, rows, pairs, walls), convex, relax, soft, records, couples)
+    largest = _sweep(part_of(count, rows, pairs, walls), convex, relax, soft, records, couples)
+    sweep_loads(records.body)
     for c in range(count):
         largest = max(largest, sums[c, 0])
     return largest
 
 
 @inner(parallel=True, error_model="numpy", fastmath={"contract"})
-def residual_of_shares(convex, soft, couples, grain, body, pair_index, pair, wall_index, wall, pairs, walls, sums):
+def residual_of_shares(convex, soft, records, couples, share):
     """Largest natural map over all contacts [m/s], all at the same velocities."""
-    count = pairs.shape[0] - 1
-    for c in prange(count + 1):
-        p0, p1 = pairs[c], pairs[min(c + 1, count)]
-        w0, w1 = walls[c], walls[c + 1]
-        worst = residual(convex, soft, grain, body, pair_index[p0:p1], pair[p0:p1], wall_index[w0:w1], wall[w0:w1])
-        if couples[0].shape[0] > 0:
-            turning = couple_residual(
-                soft, grain, body, pair_index[p0:p1], pair[p0:p1], wall_index[w0:w1], wall[w0:w1],
-                couples[1][p0:p1], couples[2][w0:w1],
-            )  # fmt: skip
-            worst = max(worst, turning)
-        sums[c, 0] = worst
+    rows, pairs, walls, sums = share.rows, share.pairs, share.walls, share.sums
+    for c in prange(rows.shape[0]):
+        sums[c, 0] = residual(part_of(c, rows, pairs, walls), convex, soft, records, couples)
     largest = 0.0
-    for c in range(count + 1):
+    for c in range(rows.shape[0]):
         largest = max(largest, sums[c, 0])
     return largest
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def _part(c, rows, pairs, walls):
-    """What share c has of the vectors of `particles.dvi.history`; c = number of shares: the free shafts."""
-    count = rows.shape[0] - 1
-    after = min(c + 1, count)
-    return pairs[c], pairs[after], walls[c], walls[c + 1], rows[c], rows[after], 1 if c == count else 0
-
-
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def _add_products(products, sums):
     for q in range(N_PRODUCTS):
         products[q] = 0.0
@@ -191,29 +175,26 @@ def _add_products(products, sums):
 
 
 @inner(parallel=True, error_model="numpy", fastmath={"contract"})
-def gather_shares(g, r, weight, f, products, grain, body, pair, wall, couples, rows, pairs, walls, sums):
+def gather_shares(g, vectors, records, couples, share):
     """`gather` by shares."""
+    rows, pairs, walls, sums = share.rows, share.pairs, share.walls, share.sums
     for c in prange(rows.shape[0]):
-        gather(_part(c, rows, pairs, walls), g, r, weight, f, sums[c], grain, body, pair, wall, couples)
-    _add_products(products, sums)
+        gather(part_of(c, rows, pairs, walls), g, vectors, sums[c], records, couples)
+    _add_products(vectors.products, sums)
 
 
 @inner(parallel=True, error_model="numpy", fastmath={"contract"})
-def remember_shares(
-    better, first, slot, known, g, old_g, best_g, f, old_f, d_g, d_f, products, grain, body, pair, wall, couples,
-    rows, pairs, walls, sums,
-):  # fmt: skip
+def remember_shares(better, first, slot, known, vectors, records, couples, share):
     """`remember` by shares."""
+    rows, pairs, walls, sums = share.rows, share.pairs, share.walls, share.sums
     for c in prange(rows.shape[0]):
-        remember(
-            _part(c, rows, pairs, walls), better, first, slot, known, g, old_g, best_g, f, old_f, d_g, d_f, sums[c],
-            grain, body, pair, wall, couples,
-        )  # fmt: skip
-    _add_products(products, sums)
+        remember(part_of(c, rows, pairs, walls), better, first, slot, known, vectors, sums[c], records, couples)
+    _add_products(vectors.products, sums)
 
 
 @inner(parallel=True, error_model="numpy", fastmath={"contract"})
-def extrapolate_shares(r, g, c, known, d_g, grain, body, pair, wall, couples, rows, pairs, walls):
+def extrapolate_shares(g, c, known, vectors, records, couples, share):
     """`extrapolate` by shares."""
+    rows, pairs, walls = share.rows, share.pairs, share.walls
     for k in prange(rows.shape[0]):
-        extrapolate(_part(k, rows, pairs, walls), r, g, c, known, d_g, grain, body, pair, wall, couples)
+        extrapolate(part_of(k, rows, pairs, walls), g, c, known, vectors, records, couples)

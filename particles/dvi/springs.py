@@ -114,7 +114,7 @@ def rebound(root: np.ndarray, share: np.ndarray) -> np.ndarray:
     return speed
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def implicit_share(root, row):
     """K for sqrt(a) = ``root`` from a row of the table."""
     if root <= FIRST_ROOT:
@@ -127,7 +127,7 @@ def implicit_share(root, row):
     return np.exp(row[SHARES + k] + (x - k) * (row[SHARES + k + 1] - row[SHARES + k]))
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def remember(h, soft, kind, gap, row, offset):
     """Put springs into a contact's row, which holds its geometry, masses and the impulse of the step before.
 
@@ -151,7 +151,7 @@ def remember(h, soft, kind, gap, row, offset):
     return -1.0 if root <= soft[kind, MET] or (gap <= 0.0 and r_n > 0.0) else 1.0 / share
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def strike(e, before, give, row, offset):
     """Newton's restitution for a contact that `remember` has filled, with c_n/w_n = ``give``; ``before`` is u_n [m/s].
 
@@ -165,7 +165,7 @@ def strike(e, before, give, row, offset):
     row[B] = (e + (1.0 + e) * hard) * before
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def stored(soft, kind, gap, x, y, z, ex, ey, ez):
     """Energy [J] in the normal spring at ``gap`` [m], and in the tangential one that carries the impulse (x, y, z)."""
     r_n = x * ex + y * ey + z * ez

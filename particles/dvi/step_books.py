@@ -24,6 +24,7 @@ from particles.dvi.gauss_seidel import (
     VY,
     VZ,
 )  # fmt: skip
+from particles.dvi.shares import part_of
 from particles.dvi.springs import stored
 
 # columns of the totals
@@ -42,15 +43,15 @@ LOADED_NOW, KEPT_NOW, IMPACT_NOW, SLIDING_NOW, WORK_NOW, SPRING_N, SPRING_T = ra
 N_BOOKED = 7
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def book(
-    h, soft, grain, velocity, spin, radius, body_speed, mean_speed, pair_index, pair_slot, pair, pair_impulse,
-    wall_index, wall_slot, wall, wall_impulse, sums, body_sums,
-):  # fmt: skip
-    """Keep the impulses for the next step; book work and torques with the mean of old and new velocity."""
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def book(part, h, soft, body_speed, mean_speed, grains, pair_slots, slots, records, sums, body_sums):
+    """Keep the impulses of a part for the next step; book work and torques with the mean of old and new velocity."""
+    velocity, spin, radius = grains.velocity, grains.spin, grains.radius
+    pair_slot, pair_impulse, wall_slot, wall_impulse = pair_slots.met, pair_slots.impulse, slots.met, slots.impulse
+    grain, _, pair_index, pair, wall_index, wall = records
     loaded = kept = 0
     impact = sliding = work = spring_n = spring_t = 0.0
-    for k in range(pair.shape[0]):
+    for k in range(part.p0, part.p1):
         s = pair_slot[k]
         x, y, z = pair[k, RX], pair[k, RY], pair[k, RZ]
         old = pair_impulse[s, 0] != 0.0 or pair_impulse[s, 1] != 0.0 or pair_impulse[s, 2] != 0.0
@@ -81,7 +82,7 @@ def book(
         impact -= normal
         sliding -= whole - normal
         work += whole
-    for k in range(wall.shape[0]):
+    for k in range(part.w0, part.w1):
         s = wall_slot[k]
         x, y, z = wall[k, RX], wall[k, RY], wall[k, RZ]
         old = wall_impulse[s, 0] != 0.0 or wall_impulse[s, 1] != 0.0 or wall_impulse[s, 2] != 0.0
@@ -128,39 +129,36 @@ def book(
     sums[WORK_NOW], sums[SPRING_N], sums[SPRING_T] = work, spring_n, spring_t
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def enter(soft, springs, sums, totals):
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def enter(soft, booked, totals):
     """Add the books of a step, one row a share."""
+    run, springs = totals.run, totals.springs
     loaded = impact = sliding = spring_n = spring_t = 0.0
-    for c in range(sums.shape[0]):
-        loaded += sums[c, LOADED_NOW]
-        totals[KEPT] += sums[c, KEPT_NOW]
-        impact, sliding = impact + sums[c, IMPACT_NOW], sliding + sums[c, SLIDING_NOW]
-        totals[CONTACT_WORK] += sums[c, WORK_NOW]
-        spring_n, spring_t = spring_n + sums[c, SPRING_N], spring_t + sums[c, SPRING_T]
-    totals[CONTACTS] = loaded
-    totals[LOADED] += loaded
+    for c in range(booked.shape[0]):
+        loaded += booked[c, LOADED_NOW]
+        run[KEPT] += booked[c, KEPT_NOW]
+        impact, sliding = impact + booked[c, IMPACT_NOW], sliding + booked[c, SLIDING_NOW]
+        run[CONTACT_WORK] += booked[c, WORK_NOW]
+        spring_n, spring_t = spring_n + booked[c, SPRING_N], spring_t + booked[c, SPRING_T]
+    run[CONTACTS] = loaded
+    run[LOADED] += loaded
     if soft is not None:
         impact, sliding = impact - spring_n + springs[0], sliding - spring_t + springs[1]
         springs[0], springs[1] = spring_n, spring_t
-    totals[IMPACT] += impact
-    totals[SLIDING] += sliding
+    run[IMPACT] += impact
+    run[SLIDING] += sliding
 
 
 @inner(parallel=True, error_model="numpy", fastmath={"contract"})
-def book_shares(
-    h, soft, grain, velocity, spin, radius, body_speed, mean_speed, pair_index, pair_slot, pair, pair_impulse,
-    wall_index, wall_slot, wall, wall_impulse, pairs, walls, sums, body_sums, body_totals,
-):  # fmt: skip
+def book_shares(h, soft, body_speed, mean_speed, grains, pair_slots, slots, records, share, body_totals):
     """`book` by shares."""
-    count = pairs.shape[0] - 1
+    rows, pairs, walls, sums, body_sums = share.rows, share.pairs, share.walls, share.sums, share.body_sums
+    count = rows.shape[0] - 1
     for c in prange(count + 1):
-        p0, p1, w0, w1 = pairs[c], pairs[min(c + 1, count)], walls[c], walls[c + 1]
         body_sums[c] = 0.0
         book(
-            h, soft, grain, velocity, spin, radius, body_speed, mean_speed,
-            pair_index[p0:p1], pair_slot[p0:p1], pair[p0:p1], pair_impulse,
-            wall_index[w0:w1], wall_slot[w0:w1], wall[w0:w1], wall_impulse, sums[c], body_sums[c],
+            part_of(c, rows, pairs, walls), h, soft, body_speed, mean_speed, grains, pair_slots, slots, records,
+            sums[c], body_sums[c],
         )  # fmt: skip
     for c in range(count + 1):
         for b in range(body_totals.shape[0]):
@@ -168,15 +166,17 @@ def book_shares(
                 body_totals[b, q] += body_sums[c, b, q]
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def move(h, drift, gravity, external, grain, position, velocity, spin, radius, mass, reference, totals):
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def move(h, drift, step, grains, grain, totals):
     """Take the new velocities and drift; returns the largest squared distance from the list's positions."""
+    position, velocity, spin, radius, mass, gravity, external, reference, _ = grains
+    g = min(step, gravity.shape[0] - 1)
     gravity_work = external_work = travel = fastest = 0.0
     for i in range(mass.shape[0]):
         x, y, z = grain[i, VX], grain[i, VY], grain[i, VZ]
         sx, sy, sz = velocity[i, 0] + x, velocity[i, 1] + y, velocity[i, 2] + z
         if gravity.shape[0] > 0:
-            gravity_work += 0.5 * h * mass[i] * (gravity[0] * sx + gravity[1] * sy + gravity[2] * sz)
+            gravity_work += 0.5 * h * mass[i] * (gravity[g, 0] * sx + gravity[g, 1] * sy + gravity[g, 2] * sz)
         if external.shape[0] > 0:
             external_work += 0.5 * h * (external[i, 0] * sx + external[i, 1] * sy + external[i, 2] * sz)
         velocity[i, 0], velocity[i, 1], velocity[i, 2] = x, y, z

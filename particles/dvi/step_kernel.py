@@ -28,12 +28,8 @@ from particles.dvi.accelerated import APGD, INTERIOR, solve
 from particles.dvi.apgd import apgd
 from particles.dvi.contact_search import find_contacts, find_in_shares, free_velocities, search_in_shares
 from particles.dvi.couples import begin_couples, book_couples
-from particles.dvi.gauss_seidel import (
-    BRAKE,
-    IJ,
-    LOAD,
-    SPEED,
-)  # fmt: skip
+from particles.dvi.gauss_seidel import BRAKE, IJ
+from particles.dvi.kernel_state import Look, Records, WallSlots, first_of, whole
 from particles.dvi.projection import project
 from particles.dvi.rigid_triangles import pass_on, record, search, turn_bodies
 from particles.dvi.shares import sort_walls
@@ -61,224 +57,232 @@ from particles.dvi.step_books import (
     enter,
     move,
 )
+from particles.shafts import DRIVE, DRIVE_SLOPE, FREE, INERTIA, LOAD, SPEED
 
 # what the kernel answers
 DONE, REBUILD, NOT_FINITE, OVERLAP, HAND_OVER = 0, 1, 2, 3, 4
-# columns of what moves a body in a step, and of its constants
-PRESCRIBED, DRIVE, DRIVE_SLOPE, LOAD_TORQUE = range(4)
-FREE, INERTIA = range(2)
 PROJECTION_SWEEPS = 5  # a jam that needs more gets them in the next steps
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def _begin(
-    h, theta, n_sectors, law, soft, couples, gravity, external, slop, margin, drive,
-    position, velocity, spin, radius, mass, pair_start, pair_other, pair_impulse,
-    wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse, body_reach, turn, found, tally,
-    body_data, body_angle, body_speed, brake,
-    grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows, share, alone, totals,
-):  # fmt: skip
-    """Stages 1 to 3: half drift, overlap, free velocities, contacts, warm start; returns the numbers of contacts."""
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def _drift_half(call, grains, shafts, walls):
+    """Stage 1: to the middle of the step."""
+    h, theta = call.h, call.theta
+    position, velocity = grains.position, grains.velocity
     if theta < 1.0:
-        for i in range(mass.shape[0]):
+        for i in range(position.shape[0]):
             for c in range(3):
                 position[i, c] += (1.0 - theta) * h * velocity[i, c]
-    turn_bodies(h, theta, body_angle, body_speed, turn)
-    deepest, at, work, count = project(
-        slop if soft is None else np.inf, PROJECTION_SWEEPS, gravity, external, position, radius, mass,
-        pair_start, pair_other, wall_table, triangle, wall_body, wall_start, wall_other, turn, found, share, alone,
-    )  # fmt: skip
-    totals[STABILISATION] += work
-    totals[PROJECTIONS] += count
-    if deepest > totals[MAX_OVERLAP]:
-        totals[MAX_OVERLAP], totals[GRAIN] = deepest, at
+    turn_bodies(h, theta, shafts, walls)
 
-    for b in range(body_speed.shape[0]):
-        if body_data[b, FREE] != 0.0:
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def _free_bodies(h, step, shafts, body):
+    """Fill the records of the bodies: speeds without contacts, and what the load of a shaft can do."""
+    drives, constants, n_sectors = shafts.drives, shafts.constants, shafts.n_sectors
+    for b in range(body.shape[0]):
+        if constants[b, FREE] != 0.0:
             # the slope of the drive is taken at the end of the step: it only adds to the inertia
-            inertia = body_data[b, INERTIA] + h * drive[b, DRIVE_SLOPE]
-            body[b, SPEED] = (body_data[b, INERTIA] * body_speed[b] + h * drive[b, DRIVE]) / inertia
+            inertia = constants[b, INERTIA] + h * drives[step, b, DRIVE_SLOPE]
+            body[b, gs.SPEED] = (constants[b, INERTIA] * shafts.speed[b] + h * drives[step, b, DRIVE]) / inertia
             body[b, IJ] = n_sectors / inertia
-            body[b, LOAD] = h * drive[b, LOAD_TORQUE] / n_sectors
+            body[b, gs.LOAD] = h * drives[step, b, LOAD] / n_sectors
         else:
-            body[b, SPEED], body[b, IJ], body[b, LOAD] = drive[b, PRESCRIBED], 0.0, 0.0
-        body[b, BRAKE] = min(max(brake[b], -body[b, LOAD]), body[b, LOAD])
-    fastest = free_velocities(h, gravity, external, velocity, spin, radius, mass, grain, bound)
-    if triangle.shape[0] > 0:
-        if alone is not None:
-            raised = search(
-                0, mass.shape[0], h, law, margin * h * fastest, bound, position, radius, triangle, wall_table.shape[0],
-                wall_body, wall_start, wall_other, body, body_speed, body_reach, turn, found, tally,
-            )  # fmt: skip
-        if share is not None:
-            raised = search_in_shares(
-                h, law, margin * h * fastest, bound, position, radius, triangle, wall_table.shape[0],
-                wall_body, wall_start, wall_other, body, body_speed, body_reach, turn, found, tally,
-                share.rows, share.sums,
-            )  # fmt: skip
-        if raised > 0.0:
-            fastest = max(fastest, raised)
-            pass_on(h, bound, position, radius, pair_start, pair_other)
-    if alone is not None:
-        pairs, walls = find_contacts(
-            0, mass.shape[0], 0, 0, None, h, law, soft, margin * h * fastest, slop, grain, bound, position, velocity,
-            radius, pair_start, pair_other, pair_impulse, wall_table, triangle, wall_body, wall_start, wall_other,
-            wall_impulse, body, body_speed, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows,
-        )  # fmt: skip
-        if triangle.shape[0] > 0:
-            walls = record(
-                0, mass.shape[0], h, law, soft, margin * h * fastest, slop, grain, bound, position, velocity, radius,
-                wall_table.shape[0], wall_body, wall_start, wall_other, wall_impulse, body, body_speed,
-                turn, found, tally, walls, wall_index, wall_slot, wall_rows,
-            )  # fmt: skip
-    if share is not None:
-        find_in_shares(
-            h, law, soft, margin * h * fastest, slop, grain, bound, position, velocity, radius, pair_start, pair_other,
-            pair_impulse, wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse, body, body_speed,
-            turn, found, tally, pair_index, pair_slot, pair_rows, share.met_index, share.met_slot, share.met,
-            share.rows, share.pairs, share.near, share.ends,
-        )  # fmt: skip
-        pairs = share.pairs[-1]
-        walls = sort_walls(
-            share.rows, share.walls, wall_start, share.ends, body, share.met_index, share.met_slot, share.met,
-            wall_index, wall_slot, wall_rows,
-        )  # fmt: skip
-    gs.apply_impulses(1.0, grain, body, pair_index[:pairs], pair_rows[:pairs], wall_index[:walls], wall_rows[:walls])
-    if couples[0].shape[0] > 0:
-        begin_couples(
-            couples[0], soft, radius, grain, body, pair_index[:pairs], pair_slot[:pairs], pair_rows[:pairs],
-            pair_impulse, wall_index[:walls], wall_slot[:walls], wall_rows[:walls], wall_impulse, wall_table.shape[0],
-            wall_other, turn, couples[1], couples[2],
-        )  # fmt: skip
-    return pairs, walls, fastest
+            body[b, gs.SPEED], body[b, IJ], body[b, gs.LOAD] = drives[step, b, SPEED], 0.0, 0.0
+        body[b, BRAKE] = min(max(body[b, BRAKE], -body[b, gs.LOAD]), body[b, gs.LOAD])
 
 
 @inner(error_model="numpy", fastmath={"contract"})
-def _finish(
-    h, theta, n_sectors, soft, couples, springs, gravity, external, tolerance, sweeps, reached, taken, fastest,
-    position, velocity, spin, radius, mass, reference, pair_impulse, wall_impulse,
-    drive, body_data, body_angle, body_speed, brake, mean,
-    grain, body, pair_index, pair_slot, pair, wall_index, wall_slot, wall, share, alone, totals, body_totals,
-):  # fmt: skip
-    """Stages 5 and 6: books and drift; returns how far from its list a grain may be after the next step."""
-    totals[SWEEPS] += sweeps
-    totals[VISITS] += sweeps * (pair.shape[0] + wall.shape[0])
-    totals[MAX_SWEEPS] = max(totals[MAX_SWEEPS], sweeps)
-    totals[RESIDUAL] = max(totals[RESIDUAL], reached)
-    totals[TAKEN_OVER] += taken
+def _search(look, grains, slots, walls, shafts, body, share, alone):
+    """What grains may meet of triangles within the step; the largest speed that these push one to [m/s]."""
+    if alone is not None:
+        raised = search(np.int64(0), grains.mass.shape[0], look, grains, slots, walls, shafts, body)
+    if share is not None:
+        raised = search_in_shares(look, grains, slots, walls, shafts, body, share)
+    return raised
+
+
+@inner(error_model="numpy", fastmath={"contract"})
+def _find(look, soft, grains, pairs, slots, walls, shafts, records, share, alone):
+    """The contacts that may close within the step, with the impulses of the last one; their numbers."""
+    if alone is not None:
+        rows = np.int64(0), grains.mass.shape[0]
+        met, met_walls = find_contacts(
+            rows, (np.int64(0), np.int64(0)), None, look, soft, grains, pairs, slots, walls, shafts.speed, records
+        )
+        if walls.triangle.shape[0] > 0:
+            met_walls = record(rows, met_walls, look, soft, grains, slots, walls, shafts.speed, records)
+    if share is not None:
+        unsorted = Records(
+            records.grain, records.body, records.pair_index, records.pair, share.met_index, share.met
+        )  # fmt: skip
+        places = WallSlots(slots.start, slots.other, slots.impulse, share.met_slot, slots.found, slots.tally)
+        find_in_shares(look, soft, grains, pairs, places, walls, shafts.speed, unsorted, share, share.ends)
+        met, met_walls = share.pairs[-1], sort_walls(share, slots, records)
+    return met, met_walls
+
+
+@inner(error_model="numpy", fastmath={"contract"})
+def _begin(call, step, soft, grains, pairs, slots, walls, shafts, records, couples, partition, totals):
+    """Stages 1 to 3: half drift, overlap, free velocities, contacts, warm start.
+
+    Returns the numbers of pairs and walls that are contacts, and the largest speed [m/s].
+    """
+    h, share, alone = call.h, partition.share, partition.alone
+    _drift_half(call, grains, shafts, walls)
+    deepest, at, work, count = project(
+        call.slop if soft is None else np.inf, PROJECTION_SWEEPS, step, grains, pairs, slots, walls, share, alone
+    )
+    totals.run[STABILISATION] += work
+    totals.run[PROJECTIONS] += count
+    if deepest > totals.run[MAX_OVERLAP]:
+        totals.run[MAX_OVERLAP], totals.run[GRAIN] = deepest, at
+
+    _free_bodies(h, step, shafts, records.body)
+    fastest = free_velocities(h, step, grains, records.grain)
+    if walls.triangle.shape[0] > 0:
+        look = Look(h, call.margin * h * fastest, call.slop, call.law)
+        raised = _search(look, grains, slots, walls, shafts, records.body, share, alone)
+        if raised > 0.0:
+            fastest = max(fastest, raised)
+            pass_on(h, grains, pairs)
+    look = Look(h, call.margin * h * fastest, call.slop, call.law)
+    met, met_walls = _find(look, soft, grains, pairs, slots, walls, shafts, records, share, alone)
+    contacts = first_of(records, met, met_walls)
+    gs.apply_impulses(1.0, contacts)
+    if couples.law.shape[0] > 0:
+        begin_couples(soft, grains.radius, pairs, slots, walls, contacts, couples)
+    return met, met_walls, fastest
+
+
+@inner(error_model="numpy", fastmath={"contract"})
+def _solve(call, convex, soft, contacts, couples, partition):
+    """Stage 4: the impulses; returns sweeps, residual [m/s], and whether acceleration took over."""
+    search = call.search
+    if convex is not None and search.method == APGD:
+        sweeps, reached = apgd(search.tolerance, search.cap, contacts)
+        return sweeps, reached, 0
+    return solve(convex, soft, search, contacts, couples, partition.share, partition.alone)
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def _count(tolerance, contacts, sweeps, reached, taken, run):
+    """Book what the impulses of a step have cost."""
+    run[SWEEPS] += sweeps
+    run[VISITS] += sweeps * (contacts.pair.shape[0] + contacts.wall.shape[0])
+    run[MAX_SWEEPS] = max(run[MAX_SWEEPS], sweeps)
+    run[RESIDUAL] = max(run[RESIDUAL], reached)
+    run[TAKEN_OVER] += taken
     if not reached <= tolerance:
-        totals[MISSED] += 1.0
-    for b in range(body_speed.shape[0]):
-        brake[b] = body[b, BRAKE]
-        mean[b] = body[b, SPEED]
-        if body_data[b, FREE] != 0.0:
-            mean[b] = 0.5 * (body_speed[b] + body[b, SPEED])
-            torque = drive[b, DRIVE] - drive[b, DRIVE_SLOPE] * body[b, SPEED]
+        run[MISSED] += 1.0
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def _turn_shafts(call, step, shafts, body, mean, body_totals):
+    """New speeds and angles of the bodies, and ``mean`` of old and new speeds (n_bodies,) [rad/s]; works of shafts."""
+    h, drives = call.h, shafts.drives
+    for b in range(mean.shape[0]):
+        mean[b] = body[b, gs.SPEED]
+        if shafts.constants[b, FREE] != 0.0:
+            mean[b] = 0.5 * (shafts.speed[b] + body[b, gs.SPEED])
+            torque = drives[step, b, DRIVE] - drives[step, b, DRIVE_SLOPE] * body[b, gs.SPEED]
             body_totals[b, DRIVE_WORK] += torque * mean[b] * h
-            body_totals[b, LOAD_WORK] += n_sectors * brake[b] * mean[b]
-        body_speed[b] = body[b, SPEED]
-        body_angle[b] += theta * h * body_speed[b]
+            body_totals[b, LOAD_WORK] += shafts.n_sectors * body[b, BRAKE] * mean[b]
+        shafts.speed[b] = body[b, gs.SPEED]
+        shafts.angle[b] += call.theta * h * shafts.speed[b]
+
+
+@inner(error_model="numpy", fastmath={"contract"})
+def _book(h, soft, mean, grains, pairs, slots, shafts, contacts, share, alone, totals):
+    """Keep the impulses, and book their works and torques."""
     booked = np.zeros((1, N_BOOKED))
     if alone is not None:
         book(
-            h, soft, grain, velocity, spin, radius, body_speed, mean, pair_index, pair_slot, pair, pair_impulse,
-            wall_index, wall_slot, wall, wall_impulse, booked[0], body_totals,
+            whole(contacts), h, soft, shafts.speed, mean, grains, pairs, slots, contacts, booked[0], totals.bodies
         )  # fmt: skip
     if share is not None:
         booked = share.sums
-        book_shares(
-            h, soft, grain, velocity, spin, radius, body_speed, mean, pair_index, pair_slot, pair, pair_impulse,
-            wall_index, wall_slot, wall, wall_impulse, share.pairs, share.walls, booked, share.body_sums, body_totals,
-        )  # fmt: skip
-    enter(soft, springs, booked, totals)
-    if couples[0].shape[0] > 0:
+        book_shares(h, soft, shafts.speed, mean, grains, pairs, slots, contacts, share, totals.bodies)
+    enter(soft, booked, totals)
+
+
+@inner(error_model="numpy", fastmath={"contract"})
+def _finish(call, step, soft, grains, pairs, slots, shafts, contacts, couples, partition, totals):
+    """Stages 5 and 6: books and drift; returns how far from its list a grain is [m]."""
+    h, run = call.h, totals.run
+    mean = np.empty(shafts.speed.shape[0])
+    _turn_shafts(call, step, shafts, contacts.body, mean, totals.bodies)
+    _book(h, soft, mean, grains, pairs, slots, shafts, contacts, partition.share, partition.alone, totals)
+    if couples.law.shape[0] > 0:
         rolling, twisting, work = book_couples(
-            h, soft, springs, grain, spin, radius, mean, pair_index, pair_slot, pair, pair_impulse, couples[1],
-            wall_index, wall_slot, wall, wall_impulse, couples[2], body_totals, TORQUE_T, BODY_WORK,
-        )  # fmt: skip
-        totals[ROLLING] += rolling
-        totals[TWISTING] += twisting
-        totals[CONTACT_WORK] += work
-    travel = move(h, theta * h, gravity, external, grain, position, velocity, spin, radius, mass, reference, totals)
-    return np.sqrt(travel) + h * fastest
+            h, soft, mean, grains, pairs, slots, contacts, couples, totals, TORQUE_T, BODY_WORK
+        )
+        run[ROLLING] += rolling
+        run[TWISTING] += twisting
+        run[CONTACT_WORK] += work
+    return np.sqrt(move(h, call.theta * h, step, grains, contacts.grain, run))
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def _verdict(call, travel, shafts, walls):
+    """Whether to go on: a grain or a triangle may be ``travel`` [m], or further, from its list after the next step."""
+    if not travel < np.inf:
+        return NOT_FINITE
+    if travel > call.travel:
+        return REBUILD
+    if walls.triangle.shape[0] > 0:
+        for b in range(shafts.speed.shape[0]):
+            way = abs(shafts.angle[b] - shafts.list_angle[b]) + call.h * abs(shafts.speed[b])
+            if way * shafts.reach[b] > call.wall_travel:
+                return REBUILD
+    return DONE
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def run_steps(
-    n_steps, h, theta, n_sectors, law, soft, couples, springs, gravity, external, travel_limit, wall_limit,
-    overlap_limit, slop, margin,
-    convex, relax, method, tolerance, cap, open_step,
-    position, velocity, spin, radius, mass, reference,
-    pair_start, pair_other, pair_impulse, wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse,
-    body_reach, list_angle, turn, found, tally, drives, body_data, body_angle, body_speed, brake,
-    grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows,
-    share, alone, totals, body_totals,
-):  # fmt: skip
-    """Up to ``n_steps`` steps; stops early when the list must be rebuilt or a grain is in trouble.
+def run_steps(call, convex, soft, grains, pairs, slots, walls, shafts, records, couples, partition, totals):
+    """Up to ``call.n_steps`` steps; stops early when the list must be rebuilt or a grain is in trouble.
 
-    With ``method`` INTERIOR a step on which the sweeps stall is left open (HAND_OVER): ``open_step`` then holds the
-    numbers of pairs and walls, sweeps, residual and largest speed, and the next call finishes it; its last two
-    entries are the numbers of contacts of the last step in any case. Returns (answer, steps done); every array is
-    documented where it is made, in `particles.dvi.dvi`.
+    With the method INTERIOR a step on which the sweeps stall is left open (HAND_OVER), and the next call finishes it.
+
+    Parameters
+    ----------
+    convex : bool, or None
+        The convex relaxation; None: exact Coulomb.
+    soft : ndarray, or None
+        Table of springs (`particles.dvi.springs`); None: rigid.
+    call, grains, pairs, slots, walls, shafts, records, couples, partition, totals
+        `particles.dvi.kernel_state`, and `particles.shafts.Shafts`.
+
+    Returns
+    -------
+    answer, steps done : int
     """
-    mean, weightless = np.empty(body_speed.shape[0]), np.empty(0)
-    for step in range(n_steps):
-        pull = weightless
-        if gravity.shape[0] > 0:
-            pull = gravity[min(step, gravity.shape[0] - 1)]
+    open_step, tolerance = call.open_step, call.search.tolerance
+    for step in range(call.n_steps):
         if open_step[0] >= 0.0:
-            pairs, walls, sweeps = int(open_step[0]), int(open_step[1]), int(open_step[2])
+            met, met_walls, sweeps = int(open_step[0]), int(open_step[1]), int(open_step[2])
             reached, fastest, taken = open_step[3], open_step[4], 1
             open_step[0] = -1.0
+            contacts = first_of(records, met, met_walls)
         else:
             # 1-3. half drift, free velocities, contacts, warm start
-            pairs, walls, fastest = _begin(
-                h, theta, n_sectors, law, soft, couples, pull, external, slop, margin, drives[step],
-                position, velocity, spin, radius, mass, pair_start, pair_other, pair_impulse,
-                wall_table, triangle, wall_body, wall_start, wall_other, wall_impulse, body_reach, turn, found,
-                tally, body_data, body_angle, body_speed, brake,
-                grain, bound, body, pair_index, pair_slot, pair_rows, wall_index, wall_slot, wall_rows,
-                share, alone, totals,
-            )  # fmt: skip
-            open_step[5], open_step[6] = pairs, walls
-            if totals[MAX_OVERLAP] > overlap_limit:
+            met, met_walls, fastest = _begin(
+                call, step, soft, grains, pairs, slots, walls, shafts, records, couples, partition, totals
+            )
+            open_step[5], open_step[6] = met, met_walls
+            if totals.run[MAX_OVERLAP] > call.overlap:
                 return OVERLAP, step
             # 4. impulses
-            taken = 0
-            if convex is None:
-                sweeps, reached, taken = solve(
-                    convex, relax, soft, method, tolerance, cap, grain, body, pair_index[:pairs], pair_rows[:pairs],
-                    wall_index[:walls], wall_rows[:walls], couples, share, alone,
-                )  # fmt: skip
-            elif method == APGD:
-                sweeps, reached = apgd(
-                    tolerance, cap, grain, body, pair_index[:pairs], pair_rows[:pairs],
-                    wall_index[:walls], wall_rows[:walls],
-                )  # fmt: skip
-            else:
-                sweeps, reached, taken = solve(
-                    convex, relax, soft, method, tolerance, cap, grain, body, pair_index[:pairs], pair_rows[:pairs],
-                    wall_index[:walls], wall_rows[:walls], couples, share, alone,
-                )  # fmt: skip
-            if method == INTERIOR and reached > tolerance:
-                open_step[0], open_step[1], open_step[2] = pairs, walls, sweeps
+            contacts = first_of(records, met, met_walls)
+            sweeps, reached, taken = _solve(call, convex, soft, contacts, couples, partition)
+            if call.search.method == INTERIOR and reached > tolerance:
+                open_step[0], open_step[1], open_step[2] = met, met_walls, sweeps
                 open_step[3], open_step[4] = reached, fastest
                 return HAND_OVER, step
         # 5-6. books, half drift
-        travel = _finish(
-            h, theta, n_sectors, soft, couples, springs, pull, external, tolerance, sweeps, reached, taken, fastest,
-            position, velocity, spin, radius, mass, reference, pair_impulse, wall_impulse,
-            drives[step], body_data, body_angle, body_speed, brake, mean, grain, body,
-            pair_index, pair_slot, pair_rows[:pairs], wall_index, wall_slot, wall_rows[:walls],
-            share, alone, totals, body_totals,
-        )  # fmt: skip
-        if not travel < np.inf:
-            return NOT_FINITE, step + 1
-        if travel > travel_limit:
-            return REBUILD, step + 1
-        if triangle.shape[0] > 0:
-            for b in range(body_speed.shape[0]):
-                way = abs(body_angle[b] - list_angle[b]) + h * abs(body_speed[b])
-                if way * body_reach[b] > wall_limit:
-                    return REBUILD, step + 1
-    return DONE, n_steps
+        _count(tolerance, contacts, sweeps, reached, taken, totals.run)
+        travel = _finish(call, step, soft, grains, pairs, slots, shafts, contacts, couples, partition, totals)
+        answer = _verdict(call, travel + call.h * fastest, shafts, walls)
+        if answer != DONE:
+            return answer, step + 1
+    return DONE, call.n_steps

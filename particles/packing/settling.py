@@ -29,9 +29,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from particles.bodies import PrescribedSpeed
-from particles.dem.dem import DEM
-from particles.dvi.dvi import DVI
 from particles.faults import ParticleError
+from particles.grain_motion import GrainMotion
 
 KINETIC = 1e-6  # of the reference energy (module docstring)
 _FALLS_OVER = 1e-3  # of the reference energy: from there on damping acts
@@ -70,7 +69,7 @@ class NotAtRestError(ParticleError):
 
 
 def settle(
-    dem: DEM | DVI,
+    dem: GrainMotion,
     *,
     kinetic: float = KINETIC,
     longest: float | None = None,
@@ -147,7 +146,7 @@ def settle(
 
 
 @contextmanager
-def before_the_start(dem: DEM | DVI) -> Iterator[DEM | DVI]:
+def before_the_start(dem: GrainMotion) -> Iterator[GrainMotion]:
     """Hold every shaft while grains settle; afterwards shafts and clock are as at the beginning.
 
     Contact history and the grains' velocities stay: the run goes on from the settled bed without a bump.

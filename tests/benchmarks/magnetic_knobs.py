@@ -66,7 +66,7 @@ def held(case: Case, frame: dict[str, np.ndarray], steps: int) -> float:
         velocity=frame["velocity"], angular_velocity=frame["angular_velocity"],
     )  # fmt: skip
     simulation = simulation_of(case, device, plan, grains)
-    magnetised, dem = simulation.magnetised, simulation.dem
+    magnetised, dem = simulation.magnetised, simulation.motion
     magnetised.tolerance = MOMENTS_TOLERANCE
     refresh_field(simulation)
     dem.external_force = magnetic_forces(simulation, magnetised, Ledger(simulation))

@@ -111,10 +111,10 @@ def test_what_is_off_is_not_there(tmp_path):
     assert simulation.effects == []
     assert simulation.magnetised is None
     assert simulation.source is None
-    assert simulation.dem.external_force is None
-    assert simulation.dem.gravity is None
-    assert simulation.dem.grains.magnetic_moment is None
-    assert not simulation.dem._rolling
+    assert simulation.motion.external_force is None
+    assert simulation.motion.gravity is None
+    assert simulation.motion.grains.magnetic_moment is None
+    assert not simulation.motion._rolling
 
 
 def test_one_and_two_threads_give_the_same_bits(tmp_path):

@@ -177,7 +177,7 @@ def calls(without=(), model="fixed"):
     simulation = assemble(case, device, plan)
     sys.setprofile(count)
     try:
-        run_staggered(simulation, simulation.dem.dt)
+        run_staggered(simulation, simulation.motion.dt)
     finally:
         sys.setprofile(None)
     return found, simulation
@@ -194,7 +194,7 @@ def test_every_effect_works_when_all_are_on(all_on, model):
     for effect, files in FILES[model].items():
         for file in files:
             assert found[file] > 0, f"{effect}: nothing of {file} was called"
-    assert simulation.dem.grains.magnetic_moment is not None and simulation.dem.external_force is not None
+    assert simulation.motion.grains.magnetic_moment is not None and simulation.motion.external_force is not None
 
 
 @pytest.mark.parametrize(("model", "effect"), [(m, e) for m, files in FILES.items() for e in files])
@@ -223,4 +223,4 @@ def test_without_magnetic_effects_nothing_magnetic_is_there():
     found, simulation = calls((*FILES["fixed"], "coil_circuit", "saturation"))
     assert not [file for file in found if file.startswith("field/")]
     assert simulation.magnetised is None and simulation.source is None
-    assert simulation.dem.grains.magnetic_moment is None and simulation.dem.external_force is None
+    assert simulation.motion.grains.magnetic_moment is None and simulation.motion.external_force is None

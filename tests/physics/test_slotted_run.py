@@ -76,7 +76,7 @@ def test_a_free_slotted_disc_feels_the_grains_through_its_field():
     case = slotted({"motion.disc": {"free": {"inertia": "1e-7 kg m^2"}}, "effects.dipoles": None})
     device, plan = make_plan(case)
     simulation = assemble(case, device, plan)
-    disc = next(body for body in simulation.dem.bodies if body.name == "disc")
+    disc = next(body for body in simulation.motion.bodies if body.name == "disc")
     assert isinstance(simulation.source, SolidCoilField) and simulation.field_carrier is disc
     again = device.coil.problem.solve(device.coil.turns * 1.0, tolerance=device.coil.newton_tolerance)
     assert np.array_equal(again.phi, plan.peak_field.phi)  # so the run need not solve for it
@@ -92,7 +92,7 @@ def test_a_free_slotted_disc_feels_the_grains_through_its_field():
     run_staggered(simulation, 30 * plan.steps_per_update * plan.updates * plan.dt, (follow,))
     assert simulation.source.solution is plan.peak_field and simulation.source.solves == 1
     assert abs(impulse) > 0.0 and angular_momentum == pytest.approx(impulse, rel=1e-6)
-    grains = simulation.dem.grains
+    grains = simulation.motion.grains
     _, grad = simulation.source.sampler.sample(grains.position)
     pull = MU_0 * np.einsum("nij,nj->ni", grad, grains.magnetic_moment)
     x = grains.position
@@ -130,6 +130,6 @@ def test_without_the_field_slots_cost_nothing():
         device, plan = make_plan(case)
         assert device.coil is None
         simulation = assemble(case, device, plan)
-        simulation.dem.run(50)
-        positions.append(simulation.dem.grains.position.copy())
+        simulation.motion.run(50)
+        positions.append(simulation.motion.grains.position.copy())
     assert np.array_equal(*positions)

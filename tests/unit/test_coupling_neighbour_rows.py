@@ -43,11 +43,11 @@ def test_rows_are_complete_under_a_list_that_is_not_renewed(list_skin):
     simulation = Simulation(KeptList(grains.copy(), list_skin), [], None, None, 1, 1)
     made = set()
     for step in range(40):
-        position = simulation.dem.grains.position
+        position = simulation.motion.grains.position
         rows = simulation.rows(CUTOFF)
         made.add(id(rows.start))
         assert within(position) <= in_rows(rows), f"step {step}"
-        simulation.dem.grains.position = position + velocity
+        simulation.motion.grains.position = position + velocity
     assert 1 < len(made)
 
 
@@ -56,9 +56,9 @@ def test_rows_that_hold_are_kept():
     position = np.random.default_rng(1).uniform(-6e-3, 6e-3, (30, 3))
     simulation = Simulation(KeptList(position, 0.4e-3), [], None, None, 1, 1)
     first = simulation.rows(CUTOFF)
-    simulation.dem.grains.position = position + np.array([0.199e-3, 0.0, 0.0])
+    simulation.motion.grains.position = position + np.array([0.199e-3, 0.0, 0.0])
     assert simulation.rows(CUTOFF) is first
-    simulation.dem.grains.position = position + np.array([0.201e-3, 0.0, 0.0])
+    simulation.motion.grains.position = position + np.array([0.201e-3, 0.0, 0.0])
     assert simulation.rows(CUTOFF) is not first
 
 
@@ -81,14 +81,14 @@ def test_a_checkpoint_keeps_where_the_rows_were_made():
     position = np.random.default_rng(2).uniform(-6e-3, 6e-3, (30, 3))
     simulation = Simulation(KeptList(position, 0.4e-3), [], None, None, 1, 1)
     rows = simulation.rows(CUTOFF)
-    simulation.dem.grains.position = position + np.array([0.15e-3, 0.0, 0.0])
+    simulation.motion.grains.position = position + np.array([0.15e-3, 0.0, 0.0])
     resumed = Simulation(KeptList(position + np.array([0.15e-3, 0.0, 0.0]), 0.4e-3), [], None, None, 1, 1)
     resumed.restore_rows(simulation.rows_state())
     assert np.array_equal(resumed.rows(CUTOFF).other, rows.other)
     assert np.array_equal(resumed.rows(CUTOFF).position, position)
     without = {name: value for name, value in simulation.rows_state().items() if name != "position"}
     resumed.restore_rows(without)  # of an older version
-    resumed.dem.grains.position = position + np.array([0.3e-3, 0.0, 0.0])
+    resumed.motion.grains.position = position + np.array([0.3e-3, 0.0, 0.0])
     assert np.array_equal(resumed.rows(CUTOFF).position, position + np.array([0.3e-3, 0.0, 0.0]))
 
 

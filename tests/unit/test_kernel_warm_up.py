@@ -45,7 +45,7 @@ def types(dem):
 def test_the_second_process_compiles_what_the_run_needs(values):
     case = case_from(CELL, values)
     simulation = assemble(case, *make_plan(case))
-    assert types(kernel_warm_up.grains_of_kind(*kernel_warm_up.kind_of(case.scene))) == types(simulation.dem)
+    assert types(kernel_warm_up.grains_of_kind(*kernel_warm_up.kind_of(case.scene))) == types(simulation.motion)
 
 
 def test_the_second_process_knows_that_grains_attract():
@@ -56,9 +56,9 @@ def test_the_second_process_knows_that_grains_attract():
     simulation = assemble(case, *make_plan(case))
     refresh_field(simulation)
     simulation.magnetised.update(simulation)
-    simulation.magnetised.hold(simulation.dem, np.zeros_like(simulation.dem.grains.position))
-    simulation.dem.attraction.fetch(simulation.dem)
-    assert types(kernel_warm_up.grains_of_kind(*kernel_warm_up.kind_of(case.scene))) == types(simulation.dem)
+    simulation.magnetised.hold(simulation.motion, np.zeros_like(simulation.motion.grains.position))
+    simulation.motion.attraction.fetch(simulation.motion)
+    assert types(kernel_warm_up.grains_of_kind(*kernel_warm_up.kind_of(case.scene))) == types(simulation.motion)
 
 
 def test_there_is_no_second_process_where_one_thread_is_asked_for(monkeypatch):

@@ -1,0 +1,277 @@
+"""What the compiled step of rigid grains reads and writes: tuples of arrays, named by what they belong to.
+
+Each is one argument of `particles.dvi.step_kernel.run_steps`; the bodies' is that of the DEM (`particles.shafts`). What
+a function takes as an argument of its own may be None, and numba leaves its branches out; what is None inside a tuple
+it would compile. An array that a loop over `numba.prange` only writes to is an argument of its own as well: numba takes
+one out of a tuple for a local array, and leaves out what fills it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from geometry.inner_functions import inner
+from particles.shafts import Shafts
+
+if TYPE_CHECKING:
+    from particles.dvi.shares import Shares
+
+
+class Search(NamedTuple):
+    """How the impulses of a step are sought.
+
+    Attributes
+    ----------
+    method : int
+        GAUSS_SEIDEL, ANDERSON, INTERIOR or APGD (`particles.dvi.accelerated`).
+    relax : float
+        As in `particles.dvi.gauss_seidel.sweep_pairs`.
+    tolerance : float
+        On the natural map [m/s].
+    cap : int
+        Most sweeps.
+    """
+
+    method: int
+    relax: float
+    tolerance: float
+    cap: int
+
+
+class Call(NamedTuple):
+    """One call of the step: how far, by which rules, and what stops it.
+
+    Attributes
+    ----------
+    n_steps : int
+    h : float
+        Step [s].
+    theta : float
+        Weight of the new velocity in the drift.
+    travel, wall_travel : float
+        Way of a grain, and of a triangle, since the list was made at which it is made anew [m].
+    overlap : float
+        Share of the diameter.
+    slop : float
+        Share of the radius.
+    margin : float
+        Share of the fastest grain's way that contacts are looked for beyond their own.
+    law : ndarray, shape (2, 3)
+        Friction, restitution and its threshold [m/s] between grains, at walls (`particles.dvi.rigid_contact`).
+    search : Search
+    open_step : ndarray, shape (7,)
+        A step that was left open: numbers of pairs (-1: none is) and walls, sweeps, residual and largest speed [m/s];
+        numbers of pairs and walls of the last step.
+    """
+
+    n_steps: int
+    h: float
+    theta: float
+    travel: float
+    wall_travel: float
+    overlap: float
+    slop: float
+    margin: float
+    law: np.ndarray
+    search: Search
+    open_step: np.ndarray
+
+
+class Look(NamedTuple):
+    """How contacts are looked for in the present step: h [s], beyond the grains' own ways by ``margin`` [m], what
+    ``slop`` lets be, by which ``law``, as in `Call`."""
+
+    h: float
+    margin: float
+    slop: float
+    law: np.ndarray
+
+
+class GrainState(NamedTuple):
+    """Grains and what is held during the call.
+
+    Attributes
+    ----------
+    position, velocity, spin : ndarray, shape (n, 3)
+        [m], [m/s], [rad/s]
+    radius, mass : ndarray, shape (n,)
+        [m], [kg]
+    gravity : ndarray, shape (k, 3)
+        Acceleration [m/s^2]: a row a step, one row for all of them, or none.
+    external : ndarray, shape (n, 3) or (0, 3)
+        Held force [N]; empty without.
+    reference : ndarray, shape (n, 3)
+        Centres at which the list was made [m].
+    bound : ndarray, shape (n,)
+        Scratch: the speed that a grain may have within the step [m/s].
+    """
+
+    position: np.ndarray
+    velocity: np.ndarray
+    spin: np.ndarray
+    radius: np.ndarray
+    mass: np.ndarray
+    gravity: np.ndarray
+    external: np.ndarray
+    reference: np.ndarray
+    bound: np.ndarray
+
+
+class PairSlots(NamedTuple):
+    """Slots of the half list, row by row.
+
+    Attributes
+    ----------
+    start, other : ndarray, shapes (n + 1,), (p,)
+        Grain i has the slots ``start[i]`` up to ``start[i + 1]``.
+    impulse : ndarray, shape (p, 3) or (p, 6)
+        Of the last step [N s], on the first grain (`particles.dvi.impulse_list`).
+    met : ndarray of int32, shape (p,)
+        Slot of each contact of the step.
+    """
+
+    start: np.ndarray
+    other: np.ndarray
+    impulse: np.ndarray
+    met: np.ndarray
+
+
+class WallSlots(NamedTuple):
+    """Slots of (grain, wall), row by row, as in `PairSlots`.
+
+    Attributes
+    ----------
+    found, tally : ndarray, shapes (s, N_FOUND), (s, 2), or no rows without triangles
+        What grains meet of triangles (`particles.dvi.rigid_triangles`).
+    """
+
+    start: np.ndarray
+    other: np.ndarray
+    impulse: np.ndarray
+    met: np.ndarray
+    found: np.ndarray
+    tally: np.ndarray
+
+
+class WallState(NamedTuple):
+    """Walls on bodies that turn.
+
+    Attributes
+    ----------
+    smooth, triangle, body : ndarray
+        As in `particles.walls.device_walls.DeviceWalls`.
+    turn : ndarray, shape (n_bodies, N_TURN)
+        Where they have turned to (`particles.dvi.rigid_triangles`); kept where there are triangles.
+    """
+
+    smooth: np.ndarray
+    triangle: np.ndarray
+    body: np.ndarray
+    turn: np.ndarray
+
+
+class Records(NamedTuple):
+    """What the sweeps work on: the contacts of a step and whom they move (columns: `particles.dvi.gauss_seidel`).
+
+    Attributes
+    ----------
+    grain, body : ndarray, shapes (n, N_GRAIN), (n_bodies, N_BODY)
+        Velocities and inverse masses.
+    pair_index, wall_index : ndarray of int32, shapes (p, 2), (s, 2)
+        Both grains; grain and body.
+    pair, wall : ndarray, shapes (p, columns), (s, columns)
+        Geometry, impulse and law of each contact.
+    """
+
+    grain: np.ndarray
+    body: np.ndarray
+    pair_index: np.ndarray
+    pair: np.ndarray
+    wall_index: np.ndarray
+    wall: np.ndarray
+
+
+class Couples(NamedTuple):
+    """Resistance to rolling and twisting (`particles.dvi.couples`).
+
+    Attributes
+    ----------
+    law : ndarray, shape (2, 2) or (0, 2)
+        mu_r and mu_w between grains, at walls; no rows where nothing resists, and nothing is done.
+    pair, wall : ndarray
+        Records of the couples, at least as many as contacts.
+    """
+
+    law: np.ndarray
+    pair: np.ndarray
+    wall: np.ndarray
+
+
+class Part(NamedTuple):
+    """A part of the contacts and of whom they move: pairs p0 to p1, walls w0 to w1, grains i0 to i1, with 1 shafts."""
+
+    p0: int
+    p1: int
+    w0: int
+    w1: int
+    i0: int
+    i1: int
+    shafts: int
+
+
+class Partition(NamedTuple):
+    """Who sweeps: one thread, ``alone`` True and ``share`` None; or threads in shares, ``alone`` None."""
+
+    share: Shares | None
+    alone: bool | None
+
+
+class Totals(NamedTuple):
+    """Sums over steps (`particles.dvi.step_books`).
+
+    Attributes
+    ----------
+    run, bodies : ndarray, shapes (N_SUMS,), (n_bodies, N_BODY_SUMS)
+    springs : ndarray, shape (4,)
+        Energy of now [J] in the normal and tangential springs, in those of rolling and of twisting.
+    """
+
+    run: np.ndarray
+    bodies: np.ndarray
+    springs: np.ndarray
+
+
+class StepArguments(NamedTuple):
+    """The arguments of `run_steps`, in its order."""
+
+    call: Call
+    convex: bool | None
+    soft: np.ndarray | None
+    grains: GrainState
+    pairs: PairSlots
+    slots: WallSlots
+    walls: WallState
+    shafts: Shafts
+    records: Records
+    couples: Couples
+    partition: Partition
+    totals: Totals
+
+
+@inner(error_model="numpy")
+def first_of(records, pairs, walls):
+    """The records of the first contacts, so many pairs and walls."""
+    return Records(
+        records.grain, records.body, records.pair_index[:pairs], records.pair[:pairs], records.wall_index[:walls],
+        records.wall[:walls],
+    )  # fmt: skip
+
+
+@inner(borrows=True, error_model="numpy")
+def whole(records):
+    """All of it as one part."""
+    none, one = np.int64(0), np.int64(1)  # plain numbers are types of their own
+    pairs, walls, grains = records.pair.shape[0], records.wall.shape[0], records.grain.shape[0]
+    return Part(none, pairs, none, walls, none, grains, one)  # type: ignore[arg-type]
