@@ -123,8 +123,8 @@ def other_replicas(
     count: int,
     *,
     threads: int,
-    free: bool,
     resume: bool,
+    free: bool = False,
     start: str | Path | None = None,
 ) -> Iterator[Replicas]:
     """Start replicas 1 to count - 1 of a run beside it; at the end of the block those that still run are ended.
