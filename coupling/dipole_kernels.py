@@ -38,10 +38,9 @@ def _pair(ax, ay, az, bx, by, bz, dx, dy, dz, r, cutoff):
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def dipole_rows(
-    position, moment, radius, start, other, shift, turn_cos, turn_sin, cutoff, force, torque, energy
-):  # fmt: skip
+def dipole_rows(position, moment, radius, rows, cutoff, force, torque, energy):
     """One grain a row: force [N], z-component of m x B of its neighbours [N m], half of its pair energies [J]."""
+    start, other, shift, turn_cos, turn_sin = rows
     for i in prange(position.shape[0]):
         xi, yi, zi = position[i, 0], position[i, 1], position[i, 2]
         ax, ay, az = moment[i, 0], moment[i, 1], moment[i, 2]
@@ -78,10 +77,9 @@ def dipole_rows(
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def image_rows(
-    position, moment, radius, start, other, shift, turn_cos, turn_sin, walls, reflection, cutoff, height, force, torque
-):
+def image_rows(position, moment, radius, rows, walls, reflection, cutoff, height, force, torque):
     """One grain a row; walls (w, 5): r0, z0, tangent r, z, length; height (n, w) is scratch and result."""
+    start, other, shift, turn_cos, turn_sin = rows
     n = position.shape[0]
     n_walls = walls.shape[0]
     for i in prange(n):

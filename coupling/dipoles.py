@@ -52,18 +52,5 @@ def add_dipole_forces(position, moment, radius, rows: NeighbourRows, cutoff: flo
     """
     n = position.shape[0]
     torque, energy = np.empty(n), np.empty(n)
-    dipole_rows(
-        position,
-        moment,
-        radius,
-        rows.start,
-        rows.other,
-        rows.shift,
-        rows.turn_cos,
-        rows.turn_sin,
-        cutoff,
-        force,
-        torque,
-        energy,
-    )
+    dipole_rows(position, moment, radius, rows.arrays, cutoff, force, torque, energy)
     return -float(torque.sum()), float(energy.sum())

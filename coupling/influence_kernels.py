@@ -47,15 +47,14 @@ def _dipole_block(dx, dy, dz, least, reach, smear):
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def influences(
-    position, radius, start, other, shift, turn_cos, turn_sin, walls, height, reach, smear, own, block, own_image,
-    near_count,
-):  # fmt: skip
+def influences(model, grains, rows, walls, own, block, own_image, near_count):
     """Blocks (p + n, 3, 4) of all pairs of the rows and, behind them, of each grain on itself; 0 beyond reach.
 
     ``own`` [1/m^3] is a grain's own share, ``own_image`` (n, w, 3) [1/m^2] the part of its own image in its potential,
     ``near_count`` (n,) how many partners it has for `near_pairs`.
     """
+    position, radius, height, reach, smear = grains.position, grains.radius, grains.height, model.reach, model.smear
+    start, other, shift, turn_cos, turn_sin = rows
     p = other.shape[0]
     for i in prange(position.shape[0]):
         xi, yi, zi = position[i, 0], position[i, 1], position[i, 2]
@@ -131,9 +130,10 @@ def influences(
         near_count[i] = count
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def slope_along(i, nx, ny, nz, position, slope):
-    """n . grad H . n [A/m^2] of the applied field at grain i, n in the grain's own place; slope: `field_slope`."""
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def slope_along(i, nx, ny, nz, grains):
+    """n . grad H . n [A/m^2] of the applied field at grain i, n in the grain's own place."""
+    position, slope = grains.position, grains.slope
     x, y = position[i, 0], position[i, 1]
     rho2 = x * x + y * y
     if rho2 == 0.0:
@@ -144,14 +144,14 @@ def slope_along(i, nx, ny, nz, position, slope):
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def near_pairs(
-    table, position, radius, applied, slope, start, other, shift, turn_cos, turn_sin, reach, smear, smallest_gap,
-    near_start, row, near,
-):  # fmt: skip
+def near_pairs(table, model, grains, rows, near_start, row, near):
     """Near pairs (k, 7) of each grain, near_start[i] on, and their ``row`` (k,): what gives h_ij in a sweep,
 
     h = ``MEAN`` - (P_i - P_j) ``PER_R`` + (m_i + m_j).n ``MUTUAL``, at the ``PLACE`` of their gap in the table.
     """
+    position, radius, applied = grains.position, grains.radius, grains.applied
+    reach, smear, smallest_gap = model.reach, model.smear, model.smallest_gap
+    start, other, shift, turn_cos, turn_sin = rows
     for i in prange(position.shape[0]):
         k = near_start[i]
         for q in range(start[i], start[i + 1]):
@@ -179,8 +179,8 @@ def near_pairs(
                 near[k, MUTUAL] = OVER_4PI * f * per_r
             mean = 0.5 * ((applied[i, 0] + hx) * nx + (applied[i, 1] + hy) * ny + (applied[i, 2] + applied[j, 2]) * nz)
             if smear:  # the mean of the cubic, see `coupling.moment_kernels.drive_of_pair`
-                bend = slope_along(i, nx, ny, nz, position, slope)
-                bend -= slope_along(j, c * nx + s * ny, c * ny - s * nx, nz, position, slope)
+                bend = slope_along(i, nx, ny, nz, grains)
+                bend -= slope_along(j, c * nx + s * ny, c * ny - s * nx, nz, grains)
                 mean -= r / 12.0 * bend
             near[k, MEAN] = mean
             near[k, PLACE] = gap_place(table, gap)

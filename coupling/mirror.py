@@ -15,12 +15,29 @@ cylinder they are not, and a force from one of them alone would turn the powder 
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from coupling.pair_fields import field_factors, pair_force
 from geometry.inner_functions import inner
 
 FACES_NO_WALL = 1e30
+
+
+class AtWall(NamedTuple):
+    """A grain over a wall: place [m], height at which it is mirrored [m], the wall's normal there, moment [A m^2]."""
+
+    x: float
+    y: float
+    z: float
+    h: float
+    nx: float
+    ny: float
+    nz: float
+    mx: float
+    my: float
+    mz: float
 
 
 @inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
@@ -81,10 +98,10 @@ def moved_force(ax, ay, az, bx, by, bz, dx, dy, dz, reach, smear):
 
 
 @inner(error_model="numpy", fastmath={"contract"})
-def image_force(
-    k, x, y, z, hx, nx, ny, nz, ax, ay, az, jx, jy, jz, h, ux, uy, uz, mx, my, mz, reach, smear
-):  # fmt: skip
-    """Force on grain i (moment a) of its energy with the image of j (moment m), over mu_0/(4 pi): -dU/dx_i."""
+def image_force(k, own, other, reach, smear):
+    """Force on the grain ``own`` of its energy with the image of the ``other``, over mu_0/(4 pi): -dU/dx_i."""
+    x, y, z, hx, nx, ny, nz, ax, ay, az = own
+    jx, jy, jz, h, ux, uy, uz, mx, my, mz = other
     px, py, pz = mirrored(k, mx, my, mz, ux, uy, uz)
     fx, fy, fz = moved_force(
         ax, ay, az, px, py, pz, x - (jx - 2.0 * h * ux), y - (jy - 2.0 * h * uy), z - (jz - 2.0 * h * uz), reach, smear

@@ -12,7 +12,7 @@ from numba import njit, prange
 
 from coupling.contact_table import FARTHEST_GAP, excess_moment, moment_at, near_excess, sphere_ratio
 from coupling.influence_kernels import MEAN, MUTUAL, NX, NY, NZ, PER_R, PLACE, slope_along
-from coupling.mirror import FACES_NO_WALL, height_over, image_force, normal_at, pushed
+from coupling.mirror import FACES_NO_WALL, AtWall, height_over, image_force, normal_at, pushed
 from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, pair_force
 from geometry.inner_functions import inner
 
@@ -29,12 +29,13 @@ def wall_heights(position, walls, reach, height):
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def gather_fields(moment, applied, start, other, block, image_potential, field, potential, own_image):
+def gather_fields(grains, rows, known, field, potential, own_image):
     """Stage 1: field S (n, 3) [A/m] = applied + own share + that of all others within reach, potential P (n,) [A].
 
     Images in the walls included; ``own_image`` (n, w) [A]: the part of the potential that a grain's own image makes.
-    ``block`` and ``image_potential`` are those of `influences`.
     """
+    moment, applied = grains.moment, grains.applied
+    start, other, block, image_potential = rows.start, rows.other, known.block, known.image_potential
     p = other.shape[0]
     for i in prange(moment.shape[0]):
         sx, sy, sz, total = applied[i, 0], applied[i, 1], applied[i, 2], 0.0
@@ -55,15 +56,16 @@ def gather_fields(moment, applied, start, other, block, image_potential, field, 
             )
 
 
-@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def drive_of_pair(
-    i, j, c, s, nx, ny, nz, r, position, moment, applied, slope, potential, reach, smear
-):  # fmt: skip
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def drive_of_pair(i, j, c, s, nx, ny, nz, r, model, grains):
     """Mean field h [A/m] along n between the centres of i and j, without what each makes at the other.
 
     The applied field's mean is that of the cubic through its values and slopes at both ends: with `smear` it holds the
     near grains spread out, and bends between two centres.
     """
+    moment, applied, potential, reach, smear = (
+        grains.moment, grains.applied, grains.potential, model.reach, model.smear,
+    )  # fmt: skip
     bx, by = c * moment[j, 0] - s * moment[j, 1], s * moment[j, 0] + c * moment[j, 1]
     a_n = moment[i, 0] * nx + moment[i, 1] * ny + moment[i, 2] * nz
     b_n = bx * nx + by * ny + moment[j, 2] * nz
@@ -73,22 +75,22 @@ def drive_of_pair(
     p *= OVER_4PI
     h = mean - ((potential[i] - p * b_n) - (potential[j] + p * a_n)) / r
     if smear:  # the partner's smear, which the applied field holds, is not its drive: Q/(4 pi r^3)
-        bend = slope_along(i, nx, ny, nz, position, slope)
-        bend -= slope_along(j, c * nx + s * ny, c * ny - s * nx, nz, position, slope)
+        bend = slope_along(i, nx, ny, nz, grains)
+        bend -= slope_along(j, c * nx + s * ny, c * ny - s * nx, nz, grains)
         h -= r / 12.0 * bend
         h += (OVER_4PI / (r * r) - p) / r * (a_n + b_n)
     return h
 
 
-@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def drive_at_wall(
-    i, w, nx, ny, nz, h, walls, position, moment, applied, slope, potential, own_image, reach, smear
-):  # fmt: skip
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def drive_at_wall(i, w, nx, ny, nz, h, walls, model, grains):
     """Mean field [A/m] along the wall's normal between a grain and its image, without what each makes at the other."""
+    moment, applied, potential, own_image = grains.moment, grains.applied, grains.potential, grains.own_image
+    reach, smear = model.reach, model.smear
     drive = applied[i, 0] * nx + applied[i, 1] * ny + applied[i, 2] * nz - (potential[i] - own_image[i, w]) / h
     if smear and 2.0 * abs(h) < reach:
         r = 2.0 * abs(h)
-        drive -= h / 3.0 * slope_along(i, nx, ny, nz, position, slope)  # the image's side is the mirrored one
+        drive -= h / 3.0 * slope_along(i, nx, ny, nz, grains)  # the image's side is the mirrored one
         _, _, p = field_factors(r, reach, smear)
         m_n = moment[i, 0] * nx + moment[i, 1] * ny + moment[i, 2] * nz
         drive += OVER_4PI * (1.0 / (r * r) - p) / r * (1.0 + walls[w, 5]) * m_n
@@ -96,11 +98,7 @@ def drive_at_wall(
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def magnetise(
-    table, position, radius, volume, moment, applied, slope, other, shift, turn_cos, turn_sin, walls, height, reach,
-    smear, near, smallest_gap, near_start, near_row, near_pair, damping, field, potential, own_image, share, contrast,
-    new, missed, size,
-):  # fmt: skip
+def magnetise(table, model, grains, rows, walls, known, damping, share, contrast, new, missed, size):
     """Stage 2: moments ``new`` (n, 3) [A m^2] after a damped step towards the law in ``field`` and ``potential``.
 
     Near pairs are those of `near_pairs` (with ``near``).
@@ -108,6 +106,11 @@ def magnetise(
     saturation leaves of its answer across (`coupling.contact_table`). ``missed``, ``size`` (n,):
     squares of the undamped step and of the magnetisation [A^2/m^2].
     """
+    position, radius, volume, moment = grains.position, grains.radius, grains.volume, grains.moment
+    field, potential, height = grains.field, grains.potential, grains.height
+    other, shift, turn_cos, turn_sin = rows.other, rows.shift, rows.turn_cos, rows.turn_sin
+    near_start, near_row, near_pair = known.near_start, known.near_row, known.near_pair
+    near, smallest_gap = model.near, model.smallest_gap
     for i in prange(position.shape[0]):
         strength = np.sqrt(field[i, 0] ** 2 + field[i, 1] ** 2 + field[i, 2] ** 2)
         ratio, steepness = sphere_ratio(table, strength)
@@ -133,9 +136,7 @@ def magnetise(
                 nx, ny, nz = normal_at(walls, w, position[i, 0], position[i, 1])
                 gap = max(2.0 * (abs(height[i, w]) / radius[i] - 1.0), smallest_gap)
                 at = pushed(height[i, w], radius[i])
-                h = drive_at_wall(
-                    i, w, nx, ny, nz, at, walls, position, moment, applied, slope, potential, own_image, reach, smear
-                )  # fmt: skip
+                h = drive_at_wall(i, w, nx, ny, nz, at, walls, model, grains)
                 v = walls[w, 5] * excess_moment(table, gap, h)
                 vx, vy, vz = vx + v * nx, vy + v * ny, vz + v * nz
                 squares += v * v
@@ -159,11 +160,7 @@ def magnetise(
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def contact_forces(
-    table, position, radius, volume, moment, applied, slope, start, other, shift, turn_cos, turn_sin, walls, height,
-    reach, smear, near, attraction, smallest_gap, velocity, ahead, field, potential, own_image, share, contrast,
-    force, torque, wall_torque,
-):  # fmt: skip
+def contact_forces(table, model, grains, rows, walls, attraction, velocity, ahead, force, torque, wall_torque):
     """Forces (n, 3) [N], added: of the dipoles, of the near excess (if ``attraction``) and of its couple.
 
     With ``ahead`` > 0 [s] the near excess is its mean over that time at the present ``velocity`` (n, 3) [m/s]: a step
@@ -171,6 +168,10 @@ def contact_forces(
     ``torque`` (n,) of the field on each grain that its neighbours make, ``wall_torque`` (n,) of the forces of images
     and walls about the axis.
     """
+    position, radius, volume, moment = grains.position, grains.radius, grains.volume, grains.moment
+    field, share, contrast, height = grains.field, grains.share, grains.contrast, grains.height
+    start, other, shift, turn_cos, turn_sin = rows
+    reach, smear, near, smallest_gap = model
     for i in prange(position.shape[0]):
         fx = fy = fz = tz = 0.0
         for q in range(start[i], start[i + 1]):
@@ -214,9 +215,7 @@ def contact_forces(
                 opening = (velocity[i, 0] - ux) * nx + (velocity[i, 1] - uy) * ny
                 opening += (velocity[i, 2] - velocity[j, 2]) * nz
                 end = max(gap + ahead * opening / a, smallest_gap)
-            h = drive_of_pair(
-                i, j, c, s, nx, ny, nz, r, position, moment, applied, slope, potential, reach, smear
-            )  # fmt: skip
+            h = drive_of_pair(i, j, c, s, nx, ny, nz, r, model, grains)
             pull, v, across = near_excess(table, gap, end, h)
             ex, ey, ez = c * field[j, 0] - s * field[j, 1], s * field[j, 0] + c * field[j, 1], field[j, 2]
             if attraction:
@@ -247,6 +246,7 @@ def contact_forces(
                 continue
             hi = pushed(height[i, w], radius[i])
             nx, ny, nz = normal_at(walls, w, xi, yi)
+            own = AtWall(xi, yi, zi, hi, nx, ny, nz, moment[i, 0], moment[i, 1], moment[i, 2])
             for q in range(start[i] - 1, start[i + 1]):
                 j, c, s = np.int64(i), 1.0, 0.0
                 if q >= start[i]:
@@ -258,17 +258,14 @@ def contact_forces(
                 jx, jy = c * position[j, 0] - s * position[j, 1], s * position[j, 0] + c * position[j, 1]
                 bx, by = c * moment[j, 0] - s * moment[j, 1], s * moment[j, 0] + c * moment[j, 1]
                 ux, uy, uz = normal_at(walls, w, jx, jy)
-                gx, gy, gz = image_force(
-                    walls[w, 5], xi, yi, zi, hi, nx, ny, nz, moment[i, 0], moment[i, 1], moment[i, 2],
-                    jx, jy, position[j, 2], pushed(height[j, w], radius[j]), ux, uy, uz, bx, by, moment[j, 2],
-                    reach, smear,
+                partner = AtWall(
+                    jx, jy, position[j, 2], pushed(height[j, w], radius[j]), ux, uy, uz, bx, by, moment[j, 2]
                 )  # fmt: skip
+                gx, gy, gz = image_force(walls[w, 5], own, partner, reach, smear)
                 fx, fy, fz = fx + MU_0_OVER_4PI * gx, fy + MU_0_OVER_4PI * gy, fz + MU_0_OVER_4PI * gz
             if near and abs(height[i, w]) < 1.6 * radius[i]:
                 gap = max(2.0 * (abs(height[i, w]) / radius[i] - 1.0), smallest_gap)
-                h = drive_at_wall(
-                    i, w, nx, ny, nz, hi, walls, position, moment, applied, slope, potential, own_image, reach, smear
-                )  # fmt: skip
+                h = drive_at_wall(i, w, nx, ny, nz, hi, walls, model, grains)
                 end = gap
                 if ahead > 0.0:
                     opening = velocity[i, 0] * nx + velocity[i, 1] * ny + velocity[i, 2] * nz

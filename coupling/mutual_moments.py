@@ -35,6 +35,7 @@ import numpy as np
 
 from coupling.contact_table import ContactTable, contact_table
 from coupling.influence import find_influence
+from coupling.kernel_state import MagneticGrains, PairModel
 from coupling.moment_kernels import contact_forces, gather_fields, magnetise, wall_heights
 from coupling.neighbour_rows import NeighbourRows, neighbour_rows
 from coupling.pair_fields import smeared_at_itself
@@ -129,6 +130,7 @@ class MutualMoments:
         self.table, self.near, self.reach, self.smear = table, bool(near), float(reach), bool(smear)
         self.smallest_gap = float(smallest_gap)
         self.walls = np.zeros((0, 6)) if walls is None else np.ascontiguousarray(walls, dtype=float).reshape(-1, 6)
+        self.model = PairModel(self.reach, self.smear, self.near, self.smallest_gap)
         self._own = smeared_at_itself(reach, smear)
         self._room: np.ndarray | None = None
 
@@ -183,23 +185,19 @@ class MutualMoments:
         if start is not None and self._is_far(moment, volume, applied):
             moment[:] = 0.0
             start = None
-        known = find_influence(
-            self.table, position, radius, applied, slope, rows, self.walls, height, reach=self.reach, smear=self.smear,
-            own=self._own, near=self.near, smallest_gap=self.smallest_gap, room=self._room,
+        grains = MagneticGrains(
+            position, radius, volume, moment, applied, slope, field, potential, share, contrast, height, own_image
         )  # fmt: skip
+        near_by = rows.arrays
+        known = find_influence(self.table, self.model, grains, near_by, self.walls, own=self._own, room=self._room)
         self._room = known.block
         damping = 1.0 if start is None else FIRST_DAMPING
         before = np.inf
         for sweep in range(1, most_sweeps + 1):
-            gather_fields(
-                moment, applied, rows.start, rows.other, known.block, known.image_potential, field, potential, own_image
-            )
+            gather_fields(grains, near_by, known, field, potential, own_image)
             magnetise(
-                self.table, position, radius, volume, moment, applied, slope, rows.other, rows.shift, rows.turn_cos,
-                rows.turn_sin, self.walls, height, self.reach, self.smear, self.near, self.smallest_gap,
-                known.near_start, known.near_row, known.near_pair, damping, field, potential, own_image, share,
-                contrast, new, missed, size,
-            )  # fmt: skip
+                self.table, self.model, grains, near_by, self.walls, known, damping, share, contrast, new, missed, size
+            )
             total = float(size.sum())
             residual = float(np.sqrt(missed.sum() / total)) if total > 0.0 else 0.0
             result.residual, result.sweeps = residual, sweep
@@ -208,7 +206,7 @@ class MutualMoments:
             if residual <= tolerance or sweep == most_sweeps:
                 break  # `field`, `potential` and `share` are those of `moment`
             moment, new = new, moment
-            result.moment = moment
+            grains, result.moment = grains._replace(moment=moment), moment
             step = float(missed.sum())
             if sweep > 1 and step > 0.96 * before:
                 damping = max(0.7 * damping, LEAST_DAMPING)
@@ -242,11 +240,13 @@ class MutualMoments:
         n = len(position)
         force, torque, wall_torque = np.zeros((n, 3)), np.zeros(n), np.zeros(n)
         moving = np.zeros((n, 3)) if velocity is None else velocity
+        grains = MagneticGrains(
+            position, radius, 4.0 / 3.0 * np.pi * radius**3, found.moment, found.applied, found.slope, found.field,
+            found.potential, found.share, found.contrast, found.height, found.own_image,
+        )  # fmt: skip
         contact_forces(
-            self.table, position, radius, 4.0 / 3.0 * np.pi * radius**3, found.moment, found.applied, found.slope,
-            rows.start, rows.other, rows.shift, rows.turn_cos, rows.turn_sin, self.walls, found.height, self.reach,
-            self.smear, self.near, attraction, self.smallest_gap, moving, float(ahead), found.field, found.potential,
-            found.own_image, found.share, found.contrast, force, torque, wall_torque,
+            self.table, self.model, grains, rows.arrays, self.walls, attraction, moving, float(ahead), force, torque,
+            wall_torque,
         )  # fmt: skip
         return force, -float(torque.sum()), float(wall_torque.sum())
 

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from coupling.kernel_state import MagneticGrains, Rows
 from coupling.mutual_moments import MutualMoments
 from coupling.near_drive_kernels import drive_pairs, drive_walls
 from geometry import RevolvedWall
@@ -68,21 +69,17 @@ class NearAttraction:
         angle = 0.0 if dem.sector is None else dem.sector.angle
         turn = angle * np.array([0.0, 1.0, -1.0])
         pair, wall = np.zeros((pairs.count, 3)), np.zeros((len(slots.wall), 2))
-        rest, radius = of["whole"].copy(), np.ascontiguousarray(dem.grains.radius)
+        rest, none = of["whole"].copy(), np.zeros(0)
         shift = np.zeros(pairs.count, dtype=np.int8) if pairs.shift is None else pairs.shift.astype(np.int8)
-        slope = np.ascontiguousarray(of["slope"][:, :, 0])
-        drive_pairs(
-            solver.table, of["position"], radius, of["moment"], of["applied"], slope, pairs.start, pairs.other, shift,
-            np.cos(turn), np.sin(turn), solver.reach, solver.smear, solver.smallest_gap, of["field"],
-            of["potential"], of["contrast"], pair, rest,
+        slope, height, own_image = (np.ascontiguousarray(of[k][:, :, 0]) for k in ("slope", "height", "own_image"))
+        grains = MagneticGrains(
+            of["position"], np.ascontiguousarray(dem.grains.radius), none, of["moment"], of["applied"], slope,
+            of["field"], of["potential"], none, of["contrast"], height, own_image,
         )  # fmt: skip
+        rows = Rows(pairs.start, pairs.other, shift, np.cos(turn), np.sin(turn))
+        drive_pairs(solver.table, solver.model, grains, rows, pair, rest)
         if len(solver.walls):
             steel = np.where(slots.smooth, self._steel[slots.wall], -1)
-            drive_walls(
-                solver.table, of["position"], radius, of["moment"], of["applied"], slope, slots.start,
-                np.arange(len(steel)), steel, solver.walls, np.ascontiguousarray(of["height"][:, :, 0]),
-                solver.reach, solver.smear, solver.smallest_gap, of["potential"],
-                np.ascontiguousarray(of["own_image"][:, :, 0]), wall, rest,
-            )  # fmt: skip
+            drive_walls(solver.table, solver.model, grains, slots.start, steel, solver.walls, wall, rest)
         dem.external_force = rest
         return pair, wall

@@ -18,15 +18,16 @@ COLUMN, AMPLITUDE, ACROSS = 0, 1, 2
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def drive_pairs(
-    table, position, radius, moment, applied, slope, start, other, shift, turn_cos, turn_sin, reach, smear,
-    smallest_gap, field, potential, contrast, drive, force,
-):  # fmt: skip
+def drive_pairs(table, model, grains, pairs, drive, force):
     """Drives (p, 3) of the pairs of a half list: column, amplitude [N], amplitude across [N]; their pull out of force.
 
-    ``position`` (n, 3) [m] is where fields and ``force`` (n, 3) [N] were found; ``turn_cos[shift]`` as in neighbour
-    rows.
+    Fields and ``force`` (n, 3) [N] were found where the grains are.
     """
+    position, radius, moment, field, contrast = (
+        grains.position, grains.radius, grains.moment, grains.field, grains.contrast,
+    )  # fmt: skip
+    start, other, shift, turn_cos, turn_sin = pairs
+    reach, smallest_gap = model.reach, model.smallest_gap
     for i in range(position.shape[0]):
         for q in range(start[i], start[i + 1]):
             j = np.int64(other[q])
@@ -43,9 +44,7 @@ def drive_pairs(
             gap = max((true_r - both) / a, smallest_gap)
             nx, ny, nz = dx / true_r, dy / true_r, dz / true_r
             r = max(true_r, both)
-            h = drive_of_pair(
-                i, j, c, s, nx, ny, nz, r, position, moment, applied, slope, potential, reach, smear
-            )  # fmt: skip
+            h = drive_of_pair(i, j, c, s, nx, ny, nz, r, model, grains)
             k, x, l, y, size, share = place_in(table, gap, h)
             if k < 0:
                 continue
@@ -72,23 +71,19 @@ def drive_pairs(
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def drive_walls(
-    table, position, radius, moment, applied, slope, start, wall, steel, walls, height, reach, smear, smallest_gap,
-    potential, own_image, drive, force,
-):  # fmt: skip
-    """Drives (s, 2) of wall slots: column, amplitude [N]; ``steel[wall]`` is the row of ``walls`` (w, 6) or -1."""
+def drive_walls(table, model, grains, start, steel, walls, drive, force):
+    """Drives (s, 2) of wall slots: column, amplitude [N]; ``steel`` (s,) is the row of ``walls`` (w, 6) or -1."""
+    position, radius, height = grains.position, grains.radius, grains.height
     for i in range(position.shape[0]):
         for q in range(start[i], start[i + 1]):
             drive[q, COLUMN] = drive[q, AMPLITUDE] = 0.0
-            w = steel[wall[q]]
+            w = steel[q]
             if w < 0 or height[i, w] >= FACES_NO_WALL or abs(height[i, w]) >= 1.6 * radius[i]:
                 continue
             nx, ny, nz = normal_at(walls, w, position[i, 0], position[i, 1])
-            gap = max(2.0 * (abs(height[i, w]) / radius[i] - 1.0), smallest_gap)
+            gap = max(2.0 * (abs(height[i, w]) / radius[i] - 1.0), model.smallest_gap)
             at = pushed(height[i, w], radius[i])
-            h = drive_at_wall(
-                i, w, nx, ny, nz, at, walls, position, moment, applied, slope, potential, own_image, reach, smear
-            )  # fmt: skip
+            h = drive_at_wall(i, w, nx, ny, nz, at, walls, model, grains)
             k, x, l, y, size, share = place_in(table, gap, h)
             if k < 0:
                 continue

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
+from coupling.kernel_state import Rows
 from particles import find_pairs
 
 
@@ -31,6 +32,11 @@ class NeighbourRows:
     turn_sin: np.ndarray  # (3,) float64
     position: np.ndarray  # (n, 3) float64
     reach: float
+
+    @property
+    def arrays(self) -> Rows:
+        """What kernels read of them."""
+        return Rows(self.start, self.other, self.shift, self.turn_cos, self.turn_sin)
 
     def hold(self, position: np.ndarray, cutoff: float) -> bool:
         """Whether no pair of grains at `position` (n, 3) [m] that is closer than `cutoff` [m] can be missing.

@@ -42,20 +42,6 @@ def add_image_forces(
     """
     n = position.shape[0]
     torque = np.empty(n)
-    image_rows(
-        position,
-        moment,
-        radius,
-        rows.start,
-        rows.other,
-        rows.shift,
-        rows.turn_cos,
-        rows.turn_sin,
-        walls,
-        reflection,
-        cutoff,
-        np.empty((n, len(walls))),
-        force,
-        torque,
-    )
+    height = np.empty((n, len(walls)))
+    image_rows(position, moment, radius, rows.arrays, walls, reflection, cutoff, height, force, torque)
     return float(torque.sum())

@@ -15,11 +15,12 @@ import numpy as np
 
 from coupling.contact_table import ContactTable
 from coupling.influence import find_influence
+from coupling.kernel_state import MagneticGrains, PairModel
 from coupling.moment_kernels import gather_fields, magnetise
 from coupling.mutual_moments import FIRST_DAMPING, LEAST_DAMPING
 from coupling.pair_fields import smeared_at_itself
 from coupling.sheared_cell.cell import CellPairs, SquareBox
-from coupling.sheared_cell.held_forces import NEAR, held_forces
+from coupling.sheared_cell.held_forces import NEAR, HeldPairs, held_forces
 from coupling.sheared_cell.near_pull import N_GRIP
 
 NO_WALLS = np.zeros((0, 6))
@@ -54,6 +55,7 @@ class CellMoments:
     ) -> None:
         self.box, self.table, self.near, self.reach = box, table, near, reach
         self.smallest_gap, self.radius, self.count = smallest_gap, radius, count
+        self.model = PairModel(reach, True, near, smallest_gap)
         self.applied = np.asarray(field, dtype=float)
         self.volume = 4.0 / 3.0 * np.pi * radius**3
         self.moment = np.zeros((count, 3))
@@ -99,22 +101,15 @@ class CellMoments:
         shift = self.box.image_shift(self._ghost, offset)
         self._everywhere = np.concatenate([position, position[self.pairs.owner] + shift])
         self._used = self.moment[whose]
+        near_by, grains = rows.arrays, self._grains(self._everywhere)
         own = smeared_at_itself(self.reach, True)
-        known = find_influence(
-            self.table, self._everywhere, self._radius, self._applied, self._slope, rows, NO_WALLS, self._height,
-            reach=self.reach, smear=True, own=own, near=self.near, smallest_gap=self.smallest_gap, room=self._room,
-        )  # fmt: skip
+        known = find_influence(self.table, self.model, grains, near_by, NO_WALLS, own=own, room=self._room)
         self._room = known.block
-        gather_fields(
-            self._used, self._applied, rows.start, rows.other, known.block, known.image_potential, self._field,
-            self._potential, self._own_image,
-        )  # fmt: skip
+        gather_fields(grains, near_by, known, self._field, self._potential, self._own_image)
         self._field[n:], self._potential[n:] = self._field[whose[n:]], self._potential[whose[n:]]
         magnetise(
-            self.table, self._everywhere, self._radius, self._volume, self._used, self._applied, self._slope,
-            rows.other, rows.shift, rows.turn_cos, rows.turn_sin, NO_WALLS, self._height, self.reach, True, self.near,
-            self.smallest_gap, known.near_start, known.near_row, known.near_pair, self.damping, self._field,
-            self._potential, self._own_image, self._share, self._contrast, self._new, self._missed, self._size,
+            self.table, self.model, grains, near_by, NO_WALLS, known, self.damping, self._share, self._contrast,
+            self._new, self._missed, self._size,
         )  # fmt: skip
         total = float(self._size[:n].sum())
         self.residual = float(np.sqrt(self._missed[:n].sum() / total)) if total > 0.0 else 0.0
@@ -139,10 +134,13 @@ class CellMoments:
         p = self.pairs
         self.held[:] = 0.0
         self.stress[:] = 0.0
-        held_forces(
-            self.table, position, self.radius, self.volume, self._used, self._applied, self._slope, p.first, p.second,
-            self.box.image_shift(self._image, offset), self._slot, self.reach, self.near, self.smallest_gap,
-            self._field, self._potential, self._share, self._contrast, self.held, self.grip, self.stress,
+        pairs = HeldPairs(p.first, p.second, self.box.image_shift(self._image, offset), self._slot)
+        held_forces(self.table, self.model, self._grains(position), pairs, self.held, self.grip, self.stress)
+
+    def _grains(self, position: np.ndarray) -> MagneticGrains:
+        return MagneticGrains(
+            position, self._radius, self._volume, self._used, self._applied, self._slope, self._field,
+            self._potential, self._share, self._contrast, self._height, self._own_image,
         )  # fmt: skip
 
     @property

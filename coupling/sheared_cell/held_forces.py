@@ -7,10 +7,13 @@ from the gap of every step: here only what drives it is found (`coupling.sheared
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
 from coupling.contact_table import excess_moment
+from coupling.kernel_state import PairModel
 from coupling.moment_kernels import MU_0, drive_of_pair
 from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, pair_force
 from coupling.sheared_cell.near_pull import take_grip
@@ -18,16 +21,37 @@ from coupling.sheared_cell.near_pull import take_grip
 NEAR = 1.6  # diameters: where two equal spheres become mutual dipoles
 
 
+class HeldPairs(NamedTuple):
+    """Pairs of a cell, each once.
+
+    Attributes
+    ----------
+    first, second : ndarray, shape (p,)
+    shift : ndarray, shape (p, 3)
+        Stands the second grain beside the first [m].
+    near_slot : ndarray of int32, shape (p,)
+        A pair's place among the near ones, or -1.
+    """
+
+    first: np.ndarray
+    second: np.ndarray
+    shift: np.ndarray
+    near_slot: np.ndarray
+
+
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def held_forces(
-    table, position, radius, volume, moment, applied, slope, first, second, shift, near_slot, reach, near, smallest_gap,
-    field, potential, share, contrast, force, grip, stress,
-):  # fmt: skip
+def held_forces(table, model, grains, pairs, force, grip, stress):
     """Forces (n, 3) [N], added; ``grip`` (q, N_GRIP) of near pairs (`near_pull`); ``stress`` (3, 3) [N m], added.
 
-    ``shift`` (p, 3) [m] stands the second grain beside the first, ``near_slot`` (p,) is a pair's place among the near
-    ones or -1. ``stress[a, b]`` sums r_a F_b, F on the grain at r from its partner.
+    All grains are of one size. ``stress[a, b]`` sums r_a F_b, F on the grain at r from its partner.
     """
+    position, moment, field, share, contrast = (
+        grains.position, grains.moment, grains.field, grains.share, grains.contrast,
+    )  # fmt: skip
+    radius, volume = grains.radius[0], grains.volume[0]
+    reach, _, near, smallest_gap = model
+    split = PairModel(reach, True, near, smallest_gap)  # as the model is; a constant leaves out the other branch
+    first, second, shift, near_slot = pairs
     touching = 2.0 * radius
     for k in range(first.shape[0]):
         i, j = first[k], second[k]
@@ -54,9 +78,7 @@ def held_forces(
         fx, fy, fz = MU_0_OVER_4PI * gx, MU_0_OVER_4PI * gy, MU_0_OVER_4PI * gz
         if near and q >= 0 and true_r < NEAR * touching:
             gap = max((true_r - touching) / radius, smallest_gap)
-            h = drive_of_pair(
-                i, j, 1.0, 0.0, nx, ny, nz, r, position, moment, applied, slope, potential, reach, True
-            )  # fmt: skip
+            h = drive_of_pair(i, j, 1.0, 0.0, nx, ny, nz, r, split, grains)
             w3 = OVER_4PI / (r * r * r)
             ex, ey, ez = field[j, 0], field[j, 1], field[j, 2]
             tx = 0.5 * (field[i, 0] + ex + w3 * (moment[i, 0] + bx))

@@ -41,7 +41,7 @@ from coupling.sheared_cell.cell_moments import CellMoments
 from coupling.sheared_cell.held_forces import NEAR
 from coupling.sheared_cell.near_pull import N_GRIP
 from coupling.sheared_cell.random_cell import random_cell
-from coupling.sheared_cell.step_kernel import shear_steps
+from coupling.sheared_cell.step_kernel import CellGrains, Flow, FollowedPairs, NearPull, shear_steps
 from field.laws.powder_law import GrainLaw
 from field.laws.reluctivity import MU_0, Law
 from field.spheres.lone_sphere import saturation
@@ -264,10 +264,10 @@ class Shear:
         m = self.moments
         held, grip = (self._nothing, self._no_grip) if m is None else (m.held, m.grip)
         shear_steps(
-            steps, self.dt, np.array(self.box.lengths), self.offset, self.rate, self.position, self.velocity, self.spin,
-            held, self.radius, self.mass, self._first, self._second, self._image, self._history, self._touching,
-            self._law, self._table, m is not None and m.near,
-            self.parameters.smallest_gap, grip, sums,
+            steps, self.dt, Flow(np.array(self.box.lengths), self.offset, self.rate),
+            CellGrains(self.position, self.velocity, self.spin, held, self.radius, self.mass),
+            FollowedPairs(self._first, self._second, self._image, self._history, self._touching, grip), self._law,
+            NearPull(self._table, m is not None and m.near, self.parameters.smallest_gap), sums,
         )  # fmt: skip
         self.steps += steps
         self.strain += steps * self.dt * self.rate

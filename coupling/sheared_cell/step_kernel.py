@@ -9,6 +9,8 @@ trapezoidal rule by drifts (`particles.dem.contact_kernel`).
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -24,17 +26,62 @@ N_HISTORY = 7  # spring (3), last dashpot, last tangential force (3)
 BOOKS = 3
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
-def shear_steps(
-    n_steps, dt, lengths, offset, rate, position, velocity, spin, held, radius, mass,
-    first, second, image, history, touching, law,
-    table, near, smallest_gap, grip, sums,
-):  # fmt: skip
-    """``n_steps`` steps; position, velocity (n, 3), spin (n, 3) [rad/s], history and sums are brought forward.
+class Flow(NamedTuple):
+    """The cell: its edges (3,) [m], how far the one above has moved on [m], the shear rate [1/s]."""
 
-    ``held`` (n, 3) [N] are forces that stay for these steps; first, second, image, grip belong to the pairs
-    within reach of the attraction.
+    lengths: np.ndarray
+    offset: float
+    rate: float
+
+
+class CellGrains(NamedTuple):
+    """Equal grains: position [m], velocity [m/s], spin [rad/s], held force [N], (n, 3) each; radius [m], mass [kg]."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    spin: np.ndarray
+    held: np.ndarray
+    radius: float
+    mass: float
+
+
+class FollowedPairs(NamedTuple):
+    """The pairs whose gaps are followed from step to step.
+
+    Attributes
+    ----------
+    first, second : ndarray, shape (p,)
+    image : ndarray, shape (p, 3)
+        In which image of the cell the second grain is met.
+    history, touching : ndarray, shapes (p, N_HISTORY), (p,)
+        What the contact remembers.
+    grip : ndarray, shape (p, N_GRIP)
+        Of the attraction (`coupling.sheared_cell.near_pull`).
     """
+
+    first: np.ndarray
+    second: np.ndarray
+    image: np.ndarray
+    history: np.ndarray
+    touching: np.ndarray
+    grip: np.ndarray
+
+
+class NearPull(NamedTuple):
+    """The attraction of near pairs: its table, whether there is one, the smallest gap [radii]."""
+
+    table: Any
+    near: bool
+    smallest_gap: float
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def shear_steps(n_steps, dt, flow, grains, pairs, law, attraction, sums):
+    """``n_steps`` steps; grains, history, touching and sums are brought forward."""
+    lengths, offset, rate = flow
+    position, velocity, spin, held, radius, mass = grains
+    first, second, image, history, touching, grip = pairs
+    table, near, smallest_gap = attraction
     n = position.shape[0]
     force, couple = np.empty((n, 3)), np.empty((n, 3))
     reach2 = 4.0 * radius * radius

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from coupling.influence import find_influence
+from coupling.kernel_state import MagneticGrains, PairModel
 from coupling.moment_kernels import contact_forces, gather_fields, wall_heights
 from coupling.mutual_moments import MutualMoments, grain_table
 from coupling.neighbour_rows import neighbour_rows
@@ -60,25 +61,19 @@ def cluster(wall):
 def parts(wall, x, m):
     """Field and forces by the kernels, of images alone: those with the wall less those without."""
     rows, radius = neighbour_rows(x, 1.0), np.full(4, 1e-6)
-    table = grain_table(IRON, "mutual")
+    table, model = grain_table(IRON, "mutual"), PairModel(1.0, False, False, 1e-3)
     found = []
     for walls in (np.array([wall]), np.zeros((0, 6))):
         height, own = np.empty((4, len(walls))), np.zeros((4, len(walls)))
         field, potential, force = np.zeros((4, 3)), np.zeros(4), np.zeros((4, 3))
-        torque, wall_torque = np.zeros(4), np.zeros(4)
+        none, torque, wall_torque = np.zeros((4, 3)), np.zeros(4), np.zeros(4)
         wall_heights(x, walls, 1.0, height)
-        where = (rows.start, rows.other, rows.shift, rows.turn_cos, rows.turn_sin, walls, height)
-        known = find_influence(
-            table, x, radius, np.zeros((4, 3)), np.zeros((4, 4)), rows, walls, height, reach=1.0, smear=False,
-            own=0.0, near=False, smallest_gap=1e-3,
-        )  # fmt: skip
-        gather_fields(
-            m, np.zeros((4, 3)), rows.start, rows.other, known.block, known.image_potential, field, potential, own
+        grains = MagneticGrains(
+            x, radius, radius, m, none, np.zeros((4, 4)), field, potential, np.zeros(4), np.zeros(4), height, own
         )
-        contact_forces(
-            table, x, radius, radius, m, np.zeros((4, 3)), np.zeros((4, 4)), *where, 1.0, False, False, False,
-            1e-3, np.zeros((4, 3)), 0.0, field, potential, own, np.zeros(4), np.zeros(4), force, torque, wall_torque,
-        )  # fmt: skip
+        known = find_influence(table, model, grains, rows.arrays, walls, own=0.0)
+        gather_fields(grains, rows.arrays, known, field, potential, own)
+        contact_forces(table, model, grains, rows.arrays, walls, False, none, 0.0, force, torque, wall_torque)
         found.append((field, force, wall_torque.sum()))
     return found[0][0] - found[1][0], found[0][1] - found[1][1], found[0][2]
 
