@@ -135,7 +135,7 @@ def test_misses_before_a_resumption_count():
     """Half of 40 steps and none of 60 more: 20 of 100, as if the run had not been stopped."""
     before = pandas.DataFrame({"missed_steps": [10, 10], "steps": [20, 20]})
     row = {"missed_steps": 0, "steps": 60, "time": 0.0, "solver_residual": 1e-5}
-    simulation = SimpleNamespace(dem=SimpleNamespace(tolerance=1e-6))
+    simulation = SimpleNamespace(motion=SimpleNamespace(tolerance=1e-6))
     MissedSteps(0.21, before)(simulation, row)
     with pytest.raises(ParticleError, match="20 of 100"):
         MissedSteps(0.19, before)(simulation, row)

@@ -58,7 +58,7 @@ def three_ways(path, rows, conditions):
             writer.append(row)
     cut_off = load_result(path).torque
     simulation = SimpleNamespace(
-        dem=SimpleNamespace(bodies=[], tolerance=1e-6), magnetised=None, source=None, n_sectors=1
+        motion=SimpleNamespace(bodies=[], tolerance=1e-6), magnetised=None, source=None, n_sectors=1
     )
     plan = SimpleNamespace(count=10, dt=1e-3, contact_data={}, reasons={}, cost=SimpleNamespace(seconds={"total": 1.0}))
     summarise(CASE, folder, None, plan, simulation, conditions, {"whole_run": 1.0})
