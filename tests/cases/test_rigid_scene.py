@@ -123,7 +123,7 @@ def test_a_few_misses_are_recorded_only():
     callback = MissedSteps(0.5)
 
     class Simulation:
-        dem = type("Dem", (), {"tolerance": 1e-6})
+        motion = type("Dem", (), {"tolerance": 1e-6})
 
     for _ in range(10):
         callback(Simulation, {"missed_steps": 5, "steps": 10, "time": 0.0, "solver_residual": 1e-5})
@@ -135,7 +135,7 @@ def test_misses_before_a_resumption_count():
     """Half of 40 steps and none of 60 more: 20 of 100, as if the run had not been stopped."""
     before = pandas.DataFrame({"missed_steps": [10, 10], "steps": [20, 20]})
     row = {"missed_steps": 0, "steps": 60, "time": 0.0, "solver_residual": 1e-5}
-    simulation = SimpleNamespace(dem=SimpleNamespace(tolerance=1e-6))
+    simulation = SimpleNamespace(motion=SimpleNamespace(tolerance=1e-6))
     MissedSteps(0.21, before)(simulation, row)
     with pytest.raises(ParticleError, match="20 of 100"):
         MissedSteps(0.19, before)(simulation, row)

@@ -93,7 +93,7 @@ def test_average_begins_at_its_time_and_takes_the_mean_of_the_moments():
     average = ProfileAverage(shape, 1.0)
     for dem.time, rotor.speed in ((0.5, 1e3), (1.0, 1e3), (1.5, 10.0), (2.0, 20.0)):
         assert average.profiles() == [] or dem.time > 1.5
-        average(SimpleNamespace(dem=dem), {})
+        average(SimpleNamespace(motion=dem), {})
     radial, axial = average.profiles()
     assert (radial.along, axial.along, radial.moments) == ("r", "z", 2)
     once = profile_of(profile_sums(grains, contacts, ring_bins(RING, 0.8e-3)), ring_bins(RING, 0.8e-3), {"rotor": 15.0})
@@ -109,10 +109,10 @@ def test_an_average_goes_on_from_a_checkpoint_as_if_nothing_had_been(tmp_path):
     for shape in (SimpleNamespace(fill_boxes=lambda: {"gap": RING}), SimpleNamespace()):  # in a ring, in a box
         whole, part, again, other = (ProfileAverage(shape, start) for start in (0.0, 0.0, 0.0, 0.5))
         for average in (whole, whole, part):
-            average(SimpleNamespace(dem=dem), {})
+            average(SimpleNamespace(motion=dem), {})
         write_checkpoint(tmp_path / "checkpoint.h5", part.state())
         again.restore(read_checkpoint(tmp_path / "checkpoint.h5"))
-        again(SimpleNamespace(dem=dem), {})
+        again(SimpleNamespace(motion=dem), {})
         for first, second in zip(whole.profiles(), again.profiles(), strict=True):
             assert first.moments == second.moments == 2
             for name in ("volume", "torque", "temperature", "shear_rate"):
