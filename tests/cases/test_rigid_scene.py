@@ -123,7 +123,7 @@ def test_a_few_misses_are_recorded_only():
     callback = MissedSteps(0.5)
 
     class Simulation:
-        dem = type("Dem", (), {"tolerance": 1e-6})
+        motion = type("Dem", (), {"tolerance": 1e-6})
 
     for _ in range(10):
         callback(Simulation, {"missed_steps": 5, "steps": 10, "time": 0.0, "solver_residual": 1e-5})
