@@ -235,19 +235,8 @@ def _solve_gram(gram, c, n):
 
 # for calls from Python: the functions above are compiled into the step and have no cache of their own
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _solve(convex, soft, search, records, couples):
-    return solve(convex, soft, search, records, couples)
-
-
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _anderson(convex, soft, search, records, couples):
     return anderson(convex, soft, search, search.cap, records, couples)
-
-
-def solve_records(convex, relax, soft, method, tolerance, cap, *records):
-    """`solve` for calls from Python, without couples; ``relax`` None: not relaxed."""
-    search = Search(method, relax_number(convex, relax), tolerance, cap)
-    return _solve(convex, soft, search, Records(*records), no_couples())
 
 
 def accelerate_records(convex, relax, soft, tolerance, cap, *records):

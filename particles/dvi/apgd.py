@@ -216,9 +216,3 @@ def _step(new, y, slope, length, records):
         new[q] = n * row[EX] + scale * tx
         new[q + 1] = n * row[EY] + scale * ty
         new[q + 2] = n * row[EZ] + scale * tz
-
-
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
-def apgd_records(tolerance, cap, grain, body, pair_index, pair, wall_index, wall):
-    """`apgd` for calls from Python."""
-    return apgd(tolerance, cap, Records(grain, body, pair_index, pair, wall_index, wall))
