@@ -12,6 +12,7 @@ from coupling.expected_load import (
     weight_load,
 )
 from coupling.field_source import CircuitCoilField, CoilField, EddyCoilField, ImposedField
+from coupling.layered_field import LayeredField
 from coupling.magnetised_grains import MagnetisedGrains, moments
 from coupling.mutual_moments import Cluster, MutualMoments, grain_table, magnetised_cluster
 from coupling.mutually_magnetised_grains import MutuallyMagnetisedGrains
@@ -31,6 +32,7 @@ __all__ = [
     "FillDeposition",
     "FixedDipoles",
     "ImposedField",
+    "LayeredField",
     "MagneticForce",
     "MagnetisedGrains",
     "MutualDipoles",

@@ -1,6 +1,8 @@
 """The grains' moments where they magnetise one another: models `mutual` and `near_field` of the effect `dipoles`.
 
 The moments of the last evaluation are the start of the next one: a few sweeps follow the powder while it is sheared.
+A field of layers (`coupling.layered_field`) is that of the last moments; where these have left it by more than the
+moments' tolerance, both are found again.
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from coupling.layered_field import LayeredField
 from coupling.magnetised_grains import MagnetisedGrains
 from coupling.mutual_moments import Magnetisation, MutualMoments
 from coupling.near_attraction import NearAttraction
@@ -17,9 +20,9 @@ from coupling.wall_reflection import steel_walls
 from field import ConvergenceError, MagneticField
 from particles import DEM
 
-MOST_SWEEPS = 200
+MOST_SWEEPS, MOST_ROUNDS = 200, 30
 LOST = 0.1
-"""Residual beyond which the moments are not those of the law: the run stops."""
+"""Residual beyond which moments, or the field of their layers, are not those of the law: the run stops."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -50,19 +53,25 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
         """Sample the field and find the moments; raises `MomentError` where they do not converge."""
         assert self.sampler is not None  # the loop refreshes the source first
         grains = simulation.motion.grains
-        self.H, self.grad_H = self.sampler.sample(grains.position)
         self._refresh_walls(simulation.source)
         rows = simulation.rows(self.solver.reach)
-        start = grains.magnetic_moment
-        found = self.solver.solve(
-            grains.position, grains.radius, self.H, rows, gradient=self.grad_H if self.solver.smear else None,
-            start=start, tolerance=self.tolerance, most_sweeps=MOST_SWEEPS,
-        )  # fmt: skip
-        if found.residual > LOST:
-            raise MomentError(found.residual, found.sweeps)
-        self.found = found
-        self._worst, self._sweeps = max(self._worst, found.residual), self._sweeps + found.sweeps
-        grains.magnetic_moment = found.moment
+        layers = self.sampler if isinstance(self.sampler, LayeredField) else None
+        for _ in range(MOST_ROUNDS):
+            self.H, self.grad_H = self.sampler.sample(grains.position)
+            found = self.solver.solve(
+                grains.position, grains.radius, self.H, rows, gradient=self.grad_H if self.solver.smear else None,
+                start=grains.magnetic_moment, tolerance=self.tolerance, most_sweeps=MOST_SWEEPS,
+            )  # fmt: skip
+            if found.residual > LOST:
+                raise MomentError(found.residual, found.sweeps)
+            self.found, grains.magnetic_moment = found, found.moment
+            self._sweeps += found.sweeps
+            left = 0.0 if layers is None else layers.follow(grains.position, found.moment)
+            if left <= self.tolerance:
+                break
+        if left > LOST:
+            raise MomentError(left, self._sweeps)
+        self._worst = max(self._worst, found.residual, left)
 
     def hold(self, dem: DEM, force: np.ndarray) -> None:
         """Take the sum of all held forces (n, 3) [N] of this update, and let the DEM follow the near gaps."""

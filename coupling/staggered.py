@@ -16,6 +16,7 @@ import numpy as np
 
 from coupling.effects.effect import Effect
 from coupling.field_source import CoilField, ImposedField
+from coupling.layered_field import LayeredField
 from coupling.ledgers import Ledger
 from coupling.magnetised_grains import MagnetisedGrains
 from coupling.neighbour_rows import NeighbourRows, neighbour_rows
@@ -41,7 +42,7 @@ class Simulation:
         Exactly those of the scene, in the order in which they act.
     magnetised : MagnetisedGrains or None
         None when no effect needs the field.
-    source : CoilField, SolidCoilField, ImposedField or None
+    source : CoilField, SolidCoilField, ImposedField, LayeredField or None
     steps_per_update, updates : int
         Grain steps between evaluations of the magnetic forces; such sub-cycles a window.
     """
@@ -49,7 +50,7 @@ class Simulation:
     motion: GrainMotion
     effects: list[Effect]
     magnetised: MagnetisedGrains | None
-    source: CoilField | SolidCoilField | ImposedField | None
+    source: CoilField | SolidCoilField | ImposedField | LayeredField | None
     steps_per_update: int
     updates: int
     n_sectors: int = 1

@@ -18,6 +18,7 @@ from coupling import (
     FillDeposition,
     FixedDipoles,
     ImposedField,
+    LayeredField,
     MagneticForce,
     MagnetisedGrains,
     MutualDipoles,
@@ -36,13 +37,14 @@ from emclutch.packed_grains import grains_of, packed, settled
 from emclutch.plan import Plan
 from emclutch.rigid_plan import RigidPlan
 from emclutch.scene.field_source import UniformField
-from emclutch.scene.grain_smear import moments_are_fed_back, smear_width
+from emclutch.scene.grain_smear import layers_change_the_field, moments_are_fed_back, smear_width
 from emclutch.scene.model import Scene
 from emclutch.scene.motion import FreeShaft as FreeShaftSection
 from emclutch.scene.time_table import points_of
-from field import AxisymmetricProblem, MagneticField
+from field import AxisymmetricProblem, MagneticField, RadialField
 from field.section.eddy_currents import EddyCurrentProblem, VoltageDrive
 from field.solid import SolidField
+from geometry import ShearCell
 from particles import DEM, DVI, Body, FreeShaft, GrainMotion, Grains, PrescribedSpeed
 
 log = logging.getLogger(__name__)
@@ -150,10 +152,11 @@ def magnetised_grains(scene: Scene, sampler, fill_at, walls, dem: GrainMotion) -
     if dipoles is None or dipoles.model == "fixed":
         return MagnetisedGrains(sampler, law, fill_at)
     fed_back = moments_are_fed_back(scene)
+    spread = fed_back or layers_change_the_field(scene)
     solver = MutualMoments(
         grain_table(law, dipoles.model),
         near=dipoles.model == "near_field",
-        reach=smear_width(scene) if fed_back else dipoles.cutoff * scene.particles.largest_diameter,
+        reach=smear_width(scene) if spread else dipoles.cutoff * scene.particles.largest_diameter,
         smear=fed_back or (isinstance(scene.field, UniformField) and scene.field.means == "macroscopic"),
         smallest_gap=dipoles.surface_gap,
     )
@@ -182,10 +185,13 @@ def _fill_at(deposition: FillDeposition, source: CoilField, position: np.ndarray
 
 def field_source(
     scene: Scene, device: Device, bodies: Sequence[Body], peak: MagneticField | SolidField | None
-) -> CoilField | SolidCoilField | ImposedField | None:
+) -> CoilField | SolidCoilField | ImposedField | LayeredField | None:
     """Where the scene's field comes from; None when no effect needs one. `peak` is solved at the largest current."""
     if device.imposed is not None:
-        return ImposedField(device.imposed)
+        if not layers_change_the_field(scene):
+            return ImposedField(device.imposed)
+        assert isinstance(device.imposed, RadialField) and isinstance(device.shape, ShearCell)  # by its conditions
+        return LayeredField(device.imposed, device.shape, scene.particles.sector or 2 * pi, smear_width(scene))
     if device.coil is None:
         return None
     if not isinstance(device.coil, CoilDevice):

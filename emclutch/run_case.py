@@ -10,7 +10,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from coupling import CoilField, SolidCoilField, run_staggered
+from coupling import CoilField, LayeredField, SolidCoilField, run_staggered
 from emclutch.assembly import assemble, simulation_of
 from emclutch.case import Case
 from emclutch.free_memory import refuse_too_much
@@ -357,7 +357,7 @@ def restore(case, device, plan, state: dict):
     simulation.restore_rows(state["rows"])
     saved = state["source"]
     source = simulation.source
-    if saved is not None and isinstance(source, (CoilField, SolidCoilField)):
+    if saved is not None and isinstance(source, (CoilField, SolidCoilField, LayeredField)):
         source.restore(saved)
     return simulation, simulation.motion.time
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from coupling import CoilField, Simulation, SolidCoilField
+from coupling import CoilField, LayeredField, Simulation, SolidCoilField
 from emclutch.field_arrays import field_arrays, solid_field_arrays
 from emclutch.results import HistoryWriter, RunFolder
 from emclutch.results.checkpoint import write_checkpoint
@@ -175,7 +175,7 @@ def save_checkpoint(path: Path, simulation: Simulation, case_text: str, profiles
         "source": None,
     }
     source = simulation.source
-    if isinstance(source, (CoilField, SolidCoilField)):
+    if isinstance(source, (CoilField, SolidCoilField, LayeredField)):
         state["source"] = source.state()
     if profiles is not None:
         state["profiles"] = profiles.state()

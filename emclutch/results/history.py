@@ -82,7 +82,10 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "feedback_lagged": ("1", "part that it took as given elsewhere: within an element, and the factor's way"),
     "sweeps": ("1", "sweeps of the solver of rigid contacts a step, mean of the window"),
     "largest_sweeps": ("1", "sweeps of the window's hardest step"),
-    "moment_residual": ("1", "undamped step of the grains' moments over the magnetisation, worst of the window"),
+    "moment_residual": (
+        "1",
+        "undamped step of the grains' moments over the magnetisation, or of their layers' field, worst of a window",
+    ),
     "moment_sweeps": ("1", "sweeps over the grains' moments in the window"),
     "solver_residual": ("m/s", "largest natural map of the contacts at the end of a step, worst of the window"),
     "missed_steps": ("1", "steps of the window that did not reach the solver's tolerance"),

@@ -15,6 +15,7 @@ from emclutch.scene.magnetic_checks import (
     field_source,
     materials,
     needs_of_effects,
+    room_for_the_layers,
     room_for_the_smear,
     slots,
 )
@@ -217,6 +218,7 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (_rigid, ("contact",)),
     (sector_width, ("geometry", "particles", "effects")),
     (needs_of_effects, ("effects",)),
+    (room_for_the_layers, ("geometry", "particles", "effects", "field")),
     (room_for_the_smear, ("geometry", "particles", "effects", "field")),
     (coil_transients, ("effects", "coil", "field", GEOMETRY_KIND, "materials")),
     (slots, (GEOMETRY_KIND, "effects", "field", "particles")),

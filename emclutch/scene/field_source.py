@@ -35,7 +35,8 @@ class UniformField(Section):
     means: Annotated[str, Choice(("applied", "macroscopic"))] = Field(
         default="applied",
         description="applied: the field without grains; macroscopic: the mean field of an even powder, which holds "
-        "the grains spread out over the dipoles' cut-off (models mutual and near_field)",
+        "the grains spread out over the dipoles' cut-off (models mutual and near_field); across steel faces of a shear "
+        "cell (direction radial, effect wall_images) layers of grains change it",
     )
 
 

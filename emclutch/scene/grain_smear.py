@@ -1,10 +1,12 @@
-"""Over which width grains are spread where their moments are fed back to the solved field."""
+"""Where grains are spread into the field that magnetises them, solved or layered, and over which width."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from geometry import Clutch
+from emclutch.scene.field_source import UniformField
+from emclutch.scene.geometry import ShearCellGeometry
+from geometry import Clutch, ShearCell
 from geometry.cad_shape import CadShape
 
 if TYPE_CHECKING:
@@ -23,9 +25,23 @@ def moments_are_fed_back(scene: Scene) -> bool:
     return effects.back_reaction is not None and effects.dipoles is not None and effects.dipoles.model != "fixed"
 
 
+def layers_change_the_field(scene: Scene) -> bool:
+    """Whether the field is the mean one of even powder between steel faces, across which layers of grains change it."""
+    source, geometry = scene.field, scene.geometry
+    return (
+        isinstance(source, UniformField)
+        and (source.means, source.direction) == ("macroscopic", "radial")
+        and isinstance(geometry, ShearCellGeometry)
+        and geometry.steel
+        and scene.effects.wall_images is not None
+    )
+
+
 def narrowest_gap(scene: Scene) -> float:
     """Width [m] of the narrowest gap that is filled with powder."""
     shape = scene.shape()
+    if isinstance(shape, ShearCell):
+        return shape.outer_radius - shape.inner_radius
     if isinstance(shape, Clutch) and scene.particles.region != "rim":
         return shape.face_gap if scene.particles.region == "faces" else min(shape.gap, shape.face_gap)
     assert isinstance(shape, (Clutch, CadShape))  # by the schema: nothing else has a field that is solved
@@ -34,7 +50,7 @@ def narrowest_gap(scene: Scene) -> float:
 
 def smear_width(scene: Scene) -> float:
     """Width a [m]: the dipoles' cut-off, but not more than the gap, whose two faces would else fold one grain back."""
-    assert scene.effects.dipoles is not None  # see `moments_are_fed_back`
+    assert scene.effects.dipoles is not None  # see the two functions above
     return min(scene.effects.dipoles.cutoff * scene.particles.largest_diameter, narrowest_gap(scene))
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from emclutch.scene.field_source import CoilField, UniformField
 from emclutch.scene.geometry import CadGeometry, ClutchGeometry, ShearCellGeometry
+from emclutch.scene.grain_smear import layers_change_the_field
 from emclutch.scene.materials import TableMaterial
 from emclutch.scene.time_table import largest
 from emclutch.scene.usual_ranges import unusual_entries
@@ -42,10 +43,12 @@ def warnings_of(scene: Any) -> Iterator[str]:
     elif effects.wall_images is not None and not any(wall.magnetic for wall in scene.shape().walls()):
         yield "[effects.wall_images] has no effect: no wall is of a magnetic material"
     source = scene.field
-    if effects.wall_images is not None and isinstance(source, UniformField) and source.means == "macroscopic":
+    macroscopic = isinstance(source, UniformField) and source.means == "macroscopic"
+    if effects.wall_images is not None and macroscopic and not layers_change_the_field(scene):
         yield (
             "[effects.wall_images] beside field.means = 'macroscopic': the mean field is taken as even up to the "
-            "steel; what layers of grains there change in it is left out"
+            "steel; what layers of grains there change in it is followed with geometry.kind = 'shear_cell' and "
+            "field.direction = 'radial' only"
         )
     for name, own in scene.materials.items():
         if isinstance(own, TableMaterial) and own.caution:

@@ -10,7 +10,13 @@ from emclutch.scene.draft import Draft, size_key
 from emclutch.scene.field_source import CoilField, UniformField
 from emclutch.scene.fill import fill_of
 from emclutch.scene.geometry import CadGeometry, ClutchGeometry, ShearCellGeometry
-from emclutch.scene.grain_smear import LEAST_WIDTH, moments_are_fed_back, narrowest_gap, smear_width
+from emclutch.scene.grain_smear import (
+    LEAST_WIDTH,
+    layers_change_the_field,
+    moments_are_fed_back,
+    narrowest_gap,
+    smear_width,
+)
 from emclutch.scene.section import did_you_mean
 
 _NEAR_REACH = 1.8  # diameters: two radii and the farthest gap of a near pair, 1.2 radii, where dipoles are whole
@@ -121,6 +127,21 @@ def needs_of_moments(draft: Draft) -> Iterator[Fault]:
             "effects.dipoles.cutoff",
             "is the width over which field.means = 'macroscopic' spreads a grain; allowed: at least 2 diameters "
             "(2.5 to 3 are usual)",
+        )
+
+
+def room_for_the_layers(draft: Draft) -> Iterator[Fault]:
+    """Between steel faces grains are spread over no more than the gap, and over no less than two diameters."""
+    scene = draft.scene
+    if scene.effects.dipoles is None or not layers_change_the_field(scene) or scene.shape().faults(None):
+        return
+    largest, gap = scene.particles.largest_diameter, narrowest_gap(scene)
+    if gap < LEAST_WIDTH * largest:
+        yield draft.fault(
+            "field.means",
+            f"spreads each grain over at least {LEAST_WIDTH:g} diameters between steel faces, and the gap of "
+            f"{1e3 * gap:.3g} mm has {gap / largest:.3g}; take means = 'applied', or lower "
+            f"particles.{size_key(scene.particles)}",
         )
 
 
