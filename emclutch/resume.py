@@ -68,6 +68,14 @@ def refuse_earlier_end(folder: RunFolder, state: dict, end: float) -> None:
         )
 
 
+def checkpoint_time(path: Path, dem: dict[str, Any], method: str) -> float:
+    """Time [s] of the state of a DEM or DVI; OutputError where it is none."""
+    try:
+        return float(dem["counters"][0] * dem["scalars"][0 if method == "dvi" else 2])
+    except (KeyError, IndexError, TypeError) as error:
+        raise OutputError(f"{path} is no checkpoint of a run ({error!r}); start anew with --out") from error
+
+
 def refuse_changed_files(case: Case, folder: RunFolder) -> None:
     """OutputError where a file that the scene names has another content than when the run began.
 

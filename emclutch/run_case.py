@@ -25,8 +25,15 @@ from emclutch.replicas import Replicas, count_of_run, other_replicas, tell_packi
 from emclutch.results import OutputError, Result, RunFolder, load_result, read_history
 from emclutch.results.folder_lock import locked_folder
 from emclutch.results.grain_profiles import write_profiles
+from emclutch.results.history import rows_until
 from emclutch.results.steady_torque import SteadyConditions
-from emclutch.resume import refuse_changed_files, refuse_earlier_end, refuse_other_scene, run_checkpoint
+from emclutch.resume import (
+    checkpoint_time,
+    refuse_changed_files,
+    refuse_earlier_end,
+    refuse_other_scene,
+    run_checkpoint,
+)
 from emclutch.run_pace import RunPace
 from emclutch.run_summary import summarise
 from emclutch.run_threads import threading_layer, threads_are_open, threads_in_use, use_threads
@@ -161,6 +168,7 @@ def _may_go_on(case: Case, folder: RunFolder) -> bool:
         state = run_checkpoint(folder.checkpoint)
         refuse_other_scene(state["case"], case.toml(), folder.path)
         refuse_earlier_end(folder, state, case.scene.time.end)
+        rows_until(folder.history, checkpoint_time(folder.checkpoint, state["dem"], case.scene.contact.method))
     else:
         refuse_other_scene(folder.read_case(), case.toml(), folder.path)
     with folder.logging():

@@ -22,7 +22,14 @@ from coupling import Simulation
 from emclutch.assembly import simulation_of
 from emclutch.case import Case
 from emclutch.results import OutputError, RunFolder
-from emclutch.resume import differing_keys, flat_scene, may_change, refuse_changed_files, run_checkpoint
+from emclutch.resume import (
+    checkpoint_time,
+    differing_keys,
+    flat_scene,
+    may_change,
+    refuse_changed_files,
+    run_checkpoint,
+)
 from particles import Grains
 
 log = logging.getLogger(__name__)
@@ -79,8 +86,7 @@ def starting_grains(case: Case, folder: str | Path) -> StartingGrains:
     with run.checkpoint.open("rb") as stream:
         digest = hashlib.file_digest(stream, "sha256").hexdigest()
     dem = state["dem"]
-    step = dem["scalars"][0 if case.scene.contact.method == "dvi" else 2]
-    return StartingGrains(run.path, float(dem["counters"][0] * step), digest, dem)
+    return StartingGrains(run.path, checkpoint_time(run.checkpoint, dem, case.scene.contact.method), digest, dem)
 
 
 def warm_started(case: Case, device, plan, start: StartingGrains) -> Simulation:

@@ -123,7 +123,9 @@ class HistoryWriter:
         self.path = Path(path)
         self.columns: list[str] | None = None
         if resume_time is not None:
-            self.columns = self._cut_back(resume_time)
+            kept = rows_until(self.path, resume_time)
+            replace_text(self.path, "".join(",".join(row) + "\n" for row in kept))
+            self.columns = kept[0]
         self._file = self.path.open("a" if self.columns else "w", encoding="utf-8", newline="")
         self._writer = csv.writer(self._file, lineterminator="\n")
 
@@ -158,25 +160,30 @@ class HistoryWriter:
     ) -> None:
         self.close()
 
-    def _cut_back(self, resume_time: float) -> list[str]:
-        """The columns; rows after `resume_time` are removed."""
-        rows = _rows_of(self.path) if self.path.is_file() else []
-        kept, reached = rows[:1], 0.0
-        slack = 1e-12 * abs(resume_time)  # round-off of a time that was added up anew
-        for row in rows[1:]:
-            time = _time_of(row, rows[0])
-            if time is None or not time <= resume_time + slack:
-                break
-            kept.append(row)
-            reached = time
-        if len(kept) < 2 or reached < resume_time - slack:
-            there = "holds no row that can be read" if len(kept) < 2 else f"can be read to t = {reached:.6g} s"
-            raise OutputError(
-                f"{self.path} {there}, and the checkpoint is at t = {resume_time:.6g} s: the rows in between are "
-                "missing; put the file back as the run left it, or start anew in another folder with --out"
-            )
-        replace_text(self.path, "".join(",".join(row) + "\n" for row in kept))
-        return kept[0]
+
+def rows_until(path: Path, end: float) -> list[list[str]]:
+    """The rows of a history up to the time `end` [s] of a checkpoint, the columns' names first.
+
+    Raises
+    ------
+    OutputError : they are not all there.
+    """
+    rows = _rows_of(path) if path.is_file() else []
+    kept, reached = rows[:1], 0.0
+    slack = 1e-12 * abs(end)  # round-off of a time that was added up anew
+    for row in rows[1:]:
+        time = _time_of(row, rows[0])
+        if time is None or not time <= end + slack:
+            break
+        kept.append(row)
+        reached = time
+    if len(kept) < 2 or reached < end - slack:
+        there = "holds no row that can be read" if len(kept) < 2 else f"can be read to t = {reached:.6g} s"
+        raise OutputError(
+            f"{path} {there}, and the checkpoint is at t = {end:.6g} s: the rows in between are missing; put the file "
+            "back as the run left it, or start anew in another folder with --out"
+        )
+    return kept
 
 
 def read_history(path: str | Path) -> pandas.DataFrame:

@@ -15,7 +15,7 @@ import emclutch
 from emclutch.case import case_from
 from emclutch.command_line import app
 from emclutch.results import OutputError
-from emclutch.results.checkpoint import write_checkpoint
+from emclutch.results.checkpoint import read_checkpoint, write_checkpoint
 
 TOY = {
     "time.end": "60 us", "time.window": "10 us", "accuracy.replicas": 1,
@@ -89,6 +89,24 @@ def test_a_run_stopped_before_its_first_window_starts_anew(undisturbed, tmp_path
         emclutch.run(CASE.with_values({"contact.friction": 0.9}), out=out, resume=True)
     emclutch.run(CASE, out=out, resume=True)
     assert differences(record_of(out), undisturbed[0]) == []
+
+
+@pytest.mark.parametrize("name", ["history.csv", "checkpoint.h5"])
+def test_rows_or_arrays_that_are_missing_are_bad_input_and_nothing_is_changed(undisturbed, tmp_path, name):
+    out = tmp_path / "run"
+    shutil.copytree(undisturbed[1].folder, out)
+    if name == "history.csv":
+        whole = (out / name).read_text().splitlines(keepends=True)
+        (out / name).write_text("".join(whole[:3]))
+    else:
+        state = read_checkpoint(out / name)
+        del state["dem"]["counters"]
+        write_checkpoint(out / name, state)
+    before = {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()}
+    done = CliRunner().invoke(app, ["run", str(out), "--resume"])
+    assert done.exit_code == 2 and "Traceback" not in done.output
+    assert name in done.output and "--out" in done.output
+    assert {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()} == before
 
 
 @pytest.mark.parametrize("content", [b"", b"half", None])
