@@ -21,6 +21,11 @@ from emclutch.scene.likely_mistakes import warnings_of
 from emclutch.scene.model import Scene
 from emclutch.scene.section import Section
 
+LARGEST_FILE = 20_000_000
+"""Bytes of a scene or study: half a million points of a table; a larger file is refused before it is parsed."""
+DEEPEST = 20
+"""Tables and lists in one another; a scene needs five."""
+
 
 @dataclass(frozen=True, slots=True)
 class Case:
@@ -126,7 +131,13 @@ def read_toml(path: Path) -> dict[str, Any]:
     """
     try:
         with open(path, "rb") as stream:
-            return tomllib.load(stream)
+            content = stream.read(LARGEST_FILE + 1)
+        if len(content) <= LARGEST_FILE:
+            data = tomllib.loads(content.decode())
+            if not (reason := _not_of_a_scene(data)):
+                return data
+        else:
+            reason = f"is larger than {LARGEST_FILE // 1_000_000} MB; put long tables into files of their own"
     except FileNotFoundError:
         reason = "does not exist; check the path"
     except IsADirectoryError:
@@ -135,9 +146,30 @@ def read_toml(path: Path) -> dict[str, Any]:
         reason = f"cannot be read ({error.strerror}); check the path and its permissions"
     except UnicodeDecodeError:
         reason = "is not text in UTF-8; a scene is a TOML file"
-    except tomllib.TOMLDecodeError as error:
+    except RecursionError:
+        reason = _TOO_DEEP
+    except ValueError as error:  # of the parser, or of Python for a number of more digits than it reads
         reason = f"is not TOML: {error}; correct that line, texts and values with a unit need quotes"
     raise SceneError([Fault(str(path), "", reason)], str(path))
+
+
+_TOO_DEEP = f"has tables in one another more than {DEEPEST} deep; a scene needs five: write them side by side"
+
+
+def _not_of_a_scene(data: dict[str, Any]) -> str:
+    """What no scene needs and Python would stumble on: deep nesting, whole numbers of more than TOML's 64 bits."""
+    level: list[tuple[str, Any]] = [("", data)]
+    for _ in range(DEEPEST):
+        below: list[tuple[str, Any]] = []
+        for key, entry in level:
+            if isinstance(entry, int) and not -(2**63) <= entry < 2**63:
+                return f"holds a whole number of more than 64 bits, {key}; write it as 1e30, or check its digits"
+            if isinstance(entry, dict):
+                below += ((f"{key}.{name}".lstrip("."), value) for name, value in entry.items())
+            elif isinstance(entry, list):
+                below += ((key, value) for value in entry)
+        level = below
+    return _TOO_DEEP if level else ""
 
 
 def _set(data: dict[str, Any], key: str, value: Any) -> list[Fault]:

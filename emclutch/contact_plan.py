@@ -25,16 +25,19 @@ def elastic_contacts(
     particles = scene.particles
     contact, load, stiffness = _contact(scene, device, M_max, impact_speed(scene, device, speed), reasons)
     lightest = particles.density * pi / 6.0 * particles.smallest_diameter**3
-    step = choose_time_step(
-        contact,
-        lightest,
-        0.5 * particles.smallest_diameter,
-        speed=speed,
-        load=load,
-        rolling=scene.effects.rolling_friction is not None,
-        steps_per_contact=scene.time.steps_per_contact,
-        dt=scene.time.step,
-    )
+    try:
+        step = choose_time_step(
+            contact,
+            lightest,
+            0.5 * particles.smallest_diameter,
+            speed=speed,
+            load=load,
+            rolling=scene.effects.rolling_friction is not None,
+            steps_per_contact=scene.time.steps_per_contact,
+            dt=scene.time.step,
+        )
+    except ValueError as error:
+        raise ValueError(str(error).replace("dt =", "time.step =", 1)) from None
     reasons["time step"] = step.reason
     return contact, step.dt, stiffness
 

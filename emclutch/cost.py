@@ -31,8 +31,11 @@ INSTANTS = 64  # at which the course of a run is foretold
 # 590; compiling takes some 200 more, once
 BASE_MIB, FIELD_MIB, PICTURES_MIB = 220.0, 110.0, 60.0
 GRAIN_BYTES, ROW_BYTES, UNKNOWN_BYTES, SOLID_UNKNOWN_BYTES = 4000.0, 50.0, 4000.0, 5000.0
-# Bytes on disk: a grain's frame in each format, an unknown's; a grain and an unknown of the checkpoint; the rest
+WINDOW_BYTES = 2000.0  # a row of the history: some sixty columns as numbers and, while it is read, as text
+# Bytes on disk: a grain's frame in each format, an unknown's; a row of the history, and in the record; a grain and an
+# unknown of the checkpoint; the rest
 FRAME_BYTES = {"vtk": 260.0, "hdf5": 120.0}
+HISTORY_BYTES, OBSERVABLES_BYTES = 800.0, 1200.0
 FIELD_BYTES, CHECKPOINT_BYTES, UNKNOWN_CHECKPOINT_BYTES, REST_MIB = 29.0, 1200.0, 30.0, 3.0
 
 
@@ -141,7 +144,16 @@ def foretell(
     }
     steps = windows * updates * per_update
     return Cost(
-        time, spent, once, memory(scene, device), disk(scene, device), steps, grains, threads, replicas, machine
+        time,
+        spent,
+        once,
+        memory(scene, device, windows),
+        disk(scene, device, windows),
+        steps,
+        grains,
+        threads,
+        replicas,
+        machine,
     )
 
 
@@ -150,23 +162,24 @@ def gain(machine: MachineSpeed, grains: int, threads: int) -> float:
     return machine.gain(threads) if grains >= WORTH_SHARING else 1.0
 
 
-def memory(scene: Scene, device: Device) -> float:
-    """Memory [MiB] that a run holds at most, but for compiling."""
+def memory(scene: Scene, device: Device, windows: int) -> float:
+    """Memory [MiB] that a run holds at most, but for compiling; the history is read as a whole in the end."""
     count = device.fill.count
     kept = BASE_MIB + PICTURES_MIB * scene.output.pictures
-    used = count * (GRAIN_BYTES + ROW_BYTES * neighbours(scene, device))
+    used = count * (GRAIN_BYTES + ROW_BYTES * neighbours(scene, device)) + windows * WINDOW_BYTES
     if device.coil is not None:
         each = UNKNOWN_BYTES if costs.is_of_revolution(device) else SOLID_UNKNOWN_BYTES
         kept, used = kept + FIELD_MIB, used + each * device.coil.problem.n_dofs
     return kept + used / 2**20
 
 
-def disk(scene: Scene, device: Device) -> float:
+def disk(scene: Scene, device: Device, windows: int) -> float:
     """Disk [MiB] that a run's folder takes in the end."""
     output, count = scene.output, device.fill.count
     unknowns = 0 if device.coil is None else device.coil.problem.n_dofs
     frames = output.snapshots + 1
     used = frames * count * sum(FRAME_BYTES[kind] for kind in output.formats)
+    used += windows * (HISTORY_BYTES + OBSERVABLES_BYTES * ("hdf5" in output.formats))
     used += frames * unknowns * FIELD_BYTES * ("vtk" in output.formats)
     used += (CHECKPOINT_BYTES * count + UNKNOWN_CHECKPOINT_BYTES * unknowns) * output.checkpoint
     return REST_MIB + used / 2**20

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+
+_CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]")  # all but the line break
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +26,8 @@ class Fault:
 
     def __str__(self) -> str:
         entry = f"{self.key} = {self.value}" if self.key and self.value else self.key
-        return f"{entry} {self.message}".strip()
+        # as they are written in TOML: a terminal would obey control characters that stand in a key
+        return _CONTROL.sub(lambda found: ascii(found[0])[1:-1], f"{entry} {self.message}".strip())
 
 
 class SceneError(Exception):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import ceil, floor, inf
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +20,7 @@ from emclutch.results.steady_torque import LEAST_STRAIN
 from emclutch.rigid_plan import RigidPlan, plan_rigid
 from emclutch.scene.field_source import CoilField
 from emclutch.scene.grain_smear import moments_are_fed_back, smear_width
+from emclutch.scene.input_files import paths_elsewhere
 from emclutch.scene.replica_count import replica_count
 from emclutch.scene.surfaces import extent_in_words
 from emclutch.scene.usual_ranges import FLUX_DENSITY
@@ -30,6 +32,10 @@ from particles import CyclicSector, PairLaws
 
 if TYPE_CHECKING:
     from emclutch.effects_left_out import LeftOut
+
+
+MOST_STEPS = 1e12
+"""Of a run: one grain alone takes a week for them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,6 +230,12 @@ def _windows(
 ) -> tuple[int, int, int]:
     """Steps a force update, updates a window and windows of the run; speeds of the walls and of layers [m/s]."""
     d = scene.particles.smallest_diameter
+    if scene.time.end / dt > MOST_STEPS:
+        raise ValueError(
+            f"time.end = {scene.time.end:.3g} s is {scene.time.end / dt:.2g} steps of {dt:.2g} s; allowed: at most "
+            f"{MOST_STEPS:.0e}, which take months; lower it, raise particles.diameter or contact.max_overlap, or check "
+            "the units of what the step follows from"
+        )
     end_steps = _parts(scene.time.end, dt)
     per_update = 1
     if magnetic:
@@ -317,4 +329,8 @@ def plan(case: Case, threads: int | None = None) -> tuple[dict[str, str], list[L
         made.reasons["copper"] = coil_heat_in_words(scene, device.coil, device.coil.shape)
     expected = expected_torque(scene, device, made.peak_field)
     made.reasons["expected torque"] = expected.in_words()
+    elsewhere = paths_elsewhere(scene, case.data, Path() if case.path is None else case.path.parent)
+    if elsewhere:
+        named = ", ".join(f"{key} = {path}" for key, path in elsewhere.items())
+        made.reasons["paths"] = f"outside the scene's folder: {named}"
     return made.reasons, left_out(scene, device, made, expected)

@@ -13,6 +13,7 @@ from typing import Any
 from coupling import CoilField, LayeredField, SolidCoilField, run_staggered
 from emclutch.assembly import assemble, simulation_of
 from emclutch.case import Case
+from emclutch.free_disk import refuse_full_disk
 from emclutch.free_memory import refuse_too_much
 from emclutch.heartbeat import Heartbeat
 from emclutch.interruption import interruptible
@@ -85,7 +86,7 @@ def run(
         after Ctrl-C.
     start : folder of a finished run whose grains this one begins with (`emclutch.warm_start`), in place of a packing;
         it says nothing more where a run is resumed from a checkpoint.
-    insist : run also where more memory is needed than is free.
+    insist : run also where more memory or disk is needed than is free.
 
     Raises
     ------
@@ -93,7 +94,7 @@ def run(
         The folder is in use or cannot be written; what is to be resumed belongs to another scene, or a file that the
         scene names has changed; the run to start from has no checkpoint, or other grains.
     RunError
-        More memory is needed than is free, a solver did not converge, grains do not fit, a contact failed;
+        More memory or disk is needed than is free, a solver did not converge, grains do not fit, a contact failed;
         `Interrupted` after Ctrl-C.
     """
     target = out or case.scene.output.folder or RunFolder.next_path(case.name)
@@ -197,6 +198,8 @@ def _run(
         if "WARNING" in reason:
             _announce(progress, f"{label}: {reason}")
     refuse_too_much(len(replicas.histories) * plan.cost.memory, insist=insist)
+    if not resume:  # else most of it is there
+        refuse_full_disk(plan.cost.disk, folder.path, insist=insist)
     mesh_hash = None if device.coil is None else device.coil.mesh.hash()
     folder.write_provenance(
         seed=scene.scene.seed,

@@ -39,6 +39,7 @@ _ANGLE_UNITS = {
     "revolutions_per_minute",
     "revolutions_per_second",
 }
+_LEAST = 1e-15  # of what has to be positive, in SI
 _COMMON_UNITS = (
     "m, mm, um, cm, g, kg, mg, s, ms, us, min, A, mA, V, ohm, mohm, rpm, rad/s, deg/s, rad, deg, turn, N, "
     "mN, N m, mN m, N/m, kN/m, N/m^1.5, Pa, MPa, GPa, J/m^2, m/s, kg/m^3, g/cm^3, A/m, kA/m, MA/m, T, mT, kg m^2, "
@@ -98,6 +99,7 @@ class Quantity:
     example : an entry that is right, as a user would type it
     minimum, maximum : bounds in SI; infinite where there is none
     open_minimum : the minimum itself is not allowed
+    least : what is above 0 and below this is refused: nobody means it, and its square or cube may be no number
     angular : the unit must contain an angle. Hz, 1/s and pure numbers have the same dimension as rad/s and
         rad, and ``"50 Hz"`` read as 50 rad/s instead of 50 turns per second would be a silent factor of 2 pi.
     """
@@ -109,6 +111,7 @@ class Quantity:
     maximum: float = math.inf
     open_minimum: bool = False
     angular: bool = False
+    least: float = 0.0
 
     @property
     def range_text(self) -> str:
@@ -133,7 +136,10 @@ class Quantity:
         if isinstance(given, str):
             value = self._from_text(given)
         elif isinstance(given, (int, float)) and not isinstance(given, bool):
-            value = float(given)
+            try:
+                value = float(given)
+            except OverflowError:  # a whole number of more than 308 digits
+                value = math.inf
         else:
             raise ValueError(f"is not a number; {self._needed()}")
         if not math.isfinite(value):
@@ -143,6 +149,8 @@ class Quantity:
                 f"is read as {value:g} m, out of range; allowed: {self.range_text}; write '{value:g} mm' if "
                 "millimetres are meant"
             )
+        if 0.0 < value < self.least:
+            raise ValueError(f"is next to nothing; allowed: at least {self.least:g} {self.unit}".rstrip())
         below = value < self.minimum or (self.open_minimum and value == self.minimum)
         if below or value > self.maximum:
             raise ValueError(f"is out of range; allowed: {self.range_text}, e.g. {self.given_example}")
@@ -228,12 +236,12 @@ def _parse_unit(text: str) -> Any:
 
 
 def _positive(name: str, unit: str, example: str, maximum: float = math.inf, angular: bool = False) -> Quantity:
-    return Quantity(name, unit, example, minimum=0.0, maximum=maximum, open_minimum=True, angular=angular)
+    return Quantity(name, unit, example, 0.0, maximum, open_minimum=True, angular=angular, least=_LEAST)
 
 
 # Upper bounds only catch slips of unit (a bare 20 for 20 mm): they lie far above any clutch.
-Length = Annotated[float, _positive("a length", "m", "1 mm", maximum=10.0)]
-LengthOrNone = Annotated[float, Quantity("a length", "m", "1 mm", 0.0, 10.0)]
+Length = Annotated[float, Quantity("a length", "m", "1 mm", 0.0, 10.0, open_minimum=True, least=1e-9)]
+LengthOrNone = Annotated[float, Quantity("a length", "m", "1 mm", 0.0, 10.0, least=1e-9)]
 Angle = Annotated[float, _positive("an angle", "rad", "3 deg", maximum=2.0 * math.pi, angular=True)]
 Speed = Annotated[float, Quantity("an angular speed", "rad/s", "100 rpm", -1e5, 1e5, angular=True)]
 Torque = Annotated[float, Quantity("a torque", "N*m", "12 N m", -1e7, 1e7)]
@@ -261,7 +269,7 @@ Acceleration = Annotated[float, Quantity("an acceleration", "m/s^2", "9.81 m/s^2
 
 def number(example: str, minimum: float = -math.inf, maximum: float = math.inf, *, above: bool = False) -> Quantity:
     """Return the quantity of a pure number within [minimum, maximum]; `above`: the minimum is excluded."""
-    return Quantity("a number", "", example, minimum, maximum, open_minimum=above)
+    return Quantity("a number", "", example, minimum, maximum, open_minimum=above, least=_LEAST if above else 0.0)
 
 
 def two_digits(value: float) -> str:

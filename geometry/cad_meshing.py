@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from geometry.cad_import import CadError, CadPart, imported_section, list_of
+from geometry.element_count import MOST_TRIANGLES, expected_triangles, refuse_too_many
 from geometry.meshing import (
     CORNER,
     GROWTH,
@@ -125,7 +126,9 @@ def mesh_cad(
             gmsh.model.addPhysicalGroup(2, tags, name=name)
         for name, tags in _named_curves(gmsh, surfaces, powder).items():
             gmsh.model.addPhysicalGroup(1, tags, name=name)
-        _set_sizes(gmsh, parts, surfaces, powder, max(float(gap_layers), MINIMUM_LAYERS * size_factor), air_factor)
+        layers = max(float(gap_layers), MINIMUM_LAYERS * size_factor)
+        expected = _set_sizes(gmsh, parts, surfaces, powder, layers, air_factor) / size_factor**2
+        refuse_too_many(expected, MOST_TRIANGLES, "triangles")
         gmsh.model.mesh.generate(2)
         if target is not None:
             gmsh.write(str(target))
@@ -268,14 +271,15 @@ def _set_sizes(
     powder: str,
     layers: float,
     air_factor: float,
-) -> None:
-    """Sizes before the size factor: gaps and corners first, then growing with the distance."""
+) -> float:
+    """Sizes before the size factor: gaps, corners, then growing with the distance; returns the expected triangles."""
     low, high = min(part.z0 for part in parts), max(part.z1 for part in parts)
     r1 = max(part.r1 for part in parts)
     far = _disc(parts, air_factor)[1] * MILLIMETRE / 8.0
     device = min(r1 / 20.0, (high - low) / 8.0)
     fields = [_grown(gmsh, "Box", device, far, {"XMin": 0.0, "XMax": r1, "YMin": low, "YMax": high, "ZMin": -1.0,
                                                 "ZMax": 1.0})]  # fmt: skip
+    shapes = [(device, r1, high - low)]
     at_corner: dict[int, float] = {}
     for name, tags in surfaces.items():
         for distance, *curves in _facing(gmsh, tags, device / MILLIMETRE):
@@ -284,6 +288,7 @@ def _set_sizes(
             if size >= device:
                 continue
             fields.append(_along(gmsh, curves, size, 0.5 * gap, far))
+            shapes.append((size, min(gmsh.model.occ.getMass(1, curve) for curve in curves) * MILLIMETRE, gap))
             if name == powder:
                 for _, corner in (end for curve in curves for end in _ends(gmsh, curve)):
                     at_corner[corner] = min(size, at_corner.get(corner, math.inf))
@@ -294,6 +299,7 @@ def _set_sizes(
     least = gmsh.model.mesh.field.add("Min")
     gmsh.model.mesh.field.setNumbers(least, "FieldsList", fields)
     gmsh.model.mesh.field.setAsBackgroundMesh(least)
+    return expected_triangles(shapes, GROWTH)
 
 
 def _along(gmsh: Any, curves: Sequence[int], size: float, reach: float, far: float) -> int:

@@ -18,6 +18,9 @@ SCRIPT = ".geo"
 SHAPE_FORMATS = {".step": "step", ".stp": "step", ".iges": "iges", ".igs": "iges", ".brep": "brep"}
 """Name of a format in gmsh's ``importShapes``, by the ending of a file."""
 
+LARGEST_FILE = 200_000_000
+"""Bytes: 4 million triangles of a binary STL; a larger file is refused before it is read."""
+
 _HEAD = 1000  # bytes; STEP and BREP may have a comment or blank lines before their mark
 _IGES_COLUMN = 72  # from 0: the letter of a line's section
 
@@ -35,6 +38,8 @@ def content_fault(path: Path) -> str:
 
     It says only that the file begins like one of its kind: whether it can be read is found by reading it.
     """
+    if fault := size_fault(path):
+        return fault
     with open(path, "rb") as stream:
         head = stream.read(_HEAD)
     kind = SHAPE_FORMATS.get(path.suffix.lower(), "msh")
@@ -46,6 +51,13 @@ def content_fault(path: Path) -> str:
         return "is not an IGES file: its first line has no S in column 73; export it anew, best as STEP"
     if kind == "msh" and not head.startswith((b"$MeshFormat", b"$NOD")):
         return "is not a mesh of gmsh: it does not begin with $MeshFormat; write it anew from gmsh as .msh"
+    return ""
+
+
+def size_fault(path: Path) -> str:
+    """What is wrong with the size of a file; empty where it can be read."""
+    if path.stat().st_size > LARGEST_FILE:
+        return f"is larger than {LARGEST_FILE // 1_000_000} MB; simplify the shape, or mesh it more coarsely"
     return ""
 
 

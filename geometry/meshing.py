@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from geometry.clutch import Clutch
+from geometry.element_count import MOST_TRIANGLES, expected_triangles, refuse_too_many
 from geometry.fault import GeometryError
 from geometry.section import SectionMesh
 
@@ -32,6 +33,9 @@ CORNER = 0.25  # element size at a steel corner over that of the gap
 
 # The CAD kernel's tolerance is 1e-7 of its own unit: in metres, a clearance of 0.3 mm would be close to it.
 MILLIMETRE = 1e-3
+
+Extent = tuple[float, float, float, float]
+"""r0, r1, z0, z1 of a rectangle [m]."""
 
 _OPTIONS = {
     "General.Terminal": 0,
@@ -79,6 +83,8 @@ def mesh_clutch(
         raise ValueError(f"`gap_layers` = {gap_layers}: allowed are {MINIMUM_LAYERS} or more; raise `gap_layers`")
     if not 0.1 <= size_factor <= 4.0:
         raise ValueError(f"`size_factor` = {size_factor:g}: allowed are 0.1 to 4; the default is 1")
+    layers = max(float(gap_layers), MINIMUM_LAYERS * size_factor)
+    refuse_too_many(_expected(clutch, layers, size_factor), MOST_TRIANGLES, "triangles")
     target = None if path is None else _writable(Path(path))
     options = _OPTIONS | {"Mesh.MeshSizeFactor": size_factor}
     with gmsh_model(options) as gmsh:
@@ -87,7 +93,7 @@ def mesh_clutch(
             gmsh.model.addPhysicalGroup(2, tags, name=name)
         for name, tags in _named_curves(gmsh, clutch, surfaces).items():
             gmsh.model.addPhysicalGroup(1, tags, name=name)
-        _set_sizes(gmsh, clutch, max(float(gap_layers), MINIMUM_LAYERS * size_factor))
+        _set_sizes(gmsh, clutch, layers)
         gmsh.model.mesh.generate(2)
         if target is not None:
             gmsh.write(str(target))
@@ -187,10 +193,14 @@ def _named_curves(gmsh: Any, clutch: Clutch, surfaces: dict[str, list[int]]) -> 
     return curves
 
 
-def _set_sizes(gmsh: Any, clutch: Clutch, layers: float) -> None:
-    """Element sizes before the size factor, as the least of a few boxes and balls that grow outwards."""
-    field = gmsh.model.mesh.field
-    far = clutch.air_radius / 8.0
+def _expected(clutch: Clutch, layers: float, factor: float) -> float:
+    """About how many triangles the mesh will have."""
+    boxes, _ = _sizes(clutch, layers)
+    return expected_triangles(((factor * size, r1 - r0, z1 - z0) for size, (r0, r1, z0, z1) in boxes), factor * GROWTH)
+
+
+def _sizes(clutch: Clutch, layers: float) -> tuple[list[tuple[float, Extent]], list[tuple[float, tuple[float, float]]]]:
+    """Element sizes before the size factor, of boxes and at corners [m]."""
     device = min(clutch.outer_radius / 20.0, clutch.housing_length / 8.0)
     rim, face = (gap / (layers * ROW_HEIGHT) for gap in (clutch.gap, clutch.face_gap))
     half, disc_half = 0.5 * clutch.cavity_length, 0.5 * clutch.disc_thickness
@@ -215,6 +225,14 @@ def _set_sizes(gmsh: Any, clutch: Clutch, layers: float) -> None:
     ]
     if clutch.cover_magnetic:
         corners.append((CORNER * face, (clutch.seal_radius, half)))
+    return boxes, corners
+
+
+def _set_sizes(gmsh: Any, clutch: Clutch, layers: float) -> None:
+    """Element sizes before the size factor, as the least of a few boxes and balls that grow outwards."""
+    field = gmsh.model.mesh.field
+    far = clutch.air_radius / 8.0
+    boxes, corners = _sizes(clutch, layers)
     fields = []
     for size, extent in boxes:
         numbers = dict(zip(("XMin", "XMax", "YMin", "YMax"), extent, strict=True)) | {

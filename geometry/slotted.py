@@ -24,18 +24,19 @@ outer cylinder between them are faces of the mesh: a source field that jumps the
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from geometry.clutch import Clutch
+from geometry.element_count import MOST_TETRAHEDRA, expected_triangles, refuse_too_many
 from geometry.fault import GeometryError
-from geometry.meshing import CORNER, MILLIMETRE, ROW_HEIGHT, gmsh_model
+from geometry.meshing import CORNER, GROWTH, MILLIMETRE, ROW_HEIGHT, Extent, gmsh_model
 from geometry.solid_mesh import EDGES, SolidMesh
 from geometry.solid_meshing import (
     SOLID_OPTIONS,
-    SizeFormula,
     box_distance,
     faces_of,
     faces_where,
@@ -108,8 +109,9 @@ def mesh_slotted(
     if not 0.2 <= size_factor <= 4.0:
         raise ValueError(f"`size_factor` = {size_factor:g}: allowed are 0.2 to 4; the default is 1")
     start, end, mirrored = _sector(clutch, periodic, wedge)
-    section, triangles, owners = _section(clutch, gap_layers, size_factor)
     angles = _layers(clutch, gap_layers, size_factor, start, end)
+    _refuse_too_many(_sizes(clutch, gap_layers, size_factor), len(angles) - 1)
+    section, triangles, owners = _section(clutch, gap_layers, size_factor)
     points, elements, regions = _sweep(clutch, section, triangles, owners, angles, order)
     boundaries = _boundaries(points, elements[:, :4], regions, clutch, start, end)
     return finish(
@@ -169,7 +171,8 @@ def _section(clutch: Clutch, layers: int, factor: float) -> tuple[np.ndarray, np
     with gmsh_model(SOLID_OPTIONS) as gmsh:
         names, tags = _section_faces(gmsh, clutch)
         gmsh.model.occ.synchronize()
-        set_sizes(gmsh, _sizes(clutch, layers, factor), factor * clutch.air_radius / 4.0)
+        formulas = [(size, _distance(*extent)) for size, extent in _sizes(clutch, layers, factor)]
+        set_sizes(gmsh, formulas, factor * clutch.air_radius / 4.0)
         gmsh.model.mesh.generate(2)
         blocks = [gmsh.model.mesh.getElementsByType(2, tag)[1].reshape(-1, 3).astype(np.int64) for tag in tags]
         node, coordinates, _ = gmsh.model.mesh.getNodes()
@@ -330,7 +333,13 @@ def _gap_size(gap: float, layers: int, factor: float) -> float:
     return gap * min(factor / layers, 1.0 / min(layers, 2)) / ROW_HEIGHT
 
 
-def _sizes(clutch: Clutch, layers: int, factor: float) -> list[SizeFormula]:
+def _refuse_too_many(sizes: Sequence[tuple[float, Extent]], layers: int) -> None:
+    """Refuse a section of these sizes that is swept through so many layers, three tetrahedra a prism."""
+    triangles = expected_triangles(((size, r1 - r0, z1 - z0) for size, (r0, r1, z0, z1) in sizes), GROWTH)
+    refuse_too_many(3.0 * triangles * layers, MOST_TETRAHEDRA, "tetrahedra")
+
+
+def _sizes(clutch: Clutch, layers: int, factor: float) -> list[tuple[float, Extent]]:
     """Sizes of the triangles: gaps by layers, steel corners, the running clearance, the device by its size."""
     half, disc_half, rotor_half = (0.5 * x for x in (clutch.cavity_length, clutch.disc_thickness, clutch.rotor_length))
     rim, face = (_gap_size(gap, layers, factor) for gap in (clutch.gap, clutch.face_gap))
@@ -338,12 +347,12 @@ def _sizes(clutch: Clutch, layers: int, factor: float) -> list[SizeFormula]:
     bore = factor * max(4.0 * clutch.clearance, clutch.housing_length / 100.0)
     device = factor * min(clutch.outer_radius / 10.0, clutch.housing_length / 5.0)
     ring, coil, rim_radius = 0.5 * clutch.ring_width, 0.5 * clutch.coil_width, clutch.disc_radius
-    sizes: list[SizeFormula] = [
-        (rim, _distance(rim_radius, clutch.bore_radius, -half, half)),
-        (face, _distance(clutch.seal_radius, rim_radius, disc_half, half)),
-        (face, _distance(clutch.seal_radius, rim_radius, -half, -disc_half)),
-        (bore, _distance(clutch.rotor_radius, clutch.housing_bore, -rotor_half, rotor_half)),
-        (device, _distance(0.0, clutch.outer_radius, -0.5 * clutch.length, 0.5 * clutch.length)),
+    sizes: list[tuple[float, Extent]] = [
+        (rim, (rim_radius, clutch.bore_radius, -half, half)),
+        (face, (clutch.seal_radius, rim_radius, disc_half, half)),
+        (face, (clutch.seal_radius, rim_radius, -half, -disc_half)),
+        (bore, (clutch.rotor_radius, clutch.housing_bore, -rotor_half, rotor_half)),
+        (device, (0.0, clutch.outer_radius, -0.5 * clutch.length, 0.5 * clutch.length)),
     ]
     corners = [
         (CORNER * min(rim, face), rim_radius, disc_half),
@@ -361,9 +370,9 @@ def _sizes(clutch: Clutch, layers: int, factor: float) -> list[SizeFormula]:
             width = slots.pitch * min(slots.share, 1.0 - slots.share) * surface
             low, high = sorted((surface, surface + inwards * slots.depth))
             # of a slot shallower than the gap no more is seen in the gap than its own triangles resolve
-            sizes.append((max(factor * min(width, slots.depth) / 3.0, rim), _distance(low, high, -reach, reach)))
+            sizes.append((max(factor * min(width, slots.depth) / 3.0, rim), (low, high, -reach, reach)))
     for size, r, z in corners:
-        sizes += [(size, _distance(r, r, side, side)) for side in ((-z, z) if z > 0.0 else ())]
+        sizes += [(size, (r, r, side, side)) for side in ((-z, z) if z > 0.0 else ())]
     return sizes
 
 

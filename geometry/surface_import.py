@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from geometry.file_content import SHAPE_FORMATS, content_fault
+from geometry.element_count import MOST_TRIANGLES
+from geometry.file_content import SHAPE_FORMATS, content_fault, size_fault
 from geometry.meshing import MILLIMETRE, gmsh_model
 from geometry.triangle_wall import MERGED, TriangleWall, _heights
 
@@ -78,7 +80,7 @@ def triangle_wall_from_file(
     is_mesh = suffix in MESH_SUFFIXES
     if is_mesh and size is not None:
         raise SurfaceError(f"`size` is for CAD files; {path} is a mesh and keeps its triangles: remove `size`")
-    if not is_mesh and (fault := content_fault(path)):
+    if fault := size_fault(path) if is_mesh else content_fault(path):
         raise SurfaceError(f"{path} {fault}")
     vertices, triangles = _mesh(path) if is_mesh else _cad(path, None if size is None else size / scale)
     vertices = scale * vertices
@@ -149,7 +151,11 @@ def _cad(path: Path, size: float | None) -> tuple[np.ndarray, np.ndarray]:
         try:
             gmsh.model.occ.importShapes(str(path), highestDimOnly=False, format=SHAPE_FORMATS[path.suffix.lower()])
             gmsh.model.occ.synchronize()
+            if size is not None:
+                _refuse_too_fine(gmsh, path, size / MILLIMETRE)
             gmsh.model.mesh.generate(2)
+        except SurfaceError:
+            raise
         except Exception as error:  # gmsh raises plain Exception, with its own last message
             raise SurfaceError(f"{path} cannot be read and meshed ({error}); export it anew, best as STEP") from None
         tags, coordinates, _ = gmsh.model.mesh.getNodes()
@@ -158,3 +164,14 @@ def _cad(path: Path, size: float | None) -> tuple[np.ndarray, np.ndarray]:
     position[tags] = coordinates.reshape(-1, 3)
     used, triangles = np.unique(corners, return_inverse=True)
     return MILLIMETRE * position[used], triangles.reshape(-1, 3).astype(np.int64)
+
+
+def _refuse_too_fine(gmsh: Any, path: Path, side: float) -> None:
+    """Refuse sides [mm] with which the faces of a CAD file would have more triangles than any wall needs."""
+    area = sum(gmsh.model.occ.getMass(2, tag) for _, tag in gmsh.model.getEntities(2))
+    count = area / (math.sqrt(3.0) / 4.0 * side**2)
+    if count > MOST_TRIANGLES:
+        raise SurfaceError(
+            f"{path} would have about {count:.2g} triangles; allowed: at most {MOST_TRIANGLES:.2g}; raise `size`, or "
+            "leave it out"
+        )

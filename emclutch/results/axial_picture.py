@@ -85,6 +85,6 @@ def axial_picture(
     axis.set(xlim=(-limit, limit), ylim=(-limit, limit), xlabel="x [mm]", ylabel="y [mm]")
     figure.colorbar(grains, ax=axis, label=colour_label, shrink=0.8)
     if title:
-        axis.set_title(title, loc="left", fontsize=11)
+        axis.set_title(title, loc="left", fontsize=11, parse_math=False)
     figure.savefig(path)
     return Path(path)

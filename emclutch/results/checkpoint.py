@@ -18,6 +18,7 @@ import h5py
 import numpy as np
 
 from emclutch.results.atomic_file import replace_bytes
+from emclutch.results.closed_file import refuse_links
 from emclutch.results.output_error import OutputError
 
 VERSION = 1
@@ -49,6 +50,7 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
     """
     try:
         with h5py.File(path, "r") as file:
+            refuse_links(file, path)
             version = file.attrs.get("version")
             if version is None or "state" not in file:
                 raise OutputError(
@@ -59,7 +61,7 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
                 raise OutputError(
                     f"{path} has layout {version}, this program reads {VERSION}; resume with the program that wrote it"
                 )
-            state = _read(file["state"])
+            state = _read(file["state"], Path(path).stat().st_size)
     except (OSError, *DAMAGED) as error:
         raise OutputError(
             f"cannot read {path}: {error}; put a good one there, or start the run anew, without --resume and elsewhere "
@@ -106,13 +108,16 @@ def _write(parent: h5py.Group, name: str, value: Any, where: str) -> None:
     parent.create_dataset(name, data=data).attrs["kind"] = kind
 
 
-def _read(node: h5py.Group | h5py.Dataset) -> Any:
+def _read(node: h5py.Group | h5py.Dataset, most: int) -> Any:
+    """The value of a node; none has more than `most` bytes, those of the file, in which nothing is compressed."""
     kind = node.attrs["kind"]
     if kind == "dict":
-        return {name: _read(entry) for name, entry in node.items()}
+        return {name: _read(entry, most) for name, entry in node.items()}
     if kind in ("list", "tuple"):
-        entries = [_read(node[str(i)]) for i in range(len(node))]
+        entries = [_read(node[str(i)], most) for i in range(len(node))]
         return entries if kind == "list" else tuple(entries)
+    if node.nbytes > most:
+        raise ValueError(f"{node.name} is to have {node.nbytes} bytes, in a file of {most}")
     data = node[()]
     if kind == "array":
         return np.asarray(data)

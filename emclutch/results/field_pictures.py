@@ -47,7 +47,7 @@ def saturation_picture(path: str | Path, table: Any, *, title: str | None = None
         axis.set_xlabel("coil current [A]")
         axis.grid(alpha=0.25)
     if title:
-        figure.suptitle(title, x=0.01, ha="left", fontsize=11)
+        figure.suptitle(title, x=0.01, ha="left", fontsize=11, parse_math=False)
     figure.savefig(path)
     return Path(path)
 
@@ -86,7 +86,7 @@ def line_picture(path: str | Path, along: Any, *, title: str | None = None) -> P
             )  # fmt: skip
     axes[1].set_xlabel("distance along the line [mm]")
     if title:
-        figure.suptitle(title, x=0.01, ha="left", fontsize=11)
+        figure.suptitle(title, x=0.01, ha="left", fontsize=11, parse_math=False)
     figure.savefig(path)
     return Path(path)
 
@@ -113,6 +113,6 @@ def gap_map_picture(
     axis.set_xlabel("angle [deg]")
     axis.set_ylabel("z [mm]")
     if title:
-        axis.set_title(title, loc="left", fontsize=11)
+        axis.set_title(title, loc="left", fontsize=11, parse_math=False)
     figure.savefig(path)
     return Path(path)

@@ -179,7 +179,8 @@ def _lay_out(figure: Figure, views: Sequence[tuple[float, float, float, float]],
     total = bottom + content[1] + top
     figure.set_size_inches(width, total)
     if lines:
-        figure.text(0.15 / width, 1.0 - 0.1 / total, "\n".join(lines), va="top", fontsize=11, fontweight="bold")
+        text = figure.text(0.15 / width, 1.0 - 0.1 / total, "\n".join(lines), va="top", fontsize=11, fontweight="bold")
+        text.set_parse_math(False)
 
     def axes_at(x: float, y: float, w: float, h: float) -> Axes:
         return figure.add_axes((x / width, y / total, w / width, h / total))

@@ -27,7 +27,7 @@ def profile_picture(path: str | Path, profiles: Sequence[Profile], *, title: str
     for profile, rows in zip(profiles, axes.reshape(len(profiles), 6), strict=True):
         _draw(rows, profile)
     if title:
-        figure.suptitle(title, fontsize=11, fontweight="bold", x=0.01, ha="left")
+        figure.suptitle(title, fontsize=11, fontweight="bold", x=0.01, ha="left", parse_math=False)
     figure.savefig(path)
     return Path(path)
 

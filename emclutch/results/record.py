@@ -34,6 +34,7 @@ import numpy as np
 from emclutch.results.array_units import ARRAY_UNITS
 from emclutch.results.atomic_file import replace_bytes
 from emclutch.results.checkpoint import DAMAGED
+from emclutch.results.closed_file import refuse_links
 from emclutch.results.history import COLUMNS
 from emclutch.results.journal import JournalledFile, journal_of
 from emclutch.results.output_error import OutputError
@@ -89,6 +90,7 @@ class Record:
             try:
                 with JournalledFile(record.path) as content:
                     with h5py.File(content, "r+") as file:
+                        refuse_links(file, record.path)
                         if resume_time is not None:
                             _cut_back(file, resume_time)
                     content.commit()
@@ -208,6 +210,7 @@ class Record:
         """The open file of a record; OutputError where it is none, or damaged."""
         try:
             with JournalledFile(self.path) as content, h5py.File(content, "r") as file:
+                refuse_links(file, self.path)
                 missing = [name for name in (GRAINS, "observables") if name not in file]
                 if missing:
                     raise OutputError(

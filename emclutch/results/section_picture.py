@@ -113,7 +113,8 @@ def _lay_out(figure: Figure, widths: list[float], title: str | None) -> tuple[li
     height = bottom + high + 0.55 + 0.2 * len(lines)
     figure.set_size_inches(width, height)
     if lines:
-        figure.text(0.15 / width, 1.0 - 0.1 / height, "\n".join(lines), va="top", fontsize=11, fontweight="bold")
+        text = figure.text(0.15 / width, 1.0 - 0.1 / height, "\n".join(lines), va="top", fontsize=11, fontweight="bold")
+        text.set_parse_math(False)
     axes, x = [], left
     for panel in panels:
         axes.append(figure.add_axes((x / width, bottom / height, panel / width, high / height)))

@@ -77,7 +77,7 @@ def speed_picture(
     axis.margins(x=0.0)
     axis.legend(loc="upper left", frameon=False, fontsize=9)
     if title:
-        axis.set_title(title, loc="left", fontsize=11)
+        axis.set_title(title, loc="left", fontsize=11, parse_math=False)
     figure.savefig(path)
     return Path(path)
 
@@ -140,7 +140,7 @@ def torque_speed_picture(path: str | Path, runs: Mapping[str, Any], *, title: st
     if axis.get_legend_handles_labels()[0]:
         axis.legend(loc="upper left", frameon=False, fontsize=9)
     if title:
-        axis.set_title(title, loc="left", fontsize=11)
+        axis.set_title(title, loc="left", fontsize=11, parse_math=False)
     figure.savefig(path)
     return Path(path)
 

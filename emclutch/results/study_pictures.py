@@ -77,7 +77,7 @@ def work_precision_picture(path: str | Path, table: Any, *, title: str | None = 
         _few_ticks(axes[0].yaxis, height[np.isfinite(error)])  # the panels share it
     axes[0].set_ylabel("relative error")
     if title:
-        figure.suptitle(title, fontsize=12)
+        figure.suptitle(title, fontsize=12, parse_math=False)
     figure.savefig(path)
     return Path(path)
 

@@ -121,5 +121,5 @@ def _torque_axes(curves: Sequence[TorqueCurve], title: str | None, *, joined: bo
     axis.set_ylabel("torque on the disc [N m]")
     axis.grid(alpha=0.25)
     if title:
-        axis.set_title(title, loc="left", fontsize=11)
+        axis.set_title(title, loc="left", fontsize=11, parse_math=False)
     return figure, axis

@@ -85,7 +85,7 @@ def torque_picture(
     axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=9)
     axis.margins(x=0.0)
     if title:
-        axis.set_title(title, loc="left", fontsize=11)
+        axis.set_title(title, loc="left", fontsize=11, parse_math=False)
     if drives:
         _draw_drives(axes[1], time, history, drives)
     axes[-1].set_xlabel(f"time [{time_unit}]")

@@ -10,11 +10,13 @@ from emclutch.faults import Fault
 from emclutch.scene.draft import Draft, size_key
 from emclutch.scene.fill import fill_of
 from emclutch.scene.geometry import BoxGeometry, CadGeometry, ClutchGeometry
+from emclutch.scene.grains import MOST_GRAINS
 from emclutch.scene.magnetic_checks import (
     coil_transients,
     field_source,
     materials,
     needs_of_effects,
+    needs_of_moments,
     room_for_the_layers,
     room_for_the_smear,
     slots,
@@ -159,6 +161,12 @@ def _fill(draft: Draft) -> Iterator[Fault]:
             f"cm^3), more than can be packed; allowed: at most {limits[key]}; lower it, or enlarge the "
             "region",
         )
+    elif fill.count > MOST_GRAINS:
+        yield draft.fault(
+            f"particles.{key}",
+            f"makes {fill.count:.3g} grains; allowed: at most {MOST_GRAINS:.3g}; lower it, take a narrower "
+            f"particles.sector, or raise particles.{size_key(particles)}",
+        )
     if fill.count < 1:
         yield draft.fault(
             f"particles.{key}",
@@ -219,6 +227,7 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (sector_width, ("geometry", "particles", "effects")),
     (needs_of_effects, ("effects",)),
     (room_for_the_layers, ("geometry", "particles", "effects", "field")),
+    (needs_of_moments, ("effects", "particles")),
     (room_for_the_smear, ("geometry", "particles", "effects", "field")),
     (coil_transients, ("effects", "coil", "field", GEOMETRY_KIND, "materials")),
     (slots, (GEOMETRY_KIND, "effects", "field", "particles")),

@@ -149,6 +149,7 @@ def _plain(kind: str, message: str, context: dict[str, Any], path: Path) -> str:
         "bool_parsing": "is not a truth value; write true or false, without quotes",
         "string_type": "is not a text; write it in quotes",
         "string_too_short": "is empty; write a line of text",
+        "string_too_long": f"is too long; at most {context.get('max_length')} letters are allowed",
         "tuple_type": "is not a list; write it in brackets, e.g. [1, 2, 3]",
         "list_type": "is not a list; write it in brackets, e.g. [1, 2, 3]",
         "string_pattern_mismatch": "is not a name; use letters, digits and _, a letter first",

@@ -16,7 +16,7 @@ class CoilField(Section):
     source: Literal["coil"]
     order: Annotated[int, Whole(1, 3, "2")] = Field(default=2, description="polynomial order of the elements")
     gap_layers: Annotated[int, Whole(3, 40, "4")] = Field(default=4, description="element layers across a gap")
-    size_factor: Annotated[float, number("1", 0.1, 10.0)] = Field(default=1.0, description="scales the mesh size")
+    size_factor: Annotated[float, number("1", 0.1, 4.0)] = Field(default=1.0, description="scales the mesh size")
     tolerance: Annotated[float, number("1e-3", 1e-6, 0.1)] | None = Field(
         default=None, description="refine the mesh until flux linkage and gap field are this accurate; unset: as meshed"
     )

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 LARGEST_SOLID_FRACTION = 0.60
 """Fill beyond which equal spheres are not packed at random without pressing them (close packing: 0.64)."""
 
+MOST_GRAINS = 10_000_000
+"""That are simulated: 40 GB of them; their sizes alone are drawn in a second."""
+
 _LATTICE_DENSITY = {"sc": math.pi / 6.0, "fcc": math.pi / math.sqrt(18.0), "hcp": math.pi / math.sqrt(18.0)}
 _AMOUNTS = ("mass", "solid_fraction", "count")
 
@@ -33,7 +36,7 @@ class Particles(Section):
     solid_fraction: Annotated[float, number("0.4", 0.0, 1.0, above=True)] | None = Field(
         default=None, description="volume of grains / volume of the region; at random at most 0.60 can be packed"
     )
-    count: Annotated[int, Whole(1, 100_000_000, "1000")] | None = Field(
+    count: Annotated[int, Whole(1, MOST_GRAINS, "1000")] | None = Field(
         default=None, description="number of simulated grains (those of the sector, where there is one)"
     )
     density: Density = Field(default=7700.0, description="density of the grain's material")

@@ -6,7 +6,9 @@ Curves of materials are not among them: their points are copied into the resolve
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from emclutch.scene.geometry import CadGeometry
 from emclutch.scene.model import Scene
@@ -23,6 +25,22 @@ def input_files(scene: Scene) -> dict[str, Path]:
     if isinstance(scene.particles.sizes, DiametersOfFile):
         files["particles.sizes.file"] = Path(scene.particles.sizes.file)
     return dict(sorted(files.items()))
+
+
+def paths_elsewhere(scene: Scene, data: Mapping[str, Any], folder: Path) -> dict[str, Path]:
+    """Paths that lead out of the scene's folder, links followed, by the keys that name them: read, or written to.
+
+    `data` is the scene as its author wrote it: of a material's curve the resolved scene has the points, not the file.
+    The folder of the results counts from where the program is started.
+    """
+    named = input_files(scene)
+    for name, entry in data.get("materials", {}).items():
+        named |= {f"materials.{name}.{key}": folder / str(entry[key]) for key in ("table", "file") if key in entry}
+    home = folder.resolve()
+    found = {key: path.resolve() for key, path in named.items() if not path.resolve().is_relative_to(home)}
+    if scene.output.folder is not None and not Path(scene.output.folder).resolve().is_relative_to(Path.cwd().resolve()):
+        found["output.folder"] = Path(scene.output.folder).resolve()
+    return dict(sorted(found.items()))
 
 
 def hashed_input_files(scene: Scene) -> dict[str, dict[str, str]]:

@@ -19,6 +19,7 @@ from emclutch.scene.grain_smear import (
 )
 from emclutch.scene.section import did_you_mean
 
+LEAST_SIZE_IN_SPACE = 0.2  # `geometry.mesh_slotted`
 _NEAR_REACH = 1.8  # diameters: two radii and the farthest gap of a near pair, 1.2 radii, where dipoles are whole
 
 
@@ -79,7 +80,6 @@ def needs_of_effects(draft: Draft) -> Iterator[Fault]:
                 "needs magnetised grains; add [effects.dipoles] or "
                 "[effects.magnetic_force], or remove the effect's table",
             )
-    yield from needs_of_moments(draft)
     if effects.wall_images is not None and effects.dipoles is None:
         yield Fault("effects.wall_images", "", "needs dipoles to mirror; add [effects.dipoles], or remove its table")
     if effects.back_reaction is not None and isinstance(draft.scene.field, UniformField):
@@ -248,6 +248,11 @@ def slots(draft: Draft) -> Iterator[Fault]:
         yield draft.fault(
             "field.tolerance", f"refines the mesh of a section, but {key} asks for a field in space; remove it, and "
             "set the mesh by field.size_factor"
+        )  # fmt: skip
+    if draft.scene.field.size_factor < LEAST_SIZE_IN_SPACE:
+        yield draft.fault(
+            "field.size_factor", f"is too fine for a field in space, which {key} asks for; allowed: at least "
+            f"{LEAST_SIZE_IN_SPACE:g}"
         )  # fmt: skip
     sector = draft.scene.particles.sector
     if sector is not None and len(slotted) == 1:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import unicodedata
 from typing import TYPE_CHECKING, Annotated
 
-from pydantic import Field, StringConstraints
+from pydantic import AfterValidator, Field, StringConstraints
 
 from emclutch.scene.coil import Coil
 from emclutch.scene.contact import Contact
@@ -14,7 +15,7 @@ from emclutch.scene.geometry import CadGeometry, ClutchGeometry, Geometry
 from emclutch.scene.grains import Particles
 from emclutch.scene.materials import Material
 from emclutch.scene.motion import Motion
-from emclutch.scene.section import Section, Whole
+from emclutch.scene.section import Section, Whole, refuse
 from emclutch.scene.surfaces import Surface
 from emclutch.scene.timing import Accuracy, Output, TimeSpan
 
@@ -26,10 +27,17 @@ if TYPE_CHECKING:
 _Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 
 
+def _one_line(title: str) -> str:
+    """Refuse what a terminal would obey instead of printing."""
+    if any(unicodedata.category(letter) == "Cc" for letter in title):
+        raise refuse("has line breaks or other control characters; write one line of text")
+    return title
+
+
 class Header(Section):
     """[scene]: what the scene is."""
 
-    title: str = Field(min_length=1, description="a line of text")
+    title: Annotated[str, AfterValidator(_one_line)] = Field(min_length=1, max_length=200, description="a line of text")
     description: str = Field(default="", description="what is asked, and what to expect")
     seed: Annotated[int, Whole(0, 2**63 - 1, "1")] = Field(default=1, description="of the packing's random numbers")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,6 +15,9 @@ from emclutch.faults import Fault, SceneError, shown
 from emclutch.scene.fault_report import faults_from, key_fault
 from emclutch.scene.model import Scene
 from emclutch.scene.section import Section
+
+MOST_POINTS = 10_000
+"""Of a study, each of them a run."""
 
 
 def _flat(given: Any, prefix: str = "") -> Any:
@@ -123,6 +127,10 @@ def load_study(path: str | Path, *, trust_scripts: bool = False) -> Study:
         if not isinstance(values, list) or not values
     ]
     faults += _warm_start_faults(study)
+    number = math.prod(len(values) for values in study.values.values() if isinstance(values, list))
+    if number > MOST_POINTS:
+        message = f"makes {number:.4g} points; allowed: at most {MOST_POINTS}; take fewer values, or several studies"
+        faults.append(Fault("study.values", "", message))
     if faults:
         raise SceneError(faults, str(path))
     _check_points(study)

@@ -44,7 +44,7 @@ class TimeSpan(Section):
 class Accuracy(Section):
     """The settings that `emclutch accuracy` tries, coarse first; the last one is the reference."""
 
-    mesh: tuple[Annotated[float, number("1", 0.1, 10.0)], ...] = Field(
+    mesh: tuple[Annotated[float, number("1", 0.1, 4.0)], ...] = Field(
         default=(2.0, 1.4, 1.0, 0.7, 0.5), min_length=2, description="values of field.size_factor"
     )
     contact_step: tuple[Annotated[float, number("20", 10.0, 200.0)], ...] = Field(

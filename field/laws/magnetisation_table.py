@@ -56,6 +56,8 @@ def read_table(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
         The file cannot be read.
     """
     path = Path(path)
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise TableFault("is a device or a pipe, not a file; name a text file")
     if path.stat().st_size > _LARGEST_FILE:
         raise TableFault(f"is larger than {_LARGEST_FILE // 1_000_000} MB, which no magnetisation curve is")
     try:

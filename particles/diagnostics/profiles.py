@@ -238,6 +238,8 @@ def _along(s: np.ndarray, at: np.ndarray, value: np.ndarray) -> np.ndarray:
     """Piecewise linear through the bins' means, continued beyond the first and the last; at each s."""
     known = np.isfinite(at)
     at, value = at[known], value[known]
+    apart = _apart(at)
+    at, value = at[apart], value[apart]
     if len(at) < 2:
         return np.full(len(s), value[0] if len(value) else 0.0)
     k = np.clip(np.searchsorted(at, s) - 1, 0, len(at) - 2)
@@ -245,8 +247,15 @@ def _along(s: np.ndarray, at: np.ndarray, value: np.ndarray) -> np.ndarray:
 
 
 def _slope(at: np.ndarray, value: np.ndarray) -> np.ndarray:
-    """d value/d at over the bins that have grains; nan where fewer than two have."""
+    """d value/d at over the bins that have grains; nan where fewer than two have, or the same ones."""
     slope, known = np.full(len(at), np.nan), np.isfinite(at)
-    if np.count_nonzero(known) > 1:
-        slope[known] = np.gradient(value[known], at[known])
+    apart = _apart(at[known])
+    if np.count_nonzero(apart) > 1:
+        gradient = np.gradient(value[known][apart], at[known][apart])
+        slope[known] = gradient[np.cumsum(apart) - 1]
     return slope
+
+
+def _apart(at: np.ndarray) -> np.ndarray:
+    """Which of the increasing means lie beyond the one before; a lone grain in two bins is the mean of both."""
+    return np.append(True, np.diff(at) > 1e-9 * np.abs(at).max(initial=0.0))[: len(at)]

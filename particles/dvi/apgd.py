@@ -14,7 +14,6 @@ about two sweeps and depends on no order of the contacts. The exact Coulomb law 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from geometry.inner_functions import inner
 from particles.dvi.gauss_seidel import (

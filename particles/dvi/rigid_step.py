@@ -67,7 +67,7 @@ def choose_rigid_step(
         limits.append((ATTRACTION * time, f"a tenth of the {time:.3g} s in which {attraction:.3g} N close a gap"))
     if dt is None:
         if not limits:
-            raise ValueError("nothing moves the grains, so no step follows; give the step, e.g. '1 ms'")
+            raise ValueError("nothing moves the grains, so no step follows; give contact.dvi.step, e.g. '1 ms'")
         longest, why = min(limits)
         return TimeStep(longest, f"dt = {longest:.3g} s: {why}, rigid grains")
     if not 0.0 < dt < math.inf:

@@ -9,6 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+LARGEST_FILE = 50_000_000
+"""Bytes: half a million grains; a larger table is refused before it is read, of which each byte takes twenty."""
+
 _HEAD = re.compile(r"\s*([A-Za-z_][A-Za-z0-9_]*)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
 _UNITS = {
     "": 1.0, "-": 1.0, "1": 1.0, "%": 0.01,
@@ -34,6 +37,11 @@ def read_columns(path: str | Path) -> dict[str, np.ndarray]:
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"{path} does not exist; check the path")
+    if path.stat().st_size > LARGEST_FILE:
+        raise ValueError(
+            f"{path} is larger than {LARGEST_FILE // 1_000_000} MB; keep what is needed, a packing of many grains in "
+            "an npz archive"
+        )
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError:

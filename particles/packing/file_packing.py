@@ -11,6 +11,8 @@ Diameters are needed somewhere: in the file, or given by the caller.
 
 from __future__ import annotations
 
+import mmap
+import re
 import warnings
 import zlib
 from collections.abc import Mapping
@@ -24,7 +26,11 @@ from particles.packing.columns_file import read_columns
 from particles.packing.packing import Packing, require_fit
 from particles.packing.space import Space
 
+MOST_BYTES = 2_000_000_000
+"""Of a file's arrays, unpacked: 10 million grains with all that there is of them; more is refused unread."""
 OVERLAP_LIMIT = 0.05  # of a diameter: beds at rest have a few tenths of a per cent, wrong units far more
+_NUMBER_OF_POINTS = re.compile(rb"NumberOfPoints\s*=\s*[\"'](\d{1,18})")
+_LEAST_BYTES_OF_A_POINT = 24
 
 
 def read_packing(path: str | Path, *, radius: float | None = None) -> Packing:
@@ -132,9 +138,21 @@ def _from_npz(path: Path) -> dict[str, np.ndarray]:
             if not isinstance(archive, np.lib.npyio.NpzFile):
                 raise ValueError("it holds one array without a name; write it by numpy.savez")
             with archive:
-                return dict(archive)
-    except (ValueError, OSError, EOFError, BadZipFile, zlib.error, NotImplementedError) as error:
+                assert archive.zip is not None  # it is open
+                size = sum(int(entry.file_size) for entry in archive.zip.infolist())
+                if size <= MOST_BYTES:
+                    return dict(archive)
+    # memory: of an array whose head says that it has more numbers than the file
+    except (ValueError, OSError, EOFError, BadZipFile, zlib.error, NotImplementedError, MemoryError) as error:
         raise ValueError(f"{path} is no npz archive of arrays ({error})") from None
+    raise _too_much(path, size)
+
+
+def _too_much(path: Path, size: int) -> ValueError:
+    return ValueError(
+        f"{path} holds {size:.2g} bytes of arrays; allowed: at most {MOST_BYTES:.2g}; keep positions and radii of the "
+        "grains that are needed"
+    )
 
 
 def _from_vtp(path: Path) -> dict[str, np.ndarray]:
@@ -143,6 +161,10 @@ def _from_vtp(path: Path) -> dict[str, np.ndarray]:
     with open(path, "rb") as stream:
         if b"<VTKFile" not in stream.read(1000):
             raise ValueError(f"{path} is no VTK file in XML: it does not begin with <VTKFile; export it anew")
+        with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
+            points = max(map(int, _NUMBER_OF_POINTS.findall(content)), default=0)
+    if (size := max(path.stat().st_size, points * _LEAST_BYTES_OF_A_POINT)) > MOST_BYTES:
+        raise _too_much(path, size)
     try:
         with pyvista.vtk_verbosity("off"), warnings.catch_warnings():
             # the reader's errors arrive as warnings, and the file as one without points

@@ -469,3 +469,13 @@ def test_space_is_what_the_walls_span():
     assert box.volume == pytest.approx(np.prod(box.upper - box.lower))
     tube = enclosed_space(grains, [floor, cylinder("out", "rotor", 0.007, -0.5, 0.5)])
     assert tube.z0 == -0.5 and tube.r0 == pytest.approx(np.min(np.hypot(*grains.position.T[:2]) - grains.radius))
+
+
+def test_bins_that_hold_the_same_grain_have_no_slope_between_them():
+    """A lone grain across an edge: both bins have its place as their mean, and no shear rate follows."""
+    grains = Grains.create(np.array([[0.005, 0.0, 0.001]]), np.array([R]), 2000.0, velocity=np.array([[0.0, 1.0, 0.0]]))
+    bins = ring_bins(RING, 1e-3)
+    profile = profile_of(profile_sums(grains, contact_points(grains, np.zeros((0, 2), dtype=np.int64)), bins), bins)
+    held = profile.solid_fraction > 0.0
+    assert held.sum() == 2 and np.allclose(profile.velocity[held], 1.0)
+    assert np.isnan(profile.shear_rate).all() and np.allclose(profile.temperature[held], 0.0)

@@ -47,6 +47,15 @@ def test_section(tmp_path, mesh, strength, with_grains):
     assert is_picture(path)
 
 
+def test_a_title_is_no_formula(tmp_path, mesh):
+    """A dollar sign in a title is one, however many there are."""
+    history = {"time": np.linspace(0.0, 1.0, 9), "torque_disc": np.ones(9), "rotor_speed": np.ones(9)}
+    title = "$\\nonsense{ for 3 $"
+    assert is_picture(pictures.torque_picture(tmp_path / "t.png", history, title=title))
+    assert is_picture(pictures.section_picture(tmp_path / "s.png", mesh, mesh.points[:, 0],
+                                               np.ones((len(mesh.triangles), 2)), title=title))  # fmt: skip
+
+
 def test_the_enlarged_part_lies_in_what_is_filled(tmp_path, mesh, monkeypatch):
     """The field is strongest in a part of the powder's region without powder: it is not what is enlarged."""
     shown = []
