@@ -190,7 +190,7 @@ def _run(
         if "WARNING" in reason:
             _announce(progress, f"{label}: {reason}")
     refuse_too_much(len(replicas.histories) * plan.cost.memory, insist=insist)
-    if not resume:  # else most of it is there
+    if not goes_on:  # else most of it is there
         refuse_full_disk(plan.cost.disk, folder.path, insist=insist)
     mesh_hash = None if device.coil is None else device.coil.mesh.hash()
     folder.write_provenance(
