@@ -39,6 +39,8 @@ def loaded_depth(k: float, force: float, m_eff: float, speed: float) -> float:
     alone = impact_depth(k, m_eff, speed)
     if rest == 0.0 or alone == 0.0:
         return rest + alone
+    if alone < 1e-4 * rest:  # a vibration about the rest, whose energy is lost in the round-off of the load's
+        return rest + speed * math.sqrt(m_eff / tangent_stiffness(k, rest))
     from scipy.optimize import brentq
 
     def surplus(x: float) -> float:  # in units of the impact's energy

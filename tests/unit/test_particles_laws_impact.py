@@ -184,3 +184,16 @@ def test_restitution_of_nothing_is_the_least_that_is_computed(solve):
 def test_impossible_restitution_is_refused(make, e):
     with pytest.raises(ValueError, match=r"restitution = .*allowed: 0 to 1"):
         make(e)
+
+
+def test_an_impact_far_below_the_load_is_a_vibration_about_the_rest():
+    """Down to none, and without a step where the closed form takes over."""
+    from particles.laws.hertz_impact import impact_depth, loaded_depth
+
+    k, force, mass = 1e7, 1.0, 1e-5
+    rest = (force / k) ** (2.0 / 3.0)
+    for speed in (1e-44, 1e-20, 1e-9):
+        assert loaded_depth(k, force, mass, speed) == pytest.approx(rest, rel=1e-6)
+    seam = (k / (1.25 * mass)) ** 0.5 * (1e-4 * rest) ** 1.25
+    below, above = (loaded_depth(k, force, mass, factor * seam) - rest for factor in (0.999, 1.001))
+    assert impact_depth(k, mass, seam) == pytest.approx(1e-4 * rest) and above / below == pytest.approx(1.002, rel=1e-4)
