@@ -244,7 +244,8 @@ def test_centrifugal_study_at_toy_size(tmp_path):
     compared = pandas.read_csv(folder / "methods.csv")
     assert compared["particles.count"].tolist() == [2, 24] and (compared["missed_steps_dvi"] == 0.0).all()
     assert (folder / "methods.txt").read_text().count("neither locks") == 2
-    assert table["rotor_speed"].to_numpy() == pytest.approx(100 * math.pi / 30, rel=1e-6)
+    steps = 10e-3 / 40e-6  # of rigid grains: the row has the speed of the last one, at its begin
+    assert table["rotor_speed"].to_numpy() == pytest.approx(100 * math.pi / 30, rel=1.001 / steps)
     assert table[["output_start_time", "output_start_speed", "lock_up_time"]].isna().all(axis=None)
 
 

@@ -84,7 +84,7 @@ def test_a_contact_too_soft_for_its_load_is_refused_or_stops_with_an_explanation
 
 
 def test_a_step_beyond_the_limit_is_refused_with_the_allowed_one(tmp_path):
-    with pytest.raises(RuntimeError, match=r"dt = .* allowed: more than 0 and at most"):
+    with pytest.raises(RuntimeError, match=r"time.step = .* allowed: more than 0 and at most"):
         run(tmp_path, "long", {"time.step": 1e-5})
 
 
