@@ -6,6 +6,7 @@ sector, carry the history), sums become `StepTotals`, and what went wrong is exp
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -143,7 +144,7 @@ class DEM:
             raise ValueError(
                 f"gravity = {self.gravity} m/s^2 turns from sector to sector; allowed beside a sector: along z only"
             )
-        self._mean_radius = float(np.mean(grains.radius))
+        self._mean_radius = math.fsum(grains.radius) / grains.count  # to the bit, in whatever order they stand
         self._fastest = FASTEST * float(np.min(grains.radius)) / self.dt
         self._own_skin = skin is None
         self.skin = USUAL * self._mean_radius if skin is None else float(skin)
