@@ -142,7 +142,8 @@ def _from_npz(path: Path) -> dict[str, np.ndarray]:
                 size = sum(int(entry.file_size) for entry in archive.zip.infolist())
                 if size <= MOST_BYTES:
                     return dict(archive)
-    # memory: of an array whose head says that it has more numbers than the file
+    # memory: of an array whose head says that it has more numbers than the file; not implemented: zipfile says so of a
+    # compression that it lacks
     except (ValueError, OSError, EOFError, BadZipFile, zlib.error, NotImplementedError, MemoryError) as error:
         raise ValueError(f"{path} is no npz archive of arrays ({error})") from None
     raise _too_much(path, size)

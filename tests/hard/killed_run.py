@@ -8,7 +8,9 @@ import re
 import signal
 import subprocess
 import sys
+import tempfile
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic, sleep
@@ -162,6 +164,18 @@ def record_of(folder: Path) -> dict[str, Any]:
 def differences(first: dict[str, Any], second: dict[str, Any]) -> list[str]:
     """Names of what is not the same in two records."""
     return sorted(name for name in {*first, *second} if first.get(name) != second.get(name))
+
+
+def table_of(things: list, row_of: Callable[[Any, Path], dict[str, Any]], path: Path) -> list[dict[str, Any]]:
+    """A row for each thing, made in a folder of its own; printed, and stored as a table, as soon as it is there."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    rows: list[dict[str, Any]] = []
+    for thing in things:
+        with tempfile.TemporaryDirectory() as scratch:
+            rows.append(row_of(thing, Path(scratch)))
+        print(pandas.DataFrame(rows[-1:]).to_string(index=False, max_colwidth=None), flush=True)
+        pandas.DataFrame(rows).to_csv(path, index=False)
+    return rows
 
 
 def ended(folder: Path) -> None:

@@ -15,16 +15,14 @@ import os
 import random
 import shutil
 import sys
-import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
-import pandas
 import tomli_w
 from hard_scene import FOLDER
-from killed_run import Death, KilledRun, differences, ended, record_of
+from killed_run import Death, KilledRun, differences, ended, record_of, table_of
 
 import emclutch
 
@@ -140,15 +138,7 @@ def _compared(folder: Path, whole: dict[str, Any]) -> set[str]:
 
 def main(folder: Path, names: list[str]) -> int:
     """Kill the scenes of those names, all if there is none; the exit code."""
-    folder.mkdir(parents=True, exist_ok=True)
-    rows: list[dict[str, Any]] = []
-    for scene in SCENES:
-        if names and scene.name not in names:
-            continue
-        with tempfile.TemporaryDirectory() as scratch:
-            rows.append(killed(scene, Path(scratch)))
-        print(pandas.DataFrame(rows[-1:]).to_string(index=False, max_colwidth=None), flush=True)
-        pandas.DataFrame(rows).to_csv(folder / "kills.csv", index=False)
+    rows = table_of([scene for scene in SCENES if not names or scene.name in names], killed, folder / "kills.csv")
     differ = sum(row["differ"] for row in rows)
     print(f"{sum(row['kills'] for row in rows)} kills in {len(rows)} scenes; {differ} parts of records differ")
     return 1 if differ else 0

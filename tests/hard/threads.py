@@ -14,12 +14,10 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 from typing import Any
 
-import pandas
-from killed_run import LONGEST, ROOT, differences, record_of
+from killed_run import LONGEST, ROOT, differences, record_of, table_of
 
 import emclutch
 from emclutch.case import Case
@@ -87,15 +85,8 @@ def compared(path: Path, folder: Path) -> dict[str, Any]:
 
 def main(folder: Path, names: list[str]) -> int:
     """Compare the cases of those names, all if there is none; the exit code."""
-    folder.mkdir(parents=True, exist_ok=True)
-    rows: list[dict[str, Any]] = []
-    for path in shipped():
-        if names and path.stem not in names:
-            continue
-        with tempfile.TemporaryDirectory() as scratch:
-            rows.append(compared(path, Path(scratch)))
-        print(pandas.DataFrame(rows[-1:]).to_string(index=False, max_colwidth=None), flush=True)
-        pandas.DataFrame(rows).to_csv(folder / "threads.csv", index=False)
+    chosen = [path for path in shipped() if not names or path.stem in names]
+    rows = table_of(chosen, compared, folder / "threads.csv")
     differ = sum(row["differ"] for row in rows)
     print(f"{len(rows)} cases with {len(OTHERS)} choices of threads each; {differ} parts of records differ")
     return 1 if differ else 0
