@@ -15,7 +15,7 @@ from emclutch.cost import Cost, foretell
 from emclutch.device import CoilDevice, Device, build_device
 from emclutch.expected_field import expected_magnetisation, field_in_chains, powder_in_words
 from emclutch.expected_speeds import device_extent, fall_speed, largest_speed, layer_speed
-from emclutch.machine_speed import threads_at_hand
+from emclutch.machine_speed import MachineSpeed, threads_at_hand
 from emclutch.results.steady_torque import LEAST_STRAIN
 from emclutch.rigid_plan import RigidPlan, plan_rigid
 from emclutch.scene.field_source import CoilField
@@ -98,10 +98,12 @@ class Plan:
         return self.windows * self.updates * self.steps_per_update * self.dt
 
 
-def make_plan(case: Case, device: Device | None = None, threads: int | None = None) -> tuple[Device, Plan]:
+def make_plan(
+    case: Case, device: Device | None = None, threads: int | None = None, machine: MachineSpeed | None = None
+) -> tuple[Device, Plan]:
     """Build the device (unless given) and decide stiffness, step, windows and numbers of the run.
 
-    The cost is that on `threads` threads (default: as a run takes them).
+    The cost is that on `threads` threads (default: as a run takes them) of a machine (default: the one at hand).
 
     Raises ValueError with a remedy when the scene's own step is too long, or its stiffness is too low or does
     not follow from it.
@@ -146,7 +148,8 @@ def make_plan(case: Case, device: Device | None = None, threads: int | None = No
     if moments_are_fed_back(scene) and isinstance(device.coil, CoilDevice):
         reasons["feedback"] = _feedback_in_words(scene, device.coil)
     _mesh_in_words(scene, device, reasons)
-    cost = foretell(scene, device, dt, (per_update, updates, windows), threads or _threads_of_a_replica(scene))
+    threads = threads or _threads_of_a_replica(scene)
+    cost = foretell(scene, device, dt, (per_update, updates, windows), threads, machine)
     _torque_in_words(scene, device, windows * updates * per_update * dt, reasons)
     reasons["cost"] = cost.in_words()
     return device, Plan(

@@ -209,6 +209,7 @@ def _started(folder: RunFolder, task: dict[str, Any], errors: Path) -> ReplicaPr
             start_new_session=True,  # Ctrl-C on the terminal is the run's, which then ends its replicas
         )
     except OSError as error:
+        said.close()
         raise OutputError(f"cannot start a replica: {error.strerror}; take accuracy.replicas = 1") from error
     assert process.stdin is not None
     process.stdin.write(json.dumps(task) + "\n")

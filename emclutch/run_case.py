@@ -19,6 +19,7 @@ from emclutch.heartbeat import Heartbeat
 from emclutch.interruption import interruptible
 from emclutch.kernel_compilation import compilation_told
 from emclutch.kernel_warm_up import step_compiled_beside
+from emclutch.machine_speed import MachineSpeed, machine_speed
 from emclutch.missed_steps import MissedSteps
 from emclutch.observables import Observables
 from emclutch.plan import make_plan
@@ -103,6 +104,7 @@ def run(
     with _entered(case, target, resume, progress) as (folder, goes_on, compiled, begin):
         if resume and not goes_on and (start := start or folder.grains_from()) is not None:
             grains = starting_grains(case, start)
+        machine = machine_speed()  # before the other replicas are at work: the cost counts those by itself
         count = count_of_run(case, folder, goes_on)
         free, threads = threads_are_open(threads), use_threads(threads, count)
         with (
@@ -110,7 +112,7 @@ def run(
             step_compiled_beside(case.scene, lambda text: _announce(progress, text)),
             other_replicas(case, folder, count, threads=threads, free=free, resume=resume, start=start) as replicas,
         ):
-            return _run(case, folder, goes_on, progress, begin, compiled, replicas, stop, free, insist, grains)
+            return _run(case, folder, goes_on, progress, begin, compiled, replicas, stop, free, insist, grains, machine)
 
 
 def run_replica(
@@ -189,10 +191,11 @@ def _run(
     free: bool,
     insist: bool,
     grains: StartingGrains | None = None,
+    machine: MachineSpeed | None = None,
 ) -> Result:
     scene, case_text = case.scene, case.toml()
     _say(progress, 0.0, "mesh and field")
-    device, plan = make_plan(case, threads=threads_in_use())
+    device, plan = make_plan(case, threads=threads_in_use(), machine=machine)
     for label, reason in plan.reasons.items():
         log.info("%s: %s", label, reason)
         if "WARNING" in reason:

@@ -1,5 +1,6 @@
 """Replicas of a run: whole runs with other packings, beside it; their torques together; an end once it is known."""
 
+import errno
 import os
 import re
 import signal
@@ -9,10 +10,10 @@ import numpy as np
 import pytest
 
 import emclutch
-from emclutch import replicas
+from emclutch import replicas, run_case
 from emclutch.case import case_from
 from emclutch.faults import SceneError
-from emclutch.results import RunFolder, read_history
+from emclutch.results import OutputError, RunFolder, read_history
 from emclutch.results.folder_lock import FolderInUse, locked_folder
 from emclutch.results.steady_torque import SteadyConditions, steady_torque
 from emclutch.run_case import Interrupted, RunError
@@ -42,6 +43,22 @@ def rows(path):
 def known(tmp_path_factory):
     """A run of two replicas that ended because its torque was known."""
     return emclutch.run(case_from(CELL), out=tmp_path_factory.mktemp("known") / "run")
+
+
+def test_the_machine_is_measured_before_the_replicas_take_its_cores(tmp_path, monkeypatch):
+    """The cost counts a run's replicas itself: measured beside them they were other programs, and counted twice."""
+    order = []
+    speed = run_case.machine_speed
+    monkeypatch.setattr(run_case, "machine_speed", lambda: order.append("measured") or speed())
+
+    def none_can_start(*_, **__):
+        order.append("started")
+        raise OSError(errno.EAGAIN, os.strerror(errno.EAGAIN))
+
+    monkeypatch.setattr(replicas.subprocess, "Popen", none_can_start)
+    with pytest.raises(OutputError, match=r"accuracy\.replicas = 1"):
+        emclutch.run(case_from(CELL), out=tmp_path / "run")
+    assert order == ["measured", "started"]
 
 
 def test_a_replica_is_the_run_of_another_seed(known, tmp_path):
