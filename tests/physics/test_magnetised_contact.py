@@ -10,7 +10,7 @@ import pytest
 from numba import njit
 
 from coupling.contact_table import excess_force
-from coupling.mutual_moments import MutualMoments, grain_table, magnetised_cluster
+from coupling.mutual_moments import MutualMoments, grain_table, magnetised_cluster, secant_mixed
 from coupling.neighbour_rows import neighbour_rows
 from field import MU_0, GrainLaw, LangevinLaw
 from field.spheres.lone_sphere import sphere_magnetisation
@@ -299,3 +299,16 @@ def test_bad_input_is_told():
         pair(0.1, [0.0, 0.0, 1.0], law=GrainLaw(100.0))
     with pytest.raises(RuntimeError, match="did not converge: residual"):
         pair(0.001, [0.0, 0.0, 1e4], most_sweeps=3)
+
+
+@pytest.mark.parametrize("eigenvalue", [-3.0, -0.9, 0.0, 0.9])
+@pytest.mark.parametrize("damping", [1.0, 0.5, 0.05])
+def test_a_map_that_stretches_alike_everywhere_is_solved_by_its_secant(eigenvalue, damping):
+    """Its fixed point lies on the line through the first two sweeps, also where plain sweeps diverge."""
+    rng = np.random.default_rng(5)
+    fixed, moment = rng.normal(size=(2, 7, 3))
+    last = None
+    for _ in range(2):
+        asked = (eigenvalue - 1.0) * (moment - fixed)
+        last, moment = (moment, asked), secant_mixed(moment, asked, damping, last)
+    assert abs(moment - fixed).max() < 1e-12
