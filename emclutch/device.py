@@ -12,7 +12,7 @@ from coupling.smear_region import elements_within, magnetic_regions
 from emclutch.coil_course import CoilCourse
 from emclutch.scene.field_source import CoilField as CoilFieldSection
 from emclutch.scene.field_source import UniformField as UniformFieldSection
-from emclutch.scene.fill import Fill, boxes_to_fill, fill_of
+from emclutch.scene.fill import AT_RIM, Fill, boxes_to_fill, fill_of
 from emclutch.scene.geometry import CadGeometry, ClutchGeometry
 from emclutch.scene.grain_smear import element_layers, moments_are_fed_back, smear_width
 from emclutch.scene.model import Scene
@@ -107,7 +107,7 @@ class Device:
     surfaces : tuple of TriangleWall
         Surfaces from files.
     region : str
-        Of a clutch's chamber, what the powder is filled into: rim, faces, or the whole cavity.
+        Of a clutch's chamber, what the powder is filled into: rim, its poles, faces, or the whole cavity.
     """
 
     shape: Clutch | CadShape | ShearCell | CentrifugalClutch | Box
@@ -128,7 +128,7 @@ class Device:
 
         Powder in the whole cavity is in both; the gap with the greater area counts then.
         """
-        if not isinstance(self.shape, Clutch) or self.region == "rim":
+        if not isinstance(self.shape, Clutch) or self.region in AT_RIM:
             return False
         return self.region == "faces" or self.shape.face_area > self.shape.rim_area
 

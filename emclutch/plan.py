@@ -114,6 +114,7 @@ def make_plan(
     sector = None if particles.sector is None else CyclicSector(particles.sector)
     fill = device.fill
     where = particles.region if isinstance(device.shape, Clutch) else "space"
+    where = "rim between the poles" if where == "poles" else where
     reasons = {
         "grains": f"{fill.count} simulated of {fill.count * particles.n_sectors} in the device "
         f"({fill.mass * 1e3:.3g} g), solid fraction {fill.solid_fraction:.3f} of the {where} filled",

@@ -70,12 +70,12 @@ def pole_zone(device: Device) -> PoleZone | None:
     shape = device.shape
     if not isinstance(shape, Clutch):
         return None
-    half, bore, disc = 0.5 * shape.disc_thickness, shape.bore_radius, shape.disc_radius
+    half, disc = 0.5 * shape.disc_thickness, shape.disc_radius
     if device.shears_faces or shape.pole_length == 0.0:
         inner = max(shape.seal_radius, 0.0)
         boxes = tuple(AnnularBox(inner, disc, *ends) for ends in ((-half - shape.face_gap, -half),
                                                                   (half, half + shape.face_gap)))  # fmt: skip
         return PoleZone(boxes, shape.face_area, shape.mean_face_radius)
-    start = 0.5 * shape.ring_width
-    boxes = (AnnularBox(disc, bore, -half, -start), AnnularBox(disc, bore, start, half))
-    return PoleZone(boxes, 4.0 * pi * shape.mean_gap_radius * shape.pole_length, shape.mean_gap_radius)
+    return PoleZone(
+        tuple(shape.pole_boxes().values()), 4.0 * pi * shape.mean_gap_radius * shape.pole_length, shape.mean_gap_radius
+    )

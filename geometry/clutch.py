@@ -241,6 +241,16 @@ class Clutch:
             "face_right": AnnularBox(self.seal_radius, self.disc_radius, face, half),
         }
 
+    def pole_boxes(self) -> dict[str, AnnularBox]:
+        """The two parts of ``rim`` that lie between steel pole faces; none where the ring leaves no pole."""
+        if self.pole_length == 0.0:
+            return {}
+        start, end = 0.5 * self.ring_width, 0.5 * self.disc_thickness
+        return {
+            "pole_left": AnnularBox(self.disc_radius, self.bore_radius, -end, -start),
+            "pole_right": AnnularBox(self.disc_radius, self.bore_radius, start, end),
+        }
+
     def section_polygons(self) -> dict[str, list[np.ndarray]]:
         """Every region but ``air``: disjoint polygons (r, z) [m], shape (n, 2), counter-clockwise."""
         face, half, rotor = 0.5 * self.disc_thickness, 0.5 * self.cavity_length, 0.5 * self.rotor_length

@@ -22,8 +22,11 @@ if TYPE_CHECKING:
 _REGIONS = {
     "cavity": ("rim", "face_left", "face_right"),
     "rim": ("rim",),
+    "poles": ("pole_left", "pole_right"),
     "faces": ("face_left", "face_right"),
 }
+AT_RIM = ("rim", "poles")
+"""Regions from which the powder is sheared in the rim gap."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +56,12 @@ def boxes_to_fill(shape: Clutch | CadShape | ShearCell | CentrifugalClutch | Box
     if isinstance(shape, Box):
         return []
     boxes = shape.fill_boxes()
-    return [boxes[name] for name in _REGIONS[region]] if isinstance(shape, Clutch) else list(boxes.values())
+    if not isinstance(shape, Clutch):
+        return list(boxes.values())
+    poles = shape.pole_boxes()
+    names = _REGIONS["rim" if region == "poles" and not poles else region]  # without poles: refused, but still counted
+    boxes |= poles
+    return [boxes[name] for name in names]
 
 
 def fill_of(

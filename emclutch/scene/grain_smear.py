@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from emclutch.scene.field_source import UniformField
+from emclutch.scene.fill import AT_RIM
 from emclutch.scene.geometry import ShearCellGeometry
 from geometry import Clutch, ShearCell
 from geometry.cad_shape import CadShape
@@ -42,7 +43,7 @@ def narrowest_gap(scene: Scene) -> float:
     shape = scene.shape()
     if isinstance(shape, ShearCell):
         return shape.outer_radius - shape.inner_radius
-    if isinstance(shape, Clutch) and scene.particles.region != "rim":
+    if isinstance(shape, Clutch) and scene.particles.region not in AT_RIM:
         return shape.face_gap if scene.particles.region == "faces" else min(shape.gap, shape.face_gap)
     assert isinstance(shape, (Clutch, CadShape))  # by the schema: nothing else has a field that is solved
     return shape.gap

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import emclutch
+from emclutch.assembly import assemble
 from emclutch.device import build_device
+from emclutch.plan import make_plan
 from emclutch.pole_zone import pole_zone
 from emclutch.scene.grain_smear import element_layers, smear_width
 from field import RadialField
@@ -53,3 +55,16 @@ def test_a_sector_needs_twice_the_reach_that_the_grains_have():
     assert CASE.with_values(values).scene.particles.sector == pytest.approx(2.0 * np.pi / 140)
     with pytest.raises(emclutch.SceneError, match=r"less than two reaches of a grain \(2.2 mm\)"):
         CASE.with_values({**values, "effects.back_reaction": None})
+
+
+def test_powder_that_has_run_in_lies_between_the_poles(zone):
+    """All of the mass between the faces, none beside them: the zone's fill is that of the region."""
+    run_in = CASE.with_values({"particles.region": "poles"})
+    device = build_device(run_in.scene)
+    grains = assemble(run_in, *make_plan(run_in, device)).motion.grains
+    assert zone.fill(grains.position, 240.0 * 4.0 / 3.0 * np.pi * grains.radius**3) == pytest.approx(
+        device.fill.solid_fraction, rel=1e-12
+    )
+    everywhere = build_device(CASE.scene).fill
+    assert device.fill.mass == pytest.approx(everywhere.mass, rel=1e-12)
+    assert device.fill.solid_fraction == pytest.approx(32.0 / 24.0 * everywhere.solid_fraction, rel=1e-9)
