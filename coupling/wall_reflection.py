@@ -50,7 +50,7 @@ def _reflection(solution: MagneticField, start: np.ndarray, tangent: np.ndarray,
         inside = (element >= 0) & ~np.isin(element, np.concatenate(powder) if powder else [])
         if not inside.any():
             continue
-        B = np.hypot(*solution._flux_density_in(element[inside], points[inside]).T)
+        B = np.hypot(*solution.problem.elements.flux_density_at(solution.psi, element[inside], points[inside]).T)
         region = problem.mesh.region_of_element()[element[inside]]
         k = np.empty(len(B))
         for name in np.unique(region):

@@ -41,6 +41,7 @@ from field.section.current_sweep import sweep_currents
 from field.section.error_estimate import FluxLinkage, MeanFluxDensity, estimate_error
 from field.section.field_lines import field_along, straight_line
 from field.section.maxwell_force import UndefinedForce, axial_force, gives_way, lorentz_force
+from field.section.smooth_field import SmoothField
 from geometry import Clutch
 
 UNITS = {
@@ -173,9 +174,7 @@ def field_study(
     at = f"{title}, {rows[-1]['current']:g} A"
     section_picture(
         folder / "section.png",
-        coil.mesh,
-        solution.point_psi,
-        solution.flux_density(),
+        SmoothField(solution.problem.elements, solution.psi),
         filled=coil.powder_boxes,
         title=at,
     )

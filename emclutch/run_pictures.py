@@ -16,20 +16,27 @@ from emclutch.results.pictures import (
     torque_picture,
 )
 from emclutch.results.speed_picture import speeds_vary
+from emclutch.results.time_unit import time_in_words
+from emclutch.results.torque_picture import varies
 from emclutch.snapshots import contact_lines
 from emclutch.solid_field_study import gap_map
+from field.section.smooth_field import SmoothField
 from geometry.centrifugal import CentrifugalClutch
 
 
 def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
     """Write the pictures that the run has something to show in.
 
-    section.png or gap.png with a solved field, torque.png, speeds.png where a shaft's speed changes, grains.png, and
-    profiles.png where they were asked for.
+    section.png or gap.png with a solved field, torque.png, speeds.png where a shaft's speed changes, profiles.png where
+    they were asked for, and at last grains.png: where it lies all others do.
     """
-    title = case.scene.scene.title
+    title, end = case.scene.scene.title, time_in_words(simulation.motion.time)
+    result = load_result(folder.path)
     grains, dem = simulation.motion.grains, simulation.motion
     source = simulation.source
+    at = f"t = {end}"
+    if isinstance(source, (CoilField, SolidCoilField)):
+        at = f"{result.history['current'].iloc[-1]:.4g} A, {at}"
     if isinstance(source, CoilField) and source.solution is not None:
         x = grains.position
         r, theta = np.hypot(x[:, 0], x[:, 1]), np.arctan2(x[:, 1], x[:, 0])
@@ -37,24 +44,23 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
         slice_ = np.abs(r * (theta - middle)) < grains.radius  # one layer of grains around a half-plane
         section_picture(
             folder.section_picture,
-            source.problem.mesh,
-            source.solution.point_psi,
-            source.solution.flux_density(),
-            title=title,
+            SmoothField(source.problem.elements, source.solution.psi),
+            title=f"{title}\n{at}; grains that the half-plane at {np.degrees(middle):.3g}° cuts",
             grains=np.column_stack([r, x[:, 2], grains.radius])[slice_],
             filled=device.coil.powder_boxes,
         )
     elif isinstance(source, SolidCoilField) and source.solution is not None:
-        gap_map_picture(folder.path / "gap.png", *gap_map(device.coil, source.solution), title=title)
-    result = load_result(folder.path)
+        gap_map_picture(folder.path / "gap.png", *gap_map(device.coil, source.solution), title=f"{title}\n{at}")
     if "torque_disc" in result.history:  # a box has no disc
-        torque_picture(folder.torque_picture, result.history, result.torque, result.other_histories, title=title)
+        current = steady_current(result.history)
+        torque_title = title if current is None else f"{title}\n{current:.4g} A"
+        torque_picture(folder.torque_picture, result.history, result.torque, result.other_histories, title=torque_title)
     if speeds_vary(result.history):
         speed_picture(folder.path / "speeds.png", {title: result.history}, title=title)
     if profiles:
-        profile_picture(folder.path / "profiles.png", profiles, title=title)
-    start, end, force = contact_lines(dem)
-    chains = start, end, np.linalg.norm(force, axis=1)
+        profile_picture(folder.path / "profiles.png", profiles, title=f"{title}\n{at}")
+    start, ends, force = contact_lines(dem)
+    chains = start, ends, np.linalg.norm(force, axis=1)
     speed = np.linalg.norm(grains.velocity, axis=1)
     if isinstance(device.shape, CentrifugalClutch):
         axial_picture(
@@ -65,7 +71,7 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
             walls=dem.walls,
             angles={body.name: body.angle for body in dem.bodies},
             chains=chains,
-            title=f"{title}, t = {dem.time:.3g} s",
+            title=f"{title}\n{at}",
         )
         return
     grains_picture(
@@ -75,6 +81,13 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
         speed,
         walls=dem.walls,
         chains=chains,
-        title=title,
+        title=f"{title}\n{at}",
         sector_angle=None if dem.sector is None else dem.sector.angle,
     )
+
+
+def steady_current(history) -> float | None:
+    """The coil's current [A] of a run in which it does not change; None of another, or without a coil."""
+    if "current" not in history or varies(history["current"]):
+        return None
+    return float(history["current"].iloc[-1])

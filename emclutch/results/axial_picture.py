@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from emclutch.results.grains_picture import WALL_COLOURS
+from emclutch.results.picture_file import save_picture
 
 MM = 1e3
 MOST_CHAINS = 98  # percentile of the forces that is drawn at full width: a few outliers would hide all others
@@ -80,11 +81,10 @@ def axial_picture(
     handles = [Line2D([], [], color=WALL_COLOURS.get(body, "#333333"), lw=2.0, label=body)
                for body in dict.fromkeys(wall.body for wall in walls)]  # fmt: skip
     if handles:
-        axis.legend(handles=handles, loc="upper right", frameon=False, fontsize=9)
+        axis.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.0, -0.1), ncols=4, frameon=False, fontsize=9)
     limit = 1.04 * MM * (max(reach) or 1e-3)
     axis.set(xlim=(-limit, limit), ylim=(-limit, limit), xlabel="x [mm]", ylabel="y [mm]")
     figure.colorbar(grains, ax=axis, label=colour_label, shrink=0.8)
     if title:
         axis.set_title(title, loc="left", fontsize=11, parse_math=False)
-    figure.savefig(path)
-    return Path(path)
+    return save_picture(figure, path)

@@ -7,6 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from emclutch.results.figure_title import legend_below, legend_beside
+from emclutch.results.picture_file import save_picture
+
 BLUE, ORANGE, GREY = "#0b5fa5", "#d9730d", "#808080"
 
 
@@ -37,19 +40,18 @@ def saturation_picture(path: str | Path, table: Any, *, title: str | None = None
         gap.plot(current, table["gap_flux_density"], "s-", color=ORANGE, ms=4)
         gap.set_ylabel("|B| under the poles [T]", color=ORANGE)
         gap.set_ylim(bottom=0.0)
-    left.legend(frameon=False, loc="upper left")
+    legend_below(left)
     right.plot(current, table["apparent_inductance"], "o-", color=BLUE, ms=4, label="apparent, linkage/current")
     right.plot(current, table["incremental_inductance"], "s-", color=ORANGE, ms=4, label="incremental, its slope")
     right.set_ylabel("inductance [H]")
     right.set_ylim(bottom=0.0)
-    right.legend(frameon=False)
+    legend_below(right)
     for axis in (left, right):
         axis.set_xlabel("coil current [A]")
         axis.grid(alpha=0.25)
     if title:
         figure.suptitle(title, x=0.01, ha="left", fontsize=11, parse_math=False)
-    figure.savefig(path)
-    return Path(path)
+    return save_picture(figure, path)
 
 
 def line_picture(path: str | Path, along: Any, *, title: str | None = None) -> Path:
@@ -73,7 +75,7 @@ def line_picture(path: str | Path, along: Any, *, title: str | None = None) -> P
         axis.plot(mm, scale * np.linalg.norm(vector, axis=1), color="black", lw=0.8, ls=":", label=f"|{symbol}|")
         axis.set_ylabel(f"{symbol} [{unit}]")
         axis.grid(alpha=0.25)
-        axis.legend(frameon=False, ncols=3, fontsize=8)
+        legend_beside(axis)
     changes = np.flatnonzero(np.asarray(along.region)[1:] != np.asarray(along.region)[:-1])
     starts, ends = np.concatenate(([0], changes + 1)), np.concatenate((changes, [len(mm) - 1]))
     for start, end in zip(starts, ends, strict=True):
@@ -87,8 +89,7 @@ def line_picture(path: str | Path, along: Any, *, title: str | None = None) -> P
     axes[1].set_xlabel("distance along the line [mm]")
     if title:
         figure.suptitle(title, x=0.01, ha="left", fontsize=11, parse_math=False)
-    figure.savefig(path)
-    return Path(path)
+    return save_picture(figure, path)
 
 
 def gap_map_picture(
@@ -114,5 +115,4 @@ def gap_map_picture(
     axis.set_ylabel("z [mm]")
     if title:
         axis.set_title(title, loc="left", fontsize=11, parse_math=False)
-    figure.savefig(path)
-    return Path(path)
+    return save_picture(figure, path)

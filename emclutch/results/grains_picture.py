@@ -6,12 +6,14 @@ chains are seen at once. Chains are the contacts, drawn as wide as their force.
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from emclutch.results.figure_title import LINE, title_lines, write_title
+from emclutch.results.picture_file import save_picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -112,8 +114,7 @@ def grains_picture(
     if handles:
         figure.legend(handles, labels, loc="lower left", ncols=4, frameon=False, fontsize=9)
     figure.colorbar(circles, cax=colour_bar, label=colour_label)
-    figure.savefig(path)
-    return Path(path)
+    return save_picture(figure, path)
 
 
 def _across(r: np.ndarray, z: np.ndarray, walls: Sequence[Any]) -> str:
@@ -174,13 +175,11 @@ def _lay_out(figure: Figure, views: Sequence[tuple[float, float, float, float]],
     )
     # The legend's three entries need 6 in.
     width = max(6.0, left + content[0] + right)
-    lines = textwrap.wrap(title or "", int(11.5 * (width - 0.4)))  # 11.5 letters an inch at 11 pt
-    top = 0.55 + 0.2 * len(lines)
+    lines = title_lines(title, width)
+    top = 0.55 + LINE * len(lines)
     total = bottom + content[1] + top
     figure.set_size_inches(width, total)
-    if lines:
-        text = figure.text(0.15 / width, 1.0 - 0.1 / total, "\n".join(lines), va="top", fontsize=11, fontweight="bold")
-        text.set_parse_math(False)
+    write_title(figure, lines)
 
     def axes_at(x: float, y: float, w: float, h: float) -> Axes:
         return figure.add_axes((x / width, y / total, w / width, h / total))

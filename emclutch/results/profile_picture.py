@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from emclutch.results.picture_file import save_picture
+
 if TYPE_CHECKING:
     from particles.diagnostics.profiles import Profile
 
@@ -28,8 +30,7 @@ def profile_picture(path: str | Path, profiles: Sequence[Profile], *, title: str
         _draw(rows, profile)
     if title:
         figure.suptitle(title, fontsize=11, fontweight="bold", x=0.01, ha="left", parse_math=False)
-    figure.savefig(path)
-    return Path(path)
+    return save_picture(figure, path)
 
 
 def _draw(axes: Any, profile: Profile) -> None:
@@ -47,7 +48,7 @@ def _draw(axes: Any, profile: Profile) -> None:
     for body, slip in profile.slip.items():
         flow.plot(s, profile.velocity - slip, "--", lw=1.2, color=BODY_COLOURS.get(body), label=body)
     flow.set_ylabel("velocity along the flow [m/s]")
-    flow.legend(frameon=False, fontsize=8)
+    _legend_above(flow)
 
     heat.plot(s, profile.shear_rate, "o-", ms=3, color="#8a1c7c")
     heat.set_ylabel("shear rate [1/s]", color="#8a1c7c")
@@ -65,7 +66,7 @@ def _draw(axes: Any, profile: Profile) -> None:
         stress.plot(s, factor * values, "o-", ms=3, color=colour, label=label)
     stress.axhline(0.0, color="black", lw=0.6)
     stress.set_ylabel(f"stress [{unit}]")
-    stress.legend(frameon=False, fontsize=8)
+    _legend_above(stress)
 
     unit, factor = _scaled(profile.torque, "N m" if is_ring else "N")
     torque.stairs(factor * profile.torque, edges, baseline=None, color="#0b5fa5", lw=1.5)
@@ -83,6 +84,13 @@ def _draw(axes: Any, profile: Profile) -> None:
         law.set_ylim(bottom=0.0)
     law.set_xlabel("inertial number I")
     law.set_ylabel("mu = |tau|/p")
+
+
+def _legend_above(axis: Any) -> None:
+    axis.legend(
+        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, frameon=False, fontsize=8, borderaxespad=0.0,
+        columnspacing=1.0, handlelength=1.4,
+    )  # fmt: skip
 
 
 def _scaled(values: np.ndarray, unit: str) -> tuple[str, float]:

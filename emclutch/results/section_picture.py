@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-import textwrap
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from emclutch.results.figure_title import LINE, title_lines, write_title
+from emclutch.results.picture_file import save_picture
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -14,16 +17,17 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from field.section.smooth_field import SmoothField
     from geometry import AnnularBox
 
 MM = 1e3
+SMALL_TRIANGLES = 30_000  # to draw in a panel: a quarter of a second
+PARTS = (2, 16)  # of an element's edge, at least and at most
 
 
 def section_picture(
     path: str | Path,
-    mesh: Any,
-    psi: np.ndarray,
-    B: np.ndarray,
+    field: SmoothField,
     *,
     grains: np.ndarray | None = None,
     zoom: tuple[float, float, float, float] | None = None,
@@ -36,19 +40,19 @@ def section_picture(
     Parameters
     ----------
     path : PNG to write.
-    mesh : section with `points` (n, 2) r, z [m], `triangles` (k, 3) and `regions` by name.
-    psi : (n,) r A_phi [Wb] at the points; its equidistant contours carry equal flux.
-    B : (k,) magnitude or (k, 2) components of the flux density of each triangle [T].
+    field : on a section with `points` (n, 2) r, z [m], `triangles` (k, 3) and `regions` by name.
     grains : (m, 3) r, z, radius [m] of the grains to draw: those near one half-plane show a slice.
     zoom : r0, r1, z0, z1 [m] of the enlarged part; None takes the powder where |B| is largest.
     filled : the parts of the powder's region that are filled: the enlarged part lies in the one with the largest |B|.
+    title : may have several lines.
+    flux_lines : how many there are in the whole section.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
-    from matplotlib.tri import Triangulation
 
+    mesh = field.elements.mesh
     points, triangles = np.asarray(mesh.points), np.asarray(mesh.triangles)
-    magnitude = np.linalg.norm(B, axis=1) if np.ndim(B) == 2 else np.asarray(B)
+    magnitude = field.central_magnitude()
     region = np.empty(len(triangles), dtype=np.int64)
     for number, elements in enumerate(mesh.regions.values()):
         region[elements] = number
@@ -74,16 +78,14 @@ def section_picture(
     figure = Figure(dpi=150)
     FigureCanvasAgg(figure)
     axes, colour_bar = _lay_out(figure, widths, title)
-    half_plane = Triangulation(MM * points[:, 1], MM * points[:, 0], triangles)
     inside = device_mask(points, triangles, (r0, r1, z0, z1))
     # The 99.5th percentile, not the largest: iron corners are singular and would darken all the rest.
     top = float(np.percentile(magnitude[inside], 99.5)) or 1.0
-    levels = np.linspace(float(psi.min()), float(psi.max()), flux_lines + 2)[1:-1]
+    levels = flux_levels(field, flux_lines)
     outline = _outline(triangles, region)
-    for axis in axes:
-        colours = axis.tripcolor(half_plane, magnitude, cmap="viridis", vmin=0.0, vmax=top, rasterized=True)
-        if np.ptp(psi) > 0.0:
-            axis.tricontour(half_plane, psi, levels=levels, colors="white", linewidths=0.6, alpha=0.9)
+    windows = [(bottom, r1 + margin, z0 - margin, z1 + margin)] + ([zoom] if zoom else [])
+    for axis, window in zip(axes, windows, strict=True):
+        colours = _draw_field(axis, field, window, levels, top)
         axis.set_aspect("equal")
         axis.set_xlabel("z [mm]")
     _lines(axes[0], points, outline, 0.7)
@@ -91,13 +93,45 @@ def section_picture(
     axes[0].set_ylim(MM * bottom, MM * (r1 + margin))
     axes[0].set_ylabel("r [mm]")
     _region_names(axes[0], mesh, points, triangles, float((r1 - r0) * (z1 - z0)))
-    if np.ptp(psi) > 0.0:
-        axes[0].set_title("white: flux lines,\nequal flux between them", loc="left", fontsize=10)
+    if len(levels):
+        axes[0].set_title(
+            f"white: flux lines,\n{1e6 * 2.0 * math.pi * (levels[1] - levels[0]):.3g} µWb between them",
+            loc="left",
+            fontsize=10,
+        )
     if zoom:
         _draw_zoom(axes[1], axes[0], points, outline, zoom, grains)
     figure.colorbar(colours, cax=colour_bar, label="|B| [T]", extend="max")
-    figure.savefig(path)
-    return Path(path)
+    return save_picture(figure, path)
+
+
+def flux_levels(field: SmoothField, count: int) -> np.ndarray:
+    """psi [Wb/rad] of the flux lines, (count,), evenly: equal flux between neighbours; none without a field."""
+    low, high = field.range
+    return np.linspace(low, high, count + 2)[1:-1] if high > low else np.empty(0)
+
+
+def _draw_field(
+    axis: Axes, field: SmoothField, window: tuple[float, float, float, float], levels: np.ndarray, top: float
+) -> Any:
+    """|B| in colour, up to `top` [T], and the flux lines in r0, r1, z0, z1 [m]; the colours are returned."""
+    from matplotlib.tri import Triangulation
+
+    mesh = field.elements.mesh
+    corners = np.asarray(mesh.points)[mesh.triangles]
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    r0, r1, z0, z1 = window
+    shown = np.flatnonzero((high[:, 0] >= r0) & (low[:, 0] <= r1) & (high[:, 1] >= z0) & (low[:, 1] <= z1))
+    parts = int(np.clip(math.sqrt(SMALL_TRIANGLES / max(1, len(shown))), *PARTS))
+    fine = field.subdivided(shown, parts)
+    half_plane = Triangulation(MM * fine.points[:, 1], MM * fine.points[:, 0], fine.triangles)
+    magnitude = np.linalg.norm(fine.B, axis=1)
+    colours = axis.tripcolor(
+        half_plane, magnitude, cmap="viridis", vmin=0.0, vmax=top, shading="gouraud", rasterized=True
+    )
+    if len(levels):
+        axis.tricontour(half_plane, fine.psi, levels=levels, colors="white", linewidths=0.6, alpha=0.9)
+    return colours
 
 
 def _lay_out(figure: Figure, widths: list[float], title: str | None) -> tuple[list[Axes], Axes]:
@@ -109,12 +143,10 @@ def _lay_out(figure: Figure, widths: list[float], title: str | None) -> tuple[li
     high = float(np.clip(10.0 / sum(widths), 2.6, 5.0))
     panels = [min(high * w, 8.0) for w in widths]
     width = left + sum(panels) + between * (len(panels) - 1) + right
-    lines = textwrap.wrap(title or "", int(11.5 * (width - 0.4)))  # 11.5 letters an inch at 11 pt
-    height = bottom + high + 0.55 + 0.2 * len(lines)
+    lines = title_lines(title, width)
+    height = bottom + high + 0.55 + LINE * len(lines)
     figure.set_size_inches(width, height)
-    if lines:
-        text = figure.text(0.15 / width, 1.0 - 0.1 / height, "\n".join(lines), va="top", fontsize=11, fontweight="bold")
-        text.set_parse_math(False)
+    write_title(figure, lines)
     axes, x = [], left
     for panel in panels:
         axes.append(figure.add_axes((x / width, bottom / height, panel / width, high / height)))

@@ -11,7 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from emclutch.results.figure_title import legend_beside
 from emclutch.results.output_error import OutputError
+from emclutch.results.picture_file import save_picture
+from emclutch.results.time_unit import time_unit
 
 RPM = 60.0 / (2.0 * np.pi)
 MOTOR = "#c4540a"  # as the rotor in the other pictures
@@ -51,9 +54,11 @@ def speed_picture(
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9.0, 5.0), dpi=150, layout="constrained")
+    figure = Figure(figsize=(10.5, 5.0), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     axis = figure.add_subplot()
+    longest = max((float(np.max(_column(one, "time"), initial=0.0)) for one in runs.values()), default=0.0)
+    unit, factor = time_unit(longest)
     motors: list[tuple[np.ndarray, np.ndarray]] = []
     styles = _styles(list(runs))
     for name, history in runs.items():
@@ -61,25 +66,25 @@ def speed_picture(
         of = f", {name}" if len(runs) > 1 else ""
         if not any(_alike(other, (time, motor)) for other in motors):
             same = sum(_alike((_column(h, "time"), _column(h, "rotor_speed")), (time, motor)) for h in runs.values())
-            label = "motor" if same == len(runs) else f"motor{of}"
-            axis.plot(time, RPM * motor, color=MOTOR, lw=1.4, ls=("--", ":", "-.")[len(motors) % 3], label=label)
+            label, line = "motor" if same == len(runs) else f"motor{of}", ("--", ":", "-.")[len(motors) % 3]
+            axis.plot(factor * time, RPM * motor, color=MOTOR, lw=1.4, ls=line, label=label)
             motors.append((time, motor))
         color, line = styles[name]
-        axis.plot(time, RPM * output, color=color, lw=1.6, label=f"output{of}", ls=line)
+        axis.plot(factor * time, RPM * output, color=color, lw=1.6, label=f"output{of}", ls=line)
     for number, (name, points) in enumerate((measured or {}).items()):
         every = max(1, len(points) // 60)  # a curve of markers says nothing
-        axis.plot(*points[::every].T, ls="", marker=MARKERS[number % len(MARKERS)], ms=4.5, mfc="none", color="black",
-                  label=f"measured: {name}")  # fmt: skip
-    axis.set_xlabel("time [s]")
+        time, speed = points[::every].T
+        axis.plot(factor * time, speed, ls="", marker=MARKERS[number % len(MARKERS)], ms=4.5, mfc="none",
+                  color="black", label=f"measured: {name}")  # fmt: skip
+    axis.set_xlabel(f"time [{unit}]")
     axis.set_ylabel("speed [rpm]")
     axis.axhline(0.0, color="black", lw=0.6, zorder=1)
     axis.grid(alpha=0.25)
     axis.margins(x=0.0)
-    axis.legend(loc="upper left", frameon=False, fontsize=9)
+    legend_beside(axis)
     if title:
         axis.set_title(title, loc="left", fontsize=11, parse_math=False)
-    figure.savefig(path)
-    return Path(path)
+    return save_picture(figure, path)
 
 
 def _styles(names: list[str]) -> dict[str, tuple[str, str]]:
@@ -112,7 +117,7 @@ def torque_speed_picture(path: str | Path, runs: Mapping[str, Any], *, title: st
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7.5, 5.0), dpi=150, layout="constrained")
+    figure = Figure(figsize=(10.5, 5.0), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     axis = figure.add_subplot()
     for number, (name, history) in enumerate(runs.items()):
@@ -137,12 +142,10 @@ def torque_speed_picture(path: str | Path, runs: Mapping[str, Any], *, title: st
     axis.axhline(0.0, color="black", lw=0.6, zorder=1)
     axis.grid(alpha=0.25)
     axis.margins(x=0.0)
-    if axis.get_legend_handles_labels()[0]:
-        axis.legend(loc="upper left", frameon=False, fontsize=9)
+    legend_beside(axis)
     if title:
         axis.set_title(title, loc="left", fontsize=11, parse_math=False)
-    figure.savefig(path)
-    return Path(path)
+    return save_picture(figure, path)
 
 
 def quadratic_factor(speed: np.ndarray, torque: np.ndarray) -> float | None:

@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from emclutch.results.figure_title import legend_below
+from emclutch.results.picture_file import save_picture
+
 if TYPE_CHECKING:
     from matplotlib.axis import Axis
 
@@ -72,14 +75,13 @@ def work_precision_picture(path: str | Path, table: Any, *, title: str | None = 
             if noisy[first].any():
                 label = "hollow: error below its noise, or noise unknown"
                 axis.plot([], [], "o", color="#444444", mfc="white", ms=6, label=label)
-            axis.legend(frameon=False, fontsize=9)
+            legend_below(axis, 2)
     if np.isfinite(error).any():
         _few_ticks(axes[0].yaxis, height[np.isfinite(error)])  # the panels share it
     axes[0].set_ylabel("relative error")
     if title:
         figure.suptitle(title, fontsize=12, parse_math=False)
-    figure.savefig(path)
-    return Path(path)
+    return save_picture(figure, path)
 
 
 def _few_ticks(axis: Axis, values: np.ndarray) -> None:

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from emclutch.results.figure_title import legend_below
 from emclutch.results.linear_range import LinearRange
+from emclutch.results.picture_file import save_picture
 from emclutch.results.speed_picture import RPM, power_law
 from emclutch.results.torque_curves import NORMAL, TorqueCurve
 
@@ -40,9 +42,8 @@ def torque_against_current_picture(
     for curve, found in zip(curves, ranges, strict=False):
         _draw_range(axis, curve, found)
     axis.set_xlabel("coil current [A]")
-    axis.legend(frameon=False, fontsize=9)
-    figure.savefig(path)
-    return Path(path)
+    legend_below(axis, 2)
+    return save_picture(figure, path)
 
 
 def torque_against_speed_picture(path: str | Path, curves: Sequence[TorqueCurve], *, title: str | None = None) -> Path:
@@ -66,9 +67,8 @@ def torque_against_speed_picture(path: str | Path, curves: Sequence[TorqueCurve]
             axis.plot(RPM * along, sign * factor * along**exponent, color=LAW, lw=1.2, label=label)
     axis.set_xlabel("speed of the motor [rpm]")
     axis.set_xlim(left=0.0)
-    axis.legend(frameon=False, fontsize=9)
-    figure.savefig(path)
-    return Path(path)
+    legend_below(axis, 2)
+    return save_picture(figure, path)
 
 
 def _draw_range(axis: Axes, curve: TorqueCurve, found: LinearRange) -> None:

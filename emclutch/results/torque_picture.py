@@ -8,7 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from emclutch.results.figure_title import legend_beside
+from emclutch.results.picture_file import save_picture
 from emclutch.results.statistics import Estimate
+from emclutch.results.time_unit import time_unit
 
 COLOURS = {"disc": "#0b5fa5", "rotor": "#c4540a", "housing": "#6a6a6a"}
 RPM = 60.0 / (2.0 * np.pi)
@@ -31,16 +34,16 @@ def torque_picture(
     from matplotlib.figure import Figure
 
     time = np.asarray(history["time"], dtype=np.float64)
-    time_unit, time_factor = ("ms", 1e3) if np.max(time, initial=0.0) < 1.0 else ("s", 1.0)
+    unit_of_time, time_factor = time_unit(np.max(time, initial=0.0))
     time = time_factor * time
-    drives = [name for name in ("current", "rotor_speed", "disc_speed") if name in history and _varies(history[name])]
+    drives = [name for name in ("current", "rotor_speed", "disc_speed") if name in history and varies(history[name])]
     rows = 2 if drives else 1
     figure = Figure(figsize=(9.0, 4.6 + 2.0 * (rows - 1)), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(rows, 1, sharex=True, squeeze=False, height_ratios=[2.4, 1.0][:rows])[:, 0]
     axis = axes[0]
     shown = [body for body in COLOURS if f"torque_{body}" in history]
-    unit, factor = _torque_unit([np.asarray(history[f"torque_{body}"], dtype=np.float64) for body in shown])
+    unit, factor = torque_unit([np.asarray(history[f"torque_{body}"], dtype=np.float64) for body in shown])
     for body in shown:
         torque = factor * np.asarray(history[f"torque_{body}"], dtype=np.float64)
         if body == "housing" and not torque.any():
@@ -80,17 +83,16 @@ def torque_picture(
         label += "" if estimate.converged else " (not converged)"
         axis.plot([start, time[-1]], [mean, mean], color="black", lw=1.4, ls="--", label=label, zorder=4)
         if not estimate.converged:
-            axis.text(0.01, 0.02, estimate.reason, transform=axis.transAxes, fontsize=8, color="crimson")
+            figure.supxlabel(estimate.reason, x=0.01, ha="left", fontsize=8, color="crimson", parse_math=False)
     axis.set_ylabel(f"torque [{unit}]")
-    axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=9)
+    legend_beside(axis)
     axis.margins(x=0.0)
     if title:
         axis.set_title(title, loc="left", fontsize=11, parse_math=False)
     if drives:
         _draw_drives(axes[1], time, history, drives)
-    axes[-1].set_xlabel(f"time [{time_unit}]")
-    figure.savefig(path)
-    return Path(path)
+    axes[-1].set_xlabel(f"time [{unit_of_time}]")
+    return save_picture(figure, path)
 
 
 def _draw_drives(axis: Any, time: np.ndarray, history: Any, drives: list[str]) -> None:
@@ -116,15 +118,17 @@ def _draw_drives(axis: Any, time: np.ndarray, history: Any, drives: list[str]) -
     if right is not axis:
         more = right.get_legend_handles_labels()
         handles, labels = handles + more[0], labels + more[1]
-    axis.legend(handles, labels, loc="upper left", bbox_to_anchor=(1.13, 1.0), frameon=False, fontsize=9)
+    legend_beside(axis, away=1.0 if right is axis else 1.13, handles=handles, labels=labels)
 
 
-def _varies(values: Any) -> bool:
+def varies(values: Any) -> bool:
+    """Whether a column changes by more than round-off."""
     array = np.asarray(values, dtype=np.float64)
     return bool(array.size and np.ptp(array) > 1e-6 * np.max(np.abs(array)))
 
 
-def _torque_unit(torques: list[np.ndarray]) -> tuple[str, float]:
+def torque_unit(torques: list[np.ndarray]) -> tuple[str, float]:
+    """Unit with a prefix, and the factor from N m, in which the largest of some torques is a handy number."""
     largest = max((float(np.max(np.abs(t), initial=0.0)) for t in torques), default=0.0)
     if largest >= 0.1 or largest == 0.0:
         return "N m", 1.0

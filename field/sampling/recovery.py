@@ -66,7 +66,7 @@ class RegionRecovery:
         if points[:, 0].min() <= 1e-9 * mesh.points[:, 0].max():
             raise ValueError("a region that touches the axis cannot be sampled: B = grad psi/r is 0/0 there")
         self.order = max(3, elements.order)
-        self.connectivity, self._corners, self._weight = _shared_nodes(corner, self.order)
+        self.connectivity, self._corners, self._weight = shared_nodes(corner, self.order)
         self.nodes = np.einsum("nk,nki->ni", self._weight, points[self._corners])
         self.locator = TriangleLocator(mesh.points, mesh.triangles[region])
         self.centroids = points[corner].mean(axis=1)
@@ -129,8 +129,8 @@ def lattice(order: int) -> np.ndarray:
     return np.array([(order - i - j, i, j) for i in range(order + 1) for j in range(order + 1 - i)])
 
 
-def _shared_nodes(corner: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Number the nodes of all elements, common ones once.
+def shared_nodes(corner: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Number the nodes of all elements with vertices `corner` (m, 3), common ones once.
 
     Returns
     -------

@@ -31,7 +31,7 @@ def interpolation(coarse: SectionElements, fine: SectionElements, parent: np.nda
     owner = first // fine.element_dofs.shape[1]
     if parent is not None:
         owner = parent[owner]
-    value = _monomials(_local(coarse, owner, fine.dof_points), coarse.order) @ _coefficients(coarse)
+    value = monomials(_local(coarse, owner, fine.dof_points), coarse.order) @ coefficients(coarse)
     value[np.abs(value) < 1e-12] = 0.0  # rounding: keeps the unknowns of other edges out
     column = coarse.element_dofs[owner]
     row = np.repeat(np.arange(fine.n_dofs), column.shape[1])
@@ -48,7 +48,7 @@ def slopes_at(elements: SectionElements, element: np.ndarray, points: np.ndarray
         by_x = i * x ** max(i - 1, 0) * y**j
         by_y = j * x**i * y ** max(j - 1, 0)
         reference.append((by_x, by_y))
-    slope = np.einsum("mdk,mb->dbk", np.array(reference), _coefficients(elements))
+    slope = np.einsum("mdk,mb->dbk", np.array(reference), coefficients(elements))
     corner, second, third = _corners(elements, element)
     inverse = np.linalg.inv(np.stack((second - corner, third - corner), axis=2))
     return np.einsum("kde,dbk->ebk", inverse, slope)
@@ -66,17 +66,17 @@ def _local(elements: SectionElements, element: np.ndarray, points: np.ndarray) -
     return np.linalg.solve(matrix, (points - corner)[..., None])[..., 0]
 
 
-def _coefficients(elements: SectionElements) -> np.ndarray:
+def coefficients(elements: SectionElements) -> np.ndarray:
     """Shape functions by their monomials, (n_monomials, n_basis)."""
     unknowns = elements.element_dofs[0]
     where = _local(elements, np.zeros(unknowns.size, dtype=np.int64), elements.dof_points[unknowns])
-    return np.linalg.inv(_monomials(where, elements.order))
+    return np.linalg.inv(monomials(where, elements.order))
 
 
 def _exponents(order: int) -> list[tuple[int, int]]:
     return [(i, j) for i in range(order + 1) for j in range(order + 1 - i)]
 
 
-def _monomials(x: np.ndarray, order: int) -> np.ndarray:
+def monomials(x: np.ndarray, order: int) -> np.ndarray:
     """x^i y^j with i + j <= order at points (n, 2)."""
     return np.column_stack([x[:, 0] ** i * x[:, 1] ** j for i, j in _exponents(order)])

@@ -160,7 +160,7 @@ class MagneticField:
             element, _ = self.problem.locator.find(points)
             if np.any(element < 0):
                 raise PointOutside(points[element < 0], "the mesh")
-        return self._flux_density_in(element, points)
+        return self.problem.elements.flux_density_at(self.psi, element, points)
 
     def B_along(self, points: np.ndarray) -> np.ndarray:
         """B_r, B_z [T], shape (k, 2), at the points (r, z) [m] of a polyline, shape (k, 2)."""
@@ -169,18 +169,8 @@ class MagneticField:
     def corner_flux_density(self) -> np.ndarray:
         """B_r, B_z [T] of each element at its corners in `triangles`' order, shape (n_elements, 3, 2)."""
         mesh = self.problem.mesh
-        element = np.repeat(np.arange(len(mesh.triangles)), 3)
-        return self._flux_density_in(element, mesh.points[mesh.triangles.ravel()]).reshape(-1, 3, 2)
-
-    def _flux_density_in(self, element: np.ndarray, points: np.ndarray) -> np.ndarray:
-        mesh = self.problem.mesh
-        # B = grad psi/r is 0/0 on the axis, where B_z is even in r and B_r odd: take them a third of an
-        # element away from it, B_r in proportion.
-        corners = mesh.points[mesh.triangles[element], 0]
-        nearest = np.where(corners.min(axis=1) <= 1e-12 * corners.max(axis=1), corners.max(axis=1) / 3.0, 0.0)
-        r = np.maximum(points[:, 0], nearest)
-        gradient = self.problem.elements.gradient_at(self.psi, element, np.column_stack((r, points[:, 1])))
-        return np.column_stack((-gradient[:, 1] * points[:, 0] / r, gradient[:, 0])) / r[:, None]
+        element, corner = np.repeat(np.arange(len(mesh.triangles)), 3), mesh.points[mesh.triangles.ravel()]
+        return self.problem.elements.flux_density_at(self.psi, element, corner).reshape(-1, 3, 2)
 
     def relative_permeability(self) -> np.ndarray:
         """mu_r = B/(mu_0 H) at the centroid of every element, shape (n_elements,) [-]."""

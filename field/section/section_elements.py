@@ -141,6 +141,16 @@ class SectionElements:
             slope += self._element.lbasis(local, i)[1] * psi[dof]
         return np.einsum("kij,jk->ki", inverse, slope)
 
+    def flux_density_at(self, psi: np.ndarray, element: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """B_r, B_z [T] at one point (r, z) [m] of each listed element, points and result (k, 2)."""
+        # B = grad psi/r is 0/0 on the axis, where B_z is even in r and B_r odd: take them a third of an
+        # element away from it, B_r in proportion.
+        corners = self.mesh.points[self.mesh.triangles[element], 0]
+        nearest = np.where(corners.min(axis=1) <= 1e-12 * corners.max(axis=1), corners.max(axis=1) / 3.0, 0.0)
+        r = np.maximum(points[:, 0], nearest)
+        gradient = self.gradient_at(psi, element, np.column_stack((r, points[:, 1])))
+        return np.column_stack((-gradient[:, 1] * points[:, 0] / r, gradient[:, 0])) / r[:, None]
+
     def load(self, density: np.ndarray) -> np.ndarray:
         """Integral of density * v dr dz for every v; density (n_elements,), constant in each element."""
         local = (self.weight @ self.shape) * density[:, None]

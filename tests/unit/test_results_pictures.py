@@ -13,6 +13,8 @@ from emclutch.results.grains_picture import _across
 from emclutch.results.linear_range import linear_range
 from emclutch.results.torque_curve_pictures import _draw_range, _torque_axes
 from emclutch.results.torque_curves import torque_curves
+from field.section.section_elements import SectionElements
+from field.section.smooth_field import SmoothField
 from geometry import AnnularBox
 
 
@@ -37,13 +39,18 @@ def mesh():
     )
 
 
+def field_on(mesh, psi):
+    """The field of psi(r, z) on quadratic elements."""
+    elements = SectionElements(mesh)
+    return SmoothField(elements, psi(*elements.dof_points.T))
+
+
 @pytest.mark.parametrize("strength", [0.0, 1.0])
 @pytest.mark.parametrize("with_grains", [False, True])
 def test_section(tmp_path, mesh, strength, with_grains):
-    psi = strength * 0.5 * mesh.points[:, 0] ** 2  # uniform axial field
-    B = np.tile([0.0, strength], (len(mesh.triangles), 1))
     grains = np.column_stack([np.full(9, 0.032), np.linspace(-0.01, 0.01, 9), np.full(9, 5e-4)])
-    path = pictures.section_picture(tmp_path / "s.png", mesh, psi, B, grains=grains if with_grains else None)
+    field = field_on(mesh, lambda r, z: strength * 0.5 * r**2)  # uniform along the axis
+    path = pictures.section_picture(tmp_path / "s.png", field, grains=grains if with_grains else None)
     assert is_picture(path)
 
 
@@ -52,18 +59,18 @@ def test_a_title_is_no_formula(tmp_path, mesh):
     history = {"time": np.linspace(0.0, 1.0, 9), "torque_disc": np.ones(9), "rotor_speed": np.ones(9)}
     title = "$\\nonsense{ for 3 $"
     assert is_picture(pictures.torque_picture(tmp_path / "t.png", history, title=title))
-    assert is_picture(pictures.section_picture(tmp_path / "s.png", mesh, mesh.points[:, 0],
-                                               np.ones((len(mesh.triangles), 2)), title=title))  # fmt: skip
+    field = field_on(mesh, lambda r, z: r)
+    assert is_picture(pictures.section_picture(tmp_path / "s.png", field, title=title))
 
 
 def test_the_enlarged_part_lies_in_what_is_filled(tmp_path, mesh, monkeypatch):
     """The field is strongest in a part of the powder's region without powder: it is not what is enlarged."""
     shown = []
     monkeypatch.setattr("emclutch.results.section_picture._draw_zoom", lambda *given: shown.append(given[4]))
-    B = np.abs(mesh.points[mesh.triangles, 1].mean(axis=1) - 0.02)  # weakest at z = 20 mm, strongest at -20 mm
+    field = field_on(mesh, lambda r, z: r**2 * (0.02 - z) ** 2)  # weakest at z = 20 mm, strongest at -20 mm
     filled = [AnnularBox(0.03, 0.034, 0.005, 0.02)]
     for boxes in ((), filled):
-        pictures.section_picture(tmp_path / "s.png", mesh, mesh.points[:, 0], B, filled=boxes)
+        pictures.section_picture(tmp_path / "s.png", field, filled=boxes)
     (_, _, _, whole), (low_r, high_r, low_z, high_z) = shown
     assert whole < 0.0 and 0.005 < 0.5 * (low_z + high_z) < 0.02 and 0.03 < 0.5 * (low_r + high_r) < 0.034
 
