@@ -227,8 +227,12 @@ def plot(
     torque_speed: TorqueSpeedAsked = False,
     measured: Measured = None,
     out: NewPicture = None,
+    trust_scripts: TrustScripts = False,
 ) -> None:
-    """Draw finished runs in a new file: the torque of one against time, or the speeds of one or several."""
+    """Draw runs, or a study's points, over one another in a new file: torques with their 95 % bands, or speeds.
+
+    A finished run that was killed before its own pictures gets them.
+    """
     with explained():
         from emclutch import plot_command as drawn
 
@@ -236,7 +240,10 @@ def plot(
             message = "makes another picture than --speeds; ask for one at a time"
             raise SceneError([Fault("--torque-speed", "", message)], "command line")
         kind = drawn.SPEEDS if speeds else drawn.TORQUE_SPEED if torque_speed else drawn.TORQUE
-        typer.echo(str(drawn.plot_runs(folders, kind, measured=measured, out=out)))
+        picture = drawn.plot_runs(
+            folders, kind, measured=measured, out=out, trust_scripts=trust_scripts, tell=typer.echo
+        )
+        typer.echo(str(picture))
 
 
 @app.command()

@@ -13,7 +13,7 @@ RunSource = Annotated[
 CaseFile = Annotated[Path, typer.Argument(metavar="CASE", help="scene file (.toml)")]
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="study file (.toml)")]
 RunPath = Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run")]
-RunPaths = Annotated[list[Path], typer.Argument(metavar="RUN...", help="folders of runs")]
+RunPaths = Annotated[list[Path], typer.Argument(metavar="RUN...", help="folders of runs, or of studies")]
 SpeedsAsked = Annotated[bool, typer.Option("--speeds", help="speeds of motor and output against time")]
 TorqueSpeedAsked = Annotated[bool, typer.Option("--torque-speed", help="torque on the output over the motor's speed")]
 Measured = Annotated[

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from emclutch.case import Case
+from emclutch.missing_pictures import draw_missing
 from emclutch.results import OutputError, Result, RunFolder, load_result
 from emclutch.results.folder_lock import LOCK, has_files, locked_folder
 from emclutch.results.history import last_time
@@ -209,6 +210,8 @@ class _StudyRun:
         if self.resume and point.is_done:
             point.refuse_changed_files(case)
             log.info("%s is done: kept", point.path.name)
+            if draw_missing(RunFolder(point.path), case):
+                log.info("%s had no pictures: they are drawn", point.path.name)
             self._is_done(number, load_result(point.path), kept=True)
             return None
         resumed = _goes_on(case, point, self.resume)

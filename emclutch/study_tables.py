@@ -13,6 +13,7 @@ from emclutch.results.atomic_file import replace_json, replace_text
 from emclutch.results.linear_range import linear_range
 from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.speed_picture import speed_picture, speeds_vary
+from emclutch.results.study_folder import write_about
 from emclutch.results.torque_curve_pictures import torque_against_current_picture, torque_against_speed_picture
 from emclutch.results.torque_curves import TorqueCurve, torque_curves
 from emclutch.scene.study import Study
@@ -26,6 +27,7 @@ Done = tuple[dict[str, Any], Case, Result]
 
 def write_tables(folder: Path, study: Study, done: Sequence[Done]) -> None:
     """All tables and pictures of the points that are done, given in the study's order."""
+    write_about(folder, study.title, study.values, len(study.points()))
     write_torques(folder, study, [row_of(values, case, result) for values, case, result in done])
     courses = {
         label_of(study, values) or result.folder.path.name: result.history

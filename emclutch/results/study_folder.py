@@ -1,0 +1,89 @@
+"""What a study's folder holds, read back: its values, its points and their results."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from emclutch.results.atomic_file import replace_json
+from emclutch.results.output_error import OutputError
+from emclutch.results.result import Result, load_result
+
+if TYPE_CHECKING:
+    import pandas
+
+TABLE, ABOUT = "study.csv", "study.json"
+AFTER_VALUES = "end_time"
+"""Column of `study.csv` that follows those of the study's values."""
+
+
+@dataclass(frozen=True, slots=True)
+class StudyFolder:
+    """A study with the points that are done.
+
+    Attributes
+    ----------
+    path : Path
+    title : str
+    points : int or None
+        Of the whole study; None where its folder does not say.
+    table : DataFrame
+        ``study.csv``: a row a point that is done; values first.
+    """
+
+    path: Path
+    title: str
+    points: int | None
+    table: pandas.DataFrame
+
+    @property
+    def varied(self) -> list[str]:
+        """Keys that tell the points apart."""
+        keys = list(self.table.columns[: list(self.table.columns).index(AFTER_VALUES)])
+        return [key for key in keys if self.table[key].astype(str).nunique() > 1]
+
+    def labels(self) -> list[str]:
+        """Of each point what tells it from the others."""
+        texts = [", ".join(f"{key.rpartition('.')[2].replace('_', ' ')} {row[key]}" for key in self.varied)
+                 for _, row in self.table.iterrows()]  # fmt: skip
+        names = self.table["folder"].astype(str)
+        return [text or name for text, name in zip(texts, names, strict=True)]
+
+    def results(self) -> dict[str, Result]:
+        """The points' results by their labels, in the study's order."""
+        names = self.table["folder"].astype(str)
+        return {label: load_result(self.path / name) for label, name in zip(self.labels(), names, strict=True)}
+
+
+def is_study(path: Path) -> bool:
+    """Whether a folder is that of a study with at least one point that is done."""
+    return (path / TABLE).is_file()
+
+
+def write_about(folder: Path, title: str, values: dict[str, Any], points: int) -> None:
+    """``study.json``: title, values and number of points, which the tables do not say."""
+    replace_json(folder / ABOUT, {"title": title, "values": values, "points": points})
+
+
+def read_study(path: Path) -> StudyFolder:
+    """The study in a folder.
+
+    Raises
+    ------
+    OutputError
+        There is none, or its table is damaged.
+    """
+    import pandas
+
+    if not is_study(path):
+        raise OutputError(f"{path} has no {TABLE}; name the folder of a study of which a point is done")
+    try:
+        table = pandas.read_csv(path / TABLE, float_precision="round_trip")
+        about = json.loads((path / ABOUT).read_text(encoding="utf-8")) if (path / ABOUT).is_file() else {}
+    except (OSError, ValueError) as error:
+        raise OutputError(f"{path} has a {TABLE} or {ABOUT} that cannot be read: {error}; resume the study") from error
+    if not {AFTER_VALUES, "folder", "torque"} <= set(table.columns):
+        raise OutputError(f"{path / TABLE} is none that a study writes; name the folder of a study")
+    return StudyFolder(path, about.get("title") or path.resolve().name, about.get("points"), table)
