@@ -19,6 +19,7 @@ from emclutch import __version__
 from emclutch.command_errors import FAILED, bad_input_for, explained, stop
 from emclutch.command_input import check_threads, load, run_to_resume
 from emclutch.command_options import (
+    AsHtml,
     AsJson,
     AsMarkdown,
     CaseFile,
@@ -27,6 +28,7 @@ from emclutch.command_options import (
     CurvePicture,
     DipoleModel,
     DryRun,
+    ExportFormat,
     FieldList,
     FillList,
     FrictionAsked,
@@ -41,8 +43,8 @@ from emclutch.command_options import (
     Out,
     PairForceAsked,
     PowderName,
+    ResultPath,
     Resume,
-    RunPath,
     RunPaths,
     RunSource,
     Saturation,
@@ -247,9 +249,14 @@ def plot(
 
 
 @app.command()
-def report(folder: RunPath, out: NewFile = None) -> None:
-    """Write a run as a page of Markdown."""
+def report(folder: ResultPath, out: NewFile = None, html: AsHtml = False) -> None:
+    """Write a run as a page of Markdown; with --html a run or a study as one page for a browser, pictures inside."""
     with explained():
+        if html:
+            from emclutch.html_report import write_page
+
+            typer.echo(str(write_page(folder, out)))
+            return
         from emclutch.results import load_result
         from emclutch.run_report import report as page_of
 
@@ -260,6 +267,19 @@ def report(folder: RunPath, out: NewFile = None) -> None:
         with open(out, "x", encoding="utf-8") as stream:
             stream.write(text)
         typer.echo(str(out))
+
+
+@app.command()
+def export(folder: ResultPath, to: ExportFormat, out: Out = None) -> None:
+    """Write the history and profiles of a run, or of all points of a study, for other programs."""
+    with explained():
+        from emclutch.export_command import Format
+        from emclutch.export_command import export as export_tables
+
+        if to not in list(Format):
+            allowed = ", ".join(Format)
+            raise SceneError([Fault("--to", to, f"is no format; allowed: {allowed}")], "command line")
+        typer.echo(str(export_tables(folder, Format(to), out)))
 
 
 @app.command()

@@ -12,10 +12,12 @@ RunSource = Annotated[
 ]
 CaseFile = Annotated[Path, typer.Argument(metavar="CASE", help="scene file (.toml)")]
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="study file (.toml)")]
-RunPath = Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run")]
+ResultPath = Annotated[Path, typer.Argument(metavar="RUN|STUDY", help="folder of a run, or of a study")]
+AsHtml = Annotated[bool, typer.Option("--html", help="one page with its pictures inside; default: report.html there")]
 RunPaths = Annotated[list[Path], typer.Argument(metavar="RUN...", help="folders of runs, or of studies")]
 SpeedsAsked = Annotated[bool, typer.Option("--speeds", help="speeds of motor and output against time")]
 TorqueSpeedAsked = Annotated[bool, typer.Option("--torque-speed", help="torque on the output over the motor's speed")]
+ExportFormat = Annotated[str, typer.Option("--to", metavar="FORMAT", help="csv, parquet, mat or vtk")]
 Measured = Annotated[
     Path | None,
     typer.Option("--measured", metavar="FILE", help="CSV to lay over --speeds: time [s], then speeds [rpm], named"),

@@ -13,6 +13,15 @@ from emclutch.results import COLUMNS, OutputError, Result
 from emclutch.results.grain_profiles import profile_column, read_profiles
 
 RPM = 30.0 / math.pi
+PICTURES = {
+    "section.png": "flux density and flux lines in the cross-section",
+    "gap.png": "radial flux density in the middle of the gap, unrolled",
+    "torque.png": "torque against time",
+    "speeds.png": "speeds of the shafts against time",
+    "grains.png": "grains and the forces between them",
+    "profiles.png": "flow and stress across the gap",
+}
+"""Pictures that a run may have, and what they show."""
 
 
 def closing_lines(result: Result) -> list[str]:
@@ -73,7 +82,35 @@ def report(result: Result, page_folder: Path | None = None) -> str:
                 "",
             ]
     lines += [f"**{line[:1].upper()}{line[1:]}.**\n" for line in closing_lines(result)]
-    rows = [("effects", ", ".join(summary["effects"]) or "none")]
+    rows = [("effects", ", ".join(summary["effects"]) or "none"), *summary_rows(summary)]
+    for part, value in summary["seconds"].items():
+        if part == "foretold":
+            rows.append(("wall-clock foretold", f"{value['total']:.1f} s"))
+        else:
+            rows.append((f"wall-clock: {part.replace('_', ' ')}", f"{value:.1f} s"))
+    lines += ["| | |", "|---|---|", *(f"| {label} | {text} |" for label, text in rows), "", "## Decisions", ""]
+    lines += [f"- {label}: {text}" for label, text in summary["plan"].items()]
+    home = result.folder.path.resolve()
+    way = Path(os.path.relpath(home, (page_folder or home).resolve()))
+    pictures = [name for name in PICTURES if (home / name).is_file()]
+    lines += [
+        "",
+        *(f"![{name}]({quote((way / name).as_posix())})" for name in pictures),
+        "",
+        "## Columns of history.csv",
+        "",
+    ]
+    lines += [f"- `{name}` [{COLUMNS[name][0]}]: {COLUMNS[name][1]}" for name in result.history.columns]
+    if (home / "profiles.csv").is_file():
+        columns = list(dict.fromkeys(name for table in read_profiles(home / "profiles.csv").values() for name in table))
+        lines += ["", "## Columns of profiles.csv", ""]
+        lines += [f"- `{name}` [{profile_column(name)[0]}]: {profile_column(name)[1]}" for name in columns]
+    return "\n".join(lines) + "\n"
+
+
+def summary_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
+    """What a summary says in numbers of the device, the course and the numerics: label and value with its unit."""
+    rows: list[tuple[str, str]] = []
     for key, label, unit in (
         ("current", "current at the end", "A"),
         ("turns", "turns of the coil", ""),
@@ -104,30 +141,4 @@ def report(result: Result, page_folder: Path | None = None) -> str:
         (f"estimated relative error of the field: {goal}", f"{error:.2g}")
         for goal, error in (summary.get("field_error_estimate") or {}).items()
     ]
-    for part, value in summary["seconds"].items():
-        if part == "foretold":
-            rows.append(("wall-clock foretold", f"{value['total']:.1f} s"))
-        else:
-            rows.append((f"wall-clock: {part.replace('_', ' ')}", f"{value:.1f} s"))
-    lines += ["| | |", "|---|---|", *(f"| {label} | {text} |" for label, text in rows), "", "## Decisions", ""]
-    lines += [f"- {label}: {text}" for label, text in summary["plan"].items()]
-    home = result.folder.path.resolve()
-    way = Path(os.path.relpath(home, (page_folder or home).resolve()))
-    pictures = [
-        name
-        for name in ("section.png", "gap.png", "torque.png", "speeds.png", "grains.png", "profiles.png")
-        if (home / name).is_file()
-    ]
-    lines += [
-        "",
-        *(f"![{name}]({quote((way / name).as_posix())})" for name in pictures),
-        "",
-        "## Columns of history.csv",
-        "",
-    ]
-    lines += [f"- `{name}` [{COLUMNS[name][0]}]: {COLUMNS[name][1]}" for name in result.history.columns]
-    if (home / "profiles.csv").is_file():
-        columns = list(dict.fromkeys(name for table in read_profiles(home / "profiles.csv").values() for name in table))
-        lines += ["", "## Columns of profiles.csv", ""]
-        lines += [f"- `{name}` [{profile_column(name)[0]}]: {profile_column(name)[1]}" for name in columns]
-    return "\n".join(lines) + "\n"
+    return rows

@@ -80,7 +80,7 @@ def read_study(path: Path) -> StudyFolder:
     if not is_study(path):
         raise OutputError(f"{path} has no {TABLE}; name the folder of a study of which a point is done")
     try:
-        table = pandas.read_csv(path / TABLE, float_precision="round_trip")
+        table = pandas.read_csv(path / TABLE)
         about = json.loads((path / ABOUT).read_text(encoding="utf-8")) if (path / ABOUT).is_file() else {}
     except (OSError, ValueError) as error:
         raise OutputError(f"{path} has a {TABLE} or {ABOUT} that cannot be read: {error}; resume the study") from error

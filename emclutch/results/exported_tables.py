@@ -1,0 +1,96 @@
+"""The tables of a run or a study for other programs: histories, profiles, and a row a point."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from emclutch.results.grain_profiles import profile_column, read_profiles
+from emclutch.results.history import COLUMNS, read_history
+from emclutch.results.result import Result, load_result
+from emclutch.results.run_folder import RunFolder
+from emclutch.results.study_folder import is_study, read_study
+
+if TYPE_CHECKING:
+    import pandas
+
+UNITS_OF_A_STUDY = {
+    "end_time": "s",
+    "current": "A",
+    "torque": "N m",
+    "standard_error": "N m",
+    "low": "N m",
+    "high": "N m",
+    "torque_rotor": "N m",
+    "gap_flux_density": "T",
+    "typical_overlap": "1",
+    "inertial_number": "1",
+    "seconds": "s",
+    "rotor_speed": "rad/s",
+    "output_start_time": "s",
+    "output_start_speed": "rad/s",
+    "lock_up_time": "s",
+    "shear_stress": "Pa",
+    "shear_stress_error": "Pa",
+    "field_strength_powder": "A/m",
+    "fill_powder": "1",
+}
+POINT, REPLICA, ALONG = "point", "replica", "along"
+"""Columns that tell apart what one table holds: a study's points, a run's packings, the profiles' coordinates."""
+
+
+def tables_of(folder: Path) -> dict[str, pandas.DataFrame]:
+    """`history`, `profiles` where there are any, and `study` of a study; ``attrs["units"]`` has each column's unit.
+
+    A column that only some of a study's points have is nan (empty) in the others' rows.
+
+    Raises
+    ------
+    OutputError
+        The folder holds neither a run nor a study.
+    """
+    if not is_study(folder):
+        return _tables_of_run(load_result(folder))
+    study = read_study(folder)
+    found: dict[str, list[pandas.DataFrame]] = {}
+    for name, result in zip(study.table["folder"].astype(str), study.results().values(), strict=True):
+        for kind, table in _tables_of_run(result).items():
+            table.insert(0, POINT, name)
+            found.setdefault(kind, []).append(table)
+    table = study.table.copy()
+    table.attrs["units"] = {name: unit for name, unit in UNITS_OF_A_STUDY.items() if name in table}
+    return {"study": table} | {kind: _joined(tables) for kind, tables in found.items()}
+
+
+def _tables_of_run(result: Result) -> dict[str, pandas.DataFrame]:
+    histories = [result.history.copy()]
+    for path in result.folder.replica_folders():
+        if RunFolder(path).history.is_file():
+            histories.append(read_history(RunFolder(path).history))
+    if len(histories) > 1:
+        for number, history in enumerate(histories):
+            history.insert(0, REPLICA, number)
+    tables = {"history": _joined(histories)}
+    tables["history"].attrs["units"] = {name: COLUMNS[name][0] for name in tables["history"] if name in COLUMNS}
+    path = result.folder.path / "profiles.csv"
+    if path.is_file():
+        profiles = []
+        for along, profile in read_profiles(path).items():
+            profile.insert(0, ALONG, along)
+            profiles.append(profile)
+        tables["profiles"] = _joined(profiles)
+        names = [name for name in tables["profiles"] if name != ALONG]
+        tables["profiles"].attrs["units"] = {name: profile_column(name)[0] for name in names}
+    return tables
+
+
+def _joined(tables: list[pandas.DataFrame]) -> pandas.DataFrame:
+    """Rows of all tables under one another, with the units of all."""
+    import pandas
+
+    units = {name: unit for table in tables for name, unit in table.attrs.get("units", {}).items()}
+    for table in tables:
+        table.attrs = {}  # pandas compares them when it joins
+    joined = pandas.concat(tables, ignore_index=True)
+    joined.attrs["units"] = units
+    return joined

@@ -1,0 +1,134 @@
+"""A report in one page: the verdict first, every effect named, a stranger's text only shown, nothing from elsewhere."""
+
+import re
+from html.parser import HTMLParser
+
+import pytest
+from typer.testing import CliRunner
+from written_run import written_run, written_study
+
+from emclutch.command_line import app
+from emclutch.html_report import run_page, study_page, write_page
+from emclutch.results import OutputError, load_result
+from emclutch.results.study_folder import read_study
+from emclutch.scene.effects import Effects
+from emclutch.verdict import Mark, verdict
+
+HOSTILE = "<script>alert(1)</script> & \"><img src=x onerror='x'>"
+
+
+class Page(HTMLParser):
+    """Elements with their attributes, headings in order, the table of effects, and all text."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.elements, self.text, self.headings, self.effects, self._cells, self._open = [], "", [], {}, None, []
+        self.feed(text)
+        assert not self._open, f"never closed: {self._open}"
+
+    def handle_starttag(self, tag, attributes):
+        self.elements.append((tag, dict(attributes)))
+        if tag not in ("meta", "img", "br"):
+            self._open.append(tag)
+        if tag == "tr":
+            self._cells = []
+        if tag in ("td", "th") and self._cells is not None:
+            self._cells.append("")
+        if tag == "h2":
+            self.headings.append("")
+
+    def handle_endtag(self, tag):
+        assert self._open.pop() == tag
+        if tag == "tr" and len(self._cells) == 5:
+            self.effects[self._cells[0]] = self._cells[1]
+
+    def handle_data(self, data):
+        if self._open and self._open[-1] == "style":
+            return
+        self.text += data
+        if self._open and self._open[-1] == "h2":
+            self.headings[-1] += data
+        if self._cells:
+            self._cells[-1] += data.strip()
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    return written_run(tmp_path_factory.mktemp("runs") / "hostile", HOSTILE)
+
+
+@pytest.fixture(scope="module")
+def page(run):
+    return Page(run_page(load_result(run.path)))
+
+
+def test_the_verdict_comes_first(page):
+    assert page.headings[0] == "Verdict"
+    wanted = ["Scene", "Effects, on and off", "Pictures", "Torque with its errors", "Balances", "Provenance"]
+    assert [heading for heading in page.headings if heading in wanted] == wanted
+
+
+def test_a_strangers_text_is_shown_and_does_nothing(page):
+    """The title stands in the page as it was given, and adds no element."""
+    assert HOSTILE in page.text
+    assert {tag for tag, _ in page.elements}.isdisjoint({"script", "iframe", "object", "link"})
+    assert not [name for _, given in page.elements for name in given if name.startswith("on")]
+
+
+def test_nothing_is_fetched(page):
+    sources = [given[name] for _, given in page.elements for name in ("src", "href") if name in given]
+    assert sources and all(source.startswith("data:image/png;base64,") for source in sources)
+    assert any(given.get("content", "").startswith("default-src 'none'") for _, given in page.elements)
+
+
+def test_every_effect_is_named_on_or_off(page):
+    named = {name.replace("_", " ") for name in Effects.names()}
+    assert named <= set(page.effects)
+    assert {name for name in named if page.effects[name] == "on"} == {"dipoles"}
+
+
+def test_the_torque_stands_with_its_interval(run, page):
+    torque = load_result(run.path).torque
+    low, high = torque.interval()
+    assert f"{torque.mean:.4g} N m, 95 % interval {low:.4g} to {high:.4g} N m" in page.text
+
+
+@pytest.mark.parametrize(("off", "mark"), [(1e-4, Mark.GOOD), (0.3, Mark.POOR)])
+def test_a_balance_that_does_not_close_is_told(tmp_path, off, mark):
+    statements = verdict(load_result(written_run(tmp_path / "run", off=off).path))
+    marks = [one.mark for one in statements if one.text.startswith("The balance of")]
+    assert marks == [mark, mark]
+
+
+def test_a_torque_is_known_only_as_far_as_its_error_says(tmp_path):
+    """A few windows give no error, noise about 0 no torque: neither is called known."""
+    first = verdict(load_result(written_run(tmp_path / "steady").path))[0]
+    assert first.mark is Mark.GOOD and "is known to" in first.text
+    short = verdict(load_result(written_run(tmp_path / "short", windows=10).path))[0]
+    assert short.mark is Mark.POOR and "not known" in short.text
+    none = verdict(load_result(written_run(tmp_path / "none", mean=0.0).path))[0]
+    assert none.mark is Mark.POOR
+
+
+def test_a_run_that_is_not_finished_says_so(tmp_path):
+    folder = written_run(tmp_path / "cut", finished=False)
+    text = Page(run_page(load_result(folder.path))).text
+    assert "The run is not finished: it has come to 200 ms" in text
+
+
+def test_a_study_shows_its_points_and_what_is_missing(tmp_path):
+    study = read_study(written_study(tmp_path, [1.0, 2.0], HOSTILE))
+    page = Page(study_page(study))
+    assert page.headings[0] == "Verdict" and HOSTILE in page.text and "2 of 3 points are done" in page.text
+    for result in study.results().values():
+        assert f"{result.torque.mean:.4g} N m" in page.text
+    assert set(study.results()) == {"current 1 A", "current 2 A"}
+
+
+def test_nothing_is_overwritten(tmp_path):
+    folder = written_run(tmp_path / "run").path
+    assert [write_page(folder).name for _ in range(2)] == ["report.html", "report-1.html"]
+    with pytest.raises(OutputError, match="exists"):
+        write_page(folder, folder / "report.html")
+    told = CliRunner().invoke(app, ["report", str(tmp_path), "--html"])
+    assert told.exit_code == 2 and re.search("name the folder of a run", told.output)
