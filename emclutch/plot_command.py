@@ -50,8 +50,11 @@ def plot_runs(
     runs = runs_of(folders)
     results = list(runs.values())
     for result in results:
-        if draw_missing(result.folder, trust_scripts=trust_scripts):
-            tell(f"{result.folder.path} had no pictures: they are drawn")
+        try:
+            if draw_missing(result.folder, trust_scripts=trust_scripts):
+                tell(f"{result.folder.path} had no pictures: they are drawn")
+        except OutputError as error:  # what was asked for needs them not
+            tell(f"{result.folder.path} has no pictures, and they cannot be drawn: {error}")
     points = None if measured is None else _measured(measured)
     if out is None:
         numbered = (folders[0] / f"{kind}-{number}.png" for number in itertools.count(1))

@@ -210,8 +210,11 @@ class _StudyRun:
         if self.resume and point.is_done:
             point.refuse_changed_files(case)
             log.info("%s is done: kept", point.path.name)
-            if draw_missing(RunFolder(point.path), case):
-                log.info("%s had no pictures: they are drawn", point.path.name)
+            try:
+                if draw_missing(RunFolder(point.path), case):
+                    log.info("%s had no pictures: they are drawn", point.path.name)
+            except OutputError as error:  # its numbers are there: no reason to end the study
+                log.warning("%s has no pictures, and they cannot be drawn: %s", point.path.name, error)
             self._is_done(number, load_result(point.path), kept=True)
             return None
         resumed = _goes_on(case, point, self.resume)

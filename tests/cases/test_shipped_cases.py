@@ -227,6 +227,11 @@ def test_centrifugal_at_toy_size(tmp_path):
     for asked, kind in (([], "torque"), (["--speeds"], "speeds"), (["--torque-speed"], "torque_speed")):
         drawn = CliRunner().invoke(app, ["plot", str(result.folder.path), *asked])
         assert drawn.exit_code == 0 and drawn.output.strip() == str(result.folder.path / f"{kind}-1.png")
+    grains = result.folder.grains_picture.read_bytes()
+    result.folder.grains_picture.unlink()  # as if the run had been killed before it drew it
+    drawn = CliRunner().invoke(app, ["plot", str(result.folder.path)])
+    assert "had no pictures: they are drawn" in drawn.output
+    assert result.folder.grains_picture.read_bytes() == grains
 
 
 def test_centrifugal_study_at_toy_size(tmp_path):

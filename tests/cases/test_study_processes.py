@@ -102,3 +102,19 @@ def test_grains_are_handed_on_along_a_value_that_leaves_them_as_they_are(tmp_pat
     )
     with pytest.raises(emclutch.SceneError, match=r"output\.checkpoint = false keeps no grains to hand on"):
         emclutch.load_study(tmp_path / "study.toml")
+
+
+def test_a_point_that_was_killed_before_its_pictures_gets_them(tmp_path):
+    """It is done by its summary; resumed, the study draws what its pictures are of, the same as they were."""
+    study = emclutch.load_study(THESIS / "centrifugal_speeds.toml")
+    with_pictures = {**TOY, "time.end": "2 ms", "output.pictures": True}
+    small = study.model_copy(update={"set": with_pictures, "values": {SPEED: ["500 rpm"]}, "warm_start": None})
+    small._path = study.path
+    folder = emclutch.sweep(small, out=tmp_path / "study")
+    names = ("grains.png", "torque.png")
+    drawn = {name: (folder / "point-000" / name).read_bytes() for name in names}
+    for name in names:
+        (folder / "point-000" / name).unlink()
+    emclutch.sweep(small, out=folder, resume=True)
+    assert {name: (folder / "point-000" / name).read_bytes() for name in names} == drawn
+    assert "had no pictures" in (folder / "study.log").read_text()

@@ -1,0 +1,113 @@
+"""plot: runs and studies over one another, each with its band; pictures that a killed run owes are drawn."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from written_run import written_run, written_study
+
+from emclutch.missing_pictures import draw_missing, pictures_are_missing
+from emclutch.plot_command import plot_runs, runs_of
+from emclutch.results import OutputError, load_result, pictures
+from emclutch.results.picture_file import save_picture
+from emclutch.results.time_unit import time_in_words, time_unit
+
+
+@pytest.fixture
+def figures(monkeypatch):
+    """The figures that are saved, in place of files."""
+    from emclutch.results import torque_overlay_picture
+
+    kept = []
+    monkeypatch.setattr(torque_overlay_picture, "save_picture", lambda figure, path: kept.append(figure) or Path(path))
+    return kept
+
+
+def test_every_run_has_its_band_around_its_mean(tmp_path, figures):
+    study = written_study(tmp_path / "study", [1.0, 3.0])
+    other = written_run(tmp_path / "other", mean=5.0).path
+    plot_runs([study, other], out=tmp_path / "o.png")
+    (axis,) = figures[0].axes
+    results = [load_result(study / name) for name in ("point-000", "point-001")] + [load_result(other)]
+    bands = [band.get_paths()[0].vertices[:, 1] for band in axis.collections]
+    assert len(bands) == 3
+    for band, result in zip(bands, results, strict=True):
+        assert (band.min(), band.max()) == pytest.approx(result.torque.interval())
+    labels = [text.get_text() for text in axis.get_legend().get_texts()]
+    assert [label.split(":")[0] for label in labels] == ["study", "study", "other"]
+    assert labels[0].startswith("study: current 1 A: ")
+
+
+def test_the_legend_lies_beside_the_curves(tmp_path, figures):
+    plot_runs([written_study(tmp_path / "study", [1.0, 3.0])], out=tmp_path / "o.png")
+    (axis,) = figures[0].axes
+    figures[0].canvas.draw()
+    assert axis.get_legend().get_window_extent().x0 >= axis.get_window_extent().x1
+
+
+def test_a_run_of_unknown_error_has_no_band(tmp_path, figures):
+    runs = [written_run(tmp_path / name, windows=count).path for name, count in (("long", 200), ("short", 5))]
+    plot_runs(runs, out=tmp_path / "o.png")
+    (axis,) = figures[0].axes
+    assert len(axis.collections) == 1
+    assert "error unknown" in axis.get_legend().get_texts()[1].get_text()
+
+
+def test_one_folder_is_drawn_as_ever_and_an_existing_file_is_kept(tmp_path):
+    folder = written_run(tmp_path / "run").path
+    assert plot_runs([folder]) == folder / "torque-1.png"
+    with pytest.raises(OutputError, match="exists"):
+        plot_runs([folder], out=folder / "torque-1.png")
+    assert list(runs_of([folder])) == ["run"]
+
+
+@pytest.mark.parametrize(("longest", "unit"), [(0.0, "s"), (2.0, "s"), (1.0, "s"), (0.5, "ms"), (2e-4, "µs")])
+def test_times_are_said_in_the_unit_of_their_size(longest, unit):
+    name, factor = time_unit(longest)
+    assert name == unit and time_in_words(longest) == f"{factor * longest:.3g} {unit}"
+
+
+def test_a_picture_is_whole_or_not_there(tmp_path, monkeypatch):
+    """What was there stays, when the file is not moved to its place."""
+    from matplotlib.figure import Figure
+
+    path = tmp_path / "p.png"
+    path.write_bytes(b"old")
+
+    def killed(*given):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("os.replace", killed)
+    with pytest.raises(KeyboardInterrupt):
+        save_picture(Figure(), path)
+    assert path.read_bytes() == b"old" and [one.name for one in tmp_path.iterdir()] == ["p.png"]
+    with pytest.raises(OutputError, match=r"allowed: .*\.png"):
+        save_picture(Figure(), tmp_path / "p.nonsense")
+
+
+def test_speeds_of_a_short_run_are_in_its_unit(tmp_path, monkeypatch):
+    """Measured seconds lie at the same places as the run's."""
+    from emclutch.results import speed_picture
+
+    kept = []
+    monkeypatch.setattr(speed_picture, "save_picture", lambda figure, path: kept.append(figure))
+    time = np.linspace(0.0, 0.1, 5)
+    history = {"time": time, "rotor_speed": 10.0 + time, "disc_speed": time}
+    pictures.speed_picture(tmp_path / "s.png", {"run": history}, measured={"tacho": np.column_stack([time, time])})
+    (axis,) = kept[0].axes
+    assert axis.get_xlabel() == "time [ms]"
+    assert [line.get_xdata()[-1] for line in axis.get_lines()[:3]] == pytest.approx([100.0, 100.0, 100.0])
+
+
+def test_only_a_finished_run_that_wanted_pictures_owes_them(tmp_path):
+    folder = written_run(tmp_path / "run")
+    assert not pictures_are_missing(folder)  # it wanted none
+    folder.case.write_text("[output]\npictures = true\n")
+    assert not pictures_are_missing(folder)  # nothing to draw them of
+    folder.checkpoint.write_bytes(b"")
+    assert pictures_are_missing(folder)
+    folder.grains_picture.write_bytes(b"")
+    assert not pictures_are_missing(folder) and not draw_missing(folder)
+    folder.grains_picture.unlink()
+    folder.summary.unlink()
+    assert not pictures_are_missing(folder)  # it still runs
