@@ -258,8 +258,12 @@ def report(folder: ResultPath, out: NewFile = None, html: AsHtml = False) -> Non
             typer.echo(str(write_page(folder, out)))
             return
         from emclutch.results import load_result
+        from emclutch.results.study_folder import is_study
         from emclutch.run_report import report as page_of
 
+        if is_study(folder):
+            message = f"is missing: the report of a study is a page for a browser: emclutch report {folder} --html"
+            raise SceneError([Fault("--html", "", message)], "command line")
         text = page_of(load_result(folder), Path.cwd() if out is None else out.parent)
         if out is None:
             typer.echo(text)

@@ -171,7 +171,7 @@ def field_study(
         raise failure
     assert solution is not None
     title = case.scene.scene.title
-    at = f"{title}, {rows[-1]['current']:g} A"
+    at = f"{title}\n{rows[-1]['current']:g} A"
     section_picture(
         folder / "section.png",
         SmoothField(solution.problem.elements, solution.psi),

@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 import emclutch
 from emclutch.command_line import app
+from emclutch.html_report import run_page
 from emclutch.results.rise_time import time_to_reach
 from emclutch.run_report import report
 
@@ -232,6 +233,8 @@ def test_centrifugal_at_toy_size(tmp_path):
     drawn = CliRunner().invoke(app, ["plot", str(result.folder.path)])
     assert "had no pictures: they are drawn" in drawn.output
     assert result.folder.grains_picture.read_bytes() == grains
+    page = run_page(result)
+    assert page.count("data:image/png") == 3 and "Stokes number in air" in page  # pictures, and what is left out
 
 
 def test_centrifugal_study_at_toy_size(tmp_path):

@@ -7,6 +7,7 @@ import pytest
 
 import emclutch
 from emclutch.results.checkpoint import read_checkpoint
+from emclutch.results.study_folder import read_study
 
 THESIS = Path(__file__).resolve().parents[2] / "cases" / "thesis"
 TOY = {
@@ -118,3 +119,5 @@ def test_a_point_that_was_killed_before_its_pictures_gets_them(tmp_path):
     emclutch.sweep(small, out=folder, resume=True)
     assert {name: (folder / "point-000" / name).read_bytes() for name in names} == drawn
     assert "had no pictures" in (folder / "study.log").read_text()
+    read = read_study(folder)
+    assert (read.title, read.points, list(read.results())) == (study.title, 1, ["point-000"])

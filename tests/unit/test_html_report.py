@@ -123,6 +123,8 @@ def test_a_study_shows_its_points_and_what_is_missing(tmp_path):
     for result in study.results().values():
         assert f"{result.torque.mean:.4g} N m" in page.text
     assert set(study.results()) == {"current 1 A", "current 2 A"}
+    told = CliRunner().invoke(app, ["report", str(study.path)])
+    assert told.exit_code == 2 and "--html" in told.output
 
 
 def test_nothing_is_overwritten(tmp_path):
