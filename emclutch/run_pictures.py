@@ -30,13 +30,11 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
     section.png or gap.png with a solved field, torque.png, speeds.png where a shaft's speed changes, profiles.png where
     they were asked for, and at last grains.png: where it lies all others do.
     """
-    title, end = case.scene.scene.title, time_in_words(simulation.motion.time)
+    title = case.scene.scene.title
     result = load_result(folder.path)
     grains, dem = simulation.motion.grains, simulation.motion
     source = simulation.source
-    at = f"t = {end}"
-    if isinstance(source, (CoilField, SolidCoilField)):
-        at = f"{result.history['current'].iloc[-1]:.4g} A, {at}"
+    at = moment_in_words(result.history, dem.time)
     if isinstance(source, CoilField) and source.solution is not None:
         x = grains.position
         r, theta = np.hypot(x[:, 0], x[:, 1]), np.arctan2(x[:, 1], x[:, 0])
@@ -84,6 +82,12 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
         title=f"{title}\n{at}",
         sector_angle=None if dem.sector is None else dem.sector.angle,
     )
+
+
+def moment_in_words(history, time: float) -> str:
+    """The moment [s] that a picture shows, with the current at the end of a history where there is a coil."""
+    at = f"t = {time_in_words(time)}"
+    return f"{history['current'].iloc[-1]:.4g} A, {at}" if "current" in history else at
 
 
 def steady_current(history) -> float | None:

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pandas
 import pytest
 from written_run import written_run, written_study
 
@@ -11,6 +12,7 @@ from emclutch.plot_command import plot_runs, runs_of
 from emclutch.results import OutputError, load_result, pictures
 from emclutch.results.picture_file import save_picture
 from emclutch.results.time_unit import time_in_words, time_unit
+from emclutch.run_pictures import moment_in_words, steady_current
 
 
 @pytest.fixture
@@ -65,6 +67,14 @@ def test_one_folder_is_drawn_as_ever_and_an_existing_file_is_kept(tmp_path):
 def test_times_are_said_in_the_unit_of_their_size(longest, unit):
     name, factor = time_unit(longest)
     assert name == unit and time_in_words(longest) == f"{factor * longest:.3g} {unit}"
+
+
+def test_a_title_says_the_moment_and_a_current_that_stays():
+    switched_on = pandas.DataFrame({"current": [0.0, 0.25]})
+    assert moment_in_words(switched_on, 4e-3) == "0.25 A, t = 4 ms"
+    assert moment_in_words(pandas.DataFrame({"time": [1.5]}), 1.5) == "t = 1.5 s"
+    assert steady_current(switched_on) is None
+    assert steady_current(pandas.DataFrame({"current": [0.25, 0.25]})) == 0.25
 
 
 def test_a_picture_is_whole_or_not_there(tmp_path, monkeypatch):
