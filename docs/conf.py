@@ -30,6 +30,9 @@ myst_heading_anchors = 3
 nitpicky = True
 # the types in signatures are numpy's, scipy's and the standard library's; their inventories would need a network
 nitpick_ignore_regex = [("py:.*", ".*")]
+suppress_warnings = ["ref.python"]  # a word in a docstring's list of attributes may be the name of several
+
+smartquotes = False  # two dashes begin an option
 
 autodoc_typehints = "none"  # docstrings say type, shape and unit
 autodoc_member_order = "alphabetical"
