@@ -7,14 +7,16 @@ BIN    := $(VENV)/bin
 GMSH_LIBRARIES := libGLU.so.1 libGL.so.1 libXrender.so.1 libXcursor.so.1 libXft.so.2 libXinerama.so.1 libXfixes.so.3 libgomp.so.1
 GMSH_PACKAGES  := libglu1-mesa libgl1 libxrender1 libxcursor1 libxft2 libxinerama1 libxfixes3 libgomp1
 
-.PHONY: run test bench stability setup lint sweep clean
+.PHONY: run test bench stability setup lint sweep docs dist clean
 run: setup ; @$(BIN)/emclutch run $(CASE)
 test: setup ; $(BIN)/python -m pytest -n 2 --dist loadfile tests/unit tests/physics tests/cases
 bench: setup ; $(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]' && $(BIN)/python -m pytest tests/benchmarks -s
 stability: setup ; $(BIN)/python -m pytest -m hard -v && $(BIN)/python tests/hard/stability.py runs/stability && $(BIN)/python tests/hard/kills.py runs/stability && $(BIN)/python tests/hard/threads.py runs/stability && $(BIN)/python tests/hard/random_runs.py runs/random
 sweep: setup ; $(BIN)/emclutch sweep cases/current_to_torque.toml
 lint: setup ; $(BIN)/ruff check . && $(BIN)/mypy
-clean: ; rm -rf $(VENV) runs .pytest_cache .mypy_cache .ruff_cache; find . -name __pycache__ -prune -exec rm -rf {} +
+docs: setup ; $(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]' && $(BIN)/python -m sphinx -q -W --keep-going -n docs docs/_build/html
+dist: setup ; $(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt build && $(BIN)/python -m build
+clean: ; rm -rf $(VENV) runs build dist docs/_build .pytest_cache .mypy_cache .ruff_cache; find . -name __pycache__ -prune -exec rm -rf {} +
 setup: $(VENV)/installed
 
 $(VENV)/installed: pyproject.toml constraints.txt
