@@ -40,10 +40,13 @@ napoleon_google_docstring = False
 napoleon_use_rtype = False
 
 html_theme = "furo"
+html_static_path = ["style"]
+html_css_files = ["formulas.css"]
 html_title = f"emclutch {release}"
 html_math_renderer = "mathml"
 html_copy_source = False
 html_show_sphinx = False
+html_show_copyright = False
 
 
 def setup(app):

@@ -35,12 +35,15 @@ def header(scene: Path) -> dict[str, str]:
 
 def scenes() -> list[Path]:
     """Scenes and studies of the gallery: those of `cases` and of `cases/thesis`."""
-    return sorted(CASES.glob("*.toml")) + sorted(CASES.glob("thesis/*.toml"))
+    first = CASES / "quickstart.toml"
+    return [first, *sorted(set(CASES.glob("*.toml")) - {first}), *sorted(CASES.glob("thesis/*.toml"))]
 
 
 def plain(text: str) -> str:
-    """A header's text, which is no markup, as Markdown."""
-    return re.sub(r"([*_<>|\[\]$])", r"\\\1", text)
+    """A header's text, which is no markup but for its backticks, as Markdown."""
+    parts = text.split("`")
+    parts[::2] = [re.sub(r"([*_<>|\[\]$])", r"\\\1", part) for part in parts[::2]]
+    return "`".join(parts)
 
 
 def gallery_page(pictures: dict[str, str]) -> str:

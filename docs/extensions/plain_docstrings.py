@@ -6,6 +6,8 @@ import re
 
 from sphinx.application import Sphinx
 
+COLON = "\ue000"
+ENTRY = re.compile(r"([\w, ]+?) : (.*)")
 NAME_IN_BACKTICKS = re.compile(r"(`+[^`]+`+)")
 
 
@@ -30,7 +32,13 @@ def clean(app: Sphinx, what: str, name: str, obj: object, options: object, lines
         if following and set(following) == {"-"} and len(following) > 3:
             section, formula = True, False
         if section:
-            cleaned.append(line if set(line) == {"-"} else literal(line))
+            entry = ENTRY.fullmatch(line)
+            if set(line) == {"-"}:
+                cleaned.append(line)
+            elif entry is not None and not following.startswith(" "):  # its meaning is where others have their type
+                cleaned += [entry[1], f"    {literal(entry[2])}"]
+            else:
+                cleaned.append(literal(line))
             continue
         indented = line.startswith("    ")
         if indented and not formula and (not cleaned or not cleaned[-1]):
@@ -39,9 +47,17 @@ def clean(app: Sphinx, what: str, name: str, obj: object, options: object, lines
         elif line and not indented:
             formula = False
         cleaned.append(line if formula else literal(line))
+    if what == "property":  # napoleon would take what is before a colon for its type
+        cleaned = [line.replace(":", COLON) for line in cleaned]
     lines[:] = cleaned
+
+
+def with_colons(app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]) -> None:
+    """Put back, after napoleon, what `clean` has hidden from it."""
+    lines[:] = [line.replace(COLON, ":") for line in lines]
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("autodoc-process-docstring", clean, priority=400)
+    app.connect("autodoc-process-docstring", with_colons, priority=600)
     return {"parallel_read_safe": True}

@@ -159,6 +159,8 @@ def check_python(words: list[str], folder: Path) -> None:
 
 
 def check_pip(words: list[str], folder: Path) -> None:
+    for version in re.findall(r"emclutch-([\d.]+)-", " ".join(words)):
+        assert version == PROJECT["version"], f"a wheel of version {version}"
     for extras in re.findall(r"\[(.*?)\]", " ".join(words)):
         assert set(extras.split(",")) <= set(PROJECT["optional-dependencies"]), f"no such extras: {extras}"
 
