@@ -120,6 +120,20 @@ def test_every_page_is_in_the_table_of_contents():
     assert not left_out, f"in no table of contents: {sorted(left_out)}"
 
 
+SCENES = [*sorted((ROOT / "cases").glob("*.toml")), *sorted((ROOT / "cases" / "thesis").glob("*.toml"))]
+
+
+@pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.stem)
+def test_a_scene_of_the_gallery_says_what_is_asked_and_expected(scene):
+    """The gallery is made of the headers: a question, how to run it, what to expect and how long it takes."""
+    header = re.match(r"(?:#.*\n)+", scene.read_text(encoding="utf-8"))
+    assert header is not None
+    question, _, rest = re.sub(r"^# *", "", header[0], flags=re.M).partition("\nRun:")
+    assert "?" in question, f"{scene.name}: the first lines are to be a question"
+    for part in ("Expect:", "Takes:"):
+        assert f"\n{part} " in rest, f"{scene.name}: its header has no {part}"
+
+
 # ---------------------------------------------------------------- the words of a shell line
 
 
