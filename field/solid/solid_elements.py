@@ -4,7 +4,8 @@ Linear or quadratic Lagrange elements; the quadratic ones are isoparametric wher
 order nodes (curved faces).  A node is a corner or the middle of an edge; an unknown is a node that is not
 held at zero, slaves of a periodic pair sharing their master's.  The element kernels run over the elements
 once, with two quadrature rules: four points where that is exact (straight, linear material, no current),
-fourteen elsewhere; both have positive weights.
+fourteen elsewhere; both have positive weights.  The forms stand in scikit-fem's notation in
+`field.solid.weak_forms`.
 """
 
 from __future__ import annotations
