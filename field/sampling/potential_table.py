@@ -16,6 +16,7 @@ force of such a table does not derive from an energy.  Here div B vanishes to th
 from __future__ import annotations
 
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit, prange
@@ -93,8 +94,8 @@ class TableSampler:
             self._cell = np.empty(len(position), dtype=np.int64)
         g = self.grid
         with shared_by(threads, len(position)):
-            _sample(  # type: ignore[call-arg]
-                position, *g.knots, *g.lookup, g.number, g.margin, g.centre, 1.0 / g.size, self._powers,
+            _sample(
+                position, _Cells(*g.knots, *g.lookup, g.number), g.margin, g.centre, 1.0 / g.size, self._powers,
                 self._cell, H, grad,
             )  # fmt: skip
         if len(position) and self._cell.min() < 0:
@@ -102,9 +103,20 @@ class TableSampler:
         return H, grad
 
 
+class _Cells(NamedTuple):
+    """Lines of the grid [m], bins in which they are looked up, and the number of each cell (-1: none)."""
+
+    r_lines: np.ndarray
+    z_lines: np.ndarray
+    r_bins: np.ndarray
+    z_bins: np.ndarray
+    number: np.ndarray
+
+
 @inner(error_model="numpy", inline="always")
-def _cell_at(r, z, r_lines, z_lines, r_bins, z_bins, number):
+def _cell_at(r, z, cells):
     """Cell of the grid, -1 outside."""
+    r_lines, z_lines, r_bins, z_bins, number = cells
     # written so that a NaN coordinate is outside
     if not (r >= r_lines[0] and r <= r_lines[-1] and z >= z_lines[0] and z <= z_lines[-1]):
         return -1
@@ -120,19 +132,19 @@ def _cell_at(r, z, r_lines, z_lines, r_bins, z_bins, number):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, parallel=True)
-def _sample(position, r_lines, z_lines, r_bins, z_bins, number, margin, centre, inverse_size, powers, cell, H, grad):
+def _sample(position, cells, margin, centre, inverse_size, powers, cell, H, grad):
     n = position.shape[0]
     for chunk in prange((n + _CHUNK - 1) // _CHUNK):
         for k in range(chunk * _CHUNK, min(n, (chunk + 1) * _CHUNK)):
             x, y, z = position[k, 0], position[k, 1], position[k, 2]
             r = np.sqrt(x * x + y * y)
-            c = _cell_at(r, z, r_lines, z_lines, r_bins, z_bins, number)
+            c = _cell_at(r, z, cells)
             if c < 0:
                 # a hair outside a wall: the cell on its other side
                 for corner in range(4):
                     d_r = margin if corner < 2 else -margin
                     d_z = margin if corner % 2 else -margin
-                    c = max(c, _cell_at(r + d_r, z + d_z, r_lines, z_lines, r_bins, z_bins, number))
+                    c = max(c, _cell_at(r + d_r, z + d_z, cells))
             cell[k] = c
             if c < 0:
                 continue
