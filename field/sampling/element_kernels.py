@@ -47,9 +47,8 @@ class TriangleSearch(NamedTuple):
 
 
 @inner(error_model="numpy", inline="always")
-def _triangle_at(r, z, hint, search):
+def _triangle_at(r, z, hint, affine, start, items, origin, inverse_size, shape, margin):
     """Element (-1 outside) and its last two barycentric coordinates."""
-    affine, start, items, origin, inverse_size, shape, margin = search
     found, best = -1, -margin
     b1 = b2 = 0.0
     if hint >= 0:
@@ -78,8 +77,11 @@ def _triangle_at(r, z, hint, search):
 @njit(cache=True, error_model="numpy", nogil=True)
 def find(points, search, element, barycentric):
     """Element and barycentric coordinates of each point."""
+    affine, start, items, origin, inverse_size, shape, margin = search
     for k in range(points.shape[0]):
-        e, l1, l2 = _triangle_at(points[k, 0], points[k, 1], -1, search)
+        e, l1, l2 = _triangle_at(
+            points[k, 0], points[k, 1], -1, affine, start, items, origin, inverse_size, shape, margin
+        )
         element[k] = e
         barycentric[k, 0], barycentric[k, 1], barycentric[k, 2] = 1.0 - l1 - l2, l1, l2
 
@@ -92,11 +94,13 @@ def sample(position, hint, search, order, powers, H, grad):
     long again.
     """
     n = position.shape[0]
+    # a tuple within the parallel loop would cost a sixth
+    affine, start, items, origin, inverse_size, shape, margin = search
     for chunk in prange((n + CHUNK - 1) // CHUNK):
         for k in range(chunk * CHUNK, min(n, (chunk + 1) * CHUNK)):
             x, y, z = position[k, 0], position[k, 1], position[k, 2]
             r = np.sqrt(x * x + y * y)
-            e, l1, l2 = _triangle_at(r, z, hint[k], search)
+            e, l1, l2 = _triangle_at(r, z, hint[k], affine, start, items, origin, inverse_size, shape, margin)
             hint[k] = e
             if e < 0:
                 continue

@@ -114,9 +114,8 @@ class _Cells(NamedTuple):
 
 
 @inner(error_model="numpy", inline="always")
-def _cell_at(r, z, cells):
+def _cell_at(r, z, r_lines, z_lines, r_bins, z_bins, number):
     """Cell of the grid, -1 outside."""
-    r_lines, z_lines, r_bins, z_bins, number = cells
     # written so that a NaN coordinate is outside
     if not (r >= r_lines[0] and r <= r_lines[-1] and z >= z_lines[0] and z <= z_lines[-1]):
         return -1
@@ -134,17 +133,18 @@ def _cell_at(r, z, cells):
 @njit(cache=True, error_model="numpy", nogil=True, parallel=True)
 def _sample(position, cells, margin, centre, inverse_size, powers, cell, H, grad):
     n = position.shape[0]
+    r_lines, z_lines, r_bins, z_bins, number = cells  # a tuple within the parallel loop would cost a sixth
     for chunk in prange((n + _CHUNK - 1) // _CHUNK):
         for k in range(chunk * _CHUNK, min(n, (chunk + 1) * _CHUNK)):
             x, y, z = position[k, 0], position[k, 1], position[k, 2]
             r = np.sqrt(x * x + y * y)
-            c = _cell_at(r, z, cells)
+            c = _cell_at(r, z, r_lines, z_lines, r_bins, z_bins, number)
             if c < 0:
                 # a hair outside a wall: the cell on its other side
                 for corner in range(4):
                     d_r = margin if corner < 2 else -margin
                     d_z = margin if corner % 2 else -margin
-                    c = max(c, _cell_at(r + d_r, z + d_z, cells))
+                    c = max(c, _cell_at(r + d_r, z + d_z, r_lines, z_lines, r_bins, z_bins, number))
             cell[k] = c
             if c < 0:
                 continue
