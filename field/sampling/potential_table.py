@@ -93,9 +93,11 @@ class TableSampler:
         if len(self._cell) != len(position):
             self._cell = np.empty(len(position), dtype=np.int64)
         g = self.grid
+        (r_lines, z_lines), (r_bins, z_bins) = g.knots, g.lookup
+        cells = _Cells(r_lines, z_lines, r_bins, z_bins, g.number)
         with shared_by(threads, len(position)):
             _sample(
-                position, _Cells(*g.knots, *g.lookup, g.number), g.margin, g.centre, 1.0 / g.size, self._powers,
+                position, cells, g.margin, g.centre, 1.0 / g.size, self._powers,
                 self._cell, H, grad,
             )  # fmt: skip
         if len(position) and self._cell.min() < 0:

@@ -22,7 +22,7 @@ class ContactColumns(NamedTuple):
         Where their springs stand; None: nothing resists.
     ledger : int or None
         First column of the books of energy; None: they are not kept.
-    count : int
+    total : int
         Columns in all.
     vectors : ndarray of int64
         First columns of what turns with the grains.
@@ -32,7 +32,7 @@ class ContactColumns(NamedTuple):
     twists: bool
     resistance: Resistance | None
     ledger: int | None
-    count: int
+    total: int
     vectors: np.ndarray
 
 

@@ -367,9 +367,9 @@ class DEM:
             As `restore`, or where contacts remember something else, by another kind of law.
         """
         remembered = state["list_pair_history"].shape[1]
-        if remembered != self._columns.count:
+        if remembered != self._columns.total:
             raise ValueError(
-                f"a contact of the state remembers {remembered} numbers, one of this DEM {self._columns.count}; "
+                f"a contact of the state remembers {remembered} numbers, one of this DEM {self._columns.total}; "
                 "begin with grains of the same kind of contact law, rolling and twisting friction and books of energy"
             )
         own, speeds = (self.dt, self.skin), [body.speed for body in self.bodies]
@@ -465,7 +465,7 @@ class DEM:
     def _fresh_list(self) -> ContactList:
         angles = [body.angle for body in self.bodies]
         return ContactList.make(
-            self.grains.where, self.skin, self._device, angles, self.sector, self._columns.count, self._near_gap
+            self.grains.where, self.skin, self._device, angles, self.sector, self._columns.total, self._near_gap
         )
 
     @property
