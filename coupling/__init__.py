@@ -1,6 +1,8 @@
 """The staggered loop between field and grains, and the effects that live in it."""
 
+from coupling.circuit_coil_field import CircuitCoilField
 from coupling.deposition import FillDeposition
+from coupling.eddy_coil_field import EddyCoilField
 from coupling.effects import BackReaction, Effect, FixedDipoles, MagneticForce, MutualDipoles, WallImages
 from coupling.expected_load import (
     chain_magnetisation,
@@ -11,7 +13,7 @@ from coupling.expected_load import (
     snap_in_overlap,
     weight_load,
 )
-from coupling.field_source import CircuitCoilField, CoilField, EddyCoilField, ImposedField
+from coupling.field_source import CoilField, ImposedField
 from coupling.layered_field import LayeredField
 from coupling.magnetised_grains import MagnetisedGrains, moments
 from coupling.mutual_moments import Cluster, MutualMoments, grain_table, magnetised_cluster

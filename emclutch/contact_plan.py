@@ -47,7 +47,7 @@ def rigid_springs(scene, device: Device, M_max: float, speed: float, reasons: di
 
     Of a law that is not linear, the stiffness at the largest overlap to be expected.
     """
-    if not scene.contact.dvi.gives_way:
+    if not scene.contact.dvi.springs:
         return None
     if scene.contact.tangential_ratio == 0.0:
         raise ValueError("contact.tangential_ratio = 0; with contact.dvi.springs it must be more than 0")

@@ -11,8 +11,9 @@ from field.coil.winding import Winding
 from field.laws.brauer import BrauerLaw
 from field.laws.conductivity import Conductivity, conductivity
 from field.laws.froehlich import FroehlichLaw
+from field.laws.h_spline import HSpline, spline_of
 from field.laws.langevin import LangevinLaw
-from field.laws.magnetisation_curve import HSpline, PermeabilityLaw, TableLaw, spline_of
+from field.laws.magnetisation_curve import PermeabilityLaw, TableLaw
 from field.laws.magnetisation_table import TableFault, read_table, table_law
 from field.laws.materials import grain_material, grain_names, material, material_names
 from field.laws.powder_law import GrainLaw, ParticleLaw, PowderLaw, ThesisLaw

@@ -24,26 +24,21 @@ outer cylinder between them are faces of the mesh: a source field that jumps the
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from geometry.clutch import Clutch
-from geometry.element_count import MOST_TETRAHEDRA, expected_triangles, refuse_too_many
 from geometry.fault import GeometryError
-from geometry.meshing import CORNER, GROWTH, MILLIMETRE, ROW_HEIGHT, Extent, gmsh_model
+from geometry.slotted_section import gap_size, meshed_section, refuse_too_many_layers, section_sizes
 from geometry.solid_mesh import EDGES, SolidMesh
 from geometry.solid_meshing import (
-    SOLID_OPTIONS,
-    box_distance,
     faces_of,
     faces_where,
     finish,
     positive,
     region_ranges,
-    set_sizes,
 )
 
 WEDGE = math.pi / 12.0
@@ -110,8 +105,8 @@ def mesh_slotted(
         raise ValueError(f"`size_factor` = {size_factor:g}: allowed are 0.2 to 4; the default is 1")
     start, end, mirrored = _sector(clutch, periodic, wedge)
     angles = _layers(clutch, gap_layers, size_factor, start, end)
-    _refuse_too_many(_sizes(clutch, gap_layers, size_factor), len(angles) - 1)
-    section, triangles, owners = _section(clutch, gap_layers, size_factor)
+    refuse_too_many_layers(section_sizes(clutch, gap_layers, size_factor), len(angles) - 1)
+    section, triangles, owners = meshed_section(clutch, gap_layers, size_factor)
     points, elements, regions = _sweep(clutch, section, triangles, owners, angles, order)
     boundaries = _boundaries(points, elements[:, :4], regions, clutch, start, end)
     return finish(
@@ -156,92 +151,13 @@ def _widest(sides: np.ndarray, pitch: float) -> float:
     return float(sides[np.argmax(steps)] + 0.5 * steps.max()) - pitch
 
 
-def _section(clutch: Clutch, layers: int, factor: float) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Triangulate the section.
-
-    Returns
-    -------
-    points : ndarray (n, 2)
-        (r, z) [m], r exactly 0 on the axis.
-    triangles : ndarray (m, 3)
-    owners : list of str
-        What each triangle is; a name with a bar, ``"disc|disc_slots"``, is steel between the slots and `slots`
-        in them.
-    """
-    with gmsh_model(SOLID_OPTIONS) as gmsh:
-        names, tags = _section_faces(gmsh, clutch)
-        gmsh.model.occ.synchronize()
-        formulas = [(size, _distance(*extent)) for size, extent in _sizes(clutch, layers, factor)]
-        set_sizes(gmsh, formulas, factor * clutch.air_radius / 4.0)
-        gmsh.model.mesh.generate(2)
-        blocks = [gmsh.model.mesh.getElementsByType(2, tag)[1].reshape(-1, 3).astype(np.int64) for tag in tags]
-        node, coordinates, _ = gmsh.model.mesh.getNodes()
-    position = np.empty((int(node.max()) + 1, 3))
-    position[node] = coordinates.reshape(-1, 3)
-    used, flat = np.unique(np.concatenate(blocks), return_inverse=True)
-    points = position[used, :2] * MILLIMETRE
-    points[points[:, 0] < 1e-9 * clutch.air_radius, 0] = 0.0
-    owners = [name for name, block in zip(names, blocks, strict=True) for _ in block]
-    return points, flat.reshape(-1, 3), owners
-
-
-def _section_faces(gmsh: Any, clutch: Clutch) -> tuple[list[str], list[int]]:
-    """The faces of the section in the plane z = 0 of the model, and what each is.
-
-    A name with a bar, ``"disc|disc_slots"``, is steel between the slots and `slots` in them.
-    """
-    occ = gmsh.model.occ
-    radius = clutch.air_radius / MILLIMETRE
-    arc = occ.addCircle(0.0, 0.0, 0.0, radius, angle1=-0.5 * np.pi, angle2=0.5 * np.pi)
-    occ.synchronize()
-    (_, south), (_, north) = gmsh.model.getBoundary([(1, arc)], combined=False)
-    tools = [occ.addPlaneSurface([occ.addCurveLoop([arc, occ.addLine(north, south)])])]
-    names: list[str] = ["air"]
-    polygons = [(name, polygon) for name, parts in clutch.section_polygons().items() for polygon in parts]
-    half = 0.5 * clutch.coil_width
-    polygons += _slot_polygons(clutch)
-    polygons.append(("source", _rectangle(0.0, clutch.coil_outer_radius, -half, half)))
-    for name, polygon in polygons:
-        corners = [occ.addPoint(r, z, 0.0) for r, z in polygon / MILLIMETRE]
-        lines = [occ.addLine(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
-        tools.append(occ.addPlaneSurface([occ.addCurveLoop(lines)]))
-        names.append(name)
-    _, pieces = occ.fragment([(2, tools[0])], [(2, tag) for tag in tools[1:]])
-    owner: dict[int, str] = {}
-    for name, piece in zip(names, pieces, strict=True):
-        for _, tag in piece:
-            if name.endswith("_slots"):
-                owner[tag] = f"{owner[tag]}|{name}"
-            elif name != "source" and (name != "air" or tag not in owner):
-                owner[tag] = name
-    tags = sorted(owner)
-    return [owner[tag] for tag in tags], tags
-
-
-def _slot_polygons(clutch: Clutch) -> list[tuple[str, np.ndarray]]:
-    """Where the slots are in the section, (r, z) [m]."""
-    found = []
-    if clutch.disc_slots is not None:
-        rim, half = clutch.disc_radius, 0.5 * clutch.disc_thickness
-        found.append(("disc_slots", _rectangle(rim - clutch.disc_slots.depth, rim, -half, half)))
-    if clutch.rotor_slots is not None:
-        bore, half, ring = clutch.bore_radius, 0.5 * clutch.rotor_length, 0.5 * clutch.ring_width
-        bottom = bore + clutch.rotor_slots.depth
-        found += [("rotor_slots", _rectangle(bore, bottom, *z)) for z in ((-half, -ring), (ring, half))]
-    return found
-
-
-def _rectangle(r0: float, r1: float, z0: float, z1: float) -> np.ndarray:
-    return np.array([(r0, z0), (r1, z0), (r1, z1), (r0, z1)])
-
-
 def _layers(clutch: Clutch, layers: int, factor: float, start: float, end: float) -> np.ndarray:
     """Angles between which the section is swept [rad], the slots' sides among them."""
     patterns = [each for each in (clutch.disc_slots, clutch.rotor_slots) if each is not None]
     sides = np.unique(np.concatenate([each.edges(start, end) for each in patterns])) if patterns else np.zeros(0)
     # sides of two patterns that only rounding tells apart are one
     sides = sides[np.append(True, np.diff(sides) > 1e-9)] if sides.size else sides
-    least = _BESIDE_SLOT * _gap_size(clutch.gap, layers, factor) / clutch.mean_gap_radius
+    least = _BESIDE_SLOT * gap_size(clutch.gap, layers, factor) / clutch.mean_gap_radius
     widest = min(factor * _WIDEST_LAYER, 2.0 * _WIDEST_LAYER)
     found = [start]
     for low, high in pairwise([start, *sides.tolist(), end]):
@@ -326,59 +242,6 @@ def _cartesian(polar: np.ndarray) -> np.ndarray:
     """(x, y, z) of (r, z, angle), shape (n, 3)."""
     r, z, angle = polar.T
     return np.column_stack((r * np.cos(angle), r * np.sin(angle), z))
-
-
-def _gap_size(gap: float, layers: int, factor: float) -> float:
-    """Side of the triangles across a gap [m]: by layers, of which a few always remain."""
-    return gap * min(factor / layers, 1.0 / min(layers, 2)) / ROW_HEIGHT
-
-
-def _refuse_too_many(sizes: Sequence[tuple[float, Extent]], layers: int) -> None:
-    """Refuse a section of these sizes that is swept through so many layers, three tetrahedra a prism."""
-    triangles = expected_triangles(((size, r1 - r0, z1 - z0) for size, (r0, r1, z0, z1) in sizes), GROWTH)
-    refuse_too_many(3.0 * triangles * layers, MOST_TETRAHEDRA, "tetrahedra")
-
-
-def _sizes(clutch: Clutch, layers: int, factor: float) -> list[tuple[float, Extent]]:
-    """Sizes of the triangles: gaps by layers, steel corners, the running clearance, the device by its size."""
-    half, disc_half, rotor_half = (0.5 * x for x in (clutch.cavity_length, clutch.disc_thickness, clutch.rotor_length))
-    rim, face = (_gap_size(gap, layers, factor) for gap in (clutch.gap, clutch.face_gap))
-    # One P2 element spans the clearance; the floor keeps a hair-thin one from ruling the mesh.
-    bore = factor * max(4.0 * clutch.clearance, clutch.housing_length / 100.0)
-    device = factor * min(clutch.outer_radius / 10.0, clutch.housing_length / 5.0)
-    ring, coil, rim_radius = 0.5 * clutch.ring_width, 0.5 * clutch.coil_width, clutch.disc_radius
-    sizes: list[tuple[float, Extent]] = [
-        (rim, (rim_radius, clutch.bore_radius, -half, half)),
-        (face, (clutch.seal_radius, rim_radius, disc_half, half)),
-        (face, (clutch.seal_radius, rim_radius, -half, -disc_half)),
-        (bore, (clutch.rotor_radius, clutch.housing_bore, -rotor_half, rotor_half)),
-        (device, (0.0, clutch.outer_radius, -0.5 * clutch.length, 0.5 * clutch.length)),
-    ]
-    corners = [
-        (CORNER * min(rim, face), rim_radius, disc_half),
-        (CORNER * rim, clutch.bore_radius, ring),
-        (CORNER * bore, clutch.rotor_radius, ring),
-        (CORNER * bore, clutch.housing_bore, coil),
-    ]
-    if clutch.cover_magnetic:
-        corners.append((CORNER * face, clutch.seal_radius, half))
-    for slots, surface, inwards, reach in (
-        (clutch.disc_slots, rim_radius, -1.0, disc_half),
-        (clutch.rotor_slots, clutch.bore_radius, 1.0, rotor_half),
-    ):
-        if slots is not None:
-            width = slots.pitch * min(slots.share, 1.0 - slots.share) * surface
-            low, high = sorted((surface, surface + inwards * slots.depth))
-            # of a slot shallower than the gap no more is seen in the gap than its own triangles resolve
-            sizes.append((max(factor * min(width, slots.depth) / 3.0, rim), (low, high, -reach, reach)))
-    for size, r, z in corners:
-        sizes += [(size, (r, r, side, side)) for side in ((-z, z) if z > 0.0 else ())]
-    return sizes
-
-
-def _distance(r0: float, r1: float, z0: float, z1: float) -> str:
-    """Distance to a rectangle of the section, a formula in millimetres; the section's z is the model's y."""
-    return box_distance((r0, z0, 0.0), (r1, z1, 0.0))
 
 
 def _boundaries(

@@ -6,9 +6,10 @@ from particles.dem.attraction import Attraction, contact_share, depth_warning
 from particles.dem.dem import DEM
 from particles.dem.step_totals import EnergyTotals, StepTotals
 from particles.dem.time_step import TimeStep, choose_time_step, contact_time, stiffness_for_overlap
-from particles.dvi.dvi import DVI, RigidTotals
+from particles.dvi.dvi import DVI
 from particles.dvi.rigid_contact import RigidContact
 from particles.dvi.rigid_step import choose_rigid_step
+from particles.dvi.rigid_totals import RigidTotals
 from particles.faults import DemError, DemErrorKind, PackingError, ParticleError
 from particles.grain_motion import GrainMotion
 from particles.grains import Grains

@@ -17,6 +17,25 @@ from particles.sector import CyclicSector
 Gravity = np.ndarray | Sequence[float] | Callable[[np.ndarray], np.ndarray]
 
 
+def gravity_at(gravity: Gravity | None, times: np.ndarray) -> np.ndarray:
+    """Acceleration [m/s^2] at ``times`` (k,) [s]: shape (k, 3), (1, 3) where it does not change, (0, 3) without."""
+    if gravity is None:
+        return np.zeros((0, 3))
+    if callable(gravity):
+        return np.ascontiguousarray(gravity(times), dtype=float).reshape(len(times), 3)
+    return np.array(gravity, dtype=float).reshape(1, 3)
+
+
+def held_force(force: np.ndarray | None, count: int) -> np.ndarray:
+    """The held force [N] of so many grains as the kernels take it: (n, 3), or (0, 3) without; else a ValueError."""
+    if force is None:
+        return np.zeros((0, 3))
+    held = np.ascontiguousarray(force, dtype=float)
+    if held.shape != (count, 3):
+        raise ValueError(f"external_force has shape {held.shape}; it must be ({count}, 3)")
+    return held
+
+
 class GrainMotion(Protocol):
     """Grains moving between walls.
 

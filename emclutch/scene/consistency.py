@@ -107,36 +107,19 @@ def _surfaces(draft: Draft) -> Iterator[Fault]:
 
 
 def _rigid(draft: Draft) -> Iterator[Fault]:
-    """What rigid grains cannot do yet, and what their solvers exclude."""
+    """What rigid grains cannot do yet."""
     scene = draft.scene
-    contact = scene.contact
-    if contact.dvi.solver in ("psor", "apgd") and contact.dvi.friction_law != "convex":
-        yield draft.fault("contact.dvi.solver", "solves the convex law; add friction_law = 'convex', or take another")
-    if contact.dvi.springs and contact.dvi.solver in ("interior_point", "apgd"):
-        yield draft.fault(
-            "contact.dvi.springs", f"cannot stand beside solver = '{contact.dvi.solver}'; remove one of them"
-        )
-    if contact.method != "dvi":
+    if scene.contact.method != "dvi":
         return
     if scene.particles is not None and scene.particles.sector is not None:
         yield draft.fault(
             "particles.sector",
             "cannot stand beside contact.method = 'dvi'; remove it (the full ring is simulated), or take 'dem'",
         )
-    if scene.effects is None:
-        return
-    if scene.effects.cohesion is not None:
+    if scene.effects is not None and scene.effects.cohesion is not None:
         yield Fault(
             "effects.cohesion", "", "exists with contact.method = 'dem' only; remove the table, or take method = 'dem'"
         )
-    for name in ("rolling_friction", "twisting_friction"):
-        if getattr(scene.effects, name) is not None and contact.dvi.solver in ("interior_point", "apgd"):
-            yield Fault(
-                f"effects.{name}",
-                "",
-                f"cannot stand beside contact.dvi.solver = '{contact.dvi.solver}'; remove the table, or "
-                "take 'accelerated'",
-            )
 
 
 def _fill(draft: Draft) -> Iterator[Fault]:

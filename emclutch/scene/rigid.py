@@ -17,16 +17,14 @@ class Rigid(Section):
         default="coulomb",
         description="coulomb: exact; convex: the cone complementarity of Project Chrono, which lifts sliding grains",
     )
-    solver: Annotated[str, Choice(("accelerated", "gauss_seidel", "interior_point", "psor", "apgd"))] = Field(
+    solver: Annotated[str, Choice(("accelerated", "gauss_seidel"))] = Field(
         default="accelerated",
-        description="accelerated: Gauss-Seidel sweeps, accelerated where they stall; interior_point: an interior "
-        "point for steps on which these stall; psor, apgd: projected "
-        "over-relaxation, accelerated projected gradients, both convex only",
+        description="accelerated: Gauss-Seidel sweeps, accelerated where they stall; gauss_seidel: sweeps alone",
     )
-    springs: Annotated[StrictBool | None, Automatic()] = Field(
-        default=None,
+    springs: StrictBool = Field(
+        default=True,
         description="contacts give way with the scene's stiffness, taken implicitly: jams have finite forces, and "
-        "those of packings are unique; false: perfectly rigid; default: true, false with interior_point and apgd",
+        "those of packings are unique; false: perfectly rigid",
     )
     tolerance: Annotated[LinearSpeed | None, Automatic()] = Field(
         default=None, description="on the natural map of every contact; default: 1e-4 of the largest speed expected"
@@ -47,8 +45,3 @@ class Rigid(Section):
     threshold: Annotated[LinearSpeed | None, Automatic()] = Field(
         default=None, description="approach below which nothing rebounds; default: 2 h g, at least 1 mm/s"
     )
-
-    @property
-    def gives_way(self) -> bool:
-        """Whether contacts have springs."""
-        return self.solver not in ("interior_point", "apgd") if self.springs is None else self.springs

@@ -6,6 +6,8 @@ in another.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit, prange
 
@@ -16,6 +18,32 @@ CHUNK = 1024  # points a task; each point's result depends on that point alone, 
 # A remembered triangle is taken only if the point is inside it by this much in barycentric coordinates:
 # then no other can hold it, and the result does not depend on what was remembered.
 _INSIDE = 1e-9
+
+
+class TriangleSearch(NamedTuple):
+    """What finds a triangle (`field.sampling.locate.TriangleLocator`).
+
+    Attributes
+    ----------
+    affine : ndarray, shape (m, 6)
+        First corner [m], and the map from the distance to it to the last two barycentric coordinates.
+    start, items : ndarray
+        Triangles of each cell of the bucket grid, row by row.
+    origin, inverse_size : ndarray, shape (2,)
+        Of the grid [m], [1/m].
+    shape : ndarray, shape (2,)
+        Cells along r and z.
+    margin : float
+        Barycentric distance outside at which a point still counts as inside.
+    """
+
+    affine: np.ndarray
+    start: np.ndarray
+    items: np.ndarray
+    origin: np.ndarray
+    inverse_size: np.ndarray
+    shape: np.ndarray
+    margin: float
 
 
 @inner(error_model="numpy", inline="always")
@@ -47,8 +75,9 @@ def _triangle_at(r, z, hint, affine, start, items, origin, inverse_size, shape, 
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def find(points, affine, start, items, origin, inverse_size, shape, margin, element, barycentric):
+def find(points, search, element, barycentric):
     """Element and barycentric coordinates of each point."""
+    affine, start, items, origin, inverse_size, shape, margin = search
     for k in range(points.shape[0]):
         e, l1, l2 = _triangle_at(
             points[k, 0], points[k, 1], -1, affine, start, items, origin, inverse_size, shape, margin
@@ -58,13 +87,15 @@ def find(points, affine, start, items, origin, inverse_size, shape, margin, elem
 
 
 @njit(cache=True, error_model="numpy", nogil=True, parallel=True)
-def sample(position, hint, affine, start, items, origin, inverse_size, shape, margin, order, powers, H, grad):
+def sample(position, hint, search, order, powers, H, grad):
     """H and grad H at every point; `hint` becomes the elements, -1 for points outside.
 
     Parallel for one thread as well: without numba's knowledge that the arrays do not overlap it takes half as
     long again.
     """
     n = position.shape[0]
+    # a tuple within the parallel loop would cost a sixth
+    affine, start, items, origin, inverse_size, shape, margin = search
     for chunk in prange((n + CHUNK - 1) // CHUNK):
         for k in range(chunk * CHUNK, min(n, (chunk + 1) * CHUNK)):
             x, y, z = position[k, 0], position[k, 1], position[k, 2]

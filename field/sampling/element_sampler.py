@@ -55,16 +55,9 @@ class RecoveredSampler:
         H, grad = result_arrays(len(position), out)
         if len(self._hint) != len(position):
             self._hint = np.full(len(position), -1, dtype=np.int64)
-        search = self.recovery.locator.search_arguments
         with shared_by(threads, len(position)):
-            element_kernels.sample(  # type: ignore[call-arg]
-                position,
-                self._hint,
-                *search,
-                self.recovery.order,
-                self._powers,
-                H,
-                grad,
+            element_kernels.sample(
+                position, self._hint, self.recovery.locator.search, self.recovery.order, self._powers, H, grad
             )
         if len(position) and self._hint.min() < 0:
             raise PointOutside.at(position[self._hint < 0], f"region {self.region!r}")

@@ -91,9 +91,11 @@ class TriangleLocator:
         return a * x + b * y, c * x + d * y
 
     @property
-    def search_arguments(self) -> tuple:
+    def search(self) -> element_kernels.TriangleSearch:
         """What the kernels need to find a triangle."""
-        return self._affine, self.start, self.items, self.origin, self.inverse_size, self.shape, _MARGIN
+        return element_kernels.TriangleSearch(
+            self._affine, self.start, self.items, self.origin, self.inverse_size, self.shape, _MARGIN
+        )
 
     def find(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Element and barycentric coordinates of points (k, 2) [m].
@@ -106,5 +108,5 @@ class TriangleLocator:
         """
         element = np.empty(len(points), dtype=np.int64)
         barycentric = np.empty((len(points), 3))
-        element_kernels.find(points, *self.search_arguments, element, barycentric)  # type: ignore[call-arg]
+        element_kernels.find(points, self.search, element, barycentric)
         return element, barycentric

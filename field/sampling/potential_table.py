@@ -16,6 +16,7 @@ force of such a table does not derive from an energy.  Here div B vanishes to th
 from __future__ import annotations
 
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit, prange
@@ -92,14 +93,26 @@ class TableSampler:
         if len(self._cell) != len(position):
             self._cell = np.empty(len(position), dtype=np.int64)
         g = self.grid
+        (r_lines, z_lines), (r_bins, z_bins) = g.knots, g.lookup
+        cells = _Cells(r_lines, z_lines, r_bins, z_bins, g.number)
         with shared_by(threads, len(position)):
-            _sample(  # type: ignore[call-arg]
-                position, *g.knots, *g.lookup, g.number, g.margin, g.centre, 1.0 / g.size, self._powers,
+            _sample(
+                position, cells, g.margin, g.centre, 1.0 / g.size, self._powers,
                 self._cell, H, grad,
             )  # fmt: skip
         if len(position) and self._cell.min() < 0:
             raise PointOutside.at(position[self._cell < 0], f"region {self.region!r}")
         return H, grad
+
+
+class _Cells(NamedTuple):
+    """Lines of the grid [m], bins in which they are looked up, and the number of each cell (-1: none)."""
+
+    r_lines: np.ndarray
+    z_lines: np.ndarray
+    r_bins: np.ndarray
+    z_bins: np.ndarray
+    number: np.ndarray
 
 
 @inner(error_model="numpy", inline="always")
@@ -120,8 +133,9 @@ def _cell_at(r, z, r_lines, z_lines, r_bins, z_bins, number):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, parallel=True)
-def _sample(position, r_lines, z_lines, r_bins, z_bins, number, margin, centre, inverse_size, powers, cell, H, grad):
+def _sample(position, cells, margin, centre, inverse_size, powers, cell, H, grad):
     n = position.shape[0]
+    r_lines, z_lines, r_bins, z_bins, number = cells  # a tuple within the parallel loop would cost a sixth
     for chunk in prange((n + _CHUNK - 1) // _CHUNK):
         for k in range(chunk * _CHUNK, min(n, (chunk + 1) * _CHUNK)):
             x, y, z = position[k, 0], position[k, 1], position[k, 2]

@@ -4,7 +4,8 @@ The unknown is psi = r A_phi [Wb/rad], so B_r = -(1/r) dpsi/dz, B_z = (1/r) dpsi
 div B = 0 holds by construction.  All integrals here are over the section, dr dz: those of the machine are
 2 pi times as large.  Shape functions, quadrature and numbering of the unknowns come from scikit-fem.  The
 triangles are straight, so that one affine map an element turns the gradients of the reference triangle into
-those of the section, and the element matrices are sums of three fixed matrices a quadrature point.
+those of the section, and the element matrices are sums of three fixed matrices a quadrature point.  The forms
+stand in scikit-fem's notation in `field.section.weak_forms`.
 """
 
 from __future__ import annotations

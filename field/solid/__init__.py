@@ -4,7 +4,7 @@ from .body_force import BodyForce
 from .scalar_potential import SolidProblem
 from .sector import SectorFold
 from .solid_field import SolidField
-from .solid_recovery import SolidSampler
+from .solid_sampler import SolidSampler
 from .source_field import FlatCoil, Source, UniformSource
 from .tetrahedron_locator import SolidPointOutside
 

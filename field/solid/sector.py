@@ -10,6 +10,8 @@ import numpy as np
 
 from geometry.solid_mesh import SolidMesh
 
+from .tetrahedron_kernels import Copies
+
 
 class SectorFold:
     """Turns and mirrors points about z into the angle that a mesh spans."""
@@ -25,21 +27,18 @@ class SectorFold:
         spread = np.remainder(np.arctan2(u[:, 1], u[:, 0]) - middle + np.pi, 2.0 * np.pi) - np.pi
         self.first = 0.0 if self.whole else float(middle + spread.min())
 
-        self.copy_arguments = self._copies()
+        self.copies = self._copies()
 
-    def _copies(self) -> tuple[float, float, int, np.ndarray]:
-        """For the sampling kernel: first angle, sector (0: the whole machine), number of the lowest copy, matrices.
-
-        Row i of the matrices (n, 4), by rows in the plane, belongs to the copy with the lowest number plus i.
-        """
+    def _copies(self) -> Copies:
+        """For the sampling kernel."""
         if self.whole:
-            return 0.0, 0.0, 0, np.zeros((1, 4))
+            return Copies(0.0, 0.0, 0, np.zeros((1, 4)))
         lowest = int(np.floor((-np.pi - self.first) / self.angle)) - 1
         copy = np.arange(lowest, int(np.floor((np.pi - self.first) / self.angle)) + 2)
         middle = self.first + (copy + 0.5) * self.angle
         _, matrix = self.into_mesh(np.column_stack((np.cos(middle), np.sin(middle), 0.0 * middle)))
         assert matrix is not None
-        return self.first, self.angle, lowest, np.ascontiguousarray(matrix[:, :2, :2].reshape(-1, 4))
+        return Copies(self.first, self.angle, lowest, np.ascontiguousarray(matrix[:, :2, :2].reshape(-1, 4)))
 
     def into_mesh(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
         """Points (n, 3) [m] moved into the sector, and the orthogonal matrices (n, 3, 3) that brought them there.

@@ -4,7 +4,8 @@ Linear or quadratic Lagrange elements; the quadratic ones are isoparametric wher
 order nodes (curved faces).  A node is a corner or the middle of an edge; an unknown is a node that is not
 held at zero, slaves of a periodic pair sharing their master's.  The element kernels run over the elements
 once, with two quadrature rules: four points where that is exact (straight, linear material, no current),
-fourteen elsewhere; both have positive weights.
+fourteen elsewhere; both have positive weights.  The forms stand in scikit-fem's notation in
+`field.solid.weak_forms`.
 """
 
 from __future__ import annotations
@@ -13,11 +14,11 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy.sparse as sp
-from numba import njit
 
-from geometry.inner_functions import inner
 from geometry.solid_mesh import SolidMesh
 
+from . import element_kernels as kernels
+from .element_kernels import Pattern, Quadrature, Tetrahedra
 from .quadratic_tetrahedron import (
     EDGES,
     face_shape,
@@ -182,26 +183,18 @@ class SolidElements:
         low, high = second_order_rule(), fifth_order_rule()
         # both rules behind one another; an element's rule is where its points begin, and how many
         xi = np.vstack((low[0], high[0]))
-        self._rule_weight = np.concatenate((low[1], high[1]))
-        self._slopes = np.ascontiguousarray(shape_slopes(xi, self.order))
-        self._shape = np.ascontiguousarray(shape(xi, self.order))
+        slopes = np.ascontiguousarray(shape_slopes(xi, self.order))
         n_low = len(low[1])
         count = np.where(careful, len(high[1]), n_low)
-        self._rule = np.where(careful, n_low, 0).astype(np.int64)
         self.start = np.concatenate(([0], np.cumsum(count))).astype(np.int64)
         self.weight = np.empty(self.start[-1])
         self.quadrature_points = np.empty((self.start[-1], 3))
-        worst = _measure(
-            self.node_points,
-            self.element_nodes,
-            self._slopes,
-            self._shape,
-            self._rule_weight,
-            self._rule,
-            self.start,
-            self.weight,
-            self.quadrature_points,
-        )
+        self._elements = Tetrahedra(self.node_points, self.element_nodes, self.element_unknowns)
+        self._quadrature = Quadrature(slopes, np.where(careful, n_low, 0).astype(np.int64), self.start, self.weight)
+        worst = kernels.measure(
+            self._elements, self._quadrature, np.ascontiguousarray(shape(xi, self.order)),
+            np.concatenate((low[1], high[1])), self.quadrature_points,
+        )  # fmt: skip
         if worst <= 0.0:
             raise ValueError("an element of the mesh is folded: its Jacobian is not positive everywhere; refine it")
 
@@ -221,11 +214,11 @@ class SolidElements:
         )
         indptr = np.zeros(self.n_free + 1, dtype=np.int64)
         marker = np.full(self.n_free, -1, dtype=np.int64)
-        _count_rows(touches.indptr, touches.indices, unknowns, marker, indptr)
+        kernels.count_rows(touches.indptr, touches.indices, unknowns, marker, indptr)
         np.cumsum(indptr, out=indptr)
         indices = np.empty(indptr[-1], dtype=np.int32)
         marker[:] = -1
-        _fill_rows(touches.indptr, touches.indices, unknowns, marker, indptr, indices)
+        kernels.fill_rows(touches.indptr, touches.indices, unknowns, marker, indptr, indices)
         return indptr.astype(np.int32), indices
 
     def whole(self, x: np.ndarray) -> np.ndarray:
@@ -235,23 +228,13 @@ class SolidElements:
     def gradient(self, phi: np.ndarray) -> np.ndarray:
         """grad phi at the quadrature points, shape (n_quadrature, 3); phi of all nodes."""
         out = np.empty((len(self.weight), 3))
-        _gradient(self.node_points, self.element_nodes, self._slopes, self._rule, self.start, phi, out)
+        kernels.gradient(self._elements, self._quadrature, phi, out)
         return out
 
     def divergence(self, flow: np.ndarray) -> np.ndarray:
         """Integral of flow . grad v for every unknown's v; flow (n_quadrature, 3)."""
         out = np.zeros(self.n_free)
-        _divergence(
-            self.node_points,
-            self.element_nodes,
-            self.element_unknowns,
-            self._slopes,
-            self._rule,
-            self.start,
-            self.weight,
-            flow,
-            out,
-        )
+        kernels.divergence(self._elements, self._quadrature, flow, out)
         return out
 
     def tangent(self, isotropic: np.ndarray, along: np.ndarray, field: np.ndarray) -> np.ndarray:
@@ -266,24 +249,9 @@ class SolidElements:
         """
         data = np.zeros(self.indices.size)
         n = self.element_nodes.shape[1]
-        _tangent(
-            self.node_points,
-            self.element_nodes,
-            self.element_unknowns,
-            self._slopes,
-            self._rule,
-            self.start,
-            self.weight,
-            isotropic,
-            along,
-            field,
-            self.indptr,
-            self.indices,
-            np.empty((n, 3)),
-            np.empty((n, 3)),
-            np.empty((n, n)),
-            data,
-        )
+        scratch = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, n))
+        pattern = Pattern(self.indptr, self.indices)
+        kernels.tangent(self._elements, self._quadrature, pattern, isotropic, along, field, scratch, data)
         return data
 
     def matrix(self, data: np.ndarray) -> sp.csc_matrix:
@@ -292,7 +260,7 @@ class SolidElements:
 
     def add_blocks(self, nodes: np.ndarray, blocks: np.ndarray, data: np.ndarray) -> None:
         """Add small matrices (k, n, n) between nodes (k, n) to the pattern's data."""
-        _scatter(self.number[nodes], np.ascontiguousarray(blocks), self.indptr, self.indices, data)
+        kernels.scatter(self.number[nodes], np.ascontiguousarray(blocks), Pattern(self.indptr, self.indices), data)
 
     def faces(self, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Quadrature on faces of the mesh's surface, nodes (k, 3 or 6).
@@ -328,170 +296,3 @@ class SolidElements:
         opposite = np.zeros(len(rows), dtype=np.int64)
         opposite[label[len(corners) :]] = tetrahedra[element, apex]
         return opposite[label[: len(corners)]]
-
-
-@inner(error_model="numpy")
-def _inverse(points, nodes, e, slopes, s, n):
-    """Determinant and cofactors of dx/dxi: the nine numbers are the inverse times the determinant."""
-    a00 = a01 = a02 = a10 = a11 = a12 = a20 = a21 = a22 = 0.0
-    for i in range(n):
-        p = nodes[e, i]
-        x, y, z = points[p, 0], points[p, 1], points[p, 2]
-        u, v, w = slopes[s, i, 0], slopes[s, i, 1], slopes[s, i, 2]
-        a00 += x * u
-        a01 += x * v
-        a02 += x * w
-        a10 += y * u
-        a11 += y * v
-        a12 += y * w
-        a20 += z * u
-        a21 += z * v
-        a22 += z * w
-    c00, c01, c02 = a11 * a22 - a12 * a21, a02 * a21 - a01 * a22, a01 * a12 - a02 * a11
-    c10, c11, c12 = a12 * a20 - a10 * a22, a00 * a22 - a02 * a20, a02 * a10 - a00 * a12
-    c20, c21, c22 = a10 * a21 - a11 * a20, a01 * a20 - a00 * a21, a00 * a11 - a01 * a10
-    det = a00 * c00 + a01 * c10 + a02 * c20
-    return det, c00, c01, c02, c10, c11, c12, c20, c21, c22
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def _measure(points, nodes, slopes, shape, rule_weight, rule, start, weight, where):
-    worst = 1.0
-    n = nodes.shape[1]
-    for e in range(nodes.shape[0]):
-        for q in range(start[e], start[e + 1]):
-            s = rule[e] + q - start[e]
-            det = _inverse(points, nodes, e, slopes, s, n)[0]
-            worst = min(worst, det)
-            weight[q] = det * rule_weight[s]
-            for a in range(3):
-                value = 0.0
-                for i in range(n):
-                    value += shape[s, i] * points[nodes[e, i], a]
-                where[q, a] = value
-    return worst
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def _gradient(points, nodes, slopes, rule, start, phi, out):
-    n = nodes.shape[1]
-    for e in range(nodes.shape[0]):
-        for q in range(start[e], start[e + 1]):
-            s = rule[e] + q - start[e]
-            det, c00, c01, c02, c10, c11, c12, c20, c21, c22 = _inverse(points, nodes, e, slopes, s, n)
-            u = v = w = 0.0
-            for i in range(n):
-                value = phi[nodes[e, i]]
-                u += slopes[s, i, 0] * value
-                v += slopes[s, i, 1] * value
-                w += slopes[s, i, 2] * value
-            out[q, 0] = (c00 * u + c10 * v + c20 * w) / det
-            out[q, 1] = (c01 * u + c11 * v + c21 * w) / det
-            out[q, 2] = (c02 * u + c12 * v + c22 * w) / det
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def _divergence(points, nodes, unknowns, slopes, rule, start, weight, flow, out):
-    n = nodes.shape[1]
-    for e in range(nodes.shape[0]):
-        for q in range(start[e], start[e + 1]):
-            s = rule[e] + q - start[e]
-            det, c00, c01, c02, c10, c11, c12, c20, c21, c22 = _inverse(points, nodes, e, slopes, s, n)
-            factor = weight[q] / det
-            x, y, z = flow[q, 0] * factor, flow[q, 1] * factor, flow[q, 2] * factor
-            u, v, w = c00 * x + c01 * y + c02 * z, c10 * x + c11 * y + c12 * z, c20 * x + c21 * y + c22 * z
-            for i in range(n):
-                k = unknowns[e, i]
-                if k >= 0:
-                    out[k] += slopes[s, i, 0] * u + slopes[s, i, 1] * v + slopes[s, i, 2] * w
-
-
-@inner(error_model="numpy")
-def _position(indptr, indices, row, column):
-    low, high = indptr[row], indptr[row + 1]
-    while high - low > 1:
-        middle = (low + high) >> 1
-        if indices[middle] <= column:
-            low = middle
-        else:
-            high = middle
-    return low
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def _tangent(
-    points, nodes, unknowns, slopes, rule, start, weight, a, c, d, indptr, indices, G, D, block, data
-):  # fmt: skip
-    n = nodes.shape[1]
-    for e in range(nodes.shape[0]):
-        for i in range(n):
-            for j in range(i, n):
-                block[i, j] = 0.0
-        for q in range(start[e], start[e + 1]):
-            s = rule[e] + q - start[e]
-            det, c00, c01, c02, c10, c11, c12, c20, c21, c22 = _inverse(points, nodes, e, slopes, s, n)
-            x, y, z = d[q, 0], d[q, 1], d[q, 2]
-            square = x * x + y * y + z * z
-            wa = a[q] * weight[q]
-            wc = c[q] * weight[q] / square if square > 0.0 else 0.0
-            for i in range(n):
-                u, v, w = slopes[s, i, 0], slopes[s, i, 1], slopes[s, i, 2]
-                g0 = (c00 * u + c10 * v + c20 * w) / det
-                g1 = (c01 * u + c11 * v + c21 * w) / det
-                g2 = (c02 * u + c12 * v + c22 * w) / det
-                along = wc * (x * g0 + y * g1 + z * g2)
-                G[i, 0], G[i, 1], G[i, 2] = g0, g1, g2
-                D[i, 0], D[i, 1], D[i, 2] = wa * g0 + along * x, wa * g1 + along * y, wa * g2 + along * z
-            for i in range(n):
-                for j in range(i, n):
-                    block[i, j] += G[i, 0] * D[j, 0] + G[i, 1] * D[j, 1] + G[i, 2] * D[j, 2]
-        for i in range(n):
-            row = unknowns[e, i]
-            if row < 0:
-                continue
-            for j in range(n):
-                column = unknowns[e, j]
-                if column >= 0:
-                    data[_position(indptr, indices, row, column)] += block[min(i, j), max(i, j)]
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def _scatter(unknowns, blocks, indptr, indices, data):
-    for k in range(unknowns.shape[0]):
-        for i in range(unknowns.shape[1]):
-            row = unknowns[k, i]
-            if row < 0:
-                continue
-            for j in range(unknowns.shape[1]):
-                column = unknowns[k, j]
-                if column >= 0:
-                    data[_position(indptr, indices, row, column)] += blocks[k, i, j]
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def _count_rows(first, elements, unknowns, marker, count):
-    for row in range(first.size - 1):
-        n = 0
-        for k in range(first[row], first[row + 1]):
-            e = elements[k]
-            for j in range(unknowns.shape[1]):
-                column = unknowns[e, j]
-                if column >= 0 and marker[column] != row:
-                    marker[column] = row
-                    n += 1
-        count[row + 1] = n
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def _fill_rows(first, elements, unknowns, marker, indptr, indices):
-    for row in range(first.size - 1):
-        n = indptr[row]
-        for k in range(first[row], first[row + 1]):
-            e = elements[k]
-            for j in range(unknowns.shape[1]):
-                column = unknowns[e, j]
-                if column >= 0 and marker[column] != row:
-                    marker[column] = row
-                    indices[n] = column
-                    n += 1
-        indices[indptr[row] : n].sort()

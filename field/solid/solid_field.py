@@ -15,7 +15,7 @@ from .tetrahedron_locator import SolidPointOutside
 
 if TYPE_CHECKING:
     from .scalar_potential import SolidProblem
-    from .solid_recovery import SolidSampler
+    from .solid_sampler import SolidSampler
 
 
 class SolidField:
@@ -147,6 +147,6 @@ class SolidField:
 
     def sampler(self, region: str = "powder") -> SolidSampler:
         """Recovered H and grad H inside a region without current."""
-        from .solid_recovery import SolidSampler
+        from .solid_sampler import SolidSampler
 
         return SolidSampler(self, region)

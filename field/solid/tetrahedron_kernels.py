@@ -10,6 +10,8 @@ in another.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit, prange
 
@@ -23,6 +25,55 @@ _INSIDE = 1e-9
 # Newton's last step: quadratic, so the one after it would be round-off.
 _STEP = 1e-8
 _MAX_STEPS = 12
+
+
+class TetrahedronSearch(NamedTuple):
+    """What finds a tetrahedron (`field.solid.tetrahedron_locator.TetrahedronLocator`).
+
+    Attributes
+    ----------
+    affine : ndarray, shape (m, 12)
+        First corner [m], and the map from the distance to it to the last three barycentric coordinates.
+    bend, reach : ndarray, shapes (m, 3, 9), (m,)
+        u + q(u) by powers of u, and how far q may carry a point (0: straight).
+    start, items : ndarray
+        Tetrahedra of each cell of the bucket grid, row by row.
+    origin, inverse_size : ndarray, shape (3,)
+        Of the grid [m], [1/m].
+    cells : ndarray, shape (3,)
+        Cells along each axis.
+    margin : float
+        Barycentric distance outside at which a point still counts as inside.
+    """
+
+    affine: np.ndarray
+    bend: np.ndarray
+    reach: np.ndarray
+    start: np.ndarray
+    items: np.ndarray
+    origin: np.ndarray
+    inverse_size: np.ndarray
+    cells: np.ndarray
+    margin: float
+
+
+class Copies(NamedTuple):
+    """How the sector's copies are turned into the mesh.
+
+    Attributes
+    ----------
+    first, sector : float
+        Angle at which the mesh begins, and its own; 0: the whole machine [rad].
+    lowest : int
+        Number of the first copy.
+    matrix : ndarray, shape (n, 4)
+        By rows in the plane, of the copies from the lowest on.
+    """
+
+    first: float
+    sector: float
+    lowest: int
+    matrix: np.ndarray
 
 
 @inner(error_model="numpy", inline="always")
@@ -72,8 +123,9 @@ def _slopes(bend, e, i, u, v, w):
 
 
 @inner(error_model="numpy")
-def _tetrahedron_at(x, y, z, hint, affine, bend, reach, start, items, origin, inverse_size, cells, margin):
+def _tetrahedron_at(x, y, z, hint, search):
     """Element (-1 outside) and its last three barycentric coordinates."""
+    affine, bend, reach, start, items, origin, inverse_size, cells, margin = search
     if hint >= 0:
         good, u, v, w = _coordinates(affine, bend, reach, hint, x, y, z, 0.0)
         if good and u > _INSIDE and v > _INSIDE and w > _INSIDE and 1.0 - u - v - w > _INSIDE:
@@ -100,13 +152,10 @@ def _tetrahedron_at(x, y, z, hint, affine, bend, reach, start, items, origin, in
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def find(points, affine, bend, reach, start, items, origin, inverse_size, cells, margin, element, local):
+def find(points, search, element, local):
     """Element and reference coordinates of each point."""
     for k in range(points.shape[0]):
-        e, u, v, w = _tetrahedron_at(
-            points[k, 0], points[k, 1], points[k, 2], -1,
-            affine, bend, reach, start, items, origin, inverse_size, cells, margin,
-        )  # fmt: skip
+        e, u, v, w = _tetrahedron_at(points[k, 0], points[k, 1], points[k, 2], -1, search)
         element[k] = e
         local[k, 0], local[k, 1], local[k, 2] = u, v, w
 
@@ -122,16 +171,13 @@ def _quadratic(powers, e, i, u, v, w):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, parallel=True)
-def sample(
-    position, hint, first, sector, lowest, copies,
-    affine, bend, reach, start, items, origin, inverse_size, cells, margin, powers, H, grad,
-):  # fmt: skip
+def sample(position, hint, copies, search, powers, H, grad):
     """H and grad H at every point; `hint` becomes the elements, -1 for points outside.
 
-    `copies[i]` is the matrix, in the plane, that brings the sector's copy number lowest + i into the mesh.
     `powers` has nine components: H, then the upper triangle of grad H, which is symmetric.
     """
     n = position.shape[0]
+    first, sector, lowest, matrix = copies
     for chunk in prange((n + CHUNK - 1) // CHUNK):
         for k in range(chunk * CHUNK, min(n, (chunk + 1) * CHUNK)):
             x, y, z = position[k, 0], position[k, 1], position[k, 2]
@@ -140,11 +186,8 @@ def sample(
                 copy = np.floor((np.arctan2(y, x) - first) / sector)
                 # a NaN stays where it is, and is outside
                 i = int(copy) - lowest if abs(copy) < 1e6 else 0
-                c00, c01, c10, c11 = copies[i, 0], copies[i, 1], copies[i, 2], copies[i, 3]
-            e, u, v, w = _tetrahedron_at(
-                c00 * x + c01 * y, c10 * x + c11 * y, z, hint[k],
-                affine, bend, reach, start, items, origin, inverse_size, cells, margin,
-            )  # fmt: skip
+                c00, c01, c10, c11 = matrix[i, 0], matrix[i, 1], matrix[i, 2], matrix[i, 3]
+            e, u, v, w = _tetrahedron_at(c00 * x + c01 * y, c10 * x + c11 * y, z, hint[k], search)
             hint[k] = e
             if e < 0:
                 continue

@@ -81,10 +81,12 @@ class TetrahedronLocator:
         tetrahedron_kernels.fill_cells(first, last, self._cells, self._start[:-1].copy(), self._items)
 
     @property
-    def search_arguments(self) -> tuple:
+    def search(self) -> tetrahedron_kernels.TetrahedronSearch:
         """What the kernels need to find a tetrahedron."""
-        where = self._affine, self._bend, self._reach
-        return *where, self._start, self._items, self._origin, self._inverse_size, self._cells, _MARGIN
+        return tetrahedron_kernels.TetrahedronSearch(
+            self._affine, self._bend, self._reach, self._start, self._items, self._origin, self._inverse_size,
+            self._cells, _MARGIN,
+        )  # fmt: skip
 
     def find(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Element and reference coordinates of points (k, 3) [m].
@@ -98,7 +100,7 @@ class TetrahedronLocator:
         """
         element, local = np.empty(len(points), dtype=np.int64), np.empty((len(points), 3))
         points = np.ascontiguousarray(points, dtype=float)
-        tetrahedron_kernels.find(points, *self.search_arguments, element, local)  # type: ignore[call-arg]
+        tetrahedron_kernels.find(points, self.search, element, local)
         return element, local
 
 

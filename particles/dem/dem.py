@@ -1,24 +1,26 @@
 """Discrete element method: grains, walls on turning bodies, contact laws; the loop around the compiled step.
 
 The step itself is `particles.dem.step_kernel`. Here the Verlet list is renewed (sort by cells, wrap through the
-sector, carry the history), sums become `StepTotals`, and what went wrong is explained.
+sector, carry the history), and the state is taken and put back: both handle every array that a grain or a contact has,
+and stand in one file so that a new one is forgotten in neither. Sums become `StepTotals` in `run_summary`, and what
+went wrong is explained in `run_faults`.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from geometry.walls import Wall
+from particles import checkpoint
 from particles.bodies import Body
+from particles.dem import run_faults, run_summary, sums
 from particles.dem import step_kernel as kernel
-from particles.dem import sums
 from particles.dem.attraction import PREFIX as ATTRACTION
 from particles.dem.attraction import Attraction
-from particles.dem.contact_kernel import LAST_ROLLING, LAST_STORED, LAST_TANGENTIAL, Resistance
+from particles.dem.contact_columns import contact_columns
 from particles.dem.kernel_state import (
     Call,
     GrainState,
@@ -28,18 +30,15 @@ from particles.dem.kernel_state import (
     WallSlots,
     WallState,
 )
-from particles.dem.step_totals import EnergyTotals, StepTotals
+from particles.dem.step_totals import StepTotals
+from particles.dem.stored_energy import law_table, stored_at_rest
 from particles.dem.time_step import choose_time_step
-from particles.faults import DemError, DemErrorKind
-from particles.grain_motion import Gravity
+from particles.grain_motion import Gravity, gravity_at, held_force
 from particles.grains import Grains
 from particles.laws.cohesion import Cohesion
-from particles.laws.columns import COHESION_0, COHESION_1, MU_ROLLING, MU_TWISTING
 from particles.laws.contact_law import ContactLaw
-from particles.laws.linear import EqualLinearTable
-from particles.laws.pair_table import PairLaws
+from particles.laws.pair_table import PairLaws, species_of, wall_rows
 from particles.laws.rolling_friction import RollingFriction
-from particles.laws.springs import SPRINGS, remembers, spring, varies
 from particles.laws.twisting_friction import TwistingFriction
 from particles.lists.contact_list import ContactList, ListedWalls, reaches
 from particles.lists.contact_table import ContactTable, contact_table, geometric_overlaps
@@ -155,17 +154,10 @@ class DEM:
         self.step_count = self.order_version = self.list_version = 0
         n, n_bodies = grains.count, len(self.bodies)
         self._device = DeviceWalls(self.walls, self.bodies)
-        self._species = None
-        if species is not None and len(laws.pair) > 1:
-            self._species = np.array(species, dtype=np.int64)
-            if self._species.shape != (n,) or self._species.min() < 0 or self._species.max() >= len(laws.pair):
-                raise ValueError(f"species must be {n} numbers from 0 to {len(laws.pair) - 1}")
-        material = np.zeros(len(self.walls), dtype=np.int64) if wall_material is None else np.array(wall_material)
-        if len(material) != len(self.walls) or (len(material) and not 0 <= material.max() < laws.wall.shape[1]):
-            raise ValueError(f"wall_material must be {len(self.walls)} numbers from 0 to {laws.wall.shape[1] - 1}")
-        self._wall_row = np.ascontiguousarray(laws.wall[:, material[self._device.wall].astype(np.int64)])
-        self._table = self._law_table()
-        self._choose_columns()
+        self._species = species_of(laws, n, species)
+        self._wall_row = wall_rows(laws, len(self.walls), wall_material, self._device.wall)
+        self._table = law_table(laws, grains, one_species=self._species is None)
+        self._columns = contact_columns(laws.rows, self._table, ledger)
         self._turn = None if sector is None else np.array([np.cos(sector.angle), np.sin(sector.angle)])
         # a device that does not hold its grains at the start (a bare disc, a belt) cannot lose them either
         self._encloses = not outside(grains.position, self.walls, 0.0).any()
@@ -192,11 +184,8 @@ class DEM:
     @property
     def gravity_now(self) -> np.ndarray | None:
         """Acceleration of gravity [m/s^2] at this time, shape (3,)."""
-        if self.gravity is None:
-            return None
-        if callable(self.gravity):
-            return np.asarray(self.gravity(np.array([self.time])), dtype=float).reshape(3)
-        return np.asarray(self.gravity, dtype=float)
+        pull = gravity_at(self.gravity, np.array([self.time]))
+        return pull[0] if len(pull) else None
 
     @property
     def list_skin(self) -> float:
@@ -263,19 +252,32 @@ class DEM:
                     body.angle, body.speed = float(a), float(w)
                 self._stale = answer != sums.DONE
                 if answer in (sums.NOT_FINITE, sums.OVERLAP, sums.TOO_FAST):
-                    self._explain(answer, totals)
+                    raise run_faults.stopped(
+                        answer, totals, self.grains, self.dt, self.overlap_limit, FASTEST, self.time
+                    )
         self._later = totals[sums.CONTACT_LATER : sums.CONTACT_LATER + 3].copy()
         self._last_torque = body_totals[:, sums.LAST_TORQUE].copy()
-        if n_steps > 0 and self.ledger:
-            self._elastic, self._kinetic = float(totals[sums.ELASTIC]), float(totals[sums.KINETIC])
-        return self._summary(n_steps, totals, body_totals, kinetic, elastic, rebuilds)
+        energy, ring = None, self.n_sectors
+        if self.ledger:
+            if n_steps > 0:
+                self._elastic, self._kinetic = float(totals[sums.ELASTIC]), float(totals[sums.KINETIC])
+            energy = run_summary.books(
+                ring,
+                self.bodies,
+                totals,
+                body_totals,
+                self._columns,
+                (kinetic, self._kinetic),
+                (elastic, self._elastic),
+            )
+        return run_summary.summary(n_steps, self.dt, ring, self.bodies, totals, body_totals, energy, rebuilds)
 
     def contacts(self) -> ContactTable:
         """The contacts of now, with the forces that the next step will feel; changes nothing."""
         kept = self._list
         if self._stale:  # a list of its own, in the present order; the run will make another one when it goes on
             self._contacts = self._fresh_list()
-            self._contacts.take(kept.memory(), np.arange(self.grains.count), None, self.sector, self._vectors)
+            self._contacts.take(kept.memory(), np.arange(self.grains.count), None, self.sector, self._columns.vectors)
             self._fit_scratch()
         try:
             return self._contacts_of(self._list)
@@ -309,20 +311,12 @@ class DEM:
 
     def state(self) -> dict[str, np.ndarray]:
         """Everything that `restore` needs to go on bit for bit."""
-        g = self.grains
-        arrays = {name: getattr(g, name).copy() for name in ("where", "motion", "mass", "particle_id")}
-        for name, value in (
-            ("magnetic_moment", g.magnetic_moment),
-            ("external_force", self.external_force),
-            ("species", self._species),
-        ):
-            if value is not None:
-                arrays[name] = value.copy()
-        arrays |= {f"list_{name}": value.copy() for name, value in self._list.arrays().items()}
+        arrays = checkpoint.taken(
+            self.grains, self.bodies, self._list.arrays(), external_force=self.external_force, species=self._species
+        )
         if self.attraction is not None:
             arrays |= self.attraction.state()
         arrays["net"] = self._net.copy()
-        arrays["bodies"] = np.array([[b.angle, b.speed, b.external_torque] for b in self.bodies]).reshape(-1, 3)
         arrays["last_torque"], arrays["later"] = self._last_torque.copy(), self._later.copy()
         arrays["counters"] = np.array(
             [self.step_count, self.order_version, self._stale, self.list_version, self._list_step], dtype=np.int64
@@ -338,32 +332,20 @@ class DEM:
         ValueError
             If the state has another number of grains or bodies, or an attraction whose table this DEM does not have.
         """
-        if len(state["mass"]) != self.grains.count or len(state["bodies"]) != len(self.bodies):
-            raise ValueError(
-                f"the state has {len(state['mass'])} grains and {len(state['bodies'])} bodies, this DEM "
-                f"{self.grains.count} and {len(self.bodies)}; restore it into the scene that it came from"
-            )
+        checkpoint.refuse_another_scene("DEM", state, self.grains, self.bodies)
         attracts = any(name.startswith(ATTRACTION) for name in state)
         if attracts and self.attraction is None:
             raise ValueError("the state's grains attract each other; give this DEM the same `attraction` first")
-        for name in ("where", "motion", "mass", "particle_id"):
-            setattr(self.grains, name, state[name].copy())
-        moment, force, species = (state.get(name) for name in ("magnetic_moment", "external_force", "species"))
-        self.grains.magnetic_moment = None if moment is None else moment.copy()
-        self.external_force = None if force is None else force.copy()
-        self._species = None if species is None else species.copy()
+        checkpoint.put_grains(state, self.grains)
+        self.external_force, self._species = (checkpoint.held_in(state, name) for name in ("external_force", "species"))
         if self.attraction is not None and attracts:
             self.attraction.restore(state)
         else:
             self.attraction = None
-        prefix = "list_"
-        self._contacts = ContactList.from_arrays(
-            {name.removeprefix(prefix): value for name, value in state.items() if name.startswith(prefix)}
-        )
+        self._contacts = ContactList.from_arrays(checkpoint.list_of(state))
         self._net = state["net"].copy()
         self._last_torque, self._later = state["last_torque"].copy(), state["later"].copy()
-        for body, (angle, speed, torque) in zip(self.bodies, state["bodies"], strict=True):
-            body.angle, body.speed, body.external_torque = float(angle), float(speed), float(torque)
+        checkpoint.put_bodies(state, self.bodies)
         self.step_count, self.order_version, stale, self.list_version, self._list_step = (
             int(v) for v in state["counters"]
         )
@@ -385,10 +367,10 @@ class DEM:
             As `restore`, or where contacts remember something else, by another kind of law.
         """
         remembered = state["list_pair_history"].shape[1]
-        if remembered != self._n_columns:
+        if remembered != self._columns.total:
             raise ValueError(
-                f"a contact of the state remembers {remembered} numbers, one of this DEM {self._n_columns}; begin with "
-                "grains of the same kind of contact law, of the same rolling and twisting friction and books of energy"
+                f"a contact of the state remembers {remembered} numbers, one of this DEM {self._columns.total}; "
+                "begin with grains of the same kind of contact law, rolling and twisting friction and books of energy"
             )
         own, speeds = (self.dt, self.skin), [body.speed for body in self.bodies]
         of_the_run = ("external_force", "magnetic_moment")
@@ -404,44 +386,6 @@ class DEM:
 
     # -- inside: what the kernel is given
     # ---------------------------------------------------------------------------------------------------
-
-    def _law_table(self) -> Any:
-        """The table of the law; with constant dashpots [kg/s] where grains of a linear law are of one size and mass."""
-        g, rows = self.grains, self.laws.rows
-        table = SPRINGS[self.laws.kernel].table(rows)
-        if self.laws.kernel != "linear" or self._species is not None:
-            return table
-        if np.ptp(g.radius) > 0.0 or np.ptp(g.mass) > 0.0:
-            return table
-        dashpots = np.zeros((len(rows), 2))
-        for row in range(len(rows)):
-            m_eff = float(g.mass[0]) * (1.0 if row in self.laws.wall else 0.5)
-            dashpots[row] = spring(table, row, 1e-6, m_eff, 1.0, 0.0)[2:4]
-        return EqualLinearTable(rows, dashpots)
-
-    def _choose_columns(self) -> None:
-        """Which parts the compiled step has, and where a contact keeps what it remembers."""
-        rows = self.laws.rows
-        self._rolling, self._twisting = bool(rows[:, MU_ROLLING].any()), bool(rows[:, MU_TWISTING].any())
-        rolling = LAST_STORED + 1 if varies(self._table) else 3
-        twisting = rolling + (3 if self._rolling else 0)
-        last = twisting + (1 if self._twisting else 0)
-        # what a contact does not remember has no column
-        self._resistance = None
-        if self._rolling or self._twisting:
-            self._resistance = Resistance(rolling if self._rolling else -1, twisting if self._twisting else -1)
-        self._ledger_column = last if self.ledger else None
-        self._n_columns = last
-        if self.ledger:
-            self._n_columns += 8 if self._twisting else 7 if self._rolling else 4
-        vectors = [0]
-        if self._rolling:
-            vectors.append(rolling)
-        if self.ledger:
-            vectors.append(last + LAST_TANGENTIAL)
-            if self._rolling:
-                vectors.append(last + LAST_ROLLING)
-        self._vectors = np.array(vectors, dtype=np.int64)
 
     def _fit_scratch(self) -> None:
         """Work arrays whose sizes follow from the list."""
@@ -465,16 +409,8 @@ class DEM:
     ) -> StepArguments:
         g, c = self.grains, self._list
         none = np.zeros((0, 3))
-        external = gravity = none
-        if self.external_force is not None:
-            external = np.ascontiguousarray(self.external_force, dtype=float)
-            if external.shape != (g.count, 3):
-                raise ValueError(f"external_force has shape {external.shape}; it must be ({g.count}, 3)")
         times = (self.step_count + np.arange(n_steps)) * self.dt
-        if callable(self.gravity):
-            gravity = np.ascontiguousarray(self.gravity(times), dtype=float).reshape(n_steps, 3)
-        elif self.gravity is not None:
-            gravity = np.array(self.gravity, dtype=float).reshape(1, 3)
+        external, gravity = held_force(self.external_force, g.count), gravity_at(self.gravity, times)
         species = np.zeros(0, dtype=np.int64) if self._species is None else self._species
         drives, constants = drives_at(self.bodies, times)
         walls, shift = self._device, None if self.sector is None else c.pairs.shift
@@ -484,8 +420,8 @@ class DEM:
                 self._fastest,
             ),
             self._table,
-            self._resistance,
-            self._ledger_column,
+            self._columns.resistance,
+            self._columns.ledger,
             None if self.attraction is None else self.attraction.held(c, g.count, driven),
             GrainState(g.where, g.motion, g.mass, species, gravity, external, c.reference, self._net),
             PairSlots(
@@ -522,37 +458,14 @@ class DEM:
 
     def _stored_at_rest(self) -> float:
         """Elastic energy [J] of the overlaps of a state that has no history yet."""
-        g, c = self.grains, self._list
-        table, energy = self._table, 0.0
-        species = np.zeros(g.count, dtype=np.int64) if self._species is None else self._species
-        pairs, walls = geometric_overlaps(g, c, self._device, [b.angle for b in self.bodies], self.sector)
-        radius, mass = g.radius, g.mass
-        for k in np.flatnonzero(pairs > 0.0):
-            i, j = int(np.searchsorted(c.pairs.start, k, side="right") - 1), int(c.pairs.other[k])
-            m_eff = mass[i] * mass[j] / (mass[i] + mass[j])
-            r_eff = radius[i] * radius[j] / (radius[i] + radius[j])
-            row = int(self.laws.pair[species[i], species[j]])
-            stored = spring(table, row, pairs[k], m_eff, r_eff, 0.0)[4]
-            energy += stored - self._pull(row, r_eff) * pairs[k]
-            if remembers(table):  # its losses are told from the change of what is stored
-                c.history[k, LAST_STORED], c.touching[k] = stored, 1
-        for k in np.flatnonzero(walls > 0.0):
-            i = int(np.searchsorted(c.wall_start, k, side="right") - 1)
-            row = int(self._wall_row[species[i], c.wall_other[k]])
-            stored = spring(table, row, walls[k], mass[i], radius[i], 0.0)[4]
-            energy += stored - self._pull(row, radius[i]) * walls[k]
-            if remembers(table):
-                c.wall_history[k, LAST_STORED], c.wall_touching[k] = stored, 1
-        return energy
-
-    def _pull(self, row: int, r_eff: float) -> float:
-        """Pull of cohesion [N] in a contact of this row."""
-        return float(self.laws.rows[row, COHESION_0] + self.laws.rows[row, COHESION_1] * r_eff)
+        angles = [body.angle for body in self.bodies]
+        overlaps = geometric_overlaps(self.grains, self._list, self._device, angles, self.sector)
+        return stored_at_rest(self._table, self.laws, self._wall_row, self._species, self.grains, self._list, overlaps)
 
     def _fresh_list(self) -> ContactList:
         angles = [body.angle for body in self.bodies]
         return ContactList.make(
-            self.grains.where, self.skin, self._device, angles, self.sector, self._n_columns, self._near_gap
+            self.grains.where, self.skin, self._device, angles, self.sector, self._columns.total, self._near_gap
         )
 
     @property
@@ -567,8 +480,8 @@ class DEM:
     def _rebuild(self) -> None:
         """Wrap, sort by cells, list the neighbours anew, and carry the history into it."""
         g = self.grains
-        if self._encloses:
-            self._refuse_escaped()
+        if self._encloses and len(gone := np.flatnonzero(outside(g.position, self.walls, 2.0 * float(g.radius.max())))):
+            raise run_faults.escaped(g, gone, self.time)
         wraps = None
         if self.sector is not None:
             wraps = self.sector.wraps(g.position)
@@ -601,7 +514,7 @@ class DEM:
             self.order_version += 1
         made = self._fresh_list()
         if memory is not None:
-            made.take(memory, order, wraps, self.sector, self._vectors)
+            made.take(memory, order, wraps, self.sector, self._columns.vectors)
         self._contacts = made
         self._fit_scratch()
         self._list_step = self.step_count
@@ -610,116 +523,3 @@ class DEM:
         if self.attraction is not None:
             self.attraction.renew()
             self.attraction.listed = True
-
-    def _refuse_escaped(self) -> None:
-        g = self.grains
-        gone = np.flatnonzero(outside(g.position, self.walls, 2.0 * float(g.radius.max())))
-        if len(gone):
-            k = gone[0]
-            raise DemError(
-                DemErrorKind.ESCAPED,
-                f"it has left the device ({len(gone)} grains have)",
-                "the walls may have a slot, or it was pressed through one: raise the stiffness or shorten dt",
-                g.particle_id[k], g.position[k], self.time,
-            )  # fmt: skip
-
-    def _explain(self, answer: int, totals: np.ndarray) -> None:
-        g = self.grains
-        if answer == sums.OVERLAP:
-            k = int(totals[sums.GRAIN])
-            raise DemError(
-                DemErrorKind.OVERLAP,
-                f"it overlaps a neighbour or a wall by {100.0 * totals[sums.MAX_OVERLAP]:.3g} % of the "
-                f"diameter (the limit is {100.0 * self.overlap_limit:.3g} %)",
-                f"raise the stiffness, too soft for the load, or shorten dt = {self.dt:.3g} s if grains are fast",
-                g.particle_id[k], g.position[k], self.time,
-            )  # fmt: skip
-        if answer == sums.TOO_FAST:
-            k = int(np.argmax(np.einsum("ij,ij->i", g.velocity, g.velocity)))
-            speed = float(np.linalg.norm(g.velocity[k]))
-            raise DemError(
-                DemErrorKind.TOO_FAST,
-                f"at {speed:.3g} m/s it moves {speed * self.dt / g.radius.min():.2g} radii of the smallest grain in a "
-                f"step (the limit is {FASTEST:g})",
-                f"shorten dt = {self.dt:.3g} s, or find out what drives it",
-                g.particle_id[k], g.position[k], self.time,
-            )  # fmt: skip
-        state = np.concatenate([g.position, g.velocity, g.angular_velocity], axis=1)
-        bad = np.flatnonzero(~np.isfinite(state).all(axis=1))
-        k = int(bad[0]) if len(bad) else 0
-        raise DemError(
-            DemErrorKind.NOT_FINITE,
-            "its position or velocity is not a finite number",
-            f"check the external forces, and whether dt = {self.dt:.3g} s is too long for the stiffness",
-            g.particle_id[k], g.position[k], self.time,
-        )  # fmt: skip
-
-    def _summary(
-        self,
-        steps: int,
-        totals: np.ndarray,
-        bodies: np.ndarray,
-        kinetic: float,
-        elastic: float,
-        rebuilds: int,
-    ) -> StepTotals:
-        ring = self.n_sectors
-        share = ring / max(steps, 1)
-        names = [body.name for body in self.bodies]
-        torques = {"normal": sums.TORQUE_N, "damping": sums.TORQUE_D, "tangential": sums.TORQUE_T}
-        forces = {"normal": sums.FORCE_N, "damping": sums.FORCE_D, "tangential": sums.FORCE_T}
-
-        def force(row: np.ndarray, first: int) -> np.ndarray:
-            found = row[first : first + 3] * share
-            if ring > 1:
-                found[:2] = 0.0
-            return found
-
-        parts = {
-            name: {kind: force(row, first) for kind, first in forces.items()}
-            for name, row in zip(names, bodies, strict=True)
-        }
-        energy = None
-        if self.ledger:
-            work = ring * totals
-            energy = EnergyTotals(
-                wall_work={name: ring * float(row[sums.BODY_WORK]) for name, row in zip(names, bodies, strict=True)},
-                dissipation={
-                    "normal_damping": float(work[sums.NORMAL_DAMPING]),
-                    "tangential_damping": float(work[sums.TANGENTIAL_DAMPING]),
-                    "sliding": float(work[sums.SLIDING]),
-                    **({} if not self._rolling else {"rolling": float(work[sums.ROLLING])}),
-                    **({} if not self._twisting else {"twisting": float(work[sums.TWISTING])}),
-                },
-                contact_work=float(work[sums.CONTACT_WORK]),
-                gravity_work=float(work[sums.GRAVITY_WORK]),
-                external_work=float(work[sums.EXTERNAL_WORK]),
-                kinetic_energy=ring * self._kinetic,
-                kinetic_change=ring * (self._kinetic - kinetic),
-                elastic_energy=ring * self._elastic,
-                elastic_change=ring * (self._elastic - elastic),
-            )
-        return StepTotals(
-            steps=steps,
-            duration=steps * self.dt,
-            torque={
-                name: {kind: float(row[column]) * share for kind, column in torques.items()}
-                for name, row in zip(names, bodies, strict=True)
-            },
-            force={name: sum(own.values(), np.zeros(3)) for name, own in parts.items()},
-            force_parts=parts,
-            shaft_work={
-                body.name: {
-                    "drive": float(row[sums.DRIVE_WORK]),
-                    "load": float(row[sums.LOAD_WORK]),
-                    "contact": float(row[sums.SHAFT_CONTACT_WORK]),
-                }
-                for body, row in zip(self.bodies, bodies, strict=True)
-                if body.is_free
-            },
-            energy=energy,
-            max_overlap=float(totals[sums.MAX_OVERLAP]),
-            n_contacts=int(totals[sums.CONTACTS]),
-            max_speed=float(np.sqrt(totals[sums.MAX_SPEED])),
-            rebuilds=rebuilds,
-        )

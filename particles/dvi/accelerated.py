@@ -15,7 +15,7 @@ this history, the history is dropped and the iteration goes on from the best G(r
 **Stalls.** In a bed that shears, a warm start often makes more contacts stick than its motion allows. Each sweep then
 adds the same small change to a pattern of forces that the velocities hardly feel, until a contact at its end slips,
 and so forth from contact to contact: thousands of sweeps, with little to fit in between. So when |F| has not shrunk by
-a tenth in PATIENCE sweeps, over-relaxed ones follow (exact Coulomb; plain ones for the convex law), twice as many as
+a tenth in PATIENCE sweeps, over-relaxed ones follow (exact Coulomb; the convex law's are plain), twice as many as
 the last time: they make that way in larger steps, and tolerate the kinks.
 """
 
@@ -31,8 +31,8 @@ from particles.dvi.history import HISTORY, N_PRODUCTS, Vectors, extrapolate, gat
 from particles.dvi.kernel_state import Records, Search, whole
 from particles.dvi.shares import extrapolate_shares, gather_shares, remember_shares, residual_of_shares, sweep_shares
 
-# methods: sweeps alone, accelerated, then an interior point; accelerated projected gradients (convex only)
-GAUSS_SEIDEL, ANDERSON, INTERIOR, APGD = range(4)
+GAUSS_SEIDEL, ANDERSON = range(2)  # methods: sweeps alone, accelerated
+PLAIN = 1.0  # relaxation of sweeps that are not over-relaxed
 PLAIN_SWEEPS = 30  # before the acceleration begins: most warm-started steps are done by then
 SWEEPS = 3  # in one application of G: they cost less than an extrapolation
 PATIENCE = 60  # sweeps in which |F| must have found a new minimum; as many without extrapolation follow otherwise
@@ -51,7 +51,7 @@ def solve(convex, soft, search, records, couples, share=None, alone=True):
     cap, tolerance = search.cap, search.tolerance
     first = cap if search.method == GAUSS_SEIDEL else min(cap, PLAIN_SWEEPS)
     for count in range(first):
-        change = _sweep(convex, search.relax, soft, records, couples, share, alone)
+        change = _sweep(convex, PLAIN, soft, records, couples, share, alone)
         if change <= tolerance:
             reached = _residual(convex, soft, records, couples, share, alone)
             if reached <= tolerance:
@@ -65,7 +65,7 @@ def solve(convex, soft, search, records, couples, share=None, alone=True):
 @inner(error_model="numpy", fastmath={"contract"})
 def anderson(convex, soft, search, cap, records, couples, share=None, alone=True):
     """Up to ``cap`` accelerated sweeps from the impulses in the records; returns their number and the residual."""
-    relax, tolerance = search.relax, search.tolerance
+    tolerance = search.tolerance
     bodies, all_contacts = records.body.shape[0], records.pair.shape[0] + records.wall.shape[0]
     contacts = 3 * all_contacts + bodies
     if couples.law.shape[0] > 0:
@@ -86,9 +86,7 @@ def anderson(convex, soft, search, cap, records, couples, share=None, alone=True
     while done < cap:
         change = 0.0
         for _ in range(min(SWEEPS, cap - done)):
-            over = relax
-            if convex is None:
-                over = OVER if plain > 0 else SLIGHTLY_OVER
+            over = OVER if plain > 0 else SLIGHTLY_OVER
             change = _sweep(convex, over, soft, records, couples, share, alone)
             done += 1
         if change <= tolerance:
@@ -129,7 +127,7 @@ def anderson(convex, soft, search, cap, records, couples, share=None, alone=True
             c[q] = products[HISTORY + q]
         solved = known > 0 and _solve_gram(gram, c, known) and _largest(c, known) < FURTHEST
         _extrapolate(g, c, known if solved else none, vectors, records, couples, share, alone)
-    _sweep(convex, relax, soft, records, couples, share, alone)
+    _sweep(convex, PLAIN, soft, records, couples, share, alone)
     return done, _residual(convex, soft, records, couples, share, alone)
 
 
@@ -239,12 +237,6 @@ def _anderson(convex, soft, search, records, couples):
     return anderson(convex, soft, search, search.cap, records, couples)
 
 
-def accelerate_records(convex, relax, soft, tolerance, cap, *records):
-    """`anderson` for calls from Python, without couples; ``relax`` None: not relaxed."""
-    search = Search(ANDERSON, relax_number(convex, relax), tolerance, cap)
-    return _anderson(convex, soft, search, Records(*records), no_couples())
-
-
-def relax_number(convex: bool | None, relax: float | None) -> float:
-    """What the sweeps take for ``relax``: None is 1 for Coulomb's law, and 0 for the convex one (no PSOR)."""
-    return relax if relax is not None else 1.0 if convex is None else 0.0
+def accelerate_records(convex, soft, tolerance, cap, *records):
+    """`anderson` for calls from Python, without couples."""
+    return _anderson(convex, soft, Search(ANDERSON, tolerance, cap), Records(*records), no_couples())

@@ -24,7 +24,6 @@ couples' law: it is the same beside exact Coulomb and beside the convex relaxati
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from geometry.inner_functions import inner
 from particles.dvi import gauss_seidel as gs
@@ -47,6 +46,7 @@ from particles.dvi.gauss_seidel import (
     WALLS,
 )  # fmt: skip
 from particles.dvi.kernel_state import Couples, whole
+from particles.dvi.local_problem import in_disc
 from particles.dvi.rigid_triangles import COS_STEP, SIN_STEP
 
 # columns of a couple: c, R_eff/R_i, R_eff/R_j (at a wall R_i itself), 1/W (the largest W), mu_r, mu_w; with springs
@@ -262,30 +262,6 @@ def _at_free_shaft(own, free, row, r_n, ex, ey, ez, wx, wy, wz):
     g = own * (cx * gx + cy * gy + cz * gz) - (wx * gx + wy * gy + wz * gz)
     f, g = in_disc(big, own, row[ROLL] * load, f, g)
     return twist * ex + f * fx + g * gx, twist * ey + f * fy + g * gy, twist * ez + f * fz + g * gz
-
-
-@njit(error_model="numpy", fastmath={"contract"})
-def in_disc(a, b, limit, f, g):
-    """The (x, y) in the disc of radius ``limit`` that makes (a x^2 + b y^2)/2 - f x - g y smallest, a and b > 0.
-
-    Where the free minimum lies outside, x = f/(a + s), y = g/(b + s) with s > 0: Newton for 1/limit = 1/|(x, y)|, which
-    is nearly linear in s and comes to the root from one side (More & Sorensen, SIAM J. Sci. Stat. Comput. 4 (1983)
-    553).
-    """
-    x, y = f / a, g / b
-    if limit <= 0.0:
-        return 0.0, 0.0
-    size = np.sqrt(x * x + y * y)
-    if size <= limit:
-        return x, y
-    s = 0.0
-    for _ in range(50):
-        if size - limit <= 4e-16 * size:
-            break
-        s += size * size * (size - limit) / (limit * (x * x / (a + s) + y * y / (b + s)))
-        x, y = f / (a + s), g / (b + s)
-        size = np.sqrt(x * x + y * y)
-    return x * (limit / size), y * (limit / size)
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})

@@ -6,20 +6,19 @@ The same face as `particles.DEM`: what moves grains need not know which of the t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from geometry.walls import Wall
+from particles import checkpoint
 from particles.bodies import Body
-from particles.dem.step_totals import EnergyTotals, StepTotals
 from particles.dvi import gauss_seidel as gs
+from particles.dvi import run_faults
 from particles.dvi import step_books as books
 from particles.dvi import step_kernel as kernel
-from particles.dvi.accelerated import ANDERSON, APGD, GAUSS_SEIDEL, INTERIOR, relax_number
+from particles.dvi.accelerated import ANDERSON, GAUSS_SEIDEL
 from particles.dvi.couples import N_COUPLE, N_SPRING_COUPLE, no_couples
 from particles.dvi.impulse_list import ImpulseList
-from particles.dvi.interior_point import solve_by_interior_point
 from particles.dvi.kernel_state import (
     Call,
     Couples,
@@ -33,12 +32,13 @@ from particles.dvi.kernel_state import (
     WallSlots,
     WallState,
 )
+from particles.dvi.loaded_contacts import loaded_contacts, pressed_in
 from particles.dvi.rigid_contact import RigidContact
+from particles.dvi.rigid_totals import RigidTotals, rigid_books, rigid_totals
 from particles.dvi.rigid_triangles import N_TURN
 from particles.dvi.shares import make_shares
 from particles.dvi.springs import spring_table
-from particles.faults import DemError, DemErrorKind, ParticleError
-from particles.grain_motion import Gravity
+from particles.grain_motion import Gravity, gravity_at, held_force
 from particles.grains import Grains
 from particles.laws.rolling_friction import RollingFriction
 from particles.laws.twisting_friction import TwistingFriction
@@ -47,8 +47,7 @@ from particles.lists.neighbours import cell_order
 from particles.shafts import Shafts, drives_at
 from particles.threads import at_most
 from particles.walls.device_walls import DeviceWalls
-from particles.walls.triangle_kernels import N_FOUND, closest_on_triangle
-from particles.walls.wall_kernels import wall_overlaps
+from particles.walls.triangle_kernels import N_FOUND
 from particles.walls.wall_table import outside
 
 STEPS_PER_CALL = 512  # bounds the table of prescribed speeds
@@ -57,44 +56,7 @@ STEPS_PER_CALL = 512  # bounds the table of prescribed speeds
 MARGIN = 0.25
 FAST_SKIN = 4.0  # skin, in ways of the fastest grain in a step: a step from the list and the next, for two grains
 FAST_WALLS = 4.0  # the same for triangles, in ways of their fastest point: three steps from the list and the next
-SHOT_OFF = 20.0  # radii a step: what no wall of a device throws a grain at
 SLOP = 1e-4  # overlap, as a share of the radius, below which positions are left alone
-
-
-@dataclass(frozen=True, slots=True)
-class RigidTotals(StepTotals):
-    """Totals of a run of rigid grains; ``energy.dissipation`` has "impact" and "sliding", where they are simulated also
-    "rolling" and "twisting"; no force is "damping".
-
-    Attributes
-    ----------
-    sweeps, max_sweeps : int
-        Sweeps over the contacts in all, and in the hardest step.
-    visits : int
-        Contacts that the sweeps have visited.
-    residual : float
-        Largest natural map at the end of a step [m/s].
-    missed_steps : int
-        Steps that did not reach the tolerance.
-    taken_over : int
-        Steps that the accelerated solver finished.
-    warm_hits : float
-        Share of the loaded contacts that had an impulse to start from.
-    projections : int
-        Sweeps over the positions that removed overlap (they conserve no angular momentum).
-    stabilisation_work : float
-        Work of the held forces on the displacements that removed overlap [J].
-    """
-
-    sweeps: int
-    max_sweeps: int
-    visits: int
-    residual: float
-    missed_steps: int
-    taken_over: int
-    warm_hits: float
-    projections: int
-    stabilisation_work: float
 
 
 class DVI:
@@ -116,9 +78,8 @@ class DVI:
         Weight of the new velocity in the drift, 1/2 to 1; at 1 velocities lag by half a step, as in `DEM`.
     friction : "coulomb" or "convex"
         Exact Coulomb, or the convex relaxation that Project Chrono solves.
-    solver : "gauss_seidel", "accelerated", "interior_point" or "psor" or "apgd"
-        Sweeps alone; accelerated sweeps after the first; these, and an interior point for steps on which they stall;
-        projected over-relaxation, accelerated projected gradients (both convex only).
+    solver : "gauss_seidel" or "accelerated"
+        Sweeps alone; accelerated sweeps after the first.
     tolerance : float
         On the natural map [m/s].
     max_sweeps : int
@@ -127,8 +88,6 @@ class DVI:
         Of the Verlet list [m]; 0.3 of the mean diameter by default.
     overlap_limit : float
         Overlap, as a share of the diameter, at which the run is stopped.
-    warm_start : bool
-        Begin from the impulses of the last step.
     stiffness : array_like, shape (2, 2), optional
         [[k_n, k_t] between grains, [k_n, k_t] at walls] [N/m] of contacts that give way (`particles.dvi.springs`);
         rigid ones without.
@@ -156,10 +115,8 @@ class DVI:
         solver: str = "accelerated",
         tolerance: float = 1e-6,
         max_sweeps: int = 10_000,
-        relaxation: float = 1.0,
         skin: float | None = None,
         overlap_limit: float = 0.1,
-        warm_start: bool = True,
         stiffness: np.ndarray | None = None,
         rolling: RollingFriction | None = None,
         twisting: TwistingFriction | None = None,
@@ -174,15 +131,13 @@ class DVI:
             raise ValueError(f"tolerance = {tolerance:g} m/s; allowed: more than 0")
         for name, value, allowed in (
             ("friction", friction, ("coulomb", "convex")),
-            ("solver", solver, ("gauss_seidel", "accelerated", "interior_point", "psor", "apgd")),
+            ("solver", solver, ("gauss_seidel", "accelerated")),
         ):
             if value not in allowed:
                 raise ValueError(f"{name} = {value!r}; allowed: {', '.join(allowed)}")
-        if solver in ("psor", "apgd") and friction != "convex":
-            raise ValueError(f'solver = "{solver}" solves the convex law; choose friction = "convex"')
         self.grains, self.walls, self.bodies, self.contact = grains, list(walls), list(bodies), contact
         self.dt, self.theta, self.sector, self.overlap_limit = float(dt), float(theta), sector, overlap_limit
-        self.tolerance, self.max_sweeps, self.warm_start = float(tolerance), int(max_sweeps), warm_start
+        self.tolerance, self.max_sweeps = float(tolerance), int(max_sweeps)
         self.gravity = gravity if gravity is None or callable(gravity) else np.array(gravity, dtype=float).reshape(3)
         self.skin = 0.6 * float(np.mean(grains.radius)) if skin is None else float(skin)
         if not 0.0 < self.skin < np.inf:
@@ -190,28 +145,17 @@ class DVI:
         self.ledger = True  # the books of energy are a by-product here
         self.external_force: np.ndarray | None = None
         self.step_count = self.order_version = self.list_version = 0
-        if stiffness is not None and (solver in ("apgd", "interior_point") or not warm_start):
-            raise ValueError(
-                f'solver = "{solver}", warm_start = {warm_start}: springs (stiffness) need their impulses of the step '
-                'before and "accelerated", "gauss_seidel" or "psor"; or leave stiffness out'
-            )
         self._resist = np.zeros((2, 2))  # mu_r and mu_w between grains, at walls
         for column, part in enumerate((rolling, twisting)):
             if part is not None:
                 self._resist[:, column] = part.table()
-        if self._resist.any() and solver in ("apgd", "interior_point"):
-            raise ValueError(
-                f'solver = "{solver}" solves no rolling or twisting friction; choose "accelerated", "gauss_seidel" or '
-                '"psor", or leave them out'
-            )
         self._law = contact.table()
         self._stiffness = None if stiffness is None else np.array(stiffness, dtype=float)
         self._soft = self._springs_of_step()
         self._springs = np.zeros(4)  # energy [J]: normal, tangential, of rolling, of twisting
         self._convex = None if friction == "coulomb" else True
-        self._relax = relax_number(self._convex, float(relaxation) if solver == "psor" else None)
-        self._method = {"accelerated": ANDERSON, "interior_point": INTERIOR, "apgd": APGD}.get(solver, GAUSS_SEIDEL)
-        self._open_step = np.array([-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+        self._method = ANDERSON if solver == "accelerated" else GAUSS_SEIDEL
+        self._met = np.zeros(2, dtype=np.int64)
         self._device = DeviceWalls(self.walls, self.bodies)
         self._turn = np.zeros((len(self.bodies) if len(self._device.triangles) else 0, N_TURN))
         self._encloses = not outside(grains.position, self.walls, 0.0).any()
@@ -239,7 +183,7 @@ class DVI:
     @property
     def gravity_now(self) -> np.ndarray | None:
         """Acceleration of gravity [m/s^2] at this time, shape (3,)."""
-        pull = self._pull(1)
+        pull = gravity_at(self.gravity, np.array([self.time]))
         return pull[0] if len(pull) else None
 
     @property
@@ -285,38 +229,21 @@ class DVI:
             self.step_count += done
             for body, a, w in zip(self.bodies, angle, speed, strict=True):
                 body.angle, body.speed = float(a), float(w)
-            if answer == kernel.HAND_OVER:
-                self._improve()
-                continue
             self._stale = answer != kernel.DONE
             if answer in (kernel.NOT_FINITE, kernel.OVERLAP):
-                self._explain(answer, totals)
-            self._refuse_shot_off(totals[books.MAX_SPEED])
-        return self._summary(n_steps, totals, body_totals, kinetic, elastic, rebuilds)
+                raise run_faults.stopped(
+                    answer, totals, self.grains, self.dt, self.overlap_limit, self.tolerance, self.time
+                )
+            run_faults.refuse_shot_off(totals[books.MAX_SPEED], self.grains, self.dt, self.tolerance, self.time)
+        energy = rigid_books(
+            self.bodies, totals, body_totals, self._resist,
+            (kinetic, self.grains.kinetic_energy()), (elastic, float(self._springs.sum())),
+        )  # fmt: skip
+        return rigid_totals(n_steps, self.dt, self.bodies, totals, body_totals, energy, rebuilds)
 
     def contacts(self) -> ContactTable:
         """The loaded contacts of the last step."""
-        g, c = self.grains, self._list
-        x, radius = g.position, g.radius
-        k = np.flatnonzero(c.pair_impulse[:, :3].any(axis=1))
-        i, j = c.pairs.rows()[k], c.pairs.other[k].astype(np.int64)
-        away = x[j] - x[i]
-        reach = radius[i] + radius[j]
-        point = x[i] + away * (radius[i] / reach)[:, None]
-        w = np.flatnonzero(c.wall_impulse[:, :3].any(axis=1))
-        row, wall = c.wall_rows()[w], c.wall_other[w].astype(np.int64)
-        depth = self._depths(row, wall)
-        seen = np.isfinite(depth[:, 0])
-        row, wall, w, depth = row[seen], wall[seen], w[seen], depth[seen]
-        at_wall = x[row] + (radius[row] - depth[:, 0])[:, None] * depth[:, 1:]
-        none = np.full(len(row), -1)
-        return ContactTable(
-            np.concatenate([i, row]), np.concatenate([j, none]),
-            np.concatenate([np.full(len(i), -1), self._device.wall[wall]]),
-            np.zeros(len(i) + len(row), dtype=np.int64), np.concatenate([point, at_wall]),
-            np.concatenate([c.pair_impulse[k, :3], c.wall_impulse[w, :3]]) / self.dt,
-            np.concatenate([reach - np.linalg.norm(away, axis=1), depth[:, 0]]),
-        )  # fmt: skip
+        return loaded_contacts(self.grains, self._list, self._device, self.bodies, self.dt)
 
     def invalidate(self) -> None:
         """Say that positions were changed from outside: the list is renewed before the next step."""
@@ -324,13 +251,7 @@ class DVI:
 
     def state(self) -> dict[str, np.ndarray]:
         """Everything that `restore` needs to go on bit for bit."""
-        g = self.grains
-        arrays = {name: getattr(g, name).copy() for name in ("where", "motion", "mass", "particle_id")}
-        for name, value in (("magnetic_moment", g.magnetic_moment), ("external_force", self.external_force)):
-            if value is not None:
-                arrays[name] = value.copy()
-        arrays |= {f"list_{name}": value.copy() for name, value in self._list.arrays().items()}
-        arrays["bodies"] = np.array([[b.angle, b.speed, b.external_torque] for b in self.bodies]).reshape(-1, 3)
+        arrays = checkpoint.taken(self.grains, self.bodies, self._list.arrays(), external_force=self.external_force)
         arrays["brake"], arrays["springs"] = self._body[:, gs.BRAKE].copy(), self._springs.copy()
         arrays["counters"] = np.array(
             [self.step_count, self.order_version, self._stale, self.list_version], dtype=np.int64
@@ -346,23 +267,16 @@ class DVI:
         ValueError
             If the state has another number of grains or bodies, or couples where this DVI has none, or none.
         """
-        self._refuse_another_scene(state)
+        checkpoint.refuse_another_scene("DVI", state, self.grains, self.bodies)
         if state["list_pair_impulse"].shape[1] != self._list.pair_impulse.shape[1]:
             raise ValueError(
                 "of the state and this DVI, one has rolling or twisting friction and the other none; restore it into "
                 "the scene that it came from"
             )
-        for name in ("where", "motion", "mass", "particle_id"):
-            setattr(self.grains, name, state[name].copy())
-        moment, force = state.get("magnetic_moment"), state.get("external_force")
-        self.grains.magnetic_moment = None if moment is None else moment.copy()
-        self.external_force = None if force is None else force.copy()
-        prefix = "list_"
-        self._impulses = ImpulseList.from_arrays(
-            {name.removeprefix(prefix): value for name, value in state.items() if name.startswith(prefix)}
-        )
-        for body, (angle, speed, torque) in zip(self.bodies, state["bodies"], strict=True):
-            body.angle, body.speed, body.external_torque = float(angle), float(speed), float(torque)
+        checkpoint.put_grains(state, self.grains)
+        self.external_force = checkpoint.held_in(state, "external_force")
+        self._impulses = ImpulseList.from_arrays(checkpoint.list_of(state))
+        checkpoint.put_bodies(state, self.bodies)
         self._body[:, gs.BRAKE], self._springs = state["brake"], state["springs"].copy()
         self.step_count, self.order_version = (int(v) for v in state["counters"][:2])
         self._stale, self.list_version = bool(state["counters"][2]), int(state["counters"][3])
@@ -378,9 +292,8 @@ class DVI:
         ValueError
             If the state has another number of grains or bodies.
         """
-        self._refuse_another_scene(state)
-        for name in ("where", "motion", "mass", "particle_id"):
-            setattr(self.grains, name, state[name].copy())
+        checkpoint.refuse_another_scene("DVI", state, self.grains, self.bodies)
+        checkpoint.put_grains(state, self.grains)
         self.grains.magnetic_moment = self.external_force = self._impulses = None
         for body, (angle, _, _) in zip(self.bodies, state["bodies"], strict=True):
             body.angle, body.external_torque = float(angle), 0.0
@@ -388,23 +301,10 @@ class DVI:
         self._rebuild()
         self._springs = np.array([self._pressed_in(), 0.0, 0.0, 0.0])
 
-    # -- inside
-    # ---------------------------------------------------------------------------------------------------
-
-    def _refuse_another_scene(self, state: dict[str, np.ndarray]) -> None:
-        if len(state["mass"]) != self.grains.count or len(state["bodies"]) != len(self.bodies):
-            raise ValueError(
-                f"the state has {len(state['mass'])} grains and {len(state['bodies'])} bodies, this DVI "
-                f"{self.grains.count} and {len(self.bodies)}; restore it into the scene that it came from"
-            )
-
     def _advance(
         self, n_steps: int, angle: np.ndarray, speed: np.ndarray, totals: np.ndarray, body_totals: np.ndarray
     ) -> tuple[int, int]:
-        g, c = self.grains, self._list
-        if not self.warm_start and self._open_step[0] < 0.0:
-            n_steps = 1  # impulses are forgotten between calls
-            c.pair_impulse[:], c.wall_impulse[:], self._body[:, gs.BRAKE] = 0.0, 0.0, 0.0
+        g = self.grains
         given = self._arguments(n_steps, angle, speed, Totals(totals, body_totals, self._springs))
         with at_most(1 if self._share is None else len(self._share.pairs) // 2):
             answer = kernel.run_steps(*given)
@@ -414,11 +314,7 @@ class DVI:
 
     def _arguments(self, n_steps: int, angle: np.ndarray, speed: np.ndarray, totals: Totals) -> StepArguments:
         g, c, device = self.grains, self._list, self._device
-        external = np.zeros((0, 3))
-        if self.external_force is not None:
-            external = np.ascontiguousarray(self.external_force, dtype=float)
-            if external.shape != (g.count, 3):
-                raise ValueError(f"external_force has shape {external.shape}; it must be ({g.count}, 3)")
+        external = held_force(self.external_force, g.count)
         position, velocity, spin = (np.ascontiguousarray(a) for a in (g.position, g.velocity, g.angular_velocity))
         times = (self.step_count + np.arange(n_steps)) * self.dt
         # the new velocities are those of the end of the step at theta = 1/2, and lag behind it at 1
@@ -426,13 +322,13 @@ class DVI:
         return StepArguments(
             Call(
                 n_steps, self.dt, self.theta, 0.5 * self._reach, c.wall_way, self.overlap_limit, SLOP, MARGIN,
-                self._law, Search(self._method, self._relax, self.tolerance, self.max_sweeps), self._open_step,
+                self._law, Search(self._method, self.tolerance, self.max_sweeps), self._met,
             ),
             self._convex,
             self._soft,
             GrainState(
-                position, velocity, spin, np.ascontiguousarray(g.radius), g.mass, self._pull(n_steps), external,
-                c.reference, self._bound,
+                position, velocity, spin, np.ascontiguousarray(g.radius), g.mass,
+                gravity_at(self.gravity, times), external, c.reference, self._bound,
             ),
             PairSlots(c.pairs.start, c.pairs.other, c.pair_impulse, self._pair_slot),
             WallSlots(c.wall_start, c.wall_other, c.wall_impulse, self._wall_slot, self._found, self._tally),
@@ -444,33 +340,15 @@ class DVI:
             totals,
         )  # fmt: skip
 
-    def _pull(self, n_steps: int) -> np.ndarray:
-        """Gravity at the coming steps, (n_steps, 3) or (1, 3); (0, 3) without."""
-        if self.gravity is None:
-            return np.zeros((0, 3))
-        if callable(self.gravity):
-            times = (self.step_count + np.arange(n_steps)) * self.dt
-            return np.ascontiguousarray(self.gravity(times), dtype=float).reshape(n_steps, 3)
-        return np.array(self.gravity, dtype=float).reshape(1, 3)
-
     def _springs_of_step(self) -> np.ndarray | None:
         """The table of springs for the present step; None for rigid contacts."""
         return None if self._stiffness is None else spring_table(self.dt, self._stiffness, self._law[:, 1])
 
     def _records(self) -> Records:
         """Grains, bodies and contacts as the last step left them (`particles.dvi.gauss_seidel`), copied."""
-        p, s = int(self._open_step[5]), int(self._open_step[6])
+        p, s = self._met
         views = (self._grain, self._body, self._pair_index[:p], self._pair[:p], self._wall_index[:s], self._wall[:s])
         return Records(*(array.copy() for array in views))
-
-    def _improve(self) -> None:
-        """Let the interior point work on the step that the kernel has left open."""
-        p, s = int(self._open_step[0]), int(self._open_step[1])
-        sweeps, self._open_step[3] = solve_by_interior_point(
-            self._convex, self.tolerance, self._grain, self._body,
-            self._pair_index[:p], self._pair[:p], self._wall_index[:s], self._wall[:s],
-        )  # fmt: skip
-        self._open_step[2] += sweeps
 
     def _make_room(self) -> None:
         """Records for as many contacts as the list has slots."""
@@ -493,8 +371,8 @@ class DVI:
     def _rebuild(self) -> None:
         """Sort by cells, list the neighbours anew, and carry the impulses into it."""
         g = self.grains
-        if self._encloses:
-            self._refuse_escaped()
+        if self._encloses and len(gone := np.flatnonzero(outside(g.position, self.walls, float(g.radius.max())))):
+            raise run_faults.escaped(g, gone, self.dt, self.time)
         old_id = g.particle_id
         order = cell_order(g.position, 2.0 * float(g.radius.max()) + self.skin)
         if np.any(order[1:] < order[:-1]):
@@ -519,144 +397,5 @@ class DVI:
         self.list_version += 1
         self._stale = False
 
-    def _depths(self, row: np.ndarray, wall: np.ndarray) -> np.ndarray:
-        """Overlap [m] and unit vector towards the wall, (s, 4), of grains ``row`` at walls or triangles ``wall``."""
-        x, radius, device = self.grains.position, self.grains.radius, self._device
-        depth = np.zeros((len(row), 4))
-        smooth = wall < len(device.rows)
-        depth[smooth] = wall_overlaps(x, radius, device.rows, row[smooth], wall[smooth])
-        for k in np.flatnonzero(~smooth):
-            angle = self.bodies[device.body[wall[k]]].angle
-            cos, sin = np.cos(angle), np.sin(angle)
-            to_world = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-            centre = x[row[k]] @ to_world
-            away = to_world @ (np.array(closest_on_triangle(device.triangles, wall[k], *centre)) - centre)
-            distance = float(np.linalg.norm(away))
-            depth[k, 0] = radius[row[k]] - distance
-            depth[k, 1:] = away / max(distance, np.finfo(float).tiny)
-        return depth
-
     def _pressed_in(self) -> float:
-        """Energy [J] that the normal springs hold at the start, where grains overlap each other or smooth walls."""
-        if self._stiffness is None:
-            return 0.0
-        g, c = self.grains, self._list
-        i, j = c.pairs.rows(), c.pairs.other
-        pairs = g.radius[i] + g.radius[j] - np.linalg.norm(g.position[j] - g.position[i], axis=1)
-        row, wall = c.wall_rows(), c.wall_other.astype(np.int64)
-        smooth = wall < len(self._device.rows)
-        walls = self._depths(row[smooth], wall[smooth])[:, 0]
-        by_kind = zip(self._stiffness[:, 0], (pairs, walls), strict=True)
-        return float(sum(0.5 * k * np.sum(depth[depth > 0.0] ** 2) for k, depth in by_kind))
-
-    def _refuse_escaped(self) -> None:
-        g = self.grains
-        gone = np.flatnonzero(outside(g.position, self.walls, float(g.radius.max())))
-        if len(gone):
-            k = gone[0]
-            raise DemError(
-                DemErrorKind.ESCAPED,
-                f"it has left the device ({len(gone)} grains have)",
-                f"the walls may have a slot; or shorten dt = {self.dt:.3g} s",
-                g.particle_id[k], g.position[k], self.time,
-            )  # fmt: skip
-
-    def _refuse_shot_off(self, fastest: float) -> None:
-        """A solution that missed its tolerance by far may shoot a grain out of the device within a step."""
-        g = self.grains
-        if fastest * self.dt <= SHOT_OFF * float(g.radius.min()):
-            return
-        k = int(np.argmax(np.sum(g.velocity**2, axis=1)))
-        raise DemError(
-            DemErrorKind.TOO_FAST,
-            f"it was shot off at {fastest:.3g} m/s, {0.5 * fastest * self.dt / g.radius[k]:.3g} diameters in a step, "
-            f"by contacts whose impulses did not converge to {self.tolerance:.3g} m/s",
-            f"rigid grains jammed between walls that push have no finite forces: shorten dt = {self.dt:.3g} s, allow "
-            "more sweeps, leave more clearance, or use DEM",
-            g.particle_id[k], g.position[k], self.time,
-        )  # fmt: skip
-
-    def _explain(self, answer: int, totals: np.ndarray) -> None:
-        g = self.grains
-        if answer == kernel.OVERLAP:
-            k = int(totals[kernel.GRAIN])
-            raise DemError(
-                DemErrorKind.OVERLAP,
-                f"it overlaps a neighbour or a wall by {100.0 * totals[kernel.MAX_OVERLAP]:.3g} % of the "
-                f"diameter (the limit is {100.0 * self.overlap_limit:.3g} %)",
-                f"shorten dt = {self.dt:.3g} s, or tighten the tolerance of {self.tolerance:.3g} m/s",
-                g.particle_id[k], g.position[k], self.time,
-            )  # fmt: skip
-        state = np.concatenate([g.position, g.velocity, g.angular_velocity], axis=1)
-        bad = np.flatnonzero(~np.isfinite(state).all(axis=1))
-        if len(bad) == 0:
-            raise ParticleError(f"t = {self.time:.6g} s: the speed of a shaft is not a finite number")
-        raise DemError(
-            DemErrorKind.NOT_FINITE,
-            "its position or velocity is not a finite number", "check the external forces",
-            g.particle_id[bad[0]], g.position[bad[0]], self.time,
-        )  # fmt: skip
-
-    def _summary(
-        self, steps: int, totals: np.ndarray, bodies: np.ndarray, kinetic: float, elastic: float, rebuilds: int
-    ) -> RigidTotals:
-        share = 1.0 / max(steps, 1)
-        names = [body.name for body in self.bodies]
-        now = self.grains.kinetic_energy()
-        normal = bodies[:, books.NORMAL_X : books.NORMAL_Z + 1] * share
-        whole = bodies[:, books.FORCE_X : books.FORCE_Z + 1] * share
-        return RigidTotals(
-            steps=steps,
-            duration=steps * self.dt,
-            torque={
-                name: {
-                    "normal": float(t[books.TORQUE_N]) * share,
-                    "damping": 0.0,
-                    "tangential": float(t[books.TORQUE_T]) * share,
-                }
-                for name, t in zip(names, bodies, strict=True)
-            },
-            force=dict(zip(names, whole, strict=True)),
-            force_parts={
-                name: {"normal": n, "damping": np.zeros(3), "tangential": f - n}
-                for name, n, f in zip(names, normal, whole, strict=True)
-            },
-            shaft_work={
-                body.name: {
-                    "drive": float(t[kernel.DRIVE_WORK]),
-                    "load": float(t[kernel.LOAD_WORK]),
-                    "contact": -float(t[books.BODY_WORK]),
-                }
-                for body, t in zip(self.bodies, bodies, strict=True)
-                if body.is_free
-            },
-            energy=EnergyTotals(
-                wall_work={name: float(t[books.BODY_WORK]) for name, t in zip(names, bodies, strict=True)},
-                dissipation={
-                    "impact": float(totals[books.IMPACT]),
-                    "sliding": float(totals[books.SLIDING]),
-                    **({"rolling": float(totals[kernel.ROLLING])} if self._resist[:, 0].any() else {}),
-                    **({"twisting": float(totals[kernel.TWISTING])} if self._resist[:, 1].any() else {}),
-                },
-                contact_work=float(totals[kernel.CONTACT_WORK]),
-                gravity_work=float(totals[books.GRAVITY_WORK]),
-                external_work=float(totals[books.EXTERNAL_WORK]),
-                kinetic_energy=now,
-                kinetic_change=now - kinetic,
-                elastic_energy=float(self._springs.sum()),
-                elastic_change=float(self._springs.sum()) - elastic,
-            ),
-            max_overlap=float(totals[kernel.MAX_OVERLAP]),
-            n_contacts=int(totals[books.CONTACTS]),
-            max_speed=float(totals[books.MAX_SPEED]),
-            rebuilds=rebuilds,
-            sweeps=int(totals[kernel.SWEEPS]),
-            max_sweeps=int(totals[kernel.MAX_SWEEPS]),
-            visits=int(totals[kernel.VISITS]),
-            residual=float(totals[kernel.RESIDUAL]),
-            missed_steps=int(totals[kernel.MISSED]),
-            taken_over=int(totals[kernel.TAKEN_OVER]),
-            warm_hits=float(totals[books.KEPT] / max(totals[books.LOADED], 1.0)),
-            projections=int(totals[kernel.PROJECTIONS]),
-            stabilisation_work=float(totals[kernel.STABILISATION]),
-        )
+        return pressed_in(self._stiffness, self.grains, self._list, self._device, self.bodies)

@@ -96,8 +96,7 @@ def apply_impulses(sign, records):
 def sweep_pairs(lo, hi, convex, relax, soft, records):
     """Visit the pairs lo <= k < hi; returns the largest change of an impulse times w_n, squared [m^2/s^2].
 
-    ``convex`` None: exact Coulomb, over-relaxed by ``relax`` (1: not). For the convex law ``relax`` > 0 is the length
-    of a projected gradient step (PSOR), 0 takes the exact local solution.
+    ``convex`` None: exact Coulomb, over-relaxed by ``relax`` (1: not), which the convex law does not read.
     """
     grain, index, pair = records.grain, records.pair_index, records.pair
     largest = 0.0
@@ -135,10 +134,6 @@ def sweep_pairs(lo, hi, convex, relax, soft, records):
             # open, and further than sliding lifts it
             if u_n >= mu * np.sqrt(ux * ux + uy * uy + uz * uz) and rx == 0.0 and ry == 0.0 and rz == 0.0:
                 continue
-            if relax > 0.0:
-                # one length for all three directions, from the mean of the diagonal
-                slow = relax * 3.0 * inverse * slow / (slow + 2.0 * inverse)
-                r_n = was - u_n * slow
         tx, ty, tz = rx - was * ex - slow * ux, ry - was * ey - slow * uy, rz - was * ez - slow * uz
         size2 = tx * tx + ty * ty + tz * tz
         if convex is None:
@@ -152,8 +147,7 @@ def sweep_pairs(lo, hi, convex, relax, soft, records):
         else:
             size = np.sqrt(size2)
             if size > mu * r_n:
-                # the nearest point of the cone, in the metric of W (exact) or of the identity (PSOR)
-                weight = inverse / slow if relax <= 0.0 else 1.0
+                weight = inverse / slow  # the nearest point of the cone in the metric of W
                 r_n = max((r_n + weight * mu * size) / (1.0 + weight * mu * mu), 0.0)
                 scale = mu * r_n / size if size > 0.0 else 0.0
                 tx, ty, tz = scale * tx, scale * ty, scale * tz
@@ -219,20 +213,16 @@ def sweep_walls(lo, hi, convex, relax, soft, records):
             x, y, z = _block(wall, k, free, mu, u_n, ux, uy, uz, was)
             x, y, z = x - rx, y - ry, z - rz
         else:
-            if convex is not None:
-                if free > 0.0:  # a gradient step, short enough for every direction of the block
-                    slow = 1.0 / (1.0 / slow + free * (wall[k, LX] ** 2 + wall[k, LY] ** 2))
-                    r_n = was - u_n * slow
-                    inverse = slow
-                elif relax > 0.0:
-                    slow = relax * 3.0 * inverse * slow / (slow + 2.0 * inverse)
-                    r_n = was - u_n * slow
+            if convex is not None and free > 0.0:  # a gradient step, short enough for every direction of the block
+                slow = 1.0 / (1.0 / slow + free * (wall[k, LX] ** 2 + wall[k, LY] ** 2))
+                r_n = was - u_n * slow
+                inverse = slow
             tx, ty, tz = rx - was * ex - slow * ux, ry - was * ey - slow * uy, rz - was * ez - slow * uz
             size = np.sqrt(tx * tx + ty * ty + tz * tz)
             if convex is None:
                 r_n = max(r_n, 0.0)
             elif size > mu * r_n:
-                weight = inverse / slow if relax <= 0.0 else 1.0
+                weight = inverse / slow
                 r_n = max((r_n + weight * mu * size) / (1.0 + weight * mu * mu), 0.0)
             if size > mu * r_n:
                 scale = mu * r_n / size

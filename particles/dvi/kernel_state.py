@@ -25,9 +25,7 @@ class Search(NamedTuple):
     Attributes
     ----------
     method : int
-        GAUSS_SEIDEL, ANDERSON, INTERIOR or APGD (`particles.dvi.accelerated`).
-    relax : float
-        As in `particles.dvi.gauss_seidel.sweep_pairs`.
+        GAUSS_SEIDEL or ANDERSON (`particles.dvi.accelerated`).
     tolerance : float
         On the natural map [m/s].
     cap : int
@@ -35,7 +33,6 @@ class Search(NamedTuple):
     """
 
     method: int
-    relax: float
     tolerance: float
     cap: int
 
@@ -61,9 +58,8 @@ class Call(NamedTuple):
     law : ndarray, shape (2, 3)
         Friction, restitution and its threshold [m/s] between grains, at walls (`particles.dvi.rigid_contact`).
     search : Search
-    open_step : ndarray, shape (7,)
-        A step that was left open: numbers of pairs (-1: none is) and walls, sweeps, residual and largest speed [m/s];
-        numbers of pairs and walls of the last step.
+    met : ndarray of int64, shape (2,)
+        Pairs and wall contacts of the last step; written.
     """
 
     n_steps: int
@@ -76,7 +72,7 @@ class Call(NamedTuple):
     margin: float
     law: np.ndarray
     search: Search
-    open_step: np.ndarray
+    met: np.ndarray
 
 
 class Look(NamedTuple):

@@ -139,3 +139,27 @@ def natural_map(convex, w_n, mu, r_n, r_1, r_2, u_n, u_1, u_2):
     out = w_n * (t - mu * n) / (1.0 + mu * mu)  # from the cone's surface
     d_n, d_1, d_2 = u_n - mu * out, u_1 + out * x / t, u_2 + out * y / t
     return np.sqrt(d_n * d_n + d_1 * d_1 + d_2 * d_2)
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def in_disc(a, b, limit, f, g):
+    """The (x, y) in the disc of radius ``limit`` that makes (a x^2 + b y^2)/2 - f x - g y smallest, a and b > 0.
+
+    Where the free minimum lies outside, x = f/(a + s), y = g/(b + s) with s > 0: Newton for 1/limit = 1/|(x, y)|, which
+    is nearly linear in s and comes to the root from one side (More & Sorensen, SIAM J. Sci. Stat. Comput. 4 (1983)
+    553).
+    """
+    x, y = f / a, g / b
+    if limit <= 0.0:
+        return 0.0, 0.0
+    size = np.sqrt(x * x + y * y)
+    if size <= limit:
+        return x, y
+    s = 0.0
+    for _ in range(50):
+        if size - limit <= 4e-16 * size:
+            break
+        s += size * size * (size - limit) / (limit * (x * x / (a + s) + y * y / (b + s)))
+        x, y = f / (a + s), g / (b + s)
+        size = np.sqrt(x * x + y * y)
+    return x * (limit / size), y * (limit / size)

@@ -24,8 +24,7 @@ from numba import njit
 
 from geometry.inner_functions import inner
 from particles.dvi import gauss_seidel as gs
-from particles.dvi.accelerated import APGD, INTERIOR, solve
-from particles.dvi.apgd import apgd
+from particles.dvi.accelerated import solve
 from particles.dvi.contact_search import find_contacts, find_in_shares, free_velocities, search_in_shares
 from particles.dvi.couples import begin_couples, book_couples
 from particles.dvi.gauss_seidel import BRAKE, IJ
@@ -60,7 +59,7 @@ from particles.dvi.step_books import (
 from particles.shafts import DRIVE, DRIVE_SLOPE, FREE, INERTIA, LOAD, SPEED
 
 # what the kernel answers
-DONE, REBUILD, NOT_FINITE, OVERLAP, HAND_OVER = 0, 1, 2, 3, 4
+DONE, REBUILD, NOT_FINITE, OVERLAP = 0, 1, 2, 3
 PROJECTION_SWEEPS = 5  # a jam that needs more gets them in the next steps
 
 
@@ -155,16 +154,6 @@ def _begin(call, step, soft, grains, pairs, slots, walls, shafts, records, coupl
     return met, met_walls, fastest
 
 
-@inner(error_model="numpy", fastmath={"contract"})
-def _solve(call, convex, soft, contacts, couples, partition):
-    """Stage 4: the impulses; returns sweeps, residual [m/s], and whether acceleration took over."""
-    search = call.search
-    if convex is not None and search.method == APGD:
-        sweeps, reached = apgd(search.tolerance, search.cap, contacts)
-        return sweeps, reached, 0
-    return solve(convex, soft, search, contacts, couples, partition.share, partition.alone)
-
-
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def _count(tolerance, contacts, sweeps, reached, taken, run):
     """Book what the impulses of a step have cost."""
@@ -242,8 +231,6 @@ def _verdict(call, travel, shafts, walls):
 def run_steps(call, convex, soft, grains, pairs, slots, walls, shafts, records, couples, partition, totals):
     """Up to ``call.n_steps`` steps; stops early when the list must be rebuilt or a grain is in trouble.
 
-    With the method INTERIOR a step on which the sweeps stall is left open (HAND_OVER), and the next call finishes it.
-
     Parameters
     ----------
     convex : bool, or None
@@ -257,30 +244,19 @@ def run_steps(call, convex, soft, grains, pairs, slots, walls, shafts, records, 
     -------
     answer, steps done : int
     """
-    open_step, tolerance = call.open_step, call.search.tolerance
     for step in range(call.n_steps):
-        if open_step[0] >= 0.0:
-            met, met_walls, sweeps = int(open_step[0]), int(open_step[1]), int(open_step[2])
-            reached, fastest, taken = open_step[3], open_step[4], 1
-            open_step[0] = -1.0
-            contacts = first_of(records, met, met_walls)
-        else:
-            # 1-3. half drift, free velocities, contacts, warm start
-            met, met_walls, fastest = _begin(
-                call, step, soft, grains, pairs, slots, walls, shafts, records, couples, partition, totals
-            )
-            open_step[5], open_step[6] = met, met_walls
-            if totals.run[MAX_OVERLAP] > call.overlap:
-                return OVERLAP, step
-            # 4. impulses
-            contacts = first_of(records, met, met_walls)
-            sweeps, reached, taken = _solve(call, convex, soft, contacts, couples, partition)
-            if call.search.method == INTERIOR and reached > tolerance:
-                open_step[0], open_step[1], open_step[2] = met, met_walls, sweeps
-                open_step[3], open_step[4] = reached, fastest
-                return HAND_OVER, step
+        # 1-3. half drift, free velocities, contacts, warm start
+        met, met_walls, fastest = _begin(
+            call, step, soft, grains, pairs, slots, walls, shafts, records, couples, partition, totals
+        )
+        call.met[0], call.met[1] = met, met_walls
+        if totals.run[MAX_OVERLAP] > call.overlap:
+            return OVERLAP, step
+        # 4. impulses
+        contacts = first_of(records, met, met_walls)
+        sweeps, reached, taken = solve(convex, soft, call.search, contacts, couples, partition.share, partition.alone)
         # 5-6. books, half drift
-        _count(tolerance, contacts, sweeps, reached, taken, totals.run)
+        _count(call.search.tolerance, contacts, sweeps, reached, taken, totals.run)
         travel = _finish(call, step, soft, grains, pairs, slots, shafts, contacts, couples, partition, totals)
         answer = _verdict(call, travel + call.h * fastest, shafts, walls)
         if answer != DONE:

@@ -186,3 +186,24 @@ def _table(
         rows[:, [COHESION_0, COHESION_1]] = cohesion.table()[at_wall]
         rows[:, COHESIVE] = 1.0
     return PairLaws(rows, pair, wall, laws)
+
+
+def species_of(laws: PairLaws, count: int, species: np.ndarray | None) -> np.ndarray | None:
+    """Rows of ``laws.pair`` of so many grains, int64 (n,); None where there is one. A ValueError for no such row."""
+    if species is None or len(laws.pair) == 1:
+        return None
+    found = np.array(species, dtype=np.int64)
+    if found.shape != (count,) or found.min() < 0 or found.max() >= len(laws.pair):
+        raise ValueError(f"species must be {count} numbers from 0 to {len(laws.pair) - 1}")
+    return found
+
+
+def wall_rows(laws: PairLaws, count: int, material: Sequence[int] | None, wall: np.ndarray) -> np.ndarray:
+    """Rows of the law for each species and each slot of a list, where slot k is of ``wall[k]`` of so many walls.
+
+    ``material`` are the walls' columns of ``laws.wall``, 0 by default; a ValueError for no such column.
+    """
+    columns = np.zeros(count, dtype=np.int64) if material is None else np.array(material)
+    if len(columns) != count or (count and not 0 <= columns.max() < laws.wall.shape[1]):
+        raise ValueError(f"wall_material must be {count} numbers from 0 to {laws.wall.shape[1] - 1}")
+    return np.ascontiguousarray(laws.wall[:, columns[wall].astype(np.int64)])

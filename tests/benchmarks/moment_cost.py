@@ -12,6 +12,7 @@ share of it that each part took follows, from its summary: wall-clock time, so o
 import argparse
 import json
 import os
+from dataclasses import dataclass
 from pathlib import Path
 from time import process_time
 
@@ -69,35 +70,59 @@ def shares(folder: Path) -> str:
     return "\n".join(lines)
 
 
-def pairs_cost(n: int, fill: float) -> None:
-    """Print the prices of fixed, mutual and near dipoles for each listed pair."""
+@dataclass(frozen=True, slots=True)
+class Price:
+    """Prices of a model of the moments, and of fixed dipoles' forces on the same rows [ns a listed pair]."""
+
+    model: str
+    neighbours: float
+    fixed: float
+    sweep: float
+    set_up: float
+    forces: float
+    sweeps: int
+    residual: float
+
+
+def bed_prices(n: int, fill: float, repeats: int = 15) -> list[Price]:
+    """Prices on a bed of ``n`` grains at a solid fraction, of `mutual` and of `near_field`."""
     x, radius, law = bed(n, fill), np.full(n, A), GrainLaw(999.0, 1.7e6)
     rows = neighbour_rows(x, REACH)
-    pairs = len(rows.other)
+    pair = 1e-9 * len(rows.other)
     H = np.tile([0.0, 0.0, 46e3], (n, 1))
-    print(
-        f"{n} grains at {fill}, {pairs / n:.1f} listed neighbours within 2.5 d, threads {os.environ['OMP_NUM_THREADS']}"
-    )
     force = np.zeros((n, 3))
     moment = np.tile([0.0, 0.0, 1e-9], (n, 1))
-    peer = timed(lambda: add_dipole_forces(x, moment, radius, rows, REACH, force), 15)
-    print(f"fixed dipoles: forces {1e9 * peer / pairs:.1f} ns a listed pair")
+    fixed = timed(lambda: add_dipole_forces(x, moment, radius, rows, REACH, force), repeats)
+    prices = []
     for model in ("mutual", "near_field"):
         solver = MutualMoments(grain_table(law, model), near=model == "near_field", reach=REACH)
         found = solver.solve(x, radius, H, rows, tolerance=1e-3)
 
         def swept(sweeps: int, solver=solver, start=found.moment) -> float:
             more = {"start": start, "tolerance": 0.0, "most_sweeps": sweeps}
-            return timed(lambda: solver.solve(x, radius, H, rows, **more), 7)
+            return timed(lambda: solver.solve(x, radius, H, rows, **more), (repeats + 1) // 2)
 
         few, many = swept(FEW), swept(MANY)
         sweep = (many - few) / (MANY - FEW)
-        forces = timed(lambda s=solver, f=found: s.forces(x, radius, rows, f), 15)
-        set_up = few - FEW * sweep
+        forces = timed(lambda s=solver, f=found: s.forces(x, radius, rows, f), repeats)
+        prices.append(
+            Price(model, len(rows.other) / n, fixed / pair, sweep / pair, (few - FEW * sweep) / pair, forces / pair,
+                  found.sweeps, found.residual)
+        )  # fmt: skip
+    return prices
+
+
+def print_prices(n: int, fill: float) -> None:
+    """Prices of fixed, mutual and near dipoles for each listed pair."""
+    prices = bed_prices(n, fill)
+    print(
+        f"{n} grains at {fill}, {prices[0].neighbours:.1f} listed neighbours within 2.5 d, "
+        f"threads {os.environ['OMP_NUM_THREADS']}; fixed dipoles: forces {prices[0].fixed:.1f} ns a listed pair"
+    )
+    for p in prices:
         print(
-            f"{model}: {1e9 * sweep / pairs:.1f} ns a listed pair and sweep, set up {1e9 * set_up / pairs:.1f} ns, "
-            f"forces {1e9 * forces / pairs:.1f} ns ({forces / peer:.1f} of fixed); from nothing {found.sweeps} sweeps "
-            f"to {found.residual:.1e}"
+            f"{p.model}: {p.sweep:.1f} ns a listed pair and sweep, set up {p.set_up:.1f} ns, forces {p.forces:.1f} ns "
+            f"({p.forces / p.fixed:.1f} of fixed); from nothing {p.sweeps} sweeps to {p.residual:.1e}"
         )
 
 
@@ -108,7 +133,7 @@ def main() -> None:
     parser.add_argument("fill", type=float, nargs="?", default=0.45, help="solid fraction")
     parser.add_argument("--run", type=Path, help="folder of a finished run")
     given = parser.parse_args()
-    pairs_cost(given.grains, given.fill)
+    print_prices(given.grains, given.fill)
     if given.run is not None:
         print(shares(given.run))
 

@@ -74,13 +74,6 @@ def _contact(scene: Table, effects: Table, particles: Table, contact: Table) -> 
     if contact["law"] == "walton_braun" and "stiffness" not in contact:
         for key in ("unloading_stiffness", "wall_unloading_stiffness", "wall_stiffness"):
             contact.pop(key, None)
-    rigid = contact.get("dvi", {})
-    if rigid.get("solver") in ("psor", "apgd"):
-        rigid["friction_law"] = "convex"
-    if rigid.get("solver") in ("interior_point", "apgd"):
-        rigid.pop("springs", None)
-        for name in ("rolling_friction", "twisting_friction"):
-            effects.pop(name, None)
     if contact["method"] == "dvi":
         effects.pop("cohesion", None)
 

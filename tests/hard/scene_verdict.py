@@ -167,7 +167,7 @@ def _not_run(case: Any, plan: dict[str, str]) -> str:
 def _is_compiled(scene: Any) -> bool:
     """Whether other tests have a step of the scene's kind."""
     if scene.contact.method == "dvi":
-        return not (scene.contact.dvi.gives_way and scene.contact.dvi.friction_law == "convex")
+        return not (scene.contact.dvi.springs and scene.contact.dvi.friction_law == "convex")
     law, *parts = kind_of(scene)
     kept = [part for part in parts if part != "energies" and (law == "linear" or part != "sizes")]
     return scene.output.energies and " ".join((law, *kept)) in KINDS

@@ -8,7 +8,6 @@ import numpy as np
 
 from geometry.walls import Plane
 from particles.dvi import gauss_seidel as gs
-from particles.dvi.accelerated import relax_number
 
 G = 9.81
 R = 5e-3
@@ -28,7 +27,7 @@ def lattice(n):
     return np.stack(np.meshgrid(*[np.arange(count) + 0.5] * 3), axis=-1).reshape(-1, 3)[:n], count
 
 
-def swept(tolerance, cap, records, *, convex=None, relax=None, soft=None):
+def swept(tolerance, cap, records, *, convex=None, soft=None):
     """Plain sweeps over ``records`` until their residual is ``tolerance`` [m/s], ``cap`` at most: sweeps, residual.
 
     One call a sweep: the loop of the engine would be compiled once more for tests alone. The residual is looked at
@@ -37,7 +36,7 @@ def swept(tolerance, cap, records, *, convex=None, relax=None, soft=None):
     count, reached = 0, np.inf
     while reached > tolerance and count < cap:
         for _ in range(min(10, cap - count)):
-            gs.sweep_records(convex, relax_number(convex, relax), soft, *records)
+            gs.sweep_records(convex, 1.0, soft, *records)
             count += 1
         reached = gs.residual_records(convex, soft, *records)
     return count, reached

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from coupling.field_source import CircuitCoilField, CoilField, EddyCoilField
+from coupling import CircuitCoilField, CoilField, EddyCoilField
 from field import AxisymmetricProblem, GrainLaw, LinearLaw, PowderLaw, material
 from field.coil.winding import Winding
 from field.section.eddy_currents import EddyCurrentProblem, VoltageDrive

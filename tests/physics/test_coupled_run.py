@@ -114,7 +114,7 @@ def test_what_is_off_is_not_there(tmp_path):
     assert simulation.motion.external_force is None
     assert simulation.motion.gravity is None
     assert simulation.motion.grains.magnetic_moment is None
-    assert not simulation.motion._rolling
+    assert not simulation.motion._columns.rolls
 
 
 def test_one_and_two_threads_give_the_same_bits(tmp_path):

@@ -20,7 +20,8 @@ from particles import (
     choose_time_step,
 )  # fmt: skip
 from particles.dvi import gauss_seidel as gs
-from particles.dvi.couples import CX, CZ, in_disc
+from particles.dvi.couples import CX, CZ
+from particles.dvi.local_problem import in_disc
 
 
 def ball(h, velocity=NONE, spin=NONE, rolling=None, twisting=None, slope=0.0, wall=None, **more):
@@ -335,17 +336,10 @@ def test_a_state_with_couples_is_refused_where_there_are_none():
         bed(rolling=None, twisting=None).restore(bed().state())
 
 
-@pytest.mark.parametrize(("solver", "law"), [("interior_point", "coulomb"), ("apgd", "convex")])
-def test_solvers_without_couples_say_so(solver, law):
-    with pytest.raises(ValueError, match="solves no rolling or twisting friction"):
-        ball(1e-3, rolling=RollingFriction(0.1), solver=solver, friction=law)
-
-
-@pytest.mark.parametrize("solver", ["accelerated", "psor"])
-def test_the_convex_law_stops_a_rolling_ball_as_far_on(solver):
+def test_the_convex_law_stops_a_rolling_ball_as_far_on():
     """A ball that rolls does not slip, so that nothing lifts it."""
     v, mu_r, h = 0.5, 0.05, 1e-3
-    dvi = ball(h, (v, 0.0, 0.0), (0.0, v / R, 0.0), RollingFriction(mu_r), theta=0.5, friction="convex", solver=solver,
+    dvi = ball(h, (v, 0.0, 0.0), (0.0, v / R, 0.0), RollingFriction(mu_r), theta=0.5, friction="convex",
                tolerance=1e-9)  # fmt: skip
     totals = dvi.run(1800)
     assert totals.missed_steps == 0

@@ -247,12 +247,6 @@ def test_restart_is_bit_exact():
     assert again.run(1).energy.elastic_energy == whole.run(1).energy.elastic_energy
 
 
-@pytest.mark.parametrize("more", [{"solver": "interior_point"}, {"warm_start": False}])
-def test_what_springs_do_not_go_with(more):
-    with pytest.raises(ValueError, match="leave stiffness out"):
-        _box_of(8, STIFF, **more)
-
-
 @pytest.mark.parametrize("stiffness", [((0.0, 1.0), (1.0, 1.0)), ((1.0, 1.0),), ((1.0, np.inf), (1.0, 1.0))])
 def test_bad_stiffness_is_refused(stiffness):
     with pytest.raises(ValueError, match="stiffness"):

@@ -21,8 +21,8 @@ from field import (
     material_names,
 )
 from field.laws.brauer import BrauerLaw
+from field.laws.h_spline import spline_of
 from field.laws.langevin import LangevinLaw
-from field.laws.magnetisation_curve import spline_of
 from field.laws.materials import _STEEL_1010
 
 LAWS = {

@@ -22,7 +22,8 @@ from numba.core.dispatcher import Dispatcher
 from numba.extending import overload
 
 from geometry import kernel_cache
-from geometry.kernel_cache import _Stamp, callees, kernel_stamp, specialisations
+from geometry.kernel_cache import _Stamp, specialisations
+from geometry.kernel_stamp import callees, kernel_stamp
 
 CALLEE = """
 FACTOR = 2.0
@@ -122,7 +123,7 @@ def test_the_stamp_changes(what, change):
 def test_the_stamp_is_the_same_in_every_process():
     """Hash seeds order sets differently."""
     code = (
-        "from geometry.kernel_cache import kernel_stamp\n"
+        "from geometry.kernel_stamp import kernel_stamp\n"
         "from particles.dem.step_kernel import run_steps\n"
         "from particles.dvi.step_kernel import run_steps as rigid\n"
         "print(kernel_stamp(run_steps.py_func), kernel_stamp(rigid.py_func))"

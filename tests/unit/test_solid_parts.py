@@ -222,24 +222,37 @@ def test_tangent_is_the_derivative_of_the_divergence():
     assert np.abs(K @ np.ones(elements.n_free)).max() < 1e-12 * abs(K).max()
 
 
-def test_matrix_equals_that_of_scikit_fem():
-    """The Laplacian of quadratic elements, entry by entry through its action on nodal functions."""
+def test_kernels_assemble_the_weak_forms():
+    """Divergence and tangent of quadratic elements with the same rule of fourteen points, by scikit-fem."""
     import skfem
-    from skfem.models.poisson import laplace
+
+    from field.solid import weak_forms
 
     mesh = cube(2)
-    elements = SolidElements(mesh)
-    K = elements.matrix(
-        elements.tangent(
-            np.ones(len(elements.weight)), np.zeros(len(elements.weight)), np.zeros((len(elements.weight), 3))
-        )
-    )
-    basis = skfem.Basis(skfem.MeshTet(mesh.points.T.copy(), mesh.tetrahedra.T.copy()), skfem.ElementTetP2())
-    A = laplace.assemble(basis)
-    f = [lambda x: np.sin(3 * x[0] + x[1]) * x[2], lambda x: np.cos(2 * x[1]) + x[0] * x[2] ** 2]
-    ours = [g(elements.node_points.T) for g in f]
-    theirs = [g(basis.doflocs) for g in f]
-    assert ours[0] @ (K @ ours[1]) == pytest.approx(theirs[0] @ (A @ theirs[1]), rel=1e-12)
+    elements = SolidElements(mesh, careful=np.ones(len(mesh.tetrahedra), dtype=bool))
+    points, weights = fifth_order_rule()
+    solid = skfem.MeshTet(mesh.points.T.copy(), mesh.tetrahedra.T.copy())
+    basis = skfem.Basis(solid, skfem.ElementTetP2(), quadrature=(points.T.copy(), weights))
+    place = {tuple(x): k for k, x in enumerate(np.round(basis.doflocs.T, 9))}
+    ours = np.array([place[tuple(x)] for x in np.round(elements.node_points, 9)])
+    x, there = elements.quadrature_points.T, np.asarray(basis.global_coordinates())
+
+    def flow(x):
+        return np.stack([np.sin(3 * x[0] + x[1]), x[2] ** 2 - x[0], np.cos(2 * x[1] * x[2])])
+
+    def isotropic(x):
+        return 2.0 + np.sin(5 * x[0] * x[1])
+
+    def along(x):
+        return np.cos(4 * x[2]) - x[1]
+
+    expected = weak_forms.divergence.assemble(basis, flow=flow(there))[ours]
+    assert elements.divergence(flow(x).T) == pytest.approx(expected, rel=1e-10, abs=1e-13)
+    direction = flow(there) / np.linalg.norm(flow(there), axis=0)
+    matrix = weak_forms.tangent.assemble(basis, isotropic=isotropic(there), along=along(there), direction=direction)
+    matrix = matrix.toarray()[np.ix_(ours, ours)]
+    found = elements.matrix(elements.tangent(isotropic(x), along(x), flow(x).T)).toarray()
+    assert np.abs(found - matrix).max() < 1e-12 * np.abs(matrix).max()
 
 
 @pytest.mark.parametrize("bend", [0.0, 0.05])

@@ -1,4 +1,4 @@
-"""Interior point for contact problems on which sweeps stall: dense packings, cold starts, tight tolerances.
+"""Interior point, the oracle of contact problems on which sweeps stall: dense packings, cold starts, tight tolerances.
 
 The convex law is a second-order cone programme in the velocities,
 
@@ -155,7 +155,7 @@ def solve_by_interior_point(
         pair[:, RX : RX + 3], wall[:, RX : RX + 3] = world[: len(pair)], world[len(pair) :]
         grain[:], body[:, SPEED] = free, free_body[:, SPEED]
         apply_records(1.0, grain, body, *records)
-        count, reached = accelerate_records(convex, None, None, tolerance, POLISH, grain, body, *records)
+        count, reached = accelerate_records(convex, None, tolerance, POLISH, grain, body, *records)
         sweeps += count
         if reached < best[0]:
             best = reached, pair[:, RX : RX + 3].copy(), wall[:, RX : RX + 3].copy(), body[:, BRAKE].copy()

@@ -1,0 +1,144 @@
+"""The field of a coil at a voltage: its current follows from the circuit and the nonlinear flux linkage."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from coupling.field_source import CoilField, unset_course
+from field.coil.coil_circuit import CircuitState, LinearisedCoil, solve_at_flux_linkage
+
+
+@dataclass(slots=True)
+class CircuitCoilField(CoilField):
+    """A coil at a voltage, V(t) = R i + d lambda/dt, with the flux linkage of the field (effect `coil_circuit`).
+
+    The linkage is integrated exactly along a line i(lambda) about the last solve; when the current or the linkage have
+    moved beyond their tolerance, or the fill, the field is solved for the linkage reached, which none can make jump.
+
+    Attributes
+    ----------
+    current : callable t [s] -> I [A]
+        Not given: from the present circuit, without changing it; for times after the last `refresh`.
+    voltage : callable t [s] -> V [V]
+    resistance : float
+        Of the coil [ohm], > 0.
+    breaks : tuple of float
+        Instants [s] where the voltage is not smooth.
+    begin_steady : bool
+        Begin with the field of V(0)/R instead of with none.
+    stride : float
+        Change of the linkage, relative to the largest so far, that calls for a solve: follows from how far the last
+        line missed the current.
+    largest_current : float
+        The largest |V|/R to come [A]: what the current's tolerance refers to from the start.
+    """
+
+    current: Callable[[float], float] = unset_course
+    voltage: Callable[[float], float] = unset_course
+    resistance: float = np.nan
+    breaks: tuple[float, ...] = ()
+    begin_steady: bool = False
+    circuit: CircuitState | None = None
+    coil: LinearisedCoil | None = None
+    largest_linkage: float = 0.0
+    stride: float = np.inf
+    _began: float = -np.inf
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.resistance) and self.resistance > 0.0):
+            raise ValueError(f"`resistance` = {self.resistance} ohm of the coil must be a finite number above 0")
+        self.current = self._current_at
+
+    def refresh(self, time: float, fill: np.ndarray | None = None) -> bool:
+        """See `CoilField.refresh`."""
+        begin = perf_counter()
+        if self.circuit is None or self.coil is None or time == self._began:
+            # at the first instant it is the current that is given; later the linkage, whatever the moments answer
+            current = self.voltage(time) / self.resistance if self.begin_steady else 0.0
+            if not self.is_stale(current, fill):
+                return False
+            powder = self._powder(fill, current)
+            solution = self.problem.solve(
+                self.turns * current, fill=powder, guess=self.solution, tolerance=self.newton_tolerance
+            )
+            self.circuit = CircuitState(time, self.turns * solution.flux_linkage_per_turn, current)
+            self._began = time
+        else:
+            self.circuit = self.coil.advanced(self.circuit, time, self.voltage, self.breaks)
+            linkage = self.circuit.linkage
+            self.largest_linkage = max(self.largest_linkage, abs(linkage))
+            # where iron opens or closes, the one runs away while the line says that the other hardly moves
+            stride = min(self.stride, self.current_tolerance)
+            moved = abs(linkage - self.coil.linkage) > stride * self.largest_linkage
+            if not self.is_stale(self.circuit.current, fill) and not moved:
+                return False
+            foretold = self.circuit.current
+            solution = solve_at_flux_linkage(
+                self.problem,
+                self.circuit.linkage / self.turns,
+                self._powder(fill, foretold),
+                self.solution,
+                tolerance=self.newton_tolerance,
+            )
+            # the line's error is of second order in the stride: keep it at half the tolerance
+            miss = abs(foretold - solution.ampere_turns / self.turns) / max(self.largest_current, 1e-300)
+            factor = np.sqrt(0.5 * self.current_tolerance / max(miss, 1e-12))
+            self.stride = float(np.clip(stride * np.clip(factor, 0.2, 2.0), 1e-4, self.current_tolerance))
+        self.coil = LinearisedCoil.about(solution, self.turns, self.resistance)
+        self.circuit = replace(self.circuit, current=self.coil.current)
+        self.set_solution(solution, self.coil.current, fill)
+        self.solves += 1
+        self.seconds += perf_counter() - begin
+        return True
+
+    def _advanced(self, time: float) -> CircuitState:
+        assert self.circuit is not None and self.coil is not None, "refresh(time) comes first"
+        if time <= self.circuit.time:
+            return self.circuit
+        return self.coil.advanced(self.circuit, time, self.voltage, self.breaks)
+
+    def _current_at(self, time: float) -> float:
+        return self._advanced(time).current
+
+    def window_row(self, time: float) -> dict[str, float]:
+        """Circuit at the window's end, and its energies [J] since the window's `refresh`."""
+        assert self.circuit is not None, "refresh(time) comes first"
+        end = self._advanced(time)
+        return {
+            "current": end.current,
+            "coil_voltage": self.voltage(time),
+            "coil_supplied": end.supplied - self.circuit.supplied,
+            "copper_loss": end.copper_loss - self.circuit.copper_loss,
+            "into_field": end.into_field - self.circuit.into_field,
+        }
+
+    def state(self) -> dict[str, Any] | None:
+        """See `CoilField.state`."""
+        saved = CoilField.state(self)  # super() does not find its class in a dataclass with slots
+        if saved is None or self.circuit is None or self.coil is None:
+            return saved
+        circuit, coil = self.circuit, self.coil
+        saved["circuit"] = {
+            "time": circuit.time,
+            "linkage": circuit.linkage,
+            "current": circuit.current,
+            "supplied": circuit.supplied,
+            "copper_loss": circuit.copper_loss,
+        }
+        saved["largest_linkage"], saved["stride"] = self.largest_linkage, self.stride
+        saved["coil"] = {"linkage": coil.linkage, "current": coil.current, "inductance": coil.inductance}
+        return saved
+
+    def restore(self, saved: dict[str, Any]) -> None:
+        """See `CoilField.restore`."""
+        CoilField.restore(self, saved)
+        self.largest_linkage, self.stride = float(saved["largest_linkage"]), float(saved["stride"])
+        self.circuit = CircuitState(**{name: float(value) for name, value in saved["circuit"].items()})
+        self.coil = LinearisedCoil(
+            **{name: float(value) for name, value in saved["coil"].items()}, resistance=self.resistance
+        )

@@ -1,0 +1,169 @@
+"""The field of a coil amid solid conductors: it diffuses into them, at a current or at a voltage."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from coupling.field_source import CoilField, unset_course
+from field.newton import norm
+from field.section.eddy_currents import CurrentDrive, EddyCurrentProblem, TransientState, VoltageDrive
+from field.section.powder_state import Powder
+
+
+@dataclass(slots=True)
+class EddyCoilField(CoilField):
+    """The coil's field with eddy currents in solid parts (effect `eddy_currents`), at a current or at a voltage.
+
+    The field takes steps of its own, of one or several windows: as long as it is expected to change by
+    `change_tolerance` of its size. It is held between, as by every field of the staggered loop.
+
+    Attributes
+    ----------
+    current : callable t [s] -> I [A]
+        Where the coil has a prescribed current; at a voltage it is not given and follows from the field.
+    eddy : EddyCurrentProblem
+        With `problem` and `turns`.
+    voltage : VoltageDrive or None
+        None: at a prescribed current.
+    breaks : tuple of float
+        Instants [s] where the drive is not smooth: steps end there.
+    begin_steady : bool
+        Begin with the static field of the drive at the start instead of with none.
+    change_tolerance : float
+        Change of the field in one of its steps, relative to the largest so far.
+    """
+
+    current: Callable[[float], float] = unset_course
+    eddy: EddyCurrentProblem | None = None
+    voltage: VoltageDrive | None = None
+    breaks: tuple[float, ...] = ()
+    begin_steady: bool = False
+    change_tolerance: float = 0.02
+    transient: TransientState | None = None
+    due: float = -np.inf
+    largest: float = 0.0
+    _before: TransientState | None = None
+    _begun: float = -np.inf
+    _base: TransientState | None = None
+
+    def __post_init__(self) -> None:
+        if self.eddy is None or self.eddy.problem is not self.problem or self.eddy.turns != self.turns:
+            raise ValueError("the eddy-current problem must be one of the same field problem and the same turns")
+        if self.voltage is None and self.current is unset_course:
+            raise ValueError("a field with eddy currents needs its coil's current or a voltage drive")
+        if self.voltage is not None:
+            self.current = self._current_now
+
+    @property
+    def _drive(self) -> VoltageDrive | CurrentDrive:
+        return CurrentDrive(self.current) if self.voltage is None else self.voltage
+
+    def refresh(self, time: float, fill: np.ndarray | None = None) -> bool:
+        """See `CoilField.refresh`."""
+        begin = perf_counter()
+        assert self.eddy is not None
+        if self.transient is None or (self._base is None and time == self.transient.time):
+            current = self._first_current(time)
+            if not self.is_stale(current, fill):
+                return False
+            powder = self._powder(fill, current)
+            self.transient = self._before = self._beginning(time, powder)
+            self._begun = time
+        else:
+            if time > self._begun:  # a window with feedback asks again until field and moments agree
+                self._before, self._begun = self.transient, time
+            current = self.transient.current if self.voltage is not None else self.current(time)
+            changed = self.is_stale(current, fill)
+            stops = [b for b in self.breaks if self.transient.time < b < time]
+            # to within round-off of the windows' sum of steps
+            waits = time < self.due - 1e-9 * abs(time) and not changed and not stops
+            again = self.feedback is not None and changed and self._base is not None
+            if waits or (time <= self.transient.time and not again):
+                return False
+            powder = self._powder(fill, current)
+            if time <= self.transient.time:  # the moments have answered to this step: the same step with them
+                assert self._base is not None
+                self.transient = self._stepped(self._base, time, powder)
+            else:
+                for stop in (*sorted(stops), time):
+                    self._base = self.transient
+                    self.transient = self._stepped(self.transient, stop, powder)
+        self.set_solution(self.eddy.field(self.transient, powder), self.transient.current, fill)
+        self.solves += 1
+        self.seconds += perf_counter() - begin
+        return True
+
+    def _first_current(self, time: float) -> float:
+        """Current [A] of the field that the coil begins with."""
+        drive = self._drive
+        if not self.begin_steady:
+            return 0.0
+        return drive.voltage(time) / drive.resistance if isinstance(drive, VoltageDrive) else drive.current(time)
+
+    def _beginning(self, time: float, fill: Powder) -> TransientState:
+        assert self.eddy is not None
+        if not self.begin_steady:
+            return self.eddy.at_rest(time)
+        ampere_turns = self.turns * self._first_current(time)
+        solution = self.problem.solve(ampere_turns, fill=fill, guess=self.solution, tolerance=self.newton_tolerance)
+        return self.eddy.steady(solution, time)
+
+    def _stepped(self, before: TransientState, time: float, fill: Powder) -> TransientState:
+        """One step of the field, and when the next one is due."""
+        assert self.eddy is not None
+        dt = time - before.time
+        now = self.eddy.step(before, dt, self._drive, fill, tolerance=self.newton_tolerance)
+        self.largest = max(self.largest, norm(now.psi))
+        change = norm(now.psi - before.psi) / max(self.largest, 1e-300)
+        # a field that rests may take a step four times as long as the last one, one that moves a shorter one
+        self.due = time + min(4.0, max(0.2, self.change_tolerance / max(change, 1e-300))) * dt
+        return now
+
+    def _current_now(self, time: float) -> float:
+        assert self.transient is not None, "refresh(time) comes first"
+        return self.transient.current
+
+    def window_row(self, time: float) -> dict[str, float]:
+        """The coil, and the energies [J] of the field's step, if the window began with one."""
+        assert self.transient is not None and self._before is not None, "refresh(time) comes first"
+        now, before = self.transient, self._before
+        row = {
+            "current": self.current(time),
+            "coil_supplied": now.supplied - before.supplied,
+            "eddy_loss": now.eddy_loss - before.eddy_loss,
+        }
+        if self.voltage is not None:
+            row |= {"coil_voltage": self.voltage.voltage(time), "copper_loss": now.copper_loss - before.copper_loss}
+        return row
+
+    def state(self) -> dict[str, Any] | None:
+        """See `CoilField.state`."""
+        saved = CoilField.state(self)
+        if saved is None or self.transient is None:
+            return saved
+        now = self.transient
+        saved["transient"] = {
+            "time": now.time,
+            "current": now.current,
+            "linkage": now.linkage,
+            "eddy_loss": now.eddy_loss,
+            "copper_loss": now.copper_loss,
+            "supplied": now.supplied,
+            "error": now.error,
+        }
+        saved["due"], saved["largest"] = self.due, self.largest
+        return saved
+
+    def restore(self, saved: dict[str, Any]) -> None:
+        """See `CoilField.restore`."""
+        CoilField.restore(self, saved)
+        assert self.solution is not None
+        numbers = {name: float(value) for name, value in saved["transient"].items()}
+        self.transient = TransientState(psi=self.solution.psi, newton=self.solution.newton, **numbers)
+        self._before = self.transient
+        self.due, self.largest = float(saved["due"]), float(saved["largest"])

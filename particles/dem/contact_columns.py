@@ -1,0 +1,55 @@
+"""Which parts the compiled step has, and where a contact keeps what it remembers of each."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from particles.dem.contact_kernel import LAST_ROLLING, LAST_STORED, LAST_TANGENTIAL, Resistance
+from particles.laws.columns import MU_ROLLING, MU_TWISTING
+from particles.laws.springs import varies
+
+
+class ContactColumns(NamedTuple):
+    """Columns of a contact's history; what a contact does not remember has none.
+
+    Attributes
+    ----------
+    rolls, twists : bool
+        Whether contacts resist rolling and twisting.
+    resistance : Resistance or None
+        Where their springs stand; None: nothing resists.
+    ledger : int or None
+        First column of the books of energy; None: they are not kept.
+    total : int
+        Columns in all.
+    vectors : ndarray of int64
+        First columns of what turns with the grains.
+    """
+
+    rolls: bool
+    twists: bool
+    resistance: Resistance | None
+    ledger: int | None
+    total: int
+    vectors: np.ndarray
+
+
+def contact_columns(rows: np.ndarray, table: Any, ledger: bool) -> ContactColumns:
+    """The columns under the parameters ``rows`` (k, columns) of the laws, whose springs have a ``table``."""
+    rolls, twists = bool(rows[:, MU_ROLLING].any()), bool(rows[:, MU_TWISTING].any())
+    rolling = LAST_STORED + 1 if varies(table) else 3
+    twisting = rolling + (3 if rolls else 0)
+    last = twisting + (1 if twists else 0)
+    resistance = Resistance(rolling if rolls else -1, twisting if twists else -1) if rolls or twists else None
+    vectors = [0]
+    if rolls:
+        vectors.append(rolling)
+    if not ledger:
+        return ContactColumns(rolls, twists, resistance, None, last, np.array(vectors, dtype=np.int64))
+    vectors.append(last + LAST_TANGENTIAL)
+    if rolls:
+        vectors.append(last + LAST_ROLLING)
+    count = last + (8 if twists else 7 if rolls else 4)
+    return ContactColumns(rolls, twists, resistance, last, count, np.array(vectors, dtype=np.int64))

@@ -1,0 +1,92 @@
+"""From the sums of the compiled step to `StepTotals`: means over the steps, of the whole ring."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from particles.bodies import Body
+from particles.dem import sums
+from particles.dem.contact_columns import ContactColumns
+from particles.dem.step_totals import EnergyTotals, StepTotals
+
+TORQUES = {"normal": sums.TORQUE_N, "damping": sums.TORQUE_D, "tangential": sums.TORQUE_T}
+FORCES = {"normal": sums.FORCE_N, "damping": sums.FORCE_D, "tangential": sums.FORCE_T}
+
+
+def summary(
+    steps: int,
+    dt: float,
+    ring: int,
+    bodies: Sequence[Body],
+    totals: np.ndarray,
+    of_bodies: np.ndarray,
+    energy: EnergyTotals | None,
+    rebuilds: int,
+) -> StepTotals:
+    """What ``steps`` of ``dt`` [s] did; ``ring`` is the number of sectors, of one of which the sums are."""
+    share = ring / max(steps, 1)
+    rows = dict(zip([body.name for body in bodies], of_bodies, strict=True))
+    parts = {
+        name: {kind: _force(row[first : first + 3] * share, ring) for kind, first in FORCES.items()}
+        for name, row in rows.items()
+    }
+    return StepTotals(
+        steps=steps,
+        duration=steps * dt,
+        torque={name: {kind: float(row[c]) * share for kind, c in TORQUES.items()} for name, row in rows.items()},
+        force={name: sum(own.values(), np.zeros(3)) for name, own in parts.items()},
+        force_parts=parts,
+        shaft_work={
+            body.name: {
+                "drive": float(row[sums.DRIVE_WORK]),
+                "load": float(row[sums.LOAD_WORK]),
+                "contact": float(row[sums.SHAFT_CONTACT_WORK]),
+            }
+            for body, row in zip(bodies, of_bodies, strict=True)
+            if body.is_free
+        },
+        energy=energy,
+        max_overlap=float(totals[sums.MAX_OVERLAP]),
+        n_contacts=int(totals[sums.CONTACTS]),
+        max_speed=float(np.sqrt(totals[sums.MAX_SPEED])),
+        rebuilds=rebuilds,
+    )
+
+
+def _force(of_one: np.ndarray, ring: int) -> np.ndarray:
+    """A force of all sectors [N]: what is not axial cancels round a ring of several."""
+    if ring > 1:
+        of_one[:2] = 0.0
+    return of_one
+
+
+def books(
+    ring: int,
+    bodies: Sequence[Body],
+    totals: np.ndarray,
+    of_bodies: np.ndarray,
+    columns: ContactColumns,
+    kinetic: tuple[float, float],
+    elastic: tuple[float, float],
+) -> EnergyTotals:
+    """The books of energy; ``kinetic`` and ``elastic`` are before and now [J], as all sums those of one sector."""
+    work = ring * totals
+    return EnergyTotals(
+        wall_work={body.name: ring * float(row[sums.BODY_WORK]) for body, row in zip(bodies, of_bodies, strict=True)},
+        dissipation={
+            "normal_damping": float(work[sums.NORMAL_DAMPING]),
+            "tangential_damping": float(work[sums.TANGENTIAL_DAMPING]),
+            "sliding": float(work[sums.SLIDING]),
+            **({} if not columns.rolls else {"rolling": float(work[sums.ROLLING])}),
+            **({} if not columns.twists else {"twisting": float(work[sums.TWISTING])}),
+        },
+        contact_work=float(work[sums.CONTACT_WORK]),
+        gravity_work=float(work[sums.GRAVITY_WORK]),
+        external_work=float(work[sums.EXTERNAL_WORK]),
+        kinetic_energy=ring * kinetic[1],
+        kinetic_change=ring * (kinetic[1] - kinetic[0]),
+        elastic_energy=ring * elastic[1],
+        elastic_change=ring * (elastic[1] - elastic[0]),
+    )

@@ -1,0 +1,77 @@
+"""The contacts of rigid grains as they stand: table of the loaded ones, overlaps at walls, energy that springs hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from particles.bodies import Body
+from particles.dvi.impulse_list import ImpulseList
+from particles.grains import Grains
+from particles.lists.contact_table import ContactTable
+from particles.walls.device_walls import DeviceWalls
+from particles.walls.triangle_kernels import closest_on_triangle
+from particles.walls.wall_kernels import wall_overlaps
+
+
+def loaded_contacts(
+    grains: Grains, listed: ImpulseList, device: DeviceWalls, bodies: Sequence[Body], dt: float
+) -> ContactTable:
+    """The contacts that held an impulse in the last step of ``dt`` [s]."""
+    x, radius, c = grains.position, grains.radius, listed
+    k = np.flatnonzero(c.pair_impulse[:, :3].any(axis=1))
+    i, j = c.pairs.rows()[k], c.pairs.other[k].astype(np.int64)
+    away = x[j] - x[i]
+    reach = radius[i] + radius[j]
+    point = x[i] + away * (radius[i] / reach)[:, None]
+    w = np.flatnonzero(c.wall_impulse[:, :3].any(axis=1))
+    row, wall = c.wall_rows()[w], c.wall_other[w].astype(np.int64)
+    depth = wall_depths(grains, device, bodies, row, wall)
+    seen = np.isfinite(depth[:, 0])
+    row, wall, w, depth = row[seen], wall[seen], w[seen], depth[seen]
+    at_wall = x[row] + (radius[row] - depth[:, 0])[:, None] * depth[:, 1:]
+    none = np.full(len(row), -1)
+    return ContactTable(
+        np.concatenate([i, row]), np.concatenate([j, none]),
+        np.concatenate([np.full(len(i), -1), device.wall[wall]]),
+        np.zeros(len(i) + len(row), dtype=np.int64), np.concatenate([point, at_wall]),
+        np.concatenate([c.pair_impulse[k, :3], c.wall_impulse[w, :3]]) / dt,
+        np.concatenate([reach - np.linalg.norm(away, axis=1), depth[:, 0]]),
+    )  # fmt: skip
+
+
+def wall_depths(
+    grains: Grains, device: DeviceWalls, bodies: Sequence[Body], row: np.ndarray, wall: np.ndarray
+) -> np.ndarray:
+    """Overlap [m] and unit vector towards the wall, (s, 4), of grains ``row`` at walls or triangles ``wall``."""
+    x, radius = grains.position, grains.radius
+    depth = np.zeros((len(row), 4))
+    smooth = wall < len(device.rows)
+    depth[smooth] = wall_overlaps(x, radius, device.rows, row[smooth], wall[smooth])
+    for k in np.flatnonzero(~smooth):
+        angle = bodies[device.body[wall[k]]].angle
+        cos, sin = np.cos(angle), np.sin(angle)
+        to_world = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        centre = x[row[k]] @ to_world
+        away = to_world @ (np.array(closest_on_triangle(device.triangles, wall[k], *centre)) - centre)
+        distance = float(np.linalg.norm(away))
+        depth[k, 0] = radius[row[k]] - distance
+        depth[k, 1:] = away / max(distance, np.finfo(float).tiny)
+    return depth
+
+
+def pressed_in(
+    stiffness: np.ndarray | None, grains: Grains, listed: ImpulseList, device: DeviceWalls, bodies: Sequence[Body]
+) -> float:
+    """Energy [J] that the normal springs hold at the start, where grains overlap each other or smooth walls."""
+    if stiffness is None:
+        return 0.0
+    g, c = grains, listed
+    i, j = c.pairs.rows(), c.pairs.other
+    pairs = g.radius[i] + g.radius[j] - np.linalg.norm(g.position[j] - g.position[i], axis=1)
+    row, wall = c.wall_rows(), c.wall_other.astype(np.int64)
+    smooth = wall < len(device.rows)
+    walls = wall_depths(grains, device, bodies, row[smooth], wall[smooth])[:, 0]
+    by_kind = zip(stiffness[:, 0], (pairs, walls), strict=True)
+    return float(sum(0.5 * k * np.sum(depth[depth > 0.0] ** 2) for k, depth in by_kind))

@@ -1,0 +1,208 @@
+"""The rows of `make bench`: each kind of work of the simulator, in its short form, beside a peer where there is one.
+
+Every number is a time, so that the peer's over ours says how many times as fast ours is. The best of the windows of all
+rounds counts; one thread is timed by its processor time, which other programs on the machine disturb least, two by the
+wall clock.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import math
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+FOLDER = Path(__file__).resolve().parents[2] / "runs" / "bench"  # start states, kept from one sitting to the next
+QUICKSTART = Path(__file__).resolve().parents[2] / "cases" / "quickstart.toml"
+WINDOWS = {1000: (4000, 4), 10_000: (500, 3), 100_000: (150, 2)}  # grains of scene A: steps of a window, windows
+SAME_BED = {
+    1000: 0.15,
+    10_000: 0.05,
+    100_000: 0.05,
+}  # of the coordination: a rolling bed is chaotic, a small one swings
+# Project Chrono 10, PSOR, 50 iterations, one core: ms a step of scene B in the box. LAMMPS took 246 ns a grain and step
+# of scene A with 1000 grains on that machine, which says how fast it was.
+CHRONO_MS, CHRONO_LAMMPS_NS = {200: 6.8, 500: 18.0, 1000: 37.0}, 246.0
+FIELDS = ((2, 0.5), (3, 0.7))  # order of the elements, field.size_factor of the quickstart's section
+AMPERE_TURNS = 1500.0
+SAME_FIELD = 2e-4  # of the flux linkage: the two quadratures differ in saturated elements
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One row: `ours` and `theirs` are times in `unit`; `theirs` is None where the peer is not here."""
+
+    what: str
+    n: int
+    threads: int
+    clock: str
+    unit: str
+    ours: float
+    peer: str
+    theirs: float | None = None
+    remark: str = ""
+
+    @property
+    def faster(self) -> float | None:
+        """How many times as fast as the peer."""
+        return None if self.theirs is None else self.theirs / self.ours
+
+    def in_words(self) -> str:
+        """A line of the table."""
+        theirs, faster = ("-" if value is None else f"{value:.3g}" for value in (self.theirs, self.faster))
+        return (
+            f"{self.what:26} {self.n:7d} {self.threads:7d} {self.clock:9} {self.unit:22} {self.ours:8.3g}  "
+            f"{self.peer:24} {theirs:>8} {faster:>7}  {self.remark}"
+        )
+
+
+def dem_rows(rounds: int, sizes: tuple[int, ...] = (1000, 10_000)) -> Iterator[Row]:
+    """Scene A beside LAMMPS, rounds of the codes in turn."""
+    import scene_a
+    from scene_a_rounds import lammps_version, ours, theirs, ways_of_two_threads
+
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    for n in sizes:
+        state, scene = FOLDER / f"settled_{n}.npz", FOLDER / f"scene_{n}.json"
+        if not state.exists():
+            scene_a.write_state(state, n)
+        scene.write_text(json.dumps(scene_a.peer_scene(state, n)))
+        steps, windows = WINDOWS[n]
+        for threads in (1, 2) if (os.cpu_count() or 1) > 1 else (1,):
+            clock = "cpu_seconds" if threads == 1 else "seconds"
+            ways = () if lammps_version() is None else ("plain",) if threads == 1 else ways_of_two_threads()
+            answers: dict[str, list[dict]] = {way: [] for way in ("ours", *ways)}
+            for _ in range(rounds):
+                answers["ours"].append(ours(state, threads, steps, windows))
+                for way in ways:
+                    answers[way].append(theirs(scene, threads, steps, windows, way))
+            found = {way: _least_and_median(told, clock, 1e9 / (n * steps)) for way, told in answers.items()}
+            bed = {way: float(np.mean([one["coordination"] for one in told])) for way, told in answers.items()}
+            for way in ways or (None,):
+                peer, best, remark = "LAMMPS (not here)", None, ""
+                if way is not None:
+                    peer, best = f"LAMMPS {way}", found[way][0]
+                    remark = f"by the median {found[way][1] / found['ours'][1]:.2f}"
+                    if not math.isclose(bed[way], bed["ours"], rel_tol=SAME_BED[n]):
+                        remark += f"; NOT the same bed: coordination {bed['ours']:.2f}, LAMMPS {bed[way]:.2f}"
+                yield Row("DEM, scene A", n, threads, _CLOCKS[clock], "ns a grain and step", found["ours"][0], peer,
+                          best, remark)  # fmt: skip
+
+
+_CLOCKS = {"cpu_seconds": "processor", "seconds": "wall"}
+
+
+def _least_and_median(answers: list[dict], clock: str, scale: float) -> tuple[float, float]:
+    seconds = np.concatenate([one[clock] for one in answers]) * scale
+    return float(seconds.min()), float(np.median(seconds))
+
+
+def rigid_rows(rounds: int, lammps_ns: float | None) -> Iterator[Row]:
+    """Sweeps of rigid contact on scene B in the box, beside Chrono's, scaled by LAMMPS' speed in this sitting.
+
+    `lammps_ns` is LAMMPS' row of scene A with 1000 grains and one thread. Chrono sweeps over the convex law, ours over
+    exact Coulomb; both do 50 sweeps a step, whatever the residual.
+    """
+    from scene_b import WAYS, landed, measure
+
+    for n in CHRONO_MS:
+        start, state = landed(n, "box", 100)
+        way = WAYS["exact, 50 sweeps"]
+        parts = [measure(n, "box", way, start, state, steps=60, seconds=5.0) for _ in range(rounds)]
+        best = min(parts, key=lambda part: part["ms"])
+        peer, theirs = chrono(n, lammps_ns)
+        yield Row("DVI, scene B, 50 sweeps", n, 1, "processor", "ms a step", best["ms"], peer, theirs,
+                  f"{best['ns']:.0f} ns a contact and sweep")  # fmt: skip
+
+
+def chrono(n: int, lammps_ns: float | None) -> tuple[str, float]:
+    """What Chrono's time [ms] is called here, and the time."""
+    if lammps_ns is None:
+        return "Chrono, not scaled", CHRONO_MS[n]
+    return "Chrono, scaled", CHRONO_MS[n] * lammps_ns / CHRONO_LAMMPS_NS
+
+
+def field_rows(rounds: int) -> Iterator[Row]:
+    """The Newton iteration of the quickstart's section, iron saturated, beside NGSolve on the same triangles."""
+    from emclutch import load_case
+    from emclutch.device import build_device
+    from field import AxisymmetricProblem
+    from field.factorisation import describe_backend
+
+    there = importlib.util.find_spec("ngsolve") is not None
+    for order, size in FIELDS:
+        built = build_device(load_case(QUICKSTART).with_values({"field.size_factor": size}).scene).coil.problem
+        laws = {name: law for name, law in built.laws.items() if name != "powder"}
+        problem = AxisymmetricProblem(built.mesh, laws, order=order)
+        what, backend, seconds = f"field of the section, P{order}", describe_backend(), []
+        for _ in range(2 * rounds + 1):
+            begin = time.perf_counter()
+            field = problem.solve(AMPERE_TURNS)
+            seconds.append(time.perf_counter() - begin)
+        best = 1e3 * min(seconds[1:])
+        if not there:
+            yield Row(
+                what, problem.n_dofs, 1, "wall", "ms a nonlinear solve", best, "NGSolve (not here)", None, backend
+            )
+            continue
+        from ngsolve_oracle import solve_section
+
+        for threads in (1, 2):
+            told = [
+                solve_section(built.mesh, laws, AMPERE_TURNS, order, 1e-8, threads=threads)
+                for _ in range(2 * rounds + 1)
+            ]
+            linkage = field.flux_linkage_per_turn / told[-1]["flux_linkage_per_turn"] - 1.0
+            remark = f"{backend}; linkage {linkage:+.1e}" + (
+                "" if abs(linkage) < SAME_FIELD else ": NOT the same field"
+            )
+            yield Row(what, problem.n_dofs, 1, "wall", "ms a nonlinear solve", best, f"NGSolve, {threads} thread(s)",
+                      1e3 * min(one["seconds_solve"] for one in told[1:]), remark)  # fmt: skip
+
+
+def moment_rows(rounds: int) -> Iterator[Row]:
+    """A sweep of moments that magnetise one another, beside the forces of fixed dipoles on the same rows."""
+    from moment_cost import bed_prices
+
+    n = 8000
+    for price in bed_prices(n, 0.45, repeats=2 * rounds + 1):
+        remark = f"set up {price.set_up:.0f}, forces {price.forces:.0f} ns a pair"
+        yield Row(f"moments, {price.model}", n, 1, "processor", "ns a pair and sweep", price.sweep,
+                  "forces of fixed dipoles", price.fixed, remark)  # fmt: skip
+
+
+def step_rows(rounds: int) -> Iterator[Row]:
+    """A step of the quickstart with all that is magnetic, field included, beside the same grains without."""
+    from coupling import run_staggered
+    from emclutch import load_case
+    from emclutch.assembly import assemble
+    from emclutch.plan import make_plan
+
+    case = load_case(QUICKSTART).with_values({"output.pictures": False})
+    device, plan = make_plan(case)
+    simulation = assemble(case, device, plan)
+    marks: list[float] = []
+
+    def mark(simulation, row: dict) -> bool:
+        marks.append(time.process_time())
+        return simulation.window >= 2 + 4 * rounds
+
+    run_staggered(simulation, plan.end, [mark])
+    dem, steps = simulation.motion, simulation.updates * simulation.steps_per_update
+    dem.external_force = dem.attraction = None
+    dem.invalidate()
+    dem.run(steps)  # compiles
+    bare = []
+    for _ in range(4 * rounds):
+        begin = time.process_time()
+        dem.run(steps)
+        bare.append(time.process_time() - begin)
+    magnetised, alone = (1e6 * float(np.median(each)) / steps for each in (np.diff(marks[1:]), bare))
+    yield Row("step of the quickstart", dem.grains.count, 1, "processor", "us a step", magnetised, "without magnetics",
+              alone, f"{magnetised / alone:.2f} times a bare step")  # fmt: skip
