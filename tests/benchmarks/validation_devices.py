@@ -4,6 +4,7 @@ python tests/benchmarks/validation_devices.py roters PICTURE.png
 python tests/benchmarks/validation_devices.py solenoid PICTURE.png
 python tests/benchmarks/validation_devices.py switch_on
 python tests/benchmarks/validation_devices.py convergence
+python tests/benchmarks/validation_devices.py air_coil
 
 print tables, ours beside theirs (docs/validation.md shows them); scenes, drawings and data: cases/validation.
 """
@@ -14,6 +15,7 @@ import argparse
 import csv
 import math
 import re
+import sys
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -24,10 +26,11 @@ from matplotlib.figure import Figure
 
 from emclutch.case import load_case
 from emclutch.device import CoilDevice, solved_coil
-from field import MagneticField
+from field import AxisymmetricProblem, MagneticField, RecoveredSampler
 from field.coil.coil_circuit import CircuitState, LinearisedCoil, solve_at_flux_linkage
 from field.section.maxwell_force import axial_force
 
+sys.path.append(str(Path(__file__).resolve().parents[1] / "physics"))  # the coil in air
 CASES = Path(__file__).resolve().parents[2] / "cases" / "validation"
 
 
@@ -43,7 +46,7 @@ def columns(name: str) -> dict[str, np.ndarray]:
 def drawn_at(name: str, place: float, **values: Any) -> CoilDevice:
     """The device of cases/validation/NAME.toml with its moving part at a place, in the unit of its drawing."""
     script = (CASES / f"{name}.geo").read_text(encoding="utf-8")
-    moved, count = re.subn(r"^([sx]) = [0-9.]+;$", rf"\1 = {place!r};", script, flags=re.MULTILINE)
+    moved, count = re.subn(r"^([sx]) = [0-9.]+;$", rf"\1 = {float(place)!r};", script, flags=re.MULTILINE)
     assert count == 1, "a drawing has one line that says where its moving part is"
     with tempfile.TemporaryDirectory() as folder:
         drawing = Path(folder) / f"{name}.geo"
@@ -90,7 +93,7 @@ def roters(picture: str, size: float) -> None:
     for row in zip(place, force, femm, measured, force / femm, force / measured, strict=True):
         print("| {:.1f} | {:.1f} | {:.1f} | {:.1f} | {:.3f} | {:.3f} |".format(*row))
     axes, figure = _axes(1)
-    axes[0].plot(place, measured, "ko", mfc="none", label="measured (Roters 1941)")
+    axes[0].plot(place, measured, "ko", mfc="none", label="measured (Roters)")
     axes[0].plot(place, femm, "C1--", label="FEMM")
     axes[0].plot(place, force, "C0-", label="emclutch")
     axes[0].set(xlabel="displacement s [in]", ylabel="force on the plunger [N]", ylim=(0.0, None))
@@ -121,7 +124,7 @@ def solenoid(picture: str, size: float) -> None:
         axis.plot(gap, mine, "C0-", label="emclutch")
         axis.set(xlabel="air gap x [mm]", ylabel=name.replace("uWb", "µWb"), ylim=(0.0, None))
     axes[0].legend(frameon=False, fontsize=8)
-    axes[0].set_title("Solenoid of the Modelica library, 957 turns, 1.2 A", loc="left", fontsize=10)
+    figure.suptitle("Solenoid of the Modelica library, 957 turns, 1.2 A", fontsize=10)
     figure.savefig(picture, dpi=130)
 
 
@@ -146,6 +149,33 @@ def convergence() -> None:
             )
 
 
+def air_coil() -> None:
+    """H and grad H beside an air coil, recovered from elements of order 2, against loops; these against magpylib."""
+    import magpylib
+    from air_coil import NI, R_COIL, Z_COIL, Reference, coil_in_air
+
+    low, high, count = (33e-3, -10e-3), (35e-3, 10e-3), 24
+    beside = Reference(500, low, high)
+    node, weight = np.polynomial.legendre.leggauss(count)
+    loops = magpylib.Collection()
+    for x, w_r in zip(node, weight, strict=True):
+        for y, w_z in zip(node, weight, strict=True):
+            radius = 0.5 * (sum(R_COIL) + x * (R_COIL[1] - R_COIL[0]))
+            height = 0.5 * (sum(Z_COIL) + y * (Z_COIL[1] - Z_COIL[0]))
+            loops.add(
+                magpylib.current.Circle(
+                    current=0.25 * NI * w_r * w_z, diameter=2.0 * radius, position=(0.0, 0.0, height)
+                )
+            )
+    H = loops.getH(beside.position)[:, ::2].T
+    print(f"closed form against magpylib: {np.linalg.norm(H - beside.H) / np.linalg.norm(beside.H):.1e} of H")
+    print("| size | unknowns | H | grad H |\n|---|---|---|---|")
+    for scale in (2.0, 1.0, 0.5):
+        problem = AxisymmetricProblem(coil_in_air(scale), {}, order=2, open_boundary=True)
+        of_H, of_grad = beside.of(RecoveredSampler(problem.solve(NI), "powder"))
+        print(f"| {scale:g} | {problem.n_dofs} | {of_H:.1e} | {of_grad:.1e} |")
+
+
 def _solved(name: str, place: float, size: float, **of_field: Any) -> MagneticField:
     of_field |= {"size_factor": size}
     return drawn_at(name, place, **{f"field.{key}": value for key, value in of_field.items()}).solve_at_peak(None)
@@ -162,12 +192,12 @@ def _axes(count: int) -> tuple[list[Any], Figure]:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("roters", "solenoid", "switch_on", "convergence"))
+    parser.add_argument("what", choices=("roters", "solenoid", "switch_on", "convergence", "air_coil"))
     parser.add_argument("picture", nargs="?", default="validation.png")
     parser.add_argument("--size", type=float, default=1.0, help="field.size_factor")
     asked = parser.parse_args()
-    if asked.what == "convergence":
-        convergence()
+    if asked.what in ("convergence", "air_coil"):
+        {"convergence": convergence, "air_coil": air_coil}[asked.what]()
     elif asked.what == "switch_on":
         switch_on(asked.size)
     else:
