@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field, PrivateAttr, ValidationError
 from emclutch.case import Case, load_case, read_toml
 from emclutch.faults import Fault, SceneError, shown
 from emclutch.scene.fault_report import faults_from, key_fault
-from emclutch.scene.model import Scene
+from emclutch.scene.model import NO_GRAINS, Scene
 from emclutch.scene.section import Section
 
 MOST_POINTS = 10_000
@@ -159,7 +159,9 @@ def _check_points(study: Study) -> None:
         except SceneError as error:
             found = error.faults
         else:
-            found = () if study.warm_start is None or case.scene.output.checkpoint else (NO_CHECKPOINT,)
+            found = (NO_GRAINS,) if case.scene.particles is None else ()
+            if study.warm_start is not None and not case.scene.output.checkpoint:
+                found += (NO_CHECKPOINT,)
         where = ", ".join(f"{key} = {shown(value)}" for key, value in point.items())
         for fault in found:
             faults.setdefault(fault, where)
