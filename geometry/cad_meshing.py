@@ -17,7 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from geometry.cad_import import CadError, CadPart, imported_section, list_of
+from geometry.cad_import import imported_section
+from geometry.cad_parts import CadError, CadPart, list_of
 from geometry.element_count import MOST_TRIANGLES, expected_triangles, refuse_too_many
 from geometry.meshing import (
     CORNER,

@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from geometry.cad_import import CadError, CadSolid, imported_solids, list_of
+from geometry.cad_import import imported_solids
+from geometry.cad_parts import CadError, CadSolid, list_of
 from geometry.meshing import GROWTH, MILLIMETRE
 from geometry.solid_mesh import SolidMesh
 from geometry.solid_meshing import (

@@ -21,6 +21,7 @@ from emclutch.scene.magnetic_checks import (
     room_for_the_smear,
     slots,
 )
+from emclutch.scene.mesh_checks import fine_enough_for_moments, finished_mesh
 from emclutch.scene.motion import HELD
 from emclutch.scene.replica_count import packs_alike
 from emclutch.scene.sector_checks import (
@@ -215,6 +216,8 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (_shape, (GEOMETRY_KIND,)),
     (materials, (GEOMETRY_KIND, "materials")),
     (field_source, (GEOMETRY_KIND, "field")),
+    (finished_mesh, ("geometry", "field")),
+    (fine_enough_for_moments, ("geometry", "particles", "effects", "field")),
     (_region, (GEOMETRY_KIND, "particles")),
     (sector_in_geometry, (GEOMETRY_KIND, "particles")),
     (_surfaces, ("geometry", "surfaces")),
