@@ -4,7 +4,8 @@ What may be in the file (STEP, IGES, BREP, or gmsh's own .geo with the OpenCASCA
 
 - **faces** in one plane, the half section: x is the radius, and y or z the axis, whichever plane they lie in;
 - **solids of revolution** about z (or the axis that is named): they are cut by the half-plane, and a part whose
-  volume is not that of its section turned (Pappus) is refused, because a slot would be lost without a word.
+  volume is not that of its section turned (Pappus) is refused, because a slot would be lost without a word, or told to
+  a caller who solves the field in space.
 
 A part's region is its name in the file (`geometry.cad_parts`); a BREP file has none, and its parts are ``part1``,
 ``part2`` and so on in the order of the file.  Air need not be drawn: what no part fills is air, out to a half disc
@@ -39,7 +40,8 @@ def imported_section(
     axis: str = "z",
     scale: float = 1.0,
     trust_scripts: bool = False,
-) -> Iterator[tuple[Any, list[CadPart], list[int]]]:
+    any_shape: bool = False,
+) -> Iterator[tuple[Any, list[CadPart], list[int], frozenset[str]]]:
     """Open a file in a gmsh model of its own: its section in the plane x = r, y = z, in millimetres.
 
     Parameters
@@ -57,11 +59,14 @@ def imported_section(
         Factor on all lengths.
     trust_scripts : bool
         Whether a .geo file may be run; it can run any command.
+    any_shape : bool
+        Whether solids may be of any shape.
 
     Yields
     ------
-    gmsh, parts, tags
-        The module, the parts and the tag of each part's face.
+    gmsh, parts, tags, odd
+        The module, the parts that the half-plane cuts, the tag of each part's face, and the regions that are no bodies
+        of revolution.
 
     Raises
     ------
@@ -71,15 +76,18 @@ def imported_section(
     """
     path = _checked(Path(path), axis, scale, trust_scripts)
     with _opened(path, scale, _OPTIONS) as (gmsh, raw):
-        dim = max(part[0] for part in raw)
-        flat = _flat_section(gmsh, path, raw) if dim == 2 else _cut(gmsh, path, raw, axis)
-        parts, tags = [], []
-        for tag, name in flat:
-            parts.append(_part(gmsh, tag, name, region_of(name, names or {}, [*needed, *(known or ())])))
-            tags.append(tag)
-        check_names(path, parts, needed, known)
+        if any_shape and max(dim for dim, _ in raw) < 3:
+            raise CadError(f"{path} holds faces but no solids; export solid bodies, or take it as a section")
+        names, expected = names or {}, [*needed, *(known or ())]
+        if max(dim for dim, _ in raw) == 3:
+            flat, odd = _cut(gmsh, path, raw, axis, any_shape)
+        else:
+            flat, odd = _flat_section(gmsh, path, raw), []
+        parts = [_part(gmsh, tag, name, region_of(name, names, expected)) for tag, name in flat]
+        unseen = [CadPart(own_name(name), region_of(name, names, expected), *6 * (0.0,)) for name in odd]
+        check_names(path, [*parts, *unseen], needed, known)
         check_side(path, parts)
-        yield gmsh, parts, tags
+        yield gmsh, parts, [tag for tag, _ in flat], frozenset(part.region for part in unseen)
 
 
 @contextmanager
@@ -130,7 +138,7 @@ def _opened(path: Path, scale: float, options: Mapping[str, float]) -> Iterator[
 
 def read_cad(path: str | Path, **options: Any) -> list[CadPart]:
     """The parts of a file's section; the options and errors of `imported_section`."""
-    with imported_section(path, **options) as (_, parts, _):
+    with imported_section(path, **options) as (_, parts, _, _):
         return parts
 
 
@@ -217,8 +225,10 @@ def _flat_section(gmsh: Any, path: Path, raw: Mapping[tuple[int, int], str]) -> 
     return [(tag, name) for (_, tag), name in raw.items()]
 
 
-def _cut(gmsh: Any, path: Path, raw: Mapping[tuple[int, int], str], axis: str) -> list[tuple[int, str]]:
-    """Faces in which the half-plane cuts the solids, turned into the plane x, y."""
+def _cut(
+    gmsh: Any, path: Path, raw: Mapping[tuple[int, int], str], axis: str, any_shape: bool
+) -> tuple[list[tuple[int, str]], list[str]]:
+    """Faces in which the half-plane cuts the solids, turned into the plane x, y; and what is no body of revolution."""
     occ, solids = gmsh.model.occ, list(raw)
     if axis in _TURNED:
         occ.rotate(solids, 0.0, 0.0, 0.0, *_TURNED[axis])
@@ -227,12 +237,15 @@ def _cut(gmsh: Any, path: Path, raw: Mapping[tuple[int, int], str], axis: str) -
     low, high = min(box[2] for box in boxes), max(box[5] for box in boxes)
     reach = max(max(abs(x) for x in box[:2] + box[3:5]) for box in boxes)
     faces: list[tuple[int, str]] = []
-    volumes: dict[int, tuple[str, float]] = {}
+    odd: dict[str, float] = {}
     for solid in solids:
         plane = occ.addRectangle(0.0, low - reach, 0.0, 2.0 * reach, high - low + 2.0 * reach)
         occ.rotate([(2, plane)], 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.5 * math.pi)
         pieces, _ = occ.intersect([solid], [(2, plane)], removeObject=False, removeTool=True)
         pieces = [piece for piece in pieces if piece[0] == 2]
+        if not pieces and any_shape:
+            odd[raw[solid]] = math.inf
+            continue
         if not pieces:
             raise CadError(
                 f"{path}: part {own_name(raw[solid])!r} does not meet the half-plane y = 0, x > 0; the axis of "
@@ -240,18 +253,20 @@ def _cut(gmsh: Any, path: Path, raw: Mapping[tuple[int, int], str], axis: str) -
             )
         occ.rotate(pieces, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -0.5 * math.pi)
         turned = sum(2.0 * math.pi * occ.getCenterOfMass(*piece)[0] * occ.getMass(*piece) for piece in pieces)
-        volumes[solid[1]] = own_name(raw[solid]), occ.getMass(*solid) / turned
+        ratio, aside = occ.getMass(*solid) / turned, math.hypot(*occ.getCenterOfMass(*solid)[:2])
+        # 0.1 %: far above the error of the volume's quadrature, far below a slot
+        if abs(ratio - 1.0) > 1e-3 or aside > 1e-3 * reach:
+            odd[raw[solid]] = ratio
         faces += [(tag, raw[solid]) for _, tag in pieces]
     occ.remove(solids, recursive=True)
     occ.synchronize()
-    # 0.1 %: far above the error of the volume's quadrature, far below a slot
-    wrong = [f"{name!r} ({100.0 * ratio:.2f} %)" for name, ratio in volumes.values() if abs(ratio - 1.0) > 1e-3]
-    if wrong:
+    if odd and not any_shape:
+        wrong = ", ".join(f"{own_name(label)!r} ({100.0 * ratio:.2f} %)" for label, ratio in odd.items())
         raise CadError(
-            f"{path}: no solids of revolution about {axis}: {', '.join(wrong)} of the volume of the section turned; "
-            "give the right `axis`, fill slots and holes, or solve the part in 3D"
+            f"{path}: no solids of revolution about {axis}: {wrong} of the volume of the section turned; give the "
+            "right `axis`, fill slots and holes, or solve the field in space (`in_space`)"
         )
-    return faces
+    return faces, list(odd)
 
 
 def _part(gmsh: Any, tag: int, label: str, region: str) -> CadPart:
