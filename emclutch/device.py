@@ -180,6 +180,14 @@ def field_is_needed(scene: Scene) -> bool:
     return scene.effects.magnetic_force is not None or scene.effects.dipoles is not None
 
 
+def field_in_space(scene: Scene) -> bool:
+    """Whether the coil's field is solved in space: slots in a clutch, or solids of any shape from CAD."""
+    shape = scene.shape()
+    if isinstance(scene.geometry, CadGeometry):
+        return scene.geometry.in_space
+    return isinstance(shape, Clutch) and not shape.axisymmetric
+
+
 def build_device(scene: Scene) -> Device:
     """Shape, mesh and materials of a scene; no mesh is made when no effect needs the field."""
     shape = scene.shape()
@@ -191,7 +199,7 @@ def build_device(scene: Scene) -> Device:
         return device
     if isinstance(scene.field, UniformFieldSection):
         return replace(device, imposed=imposed_field(scene.field, shape))
-    if isinstance(shape, Clutch) and not shape.axisymmetric:
+    if field_in_space(scene):
         from emclutch.solid_device import build_solid_coil_device  # local: most scenes need no field in space
 
         return replace(device, coil=build_solid_coil_device(scene))

@@ -35,6 +35,7 @@ from geometry.solid_meshing import (
 _OF_THICKNESS, _COARSEST, _FINEST = 0.5, 1.0 / 12.0, 1.0 / 80.0
 _OF_CUBE = 2.0**0.5 / 12.0  # volume of a regular tetrahedron over its side to the third power
 _OVERLAP = 1e-6
+_RECTANGLE = 1e-4  # of its area: corners that a CAD program rounds
 _ON_SPHERE = 1e-6  # of the radius: nodes of the outer boundary lie on it exactly
 
 
@@ -42,6 +43,33 @@ def read_cad_solids(path: str | Path, **options: Any) -> list[CadSolid]:
     """The solids of a file; options and errors as `geometry.cad_import.imported_solids`."""
     with imported_solids(path, SOLID_OPTIONS, **options) as (_, solids, _):
         return solids
+
+
+def check_solid_device(path: str | Path, section: CadSection) -> None:
+    """Refuse what a field in space cannot carry: a coil that is no ring of rectangular section, a powder not round.
+
+    Raises
+    ------
+    CadError
+    """
+    for region in ("coil", "powder"):
+        if region in section.odd:
+            raise CadError(
+                f"{path}: {region!r} is no body of revolution about z; draw it as one, and the slots and teeth beside "
+                f"it as parts of their own\n{list_of(section.parts)}"
+            )
+    coil = [part for part in section.parts if part.region == "coil"]
+    full = [(part.r1 - part.r0) * (part.z1 - part.z0) for part in coil]
+    if len(coil) != 1 or coil[0].area < (1.0 - _RECTANGLE) * full[0]:
+        raise CadError(
+            f"{path}: the coil of a field in space is one ring of rectangular section about z; found "
+            f"{len(coil)} part(s) of other sections; draw it as one hollow cylinder\n{list_of(section.parts)}"
+        )
+    if section.odd and any(edge.region == "air" for edge in section.powder_outline):
+        raise CadError(
+            f"{path}: beside the powder is air in the half-plane y = 0, x > 0, and air is no body that grains could "
+            "touch; draw what fills the slots as a part, or turn the device so that a tooth lies in that half-plane"
+        )
 
 
 def mesh_cad_solids(
@@ -66,7 +94,7 @@ def mesh_cad_solids(
     size_factor : float
         Scales every element size, 0.2 to 4.
     air_factor : float
-        Radius of the sphere of air over that of the sphere around the device, 1.2 to 10.
+        Radius of the sphere of air over that of the sphere around the device, 1.2 to 20.
     order : int
         1: flat faces, 2: curved.
     **options
@@ -81,7 +109,7 @@ def mesh_cad_solids(
     ------
     CadError, ValueError
     """
-    for name, value, low, high in (("size_factor", size_factor, 0.2, 4.0), ("air_factor", air_factor, 1.2, 10.0)):
+    for name, value, low, high in (("size_factor", size_factor, 0.2, 4.0), ("air_factor", air_factor, 1.2, 20.0)):
         if not low <= value <= high:
             raise ValueError(f"`{name}` = {value:g}: allowed are {low:g} to {high:g}")
     if order not in (1, 2):

@@ -13,13 +13,13 @@ from emclutch.scene.geometry import BoxGeometry, CadGeometry, ClutchGeometry
 from emclutch.scene.grains import MOST_GRAINS
 from emclutch.scene.magnetic_checks import (
     coil_transients,
+    field_in_space,
     field_source,
     materials,
     needs_of_effects,
     needs_of_moments,
     room_for_the_layers,
     room_for_the_smear,
-    slots,
 )
 from emclutch.scene.mesh_checks import fine_enough_for_moments, finished_mesh
 from emclutch.scene.motion import HELD
@@ -233,7 +233,7 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (needs_of_moments, ("effects", "particles")),
     (room_for_the_smear, ("geometry", "particles", "effects", "field")),
     (coil_transients, ("effects", "coil", "field", GEOMETRY_KIND, "materials")),
-    (slots, (GEOMETRY_KIND, "effects", "field", "particles")),
+    (field_in_space, (GEOMETRY_KIND, "effects", "field", "particles")),
     (_motion, (GEOMETRY_KIND, "motion", "surfaces")),
     (_accuracy, ("accuracy", "time")),
     (_replicas, (GEOMETRY_KIND, "accuracy", "time", "particles")),

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from geometry.centrifugal import CentrifugalClutch
     from geometry.clutch import Clutch
     from geometry.section import SectionMesh
+    from geometry.solid_mesh import SolidMesh
 
 
 NO_MATERIALS: Mapping[str, Material] = MappingProxyType({})
@@ -186,6 +187,10 @@ class CadGeometry(Section):
     (.msh), cell sets or a column of tags: tag 3 is the name `tag3`. Part 3 of a BREP file, which has no names, is
     `part3`. `coil` and `powder` are the winding and the space of the grains. Parts named disc and shaft_out turn with
     the disc, housing, yoke and coil stand still, all others turn with the rotor.
+
+    With `in_space` the file holds solids of any shape, and the field is solved in space. `powder` and `coil` are of
+    revolution about z even then, the coil a ring of rectangular section whose current flows around z; all parts that
+    are not belong to one body, with which the field turns. Walls are those of the half-plane y = 0, x > 0.
     """
 
     kind: Literal["cad"]
@@ -208,6 +213,7 @@ class CadGeometry(Section):
     air_factor: Annotated[float, number("3", 1.5, 20.0)] = Field(
         default=3.0, description="air box / device size; a mesh has its air with it"
     )
+    in_space: bool = Field(default=False, description="solve in space: solids of any shape, see the text above")
     _trust_scripts: bool = PrivateAttr(default=False)  # the caller's word: no scene may give it to itself
 
     @field_validator("file")
@@ -247,6 +253,10 @@ class CadGeometry(Section):
             if self.is_meshed and getattr(self, key) != type(self).model_fields[key].default:
                 raise refuse(f"is for CAD files, and {Path(self.file).name} is a mesh: its radius is x, and it has its "
                              "air with it; remove it", key=key)  # fmt: skip
+        if self.in_space and self.is_meshed:
+            raise refuse("needs solids of a CAD file, which are meshed here; take STEP, or a section", key="in_space")
+        if self.in_space and self.axis != "z":
+            raise refuse("is of sections; with geometry.in_space turn the parts about z in the CAD program", key="axis")
 
     def options(self) -> dict[str, Any]:
         """Return what the import needs beside the path; see `geometry.cad_import.imported_section`."""
@@ -285,8 +295,23 @@ class CadGeometry(Section):
             **self.options(),
         )
 
+    def solid_mesh(self, gap_layers: int, size_factor: float, order: int) -> SolidMesh:
+        """Mesh the device in space; see `geometry.cad_solid.mesh_cad_solids`."""
+        from geometry.cad_solid import mesh_cad_solids
+
+        options = {key: entry for key, entry in self.options().items() if key != "axis"}
+        return mesh_cad_solids(
+            self.file,
+            section=self._section()[1],
+            gap_layers=gap_layers,
+            size_factor=size_factor,
+            air_factor=self.air_factor,
+            order=order,
+            **options,
+        )
+
     def _section(self) -> tuple[SectionMesh | None, CadSection]:
-        options = self.options()
+        options = self.options() | ({"any_shape": True} if self.in_space else {})
         path = Path(self.file)
         changed = path.stat().st_mtime_ns if path.is_file() else 0
         options["names"] = tuple(sorted(self.names.items()))
@@ -299,10 +324,14 @@ def _read_section(
 ) -> tuple[SectionMesh | None, CadSection]:
     """Read a file once for the many that ask; `changed` is its time, so that a new export is seen."""
     from geometry.cad_meshing import cad_section
+    from geometry.cad_solid import check_solid_device
     from geometry.meshed_section import meshed_section
 
     if not is_meshed:
-        return None, cad_section(file, names=dict(names), **options)
+        section = cad_section(file, names=dict(names), **options)
+        if options.get("any_shape"):
+            check_solid_device(file, section)
+        return None, section
     del options["axis"], options["trust_scripts"]
     return meshed_section(file, names=dict(names), **options)
 
