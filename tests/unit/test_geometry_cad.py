@@ -489,12 +489,13 @@ def test_a_mesh_of_another_program_gets_its_axis_and_outline(tmp_path):
     mesh = read_section_mesh(path, scale=1e-3)
     assert mesh.area("coil") == pytest.approx(100e-6) and mesh.area("air") == pytest.approx(300e-6)
     assert mesh.boundary_length("axis") == pytest.approx(0.02) and mesh.boundary_length("outer") == pytest.approx(0.06)
+    path.write_text(MESH_OF_ANOTHER_PROGRAM.replace('2 1 "coil"', '2 3 "coil"'))  # group 1 has no name
+    assert read_section_mesh(path, scale=1e-3, names={"tag1": "coil"}).area("coil") == pytest.approx(100e-6)
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [("nonsense", "is not a mesh of gmsh"), ("$MeshFormat\nnonsense", r"cannot be read|no triangles"),
-     (MESH_OF_ANOTHER_PROGRAM.replace('2 1 "coil"', '2 3 "coil"'), "no name"),
      (MESH_OF_ANOTHER_PROGRAM.replace("2 20 0 0", "2 -20 0 0"), "beyond the axis")],
 )  # fmt: skip
 def test_a_wrong_mesh_file_is_told(text, words, tmp_path):
