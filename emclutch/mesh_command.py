@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from emclutch.case import Case
-from emclutch.device import mesh_of
+from emclutch.device import field_in_space, mesh_of
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.folder_lock import locked_folder
 from geometry import Clutch, draw_section
@@ -23,6 +23,8 @@ def mesh_case(case: Case, out: str | Path | None = None) -> tuple[Path, Path, in
         raise ValueError(
             f"geometry.kind = {case.scene.geometry.kind!r} has no field and so no mesh; clutch and drum have one"
         )
+    if isinstance(shape, CadShape) and field_in_space(case.scene):
+        raise ValueError("with geometry.in_space the mesh is in space; `emclutch field` writes it with its field.pvd")
     folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-mesh")
     files = folder / "mesh.msh", folder / "mesh.png"
     for file in files:
