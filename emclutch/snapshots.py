@@ -67,14 +67,25 @@ class Snapshots:
                 resume_time=resume_time,
             )
 
+    def begin(self, simulation: Simulation) -> None:
+        """Write the frame of t = 0: the grains as they were packed, before the first window."""
+        if self._at:
+            self._write_grains(simulation)
+
     def __call__(self, simulation: Simulation, row: dict) -> None:
         if self.record is not None:
             self.record.append_observables(row, step=simulation.motion.step_count)
+        if simulation.window == 1:  # what it was solved for is the start: the series of the field begins at 0 as well
+            self._write_field(simulation, 0.0)
         if simulation.window in self._at or (self._at and self._ends_early()):
             self.write(simulation)
 
     def write(self, simulation: Simulation) -> None:
         """Write a frame of everything now."""
+        self._write_grains(simulation)
+        self._write_field(simulation, simulation.motion.time)
+
+    def _write_grains(self, simulation: Simulation) -> None:
         dem, grains = simulation.motion, simulation.motion.grains
         arrays = {
             "radius": grains.radius,
@@ -84,10 +95,12 @@ class Snapshots:
             "force_contact": dem.contact_force,
             "n_contacts": contacts_per_grain(dem),
         }
-        if grains.magnetic_moment is not None:
-            arrays["magnetic_moment"] = grains.magnetic_moment
-        if dem.external_force is not None:
-            arrays["force_magnetic"] = dem.external_force
+        magnetic = {"magnetic_moment": grains.magnetic_moment, "force_magnetic": dem.external_force}
+        for name, values in magnetic.items():
+            if values is None and simulation.magnetised is not None:
+                values = np.zeros_like(grains.position)  # before the first window nothing is magnetised
+            if values is not None:
+                arrays[name] = values
         if self.record is not None:
             self.record.append_grains(dem.step_count, dem.time, {"position": grains.position, **arrays})
         if not self._series:
@@ -101,24 +114,30 @@ class Snapshots:
             sector_angle=None if dem.sector is None else dem.sector.angle,
         )
         self._series["contacts"].write_contacts(dem.time, *contact_lines(dem))
-        if isinstance(simulation.source, CoilField):
-            self._write_field(dem.time, simulation.source)
-        elif isinstance(simulation.source, SolidCoilField) and simulation.source.solution is not None:
-            solution = simulation.source.solution
-            self._series["field"].write_solid_field(
-                dem.time,
-                *solid_field_arrays(solution),
-                turned=simulation.source.carrier.angle,
-                region_names=sorted(solution.problem.mesh.regions),
-            )
 
-    def _write_field(self, time: float, source: CoilField) -> None:
-        assert source.solution is not None
-        mesh = source.problem.mesh
-        cells, at_points, names = field_arrays(source.solution)
-        self._series["field"].write_field(
-            time, mesh.points, mesh.triangles, cell_arrays=cells, point_arrays=at_points, region_names=names
-        )
+    def _write_field(self, simulation: Simulation, time: float) -> None:
+        source = simulation.source
+        if not self._series:
+            return
+        series = self._series["field"]
+        if isinstance(source, CoilField):
+            assert source.solution is not None
+            section = field_arrays(source.solution)
+            series.write_field(
+                time,
+                section.points,
+                section.triangles,
+                cell_arrays=section.cell_arrays,
+                point_arrays=section.point_arrays,
+                region_names=section.region_names,
+            )
+        elif isinstance(source, SolidCoilField) and source.solution is not None:
+            series.write_solid_field(
+                time,
+                *solid_field_arrays(source.solution),
+                turned=source.carrier.angle if time > 0.0 else 0.0,
+                region_names=sorted(source.solution.problem.mesh.regions),
+            )
 
     def flush(self) -> None:
         """Write the rows that are kept back."""
