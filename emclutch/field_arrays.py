@@ -85,7 +85,7 @@ def _field_strength(solution: MagneticField, B: np.ndarray) -> np.ndarray:
 
 
 def _split_by_region(triangles: np.ndarray, region: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The point that each new one stands at (n,), and the triangles (k, 3) of new points, which no two regions share."""
+    """The old point of each new one (n,), and triangles (k, 3) of the new points, which no two regions share."""
     pairs = np.column_stack([np.repeat(region, 3), triangles.ravel()])
     new, number = np.unique(pairs, axis=0, return_inverse=True)
     return new[:, 1], number.reshape(triangles.shape)

@@ -14,6 +14,8 @@ from emclutch.results import HistoryWriter, RunFolder
 from emclutch.results.checkpoint import write_checkpoint
 from emclutch.results.record import Record
 from emclutch.results.vtk_series import PvdSeries
+from emclutch.view.paraview_script import write_script
+from emclutch.view.run_files import read_run_files
 from particles import GrainMotion
 
 if TYPE_CHECKING:
@@ -57,6 +59,8 @@ class Snapshots:
                 name: PvdSeries(folder.path, name, resume_time=resume_time)
                 for name in ("particles", "field", "walls", "contacts")
             }
+        self._folder = folder.path
+        self._script_is_due = bool(self._series)
         self.record = None
         if "hdf5" in formats:
             self.record = Record.open(
@@ -77,6 +81,9 @@ class Snapshots:
             self.record.append_observables(row, step=simulation.motion.step_count)
         if simulation.window == 1:  # what it was solved for is the start: the series of the field begins at 0 as well
             self._write_field(simulation, 0.0)
+        if self._script_is_due:  # every series has begun
+            write_script(read_run_files(self._folder))
+            self._script_is_due = False
         if simulation.window in self._at or (self._at and self._ends_early()):
             self.write(simulation)
 

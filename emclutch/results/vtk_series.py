@@ -165,9 +165,8 @@ class PvdSeries:
             points.append(corners)
             polygons += [cell + count for cell in cells]
             marked = np.zeros(len(material), dtype=np.int32) if marked is None else marked
-            rows += [
-                (bodies.index(wall.body), number, speed, float(a), int(s)) for a, s in zip(material, marked, strict=True)
-            ]
+            number_of_body = bodies.index(wall.body)
+            rows += [(number_of_body, number, speed, float(a), int(s)) for a, s in zip(material, marked, strict=True)]
             count += len(corners)
         at = np.vstack(points) if points else np.zeros((0, 3))
         body = np.array([row[0] for row in rows], dtype=np.int32)
