@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 from emclutch.faults import Fault, SceneError
@@ -42,7 +44,7 @@ def view_run(
     from emclutch.view import pyvista_view as pictures
 
     if screenshot is None and movie is None:
-        if not pictures.has_screen():
+        if not has_screen():
             message = "there is no screen for a window; add --screenshot FILE.png or --movie FILE.gif, or --paraview"
             raise SceneError([Fault("view", str(folder), message)], "command line")
         pictures.window(pictures.RunView(files, shown, shade, window=True), moment)
@@ -61,11 +63,17 @@ def open_in_paraview(folder: Path) -> str:
 
     files: RunFiles = read_run_files(folder)
     script = write_script(files)
-    program = shutil.which("paraview")
-    if program is None:
-        return f"{script}\nParaView is not installed here; where it is: paraview --script={script}"
+    program, batch = shutil.which("paraview"), f"without a window: pvbatch {script} --screenshot picture.png"
+    if program is None or not has_screen():
+        missing = "ParaView is not installed here" if program is None else "there is no screen for ParaView's window"
+        return f"{script}\n{missing}; where it is: paraview --script={script}; {batch}"
     subprocess.Popen([program, f"--script={script}"], start_new_session=True)
-    return f"{script}\nParaView is starting; without a window: pvbatch {script} --screenshot picture.png"
+    return f"{script}\nParaView is starting; {batch}"
+
+
+def has_screen() -> bool:
+    """Whether a window can open."""
+    return not sys.platform.startswith("linux") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def _one_of(option: str, value: str | None, allowed: list[str], default: str) -> str:

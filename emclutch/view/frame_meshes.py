@@ -23,7 +23,9 @@ def frame_meshes(files: RunFiles, time: float, parts: tuple[str, ...], colour: s
     Their array `shown` is what they are coloured by: of the grains the quantity `colour` of `COLOURS`, of chains
     |F| [N], of the field |B| [T], of walls red, green, blue as bytes.
     """
-    read = {name: pyvista.read(path) for name in files.series if (path := files.file(name, time)) is not None}
+    read: dict[str, Any] = {
+        name: pyvista.read(path) for name in files.series if (path := files.file(name, time)) is not None
+    }
     found: dict[str, Any] = {}
     if "grains" in parts and "particles" in read and colour is not None and read["particles"].n_points:
         found["grains"] = _spheres(read["particles"], files.colours[colour][0])
@@ -38,11 +40,10 @@ def frame_meshes(files: RunFiles, time: float, parts: tuple[str, ...], colour: s
             found["section"] = device
         if "lines" in parts and flat and (lines := _flux_lines(device)) is not None:
             found["lines"] = lines
-        if "device" in parts and not flat:  # the half behind the plane of the axis
-            found["device"] = device.clip(normal=(0.0, 1.0, 0.0), origin=(0.0, 0.0, 0.0))
-        elif "device" in parts:
+        if "device" in parts:
             surface = device.extract_surface(algorithm="dataset_surface")
-            found["device"] = surface.extrude_rotate(angle=-SWEEP, resolution=90, capping=True)
+            swept = surface.extrude_rotate(angle=-SWEEP, resolution=90, capping=True) if flat else surface
+            found["device"] = swept
     return found
 
 

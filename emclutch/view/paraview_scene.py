@@ -7,6 +7,8 @@
 
 Each choice is an option of pvbatch as well: --colour moment --look device --show grains chains.
 """
+# ruff: noqa: E402
+# mypy: ignore-errors
 
 # --- Choices ---------------------------------------------------------------------------------------------------------
 COLOUR = "speed"  # of the grains, one of QUANTITIES below
@@ -35,18 +37,18 @@ QUANTITIES = {}
 # Light where there is little, so that what lies before it is seen: Brewer's OrRd and BuPu.
 FORCE_COLOURS = ((0.9, 0.86, 0.8), (0.99, 0.83, 0.62), (0.99, 0.55, 0.35), (0.84, 0.19, 0.12), (0.5, 0.0, 0.0))
 FIELD_COLOURS = ((0.97, 0.99, 0.99), (0.75, 0.83, 0.9), (0.55, 0.59, 0.78), (0.53, 0.25, 0.62), (0.3, 0.0, 0.29))
-FLUX_DENSITY = ("flux_density", "flux density B [T]", FIELD_COLOURS, (0.9, 0.06))
+FLUX_DENSITY = ("flux_density", "flux density B [T]", FIELD_COLOURS, (0.88, 0.06))
 
-import argparse  # noqa: E402
-import math  # noqa: E402
-import os  # noqa: E402
-import sys  # noqa: E402
+import argparse
+import math
+import os
+import sys
 
 HERE = os.path.dirname(os.path.abspath(__file__)) if "__file__" in globals() else RUN
 # This file has the name of ParaView's own package: its folder must not be searched for that.
 sys.path[:] = [place for place in sys.path if os.path.realpath(place or ".") != os.path.realpath(HERE)]
 
-from paraview import simple as pv  # noqa: E402
+from paraview import simple as pv
 
 SHADES = ((0.85, 0.55, 0.25), (0.25, 0.5, 0.8), (0.45, 0.65, 0.4), (0.6, 0.6, 0.6))  # of the bodies, in turn
 
@@ -148,7 +150,7 @@ def grains(view, particles, visible, options):
     display = pv.Show(spheres, view)
     display.Opacity = GRAIN_OPACITY if options.look == "chains" else 1.0
     display.Visibility = visible
-    coloured(display, view, *QUANTITIES[options.colour], "Viridis (matplotlib)", (0.9, 0.68))
+    coloured(display, view, *QUANTITIES[options.colour], "Viridis (matplotlib)", (0.88, 0.68))
 
 
 def chains(view, contacts, visible, options):
@@ -164,7 +166,7 @@ def chains(view, contacts, visible, options):
     tubes.VaryRadius, tubes.NumberofSides = "By Absolute Scalar", 8
     display = pv.Show(tubes, view)
     display.Visibility = visible
-    coloured(display, view, "force", "contact force [N]", FORCE_COLOURS, (0.9, 0.37))
+    coloured(display, view, "force", "contact force [N]", FORCE_COLOURS, (0.88, 0.37))
 
 
 def walls(view, surfaces, visible, options):
@@ -224,16 +226,14 @@ def arrows(view, field, visible, options):
 
 
 def device(view, field, visible, options):
-    """The section swept round the axis; a field in space: its half behind the plane of the axis."""
+    """The section swept round the axis; a field in space as it is, translucent: the grains are inside."""
+    body = pv.ExtractSurface(registrationName="device", Input=cropped(field))
     if FIELD == "section":
-        body = pv.ExtractSurface(Input=cropped(field))
         body = pv.RotationalExtrusion(registrationName="device", Input=body, Angle=-SWEEP, Resolution=90, Capping=1)
-    else:
-        body = pv.Clip(registrationName="device", Input=cropped(field), ClipType="Plane", Invert=1)
-        body.ClipType.Origin, body.ClipType.Normal = (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)
     display = pv.Show(body, view)
     display.Visibility = visible
     display.Ambient, display.Diffuse = 0.7, 0.35
+    display.Opacity = 1.0 if FIELD == "section" else 0.4
     coloured(display, view, *FLUX_DENSITY, WHERE)
 
 
@@ -267,7 +267,7 @@ def aim(view, series, look):
         towards, up, margin = (0.35, 0.5, 1.0), (0.0, 1.0, 0.0), 0.45
     if look == "device" and "field" in series:
         box = list(updated(cropped(series["field"])).GetDataInformation().GetBounds())
-        box[0] = -box[1]
+        box[0] = -box[1] if FIELD == "section" else box[0]
     else:
         box = series.get("particles", next(iter(series.values()))).GetDataInformation().GetBounds()
     length = math.hypot(*towards)

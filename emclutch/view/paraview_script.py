@@ -28,7 +28,7 @@ def script_text(files: RunFiles) -> str:
         "BODIES": tuple(files.bodies),
         "QUANTITIES": files.colours,
     }
-    text = SCENE.read_text(encoding="utf-8").replace("  # noqa: E402", "")
+    text = re.sub(r"^# (ruff|mypy): .*\n", "", SCENE.read_text(encoding="utf-8"), flags=re.MULTILINE)
     for name, value in known.items():
         line = re.search(rf"^{name} = (.*?)(?=  # |$)", text, flags=re.MULTILINE)
         assert line is not None, f"{SCENE} has no line {name} = ..."

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +41,8 @@ class RunView:
     ) -> None:
         self.files, self.look, self.colour = files, look, colour
         with pyvista.vtk_verbosity("off"):  # without a screen vtk complains before it draws in memory
-            self.plotter = pyvista.Plotter(off_screen=not window, window_size=list(size))
+            plotter: Any = pyvista.Plotter(off_screen=not window, window_size=list(size))
+        self.plotter = plotter
         self.plotter.set_background("white")
         self.plotter.render_window.SetMultiSamples(0)  # else what is translucent is missing where Mesa draws
         self.plotter.enable_depth_peeling(4)
@@ -74,6 +73,8 @@ class RunView:
         options |= SHOWN_AS[part]
         if part == "grains" and self.look == "chains":
             options["opacity"] = 0.15
+        if part == "device" and self.files.field == "space":
+            options["opacity"] = 0.4  # the grains are inside
         if part != "lines":
             options["scalars"] = "shown"
         bar = {"section": "field", "device": "field"}.get(part, part)
@@ -173,7 +174,7 @@ def window(view: RunView, time: float | None) -> None:
             view.draw(1e-3 * milliseconds)
 
         view.plotter.add_slider_widget(
-            slid,  # type: ignore[arg-type]  # pyvista's decorator takes the first argument for a plotter
+            slid,
             (1e3 * times[0], 1e3 * times[-1]),
             value=1e3 * view.files.nearest_time(time),
             title="t [ms]",
@@ -183,8 +184,3 @@ def window(view: RunView, time: float | None) -> None:
             fmt="%.3f",
         )
     view.plotter.show()
-
-
-def has_screen() -> bool:
-    """Whether a window can open."""
-    return not sys.platform.startswith("linux") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
