@@ -38,7 +38,7 @@ def revolved_surface(
     if angle is None:
         azimuth = turned + np.linspace(0.0, opening, round(opening / step) + 1)
     else:
-        first = (-turned) % step  # where the body's meridians, `step` apart, stand now
+        first = turned % step  # where the body's meridians, `step` apart, stand now
         cuts = first + step * np.arange(math.ceil(opening / step) + 1)
         sliver = 1e-6 * step  # a meridian that coincides with a face of the sector cuts nothing off
         azimuth = np.concatenate([[0.0], cuts[(cuts > sliver) & (cuts < opening - sliver)], [opening]])
