@@ -72,9 +72,13 @@ class Snapshots:
             )
 
     def begin(self, simulation: Simulation) -> None:
-        """Write the frame of t = 0: the grains as they were packed, before the first window."""
+        """Write the frame of t = 0: the grains as they were packed; no force has acted yet.
+
+        Forces of the contacts are not asked for: without a field the step would be compiled once more.
+        """
         if self._at:
-            self._write_grains(simulation)
+            count = simulation.motion.grains.count
+            self._write_grains(simulation, np.zeros(count, dtype=np.int64), (np.zeros((0, 3)),) * 3)
 
     def __call__(self, simulation: Simulation, row: dict) -> None:
         if self.record is not None:
@@ -89,10 +93,11 @@ class Snapshots:
 
     def write(self, simulation: Simulation) -> None:
         """Write a frame of everything now."""
-        self._write_grains(simulation)
-        self._write_field(simulation, simulation.motion.time)
+        dem = simulation.motion
+        self._write_grains(simulation, contacts_per_grain(dem), contact_lines(dem))
+        self._write_field(simulation, dem.time)
 
-    def _write_grains(self, simulation: Simulation) -> None:
+    def _write_grains(self, simulation: Simulation, n_contacts: np.ndarray, lines: tuple[np.ndarray, ...]) -> None:
         dem, grains = simulation.motion, simulation.motion.grains
         arrays = {
             "radius": grains.radius,
@@ -100,7 +105,7 @@ class Snapshots:
             "angular_velocity": grains.angular_velocity,
             "particle_id": grains.particle_id,
             "force_contact": dem.contact_force,
-            "n_contacts": contacts_per_grain(dem),
+            "n_contacts": n_contacts,
         }
         magnetic = {"magnetic_moment": grains.magnetic_moment, "force_magnetic": dem.external_force}
         for name, values in magnetic.items():
@@ -120,7 +125,7 @@ class Snapshots:
             speeds={b.name: b.speed for b in dem.bodies},
             sector_angle=None if dem.sector is None else dem.sector.angle,
         )
-        self._series["contacts"].write_contacts(dem.time, *contact_lines(dem))
+        self._series["contacts"].write_contacts(dem.time, *lines)
 
     def _write_field(self, simulation: Simulation, time: float) -> None:
         source = simulation.source
