@@ -12,6 +12,7 @@ RunSource = Annotated[
 ]
 CaseFile = Annotated[Path, typer.Argument(metavar="CASE", help="scene file (.toml)")]
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="study file (.toml)")]
+RunPath = Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run")]
 ResultPath = Annotated[Path, typer.Argument(metavar="RUN|STUDY", help="folder of a run, or of a study")]
 AsHtml = Annotated[bool, typer.Option("--html", help="one page with its pictures inside; default: report.html there")]
 RunPaths = Annotated[list[Path], typer.Argument(metavar="RUN...", help="folders of runs, or of studies")]
