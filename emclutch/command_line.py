@@ -24,6 +24,7 @@ from emclutch.command_options import (
     AsMarkdown,
     CaseFile,
     Chi,
+    ColourBy,
     Currents,
     CurvePicture,
     DipoleModel,
@@ -36,18 +37,24 @@ from emclutch.command_options import (
     Insist,
     Jobs,
     Lines,
+    Look,
     MaterialNames,
     Measured,
+    Moment,
+    Movie,
     NewFile,
     NewPicture,
     Out,
     PairForceAsked,
+    ParaViewAsked,
     PowderName,
     ResultPath,
     Resume,
+    RunPath,
     RunPaths,
     RunSource,
     Saturation,
+    Screenshot,
     Seeds,
     Sets,
     SpeedsAsked,
@@ -246,6 +253,30 @@ def plot(
             folders, kind, measured=measured, out=out, trust_scripts=trust_scripts, tell=typer.echo
         )
         typer.echo(str(picture))
+
+
+@app.command()
+def view(
+    folder: RunPath,
+    look: Look = None,
+    colour: ColourBy = None,
+    time: Moment = None,
+    screenshot: Screenshot = None,
+    movie: Movie = None,
+    paraview: ParaViewAsked = False,
+) -> None:
+    """Show a run in space: in a window, as a picture or a movie, or in ParaView."""
+    with explained():
+        from emclutch import view_command as viewed
+
+        if paraview:
+            if (look, colour, time, screenshot, movie) != (None,) * 5:
+                message = "has its choices at the head of the script and as options of pvbatch; name the run alone"
+                raise SceneError([Fault("--paraview", "", message)], "command line")
+            typer.echo(viewed.open_in_paraview(folder))
+            return
+        for path in viewed.view_run(folder, look=look, colour=colour, time=time, screenshot=screenshot, movie=movie):
+            typer.echo(str(path))
 
 
 @app.command()

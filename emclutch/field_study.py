@@ -177,14 +177,14 @@ def field_study(
             failure = error
             break
         rows.append(_row(case, coil, solution, current, phi, perf_counter() - began))
-        cells, at_points, names = field_arrays(solution)
+        section = field_arrays(solution)
         series.write_field(
             current if growing else float(number),
-            solution.problem.mesh.points,
-            solution.problem.mesh.triangles,
-            cell_arrays=cells,
-            point_arrays=at_points,
-            region_names=names,
+            section.points,
+            section.triangles,
+            cell_arrays=section.cell_arrays,
+            point_arrays=section.point_arrays,
+            region_names=section.region_names,
         )
         began = perf_counter()
     table = pandas.DataFrame(rows)

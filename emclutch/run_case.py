@@ -249,6 +249,8 @@ def _run(
         resume_time,
         lambda: known is not None and known.reached,
     )
+    if resume_time is None:
+        snapshots.begin(simulation)
 
     def checkpoint(simulation, row) -> bool:
         nonlocal last_save
