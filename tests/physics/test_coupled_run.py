@@ -124,7 +124,7 @@ def test_one_and_two_threads_give_the_same_bits(tmp_path):
     if numba.config.NUMBA_NUM_THREADS < 2:
         pytest.fail("this machine has one core; the test needs two to say anything")
     quiet = {f"output.{key}": value for key, value in CELL["output"].items()}
-    case = emclutch.load_case(CASES / "quickstart.toml").with_values({**quiet, "time.end": "0.04 ms"})
+    case = emclutch.load_case(CASES / "quickstart.toml").with_values({**quiet, **SHARED, "time.end": "0.04 ms"})
     for threads in (1, 2):
         result = emclutch.run(case, out=tmp_path / str(threads), threads=threads)
         assert result.history["torque_field_images"].abs().max() > 0.0

@@ -24,7 +24,9 @@ SLOTTED = {
     "field.order": 1,
     "effects.back_reaction": None,
     "effects.wall_images": None,
+    "particles.region": "rim",
     "particles.solid_fraction": 0.15,
+    "particles.sector": "6 deg",
     "time.end": "0.15 ms",
     "output.pictures": False,
 }
