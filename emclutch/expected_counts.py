@@ -104,7 +104,7 @@ def _contacts_without_field(scene: Scene, device: Device, time: float) -> float:
 
 
 def settling_time(scene: Scene, device: Device) -> float:
-    """Time [s] from which grains under their weight lie in a bed: twice a fall through the device; without one never."""
+    """Time [s] from which grains lie in a bed: twice a fall through the device; infinite without one."""
     assert scene.effects.gravity is not None
     weight = scene.effects.gravity.acceleration
     if scene.grains.settles:
