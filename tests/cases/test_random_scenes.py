@@ -6,6 +6,7 @@ from collections import Counter
 
 import pytest
 from random_faults import drawn
+from random_scenes import RandomScene, beside
 from scene_verdict import judge
 
 
@@ -19,3 +20,18 @@ def test_promises_are_kept_whatever_a_scene_says(tmp_path):
         assert not verdict.broken, f"{verdict.broken}\n{scene.breaks}\n{scene.data}"
         became[verdict.outcome] += 1
     assert became["ran"] >= 5 and became["refused"] >= 10  # scenes of all kinds
+
+
+def test_a_free_shaft_without_the_other_one_has_no_lock_up(tmp_path):
+    """Walls of a box from a file on the rotor alone: there is no disc whose speed it could reach."""
+    box = {
+        "scene": {"title": "one shaft"},
+        "geometry": {"kind": "box", "size": [0.01, 0.01, 0.005]},
+        "particles": {"diameter": "1.4 mm", "count": 5},
+        "surfaces": {"tile": {"file": "tile.stl", "scale": 1e-3, "body": "rotor"}},
+        "motion": {"rotor": {"free": {"inertia": 1e-5, "initial_speed": "10 rpm"}}},
+        "effects": {"gravity": {}},
+        "time": {"end": "0.2 ms"},
+    }
+    verdict = judge(RandomScene(box, beside()), tmp_path)
+    assert (verdict.outcome, verdict.broken) == ("ran", "")
