@@ -62,7 +62,11 @@ def _margins(table: pandas.DataFrame) -> Count:
 
 
 def _kills(table: pandas.DataFrame) -> Count:
-    return int(table["kills"].sum()), int(table["differ"].sum()), f"{table['compared'].sum()} parts of records compared"
+    return (
+        int(table["kills"].sum()),
+        int(table["differ"].sum()),
+        f"{int(table['compared'].sum())} parts of records compared",
+    )
 
 
 def _threads(table: pandas.DataFrame) -> Count:

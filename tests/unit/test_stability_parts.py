@@ -6,6 +6,8 @@ import all_parts
 import pandas
 import pytest
 from all_parts import HERE, PARTS, Part, announcement, expected_seconds, main
+from killed_run import table_of
+from stability import rows_of
 
 from emclutch.machine_speed import MachineSpeed
 
@@ -44,6 +46,33 @@ def test_no_failure_of_a_table_is_hidden(part, tmp_path):
     table.loc[0, column] = value
     table.to_csv(tmp_path / part.table, index=False)
     assert part.row(tmp_path, True)["failed"] >= 1
+
+
+def test_what_breaks_down_is_a_failure_and_does_not_keep_the_next_from_its_turn(tmp_path):
+    class Scene:
+        name, stops = "scene", None
+
+        def steps(self):
+            return [{"time.steps_per_contact": 10.0}, {"time.steps_per_contact": 32.0}]
+
+        def run(self, folder, values):
+            if values["time.steps_per_contact"] == 10.0:
+                raise ZeroDivisionError
+
+        def margins(self, run):
+            return {"speed": 0.5}
+
+    assert [row["margin"] < 1.0 for row in rows_of(Scene())] == [False, True]
+
+    def row_of(path, folder):
+        assert path.name != "first", "ended with 1"
+        return {"kills": 2, "compared": 9, "differ": 0}
+
+    rows = table_of([tmp_path / "first", tmp_path / "second"], row_of, tmp_path / "kills.csv")
+    assert [row["differ"] for row in rows] == [1, 0]
+    assert PARTS[1].row(tmp_path, True) == {
+        "part": "kills", "checks": 2, "failed": 1, "nearest": "9 parts of records compared"
+    }  # fmt: skip
 
 
 def test_a_part_that_fails_does_not_keep_the_next_from_running(tmp_path, monkeypatch, capfd):
