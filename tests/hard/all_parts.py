@@ -57,7 +57,9 @@ class Part:
 
 def _margins(table: pandas.DataFrame) -> Count:
     worst = table.loc[table["margin"].idxmax()]
+    stops = int(table["invariant"].str.startswith("stops").sum())
     nearest = f"{worst['invariant']} of {worst['case']} at {worst['steps']}: {worst['margin']:.2g} of its bound"
+    nearest += f"; {stops} runs stopped"
     return len(table), int((~(table["margin"] < 1.0)).sum()), nearest
 
 
