@@ -83,10 +83,10 @@ def _random(table: pandas.DataFrame) -> Count:
 
 
 PARTS = (
-    Part("hard scenes, long", "stability.py", "stability.csv", 2000.0, _margins),
-    Part("kills", "kills.py", "kills.csv", 500.0, _kills),
-    Part("threads", "threads.py", "threads.csv", 850.0, _threads),
-    Part("random scenes", "random_runs.py", "random.csv", 560.0, _random),
+    Part("hard scenes, long", "stability.py", "stability.csv", 1000.0, _margins),
+    Part("kills", "kills.py", "kills.csv", 510.0, _kills),
+    Part("threads", "threads.py", "threads.csv", 870.0, _threads),
+    Part("random scenes", "random_runs.py", "random.csv", 540.0, _random),
 )
 
 
