@@ -11,7 +11,7 @@ GMSH_PACKAGES  := libglu1-mesa libgl1 libxrender1 libxcursor1 libxft2 libxineram
 run: setup ; @$(BIN)/emclutch run $(CASE)
 test: setup ; $(BIN)/python -m pytest -n 2 --dist loadfile tests/unit tests/physics tests/cases
 bench: setup ; $(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]' && $(BIN)/python tests/benchmarks/bench.py
-stability: setup ; $(BIN)/python -m pytest -m hard -v && $(BIN)/python tests/hard/stability.py runs/stability && $(BIN)/python tests/hard/kills.py runs/stability && $(BIN)/python tests/hard/threads.py runs/stability && $(BIN)/python tests/hard/random_runs.py runs/random
+stability: setup ; $(BIN)/python tests/hard/all_parts.py runs/stability
 sweep: setup ; $(BIN)/emclutch sweep cases/current_to_torque.toml
 lint: setup ; $(BIN)/ruff check . && $(BIN)/mypy
 docs: setup ; $(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]' && $(BIN)/python -m sphinx -q -W --keep-going -n docs docs/_build/html

@@ -139,10 +139,10 @@ def read_toml(path: Path) -> dict[str, Any]:
             content = stream.read(LARGEST_FILE + 1)
         if len(content) <= LARGEST_FILE:
             data = tomllib.loads(content.decode())
-            if not (reason := _not_of_a_scene(data)):
+            if not (faults := _not_of_a_scene(data, path)):
                 return data
-        else:
-            reason = f"is larger than {LARGEST_FILE // 1_000_000} MB; put long tables into files of their own"
+            raise SceneError(faults, str(path))
+        reason = f"is larger than {LARGEST_FILE // 1_000_000} MB; put long tables into files of their own"
     except FileNotFoundError:
         reason = "does not exist; check the path"
     except IsADirectoryError:
@@ -161,20 +161,21 @@ def read_toml(path: Path) -> dict[str, Any]:
 _TOO_DEEP = f"has tables in one another more than {DEEPEST} deep; a scene needs five: write them side by side"
 
 
-def _not_of_a_scene(data: dict[str, Any]) -> str:
+def _not_of_a_scene(data: dict[str, Any], path: Path) -> list[Fault]:
     """What no scene needs and Python would stumble on: deep nesting, whole numbers of more than TOML's 64 bits."""
     level: list[tuple[str, Any]] = [("", data)]
     for _ in range(DEEPEST):
         below: list[tuple[str, Any]] = []
         for key, entry in level:
             if isinstance(entry, int) and not -(2**63) <= entry < 2**63:
-                return f"holds a whole number of more than 64 bits, {key}; write it as 1e30, or check its digits"
+                words = "holds a whole number of more than 64 bits; write it as 1e30, or check its digits"
+                return [Fault(key, "", words)]
             if isinstance(entry, dict):
                 below += ((f"{key}.{name}".lstrip("."), value) for name, value in entry.items())
             elif isinstance(entry, list):
                 below += ((key, value) for value in entry)
         level = below
-    return _TOO_DEEP if level else ""
+    return [Fault(str(path), "", _TOO_DEEP)] if level else []
 
 
 def _set(data: dict[str, Any], key: str, value: Any) -> list[Fault]:

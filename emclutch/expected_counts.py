@@ -8,7 +8,7 @@ calls for a solve of the field whenever it has moved by a grain.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi, sqrt
+from math import inf, pi, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -104,11 +104,12 @@ def _contacts_without_field(scene: Scene, device: Device, time: float) -> float:
 
 
 def settling_time(scene: Scene, device: Device) -> float:
-    """Time [s] from which grains under their weight lie in a bed: twice a fall through the device."""
+    """Time [s] from which grains lie in a bed: twice a fall through the device; infinite without one."""
     assert scene.effects.gravity is not None
+    weight = scene.effects.gravity.acceleration
     if scene.grains.settles:
         return 0.0
-    return 2.0 * sqrt(2.0 * max(2.0 * device.largest_radius, device.narrowest_gap) / scene.effects.gravity.acceleration)
+    return 2.0 * sqrt(2.0 * max(2.0 * device.largest_radius, device.narrowest_gap) / weight) if weight > 0.0 else inf
 
 
 def neighbours(scene: Scene, device: Device) -> float:

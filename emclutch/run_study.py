@@ -28,7 +28,7 @@ from emclutch.run_case import Interrupted, RunError
 from emclutch.scene.replica_count import replica_count
 from emclutch.scene.study import Study, load_study
 from emclutch.study_points import PointFolder, folders_of_points, set_aside, unclaimed
-from emclutch.study_tables import Done, label_of, write_tables
+from emclutch.study_tables import Done, disc_torque, label_of, write_tables
 from emclutch.study_tasks import STOP, PointOutcome, PointTask, run_point
 from emclutch.study_workers import threads_of_a_worker, worker_pool
 
@@ -239,7 +239,7 @@ class _StudyRun:
             self.table.set_ended(number, FAILED)
 
     def _is_done(self, number: int, result: Result, kept: bool = False) -> None:
-        torque = result.torque
+        torque = disc_torque(result)
         seconds = result.summary["seconds"]["whole_run"]
         self.table.set_done(number, torque.mean, torque.standard_error, seconds, kept=kept, converged=torque.converged)
         if not kept:

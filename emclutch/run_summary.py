@@ -48,7 +48,8 @@ def summarise(
             summary["replicas"] = replicas_summary(case, (history, *others), torque)
         if case.scene.span.until is not None:
             summary["until"] = how_it_ended(torque, case.scene.span.until, history)
-    if simulation.motion.bodies and any(body.is_free for body in simulation.motion.bodies):
+    shafts = {body.name for body in simulation.motion.bodies}  # walls of a box may be on one alone
+    if {"rotor", "disc"} <= shafts and any(body.is_free for body in simulation.motion.bodies):
         summary["lock_up_time"] = lock_up_time(history)
     if isinstance(simulation.source, (CoilField, SolidCoilField)):
         summary |= {

@@ -13,6 +13,7 @@ from emclutch.results.atomic_file import replace_json, replace_text
 from emclutch.results.linear_range import linear_range
 from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.speed_picture import speed_picture, speeds_vary
+from emclutch.results.statistics import Estimate
 from emclutch.results.study_folder import write_about
 from emclutch.results.torque_curve_pictures import torque_against_current_picture, torque_against_speed_picture
 from emclutch.results.torque_curves import TorqueCurve, torque_curves
@@ -91,7 +92,7 @@ def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
 
 def row_of(values: dict[str, Any], case: Case, result: Result) -> dict[str, Any]:
     """A point's row of `study.csv`."""
-    torque, summary = result.torque, result.summary
+    torque, summary = disc_torque(result), result.summary
     low, high = torque.interval() or (None, None)
     row = {**values, "end_time": case.scene.span.end}  # [s]; of points that are kept, too: others are continued
     if "current" in summary:
@@ -121,6 +122,13 @@ def row_of(values: dict[str, Any], case: Case, result: Result) -> dict[str, Any]
         row["output_start_time"], row["output_start_speed"] = output_start(result.history) or (None, None)
         row["lock_up_time"] = summary["lock_up_time"]
     return row
+
+
+def disc_torque(result: Result) -> Estimate:
+    """The result's steady torque; none where the scene has no disc, as a box without a wall on it."""
+    if "torque_disc" in result.history:
+        return result.torque
+    return Estimate(None, None, 0, None, None, False, "the scene has no disc")
 
 
 def output_start(history: Any) -> tuple[float, float] | None:

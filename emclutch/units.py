@@ -39,7 +39,7 @@ _ANGLE_UNITS = {
     "revolutions_per_minute",
     "revolutions_per_second",
 }
-_LEAST = 1e-15  # of what has to be positive, in SI
+_LEAST = 1e-15  # in SI: what has to be positive is refused below it, what may be 0 as well is 0
 _COMMON_UNITS = (
     "m, mm, um, cm, g, kg, mg, s, ms, us, min, A, mA, V, ohm, mohm, rpm, rad/s, deg/s, rad, deg, turn, N, "
     "mN, N m, mN m, N/m, kN/m, N/m^1.5, Pa, MPa, GPa, J/m^2, m/s, kg/m^3, g/cm^3, A/m, kA/m, MA/m, T, mT, kg m^2, "
@@ -154,7 +154,7 @@ class Quantity:
         below = value < self.minimum or (self.open_minimum and value == self.minimum)
         if below or value > self.maximum:
             raise ValueError(f"is out of range; allowed: {self.range_text}, e.g. {self.given_example}")
-        return value
+        return 0.0 if abs(value) < _LEAST else value  # round-off of 0, as in a table of a sine: its square may be none
 
     def _from_text(self, text: str) -> float:
         if _DECIMAL_COMMA.fullmatch(text):

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 
+import pandas
 import pytest
 from random_faults import drawn
+from random_scenes import RandomScene, beside
 from scene_verdict import judge
 
 
@@ -19,3 +21,29 @@ def test_promises_are_kept_whatever_a_scene_says(tmp_path):
         assert not verdict.broken, f"{verdict.broken}\n{scene.breaks}\n{scene.data}"
         became[verdict.outcome] += 1
     assert became["ran"] >= 5 and became["refused"] >= 10  # scenes of all kinds
+
+
+ONE_SHAFT = {
+    "scene": {"title": "one shaft"},
+    "geometry": {"kind": "box", "size": [0.01, 0.01, 0.005]},
+    "particles": {"diameter": "1.4 mm", "count": 5},
+    "surfaces": {"tile": {"file": "tile.stl", "scale": 1e-3, "body": "rotor"}},
+    "effects": {"gravity": {}},
+    "time": {"end": "0.2 ms"},
+    "output": {"formats": []},
+}
+
+
+def test_a_free_shaft_without_the_other_one_has_no_lock_up(tmp_path):
+    """Walls of a box from a file on the rotor alone: there is no disc whose speed it could reach."""
+    free = {"rotor": {"free": {"inertia": 1e-5, "initial_speed": "10 rpm"}}}
+    verdict = judge(RandomScene(ONE_SHAFT | {"motion": free}, beside()), tmp_path)
+    assert (verdict.outcome, verdict.broken) == ("ran", "")
+
+
+def test_a_study_of_scenes_without_a_disc_has_no_torque(tmp_path):
+    study = {"study": {"case": "scene.toml", "values": {"motion.rotor.speed": ["10 rpm", "20 rpm"]}}}
+    verdict = judge(RandomScene(ONE_SHAFT | {"motion": {"rotor": {"speed": 1.0}}}, beside(), study), tmp_path)
+    assert (verdict.outcome, verdict.broken) == ("ran", "")
+    table = pandas.read_csv(tmp_path / "study" / "study.csv")
+    assert table["torque"].isna().all() and set(table["reason"]) == {"the scene has no disc"}

@@ -107,7 +107,7 @@ def test_the_number_of_triangles_is_foretold():
         ("[" + ".".join("a" * (DEEPEST + 5)) + "]\nb = 1", "in one another"),
         ("[" + ".".join("a" * 5000) + "]\nb = 1", "in one another"),
         ("a = " + "1" * 5000, "is not TOML"),
-        ("[b]\na = [0x" + "f" * 5000 + "]", r"more than 64 bits, b\.a;"),
+        ("[b]\na = [0x" + "f" * 5000 + "]", r"\n  - b\.a holds a whole number of more than 64 bits"),
         ("a = '" + "x" * LARGEST_FILE + "'", "larger than 20 MB"),
     ],
 )

@@ -167,12 +167,18 @@ def differences(first: dict[str, Any], second: dict[str, Any]) -> list[str]:
 
 
 def table_of(things: list, row_of: Callable[[Any, Path], dict[str, Any]], path: Path) -> list[dict[str, Any]]:
-    """A row for each thing, made in a folder of its own; printed, and stored as a table, as soon as it is there."""
+    """A row for each thing, made in a folder of its own; printed, and stored as a table, as soon as it is there.
+
+    What cannot be compared, since a run did not come to its end, differs; the next thing's turn comes all the same.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     rows: list[dict[str, Any]] = []
     for thing in things:
         with tempfile.TemporaryDirectory() as scratch:
-            rows.append(row_of(thing, Path(scratch)))
+            try:
+                rows.append(row_of(thing, Path(scratch)))
+            except AssertionError as error:
+                rows.append({"differ": 1, "which": f"{thing.name}: {error}"})
         print(pandas.DataFrame(rows[-1:]).to_string(index=False, max_colwidth=None), flush=True)
         pandas.DataFrame(rows).to_csv(path, index=False)
     return rows

@@ -140,7 +140,7 @@ def main(folder: Path, names: list[str]) -> int:
     """Kill the scenes of those names, all if there is none; the exit code."""
     rows = table_of([scene for scene in SCENES if not names or scene.name in names], killed, folder / "kills.csv")
     differ = sum(row["differ"] for row in rows)
-    print(f"{sum(row['kills'] for row in rows)} kills in {len(rows)} scenes; {differ} parts of records differ")
+    print(f"{sum(row.get('kills', 0) for row in rows)} kills in {len(rows)} scenes; {differ} parts of records differ")
     return 1 if differ else 0
 
 

@@ -1,8 +1,8 @@
 """Random scenes and broken ones through the command line: `python tests/hard/random_runs.py FOLDER [COUNT [SEED]]`.
 
 What must hold is in `scene_verdict`. Prints the seed, with which the same scenes are drawn again, and a table: what was
-drawn, and how often it was refused, checked only, stopped or run, by reason. Scenes that break a promise are kept as
-FOLDER/find-NNN with what was done to them. Exit code 1: there are such scenes.
+drawn, and how often it was refused, checked only, stopped or run, by reason; it is stored as FOLDER/random.csv. Scenes
+that break a promise are kept as FOLDER/find-NNN with what was done to them. Exit code 1: there are such scenes.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import warnings
 from collections import Counter
 from pathlib import Path
 
+import pandas
 from random_faults import drawn
 from random_scenes import RandomScene
 from scene_verdict import Verdict, judge
@@ -53,6 +54,7 @@ def main(folder: Path, count: int, first: int) -> int:
     warnings.filterwarnings("ignore", "Glyph")  # of a title in letters that matplotlib's font lacks
     print(f"{count} random scenes of the seed {first}", flush=True)
     counts: Counter[tuple[str, str]] = Counter()
+    broken: Counter[tuple[str, str]] = Counter()
     finds: list[str] = []
 
     for scene in drawn(count, first):
@@ -60,12 +62,15 @@ def main(folder: Path, count: int, first: int) -> int:
             found = verdict_of(scene, Path(scratch))
             counts[found.outcome, found.reason] += 1
             if found.broken:
+                broken[found.outcome, found.reason] += 1
                 kept = folder / f"find-{len(finds):03d}"
                 shutil.rmtree(kept, ignore_errors=True)
                 shutil.copytree(scratch, kept)
                 finds.append(f"{kept.name}: {found.broken} ({'; '.join(scene.breaks) or 'as drawn'})")
                 (kept / "find.txt").write_text(finds[-1] + "\n", encoding="utf-8")
                 print(finds[-1], flush=True)
+    rows = [(*kind, number, broken[kind]) for kind, number in sorted(counts.items())]
+    pandas.DataFrame(rows, columns=["outcome", "reason", "scenes", "broken"]).to_csv(folder / "random.csv", index=False)
     print(f"\n{sum(counts.values())} drawn, {len(specialisations())} specialisations of kernels")
     for outcome in ("ran", "stopped", "checked", "refused"):
         reasons = {reason: number for (name, reason), number in counts.items() if name == outcome}

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
+import traceback
 import warnings
 from pathlib import Path
 from time import process_time
@@ -18,6 +19,8 @@ from hard_scene import HardScene, hard_scenes
 
 from emclutch.faults import SceneError
 from emclutch.run_case import RunError
+
+NO_EXPLANATION = "no explanation"
 
 
 def rows_of(scene: HardScene) -> list[dict]:
@@ -32,9 +35,12 @@ def rows_of(scene: HardScene) -> list[dict]:
                 words = ""
             except (SceneError, RunError) as error:
                 found, words = {}, " ".join(str(error).partition("\n(log:")[0].split())
+            except Exception as error:  # no explanation, whatever it is; the next scenes are to run
+                traceback.print_exc()
+                found, words = {}, f"{NO_EXPLANATION}: {error!r}"
         seconds = round(process_time() - begin, 1)
         if words or scene.stops is not None:
-            explained = scene.is_explained(words) if scene.stops is not None else bool(words)
+            explained = scene.is_explained(words) if scene.stops is not None else not words.startswith(NO_EXPLANATION)
             margin = 0.0 if explained else float("inf")
             rows.append(head | {"invariant": f"stops: {words}"[:160], "margin": margin, "seconds": seconds})
         rows += [head | {"invariant": name, "margin": value, "seconds": seconds} for name, value in found.items()]

@@ -121,6 +121,16 @@ def test_grains_stand_in_chains_only_where_there_is_a_field():
     assert expected_counts.CURRENT_STEP == 0.01
 
 
+def test_grains_lie_in_a_bed_once_they_have_fallen_and_without_weight_never():
+    still = {"motion.rotor.speed": 0.0, "contact.stiffness": "1 kN/m"}
+
+    def contacts(weight, time):
+        case = case_from(CELL, still | {"effects.gravity": {"direction": [0.0, 0.0, -1.0], "acceleration": weight}})
+        return counts_at(case.scene, make_plan(case)[0], time, 1e-5).contacts
+
+    assert contacts(9.81, 1.0) > contacts(9.81, 1e-4) == contacts(0.0, 1e-4) == contacts(0.0, 1e9)
+
+
 # -- memory
 
 

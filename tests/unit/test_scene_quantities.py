@@ -50,6 +50,13 @@ def test_entry_is_refused(kind, given, message):
         TypeAdapter(kind).validate_python(given)
 
 
+@pytest.mark.parametrize("given", [-2.225e-311, "1.766e-177 mA", 1.2246e-16])
+def test_what_is_nothing_but_round_off_is_nothing(given):
+    assert TypeAdapter(units.Current).validate_python(given) == 0.0
+    assert units.number("0.3", 0.0, 1.0).read(5e-324) == 0.0
+    assert TypeAdapter(units.Current).validate_python("1 nA") > 0.0
+
+
 def test_percent_is_a_pure_number():
     assert units.number("0.3", 0.0, 1.0).read("45 %") == pytest.approx(0.45)
 

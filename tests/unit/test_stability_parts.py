@@ -1,0 +1,89 @@
+"""`make stability`: the time that it announces follows the machine, and its closing table hides no failure."""
+
+from dataclasses import replace
+
+import all_parts
+import pandas
+import pytest
+from all_parts import HERE, PARTS, Part, announcement, expected_seconds, main
+from killed_run import table_of
+from stability import rows_of
+
+from emclutch.machine_speed import MachineSpeed
+
+REFERENCE = MachineSpeed(loops=1.0, solves=1.0, cores=2, taken=0.0)
+TABLES = {
+    "stability.csv": {"case": ["a", "b"], "steps": ["10", "32"], "invariant": ["speed", "losses"],
+                      "margin": [0.5, 0.25]},
+    "kills.csv": {"kills": [3, 4], "compared": [100, 200], "differ": [0, 0]},
+    "threads.csv": {"compared": ["2 passive, 4 active"], "parts": [100], "differ": [0]},
+    "random.csv": {"outcome": ["ran", "refused"], "scenes": [30, 20], "broken": [0, 0]},
+}  # fmt: skip
+WRONG = {"stability.csv": ("margin", float("nan")), "kills.csv": ("differ", 1), "threads.csv": ("differ", 2),
+         "random.csv": ("broken", 1)}  # fmt: skip
+
+
+def test_a_machine_twice_as_slow_is_told_twice_the_time_and_a_busy_one_longer():
+    slow, busy = replace(REFERENCE, loops=2.0, solves=2.0), replace(REFERENCE, taken=2.0)
+    minute = [Part("it", "it.py", "it.csv", 600.0, PARTS[0].count)]
+    assert expected_seconds(minute[0], slow) == 2.0 * expected_seconds(minute[0], REFERENCE)
+    assert announcement(minute, REFERENCE).startswith("about 10 min of processor time, 10 min on the clock")
+    assert "about 10 min of processor time, 15 min on the clock" in announcement(minute, busy)
+
+
+@pytest.mark.parametrize("part", PARTS, ids=lambda part: part.name)
+def test_no_failure_of_a_table_is_hidden(part, tmp_path):
+    assert (HERE / part.script).is_file()
+    assert part.row(tmp_path, True)["failed"] == 1  # no table
+    table = pandas.DataFrame(TABLES[part.table])
+    table.to_csv(tmp_path / part.table, index=False)
+    row = part.row(tmp_path, True)
+    assert row["failed"] == 0 and row["checks"] == {"stability.csv": 2, "kills.csv": 7, "threads.csv": 2}.get(
+        part.table, 50
+    )
+    assert part.row(tmp_path, False)["failed"] == 1  # the script failed, and its table does not know
+    column, value = WRONG[part.table]
+    table.loc[0, column] = value
+    table.to_csv(tmp_path / part.table, index=False)
+    assert part.row(tmp_path, True)["failed"] >= 1
+
+
+def test_what_breaks_down_is_a_failure_and_does_not_keep_the_next_from_its_turn(tmp_path):
+    class Scene:
+        name, stops = "scene", None
+
+        def steps(self):
+            return [{"time.steps_per_contact": 10.0}, {"time.steps_per_contact": 32.0}]
+
+        def run(self, folder, values):
+            if values["time.steps_per_contact"] == 10.0:
+                raise ZeroDivisionError
+
+        def margins(self, run):
+            return {"speed": 0.5}
+
+    assert [row["margin"] < 1.0 for row in rows_of(Scene())] == [False, True]
+
+    def row_of(path, folder):
+        assert path.name != "first", "ended with 1"
+        return {"kills": 2, "compared": 9, "differ": 0}
+
+    rows = table_of([tmp_path / "first", tmp_path / "second"], row_of, tmp_path / "kills.csv")
+    assert [row["differ"] for row in rows] == [1, 0]
+    assert PARTS[1].row(tmp_path, True) == {
+        "part": "kills", "checks": 2, "failed": 1, "nearest": "9 parts of records compared"
+    }  # fmt: skip
+
+
+def test_a_part_that_fails_does_not_keep_the_next_from_running(tmp_path, monkeypatch, capfd):
+    monkeypatch.setattr(all_parts, "HERE", tmp_path)
+    monkeypatch.setattr(all_parts, "machine_speed", lambda: REFERENCE)
+    (tmp_path / "fails.py").write_text("raise SystemExit(1)")
+    (tmp_path / "works.py").write_text(
+        "import pathlib, sys\npathlib.Path(sys.argv[1], 'kills.csv').write_text('kills,compared,differ\\n2,9,0\\n')"
+    )
+    parts = [replace(PARTS[0], script="fails.py"), replace(PARTS[1], script="works.py")]
+    assert main(tmp_path / "out", parts) == 1
+    assert list(pandas.read_csv(tmp_path / "out" / "parts.csv")["failed"]) == [1, 0]
+    assert "9 parts of records compared" in capfd.readouterr().out
+    assert main(tmp_path / "out", parts[1:]) == 0
