@@ -102,6 +102,11 @@ def load_case(path: str | Path, overrides: Mapping[str, Any] | None = None, *, t
     return case_from(data, overrides or {}, path, trust_scripts=trust_scripts)
 
 
+def as_case(given: Case | str | Path) -> Case:
+    """Return a case as it is, and the checked scene of a file's path; SceneError as of `load_case`."""
+    return given if isinstance(given, Case) else load_case(given)
+
+
 def case_from(
     data: Mapping[str, Any],
     values: Mapping[str, Any] | None = None,

@@ -10,7 +10,6 @@ from rich.console import Console
 from rich.table import Table
 
 from emclutch.case import Case
-from emclutch.command_errors import bad_input_for
 
 
 def torque_line(torque: dict[str, Any] | None) -> str:
@@ -38,28 +37,25 @@ def packings(count: int, share: float | None) -> str:
 
 
 def tell_plan(case: Case, as_json: bool, threads: int | None = None) -> None:
-    from emclutch.plan import plan  # local: it needs the packages of the physics
+    from emclutch.run_plan import check  # local: it needs the packages of the physics
 
-    with bad_input_for(case.path):
-        decisions, left_out = plan(case, threads)
-    active = case.scene.effects.active
+    checked = check(case, threads)
     if as_json:
-        title = case.scene.scene.title
-        print_json({"title": title, "effects": active, "warnings": case.warnings, "plan": decisions,
-                     "left_out": [line.as_dict() for line in left_out]})  # fmt: skip
+        print_json({"title": checked.title, "effects": checked.effects, "warnings": checked.warnings,
+                     "plan": checked.decisions, "left_out": [line.as_dict() for line in checked.left_out]})  # fmt: skip
         return
     console = Console()
-    console.print(f"{case.scene.scene.title}: OK", highlight=False, markup=False)
+    console.print(f"{checked.title}: OK", highlight=False, markup=False)
     effects = Table("effect", "")
     for name in case.scene.effects.names():
-        effects.add_row(name, "on" if name in active else "off")
+        effects.add_row(name, "on" if name in checked.effects else "off")
     console.print(effects)
     rows = Table("what follows", "")
-    for label, text in decisions.items():
+    for label, text in checked.decisions.items():
         rows.add_row(label, text)
     console.print(rows)
     rows = Table("left out", "matters", "by this number (from there on)")
-    for line in left_out:
+    for line in checked.left_out:
         rows.add_row(line.effect, line.verdict, line.in_words())
     console.print(rows)
 

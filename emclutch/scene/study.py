@@ -96,7 +96,7 @@ class _StudyFile(Section):
     study: Study
 
 
-def load_study(path: str | Path, *, trust_scripts: bool = False) -> Study:
+def read_study(path: str | Path, *, trust_scripts: bool = False) -> Study:
     """Read a study file and check every point of it; `trust_scripts` as in `emclutch.case.load_case`.
 
     Raises
