@@ -16,6 +16,7 @@ from emclutch.faults import SceneError  # noqa: E402
 from emclutch.lazily import lazy_attributes  # noqa: E402
 
 if TYPE_CHECKING:  # the same names for type checkers and editors, which do not see the table below
+    from emclutch.design_search import DesignResult, design
     from emclutch.field_result import FieldResult, field
     from emclutch.mesh_command import MeshedScene, mesh
     from emclutch.price_tag import accuracy
@@ -32,6 +33,7 @@ __all__ = [
     "CallbackError",
     "Case",
     "Checked",
+    "DesignResult",
     "FieldResult",
     "MeshedScene",
     "OutputError",
@@ -43,6 +45,7 @@ __all__ = [
     "WindowState",
     "accuracy",
     "check",
+    "design",
     "field",
     "load_case",
     "load_result",
@@ -70,6 +73,8 @@ __getattr__, __dir__ = lazy_attributes(
         "mesh": "emclutch.mesh_command:mesh",
         "MeshedScene": "emclutch.mesh_command:MeshedScene",
         "sweep": "emclutch.run_study:sweep",
+        "design": "emclutch.design_search:design",
+        "DesignResult": "emclutch.design_search:DesignResult",
         "accuracy": "emclutch.price_tag:accuracy",
         "OutputError": "emclutch.results:OutputError",
         "RunError": "emclutch.run_case:RunError",

@@ -126,6 +126,11 @@ def case_from(
     return Case(scene, path, tuple(warnings_of(scene)), changed, trust_scripts)
 
 
+def removes(key: str, value: object) -> bool:
+    """Whether an entry of a setting takes its key out of a scene: ``none``, and for ``effects.NAME`` ``off`` too."""
+    return value == "none" or (value == "off" and key.startswith("effects.") and key.count(".") == 1)
+
+
 def read_toml(path: Path) -> dict[str, Any]:
     """Read a TOML file.
 

@@ -17,15 +17,17 @@ from rich.console import Console
 
 from emclutch import __version__
 from emclutch.command_errors import FAILED, explained, stop
-from emclutch.command_input import check_threads, load, run_to_resume
+from emclutch.command_input import check_threads, load, run_to_resume, search
 from emclutch.command_options import (
     AsHtml,
     AsJson,
     AsMarkdown,
     CaseFile,
     Chi,
+    Confirm,
     Currents,
     CurvePicture,
+    DesignSource,
     DipoleModel,
     DryRun,
     ExportFormat,
@@ -40,6 +42,7 @@ from emclutch.command_options import (
     Measured,
     NewFile,
     NewPicture,
+    NewScene,
     Out,
     PairForceAsked,
     PowderName,
@@ -48,14 +51,17 @@ from emclutch.command_options import (
     RunPaths,
     RunSource,
     Saturation,
+    SceneKind,
     Seeds,
     Sets,
     SpeedsAsked,
     Strain,
     StudyFile,
+    Target,
     Threads,
     TorqueSpeedAsked,
     TrustScripts,
+    Vary,
 )
 from emclutch.command_output import print_json, tell_plan, torque_line
 from emclutch.faults import Fault, SceneError, bad_input_for
@@ -342,6 +348,46 @@ def calibrate(
         else:
             Console().print(command.table_of(name, rows))
             typer.echo(f"results and pictures: {folder}")
+
+
+@app.command()
+def design(
+    file: DesignSource,
+    vary: Vary = None,
+    target: Target = None,
+    confirm: Confirm = False,
+    out: Out = None,
+    sets: Sets = None,
+    threads: Threads = None,
+    as_json: AsJson = False,
+    trust_scripts: TrustScripts = False,
+) -> None:
+    """Search the value of one key that gives a wanted torque, over the expected torque; a run confirms it."""
+    with explained():
+        check_threads(threads)
+        asked = search(file, vary, target, sets, trust_scripts)
+        from emclutch import design_search
+        from emclutch.results import Progress
+
+        with nullcontext() if as_json or not confirm else Progress() as progress:
+            found = design_search.design(asked, out=out, confirm=confirm, threads=threads, progress=progress)
+        if as_json:
+            print_json(design_search.as_data(found))
+            return
+        typer.echo("\n".join(design_search.in_words(found)))
+        if found.run is not None:
+            typer.echo(torque_line(found.run.summary.get("torque")))
+            typer.echo("\n".join(design_search.run_in_words(found)))
+
+
+@app.command()
+def new(file: NewScene, kind: SceneKind = "drum") -> None:
+    """Write a scene of a kind, with every key, its unit and what it is for; nothing is overwritten."""
+    with explained():
+        from emclutch.new_scene import new_scene
+
+        for written in new_scene(file, kind):
+            typer.echo(str(written))
 
 
 @app.command()

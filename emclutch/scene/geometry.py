@@ -220,7 +220,7 @@ class CadGeometry(Section):
         """Return what the import needs beside the path; see `geometry.cad_import.imported_section`."""
         return {
             "names": self.names,
-            "needed": tuple(dict.fromkeys(("coil", *self.materials))),
+            "needed": tuple(dict.fromkeys(("coil", *(self.materials or ())))),
             "known": ("powder", "air"),
             "axis": self.axis,
             "scale": self.scale,
