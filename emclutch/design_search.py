@@ -35,7 +35,10 @@ if TYPE_CHECKING:
 
 FACTORS = {THREEFOLD: (3.0, 3.0), ORDER: (10.0, 10.0), BOUND: (1.0, inf)}
 """How many times more and less the law may give than a run does; a bound is never less."""
-SHARP, BLUNT = 1e-4, 1e-2  # of the range of x: of the answer, and of the ends of its bracket, which are no sharper
+SHARP, BLUNT = (
+    1e-3,
+    1e-2,
+)  # of the range of x: of the answer (a mesh of each x: 3e-4 of the torque is noise), and of its bracket
 
 
 @dataclass(frozen=True, slots=True)

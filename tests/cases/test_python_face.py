@@ -96,9 +96,9 @@ def test_check_and_plan_tell_the_same_run():
 
 
 def test_field_and_mesh_give_what_they_write(tmp_path):
-    case = emclutch.load_case(QUICKSTART, COARSE)
-    found = emclutch.field(case, [0.5, 1.0], [(20.5e-3, -3e-3, 20.5e-3, 3e-3)], out=tmp_path / "field")
-    assert found.table["current"].tolist() == [0.5, 1.0] and found.units["gap_flux_density"] == "T"
+    case = emclutch.load_case(QUICKSTART, COARSE | {"effects.back_reaction": None})
+    found = emclutch.field(case, 0.5, [(20.5e-3, -3e-3, 20.5e-3, 3e-3)], out=tmp_path / "field")
+    assert found.table["current"].tolist() == [0.5] and found.units["gap_flux_density"] == "T"
     assert np.allclose(found.table, pandas.read_csv(tmp_path / "field" / "field.csv"), rtol=1e-9)
     (line,) = found.lines
     assert np.allclose(line["r"], 20.5e-3) and np.hypot(line["B_r"], line["B_z"]).max() > 0.1
