@@ -37,6 +37,7 @@ from emclutch.command_options import (
     GrainCount,
     Insist,
     Jobs,
+    Like,
     Lines,
     MaterialNames,
     Measured,
@@ -355,6 +356,7 @@ def design(
     file: DesignSource,
     vary: Vary = None,
     target: Target = None,
+    like: Like = None,
     confirm: Confirm = False,
     out: Out = None,
     sets: Sets = None,
@@ -370,7 +372,7 @@ def design(
         from emclutch.results import Progress
 
         with nullcontext() if as_json or not confirm else Progress() as progress:
-            found = design_search.design(asked, out=out, confirm=confirm, threads=threads, progress=progress)
+            found = design_search.design(asked, like=like, out=out, confirm=confirm, threads=threads, progress=progress)
         if as_json:
             print_json(design_search.as_data(found))
             return

@@ -7,25 +7,27 @@ less and more; T need not be monotone between them, and where the values that we
 be other answers, and it is said.
 
 The law holds within a stated factor f: T_wanted/f <= T(x) <= f T_wanted is the range of x in which the answer lies.
-The torque is known by running the scene that was found. That run over its expectation is a ratio, of the law in this
-device, which changes little over such a range: x of T(x) = T_wanted/ratio is the next scene to try.
+The torque is known by running the scene that was found. That run over its expectation is a ratio, and x of
+T(x) = T_wanted/ratio is the next scene to try (`like`), with the run's 95 % interval as the bracket: exact where the ratio
+is that of the device, and a step of a fixed-point iteration where it changes with x, as it does with the field (0.7 at
+0.2 A, 1.9 at 0.94 A in docs/expected_torque.md).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from math import inf, log
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scipy.optimize import brentq
 
-from emclutch.case import Case, as_case
+from emclutch.case import Case, as_case, load_case
 from emclutch.device import build_device
 from emclutch.expected_field import expected_magnetisation
 from emclutch.expected_torque import BOUND, ORDER, THREEFOLD, ExpectedTorque, expected_torque
 from emclutch.faults import Fault, SceneError, bad_input_for
-from emclutch.results import OutputError, Result, RunFolder
+from emclutch.results import OutputError, Result, RunFolder, load_result
 from emclutch.results.atomic_file import replace_json, replace_text
 from emclutch.scene.design import Search, search_of
 from emclutch.units import in_unit_of
@@ -39,6 +41,45 @@ SHARP, BLUNT = (
     1e-3,
     1e-2,
 )  # of the range of x: of the answer (a mesh of each x: 3e-4 of the torque is noise), and of its bracket
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """What a run says of the law.
+
+    Attributes
+    ----------
+    folder : Path
+        Of the run.
+    ratio : float
+        Its torque over that expected of its scene.
+    interval : tuple of float or None
+        The same of the ends of its 95 % interval; None where its error is unknown, or wider than the torque.
+    """
+
+    folder: Path
+    ratio: float
+    interval: tuple[float, float] | None
+
+
+def correction_by(folder: str | Path) -> Correction:
+    """The correction of the law by a finished run; OutputError where it has no torque."""
+    run = load_result(folder)
+    expected = expectation_of(load_case(run.folder.case)).torque
+    mean, interval = run.torque.mean, run.torque.interval()
+    if not mean or not expected:
+        raise OutputError(f"{folder} has no torque that could be compared with an expectation; name another run")
+    ends = None if interval is None else sorted(abs(end) / expected for end in interval)
+    known = interval is not None and interval[0] * interval[1] > 0.0
+    return Correction(run.folder.path, abs(mean) / expected, (ends[0], ends[1]) if ends and known else None)
+
+
+def expectation_of(case: Case) -> ExpectedTorque:
+    """The torque that is expected of a scene; SceneError where its field cannot be solved."""
+    with bad_input_for(case.path):
+        device = build_device(case.scene)
+        field, _ = expected_magnetisation(case, device)
+        return expected_torque(case.scene, device, field)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +103,8 @@ class DesignResult:
         Values [SI] and expected torques [N m], ascending.
     case : Case
         The scene that was found.
+    correction : Correction or None
+        Of the law, by the run that the search was given.
     run : Result or None
         Its run, where it was to be confirmed.
     next_value : float or None
@@ -76,6 +119,7 @@ class DesignResult:
     is_cut: tuple[bool, bool]
     tried: list[tuple[float, float]]
     case: Case
+    correction: Correction | None = None
     run: Result | None = None
     next_value: float | None = None
 
@@ -102,6 +146,7 @@ def design(
     between: tuple[Any, Any] = ("", ""),
     target: str | float = "",
     *,
+    like: str | Path | None = None,
     out: str | Path | None = None,
     confirm: bool = False,
     threads: int | None = None,
@@ -115,6 +160,7 @@ def design(
     vary : dotted key of a quantity, e.g. ``"geometry.gap"``.
     between : least and largest value, as in a scene: ``("0.5 mm", "2 mm")`` or numbers in SI.
     target : ``"torque 12 N m"``, or a number in N m.
+    like : folder of a finished run whose torque over that expected of it corrects the law.
     out : new folder; default: the next designs/<case>-<nnn>.
     confirm : run the scene that was found.
     threads, progress : of that run, as of `emclutch.run`.
@@ -128,19 +174,21 @@ def design(
         The folder is there already; of the run.
     """
     search = case if isinstance(case, Search) else search_of(as_case(case), vary, between, target)
+    search = search if like is None else replace(search, like=Path(like))
     folder = Path(out) if out is not None else RunFolder.next_path(search.case.name, "designs")
     if folder.exists():
         raise OutputError(f"{folder} exists; name another folder with --out")
     law = _Expectation(search)
-    value = law.value_at(search.torque, SHARP)
+    correction = None if search.like is None else correction_by(search.like)
+    value = law.value_at(search.torque / (correction.ratio if correction else 1.0), SHARP)
     if value is None:
-        raise SceneError([_out_of_range(search, law)], search.source)
+        raise SceneError([_out_of_range(search, law, correction)], search.source)
     expected = law.at(value)
-    bracket, is_cut = _bracket(search, law, expected.trust)
+    bracket, is_cut = _bracket(search, law, expected.trust, correction)
     found = search.case.with_values({search.key: value})
     folder.mkdir(parents=True)
     found.write_toml(folder / "found.toml")
-    result = DesignResult(folder, search, value, expected, bracket, is_cut, law.tried(), found)
+    result = DesignResult(folder, search, value, expected, bracket, is_cut, law.tried(), found, correction)
     _write(result)
     if confirm:
         from emclutch.run_case import run  # local: a search alone compiles no kernel
@@ -167,10 +215,7 @@ class _Expectation:
             where = in_unit_of(search.entries[0], value, search.quantity)
             try:
                 case = search.case.with_values({search.key: value})
-                with bad_input_for(case.path):
-                    device = build_device(case.scene)
-                    field, _ = expected_magnetisation(case, device)
-                    found = expected_torque(case.scene, device, field)
+                found = expectation_of(case)
             except SceneError as error:
                 at = f"(at {search.key} = {where})"
                 faults = [Fault(one.key, one.value, f"{one.message} {at}") for one in error.faults]
@@ -199,9 +244,18 @@ class _Expectation:
         return float(brentq(lambda x: log(self.torque(x) / torque), low, high, xtol=tolerance * (high - low)))
 
 
-def _bracket(search: Search, law: _Expectation, trust: str) -> tuple[tuple[float, float], tuple[bool, bool]]:
-    """Range of the key that the law's uncertainty leaves, and which of its ends are those of what is searched."""
+def _bracket(
+    search: Search, law: _Expectation, trust: str, correction: Correction | None
+) -> tuple[tuple[float, float], tuple[bool, bool]]:
+    """Range of the key that the law's uncertainty leaves, and which of its ends are those of what is searched.
+
+    The uncertainty is that of the run that corrects the law, where its interval is known, and the law's own otherwise.
+    """
     less, more = FACTORS[trust]
+    if correction is not None and correction.interval is not None:
+        less, more = correction.interval[1], 1.0 / correction.interval[0]
+    elif correction is not None:
+        less, more = less * correction.ratio, more / correction.ratio
     low, high = search.between
     rises = law.torque(high) >= law.torque(low)
     weak = law.value_at(search.torque / less, BLUNT)
@@ -210,9 +264,11 @@ def _bracket(search: Search, law: _Expectation, trust: str) -> tuple[tuple[float
     return (low if first is None else first, high if last is None else last), (first is None, last is None)
 
 
-def _out_of_range(search: Search, law: _Expectation) -> Fault:
+def _out_of_range(search: Search, law: _Expectation, correction: Correction | None) -> Fault:
+    ratio = correction.ratio if correction else 1.0
     ends = ", ".join(
-        f"{law.torque(end):.4g} N m at {in_unit_of(search.entries[0], end, search.quantity)}" for end in search.between
+        f"{ratio * law.torque(end):.4g} N m at {in_unit_of(search.entries[0], end, search.quantity)}"
+        for end in search.between
     )
     return Fault(
         search.key,
@@ -242,6 +298,7 @@ def as_data(result: DesignResult) -> dict[str, Any]:
         "expected_torque": result.expected.torque,
         "law": result.expected.law,
         "trust": result.expected.in_words(),
+        "like": None if result.correction is None else asdict(result.correction) | {"folder": str(search.like)},
         "bracket": result.bracket,
         "bracket_is_cut": result.is_cut,
         "is_monotone": result.is_monotone,
@@ -255,13 +312,15 @@ def as_data(result: DesignResult) -> dict[str, Any]:
 def in_words(result: DesignResult) -> list[str]:
     """The answer for a terminal, a line each."""
     search, expected = result.search, result.expected
+    torque = (expected.torque or 0.0) * (result.correction.ratio if result.correction else 1.0)
     low, high = (
         f"{result.shown(end)}{' (end of the range: perhaps beyond)' if is_cut else ''}"
         for end, is_cut in zip(result.bracket, result.is_cut, strict=True)
     )
     lines = [
-        f"{search.key} = {result.shown(result.value)}: {expected.torque:.4g} N m expected, {search.torque:g} wanted",
+        f"{search.key} = {result.shown(result.value)}: {torque:.4g} N m expected, {search.torque:g} N m wanted",
         f"law: {expected.in_words()}",
+        *([] if result.correction is None else [_correction_in_words(result.correction)]),
         f"its uncertainty leaves {low} to {high}",
     ]
     if not result.is_monotone:
@@ -270,6 +329,12 @@ def in_words(result: DesignResult) -> list[str]:
         )
     lines.append(f"scene: {result.folder / 'found.toml'}")
     return lines
+
+
+def _correction_in_words(correction: Correction) -> str:
+    ends = correction.interval
+    spread = "its error unknown" if ends is None else f"95 %: {ends[0]:.2f} to {ends[1]:.2f}"
+    return f"times {correction.ratio:.2f} ({spread}), which {correction.folder} has over what is expected of it"
 
 
 def run_in_words(result: DesignResult) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -28,6 +28,11 @@ class Design(Section):
     vary: str = Field(min_length=1, description="dotted key of the quantity that is searched, e.g. `geometry.gap`")
     between: tuple[Any, Any] = Field(description='its least and largest value, e.g. `["0.5 mm", "2 mm"]`')
     target: str = Field(min_length=1, description="`torque 12 N m`: of the disc, at the largest current")
+    like: str | None = Field(
+        default=None,
+        min_length=1,
+        description="folder of a finished run, from the design file's; its torque over the expected corrects the law",
+    )
     set: Annotated[dict[str, Any], BeforeValidator(flat_keys)] = Field(
         default={}, description='dotted key = value, changed in the scene beforehand; "none" leaves the key away'
     )
@@ -57,6 +62,8 @@ class Search:
         Wanted [N m].
     source : str
         Name of the file, for messages.
+    like : Path or None
+        Folder of the run that corrects the law.
     """
 
     case: Case
@@ -66,6 +73,7 @@ class Search:
     entries: tuple[Any, Any]
     torque: float
     source: str
+    like: Path | None = None
 
 
 def read_design(path: str | Path, *, trust_scripts: bool = False) -> Search:
@@ -89,7 +97,8 @@ def read_design(path: str | Path, *, trust_scripts: bool = False) -> Search:
         case = load_case(path.parent / design.case, {} if faults else changes, trust_scripts=trust_scripts)
     except SceneError as error:
         faults += [Fault(one.key, one.value, f"{one.message} (in {design.case})") for one in error.faults]
-    return _search(case, design.vary, design.between, design.target, "design.", faults, str(path))
+    search = _search(case, design.vary, design.between, design.target, "design.", faults, str(path))
+    return search if design.like is None else replace(search, like=path.parent / design.like)
 
 
 def search_of(case: Case, vary: str, between: tuple[Any, Any], target: str | float, prefix: str = "") -> Search:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 import emclutch
+from emclutch import run_case
 from emclutch.case import case_from
 from emclutch.command_line import app
 from emclutch.faults import SceneError
+from emclutch.results import HistoryWriter, RunFolder, load_result
 from emclutch.scene.design import read_design
 
 QUICKSTART = Path(__file__).resolve().parents[2] / "cases" / "quickstart.toml"
@@ -73,17 +74,30 @@ def test_a_torque_beyond_both_ends_is_refused_with_theirs(tmp_path):
     assert not (tmp_path / "found").exists()
 
 
-def test_a_run_confirms_it_and_says_what_to_try_next(tmp_path):
-    """At the next value the law gives the wanted torque over the ratio of that run to its expectation."""
+def test_a_run_confirms_it_and_corrects_the_law(tmp_path, monkeypatch):
+    """Where runs have twice the expected torque, the next value and a search by the run expect half the wanted."""
+
+    def run(case, *, out, **options):
+        folder = RunFolder.create(out, case.toml())
+        with HistoryWriter(folder.history) as history:
+            history.append({"time": 1.0, "torque_disc": 1.0})
+        mean = -2.0 * emclutch.check(case, threads=1).expected.torque
+        torque = {"mean": mean, "standard_error": 0.05 * abs(mean), "batches": 30, "converged": True, "reason": ""}
+        folder.write_summary({"torque": torque})
+        return load_result(folder.path)
+
+    monkeypatch.setattr(run_case, "run", run)
     case = case_from(CELL)
-    result = design(case, 0.02, tmp_path / "found", confirm=True)
-    assert result.ratio == pytest.approx(abs(result.run.torque.mean) / result.expected.torque)
-    told = json.loads((tmp_path / "found" / "design.json").read_text())
-    assert told["run_over_expected"] == pytest.approx(result.ratio)
-    if result.next_value is not None:
-        assert expected(case, FIELD, result.next_value) == pytest.approx(0.02 / result.ratio, rel=0.02)
-    ran = tomllib.loads((tmp_path / "found" / "run" / "case.toml").read_text())
-    assert ran["field"]["field_strength"] == result.value
+    found = design(case, 0.01, tmp_path / "found", confirm=True)
+    assert found.ratio == pytest.approx(2.0) and found.run.folder.path == tmp_path / "found" / "run"
+    assert expected(case, FIELD, found.next_value) == pytest.approx(0.005, rel=0.02)
+    assert json.loads((tmp_path / "found" / "design.json").read_text())["next_value"] == found.next_value
+    again = design(case, 0.01, tmp_path / "again", like=tmp_path / "found" / "run")
+    assert again.value == pytest.approx(found.next_value, rel=1e-6)
+    low, high = again.correction.interval
+    assert low < 2.0 < high and high - low < 0.5
+    for end, ratio in zip(again.bracket, (high, low), strict=True):
+        assert expected(case, FIELD, end) == pytest.approx(0.01 / ratio, rel=0.1)
 
 
 def test_a_gap_is_searched_with_its_field_solved_anew(tmp_path):

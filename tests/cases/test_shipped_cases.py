@@ -17,6 +17,7 @@ from emclutch.command_line import app
 from emclutch.html_report import run_page
 from emclutch.results.rise_time import time_to_reach
 from emclutch.run_report import report
+from emclutch.scene.design import read_design
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
 TOY = {"time.end": "0.05 ms", "output.snapshots": 2}
@@ -158,6 +159,8 @@ def test_every_case_is_valid_and_has_a_header(path):
         assert word in text.split("\n[")[0]
     if "[study]" in text:
         assert emclutch.read_study(path).points()
+    elif "[design]" in text:
+        assert not read_design(path).case.warnings
     else:
         case = emclutch.load_case(path)
         assert not case.warnings
