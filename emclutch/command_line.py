@@ -64,7 +64,7 @@ from emclutch.command_options import (
     TrustScripts,
     Vary,
 )
-from emclutch.command_output import print_json, tell_plan, torque_line
+from emclutch.command_output import print_json, tell_design, tell_plan, torque_line
 from emclutch.faults import Fault, SceneError, bad_input_for
 
 app = typer.Typer(
@@ -373,13 +373,7 @@ def design(
 
         with nullcontext() if as_json or not confirm else Progress() as progress:
             found = design_search.design(asked, like=like, out=out, confirm=confirm, threads=threads, progress=progress)
-        if as_json:
-            print_json(design_search.as_data(found))
-            return
-        typer.echo("\n".join(design_search.in_words(found)))
-        if found.run is not None:
-            typer.echo(torque_line(found.run.summary.get("torque")))
-            typer.echo("\n".join(design_search.run_in_words(found)))
+        tell_design(found, as_json)
 
 
 @app.command()

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
 from emclutch.case import Case
+
+if TYPE_CHECKING:
+    from emclutch.design_search import DesignResult
 
 
 def torque_line(torque: dict[str, Any] | None) -> str:
@@ -58,6 +61,18 @@ def tell_plan(case: Case, as_json: bool, threads: int | None = None) -> None:
     for line in checked.left_out:
         rows.add_row(line.effect, line.verdict, line.in_words())
     console.print(rows)
+
+
+def tell_design(found: DesignResult, as_json: bool) -> None:
+    from emclutch.design_search import as_data, in_words, run_in_words  # local: it needs the packages of the physics
+
+    if as_json:
+        print_json(as_data(found))
+        return
+    lines = in_words(found)
+    if found.run is not None:
+        lines += [torque_line(found.run.summary.get("torque")), *run_in_words(found)]
+    typer.echo("\n".join(lines))
 
 
 def print_json(values: Any) -> None:
