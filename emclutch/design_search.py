@@ -321,7 +321,9 @@ def in_words(result: DesignResult) -> list[str]:
         f"{search.key} = {result.shown(result.value)}: {torque:.4g} N m expected, {search.torque:g} N m wanted",
         f"law: {expected.in_words()}",
         *([] if result.correction is None else [_correction_in_words(result.correction)]),
-        f"its uncertainty leaves {low} to {high}",
+        f"its uncertainty leaves {low} to {high}"
+        if result.correction is None or result.correction.interval is None
+        else f"the error of that run leaves {low} to {high}, where its ratio is the same there",
     ]
     if not result.is_monotone:
         lines.append(

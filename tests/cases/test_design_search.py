@@ -12,6 +12,7 @@ import emclutch
 from emclutch import run_case
 from emclutch.case import case_from
 from emclutch.command_line import app
+from emclutch.design_search import expectation_of
 from emclutch.faults import SceneError
 from emclutch.results import HistoryWriter, RunFolder, load_result
 from emclutch.scene.design import read_design
@@ -100,17 +101,22 @@ def test_a_run_confirms_it_and_corrects_the_law(tmp_path, monkeypatch):
         assert expected(case, FIELD, end) == pytest.approx(0.01 / ratio, rel=0.1)
 
 
-def test_a_gap_is_searched_with_its_field_solved_anew(tmp_path):
-    """From the command line; the solved field falls with the gap, and so does the torque."""
-    values = ["--set", "field.size_factor=2.5", "--set", "field.gap_layers=3", "--json"]
-    asked = ["--vary", "geometry.gap=0.8 mm:1.6 mm", "--target", "torque 0.41 N m", "--out", str(tmp_path / "found")]
-    answer = CliRunner().invoke(app, ["design", str(QUICKSTART), *asked, *values])
+def test_a_gap_is_found_again_by_the_torque_of_its_own_field(tmp_path):
+    """From the command line, the field solved anew for each gap; a wider one has less field and less torque."""
+    coarse = {"field.size_factor": 2.5, "field.gap_layers": 3}
+    target = expectation_of(emclutch.load_case(QUICKSTART, coarse | {"geometry.gap": "1.1 mm"})).torque
+    values = [word for key, value in coarse.items() for word in ("--set", f"{key}={value}")]
+    aim = ["--vary", "geometry.gap=0.8 mm:1.6 mm", "--target", f"torque {target!r} N m"]
+    answer = CliRunner().invoke(
+        app, ["design", str(QUICKSTART), *aim, *values, "--json", "--out", str(tmp_path / "at")]
+    )
     assert answer.exit_code == 0, answer.output
     told = json.loads(answer.stdout)
-    assert told["expected_torque"] == pytest.approx(0.41, rel=5e-3) and 0.8e-3 < told["value"] < 1.6e-3
-    rows = [line.split(",") for line in (tmp_path / "found" / "design.csv").read_text().splitlines()]
+    assert told["expected_torque"] == pytest.approx(target, rel=5e-3)
+    assert told["value"] == pytest.approx(1.1e-3, rel=0.03)
+    rows = [line.split(",") for line in (tmp_path / "at" / "design.csv").read_text().splitlines()]
     assert rows[0] == ["geometry.gap", "expected_torque"]
-    assert float(rows[1][1]) > 0.41 > float(rows[-1][1])
+    assert float(rows[1][1]) > target > float(rows[-1][1])
 
 
 def test_faults_of_a_design_file_come_together(tmp_path):
