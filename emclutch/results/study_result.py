@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from emclutch.results.output_error import OutputError
 from emclutch.results.result import Result, load_result
+from emclutch.results.study_folder import read_study
 
 if TYPE_CHECKING:
     import pandas
@@ -45,11 +46,8 @@ def load_study(folder: str | Path) -> StudyResult:
     import pandas
 
     folder = Path(folder)
-    table, seeds = folder / "study.csv", folder / "seeds.csv"
     if folder.is_file():
         raise OutputError(f"{folder} is a file, no folder of a study; read a study's file with emclutch.read_study")
-    if not table.is_file():
-        raise OutputError(f"{folder} has no {table.name}; name the folder of a study with a point that is done")
-    rows = pandas.read_csv(table)
-    points = tuple(load_result(folder / name) for name in rows["folder"])
-    return StudyResult(folder, rows, points, pandas.read_csv(seeds) if seeds.is_file() else None)
+    table, seeds = read_study(folder).table, folder / "seeds.csv"
+    points = tuple(load_result(folder / name) for name in table["folder"].astype(str))
+    return StudyResult(folder, table, points, pandas.read_csv(seeds) if seeds.is_file() else None)
