@@ -58,7 +58,7 @@ def assemble(case: Case, device: Device, plan: Plan) -> Simulation:
     """Pack the grains (seeded), build the simulation and let them settle; raises PackingError when they do not fit."""
     scene = case.scene
     packing = packed(scene, device.boxes, device.walls(), plan.count, plan.sector)
-    simulation = simulation_of(case, device, plan, grains_of(packing, scene.particles.density))
+    simulation = simulation_of(case, device, plan, grains_of(packing, scene.grains.density))
     settling = settled(scene, simulation.motion)
     if settling is not None:
         log.info(
@@ -138,7 +138,7 @@ def effects_of(scene: Scene, walls, deposition: FillDeposition | None) -> list[E
     if chosen.magnetic_force is not None:
         effects.append(MagneticForce())
     if chosen.dipoles is not None:
-        cutoff = chosen.dipoles.cutoff * scene.particles.largest_diameter
+        cutoff = chosen.dipoles.cutoff * scene.grains.largest_diameter
         fixed = chosen.dipoles.model == "fixed"
         effects.append(FixedDipoles(cutoff) if fixed else MutualDipoles())
         if fixed and chosen.wall_images is not None:
@@ -156,7 +156,7 @@ def magnetised_grains(scene: Scene, sampler, fill_at, walls, dem: GrainMotion) -
     solver = MutualMoments(
         grain_table(law, dipoles.model),
         near=dipoles.model == "near_field",
-        reach=smear_width(scene) if spread else dipoles.cutoff * scene.particles.largest_diameter,
+        reach=smear_width(scene) if spread else dipoles.cutoff * scene.grains.largest_diameter,
         smear=fed_back or (isinstance(scene.field, UniformField) and scene.field.means == "macroscopic"),
         smallest_gap=dipoles.surface_gap,
     )
@@ -169,12 +169,12 @@ def magnetised_grains(scene: Scene, sampler, fill_at, walls, dem: GrainMotion) -
 
 def feedback_of(scene: Scene, problem: AxisymmetricProblem, walls) -> PowderFeedback:
     """What gives the grains' moments to the field of `problem` and back."""
-    return PowderFeedback(problem, grain_law(scene), smear_width(scene), scene.particles.sector or 2 * pi, walls)
+    return PowderFeedback(problem, grain_law(scene), smear_width(scene), scene.grains.sector or 2 * pi, walls)
 
 
 def deposition_of(scene: Scene, coil: CoilDevice) -> FillDeposition:
     """Deposition of the scene's grains on the powder's elements."""
-    return FillDeposition(coil.mesh, scene.particles.largest_diameter, scene.particles.sector or 2 * pi)
+    return FillDeposition(coil.mesh, scene.grains.largest_diameter, scene.grains.sector or 2 * pi)
 
 
 def _fill_at(deposition: FillDeposition, source: CoilField, position: np.ndarray) -> np.ndarray:
@@ -191,7 +191,7 @@ def field_source(
         if not layers_change_the_field(scene):
             return ImposedField(device.imposed)
         assert isinstance(device.imposed, RadialField) and isinstance(device.shape, ShearCell)  # by its conditions
-        return LayeredField(device.imposed, device.shape, scene.particles.sector or 2 * pi, smear_width(scene))
+        return LayeredField(device.imposed, device.shape, scene.grains.sector or 2 * pi, smear_width(scene))
     if device.coil is None:
         return None
     if not isinstance(device.coil, CoilDevice):

@@ -18,7 +18,7 @@ from emclutch.scene.consistency import GEOMETRY_KIND, Draft, faults_between_sect
 from emclutch.scene.fault_report import faults_from
 from emclutch.scene.geometry_sketch import sketch_of
 from emclutch.scene.likely_mistakes import warnings_of
-from emclutch.scene.model import Scene
+from emclutch.scene.model import NO_GRAINS, Scene
 from emclutch.scene.section import Section
 
 LARGEST_FILE = 20_000_000
@@ -50,6 +50,11 @@ class Case:
     def name(self) -> str:
         """Stem of the file's name, ``scene`` without a file."""
         return "scene" if self.path is None else self.path.stem
+
+    def need_grains(self) -> None:
+        """Raise SceneError, with the remedy, for a scene of the field alone."""
+        if self.scene.particles is None:
+            raise SceneError([NO_GRAINS], "scene" if self.path is None else str(self.path))
 
     def with_values(self, values: Mapping[str, Any]) -> Case:
         """Return a new case with other values, e.g. ``{"coil.current": "0.8 A"}``; None removes a key.

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from emclutch.case import Case
@@ -55,8 +56,10 @@ def tell_plan(case: Case, as_json: bool, threads: int | None = None) -> None:
     console.print(effects)
     rows = Table("what follows", "")
     for label, text in checked.decisions.items():
-        rows.add_row(label, text)
+        rows.add_row(label, escape(text))
     console.print(rows)
+    if case.scene.particles is None:
+        return
     rows = Table("left out", "matters", "by this number (from there on)")
     for line in checked.left_out:
         rows.add_row(line.effect, line.verdict, line.in_words())

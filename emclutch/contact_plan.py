@@ -33,8 +33,8 @@ def elastic_contacts(
             speed=speed,
             load=load,
             rolling=scene.effects.rolling_friction is not None,
-            steps_per_contact=scene.time.steps_per_contact,
-            dt=scene.time.step,
+            steps_per_contact=scene.span.steps_per_contact,
+            dt=scene.span.step,
         )
     except ValueError as error:
         raise ValueError(str(error).replace("dt =", "time.step =", 1)) from None

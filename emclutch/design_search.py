@@ -76,6 +76,7 @@ def correction_by(folder: str | Path) -> Correction:
 
 def expectation_of(case: Case) -> ExpectedTorque:
     """The torque that is expected of a scene; SceneError where its field cannot be solved."""
+    case.need_grains()
     with bad_input_for(case.path):
         device = build_device(case.scene)
         field, _ = expected_magnetisation(case, device)

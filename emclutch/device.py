@@ -128,9 +128,7 @@ class Device:
 
         Powder in the whole cavity is in both; the gap with the greater area counts then.
         """
-        if not isinstance(self.shape, Clutch) or self.region in AT_RIM:
-            return False
-        return self.region == "faces" or self.shape.face_area > self.shape.rim_area
+        return isinstance(self.shape, Clutch) and shears_faces(self.shape, self.region)
 
     @property
     def shear_radius(self) -> float:
@@ -175,27 +173,40 @@ class Device:
         return self.shape.bore_radius
 
 
+def shears_faces(shape: Clutch, region: str = "cavity") -> bool:
+    """Whether powder in a clutch's region is, or would be, sheared at the faces; of both gaps the greater counts."""
+    return region not in AT_RIM and (region == "faces" or shape.face_area > shape.rim_area)
+
+
 def field_is_needed(scene: Scene) -> bool:
     """Whether any effect of the scene samples the field."""
     return scene.effects.magnetic_force is not None or scene.effects.dipoles is not None
 
 
 def build_device(scene: Scene) -> Device:
-    """Shape, mesh and materials of a scene; no mesh is made when no effect needs the field."""
-    shape = scene.shape()
-    boxes = shape if isinstance(shape, Box) else boxes_to_fill(shape, scene.particles.region)
-    fill = fill_of(shape, scene.particles, scene.scene.seed)
+    """Shape, mesh and materials of a scene with grains; no mesh is made when no effect needs the field."""
+    shape, particles = scene.shape(), scene.grains
+    boxes = shape if isinstance(shape, Box) else boxes_to_fill(shape, particles.region)
+    fill = fill_of(shape, particles, scene.scene.seed)
     surfaces = tuple(surface_walls(scene.surfaces))
-    device = Device(shape, boxes, fill, surfaces=surfaces, region=scene.particles.region)
+    device = Device(shape, boxes, fill, surfaces=surfaces, region=particles.region)
     if not field_is_needed(scene):
         return device
     if isinstance(scene.field, UniformFieldSection):
         return replace(device, imposed=imposed_field(scene.field, shape))
+    return replace(device, coil=solved_coil(scene))
+
+
+def solved_coil(scene: Scene) -> CoilDevice | SolidCoilDevice:
+    """Mesh, materials and coil of a device whose field is solved, with grains in it or without, in its section or in
+    space.
+    """
+    shape = scene.shape()
     if isinstance(shape, Clutch) and not shape.axisymmetric:
         from emclutch.solid_device import build_solid_coil_device  # local: most scenes need no field in space
 
-        return replace(device, coil=build_solid_coil_device(scene))
-    return replace(device, coil=build_coil_device(scene))
+        return build_solid_coil_device(scene)
+    return build_coil_device(scene)
 
 
 def build_coil_device(scene: Scene) -> CoilDevice:
@@ -204,7 +215,7 @@ def build_coil_device(scene: Scene) -> CoilDevice:
     assert not isinstance(shape, (Box, ShearCell, CentrifugalClutch))  # by the schema, as the next line
     assert isinstance(source, CoilFieldSection) and coil is not None
     powder = PowderLaw(grain_law(scene)) if scene.effects.back_reaction is not None else None
-    boxes = boxes_to_fill(shape, scene.particles.region)
+    boxes = [] if scene.particles is None else boxes_to_fill(shape, scene.particles.region)
     window = shape.coil_area, shape.coil_mean_radius
     winding = coil.winding_in(*window)
     times, currents = coil.currents_in(*window)
@@ -223,7 +234,7 @@ def build_coil_device(scene: Scene) -> CoilDevice:
         )
 
     def fill_on(mesh: SectionMesh) -> np.ndarray:
-        fill = even_fill(mesh, boxes, fill_of(shape, scene.particles).solid_fraction)
+        fill = even_fill(mesh, boxes, fill_of(shape, scene.grains).solid_fraction)
         return np.concatenate((fill, np.zeros(problem_on(mesh).powder_beyond.size)))
 
     mesh = mesh_of(scene)
@@ -234,7 +245,7 @@ def build_coil_device(scene: Scene) -> CoilDevice:
             problem_on,
             mesh,
             peak,
-            goals=(FluxLinkage(), MeanFluxDensity("powder")),
+            goals=field_goals(mesh),
             tolerance=source.tolerance,
             fill=None if powder is None else fill_on,
             newton_tolerance=source.newton_tolerance,
@@ -258,6 +269,11 @@ def build_coil_device(scene: Scene) -> CoilDevice:
     )
 
 
+def field_goals(mesh: SectionMesh) -> tuple[FluxLinkage | MeanFluxDensity, ...]:
+    """What a mesh is refined for: flux linkage, and the field where the powder is, or would be."""
+    return (FluxLinkage(), MeanFluxDensity("powder")) if "powder" in mesh.regions else (FluxLinkage(),)
+
+
 def even_fill(mesh: SectionMesh, boxes: list[AnnularBox], phi: float) -> np.ndarray:
     """Solid fraction (n powder elements,) of powder that fills the boxes to `phi`, whatever the mesh's lines are."""
     return phi * share_in_boxes(mesh.points[mesh.triangles[mesh.regions["powder"]]], boxes)
@@ -276,7 +292,7 @@ def mesh_of(scene: Scene, path: Path | None = None) -> SectionMesh:
 
 def grain_law(scene: Scene) -> GrainLaw:
     """Law of the grains; linear when the effect `saturation` is off."""
-    particles = scene.particles
+    particles = scene.grains
     saturation = particles.saturation if scene.effects.saturation is not None else None
     return (ThesisLaw if particles.law == "thesis" else GrainLaw)(particles.susceptibility, saturation)
 

@@ -66,7 +66,7 @@ def step_seconds(scene: Scene, grains: int, counts: Counts) -> float:
         return 1e-9 * grains * (RIGID_GRAIN_NS + VISIT_NS * counts.contacts * counts.sweeps)
     effects, near = scene.effects, is_near(scene)
     grain = GRAIN_NS + ENERGIES_NS * scene.output.energies + NEAR_NS * near
-    contact = CONTACT_NS + LAW_NS[scene.contact.law] + SIZES_NS * (scene.particles.sizes is not None)
+    contact = CONTACT_NS + LAW_NS[scene.contact.law] + SIZES_NS * (scene.grains.sizes is not None)
     contact += ROLLING_NS * (effects.rolling_friction is not None)
     contact += TWISTING_NS * (effects.twisting_friction is not None)
     contact += COHESION_NS * (effects.cohesion is not None) + NEAR_CONTACT_NS * near

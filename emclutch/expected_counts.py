@@ -106,7 +106,7 @@ def _contacts_without_field(scene: Scene, device: Device, time: float) -> float:
 def settling_time(scene: Scene, device: Device) -> float:
     """Time [s] from which grains under their weight lie in a bed: twice a fall through the device."""
     assert scene.effects.gravity is not None
-    if scene.particles.settles:
+    if scene.grains.settles:
         return 0.0
     return 2.0 * sqrt(2.0 * max(2.0 * device.largest_radius, device.narrowest_gap) / scene.effects.gravity.acceleration)
 
@@ -120,8 +120,8 @@ def neighbours(scene: Scene, device: Device) -> float:
     dipoles = scene.effects.dipoles
     if dipoles is None:
         return 0.0
-    d, reach = scene.particles.largest_diameter, dipoles.cutoff + SKIN
-    whole = device.fill.solid_fraction * 8.0 * reach**3 * (pi / 6.0 * d**3 / scene.particles.grain_volume)
+    d, reach = scene.grains.largest_diameter, dipoles.cutoff + SKIN
+    whole = device.fill.solid_fraction * 8.0 * reach**3 * (pi / 6.0 * d**3 / scene.grains.grain_volume)
     share = reach * d / device.narrowest_gap
     return whole * (1.0 - 0.375 * share if share < 1.0 else 0.625 / share)
 

@@ -40,7 +40,7 @@ def expected_magnetisation(case: Case, device: Device) -> tuple[MagneticField | 
     coupled = scene.effects.back_reaction is not None
     fill = device.coil.uniform_fill(phi) if coupled and isinstance(device.coil, CoilDevice) else None
     field = device.coil.solve_at_peak(fill)
-    points = _sample_points(device.coil.powder_boxes, scene.particles.largest_diameter)
+    points = _sample_points(device.coil.powder_boxes, scene.grains.largest_diameter)
     strength = np.linalg.norm(field.sampler("powder").sample(points)[0], axis=1)
     return field, float(law.magnetisation(strength, np.full(len(strength), phi if coupled else 0.0)).max())
 
@@ -52,8 +52,10 @@ def field_in_chains(coil: CoilDevice, phi: float, current: float, guess: Magneti
     return coil.problem.solve(coil.turns * current, powder, guess, tolerance=coil.newton_tolerance)
 
 
-def powder_in_words(scene, phi: float) -> str:
+def powder_in_words(scene, phi: float | None) -> str:
     """With which powder of the fill `phi` the field before a run is solved, and what the run has instead."""
+    if phi is None:
+        return "none: a scene without [particles]"
     if scene.effects.back_reaction is None:
         return "without powder (no effects.back_reaction)"
     even = f"powder spread evenly to {phi:.3g} with Maxwell Garnett's permeability, as of grains without order"

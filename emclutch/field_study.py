@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import Annotated
@@ -20,8 +19,17 @@ from pydantic import TypeAdapter, ValidationError
 from rich.markup import escape
 from rich.table import Table
 
+from emclutch.body_forces import MOVABLE, force_on, movable_bodies, stress_force
 from emclutch.case import Case
-from emclutch.device import CoilDevice, Device, build_device, grain_law, region_laws
+from emclutch.device import (
+    CoilDevice,
+    field_goals,
+    field_is_needed,
+    grain_law,
+    region_laws,
+    shears_faces,
+    solved_coil,
+)
 from emclutch.expected_field import field_in_chains, powder_in_words
 from emclutch.field_arrays import field_arrays
 from emclutch.observables import pole_flux_density
@@ -29,6 +37,8 @@ from emclutch.results import OutputError, RunFolder
 from emclutch.results.field_pictures import line_picture, saturation_picture
 from emclutch.results.pictures import section_picture
 from emclutch.results.vtk_series import PvdSeries
+from emclutch.scene.field_source import CoilField
+from emclutch.scene.fill import fill_of
 from emclutch.scene.grain_smear import moments_are_fed_back
 from emclutch.solid_device import SolidCoilDevice
 from emclutch.solid_field_study import solid_field_study
@@ -38,9 +48,9 @@ from field.coil.inductance import apparent_inductance, incremental_inductance
 from field.coil.magnetic_circuit import FilledPowder, clutch_circuit
 from field.factorisation import describe_backend
 from field.section.current_sweep import sweep_currents
-from field.section.error_estimate import FluxLinkage, MeanFluxDensity, estimate_error
+from field.section.error_estimate import estimate_error
 from field.section.field_lines import field_along, straight_line
-from field.section.maxwell_force import UndefinedForce, axial_force, gives_way, lorentz_force
+from field.section.maxwell_force import lorentz_force
 from field.section.smooth_field import SmoothField
 from geometry import Clutch
 
@@ -54,6 +64,7 @@ UNITS = {
     "incremental_inductance": "H",
     "energy": "J",
     "coenergy": "J",
+    **{f"axial_force_{body}": "N" for body in MOVABLE},
     "copper_loss": "W",
     "newton_steps": "-",
     "residual": "-",
@@ -72,16 +83,23 @@ DETAIL_UNITS = {
 }
 """Of what field.json holds for the last current; the rest are pure numbers."""
 
-IN_TERMINAL = {
-    "current": "I",
-    "gap_flux_density": "B gap",
-    "flux_linkage": "linkage",
-    "apparent_inductance": "L",
-    "incremental_inductance": "L incr.",
-    "energy": "energy",
-    "copper_loss": "loss",
-}
-"""Columns that the terminal shows, and how they are headed there."""
+IN_TERMINAL = (
+    {
+        "current": "I",
+        "gap_flux_density": "B gap",
+        "flux_linkage": "linkage",
+        "apparent_inductance": "L",
+        "incremental_inductance": "L incr.",
+        "copper_loss": "loss",
+    },
+    {
+        "current": "I",
+        "energy": "energy",
+        "coenergy": "co-energy",
+        **{f"axial_force_{body}": f"F_z {body}" for body in MOVABLE},
+    },
+)
+"""Columns that the terminal shows, and how they are headed there, in tables that fit into 80 letters."""
 
 
 def field_study(
@@ -95,7 +113,7 @@ def field_study(
     Parameters
     ----------
     case : Case
-        A clutch (or a section from CAD) with a coil.
+        A clutch (or a section from CAD) with a coil, with grains or without.
     currents : sequence of float or None
         [A]; None: the largest current of the scene.
     lines : sequence of (r0, z0, r1, z1)
@@ -118,15 +136,15 @@ def field_study(
     OutputError
         The folder is there already.
     """
-    device = build_device(case.scene)
-    coil = device.coil
-    if isinstance(coil, SolidCoilDevice):
-        return solid_field_study(case, coil, currents, lines, out)
-    if coil is None:
+    scene = case.scene
+    if not isinstance(scene.field, CoilField) or not (scene.particles is None or field_is_needed(scene)):
         raise ValueError(
             "the scene has no coil's field to solve: it needs field.source = 'coil' and an effect that samples it, "
             "magnetic_force or dipoles"
         )
+    coil = solved_coil(scene)
+    if isinstance(coil, SolidCoilDevice):
+        return solid_field_study(case, coil, currents, lines, out)
     for line in lines:
         ends = np.array([line[:2], line[2:]])
         if np.any(coil.problem.locator.find(ends)[0] < 0):
@@ -138,7 +156,8 @@ def field_study(
     if folder.exists():
         raise OutputError(f"{folder} exists; name another folder with --out")
     currents = [coil.largest_current] if currents is None else list(currents)
-    phi = device.fill.solid_fraction if case.scene.effects.back_reaction is not None else None
+    amount = None if scene.particles is None else fill_of(coil.shape, scene.particles, scene.scene.seed)
+    phi = None if amount is None or scene.effects.back_reaction is None else amount.solid_fraction
     fill = None if phi is None else coil.uniform_fill(phi)
     folder.mkdir(parents=True)
     series = PvdSeries(folder, "field")
@@ -154,7 +173,7 @@ def field_study(
         except ConvergenceError as error:
             failure = error
             break
-        rows.append(_row(case, device, coil, solution, current, phi, perf_counter() - began))
+        rows.append(_row(case, coil, solution, current, phi, perf_counter() - began))
         cells, at_points, names = field_arrays(solution)
         series.write_field(
             current if growing else float(number),
@@ -170,7 +189,7 @@ def field_study(
     if failure is not None:
         raise failure
     assert solution is not None
-    title = case.scene.scene.title
+    title = scene.scene.title
     at = f"{title}\n{rows[-1]['current']:g} A"
     section_picture(
         folder / "section.png",
@@ -199,7 +218,7 @@ def field_study(
     summary = {
         "units": UNITS | DETAIL_UNITS,
         "currents": rows,
-        "at_last_current": _details(case, device, coil, solution),
+        "at_last_current": _details(case, coil, solution, None if amount is None else amount.solid_fraction),
     }
     (folder / "field.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     return folder
@@ -207,16 +226,17 @@ def field_study(
 
 def tables_of(summary: dict) -> list[Table]:
     """What `field.json` holds, for a terminal: a row a current, and what is known at the last one."""
-    rows = summary["currents"]
-    shown = [name for name in IN_TERMINAL if name in rows[0]]
-    by_current = Table(*(escape(f"{IN_TERMINAL[name]} [{UNITS[name]}]") for name in shown))
-    for row in rows:
-        by_current.add_row(*(f"{row[name]:.4g}" for name in shown))
+    rows, tables = summary["currents"], []
+    for columns in IN_TERMINAL:
+        shown = [name for name in columns if name in rows[0]]
+        tables.append(Table(*(escape(f"{columns[name]} [{UNITS[name]}]") for name in shown)))
+        for row in rows:
+            tables[-1].add_row(*(f"{row[name]:.4g}" for name in shown))
     last = Table("at the last current", "")
     for name, value in summary["at_last_current"].items():
         unit = f" [{DETAIL_UNITS[name]}]" if name in DETAIL_UNITS else ""
         last.add_row(escape(name.replace("_", " ") + unit), escape(_in_words(value)))
-    return [by_current, last]
+    return [*tables, last]
 
 
 def _in_words(value: object) -> str:
@@ -270,7 +290,6 @@ def _quantity(text: str, unit: str) -> float:
 
 def _row(
     case: Case,
-    device: Device,
     coil: CoilDevice,
     solution: MagneticField,
     current: float,
@@ -290,8 +309,10 @@ def _row(
         "residual": solution.newton[-1][0],
         "seconds": seconds,
     }
+    forces = {body: stress_force(solution, regions) for body, regions in movable_bodies(coil, solution)}
+    row |= {f"axial_force_{body}": force for body, force in forces.items() if force is not None}
     if isinstance(coil.shape, Clutch):
-        row["gap_flux_density"] = pole_flux_density(coil.shape, solution, faces=device.shears_faces)
+        row["gap_flux_density"] = pole_flux_density(coil.shape, solution, faces=_at_the_faces(case, coil.shape))
         laws = region_laws(case.scene, coil.mesh)
         powder = {} if phi is None else {"powder": FilledPowder(PowderLaw(grain_law(case.scene)), phi)}
         circuit = clutch_circuit(coil.shape, laws, **powder).solve(solution.ampere_turns)
@@ -305,9 +326,13 @@ def _resistance(case: Case, coil: CoilDevice) -> float:
     return case.scene.coil.resistance_in(coil.shape.coil_area, coil.shape.coil_mean_radius)
 
 
-def _details(case: Case, device: Device, coil: CoilDevice, solution: MagneticField) -> dict:
+def _at_the_faces(case: Case, shape: Clutch) -> bool:
+    """Whether the gap that is meant is that at a clutch's faces."""
+    return shears_faces(shape, "cavity" if case.scene.particles is None else case.scene.particles.region)
+
+
+def _details(case: Case, coil: CoilDevice, solution: MagneticField, phi: float | None) -> dict:
     """What is computed once, at the last current: powder in chains, error estimate, forces, winding, solver."""
-    phi = device.fill.solid_fraction
     details: dict = {
         "powder": powder_in_words(case.scene, phi),
         "unknowns": solution.problem.n_dofs,
@@ -325,62 +350,16 @@ def _details(case: Case, device: Device, coil: CoilDevice, solution: MagneticFie
         details["mesh"] = coil.adapted.summary()
     if solution.ampere_turns == 0.0:
         return details
-    if moments_are_fed_back(case.scene):
+    if phi is not None and moments_are_fed_back(case.scene):
         chains = field_in_chains(coil, phi, solution.ampere_turns / coil.turns, solution)
         if isinstance(coil.shape, Clutch):
-            B = pole_flux_density(coil.shape, chains, faces=device.shears_faces)
+            B = pole_flux_density(coil.shape, chains, faces=_at_the_faces(case, coil.shape))
             details["gap_flux_density_in_chains"] = B
         details["flux_linkage_in_chains"] = coil.turns * chains.flux_linkage_per_turn
-    estimate = estimate_error(solution, [FluxLinkage(), MeanFluxDensity("powder")])
+    estimate = estimate_error(solution, field_goals(coil.mesh))
     details["estimated_relative_error"] = {goal.goal: goal.relative for goal in estimate.goals}
     forces: dict[str, dict] = {"coil (J x B)": {"lorentz": lorentz_force(solution)}}
-    for body in ("disc", "rotor"):
-        regions = regions_of_body(coil, solution, body)
-        if regions:
-            forces[body] = force_on(solution, regions)
+    for body, regions in movable_bodies(coil, solution):
+        forces[body] = force_on(solution, regions)
     details["axial_force"] = forces
     return details
-
-
-def regions_of_body(coil: CoilDevice, solution: MagneticField, body: str) -> list[str]:
-    """Regions that are pulled as one body: those that bear its name, and what turns with it and carries flux.
-
-    Steel covers belong to the rotor that they close; between parts that touch and turn together no force is asked.
-    """
-    problem, chosen = solution.problem, []
-    for name in coil.mesh.regions:
-        named = next((own for own in ("disc", "rotor") if name == own or name.startswith(f"{own}_")), None)
-        if named is None and name not in ("air", problem.coil_region, problem.powder_region):
-            named = None if gives_way(problem, name, solution) else coil.shape.body(name)
-        if named == body:
-            chosen.append(name)
-    return chosen
-
-
-def force_on(solution: MagneticField, regions: Sequence[str]) -> dict:
-    """Axial force [N] on a body through air and powder, and what of it is not to be had, with the reason."""
-    yielding = [name for name in ("powder",) if name in solution.problem.mesh.regions]
-    try:
-        force = axial_force(solution, regions, yielding=yielding)
-    except UndefinedForce as error:
-        return {"regions": list(regions), "not_defined": f"because {error.reason}"}
-    missing = {}
-    # One by one: where the displaced device does not converge, the error estimate may, and the reverse.
-    for part, asked in (("virtual_work", {"virtual_work": True}), ("next_order", {"next_order": True})):
-        try:
-            found = axial_force(solution, regions, yielding=yielding, **asked)
-        except ConvergenceError as error:
-            missing[part] = str(error)
-        else:
-            force = replace(force, **{part: getattr(found, part)})
-    row: dict = {
-        "regions": list(regions),
-        "maxwell_stress": force.maxwell_stress,
-        "virtual_work": force.virtual_work,
-        "error_estimate": force.error,
-    }
-    if "virtual_work" in missing:
-        row["no_virtual_work"] = f"because a displaced solve failed: {missing['virtual_work']}"
-    if "next_order" in missing:
-        row["error_estimate_of_two_shells"] = f"because the solve of the next order failed: {missing['next_order']}"
-    return row

@@ -52,9 +52,9 @@ def frozen_state(case: Case, position: np.ndarray, diameter: np.ndarray | float 
     Raises what field and moments raise where they do not converge.
     """
     device, plan = make_plan(case)
-    d = case.scene.particles.largest_diameter if diameter is None else diameter
+    d = case.scene.grains.largest_diameter if diameter is None else diameter
     radius = 0.5 * np.broadcast_to(np.asarray(d, dtype=float), len(position))
-    grains = Grains.create(np.array(position, dtype=float), np.array(radius), case.scene.particles.density)
+    grains = Grains.create(np.array(position, dtype=float), np.array(radius), case.scene.grains.density)
     simulation = simulation_of(case, device, plan, grains)
     magnetised, source = simulation.magnetised, simulation.source
     if magnetised is None or source is None:

@@ -44,7 +44,7 @@ def draw_missing(folder: RunFolder, case: Case | None = None, *, trust_scripts: 
         refuse_changed_files(case, folder)
         state = run_checkpoint(folder.checkpoint)
         device, plan = make_plan(case)
-        plan = plan.continued(state["steps_per_update"], state["updates"], case.scene.time.end)
+        plan = plan.continued(state["steps_per_update"], state["updates"], case.scene.span.end)
         simulation, _ = restore(case, device, plan, state)
         profiles = profile_average(case.scene, device)
         if profiles is not None:

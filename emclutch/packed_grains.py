@@ -31,7 +31,7 @@ def packed(
     PackingError
         If the grains do not fit.
     """
-    particles, seed = scene.particles, scene.scene.seed
+    particles, seed = scene.grains, scene.scene.seed
     space = Space.of(boxes, walls, sector)
     if particles.packing == "file":
         packing = particles.packing_in_file()
@@ -68,7 +68,7 @@ def settled(scene: Scene, dem: GrainMotion) -> Settling | None:
     particles.packing.settling.NotAtRestError
         If they still move after the longest time.
     """
-    particles = scene.particles
+    particles = scene.grains
     if not particles.settles:
         return None
     with before_the_start(dem):

@@ -91,7 +91,7 @@ class SmearWidth:
     def settings(self, case: Case) -> tuple[float, ...]:
         if not moments_are_fed_back(case.scene):
             return ()
-        widest = narrowest_gap(case.scene) / case.scene.particles.largest_diameter
+        widest = narrowest_gap(case.scene) / case.scene.grains.largest_diameter
         inside = tuple(a for a in case.scene.accuracy.smear if a <= widest)
         return inside if len(inside) > 1 else ()
 
@@ -126,7 +126,7 @@ class ContactStep:
     name = "contact step"
 
     def settings(self, case: Case) -> tuple[float, ...]:
-        return case.scene.accuracy.contact_step if case.scene.time.step is None else ()
+        return case.scene.accuracy.contact_step if case.scene.span.step is None else ()
 
     def turned(self, case: Case, setting: float) -> Case:
         return case.with_values({"time.steps_per_contact": setting})
@@ -150,7 +150,7 @@ def field_at(case: Case, points: np.ndarray) -> tuple[dict[str, float | np.ndarr
     coil = build_coil_device(scene)
     fill = None
     if scene.effects.back_reaction is not None:
-        fill = deposition_of(scene, coil).fill(points, np.full(len(points), scene.particles.grain_volume))
+        fill = deposition_of(scene, coil).fill(points, np.full(len(points), scene.grains.grain_volume))
     solution = coil.solve_at_peak(fill)
     H, grad_H = solution.sampler("powder").sample(points)
     seconds = perf_counter() - begin
@@ -206,7 +206,7 @@ def _turn_all(case: Case, folder: Path, progress) -> None:
     base = case.with_values(quiet)
     turns = [(knob, setting) for knob in KNOBS for setting in knob.settings(base)]
     _say(progress, 0.0, "a short run compiles the kernels")
-    run(base.with_values({"time.end": WARM_UP_WINDOWS * base.scene.time.end}), out=folder / "warm-up")
+    run(base.with_values({"time.end": WARM_UP_WINDOWS * base.scene.span.end}), out=folder / "warm-up")
     points = packed_points(base)
     if has_solved_field(base) and not moments_are_fed_back(base.scene):
         field_at(base, points)
@@ -224,6 +224,7 @@ def _turn_all(case: Case, folder: Path, progress) -> None:
 
 def _refuse_what_has_no_price(case: Case) -> None:
     """Raise SceneError for a scene without the torque to compare, or without a knob to turn."""
+    case.need_grains()
     source = "scene" if case.path is None else str(case.path)
     kind = case.scene.geometry.kind
     if kind == "box":
@@ -231,7 +232,7 @@ def _refuse_what_has_no_price(case: Case) -> None:
         raise SceneError([Fault("geometry.kind", shown(kind), message)], source)
     if not any(knob.settings(case) for knob in KNOBS):
         message = "leaves nothing to vary: the step is fixed and no field is solved; take 'auto'"
-        raise SceneError([Fault("time.step", shown(case.scene.time.step), message)], source)
+        raise SceneError([Fault("time.step", shown(case.scene.span.step), message)], source)
 
 
 def price_table(measured: dict[tuple[str, float], Measurement]):

@@ -123,7 +123,7 @@ def regime_of(scene, device: Device, plan: Plan, expected: ExpectedTorque) -> Re
         switching_time=_switching_time(scene, device, _coil_time(scene, device, plan)),
         slip_power=power,
         heating=None if power is None else power / (device.fill.mass * IRON_HEAT),
-        end=scene.time.end,
+        end=scene.span.end,
     )
 
 

@@ -41,7 +41,7 @@ def may_go_on(case: Case, folder: RunFolder) -> bool:
     if goes_on:
         state = run_checkpoint(folder.checkpoint)
         refuse_other_scene(state["case"], case.toml(), folder.path)
-        refuse_earlier_end(folder, state, case.scene.time.end)
+        refuse_earlier_end(folder, state, case.scene.span.end)
         rows_until(folder.history, checkpoint_time(folder.checkpoint, state["dem"], case.scene.contact.method))
     else:
         refuse_other_scene(folder.read_case(), case.toml(), folder.path)

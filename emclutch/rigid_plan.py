@@ -59,14 +59,14 @@ def plan_rigid(
     ValueError
         If the step asked for is longer than the rules allow and is not insisted upon, or none follows.
     """
-    section, contact, particles = scene.contact.dvi, scene.contact, scene.particles
+    section, contact, particles = scene.contact.dvi, scene.contact, scene.grains
     lightest = particles.density * pi / 6.0 * particles.smallest_diameter**3
     step = choose_rigid_step(
         lightest,
         0.5 * particles.smallest_diameter,
         speed=speed,
         attraction=pair_attraction(M_max, particles.smallest_diameter),
-        dt=scene.time.step if section.step is None else section.step,
+        dt=scene.span.step if section.step is None else section.step,
         insist=section.insist,
     )
     gravity = scene.effects.gravity

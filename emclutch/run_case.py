@@ -99,7 +99,8 @@ def run(
     """
     case = as_case(case)
     target = out or case.scene.output.folder or RunFolder.next_path(case.name)
-    grains = None if start is None or resume else starting_grains(case, start)  # before the lock makes a folder
+    case.need_grains()  # before the lock makes a folder, as the next line
+    grains = None if start is None or resume else starting_grains(case, start)
     stop = threading.Event()
     with _entered(case, target, resume, progress) as (folder, goes_on, compiled, begin):
         if resume and not goes_on and (start := start or folder.grains_from()) is not None:
@@ -212,13 +213,13 @@ def _run(
         input_files=hashed_input_files(scene),
         grains_from=None if grains is None else grains.as_dict(),
     )
-    negligible = 0.0 if scene.time.until is None else scene.time.until.absolute or 0.0
-    conditions = SteadyConditions(scene.time.average_from, device.shear_gap, device.shear_radius, negligible)
+    negligible = 0.0 if scene.span.until is None else scene.span.until.absolute or 0.0
+    conditions = SteadyConditions(scene.span.average_from, device.shear_gap, device.shear_radius, negligible)
     folder.write_plan({"contact": plan.contact_data, "steady_torque": conditions.as_dict(), "decisions": plan.reasons})
     _say(progress, 0.0, f"packing {plan.count} grains")
     if goes_on:
         state = run_checkpoint(folder.checkpoint)
-        plan = plan.continued(state["steps_per_update"], state["updates"], scene.time.end)
+        plan = plan.continued(state["steps_per_update"], state["updates"], scene.span.end)
         simulation, resume_time = restore(case, device, plan, state)
         log.info("resumed at t = %g s, window %d of %d", resume_time, simulation.window, plan.windows)
         if simulation.window < plan.windows:  # of an earlier end: a run that is cut off from here on has no summary
@@ -236,8 +237,8 @@ def _run(
         return stop.is_set() or bool(replicas.failure())
 
     known = None
-    if scene.time.until is not None:
-        known = TorqueKnown(scene.time.until, conditions, replicas, plan.end, is_stopped)
+    if scene.span.until is not None:
+        known = TorqueKnown(scene.span.until, conditions, replicas, plan.end, is_stopped)
     asked = None if callback is None else UserCallback(callback, plan.windows)
 
     def ends_early() -> bool:
@@ -354,7 +355,7 @@ def remedy_in_scene(case: Case, error: Exception) -> str:
         change = f"lower contact.max_overlap = {contact.max_overlap:g} to a quarter, or give {contact.stiffness_key}"
     else:
         change = f"raise {key} = {softer:g} fourfold, or leave it out: it then follows from contact.max_overlap"
-    step = "; time.step too must then be shorter" if case.scene.time.step is not None else ""
+    step = "; time.step too must then be shorter" if case.scene.span.step is not None else ""
     return f". In the scene: {change}{step}. A changed contact needs a new run: take another --out, not --resume"
 
 
@@ -364,8 +365,8 @@ def profile_average(scene, device):
         return None
     from emclutch.profile_average import ProfileAverage  # local: what is off costs nothing
 
-    start = scene.time.average_from
-    return ProfileAverage(device.shape, 0.5 * scene.time.end if start is None else start)
+    start = scene.span.average_from
+    return ProfileAverage(device.shape, 0.5 * scene.span.end if start is None else start)
 
 
 def restore(case, device, plan, state: dict):

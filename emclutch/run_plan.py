@@ -19,7 +19,6 @@ from emclutch.faults import bad_input_for
 from emclutch.machine_speed import MachineSpeed, threads_at_hand
 from emclutch.results.steady_torque import LEAST_STRAIN
 from emclutch.rigid_plan import RigidPlan, plan_rigid
-from emclutch.scene.field_source import CoilField
 from emclutch.scene.grain_smear import moments_are_fed_back, smear_width
 from emclutch.scene.input_files import paths_elsewhere
 from emclutch.scene.replica_count import replica_count
@@ -34,6 +33,7 @@ from particles import CyclicSector, PairLaws
 if TYPE_CHECKING:
     from emclutch.effects_left_out import LeftOut
     from emclutch.expected_torque import ExpectedTorque
+    from emclutch.solid_device import SolidCoilDevice
 
 
 MOST_STEPS = 1e12
@@ -112,7 +112,7 @@ def make_plan(
     """
     scene = case.scene
     device = device or build_device(scene)
-    particles = scene.particles
+    particles = scene.grains
     sector = None if particles.sector is None else CyclicSector(particles.sector)
     fill = device.fill
     where = particles.region if isinstance(device.shape, Clutch) else "space"
@@ -150,7 +150,8 @@ def make_plan(
     per_update, updates, windows = _windows(scene, dt, speed, layers, M_max > 0.0 or field is not None, reasons)
     if moments_are_fed_back(scene) and isinstance(device.coil, CoilDevice):
         reasons["feedback"] = _feedback_in_words(scene, device.coil)
-    _mesh_in_words(scene, device, reasons)
+    if device.coil is not None:
+        reasons["mesh"] = mesh_in_words(device.coil)
     threads = threads or _threads_of_a_replica(scene)
     cost = foretell(scene, device, dt, (per_update, updates, windows), threads, machine)
     _torque_in_words(scene, device, windows * updates * per_update * dt, reasons)
@@ -276,23 +277,27 @@ def _windows(
     return per_update, updates, windows
 
 
-def _mesh_in_words(scene, device: Device, reasons: dict[str, str]) -> None:
+def mesh_in_words(coil: CoilDevice | SolidCoilDevice) -> str:
     """What the field is solved on."""
-    if device.coil is not None and not isinstance(device.coil, CoilDevice):
-        solid = device.coil
-        reasons["mesh"] = (
-            f"in space, for the slots: {len(solid.mesh.tetrahedra)} tetrahedra in 1/{solid.mesh.n_sectors} of the "
-            "ring, "
-            f"{solid.problem.n_dofs} unknowns; coil of {solid.turns:.0f} turns; {solid.problem.linear_solver}"
+    if not isinstance(coil, CoilDevice):
+        return (
+            f"in space, for the slots: {len(coil.mesh.tetrahedra)} tetrahedra in 1/{coil.mesh.n_sectors} of the ring, "
+            f"{coil.problem.n_dofs} unknowns; coil of {coil.turns:.0f} turns; {coil.problem.linear_solver}"
         )
-    elif device.coil is not None and isinstance(scene.field, CoilField):
-        reasons["mesh"] = (
-            f"{len(device.coil.mesh.triangles)} triangles, {device.coil.problem.n_dofs} unknowns of order "
-            f"{scene.field.order}; coil of {device.coil.turns:.0f} turns; "
-            f"{describe_backend(device.coil.problem.factorisation_backend)}"
-        )
-        if device.coil.adapted is not None:
-            reasons["mesh"] += f"; {device.coil.adapted.summary()}"
+    text = (
+        f"{len(coil.mesh.triangles)} triangles, {coil.problem.n_dofs} unknowns of order {coil.problem.elements.order}; "
+        f"coil of {coil.turns:.0f} turns; {describe_backend(coil.problem.factorisation_backend)}"
+    )
+    return text if coil.adapted is None else f"{text}; {coil.adapted.summary()}"
+
+
+def paths_in_words(case: Case) -> dict[str, str]:
+    """What of the scene lies outside its folder; nothing where all lies within."""
+    elsewhere = paths_elsewhere(case.scene, case.data, Path() if case.path is None else case.path.parent)
+    if not elsewhere:
+        return {}
+    named = ", ".join(f"{key} = {path}" for key, path in elsewhere.items())
+    return {"paths": f"outside the scene's folder: {named}"}
 
 
 def plan(case: Case | str | Path, threads: int | None = None) -> Plan:
@@ -302,6 +307,7 @@ def plan(case: Case | str | Path, threads: int | None = None) -> Plan:
     Raises SceneError where the scene has faults, or its own step or stiffness cannot be.
     """
     case = as_case(case)
+    case.need_grains()
     with bad_input_for(case.path):
         return make_plan(case, threads=threads)[1]
 
@@ -343,9 +349,14 @@ def check(case: Case | str | Path, threads: int | None = None) -> Checked:
 def _check(case: Case, threads: int | None) -> Checked:
     from emclutch.coil_heat import coil_heat_in_words  # local, as the next two: a run does not need them
     from emclutch.effects_left_out import left_out
-    from emclutch.expected_torque import expected_torque
+    from emclutch.expected_torque import ExpectedTorque, expected_torque
 
     scene = case.scene
+    if scene.particles is None:
+        from emclutch.field_plan import field_plan  # local: as the next
+
+        none = ExpectedTorque(None, law="the scene has no grains")
+        return Checked(scene.scene.title, scene.effects.active, case.warnings, field_plan(case), (), none)
     device, made = make_plan(case, threads=threads)
     B_max = 0.0
     if isinstance(made.peak_field, MagneticField) and isinstance(device.coil, CoilDevice):
@@ -379,9 +390,6 @@ def _check(case: Case, threads: int | None) -> Checked:
         made.reasons["copper"] = coil_heat_in_words(scene, device.coil, device.coil.shape)
     expected = expected_torque(scene, device, made.peak_field)
     made.reasons["expected torque"] = expected.in_words()
-    elsewhere = paths_elsewhere(scene, case.data, Path() if case.path is None else case.path.parent)
-    if elsewhere:
-        named = ", ".join(f"{key} = {path}" for key, path in elsewhere.items())
-        made.reasons["paths"] = f"outside the scene's folder: {named}"
+    made.reasons.update(paths_in_words(case))
     title, effects, missing = scene.scene.title, scene.effects.active, left_out(scene, device, made, expected)
     return Checked(title, effects, case.warnings, made.reasons, tuple(missing), expected)

@@ -256,14 +256,14 @@ class _StudyRun:
             self.table.set_running(number)
         reached = last_time(folder.history)
         if reached is not None:
-            self.table.set_fraction(number, reached / self.points[number][1].scene.time.end)
+            self.table.set_fraction(number, reached / self.points[number][1].scene.span.end)
 
 
 def _goes_on(case: Case, point: PointFolder, resume: bool) -> bool:
     """Whether a point goes on from its checkpoint; what lies there without one is put aside."""
     name = point.path.name
     if resume and RunFolder(point.path).checkpoint.is_file():
-        log.info("%s goes on from its checkpoint to t = %g s", name, case.scene.time.end)
+        log.info("%s goes on from its checkpoint to t = %g s", name, case.scene.span.end)
         return True
     if point.path.is_dir() and has_files(point.path):
         aside = set_aside(point.path)

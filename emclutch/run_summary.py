@@ -49,8 +49,8 @@ def summarise(
         summary["torque"] = torque.as_dict()
         if others:
             summary["replicas"] = replicas_summary(case, (history, *others), torque)
-        if case.scene.time.until is not None:
-            summary["until"] = how_it_ended(torque, case.scene.time.until, history)
+        if case.scene.span.until is not None:
+            summary["until"] = how_it_ended(torque, case.scene.span.until, history)
     if simulation.motion.bodies and any(body.is_free for body in simulation.motion.bodies):
         summary["lock_up_time"] = lock_up_time(history)
     if isinstance(simulation.source, (CoilField, SolidCoilField)):

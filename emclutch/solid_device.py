@@ -68,7 +68,7 @@ def build_solid_coil_device(scene: Scene) -> SolidCoilDevice:
         mesh,
         problem,
         source.newton_tolerance,
-        boxes_to_fill(shape, scene.particles.region),
+        [] if scene.particles is None else boxes_to_fill(shape, scene.particles.region),
         "disc" if shape.disc_slots is not None else "rotor",
     )
 
@@ -79,7 +79,8 @@ def gap_flux_density(device: SolidCoilDevice, solution: SolidField, count: int =
     Where only the face gaps are filled, on the middle of one of them.
     """
     shape = device.shape
-    if all(box.r1 <= shape.disc_radius for box in device.powder_boxes):
+    boxes = device.powder_boxes
+    if boxes and all(box.r1 <= shape.disc_radius for box in boxes):
         line = shape.face_midline(count)
     else:
         line = shape.gap_midline(count)

@@ -93,7 +93,7 @@ def row_of(values: dict[str, Any], case: Case, result: Result) -> dict[str, Any]
     """A point's row of `study.csv`."""
     torque, summary = result.torque, result.summary
     low, high = torque.interval() or (None, None)
-    row = {**values, "end_time": case.scene.time.end}  # [s]; of points that are kept, too: others are continued
+    row = {**values, "end_time": case.scene.span.end}  # [s]; of points that are kept, too: others are continued
     if "current" in summary:
         row["current"] = summary["current"]
     row |= {

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from emclutch.faults import Fault
 from emclutch.scene.draft import Draft, size_key
+from emclutch.scene.field_source import CoilField
 from emclutch.scene.fill import fill_of
 from emclutch.scene.geometry import BoxGeometry, CadGeometry, ClutchGeometry
 from emclutch.scene.grains import MOST_GRAINS
@@ -27,6 +28,7 @@ from emclutch.scene.sector_checks import (
     sector_in_field,
     sector_in_geometry,
     sector_in_gravity,
+    sector_in_slots,
     sector_in_surfaces,
     sector_width,
 )
@@ -42,12 +44,39 @@ Check = Callable[[Draft], Iterator[Fault]]
 
 
 def faults_between_sections(draft: Draft) -> list[Fault]:
-    """Run every check whose sections are right."""
-    return [fault for check, sections in CHECKS if not draft.broken & set(sections) for fault in check(draft)]
+    """Run every check whose sections are right, and there."""
+    void = draft.broken | {name for name in ("particles", "time") if getattr(draft.scene, name) is None}
+    return [fault for check, sections in CHECKS if not void & set(sections) for fault in check(draft)]
+
+
+def _field_alone(draft: Draft) -> Iterator[Fault]:
+    """A scene without grains has a coil's field to solve, and nothing that acts on grains."""
+    scene = draft.scene
+    if not draft.is_of_the_field_alone:
+        if scene.time is None and "time" not in draft.broken:
+            yield Fault("time", "", "is missing; add the section [time]")
+        return
+    if scene.effects.active or "effects" in draft.broken:
+        names = ", ".join(f"[effects.{name}]" for name in scene.effects.active)
+        yield Fault(
+            "particles",
+            "",
+            f"is missing beside {names or '[effects]'}; add the section [particles], or, for the field alone, remove "
+            "the tables of the effects",
+        )
+    elif not isinstance(scene.field, CoilField) and "field" not in draft.broken:
+        yield Fault(
+            "particles",
+            "",
+            "is missing; add the section [particles]; without it a scene is of the field of a coil alone, which needs "
+            "[field] source = 'coil', [coil], and geometry.kind = 'clutch', 'drum' or 'cad'",
+        )
 
 
 def _shape(draft: Draft) -> Iterator[Fault]:
-    """The shape itself, and that a grain fits into it."""
+    """The shape itself, and that a grain fits into it; a drawing without grains may be any."""
+    if draft.is_of_the_field_alone and isinstance(draft.scene.geometry, CadGeometry):
+        return
     particles = draft.scene.particles
     for fault in _faults_of_shape(draft, None if particles is None else particles.largest_diameter):
         message = f"cannot be: {fault.message}".replace("`", "")
@@ -195,6 +224,7 @@ def _replicas(draft: Draft) -> Iterator[Fault]:
 
 # What a check needs is right: a section as a whole, or of the geometry no more than the kind and the materials.
 CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
+    (_field_alone, ()),
     (_shape, (GEOMETRY_KIND,)),
     (materials, (GEOMETRY_KIND, "materials")),
     (field_source, (GEOMETRY_KIND, "field")),
@@ -213,7 +243,8 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (needs_of_moments, ("effects", "particles")),
     (room_for_the_smear, ("geometry", "particles", "effects", "field")),
     (coil_transients, ("effects", "coil", "field", GEOMETRY_KIND, "materials")),
-    (slots, (GEOMETRY_KIND, "effects", "field", "particles")),
+    (slots, (GEOMETRY_KIND, "effects", "field")),
+    (sector_in_slots, (GEOMETRY_KIND, "field", "particles")),
     (_motion, (GEOMETRY_KIND, "motion", "surfaces")),
     (_accuracy, ("accuracy", "time")),
     (_replicas, (GEOMETRY_KIND, "accuracy", "time", "particles")),

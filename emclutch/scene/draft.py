@@ -22,6 +22,11 @@ class Draft:
     broken: frozenset[str]
     of_geometry: frozenset[str] = frozenset()
 
+    @property
+    def is_of_the_field_alone(self) -> bool:
+        """Whether the scene has no [particles]; one whose [particles] are faulty has."""
+        return self.scene.particles is None and "particles" not in self.broken
+
     def fault(self, key: str, message: str) -> Fault:
         """Return a fault that shows the user's entry at the key."""
         entry = entry_at(self.data, key.split("."))

@@ -43,8 +43,8 @@ def narrowest_gap(scene: Scene) -> float:
     shape = scene.shape()
     if isinstance(shape, ShearCell):
         return shape.outer_radius - shape.inner_radius
-    if isinstance(shape, Clutch) and scene.particles.region not in AT_RIM:
-        return shape.face_gap if scene.particles.region == "faces" else min(shape.gap, shape.face_gap)
+    if isinstance(shape, Clutch) and scene.grains.region not in AT_RIM:
+        return shape.face_gap if scene.grains.region == "faces" else min(shape.gap, shape.face_gap)
     assert isinstance(shape, (Clutch, CadShape))  # by the schema: nothing else has a field that is solved
     return shape.gap
 
@@ -52,7 +52,7 @@ def narrowest_gap(scene: Scene) -> float:
 def smear_width(scene: Scene) -> float:
     """Width a [m]: the dipoles' cut-off, but not more than the gap, whose two faces would else fold one grain back."""
     assert scene.effects.dipoles is not None  # see the two functions above
-    return min(scene.effects.dipoles.cutoff * scene.particles.largest_diameter, narrowest_gap(scene))
+    return min(scene.effects.dipoles.cutoff * scene.grains.largest_diameter, narrowest_gap(scene))
 
 
 def element_layers(scene: Scene, asked: int) -> int:

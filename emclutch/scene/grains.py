@@ -28,7 +28,11 @@ _AMOUNTS = ("mass", "solid_fraction", "count")
 
 
 class Particles(Section):
-    """Spheres; their amount: mass or solid fraction of the whole device, or the simulated count."""
+    """Spheres; their amount: mass or solid fraction of the whole device, or the simulated count.
+
+    Without this section, and without effects, the scene is of the coil's field alone: `emclutch check`, `field` and
+    `mesh` take it, with `[geometry]`, `[coil]` and `[field]`; a run refuses it.
+    """
 
     diameter: Length | None = Field(default=None, description="diameter of equal grains; or sizes")
     sizes: Sizes | None = Field(default=None, description="distribution of diameters, instead of diameter")

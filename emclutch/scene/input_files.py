@@ -20,10 +20,11 @@ def input_files(scene: Scene) -> dict[str, Path]:
     files = {f"surfaces.{name}.file": Path(surface.file) for name, surface in scene.surfaces.items()}
     if isinstance(scene.geometry, CadGeometry):
         files["geometry.file"] = Path(scene.geometry.file)
-    if scene.particles.packing_file is not None:
-        files["particles.packing_file"] = Path(scene.particles.packing_file)
-    if isinstance(scene.particles.sizes, DiametersOfFile):
-        files["particles.sizes.file"] = Path(scene.particles.sizes.file)
+    particles = scene.particles
+    if particles is not None and particles.packing_file is not None:
+        files["particles.packing_file"] = Path(particles.packing_file)
+    if particles is not None and isinstance(particles.sizes, DiametersOfFile):
+        files["particles.sizes.file"] = Path(particles.sizes.file)
     return dict(sorted(files.items()))
 
 

@@ -29,7 +29,12 @@ def warnings_of(scene: Any) -> Iterator[str]:
         yield f"[coil] is not used: a device of geometry.kind = '{kind}' has none; remove the table"
     elif scene.coil is not None and not isinstance(scene.field, CoilField):
         yield "[coil] is not used: that needs [field] with source = 'coil'"
-    if scene.field is not None and not magnetic:
+    if scene.particles is None:
+        idle = [name for name in ("surfaces", "contact", "motion", "time") if _is_told(scene, name)]
+        if idle:
+            names = ", ".join(f"[{name}]" for name in idle)
+            yield f"without [particles] the scene is of the field alone, which does not use {names}"
+    elif scene.field is not None and not magnetic:
         yield "[field] moves no grain: that needs [effects.dipoles] or [effects.magnetic_force]"
     slotted = [name for name in ("disc_slots", "rotor_slots") if getattr(scene.geometry, name, None) is not None]
     if effects.wall_images is not None and slotted:
@@ -60,3 +65,8 @@ def warnings_of(scene: Any) -> Iterator[str]:
         if drop > 1.01 * coil.voltage:  # rounded data of a type plate agree within a percent
             yield f"coil.current needs {drop:.4g} V, more than coil.voltage = {coil.voltage:g} V"
     yield from unusual_entries(scene)
+
+
+def _is_told(scene: Any, name: str) -> bool:
+    """Whether a section says anything; a resolved scene has the defaults written out."""
+    return getattr(scene, name) != type(scene).model_fields[name].default

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 from emclutch.faults import Fault
@@ -64,6 +63,8 @@ def field_source(draft: Draft) -> Iterator[Fault]:
 def needs_of_effects(draft: Draft) -> Iterator[Fault]:
     """Magnetic effects need a field, and some need each other."""
     effects, has_field = draft.scene.effects, "field" in draft.data
+    if has_field and draft.is_of_the_field_alone:
+        return  # such a scene has no effects, which is told
     magnetic = effects.magnetic_force is not None or effects.dipoles is not None
     for name in ("magnetic_force", "dipoles", "back_reaction"):
         if getattr(effects, name) is not None and not has_field:
@@ -186,7 +187,7 @@ def coil_transients(draft: Draft) -> Iterator[Fault]:
     magnetic = effects.magnetic_force is not None or effects.dipoles is not None
     coil, solved = draft.scene.coil, isinstance(draft.scene.field, CoilField)
     for name in ("coil_circuit", "eddy_currents"):
-        if getattr(effects, name) is not None and not (solved and magnetic):
+        if getattr(effects, name) is not None and not (solved and magnetic) and not draft.is_of_the_field_alone:
             yield Fault(
                 f"effects.{name}",
                 "",
@@ -224,7 +225,6 @@ def _materials_in_use(draft: Draft) -> set[str]:
 
 
 def slots(draft: Draft) -> Iterator[Fault]:
-    """What slots need of field, effects and sector."""
     """What a field in space cannot do, or not yet."""
     geometry, effects = draft.scene.geometry, draft.scene.effects
     if not isinstance(geometry, ClutchGeometry) or not isinstance(draft.scene.field, CoilField):
@@ -255,13 +255,3 @@ def slots(draft: Draft) -> Iterator[Fault]:
             "field.size_factor", f"is too fine for a field in space, which {key} asks for; allowed: at least "
             f"{LEAST_SIZE_IN_SPACE:g}"
         )  # fmt: skip
-    sector = draft.scene.particles.sector
-    if sector is not None and len(slotted) == 1:
-        pitches = sector * slotted[next(iter(slotted))].count / (2.0 * math.pi)
-        if abs(pitches - round(pitches)) > 1e-6 or round(pitches) < 1:
-            pitch = 360.0 / slotted[next(iter(slotted))].count
-            yield draft.fault(
-                "particles.sector",
-                f"is {pitches:.4g} pitches of {key}; the field repeats every pitch only: take '{pitch:.10g} deg' or a "
-                "multiple, or another count of slots",
-            )

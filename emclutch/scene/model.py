@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import AfterValidator, Field, StringConstraints
 
+from emclutch.faults import Fault, SceneError
 from emclutch.scene.coil import Coil
 from emclutch.scene.contact import Contact
 from emclutch.scene.effects import Effects
@@ -34,6 +35,14 @@ def _one_line(title: str) -> str:
     return title
 
 
+NO_GRAINS = Fault(
+    "particles",
+    "",
+    "is missing: the scene is of the field alone, and what is asked for moves grains; add [particles], with [time] and "
+    "the effects that act on grains, or solve the field: emclutch field",
+)
+
+
 class Header(Section):
     """[scene]: what the scene is."""
 
@@ -43,7 +52,10 @@ class Header(Section):
 
 
 class Scene(Section):
-    """A scene of an electromagnetic particle clutch. Quantities: text with a unit, or a bare SI number."""
+    """A scene of an electromagnetic particle clutch. Quantities: text with a unit, or a bare SI number.
+
+    Without [particles] it is of the field alone, that of its coil: commands that move grains refuse it.
+    """
 
     scene: Header
     geometry: Geometry
@@ -51,13 +63,27 @@ class Scene(Section):
     surfaces: dict[_Name, Surface] = Field(default={}, description="surfaces from files that grains touch as well")
     coil: Coil | None = None
     field: FieldSource | None = None
-    particles: Particles
+    particles: Particles | None = None
     contact: Contact = Contact()
     motion: Motion = Motion()
     effects: Effects = Effects()
-    time: TimeSpan
+    time: TimeSpan | None = None
     accuracy: Accuracy = Accuracy()
     output: Output = Output()
+
+    @property
+    def grains(self) -> Particles:
+        """[particles], where grains are asked for; SceneError in a scene of the field alone."""
+        if self.particles is None:
+            raise SceneError([NO_GRAINS])
+        return self.particles
+
+    @property
+    def span(self) -> TimeSpan:
+        """[time], where grains move; SceneError in a scene of the field alone."""
+        if self.time is None:
+            raise SceneError([NO_GRAINS])
+        return self.time
 
     def shape(self) -> Clutch | CadShape | ShearCell | CentrifugalClutch | Box:
         """Return the device's shape, for meshing, walls and volumes."""

@@ -38,7 +38,7 @@ def has_steady_torque(scene: Scene) -> bool:
 
 def packs_alike(scene: Scene) -> bool:
     """Whether the seed has no part in where the grains begin."""
-    particles = scene.particles
+    particles = scene.grains
     if particles.packing == "file":
         return True
     return particles.packing == "lattice" and particles.noise == 0.0 and particles.sizes is None

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from emclutch.faults import Fault, shown
 from emclutch.scene.draft import Draft, size_key
-from emclutch.scene.field_source import UniformField
+from emclutch.scene.field_source import CoilField, UniformField
 from emclutch.scene.fill import fill_of
 from emclutch.scene.geometry import BoxGeometry, CadGeometry, CentrifugalGeometry, ClutchGeometry
 from emclutch.scene.grain_smear import moments_are_fed_back, smear_width
@@ -61,6 +61,24 @@ def sector_in_field(draft: Draft) -> Iterator[Fault]:
         yield draft.fault(
             "field.direction",
             "turns from sector to sector; with particles.sector take 'axial' or 'radial', or remove particles.sector",
+        )
+
+
+def sector_in_slots(draft: Draft) -> Iterator[Fault]:
+    """The field of a body with slots repeats every pitch only."""
+    geometry, sector = draft.scene.geometry, draft.scene.particles.sector
+    if sector is None or not isinstance(geometry, ClutchGeometry) or not isinstance(draft.scene.field, CoilField):
+        return
+    slotted = {key: s for key in ("disc_slots", "rotor_slots") if (s := getattr(geometry, key)) is not None}
+    if len(slotted) != 1:
+        return
+    ((key, slots),) = slotted.items()
+    pitches = sector * slots.count / (2.0 * math.pi)
+    if abs(pitches - round(pitches)) > 1e-6 or round(pitches) < 1:
+        yield draft.fault(
+            "particles.sector",
+            f"is {pitches:.4g} pitches of geometry.{key}; the field repeats every pitch only: take "
+            f"'{360.0 / slots.count:.10g} deg' or a multiple, or another count of slots",
         )
 
 

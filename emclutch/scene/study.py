@@ -16,7 +16,7 @@ from pydantic import BeforeValidator, Field, PrivateAttr, ValidationError
 from emclutch.case import Case, case_from, load_case, read_toml, removes
 from emclutch.faults import Fault, SceneError, shown
 from emclutch.scene.fault_report import faults_from, key_fault
-from emclutch.scene.model import Scene
+from emclutch.scene.model import NO_GRAINS, Scene
 from emclutch.scene.section import Section
 
 MOST_POINTS = 10_000
@@ -201,8 +201,9 @@ def _faults_of_points(study: Study) -> list[Fault]:
         except SceneError as error:
             found = error.faults
         else:
-            is_kept = point is None or study.warm_start is None or case.scene.output.checkpoint
-            found = () if is_kept else (NO_CHECKPOINT,)
+            found = () if point is None or case.scene.particles is not None else (NO_GRAINS,)
+            if point is not None and study.warm_start is not None and not case.scene.output.checkpoint:
+                found += (NO_CHECKPOINT,)
         where = f"in {study.case}" if point is None else _in_words(point or valid.set)
         for fault in found:
             faults.setdefault(fault, where)

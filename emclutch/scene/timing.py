@@ -12,7 +12,10 @@ from emclutch.units import Instant, Time, number
 
 
 class TimeSpan(Section):
-    """End of the simulation, coupling window and step of the grains; None is chosen by the program."""
+    """End of the simulation, coupling window and step of the grains; None is chosen by the program.
+
+    Required beside `[particles]`.
+    """
 
     end: Time = Field(description="end of the simulation; with `until` the latest")
     until: TorqueTarget | None = Field(

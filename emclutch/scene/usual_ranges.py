@@ -71,8 +71,9 @@ def unusual_entries(scene: Any) -> Iterator[str]:
     entries: list[tuple[UsualRange, str, float | None]] = [
         (RESTITUTION, "contact.restitution", contact.restitution),
         (RESTITUTION, "contact.wall_restitution", contact.wall_restitution),
-        (DENSITY, "particles.density", scene.particles.density),
     ]
+    if scene.particles is not None:
+        entries.append((DENSITY, "particles.density", scene.particles.density))
     entries += [
         (FRICTION, f"contact.{key}", value)
         for key in ("friction", "wall_friction")
