@@ -24,6 +24,7 @@ from emclutch.command_options import (
     AsMarkdown,
     CaseFile,
     Chi,
+    ColourBy,
     Confirm,
     Currents,
     CurvePicture,
@@ -39,20 +40,26 @@ from emclutch.command_options import (
     Jobs,
     Like,
     Lines,
+    Look,
     MaterialNames,
     Measured,
+    Moment,
+    Movie,
     NewFile,
     NewPicture,
     NewScene,
     Out,
     PairForceAsked,
+    ParaViewAsked,
     PowderName,
     ResultPath,
     Resume,
+    RunPath,
     RunPaths,
     RunSource,
     Saturation,
     SceneKind,
+    Screenshot,
     Seeds,
     Sets,
     SpeedsAsked,
@@ -252,6 +259,30 @@ def plot(
             folders, kind, measured=measured, out=out, trust_scripts=trust_scripts, tell=typer.echo
         )
         typer.echo(str(picture))
+
+
+@app.command()
+def view(
+    folder: RunPath,
+    look: Look = None,
+    colour: ColourBy = None,
+    time: Moment = None,
+    screenshot: Screenshot = None,
+    movie: Movie = None,
+    paraview: ParaViewAsked = False,
+) -> None:
+    """Show a run in space: in a window, as a picture or a movie, or in ParaView."""
+    with explained():
+        from emclutch import view_command as viewed
+
+        if paraview:
+            if (look, colour, time, screenshot, movie) != (None,) * 5:
+                message = "has its choices at the head of the script and as options of pvbatch; name the run alone"
+                raise SceneError([Fault("--paraview", "", message)], "command line")
+            typer.echo(viewed.open_in_paraview(folder))
+            return
+        for path in viewed.view_run(folder, look=look, colour=colour, time=time, screenshot=screenshot, movie=movie):
+            typer.echo(str(path))
 
 
 @app.command()

@@ -12,6 +12,7 @@ RunSource = Annotated[
 ]
 CaseFile = Annotated[Path, typer.Argument(metavar="CASE", help="scene file (.toml)")]
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="study file (.toml)")]
+RunPath = Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run")]
 ResultPath = Annotated[Path, typer.Argument(metavar="RUN|STUDY", help="folder of a run, or of a study")]
 AsHtml = Annotated[bool, typer.Option("--html", help="one page with its pictures inside; default: report.html there")]
 RunPaths = Annotated[list[Path], typer.Argument(metavar="RUN...", help="folders of runs, or of studies")]
@@ -21,6 +22,23 @@ ExportFormat = Annotated[str, typer.Option("--to", metavar="FORMAT", help="csv, 
 Measured = Annotated[
     Path | None,
     typer.Option("--measured", metavar="FILE", help="CSV to lay over --speeds: time [s], then speeds [rpm], named"),
+]
+Look = Annotated[
+    str | None,
+    typer.Option("--look", metavar="WHAT", help="gap (grains before the field), chains (of force), device"),
+]
+ColourBy = Annotated[
+    str | None,
+    typer.Option("--colour", metavar="WHAT", help="grains: speed, spin, force, magnetic-force, moment, contacts"),
+]
+Moment = Annotated[str | None, typer.Option("--time", metavar="T", help="moment: '5 ms'; default: the last")]
+Screenshot = Annotated[Path | None, typer.Option("--screenshot", metavar="FILE", help="new picture (.png), no window")]
+Movie = Annotated[
+    Path | None,
+    typer.Option("--movie", metavar="FILE", help="new movie of all moments (.gif, .mp4), no window"),
+]
+ParaViewAsked = Annotated[
+    bool, typer.Option("--paraview", help="write the run's paraview.py where it has none, and start ParaView with it")
 ]
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="new folder for the results")]
 Currents = Annotated[

@@ -36,7 +36,7 @@ WINDOW_BYTES = 2000.0  # a row of the history: some sixty columns as numbers and
 # unknown of the checkpoint; the rest
 FRAME_BYTES = {"vtk": 260.0, "hdf5": 120.0}
 HISTORY_BYTES, OBSERVABLES_BYTES = 800.0, 1200.0
-FIELD_BYTES, CHECKPOINT_BYTES, UNKNOWN_CHECKPOINT_BYTES, REST_MIB = 29.0, 1200.0, 30.0, 3.0
+FIELD_BYTES, CHECKPOINT_BYTES, UNKNOWN_CHECKPOINT_BYTES, REST_MIB = 39.0, 1200.0, 30.0, 3.0
 
 
 @dataclass(frozen=True, slots=True)

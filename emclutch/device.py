@@ -183,6 +183,14 @@ def field_is_needed(scene: Scene) -> bool:
     return scene.effects.magnetic_force is not None or scene.effects.dipoles is not None
 
 
+def field_in_space(scene: Scene) -> bool:
+    """Whether the coil's field is solved in space: slots in a clutch, or solids of any shape from CAD."""
+    shape = scene.shape()
+    if isinstance(scene.geometry, CadGeometry):
+        return scene.geometry.in_space
+    return isinstance(shape, Clutch) and not shape.axisymmetric
+
+
 def build_device(scene: Scene) -> Device:
     """Shape, mesh and materials of a scene with grains; no mesh is made when no effect needs the field."""
     shape, particles = scene.shape(), scene.grains
@@ -201,8 +209,7 @@ def solved_coil(scene: Scene) -> CoilDevice | SolidCoilDevice:
     """Mesh, materials and coil of a device whose field is solved, with grains in it or without, in its section or in
     space.
     """
-    shape = scene.shape()
-    if isinstance(shape, Clutch) and not shape.axisymmetric:
+    if field_in_space(scene):
         from emclutch.solid_device import build_solid_coil_device  # local: most scenes need no field in space
 
         return build_solid_coil_device(scene)

@@ -60,7 +60,7 @@ class FieldResult:
 def field(
     case: Case | str | Path,
     currents: float | Sequence[float] | None = None,
-    lines: Sequence[tuple[float, float, float, float]] = (),
+    lines: Sequence[tuple[float, ...]] = (),
     out: str | Path | None = None,
 ) -> FieldResult:
     """Solve the field alone, the powder spread evenly, and write it into a new folder.
@@ -69,7 +69,8 @@ def field(
     ----------
     case : Case, or the path of a scene file, with a coil
     currents : one or several [A]; default: the largest of the scene.
-    lines : straight lines (r0, z0, r1, z1) [m] along which B and H are wanted at the last current.
+    lines : straight lines (r0, z0, r1, z1) [m] along which B and H are wanted at the last current; of a device that is
+        solved in space (x0, y0, z0, x1, y1, z1).
     out : new folder; default: the next runs/<case>-field-<nnn>.
 
     Raises

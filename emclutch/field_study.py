@@ -105,7 +105,7 @@ IN_TERMINAL = (
 def field_study(
     case: Case,
     currents: Sequence[float] | None = None,
-    lines: Sequence[tuple[float, float, float, float]] = (),
+    lines: Sequence[tuple[float, ...]] = (),
     out: str | Path | None = None,
 ) -> Path:
     """Solve the scene's field and write what it gives into a new folder.
@@ -117,7 +117,8 @@ def field_study(
     currents : sequence of float or None
         [A]; None: the largest current of the scene.
     lines : sequence of (r0, z0, r1, z1)
-        Straight lines [m] along which B and H are written, at the last current.
+        Straight lines [m] along which B and H are written, at the last current; of a field in space also
+        (x0, y0, z0, x1, y1, z1).
     out : str, Path or None
         New folder; None: the next runs/<case>-field-<nnn>.
 
@@ -146,6 +147,8 @@ def field_study(
     if isinstance(coil, SolidCoilDevice):
         return solid_field_study(case, coil, currents, lines, out)
     for line in lines:
+        if len(line) != 4:
+            raise ValueError(f"the line {line} m lies in space, and this field in a section; write r0, z0, r1, z1")
         ends = np.array([line[:2], line[2:]])
         if np.any(coil.problem.locator.find(ends)[0] < 0):
             raise ValueError(
@@ -174,14 +177,14 @@ def field_study(
             failure = error
             break
         rows.append(_row(case, coil, solution, current, phi, perf_counter() - began))
-        cells, at_points, names = field_arrays(solution)
+        section = field_arrays(solution)
         series.write_field(
             current if growing else float(number),
-            solution.problem.mesh.points,
-            solution.problem.mesh.triangles,
-            cell_arrays=cells,
-            point_arrays=at_points,
-            region_names=names,
+            section.points,
+            section.triangles,
+            cell_arrays=section.cell_arrays,
+            point_arrays=section.point_arrays,
+            region_names=section.region_names,
         )
         began = perf_counter()
     table = pandas.DataFrame(rows)
@@ -265,13 +268,15 @@ def read_currents(text: str) -> list[float]:
     return [_quantity(part, "A") for part in text.split(",")]
 
 
-def read_line(text: str) -> tuple[float, float, float, float]:
-    """r0, z0, r1, z1 [m] of a line from ``44 mm, 0 mm, 46 mm, 0 mm``; ValueError with what was expected."""
+def read_line(text: str) -> tuple[float, ...]:
+    """Ends of a line [m], of ``44 mm, 0 mm, 46 mm, 0 mm`` or in space; ValueError with what was expected."""
     parts = text.split(",")
-    if len(parts) != 4:
-        raise ValueError(f"{text!r} is no line; write r0, z0, r1, z1, e.g. '44 mm, 0 mm, 46 mm, 0 mm'")
-    r0, z0, r1, z1 = (_quantity(part, "m") for part in parts)
-    return r0, z0, r1, z1
+    if len(parts) not in (4, 6):
+        raise ValueError(
+            f"{text!r} is no line; write r0, z0, r1, z1, e.g. '44 mm, 0 mm, 46 mm, 0 mm' (a field in space: also "
+            "x0, y0, z0, x1, y1, z1)"
+        )
+    return tuple(_quantity(part, "m") for part in parts)
 
 
 _ENTRIES = {"A": Quantity("a current", "A", "0.5 A"), "m": Quantity("a length", "m", "44 mm")}

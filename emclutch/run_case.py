@@ -254,6 +254,8 @@ def _run(
         resume_time,
         ends_early,
     )
+    if resume_time is None:
+        snapshots.begin(simulation)
 
     def checkpoint(simulation, row) -> bool:
         nonlocal last_save

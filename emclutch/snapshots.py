@@ -14,6 +14,8 @@ from emclutch.results import HistoryWriter, RunFolder
 from emclutch.results.checkpoint import write_checkpoint
 from emclutch.results.record import Record
 from emclutch.results.vtk_series import PvdSeries
+from emclutch.view.paraview_script import write_script
+from emclutch.view.run_files import read_run_files
 from particles import GrainMotion
 
 if TYPE_CHECKING:
@@ -57,6 +59,8 @@ class Snapshots:
                 name: PvdSeries(folder.path, name, resume_time=resume_time)
                 for name in ("particles", "field", "walls", "contacts")
             }
+        self._folder = folder.path
+        self._script_is_due = bool(self._series)
         self.record = None
         if "hdf5" in formats:
             self.record = Record.open(
@@ -67,14 +71,33 @@ class Snapshots:
                 resume_time=resume_time,
             )
 
+    def begin(self, simulation: Simulation) -> None:
+        """Write the frame of t = 0: the grains as they were packed; no force has acted yet.
+
+        Forces of the contacts are not asked for: without a field the step would be compiled once more.
+        """
+        if self._at:
+            count = simulation.motion.grains.count
+            self._write_grains(simulation, np.zeros(count, dtype=np.int64), (np.zeros((0, 3)),) * 3)
+
     def __call__(self, simulation: Simulation, row: dict) -> None:
         if self.record is not None:
             self.record.append_observables(row, step=simulation.motion.step_count)
+        if simulation.window == 1:  # what it was solved for is the start: the series of the field begins at 0 as well
+            self._write_field(simulation, 0.0)
+        if self._script_is_due:  # every series has begun
+            write_script(read_run_files(self._folder))
+            self._script_is_due = False
         if simulation.window in self._at or (self._at and self._ends_early()):
             self.write(simulation)
 
     def write(self, simulation: Simulation) -> None:
         """Write a frame of everything now."""
+        dem = simulation.motion
+        self._write_grains(simulation, contacts_per_grain(dem), contact_lines(dem))
+        self._write_field(simulation, dem.time)
+
+    def _write_grains(self, simulation: Simulation, n_contacts: np.ndarray, lines: tuple[np.ndarray, ...]) -> None:
         dem, grains = simulation.motion, simulation.motion.grains
         arrays = {
             "radius": grains.radius,
@@ -82,12 +105,14 @@ class Snapshots:
             "angular_velocity": grains.angular_velocity,
             "particle_id": grains.particle_id,
             "force_contact": dem.contact_force,
-            "n_contacts": contacts_per_grain(dem),
+            "n_contacts": n_contacts,
         }
-        if grains.magnetic_moment is not None:
-            arrays["magnetic_moment"] = grains.magnetic_moment
-        if dem.external_force is not None:
-            arrays["force_magnetic"] = dem.external_force
+        magnetic = {"magnetic_moment": grains.magnetic_moment, "force_magnetic": dem.external_force}
+        for name, values in magnetic.items():
+            if values is None and simulation.magnetised is not None:
+                values = np.zeros_like(grains.position)  # before the first window nothing is magnetised
+            if values is not None:
+                arrays[name] = values
         if self.record is not None:
             self.record.append_grains(dem.step_count, dem.time, {"position": grains.position, **arrays})
         if not self._series:
@@ -100,25 +125,31 @@ class Snapshots:
             speeds={b.name: b.speed for b in dem.bodies},
             sector_angle=None if dem.sector is None else dem.sector.angle,
         )
-        self._series["contacts"].write_contacts(dem.time, *contact_lines(dem))
-        if isinstance(simulation.source, CoilField):
-            self._write_field(dem.time, simulation.source)
-        elif isinstance(simulation.source, SolidCoilField) and simulation.source.solution is not None:
-            solution = simulation.source.solution
-            self._series["field"].write_solid_field(
-                dem.time,
-                *solid_field_arrays(solution),
-                turned=simulation.source.carrier.angle,
-                region_names=sorted(solution.problem.mesh.regions),
-            )
+        self._series["contacts"].write_contacts(dem.time, *lines)
 
-    def _write_field(self, time: float, source: CoilField) -> None:
-        assert source.solution is not None
-        mesh = source.problem.mesh
-        cells, at_points, names = field_arrays(source.solution)
-        self._series["field"].write_field(
-            time, mesh.points, mesh.triangles, cell_arrays=cells, point_arrays=at_points, region_names=names
-        )
+    def _write_field(self, simulation: Simulation, time: float) -> None:
+        source = simulation.source
+        if not self._series:
+            return
+        series = self._series["field"]
+        if isinstance(source, CoilField):
+            assert source.solution is not None
+            section = field_arrays(source.solution)
+            series.write_field(
+                time,
+                section.points,
+                section.triangles,
+                cell_arrays=section.cell_arrays,
+                point_arrays=section.point_arrays,
+                region_names=section.region_names,
+            )
+        elif isinstance(source, SolidCoilField) and source.solution is not None:
+            series.write_solid_field(
+                time,
+                *solid_field_arrays(source.solution),
+                turned=source.carrier.angle if time > 0.0 else 0.0,
+                region_names=sorted(source.solution.problem.mesh.regions),
+            )
 
     def flush(self) -> None:
         """Write the rows that are kept back."""

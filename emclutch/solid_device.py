@@ -1,4 +1,4 @@
-"""A clutch with slots or teeth: its mesh in space, its materials and its coil."""
+"""A clutch with slots or teeth, or solids from CAD: the mesh in space, its materials and its coil."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ from emclutch.coil_course import CoilCourse
 from emclutch.device import region_laws
 from emclutch.scene.field_source import CoilField as CoilFieldSection
 from emclutch.scene.fill import boxes_to_fill
+from emclutch.scene.geometry import CadGeometry
 from emclutch.scene.model import Scene
 from field.solid import FlatCoil, SolidField, SolidProblem
 from geometry import AnnularBox, Clutch, SolidMesh, mesh_slotted
+from geometry.cad_shape import CadShape
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,17 +23,17 @@ class SolidCoilDevice(CoilCourse):
 
     Attributes
     ----------
-    shape : Clutch
+    shape : Clutch or CadShape
     mesh : SolidMesh
     problem : SolidProblem
     newton_tolerance : float
     powder_boxes : list of AnnularBox
         What is filled with powder.
     carrier : str
-        The slotted body, in whose frame the field stands still.
+        The body that is no body of revolution, in whose frame the field stands still.
     """
 
-    shape: Clutch
+    shape: Clutch | CadShape
     mesh: SolidMesh
     problem: SolidProblem
     newton_tolerance: float
@@ -45,18 +47,18 @@ class SolidCoilDevice(CoilCourse):
 
 
 def build_solid_coil_device(scene: Scene) -> SolidCoilDevice:
-    """Mesh, materials and coil of a clutch of which one body has slots."""
+    """Mesh, materials and coil of a clutch of which one body has slots, or of solids from CAD."""
     shape, source, coil = scene.shape(), scene.field, scene.coil
-    assert isinstance(shape, Clutch) and isinstance(source, CoilFieldSection) and coil is not None  # by the schema
-    mesh = mesh_slotted(shape, gap_layers=source.gap_layers, size_factor=source.size_factor, order=min(source.order, 2))
-    inner, outer = shape.coil_inner_radius, shape.coil_outer_radius
-    winding = FlatCoil.ring((inner, outer), (-0.5 * shape.coil_width, 0.5 * shape.coil_width))
+    assert isinstance(shape, (Clutch, CadShape)) and isinstance(source, CoilFieldSection) and coil is not None
+    mesh, winding, carrier = _parts_of(scene, shape, source)
+    outer = mesh.points[mesh.boundaries["outer"]][..., 2]
     problem = SolidProblem(
         mesh,
         region_laws(scene, mesh),
         winding,
         order=min(source.order, 2),
         outer="open" if source.open_boundary else "flux_wall",
+        centre_z=0.0 if isinstance(shape, Clutch) else 0.5 * float(outer.min() + outer.max()),
     )
     window = shape.coil_area, shape.coil_mean_radius
     times, currents = coil.currents_in(*window)
@@ -69,8 +71,23 @@ def build_solid_coil_device(scene: Scene) -> SolidCoilDevice:
         problem,
         source.newton_tolerance,
         [] if scene.particles is None else boxes_to_fill(shape, scene.particles.region),
-        "disc" if shape.disc_slots is not None else "rotor",
+        carrier,
     )
+
+
+def _parts_of(scene: Scene, shape: Clutch | CadShape, source: CoilFieldSection) -> tuple[SolidMesh, FlatCoil, str]:
+    """Mesh, source of the field, and the body that it turns with."""
+    sizes: dict = {
+        "gap_layers": source.gap_layers, "size_factor": source.size_factor, "order": min(source.order, 2)
+    }  # fmt: skip
+    if isinstance(shape, Clutch):
+        half = 0.5 * shape.coil_width
+        winding = FlatCoil.ring((shape.coil_inner_radius, shape.coil_outer_radius), (-half, half))
+        return mesh_slotted(shape, **sizes), winding, "disc" if shape.disc_slots is not None else "rotor"
+    assert isinstance(scene.geometry, CadGeometry)  # nothing else has this shape
+    (part,) = (part for part in shape.section.parts if part.region == "coil")  # by `check_solid_device`
+    winding = FlatCoil.ring((part.r0, part.r1), (part.z0, part.z1))
+    return scene.geometry.solid_mesh(**sizes), winding, next(iter(shape.carriers), "housing")
 
 
 def gap_flux_density(device: SolidCoilDevice, solution: SolidField, count: int = 61) -> float:
@@ -80,7 +97,7 @@ def gap_flux_density(device: SolidCoilDevice, solution: SolidField, count: int =
     """
     shape = device.shape
     boxes = device.powder_boxes
-    if boxes and all(box.r1 <= shape.disc_radius for box in boxes):
+    if isinstance(shape, Clutch) and boxes and all(box.r1 <= shape.disc_radius for box in boxes):
         line = shape.face_midline(count)
     else:
         line = shape.gap_midline(count)

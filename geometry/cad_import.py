@@ -4,95 +4,30 @@ What may be in the file (STEP, IGES, BREP, or gmsh's own .geo with the OpenCASCA
 
 - **faces** in one plane, the half section: x is the radius, and y or z the axis, whichever plane they lie in;
 - **solids of revolution** about z (or the axis that is named): they are cut by the half-plane, and a part whose
-  volume is not that of its section turned (Pappus) is refused, because a slot would be lost without a word.
+  volume is not that of its section turned (Pappus) is refused, because a slot would be lost without a word, or told to
+  a caller who solves the field in space.
 
-A part's region is its name in the file (the STEP product, or the instance, of the tree that a CAD program shows),
-without regard to case and without the counter that CAD programs append («cover:2», «cover-1» are ``cover``); other
-names are translated by the caller.  Air need not be drawn: what no part fills is air, out to a half disc around all.
-STEP carries its unit of length; a BREP or .geo file is read in millimetres; ``scale`` mends a wrong unit.  A .geo file
-is a script, and refused unless the caller trusts it (`geometry.file_content`).
+A part's region is its name in the file (`geometry.cad_parts`); a BREP file has none, and its parts are ``part1``,
+``part2`` and so on in the order of the file.  Air need not be drawn: what no part fills is air, out to a half disc
+around all.  STEP carries its unit of length; a BREP or .geo file is read in millimetres; ``scale`` mends a wrong unit.
+A .geo file is a script, and refused unless the caller trusts it (`geometry.file_content`).
 """
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
+from geometry.cad_parts import CadError, CadPart, CadSolid, check_names, check_side, check_size, own_name, region_of
 from geometry.file_content import SCRIPT, SHAPE_FORMATS, content_fault, untrusted_script
 from geometry.meshing import _OPTIONS, MILLIMETRE, gmsh_model
 
 SUFFIXES = (*SHAPE_FORMATS, SCRIPT)
-# Outside of it a unit is wrong by a thousand: the devices meant here measure 5 mm to 5 m.
-SMALLEST, LARGEST = 2e-3, 10.0
-# Part names that a translator makes up where the file has none.
-_MADE_UP = re.compile(r"open cascade.*|shape\d*|solid\d*|compound\d*|\d*|=>\[.*|component\d*|body\d*", re.IGNORECASE)
-_COUNTER = re.compile(r"[:<#._ -]+v?\d+>?$")
 _FLAT = 1e-5  # mm; coordinates in a STEP file are rounded to 1e-6 or better
 _TURNED = {"x": (0.0, 1.0, 0.0, -0.5 * math.pi), "y": (1.0, 0.0, 0.0, 0.5 * math.pi)}  # brings that axis onto z
-
-
-class CadError(ValueError):
-    """A CAD file that cannot be taken as a device; says what was found in it and what to do."""
-
-
-@dataclass(frozen=True, slots=True)
-class CadPart:
-    """One part of the file, as it lies in the section.
-
-    Attributes
-    ----------
-    name : str
-        As it stands in the file; empty where it has none.
-    region : str
-        What it was taken for.
-    area, radius : float
-        Of its section [m^2], and where its centroid lies [m].
-    r0, r1, z0, z1 : float
-        Its bounding box [m].
-    """
-
-    name: str
-    region: str
-    area: float
-    radius: float
-    r0: float
-    r1: float
-    z0: float
-    z1: float
-
-    def __str__(self) -> str:
-        place = f"r {1e3 * self.r0:.4g} to {1e3 * self.r1:.4g} mm, z {1e3 * self.z0:.4g} to {1e3 * self.z1:.4g} mm"
-        taken = f"taken for {self.region!r}" if self.region else "not taken: no name"
-        return f"{self.name or '(no name)'}: {1e6 * self.area:.4g} mm2, {place}, {taken}"
-
-
-def list_of(parts: Sequence[CadPart] | Sequence[CadSolid]) -> str:
-    """What was found in a file, a line a part."""
-    return "\n".join(["found in the file:", *(f"  {part}" for part in parts)])
-
-
-@dataclass(frozen=True, slots=True)
-class CadSolid:
-    """One solid of the file: `name` in it, `region` it was taken for, volume [m^3], corners of its box [m]."""
-
-    name: str
-    region: str
-    volume: float
-    lower: tuple[float, float, float]
-    upper: tuple[float, float, float]
-
-    def __str__(self) -> str:
-        sides = (
-            f"{axis} {1e3 * a:.4g} to {1e3 * b:.4g}" for axis, a, b in zip("xyz", self.lower, self.upper, strict=True)
-        )
-        taken = f"taken for {self.region!r}" if self.region else "not taken: no name"
-        return f"{self.name or '(no name)'}: {1e9 * self.volume:.4g} mm3, {', '.join(sides)} mm, {taken}"
 
 
 @contextmanager
@@ -105,7 +40,8 @@ def imported_section(
     axis: str = "z",
     scale: float = 1.0,
     trust_scripts: bool = False,
-) -> Iterator[tuple[Any, list[CadPart], list[int]]]:
+    any_shape: bool = False,
+) -> Iterator[tuple[Any, list[CadPart], list[int], frozenset[str]]]:
     """Open a file in a gmsh model of its own: its section in the plane x = r, y = z, in millimetres.
 
     Parameters
@@ -123,11 +59,14 @@ def imported_section(
         Factor on all lengths.
     trust_scripts : bool
         Whether a .geo file may be run; it can run any command.
+    any_shape : bool
+        Whether solids may be of any shape.
 
     Yields
     ------
-    gmsh, parts, tags
-        The module, the parts and the tag of each part's face.
+    gmsh, parts, tags, odd
+        The module, the parts that the half-plane cuts, the tag of each part's face, and the regions that are no bodies
+        of revolution.
 
     Raises
     ------
@@ -137,15 +76,18 @@ def imported_section(
     """
     path = _checked(Path(path), axis, scale, trust_scripts)
     with _opened(path, scale, _OPTIONS) as (gmsh, raw):
-        dim = max(part[0] for part in raw)
-        flat = _flat_section(gmsh, path, raw) if dim == 2 else _cut(gmsh, path, raw, axis)
-        parts, tags = [], []
-        for tag, name in flat:
-            parts.append(_part(gmsh, tag, name, _region_of(name, names or {}, [*needed, *(known or ())])))
-            tags.append(tag)
-        _check_names(path, parts, needed, known)
-        _check_side(path, parts)
-        yield gmsh, parts, tags
+        if any_shape and max(dim for dim, _ in raw) < 3:
+            raise CadError(f"{path} holds faces but no solids; export solid bodies, or take it as a section")
+        names, expected = names or {}, [*needed, *(known or ())]
+        if max(dim for dim, _ in raw) == 3:
+            flat, odd = _cut(gmsh, path, raw, axis, any_shape)
+        else:
+            flat, odd = _flat_section(gmsh, path, raw), []
+        parts = [_part(gmsh, tag, name, region_of(name, names, expected)) for tag, name in flat]
+        unseen = [CadPart(own_name(name), region_of(name, names, expected), *6 * (0.0,)) for name in odd]
+        check_names(path, [*parts, *unseen], needed, known)
+        check_side(path, parts)
+        yield gmsh, parts, [tag for tag, _ in flat], frozenset(part.region for part in unseen)
 
 
 @contextmanager
@@ -171,9 +113,9 @@ def imported_solids(
         for shape, label in raw.items():
             box = tuple(round(MILLIMETRE * x, 9) + 0.0 for x in gmsh.model.occ.getBoundingBox(*shape))
             volume = MILLIMETRE**3 * gmsh.model.occ.getMass(*shape)
-            region = _region_of(label, names or {}, [*needed, *(known or ())])
-            solids.append(CadSolid(_leaf(label), region, volume, box[:3], box[3:]))
-        _check_names(path, solids, needed, known)
+            region = region_of(label, names or {}, [*needed, *(known or ())])
+            solids.append(CadSolid(own_name(label), region, volume, box[:3], box[3:]))
+        check_names(path, solids, needed, known)
         yield gmsh, solids, [tag for _, tag in raw]
 
 
@@ -190,23 +132,14 @@ def _opened(path: Path, scale: float, options: Mapping[str, float]) -> Iterator[
         if scale != 1.0:
             gmsh.model.occ.dilate(list(raw), 0.0, 0.0, 0.0, scale, scale, scale)
             gmsh.model.occ.synchronize()
-        _check_size(gmsh, path, list(raw))
+        check_size(path, _extent(gmsh, list(raw)), "export it in millimetres, or give `scale` = {factor}")
         yield gmsh, raw
 
 
 def read_cad(path: str | Path, **options: Any) -> list[CadPart]:
     """The parts of a file's section; the options and errors of `imported_section`."""
-    with imported_section(path, **options) as (_, parts, _):
+    with imported_section(path, **options) as (_, parts, _, _):
         return parts
-
-
-def plain_name(name: str) -> str:
-    """A name as regions are written: lower case, no counter, underscores."""
-    return _spelt(_COUNTER.sub("", name.strip()))
-
-
-def _spelt(name: str) -> str:
-    return re.sub(r"[\s-]+", "_", name.strip().lower())
 
 
 def _checked(path: Path, axis: str, scale: float, trust_scripts: bool) -> Path:
@@ -237,7 +170,11 @@ def _read(gmsh: Any, path: Path) -> dict[tuple[int, int], str]:
                 str(path), highestDimOnly=True, format=SHAPE_FORMATS[path.suffix.lower()]
             )
             gmsh.model.occ.synchronize()
-            shapes = {(dim, tag): gmsh.model.getEntityName(dim, tag) for dim, tag in found if dim >= 2}
+            found = [shape for shape in found if shape[0] >= 2]
+            if path.suffix.lower() == ".brep":
+                shapes = {shape: f"part{number}" for number, shape in enumerate(found, 1)}
+            else:
+                shapes = {shape: gmsh.model.getEntityName(*shape) for shape in found}
     except CadError:
         raise
     except Exception as error:  # gmsh raises plain Exception, with its own last message
@@ -267,15 +204,10 @@ def _of_groups(gmsh: Any, path: Path) -> dict[tuple[int, int], str]:
     return {shape: name for shape, name in shapes.items() if shape[0] == dim}
 
 
-def _check_size(gmsh: Any, path: Path, shapes: list[tuple[int, int]]) -> None:
+def _extent(gmsh: Any, shapes: list[tuple[int, int]]) -> float:
+    """Largest side of the box around the shapes [m]."""
     boxes = [gmsh.model.occ.getBoundingBox(*shape) for shape in shapes]
-    size = MILLIMETRE * max(max(box[3 + k] for box in boxes) - min(box[k] for box in boxes) for k in range(3))
-    if not SMALLEST <= size <= LARGEST:
-        factor = "0.001" if size > LARGEST else "1000"
-        raise CadError(
-            f"{path}: the device measures {size:.4g} m, which is none of a clutch ({SMALLEST:g} to {LARGEST:g} m): the "
-            f"file's unit of length is likely wrong; export it in millimetres, or give `scale` = {factor}"
-        )
+    return MILLIMETRE * max(max(box[3 + k] for box in boxes) - min(box[k] for box in boxes) for k in range(3))
 
 
 def _flat_section(gmsh: Any, path: Path, raw: Mapping[tuple[int, int], str]) -> list[tuple[int, str]]:
@@ -293,8 +225,10 @@ def _flat_section(gmsh: Any, path: Path, raw: Mapping[tuple[int, int], str]) -> 
     return [(tag, name) for (_, tag), name in raw.items()]
 
 
-def _cut(gmsh: Any, path: Path, raw: Mapping[tuple[int, int], str], axis: str) -> list[tuple[int, str]]:
-    """Faces in which the half-plane cuts the solids, turned into the plane x, y."""
+def _cut(
+    gmsh: Any, path: Path, raw: Mapping[tuple[int, int], str], axis: str, any_shape: bool
+) -> tuple[list[tuple[int, str]], list[str]]:
+    """Faces in which the half-plane cuts the solids, turned into the plane x, y; and what is no body of revolution."""
     occ, solids = gmsh.model.occ, list(raw)
     if axis in _TURNED:
         occ.rotate(solids, 0.0, 0.0, 0.0, *_TURNED[axis])
@@ -303,52 +237,36 @@ def _cut(gmsh: Any, path: Path, raw: Mapping[tuple[int, int], str], axis: str) -
     low, high = min(box[2] for box in boxes), max(box[5] for box in boxes)
     reach = max(max(abs(x) for x in box[:2] + box[3:5]) for box in boxes)
     faces: list[tuple[int, str]] = []
-    volumes: dict[int, tuple[str, float]] = {}
+    odd: dict[str, float] = {}
     for solid in solids:
         plane = occ.addRectangle(0.0, low - reach, 0.0, 2.0 * reach, high - low + 2.0 * reach)
         occ.rotate([(2, plane)], 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.5 * math.pi)
         pieces, _ = occ.intersect([solid], [(2, plane)], removeObject=False, removeTool=True)
         pieces = [piece for piece in pieces if piece[0] == 2]
+        if not pieces and any_shape:
+            odd[raw[solid]] = math.inf
+            continue
         if not pieces:
             raise CadError(
-                f"{path}: part {_leaf(raw[solid])!r} does not meet the half-plane y = 0, x > 0; the axis of revolution "
-                f"must be {axis} through the origin: give `axis`, or move the parts in the CAD program"
+                f"{path}: part {own_name(raw[solid])!r} does not meet the half-plane y = 0, x > 0; the axis of "
+                f"revolution must be {axis} through the origin: give `axis`, or move the parts in the CAD program"
             )
         occ.rotate(pieces, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -0.5 * math.pi)
         turned = sum(2.0 * math.pi * occ.getCenterOfMass(*piece)[0] * occ.getMass(*piece) for piece in pieces)
-        volumes[solid[1]] = _leaf(raw[solid]), occ.getMass(*solid) / turned
+        ratio, aside = occ.getMass(*solid) / turned, math.hypot(*occ.getCenterOfMass(*solid)[:2])
+        # 0.1 %: far above the error of the volume's quadrature, far below a slot
+        if abs(ratio - 1.0) > 1e-3 or aside > 1e-3 * reach:
+            odd[raw[solid]] = ratio
         faces += [(tag, raw[solid]) for _, tag in pieces]
     occ.remove(solids, recursive=True)
     occ.synchronize()
-    # 0.1 %: far above the error of the volume's quadrature, far below a slot
-    wrong = [f"{name!r} ({100.0 * ratio:.2f} %)" for name, ratio in volumes.values() if abs(ratio - 1.0) > 1e-3]
-    if wrong:
+    if odd and not any_shape:
+        wrong = ", ".join(f"{own_name(label)!r} ({100.0 * ratio:.2f} %)" for label, ratio in odd.items())
         raise CadError(
-            f"{path}: no solids of revolution about {axis}: {', '.join(wrong)} of the volume of the section turned; "
-            "give the right `axis`, fill slots and holes, or solve the part in 3D"
+            f"{path}: no solids of revolution about {axis}: {wrong} of the volume of the section turned; give the "
+            "right `axis`, fill slots and holes, or solve the field in space (`in_space`)"
         )
-    return faces
-
-
-def _leaf(label: str) -> str:
-    """The last part of a tree's path that a person wrote; empty where none was."""
-    steps = [step for step in label.split("/") if step and not _MADE_UP.fullmatch(step.strip())]
-    return steps[-1] if steps and steps != ["Shapes"] else ""
-
-
-def _region_of(label: str, names: Mapping[str, str], expected: Sequence[str]) -> str:
-    """The region of a label: a translated or an expected name on its path, the last one first; else its last name."""
-    translated = {plain_name(name): region for name, region in names.items()}
-    steps = [step for step in reversed(label.split("/")) if step and not _MADE_UP.fullmatch(step.strip())]
-    for step in steps:
-        for given in (step, plain_name(step)):
-            if given in names or given in translated:
-                return names.get(given) or translated[given]
-    for step in steps:
-        for given in (_spelt(step), plain_name(step)):  # «shaft_1» may be a region's own name
-            if given in expected:
-                return given
-    return plain_name(_leaf(label))
+    return faces, list(odd)
 
 
 def _part(gmsh: Any, tag: int, label: str, region: str) -> CadPart:
@@ -356,41 +274,4 @@ def _part(gmsh: Any, tag: int, label: str, region: str) -> CadPart:
     # the kernel widens a box by 1e-7 mm
     r0, z0, _, r1, z1, _ = (round(MILLIMETRE * x, 9) + 0.0 for x in occ.getBoundingBox(2, tag))
     area, radius = MILLIMETRE**2 * occ.getMass(2, tag), MILLIMETRE * occ.getCenterOfMass(2, tag)[0]
-    return CadPart(_leaf(label), region, area, radius, r0, r1, z0, z1)
-
-
-def _check_names(
-    path: Path, parts: list[CadPart] | list[CadSolid], needed: Sequence[str], known: Sequence[str] | None
-) -> None:
-    unnamed = sum(not part.region for part in parts)
-    found = list_of(parts)
-    if unnamed:
-        carries = " (a BREP file carries no names: use STEP)" if path.suffix.lower() == ".brep" else ""
-        raise CadError(
-            f"{path}: {unnamed} of {len(parts)} parts have no name{carries}; name the parts in the CAD program as the "
-            f"regions are called, and export STEP\n{found}"
-        )
-    there = {part.region for part in parts}
-    missing = [name for name in needed if name not in there]
-    if missing:
-        close = {name: get_close_matches(name, sorted(there), n=1, cutoff=0.65) for name in missing}
-        hints = [f"is {near[0]!r} the {name}?" for name, near in close.items() if near]
-        raise CadError(
-            f"{path} has no part named {', '.join(map(repr, missing))}; "
-            f"{' '.join(hints)}{' ' if hints else ''}rename the part, or translate its name with `names`\n{found}"
-        )
-    if known is not None and not there <= {*known, *needed}:
-        strange = ", ".join(sorted(map(repr, there - {*known, *needed})))
-        raise CadError(
-            f"{path} has parts whose name means nothing here: {strange}; give each a material (known: "
-            f"{', '.join(known)}), or translate the name with `names`\n{found}"
-        )
-
-
-def _check_side(path: Path, parts: list[CadPart]) -> None:
-    beyond = [part for part in parts if part.r0 < -_FLAT * MILLIMETRE]
-    if beyond:
-        raise CadError(
-            f"{path}: {', '.join(part.region for part in beyond)} reach to r = {1e3 * beyond[0].r0:.4g} mm, beyond the "
-            f"axis; keep the half with x > 0 of the section\n{list_of(parts)}"
-        )
+    return CadPart(own_name(label), region, area, radius, r0, r1, z0, z1)

@@ -17,7 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from geometry.cad_import import CadError, CadPart, imported_section, list_of
+from geometry.cad_import import imported_section
+from geometry.cad_parts import CadError, CadPart, list_of
 from geometry.element_count import MOST_TRIANGLES, expected_triangles, refuse_too_many
 from geometry.meshing import (
     CORNER,
@@ -61,19 +62,22 @@ class CadSection:
         Unordered; empty where there is no powder. Pieces of the axis are not part of it.
     gap : float
         Smallest distance between two edges of the powder's outline that do not touch [m]; inf without powder.
+    odd : frozenset of str
+        Regions that are no bodies of revolution, where those are allowed.
     """
 
     parts: tuple[CadPart, ...]
     powder_outline: tuple[OutlineEdge, ...]
     gap: float
+    odd: frozenset[str] = frozenset()
 
 
 def cad_section(path: str | Path, *, powder: str = "powder", **options: Any) -> CadSection:
     """Read a section without meshing it; options and errors of `cad_import.imported_section`, and overlaps."""
-    with _conforming(path, 2.0, options) as (gmsh, parts, surfaces):
+    with _conforming(path, 2.0, options) as (gmsh, parts, surfaces, odd):
         outline = tuple(_outline(gmsh, surfaces, powder))
         pairs = _facing(gmsh, surfaces.get(powder, []))
-        return CadSection(tuple(parts), outline, MILLIMETRE * min((d for d, *_ in pairs), default=math.inf))
+        return CadSection(tuple(parts), outline, MILLIMETRE * min((d for d, *_ in pairs), default=math.inf), odd)
 
 
 def mesh_cad(
@@ -120,7 +124,7 @@ def mesh_cad(
     if not 1.5 <= air_factor <= 20.0:
         raise ValueError(f"`air_factor` = {air_factor:g}: allowed are 1.5 to 20; the default is 3")
     target = None if out is None else _writable(Path(out))
-    with _conforming(path, air_factor, options) as (gmsh, parts, surfaces):
+    with _conforming(path, air_factor, options) as (gmsh, parts, surfaces, _):
         gmsh.option.setNumber("Mesh.MeshSizeFactor", size_factor)
         for name, tags in surfaces.items():
             gmsh.model.addPhysicalGroup(2, tags, name=name)
@@ -138,14 +142,14 @@ def mesh_cad(
 @contextmanager
 def _conforming(
     path: str | Path, air_factor: float, options: Mapping[str, Any]
-) -> Iterator[tuple[Any, list[CadPart], dict[str, list[int]]]]:
+) -> Iterator[tuple[Any, list[CadPart], dict[str, list[int]], frozenset[str]]]:
     """The section cut out of its air: surfaces by region, ``air`` among them, neighbours sharing their edges."""
-    with imported_section(path, **options) as (gmsh, parts, tags):
+    with imported_section(path, **options) as (gmsh, parts, tags, odd):
         before = gmsh.option.getNumber("Mesh.MeshSizeFactor")
         try:
             surfaces = _fragments(gmsh, Path(path), parts, tags, air_factor)
             _refuse_slivers(gmsh, Path(path), surfaces)
-            yield gmsh, parts, surfaces
+            yield gmsh, parts, surfaces, odd
         finally:
             gmsh.option.setNumber("Mesh.MeshSizeFactor", before)
 

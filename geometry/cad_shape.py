@@ -53,6 +53,11 @@ class CadShape:
         return self.bodies.get(region, BODIES.get(region, "rotor"))
 
     @property
+    def carriers(self) -> frozenset[str]:
+        """Bodies that parts belong to which are no bodies of revolution: the field turns with them."""
+        return frozenset(self.body(region) for region in self.section.odd)
+
+    @property
     def gap(self) -> float:
         """Smallest width of the powder's space [m]."""
         return self.section.gap

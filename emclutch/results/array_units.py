@@ -38,4 +38,5 @@ ARRAY_UNITS: dict[str, str] = {
     "wall": "1",
     "angular_speed": "rad/s",
     "material_angle": "rad",
+    "stripe": "1",
 }

@@ -20,7 +20,7 @@ import numpy as np
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.output_error import OutputError
 from emclutch.results.vtk_xml import write_poly_data, write_simplices
-from emclutch.results.wall_surface import plane_polygon, revolved_surface, triangle_surface
+from emclutch.results.wall_surface import plane_polygon, revolved_surface, stripes, triangle_surface
 
 
 class PvdSeries:
@@ -40,12 +40,14 @@ class PvdSeries:
         self.entries: list[tuple[float, str]] = []
         if resume_time is not None and self.path.is_file():
             limit = resume_time + 1e-12 * abs(resume_time)
-            for time, file in read_pvd(self.path):
-                if time <= limit:
-                    self.entries.append((time, file.relative_to(self.path.parent).as_posix()))
-                else:
+            written = read_pvd(self.path)
+            self.entries = [
+                (time, file.relative_to(self.path.parent).as_posix()) for time, file in written if time <= limit
+            ]
+            self._write_pvd()  # first: what the list names is there at every moment
+            for time, file in written:
+                if time > limit:
                     file.unlink(missing_ok=True)
-            self._write_pvd()
 
     def write_particles(self, time: float, position: np.ndarray, arrays: Mapping[str, np.ndarray]) -> Path:
         """Grains as points: position (n, 3) [m], arrays (n,) or (n, 3) by name.
@@ -136,7 +138,7 @@ class PvdSeries:
             `triangles`), each with `name`, `body`.
         angles, speeds : of the bodies by name [rad], [rad/s]; 0 where missing.
         sector_angle : of the cyclic sector [rad]; None draws full rings. A sector's walls stay over its
-            grains, their turning shows in the cell array `material_angle`.
+            grains; that they turn is seen by the marks of the cell array `stripe`, which turn with the body.
         """
         angles, speeds = angles or {}, speeds or {}
         bodies = list(dict.fromkeys(wall.body for wall in walls))
@@ -144,10 +146,11 @@ class PvdSeries:
         reach = _reach(walls)
         points: list[np.ndarray] = []
         polygons: list[np.ndarray] = []
-        rows: list[tuple[int, int, float, float]] = []
+        rows: list[tuple[int, int, float, float, int]] = []
         count = 0
         for number, wall in enumerate(walls):
             turned, speed = angles.get(wall.body, 0.0), speeds.get(wall.body, 0.0)
+            marked = None
             if hasattr(wall, "normal"):
                 corners = plane_polygon(wall, planes, reach)
                 if len(corners) < 3:
@@ -158,10 +161,12 @@ class PvdSeries:
                 cells = list(faces)
             else:
                 corners, quads, material = revolved_surface(wall.start, wall.end, angle=sector_angle, turned=turned)
-                cells = list(quads)
+                cells, marked = list(quads), stripes(material, sector_angle)
             points.append(corners)
             polygons += [cell + count for cell in cells]
-            rows += [(bodies.index(wall.body), number, speed, float(a)) for a in material]
+            marked = np.zeros(len(material), dtype=np.int32) if marked is None else marked
+            number_of_body = bodies.index(wall.body)
+            rows += [(number_of_body, number, speed, float(a), int(s)) for a, s in zip(material, marked, strict=True)]
             count += len(corners)
         at = np.vstack(points) if points else np.zeros((0, 3))
         body = np.array([row[0] for row in rows], dtype=np.int32)
@@ -181,6 +186,7 @@ class PvdSeries:
                 "wall": np.array([row[1] for row in rows], dtype=np.int32),
                 "angular_speed": np.array([row[2] for row in rows]),
                 "material_angle": np.array([row[3] for row in rows]),
+                "stripe": np.array([row[4] for row in rows], dtype=np.int32),
             },
             texts={"body_names": bodies, "wall_names": [wall.name for wall in walls]},
         )

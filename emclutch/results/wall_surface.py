@@ -1,4 +1,8 @@
-"""Triangles and polygons of the walls that grains touch, for drawing them in 3D."""
+"""Triangles and polygons of the walls that grains touch, for drawing them in 3D.
+
+A surface of revolution looks the same at every angle. So that its turning is seen it is cut along meridians that turn
+with its body, and every other strip between two of them bears a mark (`stripes`).
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-FACETS = 120  # straight pieces of a full ring
+FACETS = 120  # straight pieces of a full ring, at least
+STRIPES_OF_RING, STRIPES_OF_SECTOR = 24, 6  # strips that are marked in turn
 
 
 def revolved_surface(
@@ -20,8 +25,7 @@ def revolved_surface(
     ----------
     start, end : (r, z) [m].
     angle : of the sector [rad]; None for the full ring.
-    turned : angle of the body [rad]. A full ring is turned by it. A sector stays over its grains; its
-        turning shows in the material angle only.
+    turned : angle of the body [rad]. A full ring is turned by it. A sector stays over its grains: its marks pass by.
 
     Returns
     -------
@@ -29,16 +33,37 @@ def revolved_surface(
     cell in the frame that turns with the body.
     """
     opening = 2.0 * math.pi if angle is None else angle
-    facets = max(2, math.ceil(FACETS * opening / (2.0 * math.pi)))
-    azimuth = np.linspace(0.0, opening, facets + 1) + (turned if angle is None else 0.0)
+    step = stripe_angle(angle)
+    step /= max(1, math.ceil(step * FACETS / (2.0 * math.pi)))
+    if angle is None:
+        azimuth = turned + np.linspace(0.0, opening, round(opening / step) + 1)
+    else:
+        first = turned % step  # where the body's meridians, `step` apart, stand now
+        cuts = first + step * np.arange(math.ceil(opening / step) + 1)
+        sliver = 1e-6 * step  # a meridian that coincides with a face of the sector cuts nothing off
+        azimuth = np.concatenate([[0.0], cuts[(cuts > sliver) & (cuts < opening - sliver)], [opening]])
     (r0, z0), (r1, z1) = start, end
     cos, sin = np.cos(azimuth), np.sin(azimuth)
     lower = np.column_stack([r0 * cos, r0 * sin, np.full_like(cos, z0)])
     upper = np.column_stack([r1 * cos, r1 * sin, np.full_like(cos, z1)])
-    i, n = np.arange(facets), facets + 1
+    n = len(azimuth)
+    i = np.arange(n - 1)
     quads = np.column_stack([i, i + 1, n + i + 1, n + i])
     middle = 0.5 * (azimuth[1:] + azimuth[:-1])
     return np.vstack([lower, upper]), quads, np.mod(middle - turned, 2.0 * math.pi)
+
+
+def stripe_angle(sector_angle: float | None) -> float:
+    """Width of a strip [rad]; an even number of them closes the circle, so that marks alternate all round."""
+    if sector_angle is None:
+        return 2.0 * math.pi / STRIPES_OF_RING
+    pairs = max(1, round(math.pi * STRIPES_OF_SECTOR / sector_angle))
+    return math.pi / pairs
+
+
+def stripes(material_angle: np.ndarray, sector_angle: float | None) -> np.ndarray:
+    """Whether a cell at a material angle [rad] bears a mark, 0 or 1 (m,) int32."""
+    return np.floor(np.asarray(material_angle) / stripe_angle(sector_angle)).astype(np.int32) % 2
 
 
 def triangle_surface(

@@ -14,21 +14,22 @@ from emclutch.scene.geometry import BoxGeometry, CadGeometry, ClutchGeometry
 from emclutch.scene.grains import MOST_GRAINS
 from emclutch.scene.magnetic_checks import (
     coil_transients,
+    field_in_space,
     field_source,
     materials,
     needs_of_effects,
     needs_of_moments,
     room_for_the_layers,
     room_for_the_smear,
-    slots,
 )
+from emclutch.scene.mesh_checks import fine_enough_for_moments, finished_mesh
 from emclutch.scene.motion import HELD
 from emclutch.scene.replica_count import packs_alike
 from emclutch.scene.sector_checks import (
     sector_in_field,
     sector_in_geometry,
     sector_in_gravity,
-    sector_in_slots,
+    sector_in_space,
     sector_in_surfaces,
     sector_width,
 )
@@ -228,6 +229,8 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (_shape, (GEOMETRY_KIND,)),
     (materials, (GEOMETRY_KIND, "materials")),
     (field_source, (GEOMETRY_KIND, "field")),
+    (finished_mesh, ("geometry", "field")),
+    (fine_enough_for_moments, ("geometry", "particles", "effects", "field")),
     (_region, (GEOMETRY_KIND, "particles")),
     (sector_in_geometry, (GEOMETRY_KIND, "particles")),
     (_surfaces, ("geometry", "surfaces")),
@@ -243,8 +246,8 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (needs_of_moments, ("effects", "particles")),
     (room_for_the_smear, ("geometry", "particles", "effects", "field")),
     (coil_transients, ("effects", "coil", "field", GEOMETRY_KIND, "materials")),
-    (slots, (GEOMETRY_KIND, "effects", "field")),
-    (sector_in_slots, (GEOMETRY_KIND, "field", "particles")),
+    (field_in_space, (GEOMETRY_KIND, "effects", "field")),
+    (sector_in_space, (GEOMETRY_KIND, "field", "particles")),
     (_motion, (GEOMETRY_KIND, "motion", "surfaces")),
     (_accuracy, ("accuracy", "time")),
     (_replicas, (GEOMETRY_KIND, "accuracy", "time", "particles")),

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from geometry.centrifugal import CentrifugalClutch
     from geometry.clutch import Clutch
     from geometry.section import SectionMesh
+    from geometry.solid_mesh import SolidMesh
 
 
 NO_MATERIALS: Mapping[str, Material] = MappingProxyType({})
@@ -174,18 +175,29 @@ class BoxGeometry(Section):
 _Body = Annotated[str, Choice(("rotor", "disc", "housing"))]
 
 
-class CadGeometry(Section):
-    """A device from a CAD file, its regions by the names of the parts.
+_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "inch": 25.4e-3}
+_UNIT_OF_SHAPES = "mm"
 
-    The file holds the faces of the half section (x is the radius, y or z the axis), or solids of revolution. `coil`
-    and `powder` are the winding and the space of the grains; what no part fills is air. Parts named disc and
-    shaft_out turn with the disc, housing, yoke and coil stand still, all others turn with the rotor.
+
+class CadGeometry(Section):
+    """A device of revolution from a CAD file or a finished mesh, its regions by the names of the parts.
+
+    A CAD file holds the faces of the half section (x is the radius, y or z the axis), or solids of revolution; what no
+    part fills is air. A mesh holds the triangles of the half section and of the air around it, by physical groups
+    (.msh), cell sets or a column of tags: tag 3 is the name `tag3`. Part 3 of a BREP file, which has no names, is
+    `part3`. `coil` and `powder` are the winding and the space of the grains. Parts named disc and shaft_out turn with
+    the disc, housing, yoke and coil stand still, all others turn with the rotor.
+
+    With `in_space` the file holds solids of any shape, and the field is solved in space. `powder` and `coil` are of
+    revolution about z even then, the coil a ring of rectangular section whose current flows around z; all parts that
+    are not belong to one body, with which the field turns. Walls are those of the half-plane y = 0, x > 0.
     """
 
     kind: Literal["cad"]
     file: str = Field(
         min_length=1,
-        description="STEP (or IGES, BREP, trusted .geo in mm), from the scene's folder; names are those of PRODUCT",
+        description="STEP (names are those of PRODUCT), IGES, BREP or trusted .geo; or a mesh: .msh, .vtu, .vtk, .inp, "
+        ".mesh, .med; from the scene's folder",
     )
     materials: dict[str, str] = Field(description="a material's name for each part but coil and powder")
     names: dict[str, str] = Field(default={}, description="region for a part's name in the file, where they differ")
@@ -194,8 +206,14 @@ class CadGeometry(Section):
         description="body that a region turns with; default: by its name, see the text above",
     )
     axis: Annotated[str, Choice(("x", "y", "z"))] = Field(default="z", description="axis of revolution of solids")
+    unit: Annotated[str, Choice(tuple(_UNITS))] | None = Field(
+        default=None, description="of a file that does not say it; default: mm for BREP and .geo, m for meshes"
+    )
     scale: Annotated[float, number("0.001", 1e-9, 1e9)] = Field(default=1.0, description="factor on the file's lengths")
-    air_factor: Annotated[float, number("3", 1.5, 20.0)] = Field(default=3.0, description="air box / device size")
+    air_factor: Annotated[float, number("3", 1.5, 20.0)] = Field(
+        default=3.0, description="air box / device size; a mesh has its air with it"
+    )
+    in_space: bool = Field(default=False, description="solve in space: solids of any shape, see the text above")
     _trust_scripts: bool = PrivateAttr(default=False)  # the caller's word: no scene may give it to itself
 
     @field_validator("file")
@@ -208,22 +226,47 @@ class CadGeometry(Section):
     def _is_a_device(self, info: ValidationInfo) -> Self:
         """Read the file once, so that what is wrong with it is told with the scene's other faults."""
         self._trust_scripts = bool((info.context or {}).get("trust_scripts", False))
+        self._refuse_what_the_file_says()
         try:
             self._section()
         except (ValueError, OSError) as error:
             reason = str(error).removeprefix(self.file).lstrip(": ")
-            raise refuse(reason.replace("`axis`", "geometry.axis").replace("`scale`", "geometry.scale")
-                         .replace("`names`", "geometry.names"), key="file") from None  # fmt: skip
+            for key in ("axis", "names", "scale", "unit"):
+                reason = reason.replace(f"`{key}`", f"geometry.{key}")
+            raise refuse(reason, key="file") from None
         return self
+
+    @property
+    def is_meshed(self) -> bool:
+        """Whether the file is a finished mesh, which is taken as it is."""
+        from geometry.mesh_blocks import MESH_SUFFIXES
+
+        return Path(self.file).suffix.lower() in MESH_SUFFIXES
+
+    def _refuse_what_the_file_says(self) -> None:
+        """Refuse keys that a file of this kind leaves nothing to say about."""
+        suffix = Path(self.file).suffix.lower()
+        if self.unit is not None and suffix in (".step", ".stp", ".iges", ".igs"):
+            raise refuse(f"is not for {suffix} files, which say their own unit; remove it, or mend a wrong one by "
+                         "geometry.scale", key="unit")  # fmt: skip
+        for key in ("axis", "air_factor"):
+            if self.is_meshed and getattr(self, key) != type(self).model_fields[key].default:
+                raise refuse(f"is for CAD files, and {Path(self.file).name} is a mesh: its radius is x, and it has its "
+                             "air with it; remove it", key=key)  # fmt: skip
+        if self.in_space and self.is_meshed:
+            raise refuse("needs solids of a CAD file, which are meshed here; take STEP, or a section", key="in_space")
+        if self.in_space and self.axis != "z":
+            raise refuse("is of sections; with geometry.in_space turn the parts about z in the CAD program", key="axis")
 
     def options(self) -> dict[str, Any]:
         """Return what the import needs beside the path; see `geometry.cad_import.imported_section`."""
+        native = "m" if self.is_meshed else _UNIT_OF_SHAPES
         return {
             "names": self.names,
             "needed": tuple(dict.fromkeys(("coil", *(self.materials or ())))),
             "known": ("powder", "air"),
             "axis": self.axis,
-            "scale": self.scale,
+            "scale": self.scale * _UNITS[self.unit or native] / _UNITS[native],
             "trust_scripts": self._trust_scripts,
         }
 
@@ -231,12 +274,18 @@ class CadGeometry(Section):
         """Return the shape for walls and volumes; `own`: the scene's own materials by name."""
         from geometry.cad_shape import CadShape
 
-        return CadShape(self._section(), self.bodies, magnetic_regions(self.materials, own))
+        return CadShape(self._section()[1], self.bodies, magnetic_regions(self.materials, own))
 
     def mesh(self, gap_layers: int, size_factor: float, path: Path | None = None) -> SectionMesh:
-        """Mesh the section; see `geometry.cad_meshing.mesh_cad`."""
+        """Mesh the section; see `geometry.cad_meshing.mesh_cad`. A finished mesh is taken, or written, as it is."""
         from geometry.cad_meshing import mesh_cad
+        from geometry.section_export import write_section_mesh
 
+        finished = self._section()[0]
+        if finished is not None:
+            if path is not None:
+                write_section_mesh(finished, path)
+            return finished
         return mesh_cad(
             self.file,
             gap_layers=gap_layers,
@@ -246,40 +295,45 @@ class CadGeometry(Section):
             **self.options(),
         )
 
-    def _section(self) -> CadSection:
-        options = self.options()
+    def solid_mesh(self, gap_layers: int, size_factor: float, order: int) -> SolidMesh:
+        """Mesh the device in space; see `geometry.cad_solid.mesh_cad_solids`."""
+        from geometry.cad_solid import mesh_cad_solids
+
+        options = {key: entry for key, entry in self.options().items() if key != "axis"}
+        return mesh_cad_solids(
+            self.file,
+            section=self._section()[1],
+            gap_layers=gap_layers,
+            size_factor=size_factor,
+            air_factor=self.air_factor,
+            order=order,
+            **options,
+        )
+
+    def _section(self) -> tuple[SectionMesh | None, CadSection]:
+        options = self.options() | ({"any_shape": True} if self.in_space else {})
         path = Path(self.file)
         changed = path.stat().st_mtime_ns if path.is_file() else 0
-        names = tuple(sorted(self.names.items()))
-        return _read_section(
-            self.file,
-            changed,
-            names,
-            options["needed"],
-            options["known"],
-            self.axis,
-            self.scale,
-            self._trust_scripts,
-        )
+        options["names"] = tuple(sorted(self.names.items()))
+        return _read_section(self.file, changed, self.is_meshed, **options)
 
 
 @lru_cache(maxsize=8)
 def _read_section(
-    file: str,
-    changed: int,
-    names: tuple[tuple[str, str], ...],
-    needed: tuple[str, ...],
-    known: tuple[str, ...],
-    axis: str,
-    scale: float,
-    trust_scripts: bool,
-) -> CadSection:
+    file: str, changed: int, is_meshed: bool, *, names: tuple[tuple[str, str], ...], **options: Any
+) -> tuple[SectionMesh | None, CadSection]:
     """Read a file once for the many that ask; `changed` is its time, so that a new export is seen."""
     from geometry.cad_meshing import cad_section
+    from geometry.cad_solid import check_solid_device
+    from geometry.meshed_section import meshed_section
 
-    return cad_section(
-        file, names=dict(names), needed=needed, known=known, axis=axis, scale=scale, trust_scripts=trust_scripts
-    )
+    if not is_meshed:
+        section = cad_section(file, names=dict(names), **options)
+        if options.get("any_shape"):
+            check_solid_device(file, section)
+        return None, section
+    del options["axis"], options["trust_scripts"]
+    return meshed_section(file, names=dict(names), **options)
 
 
 Geometry = Annotated[

@@ -39,6 +39,11 @@ def warnings_of(scene: Any) -> Iterator[str]:
     slotted = [name for name in ("disc_slots", "rotor_slots") if getattr(scene.geometry, name, None) is not None]
     if effects.wall_images is not None and slotted:
         yield f"[effects.wall_images] mirrors dipoles in the slots of geometry.{slotted[0]} too, as if they were steel"
+    if effects.wall_images is not None and isinstance(scene.geometry, CadGeometry) and scene.shape().carriers:
+        yield (
+            "[effects.wall_images] mirrors dipoles all around in what is steel in the half-plane y = 0, x > 0: in the "
+            "slots of the other parts too"
+        )
     if slotted and not isinstance(scene.field, CoilField):
         yield f"geometry.{slotted[0]} has no effect: only the field of a coil sees slots, grains meet smooth walls"
     steel = isinstance(scene.geometry, ShearCellGeometry) and scene.geometry.steel

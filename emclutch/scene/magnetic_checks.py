@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from emclutch.faults import Fault
 from emclutch.scene.draft import Draft, size_key
@@ -18,6 +18,11 @@ from emclutch.scene.grain_smear import (
 )
 from emclutch.scene.section import did_you_mean
 
+_MISSING_IN_SPACE = {
+    "back_reaction": "neither fill nor moments of the grains are spread over tetrahedra",
+    "coil_circuit": "a circuit is solved together with the field of a section only",
+    "eddy_currents": "they need a vector potential, and the field in space is that of a scalar one",
+}
 LEAST_SIZE_IN_SPACE = 0.2  # `geometry.mesh_slotted`
 _NEAR_REACH = 1.8  # diameters: two radii and the farthest gap of a near pair, 1.2 radii, where dipoles are whole
 
@@ -224,34 +229,49 @@ def _materials_in_use(draft: Draft) -> set[str]:
     return set(dict(materials).values())
 
 
-def slots(draft: Draft) -> Iterator[Fault]:
-    """What a field in space cannot do, or not yet."""
-    geometry, effects = draft.scene.geometry, draft.scene.effects
-    if not isinstance(geometry, ClutchGeometry) or not isinstance(draft.scene.field, CoilField):
+def field_in_space(draft: Draft) -> Iterator[Fault]:
+    """What a field in space, of slots or of solids from CAD, cannot do, or not yet."""
+    geometry, source, effects = draft.scene.geometry, draft.scene.field, draft.scene.effects
+    if not isinstance(source, CoilField):
         return
-    slotted = {key: s for key in ("disc_slots", "rotor_slots") if (s := getattr(geometry, key)) is not None}
-    if not slotted:
+    slotted = {
+        name: slots for name in ("disc_slots", "rotor_slots") if (slots := getattr(geometry, name, None)) is not None
+    }
+    if not slotted and not getattr(geometry, "in_space", False):
         return
-    key = f"geometry.{next(iter(slotted))}"
-    if len(slotted) == 2:
-        yield Fault(
-            "geometry.rotor_slots",
-            "",
-            "stands beside geometry.disc_slots: the field would change with the angle between both, and is solved "
-            "once a current only; keep one of them",
-        )
-    for name in ("back_reaction", "coil_circuit", "eddy_currents"):
+    key = f"geometry.{next(iter(slotted), 'in_space')}"
+    yield from _one_carrier(draft, slotted)
+    for name, missing in _MISSING_IN_SPACE.items():
         if getattr(effects, name) is not None:
             yield Fault(
-                f"effects.{name}", "", f"is not there for a field in space, which {key} asks for; remove one of them"
+                f"effects.{name}",
+                "",
+                f"is not there for a field in space, which {key} asks for: {missing}; remove one of them",
             )
-    if draft.scene.field.tolerance is not None:
+    if source.tolerance is not None:
         yield draft.fault(
             "field.tolerance", f"refines the mesh of a section, but {key} asks for a field in space; remove it, and "
             "set the mesh by field.size_factor"
         )  # fmt: skip
-    if draft.scene.field.size_factor < LEAST_SIZE_IN_SPACE:
+    if source.size_factor < LEAST_SIZE_IN_SPACE:
         yield draft.fault(
             "field.size_factor", f"is too fine for a field in space, which {key} asks for; allowed: at least "
             f"{LEAST_SIZE_IN_SPACE:g}"
         )  # fmt: skip
+
+
+def _one_carrier(draft: Draft, slotted: Mapping[str, object]) -> Iterator[Fault]:
+    """The field stands still in the frame of one body: no other may have slots."""
+    both = "the field would change with the angle between both, and is solved once a current only"
+    if len(slotted) == 2:
+        yield Fault("geometry.rotor_slots", "", f"stands beside geometry.disc_slots: {both}; keep one of them")
+    if slotted or "geometry" in draft.broken:
+        return
+    shape = draft.scene.shape()
+    if len(shape.carriers) > 1:
+        parts = ", ".join(f"{region} ({shape.body(region)})" for region in sorted(shape.section.odd))
+        yield Fault(
+            "geometry.bodies",
+            "",
+            f"of parts that are no bodies of revolution are several: {parts}; {both}; let one of them have all",
+        )

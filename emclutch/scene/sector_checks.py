@@ -64,10 +64,18 @@ def sector_in_field(draft: Draft) -> Iterator[Fault]:
         )
 
 
-def sector_in_slots(draft: Draft) -> Iterator[Fault]:
-    """The field of a body with slots repeats every pitch only."""
+def sector_in_space(draft: Draft) -> Iterator[Fault]:
+    """The field of a body with slots repeats every pitch only, that of solids of any shape nobody knows where."""
     geometry, sector = draft.scene.geometry, draft.scene.particles.sector
-    if sector is None or not isinstance(geometry, ClutchGeometry) or not isinstance(draft.scene.field, CoilField):
+    if sector is None or not isinstance(draft.scene.field, CoilField):
+        return
+    if isinstance(geometry, CadGeometry) and geometry.in_space:
+        yield draft.fault(
+            "particles.sector",
+            "needs a field that repeats from sector to sector, which of the solids of geometry.in_space nobody knows; "
+            "remove it: the full ring is simulated",
+        )
+    if not isinstance(geometry, ClutchGeometry):
         return
     slotted = {key: s for key in ("disc_slots", "rotor_slots") if (s := getattr(geometry, key)) is not None}
     if len(slotted) != 1:

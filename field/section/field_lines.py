@@ -7,6 +7,7 @@ a point on a face takes the side of the element that is found first.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -91,7 +92,7 @@ def field_along(solution: MagneticField, points: np.ndarray) -> FieldAlongLine:
     return FieldAlongLine(points, distance, B, nu[:, None] * B, _psi_at(solution, element, points), region)
 
 
-def straight_line(start: tuple[float, float], end: tuple[float, float], count: int = 201) -> np.ndarray:
+def straight_line(start: Sequence[float], end: Sequence[float], count: int = 201) -> np.ndarray:
     """Points (count, 2) evenly between two points (r, z) [m]."""
     return np.linspace(np.asarray(start, dtype=float), np.asarray(end, dtype=float), count)
 

@@ -174,6 +174,17 @@ class OpenBoundary:
         return value, flux
 
 
+def check_reach(mesh: SectionMesh) -> None:
+    """Refuse a mesh that an open boundary cannot close, as `OpenBoundary` does, without its integrals.
+
+    Raises
+    ------
+    ValueError
+    """
+    edges, centre = _outline(mesh)
+    _reach(mesh, centre, _distance(mesh.points[edges], centre))
+
+
 def _angle(points: np.ndarray, centre: float) -> np.ndarray:
     """theta of points (..., 2) about the centre, 0 on the upper axis."""
     return np.arctan2(points[..., 0], points[..., 1] - centre)
@@ -228,7 +239,7 @@ def _reach(mesh: SectionMesh, centre: float, radius: float) -> float:
             raise ValueError(
                 f"region {name!r} reaches {1e3 * reach:.4g} mm from (r, z) = (0, {1e3 * centre:.4g} mm), the open "
                 f"boundary is {1e3 * radius:.4g} mm away; it allows at most {_LARGEST_REACH:g} of that: "
-                "enlarge the air (`geometry.air_factor`), or take the flux wall"
+                "enlarge the air (`geometry.air_factor`, or in a finished mesh), or take the flux wall"
             )
         largest = max(largest, reach / radius)
     return largest

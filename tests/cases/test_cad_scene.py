@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 import tomli_w
@@ -13,7 +14,9 @@ from typer.testing import CliRunner
 import emclutch
 from emclutch.case import case_from, load_case, read_toml
 from emclutch.command_line import app
-from emclutch.device import build_device
+from emclutch.device import build_device, mesh_of
+from emclutch.scene.input_files import input_files
+from geometry.section_import import read_section_mesh
 
 QUICKSTART = Path(__file__).resolve().parents[2] / "cases" / "quickstart.toml"
 MATERIALS = {
@@ -128,3 +131,81 @@ def test_a_file_without_powder_holds_no_grains(drawn):
 def test_grains_larger_than_the_gap_are_refused(drawn):
     result = CliRunner().invoke(app, ["check", str(written(*drawn)), "--set", "particles.diameter=3 mm"])
     assert result.exit_code == 2 and "no grain fits" in result.output
+
+
+# --- a finished mesh instead of a drawing --------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def meshed(drawn):
+    """The scene with its section's mesh, in millimetres and with tags for regions; back_reaction needs a finer one."""
+    folder, data = drawn
+    data = {**data, "effects": {name: table for name, table in data["effects"].items() if name != "back_reaction"}}
+    mesh = mesh_of(load_case(written(folder, data)).with_values({"field.size_factor": 1.5}).scene)
+    names = sorted(mesh.regions)
+    tags = np.empty(len(mesh.triangles), dtype=np.int64)
+    for tag, name in enumerate(names, 1):
+        tags[mesh.regions[name]] = tag
+    points = 1e3 * np.column_stack((mesh.points, np.zeros(len(mesh.points))))
+    meshio.Mesh(points, [("triangle", mesh.triangles)], cell_data={"region": [tags]}).write(folder / "device.vtu")
+    geometry = {"kind": "cad", "file": "device.vtu", "unit": "mm", "materials": MATERIALS,
+                "names": {f"tag{tag}": name for tag, name in enumerate(names, 1)}}  # fmt: skip
+    return folder, {**data, "geometry": geometry}, mesh
+
+
+def test_a_finished_mesh_is_taken_as_it_is(meshed, tmp_path):
+    folder, data, mesh = meshed
+    case = load_case(written(folder, data))
+    assert case_from(case.resolved()).scene == case.scene and input_files(case.scene)["geometry.file"].suffix == ".vtu"
+    device = build_device(case.scene)
+    drawing = {**data, "geometry": {"kind": "cad", "file": "device.step", "materials": MATERIALS}}
+    theirs = build_device(
+        load_case(written(folder, drawing, "drawn.toml")).with_values({"field.size_factor": 1.5}).scene
+    )
+    assert device.fill == theirs.fill and device.shear_gap == pytest.approx(theirs.shear_gap)
+    ours, expected = (each.coil.solve_at_peak(None).flux_linkage_per_turn for each in (device, theirs))
+    assert ours == pytest.approx(expected, rel=1e-9)
+    written_out = CliRunner().invoke(app, ["mesh", str(written(folder, data)), "--out", str(tmp_path / "mesh")])
+    assert written_out.exit_code == 0, written_out.output
+    assert read_section_mesh(tmp_path / "mesh" / "mesh.msh").volume("powder") == pytest.approx(mesh.volume("powder"))
+
+
+# name: (changes of the scene, fragments)
+FAULTS_OF_A_MESH = {
+    "no unit": ({"geometry": {"unit": None}}, ("unit of length is likely wrong; say the file's own by geometry.unit",)),
+    "no names": ({"geometry": {"names": {}}}, ("no part named 'coil'", "tag2: 36 mm2")),
+    "unknown unit": ({"geometry": {"unit": "foot"}}, ("geometry.unit = 'foot'", "available: m, cm, mm, um, inch")),
+    "axis": ({"geometry": {"axis": "x"}}, ("geometry.axis = 'x' is for CAD files, and device.vtu is a mesh",)),
+    "air": ({"geometry": {"air_factor": 4.0}}, ("geometry.air_factor = 4.0 is for CAD files",)),
+    "layers": ({"field": {"gap_layers": 6}}, ("field.gap_layers = 6 sizes a mesh that is made here",)),
+    "size": ({"field": {"size_factor": 0.5}}, ("field.size_factor = 0.5 sizes a mesh that is made here",)),
+    "coarse": ({"effects": {"back_reaction": {}}}, ("is too coarse for effects.back_reaction", "0.208 mm")),
+    "unit of STEP": ({"geometry": {"file": "device.step", "names": {}}}, ("geometry.unit = 'mm' is not for .step",)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FAULTS_OF_A_MESH)
+def test_a_faulty_scene_with_a_mesh_is_refused(name, meshed):
+    folder, data, _ = meshed
+    changes, fragments = FAULTS_OF_A_MESH[name]
+    data = {**data, **{section: {**data[section], **entries} for section, entries in changes.items()}}
+    data["geometry"] = {key: entry for key, entry in data["geometry"].items() if entry is not None}
+    result = CliRunner().invoke(app, ["check", str(written(folder, data, "faulty.toml"))])
+    assert result.exit_code == 2 and "Traceback" not in result.output, result.output
+    for fragment in fragments:
+        assert fragment in result.output, result.output
+
+
+def test_a_mesh_with_too_little_air_is_refused(meshed):
+    """Air that ends a hair beyond the device: the multipoles of an open boundary do not converge there."""
+    folder, data, mesh = meshed
+    device = np.concatenate([elements for name, elements in mesh.regions.items() if name != "air"])
+    reach = np.hypot(*mesh.points[mesh.triangles[device]].reshape(-1, 2).T).max()
+    region = mesh.region_of_element()
+    inside = np.hypot(*mesh.points[mesh.triangles].transpose(2, 0, 1)).max(axis=1) < 1.2 * reach
+    sets = {name: [np.flatnonzero(region[inside] == name)] for name in mesh.regions}
+    points = 1e3 * np.column_stack((mesh.points, np.zeros(len(mesh.points))))
+    meshio.Mesh(points, [("triangle", mesh.triangles[inside])], cell_sets=sets).write(folder / "near.inp")
+    path = written(folder, data, "near.toml", file="near.inp", names={})
+    result = CliRunner().invoke(app, ["check", str(path)])
+    assert result.exit_code == 2 and "geometry.file = 'near.inp' has too little air" in result.output, result.output

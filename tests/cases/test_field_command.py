@@ -56,6 +56,29 @@ def test_summary_and_pictures_are_there(studied):
     assert list(dict.fromkeys(line["region"])) == ["disc", "powder", "rotor"]
 
 
+def test_points_for_paraview_belong_to_one_region_each_and_agree_with_its_cells(studied):
+    """H = B/mu_0 at the points of air, far less in most of the steel; corners have on average their cell's B."""
+    import pyvista
+
+    data = pyvista.read(sorted((studied / "field").iterdir())[1])
+    names, region = list(data.field_data["region_names"]), data.cell_data["region"]
+    triangles = data.cells_dict[pyvista.CellType.TRIANGLE]
+    owner = np.full(data.n_points, -1)
+    for number in range(len(names)):
+        points = np.unique(triangles[region == number])
+        assert np.all(owner[points] == -1)
+        owner[points] = number
+    B, H = data.point_data["flux_density"], data.point_data["field_strength"]
+    air = owner == names.index("air")
+    assert np.allclose(MU_0 * H[air], B[air], rtol=1e-9, atol=1e-12)
+    steel = owner == names.index("disc")
+    size = np.linalg.norm(B[steel], axis=1)
+    assert np.median(MU_0 * np.linalg.norm(H[steel], axis=1) / size) < 0.1
+    off = np.linalg.norm(B[triangles].mean(axis=1) - data.cell_data["flux_density"], axis=1)
+    assert np.median(off) < 0.01 * size.max()
+    assert np.unique(data.points, axis=0).shape[0] < data.n_points, "points on faces stand once for each region"
+
+
 def test_powder_that_is_fed_back_is_told_beside_its_chains(studied):
     """The rows have grains without order; in chains they carry more flux, at most in proportion to their mu_r."""
     last = json.loads((studied / "field.json").read_text())["at_last_current"]

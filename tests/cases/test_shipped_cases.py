@@ -16,6 +16,7 @@ import emclutch
 from emclutch.command_line import app
 from emclutch.html_report import run_page
 from emclutch.results.rise_time import time_to_reach
+from emclutch.results.vtk_series import read_pvd
 from emclutch.run_report import report
 from emclutch.scene.design import read_design
 
@@ -55,10 +56,13 @@ def test_quickstart_at_toy_size(tmp_path):
         "field.pvd",
         "walls.pvd",
         "contacts.pvd",
+        "paraview.py",
         "section.png",
         "torque.png",
         "grains.png",
     } <= files(result)
+    moments = [[time for time, _ in read_pvd(series)] for series in result.folder.series()]
+    assert moments[0][0] == 0.0 and len(moments[0]) == 3 and all(each == moments[0] for each in moments)
     # magnetic circuit: two gaps of 1 mm in series, B = mu_0 mu_powder N I/(2 g), ideal steel, at most
     assert 0.2 < result.summary["gap_flux_density"] < 4e-7 * math.pi * 3.0 * 500 / 2e-3
     assert result.history["torque_disc"].iloc[-1] > 0.0  # the rotor drags the disc along

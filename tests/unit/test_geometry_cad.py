@@ -8,8 +8,9 @@ import pytest
 from step_file import rectangle, write_polygons, write_step
 
 from geometry import Clutch
-from geometry.cad_import import CadError, plain_name, read_cad
+from geometry.cad_import import read_cad
 from geometry.cad_meshing import cad_section, mesh_cad
+from geometry.cad_parts import CadError, plain_name
 from geometry.cad_shape import CadShape
 from geometry.cad_solid import mesh_cad_solids, read_cad_solids
 from geometry.section_import import read_section_mesh
@@ -409,12 +410,17 @@ def test_faces_out_of_plane_are_told(tmp_path):
 
 
 def test_parts_without_names_are_told(tmp_path):
-    path = write_polygons(tmp_path / "a.brep", COIL)
-    with pytest.raises(CadError, match=r"1 of 1 parts have no name \(a BREP file carries no names: use STEP\)"):
-        read_cad(path)
     path = write_polygons(tmp_path / "a.step", {"Open CASCADE STEP translator 7.8 9": COIL["coil"]})
     with pytest.raises(CadError, match="1 of 1 parts have no name"):
         read_cad(path)
+
+
+def test_parts_of_a_brep_file_are_named_by_their_number(tmp_path):
+    path = write_polygons(tmp_path / "a.brep", {**COIL, "disc": [rectangle(0, 0.01, 0, 0.01)]})
+    with pytest.raises(CadError, match=r"no part named 'coil'(.|\n)*part1: 100 mm2, r 20 to 30 mm"):
+        read_cad(path, needed=["coil"])
+    parts = read_cad(path, names={"part1": "coil", "part2": "disc"}, needed=["coil"], known=["disc"])
+    assert [part.region for part in parts] == ["coil", "disc"] and parts[1].r1 == pytest.approx(0.01)
 
 
 EMPTY_STEP = "ISO-10303-21;\nHEADER;\nENDSEC;\nDATA;\nENDSEC;\nEND-ISO-10303-21;\n"
@@ -483,12 +489,13 @@ def test_a_mesh_of_another_program_gets_its_axis_and_outline(tmp_path):
     mesh = read_section_mesh(path, scale=1e-3)
     assert mesh.area("coil") == pytest.approx(100e-6) and mesh.area("air") == pytest.approx(300e-6)
     assert mesh.boundary_length("axis") == pytest.approx(0.02) and mesh.boundary_length("outer") == pytest.approx(0.06)
+    path.write_text(MESH_OF_ANOTHER_PROGRAM.replace('2 1 "coil"', '2 3 "coil"'))  # group 1 has no name
+    assert read_section_mesh(path, scale=1e-3, names={"tag1": "coil"}).area("coil") == pytest.approx(100e-6)
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [("nonsense", "is not a mesh of gmsh"), ("$MeshFormat\nnonsense", r"cannot be read|no triangles"),
-     (MESH_OF_ANOTHER_PROGRAM.replace('2 1 "coil"', '2 3 "coil"'), "no name"),
      (MESH_OF_ANOTHER_PROGRAM.replace("2 20 0 0", "2 -20 0 0"), "beyond the axis")],
 )  # fmt: skip
 def test_a_wrong_mesh_file_is_told(text, words, tmp_path):

@@ -8,7 +8,8 @@ from typer.testing import CliRunner
 
 from emclutch.case import load_case, read_toml
 from emclutch.command_line import app
-from geometry.cad_import import SUFFIXES, CadError, read_cad
+from geometry.cad_import import SUFFIXES, read_cad
+from geometry.cad_parts import CadError
 from geometry.section_import import read_section_mesh
 from geometry.surface_import import CAD_SUFFIXES, MESH_SUFFIXES, SurfaceError, triangle_wall_from_file
 

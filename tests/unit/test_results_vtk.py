@@ -1,6 +1,8 @@
 """Series for ParaView, re-opened with vtk's own readers: times, arrays, units, shapes."""
 
 import math
+import os
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -128,8 +130,33 @@ def test_sector_of_a_ring_stays_over_its_grains(tmp_path):
     data = opened(path)
     theta = np.arctan2(points(data)[:, 1], points(data)[:, 0])
     assert theta.min() == pytest.approx(0.0) and theta.max() == pytest.approx(angle)
-    first = array(data.GetCellData(), "material_angle")[0]
-    assert first == pytest.approx(2.0 * math.pi - 1.0 + 0.5 * angle / data.GetNumberOfPolys())
+    material = np.sort(array(data.GetCellData(), "material_angle"))
+    seen = (material - (2.0 * math.pi - 1.0)) % (
+        2.0 * math.pi
+    )  # the body has turned by 1: the sector shows what was behind
+    assert np.all(seen < angle)
+
+
+@pytest.mark.parametrize("sector_angle", [None, math.pi / 6, 0.7])
+def test_marks_turn_with_their_body(tmp_path, sector_angle):
+    """A place has a mark if and only if that material point had it before the body turned."""
+    series = PvdSeries(tmp_path, "walls")
+
+    def marked(turned, azimuth):
+        path = series.write_walls(0.0, [rim()], angles={"rotor": turned}, sector_angle=sector_angle)
+        data = opened(path)
+        x, y, _ = points(data).T
+        number = len(x) // 2  # the lower row of corners is followed by the upper
+        edge = np.unwrap(np.arctan2(y, x)[:number])
+        if sector_angle is None:
+            azimuth = edge[0] + (azimuth - edge[0]) % (2.0 * math.pi)
+        return array(data.GetCellData(), "stripe")[np.searchsorted(edge, azimuth) - 1]
+
+    at = np.linspace(0.03, 0.37, 23)
+    still = marked(0.0, at)
+    assert set(still) == {0, 1}
+    for turn in (0.01, 0.1, 0.15):
+        assert np.array_equal(marked(turn, at + turn), still)
 
 
 def test_planes_of_a_box_meet_at_its_corners(tmp_path):
@@ -164,3 +191,24 @@ def test_series_resumes_after_its_checkpoint(tmp_path):
     series.write_particles(0.2, np.full((1, 3), 9.0), {})
     time, file = read_pvd(series.path)[-1]
     assert (time, file.name) == (0.2, "particles_000002.vtp") and points(opened(file))[0, 0] == 9.0
+
+
+def test_series_is_whole_after_every_file(tmp_path, monkeypatch):
+    """Whoever reads while a run writes, and wherever it is killed, finds XML that names files which are there."""
+    seen = []
+
+    def look(*_):
+        if path.is_file():
+            listed = read_pvd(path)
+            assert all(opened(file).GetNumberOfPoints() == 1 for _, file in listed)
+            seen.append(len(listed))
+
+    path = tmp_path / "particles.pvd"
+    series = PvdSeries(tmp_path, "particles")
+    replace, unlink = os.replace, Path.unlink
+    monkeypatch.setattr(os, "replace", lambda *names: (look(), replace(*names), look()))
+    monkeypatch.setattr(Path, "unlink", lambda *given, **options: (look(), unlink(*given, **options), look()))
+    for i in range(4):
+        series.write_particles(0.1 * i, np.full((1, 3), i, float), {})
+    PvdSeries(tmp_path, "particles", resume_time=0.15)
+    assert seen[:6] == [1, 1, 1, 1, 2, 2] and seen[-1] == 2 and max(seen) == 4

@@ -1,0 +1,1 @@
+"""Looking at a run in space: a script for ParaView, and pyvista."""

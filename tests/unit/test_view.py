@@ -1,0 +1,167 @@
+"""Looking at a run: the script for ParaView names what the files hold, and pictures show it."""
+
+import ast
+import math
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from emclutch.faults import SceneError
+from emclutch.results import OutputError
+from emclutch.results.vtk_head import read_head
+from emclutch.results.vtk_series import PvdSeries
+from emclutch.view.paraview_script import NAME, write_script
+from emclutch.view.run_files import LOOKS, read_run_files
+from emclutch.view_command import view_run
+
+TITLE = 'A "drum" \\ with\nits\'s # powder'
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """Files as a run writes them: two moments of 20 grains between two rims, a section of air and disc."""
+    folder = tmp_path_factory.mktemp("run")
+    title = TITLE.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
+    (folder / "case.toml").write_text(f'[scene]\ntitle = "{title}"\n[particles]\nsector = 0.1\n')
+    rng = np.random.default_rng(1)
+    series = {name: PvdSeries(folder, name) for name in ("particles", "walls", "contacts", "field")}
+    rims = [
+        SimpleNamespace(name=f"{body}_rim", body=body, start=(r, -0.005), end=(r, 0.005))
+        for body, r in (("disc", 0.02), ("rotor", 0.021))
+    ]
+    section = np.array([[0.0, 0.0], [0.02, 0.0], [0.02, 0.01], [0.0, 0.01], [0.04, 0.0], [0.04, 0.01]])
+    triangles = np.array([[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]])
+    for time in (0.0, 1e-3):
+        angle, r, z = rng.uniform(0.0, 0.1, 20), rng.uniform(0.0201, 0.0209, 20), rng.uniform(-0.004, 0.004, 20)
+        x = np.column_stack([r * np.cos(angle), r * np.sin(angle), z])
+        arrays = {"radius": np.full(20, 1e-4), "velocity": rng.random((20, 3)), "magnetic_moment": rng.random((20, 3))}
+        series["particles"].write_particles(time, x, arrays)
+        series["walls"].write_walls(time, rims, angles={"rotor": 100.0 * time}, sector_angle=0.1)
+        series["contacts"].write_contacts(time, x[:-1], x[1:], rng.random((19, 3)))
+        series["field"].write_field(
+            time,
+            section,
+            triangles,
+            point_arrays={"flux_density": rng.random((6, 2)), "vector_potential": rng.random(6)},
+            cell_arrays={"region": np.array([1, 1, 0, 0]), "flux_density": rng.random((4, 2))},
+            region_names=["air", "disc"],
+        )
+    write_script(read_run_files(folder))
+    return folder
+
+
+def constants(script):
+    """The values that a script's head gives its names."""
+    found = {}
+    for node in ast.parse(script.read_text(encoding="utf-8"), feature_version=(3, 10)).body:
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+            try:
+                found[node.targets[0].id] = ast.literal_eval(node.value)
+            except ValueError:
+                found[node.targets[0].id] = node.value
+    return found
+
+
+def test_script_names_files_arrays_and_regions_that_are_there(run):
+    """Also a title from a stranger stays a text."""
+    known = constants(run / NAME)
+    files = read_run_files(run)
+    head = {name: read_head(written[0][1]) for name, written in files.series.items()}
+    assert known["TITLE"] == TITLE and known["SECTOR"] == pytest.approx(math.degrees(0.1))
+    assert {array for array, _ in known["QUANTITIES"].values()} == {"velocity", "magnetic_moment", "diameter"}
+    assert {array for array, _ in known["QUANTITIES"].values()} <= set(head["particles"].point_arrays)
+    assert all(label.endswith("]") and " [" in label for _, label in known["QUANTITIES"].values())
+    assert known["COLOUR"] in known["QUANTITIES"]
+    assert head["field"].texts["region_names"][known["AIR"]] == "air"
+    assert known["WHERE"] == "POINTS" and known["FLUX_DENSITY"].elts[0].value in head["field"].point_arrays
+    assert list(known["BODIES"]) == ["disc", "rotor"] and "stripe" in head["walls"].cell_arrays
+    assert known["SUITS"] == LOOKS
+    parts = {
+        key.value: value.elts[0].value for key, value in zip(known["PARTS"].keys, known["PARTS"].values, strict=True)
+    }
+    assert set(parts.values()) <= {path.stem for path in run.glob("*.pvd")}
+    assert {part for shown in LOOKS.values() for part in shown} <= set(parts)
+
+
+def test_script_that_was_edited_is_kept(run):
+    text = (run / NAME).read_text()
+    (run / NAME).write_text("mine")
+    write_script(read_run_files(run))
+    assert (run / NAME).read_text() == "mine"
+    (run / NAME).write_text(text)
+
+
+def test_what_cannot_be_shown_is_told(run, tmp_path):
+    with pytest.raises(SceneError, match="none of speed, moment, diameter"):
+        view_run(run, colour="force", screenshot=tmp_path / "a.png")
+    with pytest.raises(SceneError, match=r"must end in \.gif or \.mp4"):
+        view_run(run, movie=tmp_path / "a.avi")
+    with pytest.raises(SceneError, match="5 ms"):
+        view_run(run, time="5 mm", screenshot=tmp_path / "a.png")
+    with pytest.raises(OutputError, match="no series"):
+        view_run(tmp_path)
+    (tmp_path / "a.png").touch()
+    with pytest.raises(OutputError, match="exists"):
+        view_run(run, screenshot=tmp_path / "a.png")
+
+
+PICTURES = """
+import sys
+from pathlib import Path
+import numpy as np
+from PIL import Image
+from emclutch.view.pyvista_view import RunView, movie, screenshot
+from emclutch.view.run_files import LOOKS, read_run_files
+
+run, lone, out = map(Path, sys.argv[1:])
+files = read_run_files(run)
+for look in LOOKS:
+    path = screenshot(RunView(files, look, "moment", window=False, size=(300, 220)), out / f"{look}.png", None)
+    colours = np.unique(np.asarray(Image.open(path).convert("RGB")).reshape(-1, 3), axis=0)
+    assert len(colours) > 50, f"{look} is blank"
+with Image.open(movie(RunView(files, "chains", "speed", window=False, size=(200, 150)), out / "m.gif")) as moving:
+    assert moving.n_frames == 2
+
+view = RunView(read_run_files(lone), "gap", "diameter", window=False, size=(300, 300))
+picture = np.asarray(Image.open(screenshot(view, out / "lone.png", None)).convert("RGB"))[60:240, 60:240]
+radius = 150.0 * 1e-4 / view.plotter.camera.parallel_scale
+assert abs((picture.min(axis=2) < 230).sum() / (np.pi * radius**2) - 1.0) < 0.05, "a sphere has not its size"
+"""
+
+
+def test_pictures_off_screen_show_something_and_spheres_have_their_size(run, tmp_path):
+    """In a process of its own: where OpenGL is missing, VTK ends the process."""
+    PvdSeries(tmp_path, "particles").write_particles(0.0, np.zeros((1, 3)), {"radius": np.array([1e-4])})
+    environment = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    arguments = [sys.executable, "-c", PICTURES, str(run), str(tmp_path), str(tmp_path)]
+    done = subprocess.run(arguments, env=environment, capture_output=True, text=True, check=False, timeout=300)
+    if done.returncode in (-signal.SIGSEGV, -signal.SIGABRT):
+        pytest.skip("VTK finds neither EGL nor OSMesa here (libegl1, libosmesa6)")
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.skipif(
+    not (shutil.which("pvbatch") and shutil.which("xvfb-run")), reason="needs Debian's packages paraview and xvfb"
+)
+def test_paraview_draws_the_script_of_a_run_that_was_moved(run, tmp_path):
+    """Beside its own name the script finds ParaView's package, and its files where it lies now."""
+    from PIL import Image
+
+    moved = shutil.copytree(run, tmp_path / "moved")
+    command = ["xvfb-run", "-a", "-s", "-screen 0 400x300x24", "pvbatch", NAME, "--size", "300", "220"]
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    done = subprocess.run(
+        [*command, "--colour", "moment", "--screenshot", "a.png"],
+        cwd=moved, env=environment, capture_output=True, text=True, check=False, timeout=300,
+    )  # fmt: skip
+    if "vtkXOpenGLRenderWindow" in done.stderr:
+        pytest.skip("no X server came up")
+    assert done.returncode == 0 and "Error" not in done.stderr, done.stderr
+    picture = np.asarray(Image.open(moved / "a.png").convert("RGB"))
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 50
