@@ -34,8 +34,8 @@ from coupling import (
 from emclutch.case import Case
 from emclutch.device import CoilDevice, Device, grain_law
 from emclutch.packed_grains import grains_of, packed, settled
-from emclutch.plan import Plan
 from emclutch.rigid_plan import RigidPlan
+from emclutch.run_plan import Plan
 from emclutch.scene.field_source import UniformField
 from emclutch.scene.grain_smear import layers_change_the_field, moments_are_fed_back, smear_width
 from emclutch.scene.model import Scene

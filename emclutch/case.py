@@ -107,6 +107,11 @@ def load_case(path: str | Path, overrides: Mapping[str, Any] | None = None, *, t
     return case_from(data, overrides or {}, path, trust_scripts=trust_scripts)
 
 
+def as_case(given: Case | str | Path) -> Case:
+    """Return a case as it is, and the checked scene of a file's path; SceneError as of `load_case`."""
+    return given if isinstance(given, Case) else load_case(given)
+
+
 def case_from(
     data: Mapping[str, Any],
     values: Mapping[str, Any] | None = None,
@@ -124,6 +129,11 @@ def case_from(
     if scene is None or faults:
         raise SceneError(faults, source)
     return Case(scene, path, tuple(warnings_of(scene)), changed, trust_scripts)
+
+
+def removes(key: str, value: object) -> bool:
+    """Whether an entry of a setting takes its key out of a scene: ``none``, and for ``effects.NAME`` ``off`` too."""
+    return value == "none" or (value == "off" and key.startswith("effects.") and key.count(".") == 1)
 
 
 def read_toml(path: Path) -> dict[str, Any]:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import NoReturn
 
 import typer
 
-from emclutch.faults import Fault, SceneError
+from emclutch.faults import SceneError
 
 FAILED, BAD_INPUT, STOPPED = 1, 2, 130  # 130: 128 + SIGINT, as shells count it
 _PACKAGES = ("emclutch", "geometry", "field", "particles", "coupling")
@@ -41,15 +40,6 @@ def explained() -> Iterator[None]:
         if isinstance(error, Interrupted):
             stop(str(error), STOPPED)
         stop(f"the run failed: {error}", FAILED)
-
-
-@contextmanager
-def bad_input_for(file: Path | None) -> Iterator[None]:
-    """Take a ValueError for a fault of the scene: the planning functions raise it with a remedy."""
-    try:
-        yield
-    except ValueError as error:
-        raise SceneError([Fault("", "", str(error))], "scene" if file is None else str(file)) from error
 
 
 def stop(message: str, code: int) -> NoReturn:

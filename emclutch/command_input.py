@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from emclutch.case import Case, load_case, read_toml
+from emclutch.case import Case, load_case, read_toml, removes
 from emclutch.faults import Fault, SceneError, shown
+
+if TYPE_CHECKING:
+    from emclutch.scene.design import Search
 
 
 def load(path: Path, sets: list[str] | None = None, trust_scripts: bool = False) -> Case:
@@ -39,13 +42,12 @@ def assignments(sets: list[str] | None) -> dict[str, Any]:
         if not equals or not key:
             message = "is not KEY=VALUE; write it as in --set coil.current='0.8 A'"
             raise SceneError([Fault("--set", shown(text), message)], "command line")
-        is_effect = key.startswith("effects.") and key.count(".") == 1
-        if value == "none" or (is_effect and value == "off"):
+        if removes(key, value):
             if reason := _unknown(key):
                 raise SceneError([Fault(key, value, reason)], "command line")
             values[key] = None
             continue
-        if is_effect and value == "on":
+        if value == "on" and key.startswith("effects.") and key.count(".") == 1:
             values[key] = {}
             continue
         try:
@@ -53,6 +55,39 @@ def assignments(sets: list[str] | None) -> dict[str, Any]:
         except tomllib.TOMLDecodeError:
             values[key] = value
     return values
+
+
+def search(
+    file: Path, vary: str | None, target: str | None, sets: list[str] | None = None, trust_scripts: bool = False
+) -> Search:
+    """What a design search is asked: by a design file, or by a scene with options."""
+    from emclutch.scene.design import read_design, search_of
+
+    if "design" in read_toml(file):
+        given = {"--vary": vary, "--target": target, "--set": sets}
+        message = f"stands in {file} already; leave it away"
+        if faults := [Fault(name, "", message) for name, one in given.items() if one]:
+            raise SceneError(faults, "command line")
+        return read_design(file, trust_scripts=trust_scripts)
+    key, equals, ends = (part.strip() for part in (vary or "").partition("="))
+    between = [_entry(part) for part in ends.split(":")]
+    faults = []
+    if not equals or len(between) != 2:
+        shown_entry = shown(vary) if vary else ""
+        faults.append(Fault("--vary", shown_entry, "is needed as KEY=A:B, e.g. --vary geometry.gap='0.5 mm:2 mm'"))
+    if target is None:
+        faults.append(Fault("--target", "", "is missing; e.g. --target 'torque 12 N m'"))
+    if faults or target is None:
+        raise SceneError(faults, "command line")
+    return search_of(load(file, sets, trust_scripts), key, (between[0], between[1]), target, "--")
+
+
+def _entry(text: str) -> str | float:
+    """A number in SI or a text with its unit."""
+    try:
+        return float(text)
+    except ValueError:
+        return text.strip()
 
 
 def check_threads(threads: int | None) -> None:

@@ -16,8 +16,8 @@ import typer
 from rich.console import Console
 
 from emclutch import __version__
-from emclutch.command_errors import FAILED, bad_input_for, explained, stop
-from emclutch.command_input import check_threads, load, run_to_resume
+from emclutch.command_errors import FAILED, explained, stop
+from emclutch.command_input import check_threads, load, run_to_resume, search
 from emclutch.command_options import (
     AsHtml,
     AsJson,
@@ -25,8 +25,10 @@ from emclutch.command_options import (
     CaseFile,
     Chi,
     ColourBy,
+    Confirm,
     Currents,
     CurvePicture,
+    DesignSource,
     DipoleModel,
     DryRun,
     ExportFormat,
@@ -36,6 +38,7 @@ from emclutch.command_options import (
     GrainCount,
     Insist,
     Jobs,
+    Like,
     Lines,
     Look,
     MaterialNames,
@@ -44,6 +47,7 @@ from emclutch.command_options import (
     Movie,
     NewFile,
     NewPicture,
+    NewScene,
     Out,
     PairForceAsked,
     ParaViewAsked,
@@ -54,18 +58,21 @@ from emclutch.command_options import (
     RunPaths,
     RunSource,
     Saturation,
+    SceneKind,
     Screenshot,
     Seeds,
     Sets,
     SpeedsAsked,
     Strain,
     StudyFile,
+    Target,
     Threads,
     TorqueSpeedAsked,
     TrustScripts,
+    Vary,
 )
-from emclutch.command_output import print_json, tell_plan, torque_line
-from emclutch.faults import Fault, SceneError
+from emclutch.command_output import print_json, tell_design, tell_plan, torque_line
+from emclutch.faults import Fault, SceneError, bad_input_for
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -154,13 +161,13 @@ def sweep(
 ) -> None:
     """Simulate every point of a parameter study, several at a time with --jobs."""
     with explained():
-        from emclutch.scene.study import load_study
+        from emclutch.scene.study import read_study
 
         check_threads(threads)
         if resume and out is None:
             message = "needs a study that was begun; name the study's folder with --out"
             raise SceneError([Fault("--resume", "", message)], "command line")
-        read = load_study(study, trust_scripts=trust_scripts)
+        read = read_study(study, trust_scripts=trust_scripts)
         from emclutch.results.study_table import StudyTable
         from emclutch.run_study import sweep as sweep_study
 
@@ -204,17 +211,17 @@ def field(
     with explained():
         read = load(case, sets, trust_scripts)
         from emclutch import field_study
+        from emclutch.field_result import field as solve_field
 
         with bad_input_for(case):
             currents = None if current is None else field_study.read_currents(current)
             lines = [field_study.read_line(text) for text in line or ()]
-            folder = field_study.field_study(read, currents, lines, out)
-        summary = json.loads((folder / "field.json").read_text())
+        found = solve_field(read, currents, lines, out)
         if as_json:
-            print_json(summary)
+            print_json(found.summary)
         else:
-            Console().print(*field_study.tables_of(summary), sep="\n")
-            typer.echo(f"results and pictures: {folder}")
+            Console().print(*field_study.tables_of(found.summary), sep="\n")
+            typer.echo(f"results and pictures: {found.folder}")
 
 
 @app.command()
@@ -222,11 +229,10 @@ def mesh(case: CaseFile, out: Out = None, sets: Sets = None, trust_scripts: Trus
     """Write the mesh of the cross-section (.msh) and its picture with the regions named."""
     with explained():
         read = load(case, sets, trust_scripts)
-        from emclutch.mesh_command import mesh_case
+        from emclutch.mesh_command import mesh as mesh_scene
 
-        with bad_input_for(case):
-            mesh_file, picture, triangles = mesh_case(read, out=out)
-        typer.echo(f"{mesh_file}\n{picture}\n{triangles} triangles")
+        made = mesh_scene(read, out=out)
+        typer.echo(f"{made.file}\n{made.picture}\n{len(made.mesh.triangles)} triangles")
 
 
 @app.command()
@@ -374,6 +380,41 @@ def calibrate(
         else:
             Console().print(command.table_of(name, rows))
             typer.echo(f"results and pictures: {folder}")
+
+
+@app.command()
+def design(
+    file: DesignSource,
+    vary: Vary = None,
+    target: Target = None,
+    like: Like = None,
+    confirm: Confirm = False,
+    out: Out = None,
+    sets: Sets = None,
+    threads: Threads = None,
+    as_json: AsJson = False,
+    trust_scripts: TrustScripts = False,
+) -> None:
+    """Search the value of one key that gives a wanted torque, over the expected torque; a run confirms it."""
+    with explained():
+        check_threads(threads)
+        asked = search(file, vary, target, sets, trust_scripts)
+        from emclutch import design_search
+        from emclutch.results import Progress
+
+        with nullcontext() if as_json or not confirm else Progress() as progress:
+            found = design_search.design(asked, like=like, out=out, confirm=confirm, threads=threads, progress=progress)
+        tell_design(found, as_json)
+
+
+@app.command()
+def new(file: NewScene, kind: SceneKind = "drum") -> None:
+    """Write a scene of a kind, with every key, its unit and what it is for; nothing is overwritten."""
+    with explained():
+        from emclutch.new_scene import new_scene
+
+        for written in new_scene(file, kind):
+            typer.echo(str(written))
 
 
 @app.command()

@@ -96,3 +96,17 @@ GrainCount = Annotated[int, typer.Option("--grains", min=1, max=1_000_000, help=
 Strain = Annotated[float, typer.Option("--strain", min=1e-3, max=1e3, help="how far each cell is sheared")]
 FrictionAsked = Annotated[float, typer.Option("--friction", min=0.0, max=10.0, help="Coulomb friction of the grains")]
 DipoleModel = Annotated[str, typer.Option("--model", help="moments of the grains: near_field or mutual")]
+DesignSource = Annotated[
+    Path,
+    typer.Argument(metavar="FILE", help="design file ([design]), or a scene with --vary and --target"),
+]
+Vary = Annotated[
+    str | None, typer.Option("--vary", metavar="KEY=A:B", help="what is searched: geometry.gap='0.5 mm:2 mm'")
+]
+Target = Annotated[str | None, typer.Option("--target", metavar="AIM", help="what is wanted: 'torque 12 N m'")]
+Like = Annotated[
+    Path | None, typer.Option("--like", metavar="RUN", help="finished run, whose torque corrects the expected ones")
+]
+Confirm = Annotated[bool, typer.Option("--confirm", help="run the scene that was found, and say both torques")]
+SceneKind = Annotated[str, typer.Option("--kind", help="kind of the device")]
+NewScene = Annotated[Path, typer.Argument(metavar="FILE", help="new scene file (.toml)")]

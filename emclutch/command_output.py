@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 from rich.console import Console
@@ -11,7 +11,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from emclutch.case import Case
-from emclutch.command_errors import bad_input_for
+
+if TYPE_CHECKING:
+    from emclutch.design_search import DesignResult
 
 
 def torque_line(torque: dict[str, Any] | None) -> str:
@@ -39,32 +41,41 @@ def packings(count: int, share: float | None) -> str:
 
 
 def tell_plan(case: Case, as_json: bool, threads: int | None = None) -> None:
-    from emclutch.plan import plan  # local: it needs the packages of the physics
+    from emclutch.run_plan import check  # local: it needs the packages of the physics
 
-    with bad_input_for(case.path):
-        decisions, left_out = plan(case, threads)
-    active = case.scene.effects.active
+    checked = check(case, threads)
     if as_json:
-        title = case.scene.scene.title
-        print_json({"title": title, "effects": active, "warnings": case.warnings, "plan": decisions,
-                     "left_out": [line.as_dict() for line in left_out]})  # fmt: skip
+        print_json({"title": checked.title, "effects": checked.effects, "warnings": checked.warnings,
+                     "plan": checked.decisions, "left_out": [line.as_dict() for line in checked.left_out]})  # fmt: skip
         return
     console = Console()
-    console.print(f"{case.scene.scene.title}: OK", highlight=False, markup=False)
+    console.print(f"{checked.title}: OK", highlight=False, markup=False)
     effects = Table("effect", "")
     for name in case.scene.effects.names():
-        effects.add_row(name, "on" if name in active else "off")
+        effects.add_row(name, "on" if name in checked.effects else "off")
     console.print(effects)
     rows = Table("what follows", "")
-    for label, text in decisions.items():
+    for label, text in checked.decisions.items():
         rows.add_row(label, escape(text))
     console.print(rows)
     if case.scene.particles is None:
         return
     rows = Table("left out", "matters", "by this number (from there on)")
-    for line in left_out:
+    for line in checked.left_out:
         rows.add_row(line.effect, line.verdict, line.in_words())
     console.print(rows)
+
+
+def tell_design(found: DesignResult, as_json: bool) -> None:
+    from emclutch.design_search import as_data, in_words, run_in_words  # local: it needs the packages of the physics
+
+    if as_json:
+        print_json(as_data(found))
+        return
+    lines = in_words(found)
+    if found.run is not None:
+        lines += [torque_line(found.run.summary.get("torque")), *run_in_words(found)]
+    typer.echo("\n".join(lines))
 
 
 def print_json(values: Any) -> None:

@@ -17,7 +17,7 @@ from emclutch.regime import Regime, regime_of
 from emclutch.units import two_digits
 
 if TYPE_CHECKING:
-    from emclutch.plan import Plan
+    from emclutch.run_plan import Plan
 
 COERCIVE_FIELD = 1e3
 """Of soft iron powder, at most [A/m]."""

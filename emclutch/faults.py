@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 
 _CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]")  # all but the line break
 
@@ -48,6 +50,15 @@ class SceneError(Exception):
         """All faults, a line each, under the name of the file."""
         count = "1 fault" if len(self.faults) == 1 else f"{len(self.faults)} faults"
         return "\n".join([f"{self.source}: {count}", *(f"  - {fault}" for fault in self.faults)])
+
+
+@contextmanager
+def bad_input_for(file: Path | None) -> Iterator[None]:
+    """Take a ValueError for a fault of the scene: the planning functions raise it with a remedy."""
+    try:
+        yield
+    except ValueError as error:
+        raise SceneError([Fault("", "", str(error))], "scene" if file is None else str(file)) from error
 
 
 def shown(value: object, limit: int = 60) -> str:

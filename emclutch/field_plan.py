@@ -8,7 +8,7 @@ from emclutch.body_forces import movable_bodies, stress_force
 from emclutch.case import Case
 from emclutch.coil_heat import coil_heat_in_words
 from emclutch.device import CoilDevice, solved_coil
-from emclutch.plan import mesh_in_words, paths_in_words
+from emclutch.run_plan import mesh_in_words, paths_in_words
 from field import MagneticField
 
 

@@ -15,7 +15,7 @@ from coupling.ledgers import Ledger
 from coupling.staggered import magnetic_forces, refresh_field
 from emclutch.assembly import simulation_of
 from emclutch.case import Case
-from emclutch.plan import make_plan
+from emclutch.run_plan import make_plan
 from particles import Grains
 
 MOMENTS_TOLERANCE, FEEDBACK_TOLERANCE = 1e-6, 1e-4

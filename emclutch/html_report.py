@@ -139,10 +139,10 @@ def _frame(title: str, folders: Sequence[Path]) -> dict[str, Any]:
 def _left_out(result: Result) -> list[LeftOut]:
     """What the scene leaves out, with the numbers that say whether it matters; empty where it cannot be read again."""
     from emclutch.case import load_case
-    from emclutch.plan import plan
+    from emclutch.run_plan import check
 
     try:
-        return plan(load_case(result.folder.case))[1]
+        return list(check(load_case(result.folder.case)).left_out)
     except (SceneError, OSError, ValueError, RuntimeError):  # a file that the scene names is gone, a script in it
         return []
 

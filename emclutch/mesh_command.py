@@ -2,29 +2,64 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from emclutch.case import Case
+from emclutch.case import Case, as_case
 from emclutch.device import field_in_space, mesh_of
+from emclutch.faults import Fault, SceneError, bad_input_for
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.folder_lock import locked_folder
 from geometry import Clutch, draw_section
 from geometry.cad_shape import CadShape
 
+if TYPE_CHECKING:
+    from geometry.section import SectionMesh
 
-def mesh_case(case: Case, out: str | Path | None = None) -> tuple[Path, Path, int]:
-    """Write mesh.msh and mesh.png of a clutch into the folder `out` (default: the next runs/<case>-mesh-<nnn>).
 
-    Returns both paths and the number of triangles. Raises OutputError when a file is there already, ValueError for a
-    geometry that has no mesh (box, shear cell).
+@dataclass(frozen=True, slots=True)
+class MeshedScene:
+    """A scene's mesh with the files that it was written to.
+
+    Attributes
+    ----------
+    mesh : SectionMesh
+        Triangles of the half section with regions by name; points [m], (n, 2), are (r, z).
+    file, picture : Path
+        mesh.msh and mesh.png.
     """
+
+    mesh: SectionMesh
+    file: Path
+    picture: Path
+
+
+def mesh(case: Case | str | Path, out: str | Path | None = None) -> MeshedScene:
+    """Write mesh.msh and mesh.png of a scene's section into the folder `out` (default: runs/<case>-mesh-<nnn>).
+
+    Parameters
+    ----------
+    case : Case, or the path of a scene file
+    out : folder without such files
+
+    Raises
+    ------
+    OutputError
+        A file is there already, or cannot be written.
+    SceneError
+        The scene has faults, or a geometry that has no mesh (box, shear cell).
+    """
+    case = as_case(case)
     shape = case.scene.shape()
     if not isinstance(shape, (Clutch, CadShape)):
-        raise ValueError(
-            f"geometry.kind = {case.scene.geometry.kind!r} has no field and so no mesh; clutch and drum have one"
-        )
+        message = "has no field and so no mesh; clutch and drum have one, and a section from cad"
+        fault = Fault("geometry.kind", repr(case.scene.geometry.kind), message)
+        raise SceneError([fault], "scene" if case.path is None else str(case.path))
     if isinstance(shape, CadShape) and field_in_space(case.scene):
-        raise ValueError("with geometry.in_space the mesh is in space; `emclutch field` writes it with its field.pvd")
+        message = "makes the mesh one in space; `emclutch field` writes it with its field.pvd"
+        fault = Fault("geometry.in_space", "true", message)
+        raise SceneError([fault], "scene" if case.path is None else str(case.path))
     folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-mesh")
     files = folder / "mesh.msh", folder / "mesh.png"
     for file in files:
@@ -32,10 +67,11 @@ def mesh_case(case: Case, out: str | Path | None = None) -> tuple[Path, Path, in
             raise OutputError(f"{file} exists; name another folder with --out")
     try:
         with locked_folder(folder):
-            mesh = mesh_of(case.scene, files[0])
-            draw_section(mesh, files[1], title=case.scene.scene.title)
+            with bad_input_for(case.path):
+                made = mesh_of(case.scene, files[0])
+            draw_section(made, files[1], title=case.scene.scene.title)
     except OSError as error:
         raise OutputError(
             f"cannot write to {folder}: {error.strerror or error}; name another folder with --out"
         ) from error
-    return *files, len(mesh.triangles)
+    return MeshedScene(made, *files)

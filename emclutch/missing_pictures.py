@@ -9,12 +9,12 @@ from __future__ import annotations
 import tomllib
 
 from emclutch.case import Case, load_case
-from emclutch.plan import make_plan
 from emclutch.results import RunFolder
 from emclutch.results.folder_lock import locked_folder
 from emclutch.resume import refuse_changed_files, run_checkpoint
 from emclutch.run_case import profile_average, restore
 from emclutch.run_pictures import draw_run
+from emclutch.run_plan import make_plan
 
 
 def pictures_are_missing(folder: RunFolder) -> bool:

@@ -22,12 +22,12 @@ from emclutch.faults import Fault, SceneError, shown
 from emclutch.frozen_state import frozen_state
 from emclutch.observables import pole_flux_density
 from emclutch.packed_grains import packed
-from emclutch.plan import make_plan
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.folder_lock import has_files, locked_folder
 from emclutch.results.study_pictures import work_precision_picture
 from emclutch.run_case import run
+from emclutch.run_plan import make_plan
 from emclutch.run_threads import use_threads
 from emclutch.scene.field_source import CoilField
 from emclutch.scene.grain_smear import moments_are_fed_back, narrowest_gap

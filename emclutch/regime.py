@@ -28,7 +28,7 @@ from field import MagneticField
 from field.section.diffusion_time import diffusion_time
 
 if TYPE_CHECKING:
-    from emclutch.plan import Plan
+    from emclutch.run_plan import Plan
 
 G = 9.81
 AIR_VISCOSITY = 1.8e-5

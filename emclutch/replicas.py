@@ -88,7 +88,15 @@ class Replicas:
     def other_histories(self) -> list[pandas.DataFrame]:
         """What the others have so far."""
         others = (path for number, path in enumerate(self.histories) if number != self.number)
-        return [read_history(path) for path in others if path.is_file()]
+        found = (read_history(path) for path in others if path.is_file())
+        return [history for history in found if len(history)]
+
+    def end(self) -> None:
+        """Ask all processes to end with a checkpoint, and wait until they have."""
+        for one in self.processes:
+            one.release()
+        for one in self.processes:
+            one.process.wait()
 
     def wait(self, stopped: Callable[[], bool], tell: Callable[[str], None]) -> str:
         """Wait until all are done, or `stopped()`; returns the first failure, empty where there is none."""
@@ -152,10 +160,8 @@ def other_replicas(
                 group.processes.append(_started(own, task, Path(scratch) / f"{number:02d}"))
             yield group
         finally:
+            group.end()
             for one in group.processes:
-                one.release()
-            for one in group.processes:
-                one.process.wait()
                 one.errors.close()
 
 

@@ -11,6 +11,7 @@ from emclutch.case import Case, case_from
 from emclutch.faults import SceneError
 from emclutch.results import OutputError, RunFolder, read_history
 from emclutch.results.checkpoint import read_checkpoint
+from emclutch.results.history import rows_until
 from emclutch.scene.input_files import hashed_input_files
 
 log = logging.getLogger(__name__)
@@ -32,6 +33,21 @@ def run_checkpoint(path: str | Path) -> dict[str, Any]:
     if missing:
         raise OutputError(f"{path} is no checkpoint of a run: it lacks {', '.join(missing)}; start anew with --out")
     return state
+
+
+def may_go_on(case: Case, folder: RunFolder) -> bool:
+    """Whether a run goes on from a checkpoint; OutputError where scene or files differ, or nothing is left to do."""
+    goes_on = folder.has_checkpoint()
+    if goes_on:
+        state = run_checkpoint(folder.checkpoint)
+        refuse_other_scene(state["case"], case.toml(), folder.path)
+        refuse_earlier_end(folder, state, case.scene.span.end)
+        rows_until(folder.history, checkpoint_time(folder.checkpoint, state["dem"], case.scene.contact.method))
+    else:
+        refuse_other_scene(folder.read_case(), case.toml(), folder.path)
+    with folder.logging():
+        refuse_changed_files(case, folder)
+    return goes_on
 
 
 def refuse_other_scene(old_text: str, new_text: str, target: str | Path) -> None:

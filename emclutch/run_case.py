@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from time import perf_counter
@@ -12,7 +12,7 @@ from typing import Any
 
 from coupling import CoilField, LayeredField, SolidCoilField, run_staggered
 from emclutch.assembly import assemble, simulation_of
-from emclutch.case import Case
+from emclutch.case import Case, as_case
 from emclutch.free_disk import refuse_full_disk
 from emclutch.free_memory import refuse_too_much
 from emclutch.heartbeat import Heartbeat
@@ -22,21 +22,14 @@ from emclutch.kernel_warm_up import step_compiled_beside
 from emclutch.machine_speed import MachineSpeed, machine_speed
 from emclutch.missed_steps import MissedSteps
 from emclutch.observables import Observables
-from emclutch.plan import make_plan
 from emclutch.replicas import Replicas, count_of_run, other_replicas, tell_packing_share
 from emclutch.results import OutputError, Result, RunFolder, load_result, read_history
 from emclutch.results.folder_lock import locked_folder
 from emclutch.results.grain_profiles import write_profiles
-from emclutch.results.history import rows_until
 from emclutch.results.steady_torque import SteadyConditions
-from emclutch.resume import (
-    checkpoint_time,
-    refuse_changed_files,
-    refuse_earlier_end,
-    refuse_other_scene,
-    run_checkpoint,
-)
+from emclutch.resume import may_go_on, run_checkpoint
 from emclutch.run_pace import RunPace
+from emclutch.run_plan import make_plan
 from emclutch.run_summary import summarise
 from emclutch.run_threads import threading_layer, threads_are_open, threads_in_use, use_threads
 from emclutch.scene.input_files import hashed_input_files
@@ -44,6 +37,7 @@ from emclutch.snapshots import History, Snapshots, save_checkpoint
 from emclutch.thread_trial import ThreadTrial
 from emclutch.torque_known import TorqueKnown
 from emclutch.warm_start import StartingGrains, starting_grains, warm_started
+from emclutch.window_state import UserCallback, WindowState
 from field import ConvergenceError, PointOutside
 from geometry.kernel_cache import specialisations
 from particles import DEM, DemError, DemErrorKind, Grains, ParticleError
@@ -61,7 +55,7 @@ class Interrupted(RunError):
 
 
 def run(
-    case: Case,
+    case: Case | str | Path,
     *,
     out: str | Path | None = None,
     threads: int | None = None,
@@ -69,6 +63,7 @@ def run(
     progress=None,
     start: str | Path | None = None,
     insist: bool = False,
+    callback: Callable[[WindowState], object] | None = None,
 ) -> Result:
     """Run a scene and return its result: the first of its replicas, with the torque of all of them.
 
@@ -77,7 +72,7 @@ def run(
 
     Parameters
     ----------
-    case : Case
+    case : Case, or the path of a scene file
     out : folder of the run; default: the scene's `output.folder`, or the next free runs/<case>-<nnn>.
     threads : of the kernels of each replica; default: ``OMP_NUM_THREADS``, or what a trial in the first windows finds
         to pay of the cores, shared out among the replicas. The result does not depend on it.
@@ -88,9 +83,13 @@ def run(
     start : folder of a finished run whose grains this one begins with (`emclutch.warm_start`), in place of a packing;
         it says nothing more where a run is resumed from a checkpoint.
     insist : run also where more memory or disk is needed than is free.
+    callback : called with the `emclutch.WindowState` after every window of the first replica; where it returns true,
+        all replicas end with a checkpoint, and the result, of what was run, says so (`Result.stopped`).
 
     Raises
     ------
+    CallbackError
+        The callback raised an error.
     OutputError
         The folder is in use or cannot be written; what is to be resumed belongs to another scene, or a file that the
         scene names has changed; the run to start from has no checkpoint, or other grains.
@@ -98,6 +97,7 @@ def run(
         More memory or disk is needed than is free, a solver did not converge, grains do not fit, a contact failed;
         `Interrupted` after Ctrl-C.
     """
+    case = as_case(case)
     target = out or case.scene.output.folder or RunFolder.next_path(case.name)
     case.need_grains()  # before the lock makes a folder, as the next line
     grains = None if start is None or resume else starting_grains(case, start)
@@ -113,7 +113,21 @@ def run(
             step_compiled_beside(case.scene, lambda text: _announce(progress, text)),
             other_replicas(case, folder, count, threads=threads, free=free, resume=resume, start=start) as replicas,
         ):
-            return _run(case, folder, goes_on, progress, begin, compiled, replicas, stop, free, insist, grains, machine)
+            return _run(
+                case,
+                folder,
+                goes_on,
+                progress,
+                begin,
+                compiled,
+                replicas,
+                stop,
+                free,
+                insist,
+                grains,
+                machine,
+                callback,
+            )
 
 
 def run_replica(
@@ -147,7 +161,7 @@ def _entered(case: Case, target: str | Path, resume: bool, progress) -> Iterator
     if resume:  # before the lock makes a folder
         RunFolder(target).has_checkpoint()
     with locked_folder(target):
-        goes_on = resume and _may_go_on(case, RunFolder(target))  # compared before anything in the folder is touched
+        goes_on = resume and may_go_on(case, RunFolder(target))  # compared before anything in the folder is touched
         folder = RunFolder.create(target, case.toml(), resume=resume)
         with folder.logging(), compilation_told(lambda text: _announce(progress, text)) as compiled:
             if resume and not goes_on:
@@ -165,21 +179,6 @@ def _entered(case: Case, target: str | Path, resume: bool, progress) -> Iterator
                 raise OutputError(f"{text}; see to the path, its room and its permissions, then {how}") from error
 
 
-def _may_go_on(case: Case, folder: RunFolder) -> bool:
-    """Whether a run goes on from a checkpoint; OutputError where scene or files differ, or nothing is left to do."""
-    goes_on = folder.has_checkpoint()
-    if goes_on:
-        state = run_checkpoint(folder.checkpoint)
-        refuse_other_scene(state["case"], case.toml(), folder.path)
-        refuse_earlier_end(folder, state, case.scene.span.end)
-        rows_until(folder.history, checkpoint_time(folder.checkpoint, state["dem"], case.scene.contact.method))
-    else:
-        refuse_other_scene(folder.read_case(), case.toml(), folder.path)
-    with folder.logging():
-        refuse_changed_files(case, folder)
-    return goes_on
-
-
 def _run(
     case,
     folder,
@@ -193,6 +192,7 @@ def _run(
     insist: bool,
     grains: StartingGrains | None = None,
     machine: MachineSpeed | None = None,
+    callback: Callable[[WindowState], object] | None = None,
 ) -> Result:
     scene, case_text = case.scene, case.toml()
     _say(progress, 0.0, "mesh and field")
@@ -239,6 +239,11 @@ def _run(
     known = None
     if scene.span.until is not None:
         known = TorqueKnown(scene.span.until, conditions, replicas, plan.end, is_stopped)
+    asked = None if callback is None else UserCallback(callback, plan.windows)
+
+    def ends_early() -> bool:
+        return (known is not None and known.reached) or (asked is not None and asked.stopped)
+
     snapshots = Snapshots(
         folder,
         simulation.motion.walls,
@@ -247,7 +252,7 @@ def _run(
         scene.output.formats,
         case_text,
         resume_time,
-        lambda: known is not None and known.reached,
+        ends_early,
     )
     if resume_time is None:
         snapshots.begin(simulation)
@@ -255,7 +260,7 @@ def _run(
     def checkpoint(simulation, row) -> bool:
         nonlocal last_save
         stopped = is_stopped()
-        done = simulation.window >= plan.windows or (known is not None and known.reached)
+        done = simulation.window >= plan.windows or ends_early()
         if scene.output.checkpoint and (
             stopped or done or simulation.window == 1 or perf_counter() - last_save > CHECKPOINT_SECONDS
         ):
@@ -280,12 +285,12 @@ def _run(
     solver: tuple[MissedSteps, ...] = ()
     if scene.contact.method == "dvi":
         solver = (MissedSteps(scene.contact.dvi.allowed_misses, read_history(folder.history) if goes_on else None),)
-    until = () if known is None else (known,)
+    enders = tuple(one for one in (known, asked) if one is not None)
     pace = RunPace(plan.cost, simulation.motion.time, getattr(progress, "announce", None), lambda: compiled.count)
     trial = thread_trial(progress, lambda: compiled.count) if free and threads_in_use() > 1 else ()
     alive = Heartbeat(progress, simulation, plan.end)
     books = (alive.stop, Observables(scene, device), history)
-    observers = (*books, *solver, *until, snapshots, *extra, report, checkpoint, pace, *trial)
+    observers = (*books, *solver, *enders, snapshots, *extra, report, checkpoint, pace, *trial)
     with alive:
         try:
             if resume_time is None or known is None or not known(simulation):
@@ -301,9 +306,12 @@ def _run(
     )
     if known is not None and known.reached:
         log.info("the torque is known at t = %g s", simulation.motion.time)
-    if problem := replicas.failure() or replicas.wait(is_stopped, lambda text: _announce(progress, text)):
+    if asked is not None and asked.stopped and not replicas.failure():
+        log.info("stopped by the callback at t = %g s", simulation.motion.time)
+        replicas.end()
+    elif problem := replicas.failure() or replicas.wait(is_stopped, lambda text: _announce(progress, text)):
         raise RunError(f"{problem}; go on with: emclutch run {folder.path} --resume\n(log: {folder.log})")
-    cut_off = simulation.window < plan.windows and not (known is not None and known.reached)
+    cut_off = simulation.window < plan.windows and not ends_early()
     if stop.is_set() and (cut_off or replicas.are_running()):
         log.info("stopped by the user at t = %g s", simulation.motion.time)
         raise Interrupted(
@@ -321,7 +329,8 @@ def _run(
         log.warning("no profiles: the run ended before their averaging began; set time.average_from to an earlier time")
     others = replicas.other_histories() if replicas.number == 0 else []
     seconds = {"whole_run": perf_counter() - begin, "compiling": compiled.seconds}
-    summarise(case, folder, device, plan, simulation, conditions, seconds, others)
+    stopped = asked is not None and asked.stopped
+    summarise(case, folder, device, plan, simulation, conditions, seconds, others, stopped=stopped)
     if others:
         tell_packing_share(folder, load_result(folder.path).torque.packing_share)
     if scene.output.pictures:

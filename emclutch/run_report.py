@@ -27,6 +27,8 @@ PICTURES = {
 def closing_lines(result: Result) -> list[str]:
     """What a run says last, beside its torque: whether the output locked, the torque is known, grains are too soft."""
     summary, lines = result.summary, []
+    if "stopped" in summary:
+        lines.append(f"stopped {summary['stopped']}")
     if "lock_up_time" in summary:
         history = result.history
         rotor, disc = (abs(float(history[name].iloc[-1])) * RPM for name in ("rotor_speed", "disc_speed"))

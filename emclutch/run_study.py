@@ -26,7 +26,7 @@ from emclutch.results.run_folder import logging_to
 from emclutch.results.study_table import DONE, FAILED, STOPPED, WAITING, StudyTable
 from emclutch.run_case import Interrupted, RunError
 from emclutch.scene.replica_count import replica_count
-from emclutch.scene.study import Study, load_study
+from emclutch.scene.study import Study, read_study
 from emclutch.study_points import PointFolder, folders_of_points, set_aside, unclaimed
 from emclutch.study_tables import Done, disc_torque, label_of, write_tables
 from emclutch.study_tasks import STOP, PointOutcome, PointTask, run_point
@@ -82,7 +82,7 @@ def sweep(
     """
     if jobs is not None and jobs < 1:
         raise ValueError(f"jobs = {jobs}; allowed: 1 or more")
-    study = study if isinstance(study, Study) else load_study(study)
+    study = study if isinstance(study, Study) else read_study(study)
     folder = Path(out) if out is not None else RunFolder.next_path(study.path.stem, "studies")
     if resume and not folder.is_dir():  # before the lock makes it
         raise OutputError(f"nothing to resume in {folder}: there is no such folder; name the study's folder with --out")

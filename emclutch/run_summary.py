@@ -28,12 +28,13 @@ def summarise(
     conditions: SteadyConditions,
     seconds: dict[str, float],
     others=(),
+    stopped: bool = False,
 ) -> None:
     """summary.json: the torque with its error, the device, the numerics, the cost.
 
     `seconds` are of the process: the whole run, and what of it went into compiling kernels, which the seconds of the
     windows contain as well. `others` are the histories of the other replicas: their torques count, all else is of this
-    run.
+    run. `stopped`: the user's callback has ended it.
     """
     history = read_history(folder.history)
     summary: dict = {"title": case.scene.scene.title, "effects": list(case.scene.effects.active)}
@@ -41,6 +42,8 @@ def summarise(
         column = f"torque_{body}"
         if column in history and (body != "field" or simulation.magnetised is not None):
             summary[column] = mean_torque(history, column, conditions.average_from, others).as_dict()
+    if stopped:
+        summary["stopped"] = f"by the callback at t = {history['time'].iloc[-1]:.4g} s of {plan.end:.4g} s"
     torque = steady_torque(history, conditions, others) if "torque_disc" in history else None
     if torque is not None:
         summary["torque"] = torque.as_dict()

@@ -272,6 +272,14 @@ def number(example: str, minimum: float = -math.inf, maximum: float = math.inf, 
     return Quantity("a number", "", example, minimum, maximum, open_minimum=above, least=_LEAST if above else 0.0)
 
 
+def in_unit_of(entry: object, value: float, quantity: Quantity) -> str:
+    """Return a value [SI] of a quantity as text, in the unit of an `entry` of it: 1.234 mm beside '0.5 mm'."""
+    match = _NUMBER_AND_UNIT.fullmatch(entry) if isinstance(entry, str) else None
+    if match is None or not match[2] or float(match[1]) == 0.0:
+        return f"{value:.4g} {quantity.unit}".rstrip()
+    return f"{value * float(match[1]) / quantity.read(entry):.4g} {match[2]}"
+
+
 def two_digits(value: float) -> str:
     """A number of which no more is known: 270, 4400, 0.0093, 1.9e-06."""
     return f"{float(f'{value:.2g}'):g}"

@@ -44,6 +44,11 @@ class Result:
         return self.folder.read_summary()
 
     @property
+    def stopped(self) -> str | None:
+        """Who ended the run before its scene does (the callback of `emclutch.run`), and when; None: nobody."""
+        return self.summary.get("stopped")
+
+    @property
     def torque(self) -> Estimate:
         """Steady torque on the disc [N m] with its standard error.
 

@@ -249,3 +249,12 @@ def key_fault(key: str, root: type[Section]) -> str:
         return ""
     close = get_close_matches(key, list(_all_keys(root)), n=1, cutoff=0.6)
     return f"is not a key of a scene; did you mean {close[0]}?" if close else "is not a key of a scene"
+
+
+def quantity_at(key: str, root: type[Section], data: dict[str, Any]) -> Quantity | None:
+    """The quantity of a dotted key, where `data` settles its unions; None for what is none (a text, a whole number)."""
+    for annotation in _annotations_at(key.split("."), root, data):
+        for mark in _marks(annotation):
+            if isinstance(mark, Quantity):
+                return mark
+    return None

@@ -263,7 +263,7 @@ class CadGeometry(Section):
         native = "m" if self.is_meshed else _UNIT_OF_SHAPES
         return {
             "names": self.names,
-            "needed": tuple(dict.fromkeys(("coil", *self.materials))),
+            "needed": tuple(dict.fromkeys(("coil", *(self.materials or ())))),
             "known": ("powder", "air"),
             "axis": self.axis,
             "scale": self.scale * _UNITS[self.unit or native] / _UNITS[native],

@@ -78,7 +78,8 @@ def needs_of_effects(draft: Draft) -> Iterator[Fault]:
                 "",
                 "needs a field; add [field] with source = 'coil' or 'uniform', or remove the effect's table",
             )
-    for name in ("saturation", "back_reaction"):
+    prescribed = isinstance(draft.scene.field, UniformField)
+    for name in ("saturation",) if prescribed else ("saturation", "back_reaction"):  # of the latter: told below
         if getattr(effects, name) is not None and not magnetic:
             yield Fault(
                 f"effects.{name}",
@@ -88,7 +89,7 @@ def needs_of_effects(draft: Draft) -> Iterator[Fault]:
             )
     if effects.wall_images is not None and effects.dipoles is None:
         yield Fault("effects.wall_images", "", "needs dipoles to mirror; add [effects.dipoles], or remove its table")
-    if effects.back_reaction is not None and isinstance(draft.scene.field, UniformField):
+    if effects.back_reaction is not None and prescribed:
         yield Fault(
             "effects.back_reaction",
             "",
@@ -122,17 +123,17 @@ def needs_of_moments(draft: Draft) -> Iterator[Fault]:
             "effects.dipoles.model",
             "needs grains that saturate, their necks do so first; add [effects.saturation], or take model = 'mutual'",
         )
-    if model == "near_field" and effects.dipoles.cutoff < _NEAR_REACH:
-        yield draft.fault(
-            "effects.dipoles.cutoff",
-            f"ends inside the range of near grains; allowed with model = 'near_field': at least {_NEAR_REACH:g} "
-            "diameters",
-        )
     if macroscopic and effects.dipoles.cutoff < 2.0:
         yield draft.fault(
             "effects.dipoles.cutoff",
             "is the width over which field.means = 'macroscopic' spreads a grain; allowed: at least 2 diameters "
             "(2.5 to 3 are usual)",
+        )
+    elif model == "near_field" and effects.dipoles.cutoff < _NEAR_REACH:
+        yield draft.fault(
+            "effects.dipoles.cutoff",
+            f"ends inside the range of near grains; allowed with model = 'near_field': at least {_NEAR_REACH:g} "
+            "diameters",
         )
 
 

@@ -1,4 +1,7 @@
-"""A study: one case with many values. The points are every combination of the listed values."""
+"""A study: one case with many values. The points are every combination of the listed values.
+
+An entry ``"none"`` takes its key out of the scene, for ``effects.NAME`` also ``"off"``, as in ``emclutch run --set``.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, PrivateAttr, ValidationError
 
-from emclutch.case import Case, load_case, read_toml
+from emclutch.case import Case, case_from, load_case, read_toml, removes
 from emclutch.faults import Fault, SceneError, shown
 from emclutch.scene.fault_report import faults_from, key_fault
 from emclutch.scene.model import NO_GRAINS, Scene
@@ -20,34 +23,29 @@ MOST_POINTS = 10_000
 """Of a study, each of them a run."""
 
 
-def _flat(given: Any, prefix: str = "") -> Any:
+def flat_keys(given: Any, prefix: str = "") -> Any:
     """Turn nested tables into dotted keys: TOML reads an unquoted ``coil.current = [...]`` as tables."""
     if not isinstance(given, dict):
         return given
     flat: dict[str, Any] = {}
     for key, value in given.items():
         if isinstance(value, dict) and value:
-            flat.update(_flat(value, f"{prefix}{key}."))
+            flat.update(flat_keys(value, f"{prefix}{key}."))
         else:
             flat[f"{prefix}{key}"] = value
     return flat
 
 
 class Study(Section):
-    """[study] of a study file.
-
-    Attributes
-    ----------
-    path : the file that it was read from
-    """
+    """[study]: one scene with many values; every combination of the listed ones is a run."""
 
     case: str = Field(min_length=1, description="scene file, relative to the study's folder")
     title: str = Field(default="", description="a line of text")
-    values: Annotated[dict[str, Any], BeforeValidator(_flat)] = Field(
-        description="dotted key = list of its values; every combination is a point"
+    values: Annotated[dict[str, Any], BeforeValidator(flat_keys)] = Field(
+        description='dotted key = list of its values; every combination is a point; "none" leaves the key away'
     )
-    set: Annotated[dict[str, Any], BeforeValidator(_flat)] = Field(
-        default={}, description="dotted key = value, for every point"
+    set: Annotated[dict[str, Any], BeforeValidator(flat_keys)] = Field(
+        default={}, description='dotted key = value, for every point; "none" leaves the key away'
     )
     warm_start: str | None = Field(
         default=None, description="one of the values: along it each point begins with the grains of the one before"
@@ -82,27 +80,42 @@ class Study(Section):
             latest[chain] = number
         return found
 
+    def changes(self, point: dict[str, Any]) -> dict[str, Any]:
+        """What a point changes in the scene; None removes a key, as in `Case.with_values`."""
+        given = {**self.set, **point}
+        return {key: None if removes(key, value) else value for key, value in given.items()}
+
     def cases(self) -> Iterator[tuple[dict[str, Any], Case]]:
         """Yield each point's values with its checked case."""
         base = load_case(self.case_path, trust_scripts=self._trust_scripts)
         for point in self.points():
-            yield point, base.with_values({**self.set, **point})
+            yield point, base.with_values(self.changes(point))
 
 
 NO_CHECKPOINT = Fault("output.checkpoint", "false", "keeps no grains to hand on; leave it out, or study.warm_start")
 
 
-class _StudyFile(Section):
+class StudyFile(Section):
+    """A study file."""
+
     study: Study
 
 
-def load_study(path: str | Path, *, trust_scripts: bool = False) -> Study:
+class _PartialStudy(Study):
+    """What is right of a study whose other keys are not."""
+
+    case: str | None = None  # type: ignore[assignment]
+    values: Annotated[dict[str, Any], BeforeValidator(flat_keys)] = {}
+
+
+def read_study(path: str | Path, *, trust_scripts: bool = False) -> Study:
     """Read a study file and check every point of it; `trust_scripts` as in `emclutch.case.load_case`.
 
     Raises
     ------
     SceneError
-        The file or one of its cases has faults. Those of the points come with the point's values.
+        The file, its scene or one of its points has faults: all of them at once. Those of the points come with the
+        point's values.
     """
     path = Path(path)
     data = read_toml(path)
@@ -110,31 +123,50 @@ def load_study(path: str | Path, *, trust_scripts: bool = False) -> Study:
         raise SceneError(
             [Fault("study", "", f"is missing: this file is one scene; use: emclutch run {path}")], str(path)
         )
+    study, faults = _read(data)
+    if study is not None:
+        study._path, study._trust_scripts = path, trust_scripts
+        faults += [*_key_faults(study), *_warm_start_faults(study)]
+        number = math.prod(len(values) for values in study.values.values() if isinstance(values, list))
+        if number > MOST_POINTS:
+            message = f"makes {number:.4g} points; allowed: at most {MOST_POINTS}; take fewer values, or more studies"
+            faults.append(Fault("study.values", "", message))
+        elif study.case is not None:
+            faults += _faults_of_points(study)
+    if study is None or faults:
+        raise SceneError(faults, str(path))
+    return study
+
+
+def _read(data: dict[str, Any]) -> tuple[Study | None, list[Fault]]:
+    """The study, what is right of it where it has faults, None where there is no table; and the faults."""
     try:
-        study = _StudyFile.model_validate(data).study
+        return StudyFile.model_validate(data).study, []
     except ValidationError as error:
-        raise SceneError(faults_from(error, _StudyFile, data), str(path)) from None
-    study._path, study._trust_scripts = path, trust_scripts
-    faults = [
+        faults = faults_from(error, StudyFile, data)
+    given = data.get("study")
+    if not isinstance(given, dict):
+        return None, faults
+    broken = {fault.key.removeprefix("study.").split(".")[0].split("[")[0] for fault in faults}
+    return _PartialStudy.model_validate({key: entry for key, entry in given.items() if key not in broken}), faults
+
+
+def _key_faults(study: Study) -> list[Fault]:
+    """Keys that no scene has, and values that are no list."""
+    return [
         Fault(f"study.{table}.{key}", "", reason)
         for table, entries in (("values", study.values), ("set", study.set))
         for key in entries
         if (reason := key_fault(key, Scene))
-    ]
-    faults += [
+    ] + [
         Fault(f"study.values.{key}", shown(values), "is not a list of values; write it in brackets, e.g. [1, 2]")
         for key, values in study.values.items()
-        if not isinstance(values, list) or not values
+        if not _is_list(values)
     ]
-    faults += _warm_start_faults(study)
-    number = math.prod(len(values) for values in study.values.values() if isinstance(values, list))
-    if number > MOST_POINTS:
-        message = f"makes {number:.4g} points; allowed: at most {MOST_POINTS}; take fewer values, or several studies"
-        faults.append(Fault("study.values", "", message))
-    if faults:
-        raise SceneError(faults, str(path))
-    _check_points(study)
-    return study
+
+
+def _is_list(values: Any) -> bool:
+    return isinstance(values, list) and bool(values)
 
 
 def _warm_start_faults(study: Study) -> list[Fault]:
@@ -142,31 +174,41 @@ def _warm_start_faults(study: Study) -> list[Fault]:
     key = study.warm_start
     if key is None:
         return []
-    allowed = [one for one in study.values if one.startswith(("coil.", "motion.")) and len(study.values[one]) > 1]
+    several = [one for one, values in study.values.items() if _is_list(values) and len(values) > 1]
+    allowed = [one for one in several if one.startswith(("coil.", "motion."))]
     if key not in allowed:
         options = f"one of {', '.join(allowed)}" if allowed else "none, as it varies no coil.* and no motion.*"
         return [Fault("study.warm_start", shown(key), f"hands on no grains; allowed in this study: {options}")]
     return []
 
 
-def _check_points(study: Study) -> None:
-    """Check every point; a fault that all of them share is told once."""
-    base = load_case(study.case_path, trust_scripts=study._trust_scripts)
+def _faults_of_points(study: Study) -> list[Fault]:
+    """Faults of the scene and of every point, with what is right of the study; one that several share is told once."""
+    try:
+        data = read_toml(study.case_path)
+        if "study" in data:
+            raise SceneError([Fault("study", "", "makes it a study; name the file of one scene")])
+    except SceneError as error:
+        return [Fault("study.case", shown(study.case), " ".join(map(str, error.faults)))]
+    right = {key: values for key, values in study.values.items() if _is_list(values) and not key_fault(key, Scene)}
+    fixed = {key: value for key, value in study.set.items() if not key_fault(key, Scene)}
+    valid = study.model_copy(update={"values": right, "set": fixed})
     faults: dict[Fault, str] = {}
-    for point in study.points():
+    for point in [None, *valid.points()]:
+        changes = {} if point is None else valid.changes(point)
         try:
-            case = base.with_values({**study.set, **point})
+            case = case_from(data, changes, study.case_path, trust_scripts=study._trust_scripts)
         except SceneError as error:
             found = error.faults
         else:
-            found = (NO_GRAINS,) if case.scene.particles is None else ()
-            if study.warm_start is not None and not case.scene.output.checkpoint:
+            found = () if point is None or case.scene.particles is not None else (NO_GRAINS,)
+            if point is not None and study.warm_start is not None and not case.scene.output.checkpoint:
                 found += (NO_CHECKPOINT,)
-        where = ", ".join(f"{key} = {shown(value)}" for key, value in point.items())
+        where = f"in {study.case}" if point is None else _in_words(point or valid.set)
         for fault in found:
             faults.setdefault(fault, where)
-    if faults:
-        raise SceneError(
-            [Fault(fault.key, fault.value, f"{fault.message} (at {where})") for fault, where in faults.items()],
-            str(study.path),
-        )
+    return [Fault(fault.key, fault.value, f"{fault.message} ({where})") for fault, where in faults.items()]
+
+
+def _in_words(values: dict[str, Any]) -> str:
+    return "at " + ", ".join(f"{key} = {shown(value)}" for key, value in values.items())

@@ -182,7 +182,7 @@ def step_rows(rounds: int) -> Iterator[Row]:
     from coupling import run_staggered
     from emclutch import load_case
     from emclutch.assembly import assemble
-    from emclutch.plan import make_plan
+    from emclutch.run_plan import make_plan
 
     case = load_case(QUICKSTART).with_values({"output.pictures": False})
     device, plan = make_plan(case)

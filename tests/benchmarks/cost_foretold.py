@@ -24,12 +24,12 @@ import numba
 
 import coupling.ledgers
 from coupling import run_staggered
-from emclutch import Case, load_case, load_study
+from emclutch import Case, load_case, read_study
 from emclutch.assembly import assemble
 from emclutch.cost import foretell
 from emclutch.machine_speed import MachineSpeed, machine_speed
 from emclutch.observables import Observables
-from emclutch.plan import make_plan
+from emclutch.run_plan import make_plan
 from particles import ParticleError
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
@@ -42,7 +42,7 @@ def scenes(paths: list[Path]) -> Iterator[tuple[str, Case]]:
         if "[study]" not in path.read_text(encoding="utf-8"):
             yield path.stem, load_case(path)
             continue
-        points = list(load_study(path).cases())
+        points = list(read_study(path).cases())
         for values, case in (points[0], points[-1]):
             yield f"{path.stem} ({', '.join(map(str, values.values()))})", case
 

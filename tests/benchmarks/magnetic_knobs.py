@@ -22,8 +22,8 @@ from coupling.staggered import magnetic_forces, refresh_field
 from emclutch.assembly import simulation_of
 from emclutch.case import Case
 from emclutch.frozen_state import MOMENTS_TOLERANCE, FrozenState, frozen_state
-from emclutch.plan import make_plan
 from emclutch.results.record import Record
+from emclutch.run_plan import make_plan
 from particles import Grains
 
 WIDTHS = (2.0, 2.5, 3.0, 3.5)  # diameters

@@ -75,10 +75,10 @@ def test_the_motor_waits_for_the_filling_and_the_load_holds_below_half_its_speed
 
 
 def test_the_study_has_the_thesis_numbers_of_spheres():
-    study = emclutch.load_study(THESIS / "centrifugal_study.toml")
+    study = emclutch.read_study(THESIS / "centrifugal_study.toml")
     points = [(case.scene.contact.method, case.scene.particles.count) for _, case in study.cases()]
     assert points == [(method, count) for method in ("dem", "dvi") for count in (200, 500, 1000)]
-    speeds = emclutch.load_study(THESIS / "centrifugal_speeds.toml")
+    speeds = emclutch.read_study(THESIS / "centrifugal_speeds.toml")
     assert all(case.scene.motion.disc.speed == 0.0 for _, case in speeds.cases())
 
 

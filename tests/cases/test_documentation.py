@@ -26,7 +26,7 @@ from typer.testing import CliRunner
 from emclutch.case import case_from, load_case, read_toml
 from emclutch.command_input import load
 from emclutch.command_line import app
-from emclutch.scene.study import load_study
+from emclutch.scene.study import read_study
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -148,7 +148,7 @@ def check_emclutch(words: list[str], folder: Path) -> None:
         return
     given = parsed(words[1:])
     if (study := given.get("study")) is not None:
-        load_study(folder / study)
+        read_study(folder / study)
     case = given.get("case")
     if case is not None and not given.get("resume"):
         load(folder / case, given.get("sets"))

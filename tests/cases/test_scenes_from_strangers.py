@@ -17,11 +17,11 @@ from emclutch.command_line import app
 from emclutch.cost import disk, memory
 from emclutch.device import build_device
 from emclutch.faults import SceneError
-from emclutch.plan import plan
 from emclutch.results import OutputError
 from emclutch.results.checkpoint import read_checkpoint, write_checkpoint
 from emclutch.results.record import Record
 from emclutch.run_case import RunError, run
+from emclutch.run_plan import check, make_plan
 from geometry.element_count import expected_triangles
 from geometry.surface_import import SurfaceError, triangle_wall_from_file
 from particles.packing import file_packing
@@ -86,7 +86,7 @@ def test_a_run_that_would_fill_the_disk_is_refused_unless_one_insists(tmp_path, 
 def test_meshes_beyond_any_machine_are_refused_before_they_are_made(case):
     finest = {"field.size_factor": 0.2, "field.gap_layers": 40, "effects.back_reaction": None}
     with pytest.raises(ValueError, match=r"(triangles|tetrahedra); allowed: at most .*raise field\.size_factor"):
-        plan(load_case(CASES / f"{case}.toml", finest))
+        make_plan(load_case(CASES / f"{case}.toml", finest))
 
 
 def test_the_number_of_triangles_is_foretold():
@@ -252,7 +252,7 @@ def test_paths_that_lead_out_of_the_scenes_folder_are_told(tmp_path, monkeypatch
             "output": {"folder": folder},
         }
         (home / "scene.toml").write_text(tomli_w.dumps(data))
-        return plan(load_case(home / "scene.toml"))[0].get("paths", "")
+        return check(home / "scene.toml").decisions.get("paths", "")
 
     words = told("../elsewhere/grains.csv", "link.csv", str(elsewhere / "run"))
     for key in ("particles.packing_file = ", "materials.mine.table = ", "output.folder = "):

@@ -18,6 +18,7 @@ from emclutch.html_report import run_page
 from emclutch.results.rise_time import time_to_reach
 from emclutch.results.vtk_series import read_pvd
 from emclutch.run_report import report
+from emclutch.scene.design import read_design
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
 TOY = {"time.end": "0.05 ms", "output.snapshots": 2}
@@ -129,7 +130,7 @@ def test_a_locked_disc_carries_its_load_torque(tmp_path):
 
 
 def test_current_to_torque_at_toy_size(tmp_path):
-    study = emclutch.load_study(CASES / "current_to_torque.toml")
+    study = emclutch.read_study(CASES / "current_to_torque.toml")
     toy = {
         "time.end": "0.01 ms",
         "particles.sector": "1.5 deg",
@@ -161,7 +162,9 @@ def test_every_case_is_valid_and_has_a_header(path):
     for word in ("# Run:", "# Expect:", "# Takes:"):
         assert word in text.split("\n[")[0]
     if "[study]" in text:
-        assert emclutch.load_study(path).points()
+        assert emclutch.read_study(path).points()
+    elif "[design]" in text:
+        assert not read_design(path).case.warnings
     else:
         case = emclutch.load_case(path, trust_scripts=path.parent.name == "validation")
         assert not case.warnings
@@ -245,7 +248,7 @@ def test_centrifugal_study_at_toy_size(tmp_path):
     """Speeds of all counts in one picture; a load that is too much holds every output."""
     toy = {**SHOT, "time.end": "10 ms", "output.pictures": False,
            "motion.rotor.speed": {"times": ["0 s", "10 ms"], "values": ["0 rpm", "100 rpm"]}}  # fmt: skip
-    study = emclutch.load_study(THESIS / "centrifugal_study.toml")
+    study = emclutch.read_study(THESIS / "centrifugal_study.toml")
     small = study.model_copy(update={"set": toy, "values": {**study.values, "particles.count": [2, 24]}})
     small._path = study.path
     folder = emclutch.sweep(small, out=tmp_path / "study")
@@ -275,7 +278,7 @@ def test_centrifugal_held_at_toy_size(tmp_path):
 def test_centrifugal_speeds_at_toy_size(tmp_path):
     """Torques are listed by speed, whatever the order of the points, and drawn."""
     toy = {**SHOT, "time.end": "20 ms", "output.pictures": False, "particles.count": 2}
-    study = emclutch.load_study(THESIS / "centrifugal_speeds.toml")
+    study = emclutch.read_study(THESIS / "centrifugal_speeds.toml")
     small = study.model_copy(update={"set": toy, "values": {"motion.rotor.speed": ["500 rpm", "250 rpm"]}})
     small._path = study.path
     folder = emclutch.sweep(small, out=tmp_path / "study")

@@ -20,7 +20,7 @@ SPEED = "motion.rotor.speed"
 @pytest.fixture(scope="module")
 def studied(tmp_path_factory):
     """Two seeds at two speeds, the second with the grains of the first; in this process, one after the other."""
-    study = emclutch.load_study(THESIS / "centrifugal_speeds.toml")
+    study = emclutch.read_study(THESIS / "centrifugal_speeds.toml")
     values = {SPEED: ["500 rpm", "250 rpm"], "scene.seed": [1, 2]}
     small = study.model_copy(update={"set": TOY, "values": values, "warm_start": SPEED})
     small._path = study.path
@@ -96,18 +96,18 @@ def test_grains_are_handed_on_along_a_value_that_leaves_them_as_they_are(tmp_pat
     text = f'[study]\ncase = "{THESIS / "centrifugal_held.toml"}"\nwarm_start = "particles.count"\n[study.values]\n'
     (tmp_path / "study.toml").write_text(text + '"particles.count" = [2, 3]\n')
     with pytest.raises(emclutch.SceneError, match=r"study\.warm_start = .*allowed in this study: none"):
-        emclutch.load_study(tmp_path / "study.toml")
+        emclutch.read_study(tmp_path / "study.toml")
     text = text.replace("particles.count", SPEED)
     (tmp_path / "study.toml").write_text(
         text + f'"{SPEED}" = ["1 rpm", "2 rpm"]\n[study.set]\n"output.checkpoint" = false'
     )
     with pytest.raises(emclutch.SceneError, match=r"output\.checkpoint = false keeps no grains to hand on"):
-        emclutch.load_study(tmp_path / "study.toml")
+        emclutch.read_study(tmp_path / "study.toml")
 
 
 def test_a_point_that_was_killed_before_its_pictures_gets_them(tmp_path):
     """It is done by its summary; resumed, the study draws what its pictures are of, the same as they were."""
-    study = emclutch.load_study(THESIS / "centrifugal_speeds.toml")
+    study = emclutch.read_study(THESIS / "centrifugal_speeds.toml")
     with_pictures = {**TOY, "time.end": "2 ms", "output.pictures": True}
     small = study.model_copy(update={"set": with_pictures, "values": {SPEED: ["500 rpm"]}, "warm_start": None})
     small._path = study.path

@@ -15,8 +15,8 @@ from invariants import margins
 import emclutch
 from emclutch.case import Case
 from emclutch.faults import SceneError
-from emclutch.plan import make_plan
 from emclutch.run_case import RunError
+from emclutch.run_plan import make_plan
 
 FOLDER = Path(__file__).resolve().parents[2] / "cases" / "hard"
 TABLE = FOLDER / "invariants.toml"

@@ -25,11 +25,11 @@ from emclutch.case import load_case
 from emclutch.command_line import app
 from emclutch.faults import SceneError
 from emclutch.kernel_warm_up import kind_of
-from emclutch.plan import make_plan
 from emclutch.results import read_history
+from emclutch.run_plan import make_plan
 from emclutch.scene.fault_report import _all_keys
 from emclutch.scene.model import Scene
-from emclutch.scene.study import load_study
+from emclutch.scene.study import read_study
 
 KEYS = {*_all_keys(Scene), "study", "study.case"}
 UNDEFINED = ("inertial_number",)  # of a history: without a torque there is none
@@ -101,7 +101,7 @@ def _study(scene: RandomScene, folder: Path) -> Verdict:
     """A study has no check of its own: it is swept where all of its points may run, and where it is refused."""
     file = folder / "study.toml"
     try:
-        cases = [case for _, case in load_study(file).cases()]
+        cases = [case for _, case in read_study(file).cases()]
         why_not = next(filter(None, (_not_run(case, make_plan(case)[1].reasons) for case in cases)), "")
     except (SceneError, ValueError):  # of a plan: ValueError
         why_not = ""

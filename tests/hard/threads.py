@@ -21,7 +21,7 @@ from killed_run import LONGEST, ROOT, differences, record_of, table_of
 
 import emclutch
 from emclutch.case import Case
-from emclutch.plan import make_plan
+from emclutch.run_plan import make_plan
 
 CASES = ROOT / "cases"
 REFERENCE = (1, "passive")
@@ -39,7 +39,7 @@ def shipped() -> list[Path]:
 def shortened(path: Path) -> Case:
     """A case of a few of its own windows; of a study its last point."""
     if "[study]" in path.read_text(encoding="utf-8"):
-        case = list(emclutch.load_study(path).cases())[-1][1]
+        case = list(emclutch.read_study(path).cases())[-1][1]
     else:
         case = emclutch.load_case(path)
     plan = make_plan(case)[1]

@@ -103,7 +103,7 @@ def test_an_effect_that_is_off_is_one_without_strength(name, beside, idle, tmp_p
 def test_what_is_off_is_not_there(tmp_path):
     """No held force, no moment, no field, no rolling table is allocated when no effect asks for it."""
     from emclutch.assembly import assemble
-    from emclutch.plan import make_plan
+    from emclutch.run_plan import make_plan
 
     off = {"effects.magnetic_force": None, "effects.dipoles": None, "effects.saturation": None, "field": None}
     case = case_from(CELL, off)

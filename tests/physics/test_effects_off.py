@@ -15,7 +15,7 @@ from dem_laws import DENSITY, MASS, RADIUS, law
 import emclutch
 from coupling import run_staggered
 from emclutch.assembly import assemble
-from emclutch.plan import make_plan
+from emclutch.run_plan import make_plan
 from geometry.walls import cylinder
 from particles import (
     DEM,

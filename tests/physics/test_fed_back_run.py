@@ -11,8 +11,8 @@ import emclutch
 from coupling.staggered import refresh_field
 from emclutch.assembly import assemble, grain_law
 from emclutch.device import build_device
-from emclutch.plan import make_plan
 from emclutch.results.checkpoint import read_checkpoint
+from emclutch.run_plan import make_plan
 from field.spheres.lone_sphere import sphere_magnetisation
 from particles import CyclicSector
 

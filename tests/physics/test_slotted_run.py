@@ -10,9 +10,9 @@ from coupling import SolidCoilField
 from coupling.solid_field_source import TurningSampler
 from emclutch.assembly import assemble
 from emclutch.case import load_case
-from emclutch.plan import make_plan
 from emclutch.results.checkpoint import read_checkpoint
 from emclutch.run_case import Interrupted
+from emclutch.run_plan import make_plan
 from field import MU_0, UniformField
 from particles import Body
 

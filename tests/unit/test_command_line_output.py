@@ -20,7 +20,8 @@ from emclutch.command_input import assignments, load
 from emclutch.command_line import app
 from emclutch.command_output import torque_line
 from emclutch.results import OutputError
-from emclutch.run_case import Interrupted, refuse_other_scene, remedy_in_scene
+from emclutch.resume import refuse_other_scene
+from emclutch.run_case import Interrupted, remedy_in_scene
 from emclutch.run_report import closing_lines, soft_grains
 from emclutch.scene.reference import scene_reference
 from particles import DemError, DemErrorKind

@@ -14,9 +14,9 @@ from emclutch.command_line import app
 from emclutch.cost import Cost, foretell
 from emclutch.expected_counts import SKIN, counts_at, neighbours
 from emclutch.machine_speed import MachineSpeed
-from emclutch.plan import make_plan
 from emclutch.run_case import RunError, run
 from emclutch.run_pace import RunPace
+from emclutch.run_plan import make_plan
 
 CELL = {
     "scene": {"title": "sheared annulus", "seed": 3},

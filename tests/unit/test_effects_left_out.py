@@ -11,7 +11,7 @@ from emclutch.case import case_from, load_case
 from emclutch.command_line import app
 from emclutch.effects_left_out import left_out
 from emclutch.expected_torque import expected_torque
-from emclutch.plan import make_plan
+from emclutch.run_plan import make_plan
 from emclutch.scene.effects import PLANNED_EFFECTS, Effects
 from field import MU_0
 

@@ -10,7 +10,7 @@ import pytest
 from coupling import magnetised_cluster
 from emclutch.case import load_case
 from emclutch.expected_field import CHAIN_FACTOR, powder_in_words
-from emclutch.plan import plan
+from emclutch.run_plan import check
 from field import GrainLaw
 from geometry.triangle_wall import box_surface
 
@@ -45,7 +45,7 @@ def test_the_plan_tells_the_field_of_chains_and_of_surfaces_that_mirror_nothing(
     wall = box_surface("vane", "rotor", (20.5e-3, 0.0, 0.0), (0.4e-3, 1e-3, 1e-3))
     meshio.write(tmp_path / "vane.stl", meshio.Mesh(wall.vertices, [("triangle", wall.triangles)]))
     surface = {"surfaces": {"vane": {"file": str(tmp_path / "vane.stl"), "body": "rotor"}}}
-    reasons, _ = plan(load_case(CASES / "quickstart.toml", COARSE | surface), threads=1)
+    reasons = check(load_case(CASES / "quickstart.toml", COARSE | surface), threads=1).decisions
     even, chains = map(float, re.findall(r"up to ([\d.]+) T", reasons["field"]))
     ratio = (1.0 + 0.35 / (CHAIN_FACTOR + 1.0 / 200.0)) / (1.0 + 0.35 / (0.65 / 3.0 + 1.0 / 200.0))
     assert even < chains < ratio * even

@@ -8,7 +8,7 @@ from coupling.staggered import refresh_field
 from emclutch import kernel_warm_up
 from emclutch.assembly import assemble
 from emclutch.case import case_from
-from emclutch.plan import make_plan
+from emclutch.run_plan import make_plan
 from particles.dem import sums
 
 CELL = {

@@ -8,8 +8,8 @@ import pytest
 import emclutch
 from emclutch.assembly import assemble
 from emclutch.device import build_device
-from emclutch.plan import make_plan
 from emclutch.pole_zone import pole_zone
+from emclutch.run_plan import make_plan
 from emclutch.scene.grain_smear import element_layers, smear_width
 from field import RadialField
 

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from emclutch.case import load_case
-from emclutch.plan import _parts
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.checkpoint import write_checkpoint
 from emclutch.resume import refuse_changed_files, refuse_other_scene, run_checkpoint
+from emclutch.run_plan import _parts
 from emclutch.scene.input_files import hashed_input_files
 
 GOOD = Path(__file__).parents[1] / "cases" / "broken" / "good.toml"

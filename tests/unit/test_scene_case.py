@@ -16,7 +16,7 @@ from emclutch.case import case_from, load_case
 from emclutch.faults import SceneError
 from emclutch.scene import Scene, points_of
 from emclutch.scene.fill import fill_of
-from emclutch.scene.study import load_study
+from emclutch.scene.study import read_study
 
 GOOD = Path(__file__).parents[1] / "cases" / "broken" / "good.toml"
 BOX = {
@@ -163,7 +163,7 @@ def test_study_is_every_combination(tmp_path):
         f'[study]\ncase = "{GOOD}"\n[study.values]\n"coil.current" = ["0 A", "1 A"]\n'
         'contact.friction = [0.1, 0.2, 0.3]\n[study.set]\n"time.end" = "1 ms"\n'
     )
-    read = load_study(study)
+    read = read_study(study)
     assert len(read.points()) == 6
     assert read.points()[1] == {"coil.current": "0 A", "contact.friction": 0.2}
     assert all(case.scene.time.end == 1e-3 for _, case in read.cases())
@@ -173,7 +173,7 @@ def test_study_tells_the_point_at_fault(tmp_path):
     study = tmp_path / "study.toml"
     study.write_text(f'[study]\ncase = "{GOOD}"\n[study.values]\n"contact.friction" = [0.1, 20]\n')
     with pytest.raises(SceneError, match=r"contact.friction = 20 .*\(at contact.friction = 20\)"):
-        load_study(study)
+        read_study(study)
 
 
 def test_schema_is_json_and_describes_quantities():

@@ -18,7 +18,7 @@ from emclutch.results import HistoryWriter, OutputError, RunFolder, load_result
 from emclutch.results.checkpoint import write_checkpoint
 from emclutch.run_case import Interrupted, RunError
 from emclutch.run_study import sweep
-from emclutch.scene.study import load_study
+from emclutch.scene.study import read_study
 
 GOOD = Path(__file__).parents[1] / "cases" / "broken" / "good.toml"
 ROOT = Path(__file__).parents[2]
@@ -63,7 +63,7 @@ def study_of(folder, values, **more):
     own = [f"{key} = {entry!r}" for key, entry in more.items()]
     path = folder / "study.toml"
     path.write_text("\n".join(["[study]", f'case = "{GOOD}"', *own, "[study.values]", *lines]))
-    return load_study(path)
+    return read_study(path)
 
 
 def frictions(folder):

@@ -13,7 +13,7 @@ from emclutch.results.folder_lock import locked_folder
 from emclutch.run_case import Interrupted
 from emclutch.run_study import sweep
 from emclutch.scene.input_files import hashed_input_files
-from emclutch.scene.study import load_study
+from emclutch.scene.study import read_study
 
 GOOD = Path(__file__).parents[1] / "cases" / "broken" / "good.toml"
 TORQUE = {"mean": 1.0, "standard_error": 0.1, "converged": True, "reason": "", "start": 0.0}
@@ -51,7 +51,7 @@ def study_of(folder, values, **settings):
     lines = [f'"{key}" = {entry!r}' for key, entry in values.items()]
     given = [f'"{key}" = {entry!r}' for key, entry in settings.items()]
     path.write_text("\n".join([f'[study]\ncase = "{GOOD}"', "[study.values]", *lines, "[study.set]", *given]))
-    return load_study(path)
+    return read_study(path)
 
 
 def table(folder):

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from emclutch.case import Case
+from emclutch.case import Case, as_case
 from emclutch.contact_plan import elastic_contacts, rigid_springs
 from emclutch.cost import Cost, foretell
 from emclutch.device import CoilDevice, Device, build_device
 from emclutch.expected_field import expected_magnetisation, field_in_chains, powder_in_words
 from emclutch.expected_speeds import device_extent, fall_speed, largest_speed, layer_speed
+from emclutch.faults import bad_input_for
 from emclutch.machine_speed import MachineSpeed, threads_at_hand
 from emclutch.results.steady_torque import LEAST_STRAIN
 from emclutch.rigid_plan import RigidPlan, plan_rigid
@@ -31,6 +32,7 @@ from particles import CyclicSector, PairLaws
 
 if TYPE_CHECKING:
     from emclutch.effects_left_out import LeftOut
+    from emclutch.expected_torque import ExpectedTorque
     from emclutch.solid_device import SolidCoilDevice
 
 
@@ -298,17 +300,63 @@ def paths_in_words(case: Case) -> dict[str, str]:
     return {"paths": f"outside the scene's folder: {named}"}
 
 
-def plan(case: Case, threads: int | None = None) -> tuple[dict[str, str], list[LeftOut]]:
-    """The plan in words, label -> text, and what the scene leaves out, for `check`; the cost on `threads` threads."""
+def plan(case: Case | str | Path, threads: int | None = None) -> Plan:
+    """The numbers that a run of a scene would start from; nothing is simulated and nothing written.
+
+    `case` is a case or the path of a scene file; the cost is that on `threads` threads, by default as a run takes them.
+    Raises SceneError where the scene has faults, or its own step or stiffness cannot be.
+    """
+    case = as_case(case)
+    case.need_grains()
+    with bad_input_for(case.path):
+        return make_plan(case, threads=threads)[1]
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """What follows from a right scene, as `emclutch check` says it.
+
+    Attributes
+    ----------
+    title : str
+    effects : tuple of str
+        Names of the effects that the scene has.
+    warnings : tuple of str
+        What is allowed and yet likely not meant.
+    decisions : dict of str to str
+        The plan in words: label -> text.
+    left_out : tuple of LeftOut
+        Of each effect left out the number that says when it matters.
+    expected : ExpectedTorque
+        The torque's order of magnitude.
+    """
+
+    title: str
+    effects: tuple[str, ...]
+    warnings: tuple[str, ...]
+    decisions: dict[str, str]
+    left_out: tuple[LeftOut, ...]
+    expected: ExpectedTorque
+
+
+def check(case: Case | str | Path, threads: int | None = None) -> Checked:
+    """Validate a scene and say what follows from it; `case`, `threads` and what is raised are as of `plan`."""
+    case = as_case(case)
+    with bad_input_for(case.path):
+        return _check(case, threads)
+
+
+def _check(case: Case, threads: int | None) -> Checked:
     from emclutch.coil_heat import coil_heat_in_words  # local, as the next two: a run does not need them
     from emclutch.effects_left_out import left_out
-    from emclutch.expected_torque import expected_torque
+    from emclutch.expected_torque import ExpectedTorque, expected_torque
 
     scene = case.scene
     if scene.particles is None:
         from emclutch.field_plan import field_plan  # local: as the next
 
-        return field_plan(case), []
+        none = ExpectedTorque(None, law="the scene has no grains")
+        return Checked(scene.scene.title, scene.effects.active, case.warnings, field_plan(case), (), none)
     device, made = make_plan(case, threads=threads)
     B_max = 0.0
     if isinstance(made.peak_field, MagneticField) and isinstance(device.coil, CoilDevice):
@@ -343,4 +391,5 @@ def plan(case: Case, threads: int | None = None) -> tuple[dict[str, str], list[L
     expected = expected_torque(scene, device, made.peak_field)
     made.reasons["expected torque"] = expected.in_words()
     made.reasons.update(paths_in_words(case))
-    return made.reasons, left_out(scene, device, made, expected)
+    title, effects, missing = scene.scene.title, scene.effects.active, left_out(scene, device, made, expected)
+    return Checked(title, effects, case.warnings, made.reasons, tuple(missing), expected)

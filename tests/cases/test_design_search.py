@@ -1,0 +1,140 @@
+"""A design search finds the value whose expected torque is the wanted one, and says how far the law can be trusted."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import emclutch
+from emclutch import run_case
+from emclutch.case import case_from
+from emclutch.command_line import app
+from emclutch.design_search import expectation_of
+from emclutch.faults import SceneError
+from emclutch.results import HistoryWriter, RunFolder, load_result
+from emclutch.scene.design import read_design
+
+QUICKSTART = Path(__file__).resolve().parents[2] / "cases" / "quickstart.toml"
+CELL = {
+    "scene": {"title": "sheared annulus", "seed": 3},
+    "geometry": {"kind": "shear_cell", "inner_radius": 10e-3, "outer_radius": 11.2e-3, "height": 2e-3},
+    "field": {"source": "uniform", "field_strength": "150 kA/m", "direction": "radial"},
+    "particles": {"diameter": "0.3 mm", "solid_fraction": 0.35, "sector": "20 deg"},
+    "motion": {"rotor": {"speed": "300 rpm"}, "disc": {"speed": 0.0}},
+    "effects": {"magnetic_force": {}, "dipoles": {"cutoff": 2.5, "model": "mutual"}, "saturation": {}},
+    "time": {"end": "0.2 ms", "window": "20 us"},
+    "output": {"snapshots": 0, "pictures": False, "formats": []},
+    "accuracy": {"replicas": 1},
+}
+WEAK = {"effects.dipoles.model": "fixed"}
+FIELD = "field.field_strength"
+
+
+def expected(case, key, value):
+    return emclutch.check(case.with_values({key: value}), threads=1).expected.torque
+
+
+def design(case, target, out, between=("1 kA/m", "400 kA/m"), **options):
+    return emclutch.design(case, FIELD, between, target, out=out, **options)
+
+
+def test_the_found_value_is_that_at_which_the_wanted_torque_is_expected(tmp_path):
+    """So is that of the written scene; a torque wanted less needs less field, and a bracket holds its answer."""
+    case, found = case_from(CELL), []
+    for target in (0.005, 0.02):
+        result = design(case, target, tmp_path / f"{target}")
+        assert expected(case, FIELD, result.value) == pytest.approx(target, rel=0.02)
+        written = emclutch.load_case(result.folder / "found.toml")
+        assert emclutch.check(written, threads=1).expected.torque == pytest.approx(result.expected.torque, rel=1e-12)
+        assert result.bracket[0] < result.value < result.bracket[1] and result.is_monotone
+        found.append(result.value)
+    assert found[0] < found[1]
+
+
+def test_ends_of_the_bracket_are_where_the_law_is_off_by_its_factor(tmp_path):
+    """Three times less at the one, three times more at the other; a bound leaves the whole range beyond it."""
+    case = case_from(CELL)
+    result = design(case, 0.005, tmp_path / "found")
+    for end, factor in zip(result.bracket, (1 / 3, 3), strict=True):
+        assert expected(case, FIELD, end) == pytest.approx(factor * 0.005, rel=0.1)
+    assert result.is_cut == (False, False)
+    bound = design(case.with_values(WEAK), 0.005, tmp_path / "bound")
+    assert bound.is_cut == (False, True) and bound.bracket == (pytest.approx(bound.value, rel=0.05), 400e3)
+
+
+def test_a_torque_beyond_both_ends_is_refused_with_theirs(tmp_path):
+    case = case_from(CELL)
+    low, high = (expected(case, FIELD, value) for value in (1e3, 400e3))
+    with pytest.raises(SceneError) as refused:
+        design(case, "torque 12 N m", tmp_path / "found")
+    text = str(refused.value)
+    assert f"{low:.4g} N m at 1 kA/m, {high:.4g} N m at 400 kA/m" in text and "widen the range" in text
+    assert not (tmp_path / "found").exists()
+
+
+def test_a_run_confirms_it_and_corrects_the_law(tmp_path, monkeypatch):
+    """Where runs have twice the expected torque, the next value and a search by the run expect half the wanted."""
+
+    def run(case, *, out, **options):
+        folder = RunFolder.create(out, case.toml())
+        with HistoryWriter(folder.history) as history:
+            history.append({"time": 1.0, "torque_disc": 1.0})
+        mean = -2.0 * emclutch.check(case, threads=1).expected.torque
+        torque = {"mean": mean, "standard_error": 0.05 * abs(mean), "batches": 30, "converged": True, "reason": ""}
+        folder.write_summary({"torque": torque})
+        return load_result(folder.path)
+
+    monkeypatch.setattr(run_case, "run", run)
+    case = case_from(CELL)
+    found = design(case, 0.01, tmp_path / "found", confirm=True)
+    assert found.ratio == pytest.approx(2.0) and found.run.folder.path == tmp_path / "found" / "run"
+    assert expected(case, FIELD, found.next_value) == pytest.approx(0.005, rel=0.02)
+    assert json.loads((tmp_path / "found" / "design.json").read_text())["next_value"] == found.next_value
+    again = design(case, 0.01, tmp_path / "again", like=tmp_path / "found" / "run")
+    assert again.value == pytest.approx(found.next_value, rel=1e-6)
+    low, high = again.correction.interval
+    assert low < 2.0 < high and high - low < 0.5
+    for end, ratio in zip(again.bracket, (high, low), strict=True):
+        assert expected(case, FIELD, end) == pytest.approx(0.01 / ratio, rel=0.1)
+
+
+def test_a_gap_is_found_again_by_the_torque_of_its_own_field(tmp_path):
+    """From the command line, the field solved anew for each gap; a wider one has less field and less torque."""
+    coarse = {"field.size_factor": 2.5, "field.gap_layers": 3}
+    target = expectation_of(emclutch.load_case(QUICKSTART, coarse | {"geometry.gap": "1.1 mm"})).torque
+    values = [word for key, value in coarse.items() for word in ("--set", f"{key}={value}")]
+    aim = ["--vary", "geometry.gap=0.8 mm:1.6 mm", "--target", f"torque {target!r} N m"]
+    answer = CliRunner().invoke(
+        app, ["design", str(QUICKSTART), *aim, *values, "--json", "--out", str(tmp_path / "at")]
+    )
+    assert answer.exit_code == 0, answer.output
+    told = json.loads(answer.stdout)
+    assert told["expected_torque"] == pytest.approx(target, rel=5e-3)
+    assert told["value"] == pytest.approx(1.1e-3, rel=0.03)
+    rows = [line.split(",") for line in (tmp_path / "at" / "design.csv").read_text().splitlines()]
+    assert rows[0] == ["geometry.gap", "expected_torque"]
+    assert float(rows[1][1]) > target > float(rows[-1][1])
+
+
+def test_faults_of_a_design_file_come_together(tmp_path):
+    file = tmp_path / "design.toml"
+    text = '[design]\ncase = "{}"\nvary = "{}"\nbetween = {}\ntarget = "{}"\n[design.set]\n"{}" = 3\n'
+    file.write_text(text.format(QUICKSTART, "geometry.gpa", "[1, 2]", "12 N m", "time.ende"))
+    with pytest.raises(SceneError) as refused:
+        read_design(file)
+    assert {fault.key for fault in refused.value.faults} == {"design.vary", "design.target", "design.set.time.ende"}
+    file.write_text(text.format(QUICKSTART, "geometry.gap", '["3 mm", "1 kg"]', "torque 12 kg", "scene.seed"))
+    with pytest.raises(SceneError) as refused:
+        read_design(file)
+    told = [str(fault) for fault in refused.value.faults]
+    assert len(told) == 2 and "'1 kg' is a mass" in told[0] and "torque 12 kg" in told[1]
+    file.write_text(text.format(QUICKSTART, "particles.count", "[1, 2]", "torque 12 N m", "scene.seed"))
+    with pytest.raises(SceneError, match=r"design\.vary = 'particles\.count' is no quantity"):
+        read_design(file)
+    answer = CliRunner().invoke(app, ["design", str(file), "--target", "torque 1 N m"])
+    assert answer.exit_code == 2 and "--target stands in" in answer.stderr
+    answer = CliRunner().invoke(app, ["design", str(QUICKSTART)])
+    assert answer.exit_code == 2 and "--vary is needed" in answer.stderr and "--target is missing" in answer.stderr

@@ -1,0 +1,83 @@
+"""`emclutch new`: scenes of every kind, right as they are, with every key of their sections."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from typing import get_args
+
+import pytest
+from typer.testing import CliRunner
+
+import emclutch
+from emclutch.command_line import app
+from emclutch.device import build_device
+from emclutch.faults import SceneError
+from emclutch.new_scene import new_scene, starter_kinds
+from emclutch.scene.geometry import Geometry
+from emclutch.scene.reference import holds_sections
+
+KEY = re.compile(r"^(?:# )?(\w+) = ", re.MULTILINE)
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("new")
+    return {kind: new_scene(folder / f"{kind}.toml", kind)[0] for kind in starter_kinds()}
+
+
+def test_there_is_one_of_every_kind_of_device():
+    kinds = {get_args(one.model_fields["kind"].annotation)[0] for one in get_args(get_args(Geometry)[0])}
+    assert set(starter_kinds()) >= kinds
+
+
+@pytest.mark.parametrize("kind", starter_kinds())
+def test_it_is_right_and_its_comments_are_what_is_so_without_them(kind, written):
+    """Every key that stands in a comment with its default changes nothing where the comment is taken away."""
+    case = emclutch.load_case(written[kind])
+    assert not case.warnings
+    given, is_default = [], False
+    for line in written[kind].read_text(encoding="utf-8").splitlines():
+        is_default = is_default or line.endswith("(default)")
+        given.append(line.removeprefix("# ") if is_default and KEY.match(line) else line)
+        is_default = is_default and not KEY.match(line)
+    beside = written[kind].with_name(f"{kind}-with-defaults.toml")
+    beside.write_text("\n".join(given), encoding="utf-8")
+    assert len(tomllib.loads("\n".join(given))["scene"]) == 3
+    assert emclutch.load_case(beside).scene == case.scene
+
+
+@pytest.mark.parametrize("kind", starter_kinds())
+def test_every_key_of_its_sections_stands_in_it(kind, written):
+    parts = dict(re.findall(r"^\[([\w.]+)\]\n(.*?)(?=^\[|\Z)", written[kind].read_text(), re.MULTILINE | re.DOTALL))
+    scene = emclutch.load_case(written[kind]).scene
+    for path, text in parts.items():
+        model = scene
+        for step in path.split("."):
+            model = getattr(model, step)
+        wanted = {name for name, field in type(model).model_fields.items() if not holds_sections(field)}
+        assert wanted <= set(KEY.findall(text)), path
+    required = {name for name, field in type(scene).model_fields.items() if field.is_required()}
+    assert required <= {path.partition(".")[0] for path in parts}
+
+
+def test_a_clutch_from_cad_brings_its_drawing(written):
+    device = build_device(emclutch.load_case(written["cad"]).scene)
+    assert written["cad"].with_suffix(".step").is_file() and device.coil is not None and device.fill.count > 100
+
+
+def test_nothing_is_overwritten_and_kinds_are_told(tmp_path):
+    file = tmp_path / "mine.toml"
+    (tmp_path / "mine.step").write_text("mine")
+    with pytest.raises(SceneError, match=r"mine\.step is there already"):
+        new_scene(file, "cad")
+    assert not file.exists() and (tmp_path / "mine.step").read_text() == "mine"
+    answer = CliRunner().invoke(app, ["new", str(file), "--kind", "durm"])
+    assert answer.exit_code == 2 and "did you mean 'drum'?" in answer.stderr and not file.exists()
+    assert CliRunner().invoke(app, ["new", str(file), "--kind", "box"]).exit_code == 0
+    assert CliRunner().invoke(app, ["check", str(file)]).exit_code == 0
+
+
+def test_a_device_from_cad_without_materials_is_told(written):
+    with pytest.raises(SceneError, match=r"geometry\.materials is missing"):
+        emclutch.load_case(written["cad"], {"geometry.materials": None})

@@ -1,0 +1,152 @@
+"""The package in Python: what the commands do, with the same errors; a callback sees every window and may stop."""
+
+from __future__ import annotations
+
+import ast
+import tomllib
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pandas
+import pytest
+
+import emclutch
+from emclutch.case import case_from
+from emclutch.results.checkpoint import read_checkpoint
+from emclutch.run_report import closing_lines
+
+ROOT = Path(__file__).resolve().parents[2]
+QUICKSTART = ROOT / "cases" / "quickstart.toml"
+COARSE = {"field.size_factor": 3.0, "field.gap_layers": 3}
+
+CELL = {
+    "scene": {"title": "sheared annulus", "seed": 3},
+    "geometry": {"kind": "shear_cell", "inner_radius": 10e-3, "outer_radius": 11.2e-3, "height": 2e-3},
+    "field": {"source": "uniform", "field_strength": "150 kA/m", "direction": "radial"},
+    "particles": {"diameter": "0.3 mm", "solid_fraction": 0.35, "sector": "20 deg"},
+    "motion": {"rotor": {"speed": "300 rpm"}, "disc": {"speed": 0.0}},
+    "effects": {"magnetic_force": {}, "dipoles": {"cutoff": 2.5}, "saturation": {}},
+    "time": {"end": "0.2 ms", "window": "20 us"},
+    "output": {"snapshots": 0, "pictures": False, "formats": []},
+    "accuracy": {"replicas": 1},
+}
+
+
+def run(folder, callback=None, **options):
+    return emclutch.run(case_from(CELL), out=folder, callback=callback, **options)
+
+
+def grains(folder):
+    return read_checkpoint(folder / "checkpoint.h5")["dem"]
+
+
+def test_a_run_that_a_callback_stopped_goes_on_to_the_bits_of_an_undisturbed_one(tmp_path):
+    whole = run(tmp_path / "whole")
+    seen = []
+    stopped = run(tmp_path / "stopped", lambda state: seen.append(state.window) or state.window == 4)
+    assert seen == [1, 2, 3, 4] and len(stopped.history) == 4
+    assert stopped.stopped.startswith("by the callback at t = ") and whole.stopped is None
+    assert not stopped.torque.converged and f"stopped {stopped.stopped}" in closing_lines(stopped)
+    resumed = run(tmp_path / "stopped", resume=True)
+    assert resumed.stopped is None and len(resumed.history) == len(whole.history)
+    ends = grains(tmp_path / "whole"), grains(tmp_path / "stopped")
+    assert all(np.array_equal(ends[0][name], ends[1][name]) for name in ("where", "motion", "particle_id"))
+
+
+def test_a_callback_sees_the_run_as_it_is_written_and_cannot_change_it(tmp_path):
+    rows, times, last = [], [], []
+
+    def watch(state):
+        rows.append(dict(state.row))
+        times.append(state.time)
+        last.append(state.windows)
+        assert state.position.shape == state.magnetic_moment.shape
+        reach = np.hypot(state.position[:, 0], state.position[:, 1])
+        assert np.all((reach > 10e-3) & (reach < 11.2e-3)) and np.all(state.radius == 0.15e-3)
+        assert sorted(state.particle_id) == list(range(len(state.radius)))
+        for array in (state.position, state.velocity, state.angular_velocity, state.magnetic_moment):
+            with pytest.raises(ValueError, match="read-only"):
+                array[0] = 0.0
+        with pytest.raises(TypeError):
+            state.row["time"] = 0.0
+
+    history = run(tmp_path / "run", watch).history
+    assert set(last) == {len(history)}
+    assert np.allclose(times, history["time"], rtol=1e-6)
+    assert np.allclose([row["torque_disc"] for row in rows], history["torque_disc"], rtol=1e-5)
+
+
+def test_an_error_of_the_callback_is_its_own(tmp_path):
+    with pytest.raises(emclutch.CallbackError, match="ValueError: mine") as failed:
+        run(tmp_path / "run", lambda state: int("x") if state.window == 9 else _raise())
+    assert isinstance(failed.value.__cause__, ValueError)
+
+
+def _raise():
+    raise ValueError("mine")
+
+
+def test_check_and_plan_tell_the_same_run():
+    case = emclutch.load_case(QUICKSTART, COARSE)
+    checked, plan = emclutch.check(case, threads=1), emclutch.plan(case, threads=1)
+    assert checked.title == case.scene.scene.title and checked.effects == case.scene.effects.active
+    assert f"{plan.windows} windows" in checked.decisions["coupling window"]
+    assert checked.decisions["expected torque"] == checked.expected.in_words()
+    assert checked.expected.torque > 0.0 and checked.left_out
+
+
+def test_field_and_mesh_give_what_they_write(tmp_path):
+    case = emclutch.load_case(QUICKSTART, COARSE | {"effects.back_reaction": None})
+    found = emclutch.field(case, 0.5, [(20.5e-3, -3e-3, 20.5e-3, 3e-3)], out=tmp_path / "field")
+    assert found.table["current"].tolist() == [0.5] and found.units["gap_flux_density"] == "T"
+    assert np.allclose(found.table, pandas.read_csv(tmp_path / "field" / "field.csv"), rtol=1e-9)
+    (line,) = found.lines
+    assert np.allclose(line["r"], 20.5e-3) and np.hypot(line["B_r"], line["B_z"]).max() > 0.1
+    made = emclutch.mesh(case, out=tmp_path / "mesh")
+    assert made.file.is_file() and made.picture.is_file() and len(made.mesh.triangles) > 100
+    with pytest.raises(emclutch.SceneError, match="does not lie in the mesh"):
+        emclutch.field(case, lines=[(1.0, 0.0, 2.0, 0.0)], out=tmp_path / "other")
+    with pytest.raises(emclutch.SceneError, match=r"geometry\.kind = 'shear_cell' has no field"):
+        emclutch.mesh(case_from(CELL), out=tmp_path / "other")
+
+
+def test_a_study_is_read_back_with_its_runs(tmp_path):
+    file = tmp_path / "study.toml"
+    case_from(CELL).write_toml(tmp_path / "case.toml")
+    file.write_text('[study]\ncase = "case.toml"\n[study.values]\n"motion.rotor.speed" = ["100 rpm", "300 rpm"]\n')
+    study = emclutch.load_study(emclutch.sweep(file, out=tmp_path / "study"))
+    assert study.table["motion.rotor.speed"].tolist() == ["100 rpm", "300 rpm"] and study.seeds is None
+    for point, torque in zip(study.points, study.table["torque"], strict=True):
+        assert point.torque.mean == pytest.approx(torque, rel=1e-9)
+    with pytest.raises(emclutch.OutputError, match="read_study"):
+        emclutch.load_study(file)
+    with pytest.raises(emclutch.OutputError, match=r"study\.csv"):
+        emclutch.load_study(tmp_path)
+
+
+def test_type_checkers_see_the_names_that_are_loaded_when_asked_for():
+    """The imports under TYPE_CHECKING are those of the table, and no module of the package hides a name of its face."""
+    tree = ast.parse((ROOT / "emclutch" / "__init__.py").read_text(encoding="utf-8"))
+    block = next(node for node in tree.body if isinstance(node, ast.If))
+    told = {name.name: node.module for node in block.body for name in node.names}
+    table = next(node for node in ast.walk(tree) if isinstance(node, ast.Dict))
+    places = {key.value: value.value for key, value in zip(table.keys, table.values, strict=True)}
+    assert told == {name: place.partition(":")[0] for name, place in places.items()}
+    modules = {path.stem for path in (ROOT / "emclutch").iterdir() if path.suffix in (".py", "")}
+    assert not modules & set(emclutch.__all__)
+    for name, place in places.items():
+        assert getattr(emclutch, name) is getattr(import_module(place.partition(":")[0]), name)
+
+
+def test_every_package_is_listed_and_marked_as_typed():
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
+    tops = ("emclutch", "geometry", "field", "particles", "coupling")
+    found = {
+        str(path.parent.relative_to(ROOT)).replace("/", ".")
+        for top in tops
+        for path in (ROOT / top).rglob("__init__.py")
+    }
+    assert set(settings["packages"]) - set(settings.get("package-dir", {})) == found
+    assert "py.typed" in settings["package-data"]["*"]
+    assert all((ROOT / top / "py.typed").is_file() for top in tops)
