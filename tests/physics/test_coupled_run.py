@@ -117,6 +117,9 @@ def test_what_is_off_is_not_there(tmp_path):
     assert not simulation.motion._columns.rolls
 
 
+SHARED = {"particles.region": "rim", "particles.solid_fraction": 0.35, "particles.sector": "6 deg"}  # 918 grains
+
+
 def test_one_and_two_threads_give_the_same_bits(tmp_path):
     """The quickstart with all its effects, steel images and rolling included: 918 grains, enough to be shared."""
     import numba
