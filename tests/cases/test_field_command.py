@@ -104,7 +104,7 @@ def test_a_pot_magnet_pulls_its_disc_by_the_pressure_on_the_poles(tmp_path):
     iron = {"law": "linear", "relative_permeability": 1e4}
     data["geometry"] = {"kind": "cad", "file": "pot.step", "materials": {"housing": "iron", "disc": "iron"}}
     data |= {"materials": {"iron": iron}, "motion": {"disc": {"speed": 0.0}}}
-    data["particles"] |= {"diameter": "0.1 mm"}
+    data["particles"] |= {"diameter": "0.1 mm", "sector": "6 deg"}
     data["particles"].pop("region")
     data["effects"].pop("back_reaction")
     (tmp_path / "pot.toml").write_text(tomli_w.dumps(data), encoding="utf-8")

@@ -19,7 +19,9 @@ from particles import CyclicSector
 QUICKSTART = Path(__file__).resolve().parents[2] / "cases" / "quickstart.toml"
 FED_BACK = {f"output.{key}": value for key, value in CELL["output"].items()} | {
     "effects.dipoles.model": "near_field",
+    "particles.region": "rim",
     "particles.solid_fraction": 0.03,
+    "particles.sector": "6 deg",
     "field.size_factor": 2.0,
     "time.end": "10 us",
 }
