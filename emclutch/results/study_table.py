@@ -212,5 +212,5 @@ def torque_text(row: PointRow) -> str:
     """A point's torque with its standard error, or nothing."""
     if row.torque is None:
         return "" if row.state in (WAITING, RUNNING, FAILED, STOPPED) else "no torque"
-    text = f"{row.torque:.4g}" + (" N m" if row.error is None else f" ± {row.error:.2g} N m")
+    text = f"{row.torque:.4g}" + (" N m" if row.error is None else f" ± {row.error:.2g} N m (s.e.)")
     return text if row.converged else f"{text}, not converged"

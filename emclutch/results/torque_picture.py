@@ -64,7 +64,7 @@ def torque_picture(
         digits = max(0, 1 - math.floor(math.log10(factor * error))) if error else 3
         label = f"disc{f', {estimate.replicas} packings:' if estimate.replicas > 1 else ''} {mean:.{digits}f}"
         if error is not None:
-            label += f" ± {factor * error:.{digits}f}"
+            label += f" ± {factor * error:.{digits}f} (standard error)"
             half, limits = factor * (estimate.half_width() or error), axis.get_ylim()
             axis.fill_between(
                 [start, time[-1]], mean - half, mean + half, color="#0b5fa5", alpha=0.15, lw=0, label="95 % interval"

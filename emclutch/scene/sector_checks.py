@@ -90,6 +90,13 @@ def sector_in_space(draft: Draft) -> Iterator[Fault]:
         )
 
 
+def _innermost_radius(draft: Draft) -> float:
+    """Smallest radius [m] of a wall that grains come to: from the rim they wander into the face gaps of a clutch."""
+    particles, geometry = draft.scene.particles, draft.scene.geometry
+    inner = fill_of(draft.scene.shape(), particles).inner_radius
+    return min(inner, geometry.seal_radius) if isinstance(geometry, ClutchGeometry) else inner
+
+
 def sector_width(draft: Draft) -> Iterator[Fault]:
     """Neither its own image nor one partner through both faces may be in a grain's reach."""
     particles, shape = draft.scene.particles, draft.scene.shape()
@@ -102,7 +109,7 @@ def sector_width(draft: Draft) -> Iterator[Fault]:
     reach = largest * (_CONTACT_REACH if dipoles is None else max(dipoles.cutoff, _CONTACT_REACH))
     if moments_are_fed_back(draft.scene) and isinstance(draft.scene.geometry, (ClutchGeometry, CadGeometry)):
         reach = max(smear_width(draft.scene), largest * _CONTACT_REACH)  # in a narrow gap the shorter of the two
-    radius = fill_of(shape, particles).inner_radius + 0.5 * largest
+    radius = _innermost_radius(draft) + 0.5 * largest
     chord = 2.0 * radius * math.sin(0.5 * particles.sector)
     if chord < 2.0 * reach:
         narrowest = 2.0 * math.asin(min(1.0, reach / radius))

@@ -156,5 +156,5 @@ def test_without_a_terminal_the_table_is_lines():
         table.set_running(1)
         table.set_done(1, None, None, 3.0)
     lines = stream.getvalue().splitlines()
-    assert lines[0] == " 50 %  1 of 2 points  friction 0.1 is kept: 1 ± 0.1 N m"
+    assert lines[0] == " 50 %  1 of 2 points  friction 0.1 is kept: 1 ± 0.1 N m (s.e.)"
     assert lines[1] == "100 %  2 of 2 points  friction 0.2 is done: no torque"
