@@ -18,7 +18,7 @@ def test_torque_rises_with_current(tmp_path):
     """
     toy = {
         "motion.rotor.speed": "1500 rpm", "time.end": "0.2 ms", "time.window": 5e-6,
-        "particles.sector": "3.6 deg", "field.size_factor": 2.0,
+        "particles.sector": "3.75 deg", "field.size_factor": 2.0,
         "output.snapshots": 0, "output.pictures": False, "output.formats": [], "output.checkpoint": False,
     }  # fmt: skip
     torque, noise = [], []
