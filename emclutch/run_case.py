@@ -122,11 +122,11 @@ def run(
                 compiled,
                 replicas,
                 stop,
-                free,
-                insist,
-                grains,
-                machine,
-                callback,
+                free=free,
+                insist=insist,
+                grains=grains,
+                machine=machine,
+                callback=callback,
             )
 
 
@@ -148,7 +148,7 @@ def run_replica(
     grains = None if start is None or resume else starting_grains(case, start)
     with _entered(case, target, resume, None) as (folder, goes_on, compiled, begin):
         use_threads(threads)
-        return _run(case, folder, goes_on, None, begin, compiled, replicas, stop, free, True, grains)
+        return _run(case, folder, goes_on, None, begin, compiled, replicas, stop, free=free, insist=True, grains=grains)
 
 
 @contextmanager
@@ -188,9 +188,10 @@ def _run(
     compiled,
     replicas: Replicas,
     stop: threading.Event,
+    *,
     free: bool,
     insist: bool,
-    grains: StartingGrains | None = None,
+    grains: StartingGrains | None,
     machine: MachineSpeed | None = None,
     callback: Callable[[WindowState], object] | None = None,
 ) -> Result:
