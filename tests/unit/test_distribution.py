@@ -9,8 +9,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("emclutch", "geometry", "field", "particles", "coupling")
-MADE = {".pyc", ".nbi", ".nbc"}
-"""Endings of what a run leaves beside the sources."""
+MADE = "__pycache__"
+"""What a run leaves beside the sources: compiled modules and kernels, and the locks under which they are compiled."""
 
 
 def tree() -> set[str]:
@@ -20,7 +20,7 @@ def tree() -> set[str]:
         f"{place}/{path.relative_to(ROOT / folder).as_posix()}"
         for folder, place in places.items()
         for path in (ROOT / folder).rglob("*")
-        if path.is_file() and path.suffix not in MADE
+        if path.is_file() and MADE not in path.parts
     }
 
 
