@@ -11,22 +11,22 @@ from emclutch.siblings import check_siblings
 
 check_siblings()
 
-from emclutch.case import Case, load_case  # noqa: E402 (the guard comes first)
-from emclutch.faults import SceneError  # noqa: E402
 from emclutch.lazily import lazy_attributes  # noqa: E402
+from emclutch.scene.case import Case, load_case  # noqa: E402 (the guard comes first)
+from emclutch.scene.errors import SceneError  # noqa: E402
 
 if TYPE_CHECKING:  # the same names for type checkers and editors, which do not see the table below
-    from emclutch.design_search import DesignResult, design
-    from emclutch.field_result import FieldResult, field
-    from emclutch.mesh_command import MeshedScene, mesh
-    from emclutch.price_tag import accuracy
     from emclutch.results import OutputError, Result, load_result
     from emclutch.results.study_result import StudyResult, load_study
-    from emclutch.run_case import RunError, run
-    from emclutch.run_plan import Checked, Plan, check, plan
-    from emclutch.run_study import sweep
     from emclutch.scene.study import read_study
-    from emclutch.window_state import CallbackError, WindowState
+    from emclutch.simulation.plan import Checked, Plan, check, plan
+    from emclutch.simulation.run import RunError, run
+    from emclutch.simulation.window_state import CallbackError, WindowState
+    from emclutch.studies.design_search import DesignResult, design
+    from emclutch.studies.field_result import FieldResult, field
+    from emclutch.studies.mesh import MeshedScene, mesh
+    from emclutch.studies.sweep import sweep
+    from emclutch.studies.work_precision import accuracy
 
 __version__ = "0.1.0"
 __all__ = [
@@ -61,23 +61,23 @@ __all__ = [
 __getattr__, __dir__ = lazy_attributes(
     __name__,
     {
-        "run": "emclutch.run_case:run",
-        "WindowState": "emclutch.window_state:WindowState",
-        "CallbackError": "emclutch.window_state:CallbackError",
-        "check": "emclutch.run_plan:check",
-        "Checked": "emclutch.run_plan:Checked",
-        "plan": "emclutch.run_plan:plan",
-        "Plan": "emclutch.run_plan:Plan",
-        "field": "emclutch.field_result:field",
-        "FieldResult": "emclutch.field_result:FieldResult",
-        "mesh": "emclutch.mesh_command:mesh",
-        "MeshedScene": "emclutch.mesh_command:MeshedScene",
-        "sweep": "emclutch.run_study:sweep",
-        "design": "emclutch.design_search:design",
-        "DesignResult": "emclutch.design_search:DesignResult",
-        "accuracy": "emclutch.price_tag:accuracy",
+        "run": "emclutch.simulation.run:run",
+        "WindowState": "emclutch.simulation.window_state:WindowState",
+        "CallbackError": "emclutch.simulation.window_state:CallbackError",
+        "check": "emclutch.simulation.plan:check",
+        "Checked": "emclutch.simulation.plan:Checked",
+        "plan": "emclutch.simulation.plan:plan",
+        "Plan": "emclutch.simulation.plan:Plan",
+        "field": "emclutch.studies.field_result:field",
+        "FieldResult": "emclutch.studies.field_result:FieldResult",
+        "mesh": "emclutch.studies.mesh:mesh",
+        "MeshedScene": "emclutch.studies.mesh:MeshedScene",
+        "sweep": "emclutch.studies.sweep:sweep",
+        "design": "emclutch.studies.design_search:design",
+        "DesignResult": "emclutch.studies.design_search:DesignResult",
+        "accuracy": "emclutch.studies.work_precision:accuracy",
         "OutputError": "emclutch.results:OutputError",
-        "RunError": "emclutch.run_case:RunError",
+        "RunError": "emclutch.simulation.run:RunError",
         "Result": "emclutch.results:Result",
         "load_result": "emclutch.results:load_result",
         "StudyResult": "emclutch.results.study_result:StudyResult",

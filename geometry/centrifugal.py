@@ -3,8 +3,8 @@
 The shaft axis z lies horizontally. Body ``rotor`` (input): a hub with straight radial vanes, each a rake whose slots
 are open towards the drum. Body ``disc`` (output): the drum around it with its two covers, and ribs along its inner
 face. Between them lies the shot. The vanes drag it round; its weight in the centrifugal field presses it on the drum,
-and friction there turns the output (`emclutch.shot_clutch` has the estimate). Overloaded, the drum lags and the shot
-slips back through the slots.
+and friction there turns the output (`emclutch.simulation.forecast.shot_clutch` has the estimate). Overloaded, the drum
+lags and the shot slips back through the slots.
 
 Hub, drum and covers are smooth walls of revolution; vanes and ribs are closed surfaces of triangles, whose roots lie
 behind the smooth wall that carries them, out of the grains' reach, so that the joint is a plain concave corner.

@@ -4,7 +4,7 @@ A step of the grains has two barriers and takes some hundred microseconds. Threa
 (1 000 grains on two idle cores of a virtual machine: 2.7 million particle steps a second, 5.0 with one thread, 8 to 10
 with two that spin); threads that spin while another program has their core hold up the others instead (1.8 where one
 thread does 4.9, less the longer they spin). So they spin, but not for long, and a run finds out how many threads pay
-(`emclutch.thread_trial`).
+(`emclutch.simulation.thread_trial`).
 
 The count is read once, when the OpenMP library is loaded (by numba's first parallel loop, or by gmsh): it stands here,
 in the package that all others import, and nothing heavy is imported for it. What the user has set wins:

@@ -2,7 +2,7 @@
 
 An effect has a `name`, may act at the start of a coupling window (`begin_window`) and may add to the held forces
 of a sub-cycle (`add_forces`, which returns its bookings for the ledgers). To add one: a new file here, a model in
-`emclutch.scene.effects`, a line in `emclutch.assembly`.
+`emclutch.scene.effects`, a line in `emclutch.simulation.assembly`.
 """
 
 from coupling.effects.back_reaction import BackReaction

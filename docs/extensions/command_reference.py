@@ -7,7 +7,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 from typer.main import get_command
 
-from emclutch.command_line import app as command_line
+from emclutch.cli.main import app as command_line
 
 
 def command_pages() -> str:

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from emclutch.scene.section import Section, refuse
 from emclutch.scene.time_table import CurrentCourse, TimeTable, VoltageCourse, largest, points_of
-from emclutch.units import Resistance, number
+from emclutch.scene.units import Resistance, number
 
 if TYPE_CHECKING:
     from field.coil.winding import Winding

@@ -20,7 +20,7 @@ from emclutch.scene.reference import (
     unwrapped,
 )
 from emclutch.scene.section import Choice, Section, Whole
-from emclutch.units import Quantity
+from emclutch.scene.units import Quantity
 
 WIDTH = 110
 

@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
-from emclutch.faults import Fault
 from emclutch.scene.draft import Draft, size_key
+from emclutch.scene.errors import Fault
 from emclutch.scene.field_source import CoilField
 from emclutch.scene.fill import fill_of
 from emclutch.scene.geometry import BoxGeometry, CadGeometry, ClutchGeometry

@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 
 from emclutch.scene.rigid import Rigid
 from emclutch.scene.section import Choice, Section, refuse
-from emclutch.units import HertzStiffness, LinearSpeed, Modulus, Stiffness, number
+from emclutch.scene.units import HertzStiffness, LinearSpeed, Modulus, Stiffness, number
 
 if TYPE_CHECKING:
     from particles.laws.contact_law import ContactLaw

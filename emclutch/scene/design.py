@@ -9,13 +9,13 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, ValidationError
 
-from emclutch.case import Case, load_case, read_toml, removes
-from emclutch.faults import Fault, SceneError, shown
+from emclutch.scene.case import Case, load_case, read_toml, removes
+from emclutch.scene.errors import Fault, SceneError, shown
 from emclutch.scene.fault_report import faults_from, key_fault, quantity_at
 from emclutch.scene.model import Scene
 from emclutch.scene.section import Section
 from emclutch.scene.study import flat_keys
-from emclutch.units import Quantity
+from emclutch.scene.units import Quantity
 
 WANTED = Quantity("a torque", "N*m", "12 N m", 0.0, 1e7, open_minimum=True)
 _EXAMPLE = "write it as in 'torque 12 N m'"
@@ -77,7 +77,7 @@ class Search:
 
 
 def read_design(path: str | Path, *, trust_scripts: bool = False) -> Search:
-    """Read a design file; `trust_scripts` as in `emclutch.case.load_case`.
+    """Read a design file; `trust_scripts` as in `emclutch.scene.case.load_case`.
 
     Raises
     ------

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from emclutch.faults import Fault, shown
+from emclutch.scene.errors import Fault, shown
 from emclutch.scene.fault_report import entry_at
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Self
 from pydantic import Field, model_validator
 
 from emclutch.scene.section import Automatic, Choice, Section, Whole, refuse
-from emclutch.units import Acceleration, Force, Quantity, WorkOfAdhesion, number
+from emclutch.scene.units import Acceleration, Force, Quantity, WorkOfAdhesion, number
 
 if TYPE_CHECKING:
     from particles.laws.cohesion import Cohesion as CohesionLaw

@@ -10,10 +10,10 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from emclutch.faults import Fault, shown
 from emclutch.scene.effects import PLANNED_EFFECTS
+from emclutch.scene.errors import Fault, shown
 from emclutch.scene.section import Choice, Section, did_you_mean, not_one_of
-from emclutch.units import Quantity
+from emclutch.scene.units import Quantity
 
 Path = tuple[str | int, ...]
 _NOTHING = object()

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from emclutch.scene.section import Choice, Section, Whole
-from emclutch.units import FieldStrength, number
+from emclutch.scene.units import FieldStrength, number
 
 
 class CoilField(Section):

@@ -12,7 +12,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_
 
 from emclutch.scene.magnetic_regions import magnetic_regions
 from emclutch.scene.section import Choice, Section, Whole, refuse
-from emclutch.units import Length, LengthOrNone, number
+from emclutch.scene.units import Length, LengthOrNone, number
 
 if TYPE_CHECKING:
     from emclutch.scene.materials import Material

@@ -11,7 +11,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from emclutch.scene.section import Choice, Section, Whole, refuse
 from emclutch.scene.sizes import Sizes, from_the_scenes_folder
-from emclutch.units import Angle, Density, Length, Magnetisation, Mass, Time, number
+from emclutch.scene.units import Angle, Density, Length, Magnetisation, Mass, Time, number
 
 if TYPE_CHECKING:
     from particles.packing.packing import Packing

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from emclutch.faults import Fault
 from emclutch.scene.draft import Draft, size_key
+from emclutch.scene.errors import Fault
 from emclutch.scene.field_source import CoilField, UniformField
 from emclutch.scene.fill import fill_of
 from emclutch.scene.geometry import CadGeometry, ClutchGeometry, ShearCellGeometry

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
 from emclutch.scene.section import Section, refuse
-from emclutch.units import CurveFieldStrength, Density, FluxDensity, Magnetisation, Quantity, number
+from emclutch.scene.units import CurveFieldStrength, Density, FluxDensity, Magnetisation, Quantity, number
 
 if TYPE_CHECKING:
     from field import Law, TableLaw

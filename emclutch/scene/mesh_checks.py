@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from emclutch.faults import Fault
 from emclutch.scene.draft import Draft
+from emclutch.scene.errors import Fault
 from emclutch.scene.field_source import CoilField
 from emclutch.scene.geometry import CadGeometry
 from emclutch.scene.grain_smear import ELEMENTS_A_WIDTH, moments_are_fed_back, smear_width

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import AfterValidator, Field, StringConstraints
 
-from emclutch.faults import Fault, SceneError
 from emclutch.scene.coil import Coil
 from emclutch.scene.contact import Contact
 from emclutch.scene.effects import Effects
+from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.field_source import FieldSource
 from emclutch.scene.geometry import CadGeometry, ClutchGeometry, Geometry
 from emclutch.scene.grains import Particles

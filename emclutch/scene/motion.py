@@ -9,7 +9,7 @@ from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
 
 from emclutch.scene.section import Section, refuse
 from emclutch.scene.time_table import SpeedCourse, TimeTable, largest, points_of
-from emclutch.units import Inertia, Instant, LoadTorque, Quantity, Speed, Torque
+from emclutch.scene.units import Inertia, Instant, LoadTorque, Quantity, Speed, Torque
 
 _StallTorque = Annotated[float, Quantity("a torque", "N*m", "1500 N m", 0.0, 1e7, open_minimum=True)]
 

@@ -17,7 +17,7 @@ from emclutch.scene.section import Automatic, Choice, Section, Whole
 from emclutch.scene.study import StudyFile
 from emclutch.scene.time_table import TimeTable
 from emclutch.scene.torque_target import TorqueTarget
-from emclutch.units import Quantity
+from emclutch.scene.units import Quantity
 
 HEAD = """# The scene file: all sections and keys
 

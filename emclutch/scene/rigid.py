@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field, StrictBool
 
 from emclutch.scene.section import Automatic, Choice, Section, Whole
-from emclutch.units import LinearSpeed, Time, number
+from emclutch.scene.units import LinearSpeed, Time, number
 
 
 class Rigid(Section):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from emclutch.faults import Fault, shown
 from emclutch.scene.draft import Draft, size_key
+from emclutch.scene.errors import Fault, shown
 from emclutch.scene.field_source import CoilField, UniformField
 from emclutch.scene.fill import fill_of
 from emclutch.scene.geometry import BoxGeometry, CadGeometry, CentrifugalGeometry, ClutchGeometry

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from emclutch.scene.section import Choice, Section, refuse
-from emclutch.units import Length, number
+from emclutch.scene.units import Length, number
 
 if TYPE_CHECKING:
     from particles.packing.sizes import GrainSizes

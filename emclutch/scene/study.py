@@ -13,8 +13,8 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, PrivateAttr, ValidationError
 
-from emclutch.case import Case, case_from, load_case, read_toml, removes
-from emclutch.faults import Fault, SceneError, shown
+from emclutch.scene.case import Case, case_from, load_case, read_toml, removes
+from emclutch.scene.errors import Fault, SceneError, shown
 from emclutch.scene.fault_report import faults_from, key_fault
 from emclutch.scene.model import NO_GRAINS, Scene
 from emclutch.scene.section import Section
@@ -109,7 +109,7 @@ class _PartialStudy(Study):
 
 
 def read_study(path: str | Path, *, trust_scripts: bool = False) -> Study:
-    """Read a study file and check every point of it; `trust_scripts` as in `emclutch.case.load_case`.
+    """Read a study file and check every point of it; `trust_scripts` as in `emclutch.scene.case.load_case`.
 
     Raises
     ------

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Self
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from emclutch.scene.section import Choice, Section, refuse
-from emclutch.units import Length, number
+from emclutch.scene.units import Length, number
 
 if TYPE_CHECKING:
     from geometry.triangle_wall import TriangleWall

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Self
 from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
 
 from emclutch.scene.section import Section, refuse
-from emclutch.units import Current, Instant, Quantity, Speed
+from emclutch.scene.units import Current, Instant, Quantity, Speed
 
 # of either sign, and nothing: a table switches off and reverses
 SignedVoltage = Annotated[float, Quantity("a voltage", "V", "24 V", -1e6, 1e6)]

@@ -8,7 +8,7 @@ from pydantic import Field, StrictBool, model_validator
 
 from emclutch.scene.section import Automatic, Choice, Section, Whole, refuse
 from emclutch.scene.torque_target import TorqueTarget
-from emclutch.units import Instant, Time, number
+from emclutch.scene.units import Instant, Time, number
 
 
 class TimeSpan(Section):

@@ -25,7 +25,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # of the rows that run in this pr
 import bench_rows
 from bench_rows import Row
 
-from emclutch.machine_speed import cpu_name, machine_speed
+from emclutch.simulation.forecast.machine_speed import cpu_name, machine_speed
 
 HISTORY = Path(__file__).with_name("history.jsonl")
 KINDS = ("dem", "dvi", "field", "moments", "step")

@@ -131,7 +131,7 @@ def chrono(n: int, lammps_ns: float | None) -> tuple[str, float]:
 def field_rows(rounds: int) -> Iterator[Row]:
     """The Newton iteration of the quickstart's section, iron saturated, beside NGSolve on the same triangles."""
     from emclutch import load_case
-    from emclutch.device import build_device
+    from emclutch.device.device import build_device
     from field import AxisymmetricProblem
     from field.factorisation import describe_backend
 
@@ -181,8 +181,8 @@ def step_rows(rounds: int) -> Iterator[Row]:
     """A step of the quickstart with all that is magnetic, field included, beside the same grains without."""
     from coupling import run_staggered
     from emclutch import load_case
-    from emclutch.assembly import assemble
-    from emclutch.run_plan import make_plan
+    from emclutch.simulation.assembly import assemble
+    from emclutch.simulation.plan import make_plan
 
     case = load_case(QUICKSTART).with_values({"output.pictures": False})
     device, plan = make_plan(case)

@@ -25,11 +25,11 @@ import numba
 import coupling.ledgers
 from coupling import run_staggered
 from emclutch import Case, load_case, read_study
-from emclutch.assembly import assemble
-from emclutch.cost import foretell
-from emclutch.machine_speed import MachineSpeed, machine_speed
-from emclutch.observables import Observables
-from emclutch.run_plan import make_plan
+from emclutch.simulation.assembly import assemble
+from emclutch.simulation.forecast.cost import foretell
+from emclutch.simulation.forecast.machine_speed import MachineSpeed, machine_speed
+from emclutch.simulation.observables import Observables
+from emclutch.simulation.plan import make_plan
 from particles import ParticleError
 
 CASES = Path(__file__).resolve().parents[2] / "cases"

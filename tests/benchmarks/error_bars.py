@@ -17,7 +17,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 import emclutch
-from emclutch.command_input import assignments
+from emclutch.cli.input import assignments
 from emclutch.results import Estimate, load_result
 from emclutch.results.steady_torque import SteadyConditions, steady_torque
 

@@ -19,11 +19,11 @@ import numpy as np
 import emclutch
 from coupling.ledgers import Ledger
 from coupling.staggered import magnetic_forces, refresh_field
-from emclutch.assembly import simulation_of
-from emclutch.case import Case
-from emclutch.frozen_state import MOMENTS_TOLERANCE, FrozenState, frozen_state
 from emclutch.results.record import Record
-from emclutch.run_plan import make_plan
+from emclutch.scene.case import Case
+from emclutch.simulation.assembly import simulation_of
+from emclutch.simulation.plan import make_plan
+from emclutch.studies.frozen_state import MOMENTS_TOLERANCE, FrozenState, frozen_state
 from particles import Grains
 
 WIDTHS = (2.0, 2.5, 3.0, 3.5)  # diameters

@@ -12,8 +12,8 @@ import pytest
 import tomli_w
 from typer.testing import CliRunner
 
-from emclutch.case import load_case, read_toml
-from emclutch.command_line import app
+from emclutch.cli.main import app
+from emclutch.scene.case import load_case, read_toml
 
 BROKEN = Path(__file__).parent / "broken"
 GOOD = BROKEN / "good.toml"
@@ -327,7 +327,7 @@ def test_schema_overwrites_nothing(tmp_path):
 
 def test_the_installed_program_answers_alike(tmp_path):
     """One run as a process of its own: the exit code and both streams are what a shell sees."""
-    command = [sys.executable, "-m", "emclutch.command_line", "check", str(tmp_path / "none.toml")]
+    command = [sys.executable, "-m", "emclutch.cli.main", "check", str(tmp_path / "none.toml")]
     root = Path(__file__).parents[2]
     done = subprocess.run(command, capture_output=True, text=True, cwd=root, check=False)
     assert done.returncode == 2

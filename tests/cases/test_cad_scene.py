@@ -12,9 +12,9 @@ from step_file import rectangle, write_polygons
 from typer.testing import CliRunner
 
 import emclutch
-from emclutch.case import case_from, load_case, read_toml
-from emclutch.command_line import app
-from emclutch.device import build_device, mesh_of
+from emclutch.cli.main import app
+from emclutch.device.device import build_device, mesh_of
+from emclutch.scene.case import case_from, load_case, read_toml
 from emclutch.scene.input_files import input_files
 from geometry.section_import import read_section_mesh
 

@@ -7,12 +7,18 @@ import pandas
 import pytest
 from typer.testing import CliRunner
 
-from emclutch import calibration
-from emclutch.calibrate_command import read_list
-from emclutch.calibration import carlson_flux_density, carlson_stress, kept_point, point_file, stress_of_field
-from emclutch.command_line import app
-from emclutch.faults import SceneError
-from emclutch.units import Quantity
+from emclutch.cli.calibrate import read_list
+from emclutch.cli.main import app
+from emclutch.scene.errors import SceneError
+from emclutch.scene.units import Quantity
+from emclutch.simulation.forecast import calibration
+from emclutch.simulation.forecast.calibration import (
+    carlson_flux_density,
+    carlson_stress,
+    kept_point,
+    point_file,
+    stress_of_field,
+)
 
 TOY = ("--fill", "0.3", "--field", "40 kA/m, 80 kA/m", "--seeds", "1", "--grains", "110", "--strain", "0.002")
 FIELD = Quantity("a field strength", "A/m", "80 kA/m", 0.0, 1e7, open_minimum=True)
@@ -66,7 +72,7 @@ def test_an_interrupted_calibration_keeps_what_is_done(calibrated, monkeypatch):
             raise KeyboardInterrupt
         return shear(point, progress)
 
-    monkeypatch.setattr("emclutch.calibrate_command.sheared_point", second_is_stopped)
+    monkeypatch.setattr("emclutch.cli.calibrate.sheared_point", second_is_stopped)
     result = invoke("--chi", 999, "--ms", "1.7 MA/m", *TOY, "--out", folder / "stopped")
     assert result.exit_code == 130
     assert list(pandas.read_csv(folder / "stopped" / "tau_of_field.csv")["H"]) == [40e3]

@@ -9,13 +9,13 @@ import pytest
 from typer.testing import CliRunner
 
 import emclutch
-from emclutch import run_case
-from emclutch.case import case_from
-from emclutch.command_line import app
-from emclutch.design_search import expectation_of
-from emclutch.faults import SceneError
+from emclutch.cli.main import app
 from emclutch.results import HistoryWriter, RunFolder, load_result
+from emclutch.scene.case import case_from
 from emclutch.scene.design import read_design
+from emclutch.scene.errors import SceneError
+from emclutch.simulation import run as run_case
+from emclutch.studies.design_search import expectation_of
 
 QUICKSTART = Path(__file__).resolve().parents[2] / "cases" / "quickstart.toml"
 CELL = {

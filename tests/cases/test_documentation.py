@@ -23,9 +23,9 @@ from step_file import write_polygons
 from typer.main import get_command
 from typer.testing import CliRunner
 
-from emclutch.case import case_from, load_case, read_toml
-from emclutch.command_input import load
-from emclutch.command_line import app
+from emclutch.cli.input import load
+from emclutch.cli.main import app
+from emclutch.scene.case import case_from, load_case, read_toml
 from emclutch.scene.study import read_study
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -12,10 +12,10 @@ from test_coupled_run import CELL
 from typer.testing import CliRunner
 
 import emclutch
-from emclutch.case import case_from
-from emclutch.command_line import app
+from emclutch.cli.main import app
 from emclutch.results import OutputError
 from emclutch.results.checkpoint import read_checkpoint, write_checkpoint
+from emclutch.scene.case import case_from
 
 TOY = {
     "time.end": "60 us", "time.window": "10 us", "accuracy.replicas": 1,

@@ -10,11 +10,11 @@ import tomli_w
 from step_file import rectangle, write_polygons
 from typer.testing import CliRunner
 
-from emclutch.body_forces import force_on, regions_of_body
-from emclutch.case import load_case, read_toml
-from emclutch.command_line import app
-from emclutch.device import build_device
-from emclutch.field_study import read_currents, read_line
+from emclutch.cli.main import app
+from emclutch.device.body_forces import force_on, regions_of_body
+from emclutch.device.device import build_device
+from emclutch.scene.case import load_case, read_toml
+from emclutch.studies.field import read_currents, read_line
 from field import MU_0, ConvergenceError, pole_pressure
 
 QUICKSTART = Path(__file__).parents[2] / "cases" / "quickstart.toml"

@@ -9,9 +9,9 @@ import tomli_w
 from typer.testing import CliRunner
 
 import emclutch
-from emclutch.case import case_from, load_case, read_toml
-from emclutch.command_line import app
-from emclutch.device import build_device, solved_coil
+from emclutch.cli.main import app
+from emclutch.device.device import build_device, solved_coil
+from emclutch.scene.case import case_from, load_case, read_toml
 
 QUICKSTART = Path(__file__).parents[2] / "cases" / "quickstart.toml"
 OF_GRAINS = ("particles", "contact", "motion", "effects", "time")

@@ -9,9 +9,9 @@ import pytest
 import tomli_w
 from typer.testing import CliRunner
 
-from emclutch.case import case_from, load_case, read_toml
-from emclutch.command_line import app
-from emclutch.device import magnetic_law
+from emclutch.cli.main import app
+from emclutch.device.device import magnetic_law
+from emclutch.scene.case import case_from, load_case, read_toml
 from field import FroehlichLaw, LinearLaw, PermeabilityLaw, TableLaw
 from field.laws.brauer import BrauerLaw
 from field.laws.langevin import LangevinLaw

@@ -10,10 +10,10 @@ import pytest
 from typer.testing import CliRunner
 
 import emclutch
-from emclutch.command_line import app
-from emclutch.device import build_device
-from emclutch.faults import SceneError
-from emclutch.new_scene import new_scene, starter_kinds
+from emclutch.cli.main import app
+from emclutch.cli.new import new_scene, starter_kinds
+from emclutch.device.device import build_device
+from emclutch.scene.errors import SceneError
 from emclutch.scene.geometry import Geometry
 from emclutch.scene.reference import holds_sections
 

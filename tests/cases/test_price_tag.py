@@ -8,8 +8,8 @@ import pandas
 import pytest
 
 import emclutch
-from emclutch.price_tag import Measurement, price_table, relative_error, run_torque
 from emclutch.results import Estimate
+from emclutch.studies.work_precision import Measurement, price_table, relative_error, run_torque
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
 
@@ -63,7 +63,7 @@ def test_a_torque_of_unknown_error_has_infinite_noise(monkeypatch, tmp_path):
     """With 0 instead every difference would count as an error of the setting."""
     torque = Estimate(2.0, None, 0, None, 0.0, False, "not converged: 5 samples, 20 needed; run longer")
     ran = SimpleNamespace(torque=torque, summary={"seconds": {"total": 1.0}})
-    monkeypatch.setattr("emclutch.price_tag.run", lambda case, out: ran)
+    monkeypatch.setattr("emclutch.studies.work_precision.run", lambda case, out: ran)
     known = Measurement({"torque": 1.9}, {"torque": 4.0}, {"torque": 0.01})
     table = price_table({("step", 10.0): run_torque(None, tmp_path), ("step", 20.0): known})
     assert np.isinf(table.noise[0]) and table.error[0] == pytest.approx(0.1 / 1.9)

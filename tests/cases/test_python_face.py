@@ -12,9 +12,9 @@ import pandas
 import pytest
 
 import emclutch
-from emclutch.case import case_from
 from emclutch.results.checkpoint import read_checkpoint
-from emclutch.run_report import closing_lines
+from emclutch.results.report.markdown import closing_lines
+from emclutch.scene.case import case_from
 
 ROOT = Path(__file__).resolve().parents[2]
 QUICKSTART = ROOT / "cases" / "quickstart.toml"

@@ -10,15 +10,16 @@ import numpy as np
 import pytest
 
 import emclutch
-from emclutch import replicas, run_case
-from emclutch.case import case_from
-from emclutch.faults import SceneError
 from emclutch.results import OutputError, RunFolder, read_history
 from emclutch.results.folder_lock import FolderInUse, locked_folder
 from emclutch.results.steady_torque import SteadyConditions, steady_torque
-from emclutch.run_case import Interrupted, RunError
+from emclutch.scene.case import case_from
+from emclutch.scene.errors import SceneError
 from emclutch.scene.replica_count import automatic_count, replica_seed
 from emclutch.scene.torque_target import TorqueTarget
+from emclutch.simulation import replicas
+from emclutch.simulation import run as run_case
+from emclutch.simulation.run import Interrupted, RunError
 
 CELL = {
     "scene": {"title": "sheared annulus", "seed": 3},

@@ -8,10 +8,10 @@ import pandas
 import pytest
 
 import emclutch
-from emclutch.case import case_from
-from emclutch.missed_steps import MissedSteps
 from emclutch.results.checkpoint import read_checkpoint
-from emclutch.run_case import Interrupted, RunError
+from emclutch.scene.case import case_from
+from emclutch.simulation.missed_steps import MissedSteps
+from emclutch.simulation.run import Interrupted, RunError
 from particles import ParticleError
 
 SCENE = {

@@ -11,17 +11,17 @@ import pytest
 import tomli_w
 from typer.testing import CliRunner
 
-from emclutch import free_disk
-from emclutch.case import DEEPEST, LARGEST_FILE, case_from, load_case, read_toml
-from emclutch.command_line import app
-from emclutch.cost import disk, memory
-from emclutch.device import build_device
-from emclutch.faults import SceneError
+from emclutch.cli.main import app
+from emclutch.device.device import build_device
 from emclutch.results import OutputError
 from emclutch.results.checkpoint import read_checkpoint, write_checkpoint
 from emclutch.results.record import Record
-from emclutch.run_case import RunError, run
-from emclutch.run_plan import check, make_plan
+from emclutch.scene.case import DEEPEST, LARGEST_FILE, case_from, load_case, read_toml
+from emclutch.scene.errors import SceneError
+from emclutch.simulation.forecast import free_disk
+from emclutch.simulation.forecast.cost import disk, memory
+from emclutch.simulation.plan import check, make_plan
+from emclutch.simulation.run import RunError, run
 from geometry.element_count import expected_triangles
 from geometry.surface_import import SurfaceError, triangle_wall_from_file
 from particles.packing import file_packing

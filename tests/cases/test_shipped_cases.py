@@ -13,12 +13,13 @@ import pytest
 from typer.testing import CliRunner
 
 import emclutch
-from emclutch.command_line import app
-from emclutch.html_report import run_page
+from emclutch.cli.main import app
+from emclutch.results.report.html import run_page
+from emclutch.results.report.markdown import report
 from emclutch.results.rise_time import time_to_reach
-from emclutch.results.vtk_series import read_pvd
-from emclutch.run_report import report
+from emclutch.results.vtk.series import read_pvd
 from emclutch.scene.design import read_design
+from emclutch.simulation.left_out_of_run import left_out_of
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
 TOY = {"time.end": "0.05 ms", "output.snapshots": 2}
@@ -34,7 +35,7 @@ def test_quickstart_at_toy_size(tmp_path):
 
     One packing: several at a time are the subject of test_replicas.
     """
-    command = [sys.executable, "-c", "from emclutch.command_line import main; main()", "run"]
+    command = [sys.executable, "-c", "from emclutch.cli.main import main; main()", "run"]
     values = [word for key, value in {**TOY, "accuracy.replicas": 1}.items() for word in ("--set", f"{key}={value}")]
     arguments = [str(CASES / "quickstart.toml"), "--out", str(tmp_path / "run"), *values]
     done = subprocess.run([*command, *arguments], capture_output=True, text=True, check=False)
@@ -240,7 +241,7 @@ def test_centrifugal_at_toy_size(tmp_path):
     drawn = CliRunner().invoke(app, ["plot", str(result.folder.path)])
     assert "had no pictures: they are drawn" in drawn.output
     assert result.folder.grains_picture.read_bytes() == grains
-    page = run_page(result)
+    page = run_page(result, left_out_of)
     assert page.count("data:image/png") == 3 and "Stokes number in air" in page  # pictures, and what is left out
 
 

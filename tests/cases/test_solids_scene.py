@@ -14,10 +14,10 @@ from step_file import write_step
 from typer.testing import CliRunner
 
 import emclutch
-from emclutch.case import load_case
-from emclutch.command_line import app
-from emclutch.device import build_device
-from emclutch.solid_field_study import along_line, line_in_space
+from emclutch.cli.main import app
+from emclutch.device.device import build_device
+from emclutch.scene.case import load_case
+from emclutch.studies.field_3d import along_line, line_in_space
 from field import AIR, MU_0, AxisymmetricProblem
 
 MATERIALS = {"disc": "iron", "rotor": "aluminium", "cover": "aluminium"}

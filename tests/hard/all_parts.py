@@ -1,9 +1,10 @@
 """All of `make stability`, one part after the other: `python tests/hard/all_parts.py FOLDER`.
 
 It begins with the time that it will take on this machine, made from what the parts take on the reference machine and
-from the measured speed (`emclutch.machine_speed`). Every part prints and stores a table of its own below FOLDER; a part
-that fails does not keep the others from running. It ends with one table of all: what was checked how often, what
-failed, what came nearest to it, seconds announced and taken, stored as FOLDER/parts.csv. Exit code 1: a part failed.
+from the measured speed (`emclutch.simulation.forecast.machine_speed`). Every part prints and stores a table of its own
+below FOLDER; a part that fails does not keep the others from running. It ends with one table of all: what was checked
+how often, what failed, what came nearest to it, seconds announced and taken, stored as FOLDER/parts.csv. Exit code 1: a
+part failed.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ from pathlib import Path
 
 import pandas
 
-from emclutch.cost import spoken
-from emclutch.machine_speed import MachineSpeed, machine_speed
+from emclutch.simulation.forecast.cost import spoken
+from emclutch.simulation.forecast.machine_speed import MachineSpeed, machine_speed
 
 HERE = Path(__file__).resolve().parent
 Count = tuple[int, int, str]

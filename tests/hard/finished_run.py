@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pandas
 
-from emclutch.case import Case
 from emclutch.results import load_result
 from emclutch.results.checkpoint import read_checkpoint
+from emclutch.scene.case import Case
 from emclutch.scene.fill import boxes_to_fill
 from geometry.box import Box
 from geometry.triangle_wall import TriangleWall

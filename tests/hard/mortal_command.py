@@ -50,7 +50,8 @@ def main() -> None:
     folder, number, delay, *command = sys.argv[1:]
     death = Death(folder, int(number), float(delay))
     sys.addaudithook(death)
-    from emclutch import command_line, run_case
+    from emclutch.cli import main as command_line
+    from emclutch.simulation import run as run_case
 
     run_case.CHECKPOINT_SECONDS = 0.0
     sys.argv = ["emclutch", *command]

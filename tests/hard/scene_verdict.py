@@ -21,22 +21,22 @@ import tomli_w
 from random_scenes import RandomScene
 from typer.testing import CliRunner, Result
 
-from emclutch.case import load_case
-from emclutch.command_line import app
-from emclutch.faults import SceneError
-from emclutch.kernel_warm_up import kind_of
+from emclutch.cli.main import app
 from emclutch.results import read_history
-from emclutch.run_plan import make_plan
+from emclutch.scene.case import load_case
+from emclutch.scene.errors import SceneError
 from emclutch.scene.fault_report import _all_keys
 from emclutch.scene.model import Scene
 from emclutch.scene.study import read_study
+from emclutch.simulation.kernel_warm_up import kind_of
+from emclutch.simulation.plan import make_plan
 
 KEYS = {*_all_keys(Scene), "study", "study.case"}
 UNDEFINED = ("inertial_number",)  # of a history: without a torque there is none
 MOST_VISITS, MOST_STEPS, MOST_WINDOWS = 400_000, 30_000, 250  # steps times grains; of a field that is solved 12 windows
 MOST_SOLVED_WINDOWS = 12
-# Kinds of step (`emclutch.kernel_warm_up.kind_of`) that other tests compile too, but for the books of energy, which all
-# have; sizes count in the linear law only
+# Kinds of step (`emclutch.simulation.kernel_warm_up.kind_of`) that other tests compile too, but for the books of
+# energy, which all have; sizes count in the linear law only
 KINDS = {
     "linear", "linear sector", "linear resistance", "linear resistance sector", "linear resistance sector attraction",
     "linear sector attraction", "linear sizes", "linear resistance sizes", "linear sizes attraction",

@@ -17,8 +17,8 @@ from time import process_time
 import pandas
 from hard_scene import HardScene, hard_scenes
 
-from emclutch.faults import SceneError
-from emclutch.run_case import RunError
+from emclutch.scene.errors import SceneError
+from emclutch.simulation.run import RunError
 
 NO_EXPLANATION = "no explanation"
 

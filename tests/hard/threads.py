@@ -20,8 +20,8 @@ from typing import Any
 from killed_run import LONGEST, ROOT, differences, record_of, table_of
 
 import emclutch
-from emclutch.case import Case
-from emclutch.run_plan import make_plan
+from emclutch.scene.case import Case
+from emclutch.simulation.plan import make_plan
 
 CASES = ROOT / "cases"
 REFERENCE = (1, "passive")
@@ -52,7 +52,7 @@ def run(scene: Path, folder: Path, threads: int, policy: str) -> dict[str, Any]:
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_WAIT_POLICY": policy}
     environment["NUMBA_NUM_THREADS"] = str(MOST_THREADS)
     environment.pop("OMP_NUM_THREADS", None)
-    command = [sys.executable, "-c", "from emclutch.command_line import main; main()", "run", str(scene)]
+    command = [sys.executable, "-c", "from emclutch.cli.main import main; main()", "run", str(scene)]
     done = subprocess.run(
         [*command, "--out", str(folder), "--threads", str(threads)], env=environment, cwd=ROOT, text=True,
         capture_output=True, timeout=LONGEST, check=False,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import emclutch
-from emclutch.case import case_from
+from emclutch.scene.case import case_from
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
 
@@ -102,8 +102,8 @@ def test_an_effect_that_is_off_is_one_without_strength(name, beside, idle, tmp_p
 
 def test_what_is_off_is_not_there(tmp_path):
     """No held force, no moment, no field, no rolling table is allocated when no effect asks for it."""
-    from emclutch.assembly import assemble
-    from emclutch.run_plan import make_plan
+    from emclutch.simulation.assembly import assemble
+    from emclutch.simulation.plan import make_plan
 
     off = {"effects.magnetic_force": None, "effects.dipoles": None, "effects.saturation": None, "field": None}
     case = case_from(CELL, off)
@@ -139,7 +139,7 @@ def test_an_interrupted_run_resumes_bit_for_bit(tmp_path):
     """Stopped in the middle by Ctrl-C and resumed: same state, same history."""
     import signal
 
-    from emclutch.run_case import Interrupted
+    from emclutch.simulation.run import Interrupted
 
     run(tmp_path, "whole")
 
@@ -210,7 +210,7 @@ def test_a_free_disc_is_carried_along(tmp_path):
 def test_lock_up_time_is_when_the_slip_ends_for_good():
     import pandas
 
-    from emclutch.run_summary import lock_up_time
+    from emclutch.simulation.summary import lock_up_time
 
     time = np.arange(1, 7) * 1e-3
     table = pandas.DataFrame({"time": time, "rotor_speed": 10.0, "disc_speed": [0, 5.0, 9.95, 8.0, 9.95, 10.0]})

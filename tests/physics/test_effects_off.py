@@ -14,8 +14,8 @@ from dem_laws import DENSITY, MASS, RADIUS, law
 
 import emclutch
 from coupling import run_staggered
-from emclutch.assembly import assemble
-from emclutch.run_plan import make_plan
+from emclutch.simulation.assembly import assemble
+from emclutch.simulation.plan import make_plan
 from geometry.walls import cylinder
 from particles import (
     DEM,

@@ -9,10 +9,10 @@ from test_coupled_run import CELL, same
 
 import emclutch
 from coupling.staggered import refresh_field
-from emclutch.assembly import assemble, grain_law
-from emclutch.device import build_device
+from emclutch.device.device import build_device
 from emclutch.results.checkpoint import read_checkpoint
-from emclutch.run_plan import make_plan
+from emclutch.simulation.assembly import assemble, grain_law
+from emclutch.simulation.plan import make_plan
 from field.spheres.lone_sphere import sphere_magnetisation
 from particles import CyclicSector
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import emclutch
-from emclutch.case import case_from
+from emclutch.scene.case import case_from
 from geometry.annular_cell import ShearCell
 
 pytestmark = pytest.mark.hard
@@ -77,7 +77,7 @@ def test_a_contact_too_soft_for_its_load_is_refused_or_stops_with_an_explanation
     soft = {"contact.stiffness": 5.0, "time.end": "5 ms"}
     with pytest.raises(RuntimeError, match=r"contact.stiffness = 5 N/m is too soft.*raise it to about"):
         run(tmp_path, "refused", soft)
-    monkeypatch.setattr("emclutch.contact_plan.STOPS", np.inf)  # as where the plan does not see it coming
+    monkeypatch.setattr("emclutch.simulation.contact_plan.STOPS", np.inf)  # as where the plan does not see it coming
     with pytest.raises(RuntimeError, match=r"overlaps .* % of the diameter .*raise contact.stiffness = 5 fourfold"):
         run(tmp_path, "soft", soft)
     assert (tmp_path / "soft" / "history.csv").is_file()  # what was computed stays

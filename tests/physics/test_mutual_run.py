@@ -7,11 +7,11 @@ from test_coupled_run import CASES, CELL, run, same, state
 import emclutch
 from coupling import ImposedField
 from coupling.wall_reflection import steel_walls
-from emclutch.assembly import field_source
-from emclutch.case import SceneError, case_from
-from emclutch.device import build_device
+from emclutch.device.device import build_device
 from emclutch.results.checkpoint import read_checkpoint
-from emclutch.run_case import RunError
+from emclutch.scene.case import SceneError, case_from
+from emclutch.simulation.assembly import field_source
+from emclutch.simulation.run import RunError
 
 NEAR = {
     "effects.dipoles.model": "near_field",
@@ -103,7 +103,7 @@ def test_the_pull_of_every_step_is_the_held_one_where_that_is_renewed_at_every_s
         for own in (True, False):
             with monkeypatch.context() as patch:
                 if not own:
-                    patch.setattr("emclutch.assembly.NearAttraction", lambda solver, walls: None)
+                    patch.setattr("emclutch.simulation.assembly.NearAttraction", lambda solver, walls: None)
                 run(tmp_path, f"{every}-{own}", NEAR | steel | {"effects.dipoles.update_every": every})
             dem = state(tmp_path, f"{every}-{own}")
             ends[every, own] = dem["motion"][np.argsort(dem["particle_id"])][:, :3]

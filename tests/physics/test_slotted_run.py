@@ -8,11 +8,11 @@ import pytest
 import emclutch
 from coupling import SolidCoilField
 from coupling.solid_field_source import TurningSampler
-from emclutch.assembly import assemble
-from emclutch.case import load_case
 from emclutch.results.checkpoint import read_checkpoint
-from emclutch.run_case import Interrupted
-from emclutch.run_plan import make_plan
+from emclutch.scene.case import load_case
+from emclutch.simulation.assembly import assemble
+from emclutch.simulation.plan import make_plan
+from emclutch.simulation.run import Interrupted
 from field import MU_0, UniformField
 from particles import Body
 

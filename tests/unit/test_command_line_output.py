@@ -14,16 +14,16 @@ import typer
 from typer.testing import CliRunner
 
 from emclutch import __version__
-from emclutch.case import load_case
-from emclutch.command_errors import explained
-from emclutch.command_input import assignments, load
-from emclutch.command_line import app
-from emclutch.command_output import torque_line
+from emclutch.cli.errors import explained
+from emclutch.cli.input import assignments, load
+from emclutch.cli.main import app
+from emclutch.cli.output import torque_line
 from emclutch.results import OutputError
-from emclutch.resume import refuse_other_scene
-from emclutch.run_case import Interrupted, remedy_in_scene
-from emclutch.run_report import closing_lines, soft_grains
+from emclutch.results.report.markdown import closing_lines, soft_grains
+from emclutch.scene.case import load_case
 from emclutch.scene.reference import scene_reference
+from emclutch.simulation.resume import refuse_other_scene
+from emclutch.simulation.run import Interrupted, remedy_in_scene
 from particles import DemError, DemErrorKind
 
 GOOD = Path(__file__).parents[1] / "cases" / "broken" / "good.toml"

@@ -8,15 +8,16 @@ import pytest
 from scipy.spatial import cKDTree
 from typer.testing import CliRunner
 
-from emclutch import expected_counts, free_memory, run_pace
-from emclutch.case import case_from
-from emclutch.command_line import app
-from emclutch.cost import Cost, foretell
-from emclutch.expected_counts import SKIN, counts_at, neighbours
-from emclutch.machine_speed import MachineSpeed
-from emclutch.run_case import RunError, run
-from emclutch.run_pace import RunPace
-from emclutch.run_plan import make_plan
+from emclutch.cli.main import app
+from emclutch.scene.case import case_from
+from emclutch.simulation import pace as run_pace
+from emclutch.simulation.forecast import expected_counts, free_memory
+from emclutch.simulation.forecast.cost import Cost, foretell
+from emclutch.simulation.forecast.expected_counts import SKIN, counts_at, neighbours
+from emclutch.simulation.forecast.machine_speed import MachineSpeed
+from emclutch.simulation.pace import RunPace
+from emclutch.simulation.plan import make_plan
+from emclutch.simulation.run import RunError, run
 
 CELL = {
     "scene": {"title": "sheared annulus", "seed": 3},
@@ -163,17 +164,17 @@ def test_who_insists_is_not_refused(monkeypatch):
 
 @pytest.mark.parametrize("command", ["run", "sweep"])
 def test_the_command_line_hands_on_that_one_insists(command, monkeypatch, tmp_path):
-    import emclutch.run_case
-    import emclutch.study_tasks
+    import emclutch.simulation.run
+    import emclutch.studies.tasks
 
     asked = {}
 
     def stand_in(*_, **given):
         asked.update(given)
-        raise emclutch.run_case.RunError("seen")
+        raise emclutch.simulation.run.RunError("seen")
 
-    monkeypatch.setattr(emclutch.run_case, "run", stand_in)
-    monkeypatch.setattr(emclutch.study_tasks, "run", stand_in)
+    monkeypatch.setattr(emclutch.simulation.run, "run", stand_in)
+    monkeypatch.setattr(emclutch.studies.tasks, "run", stand_in)
     case, study = tmp_path / "case.toml", tmp_path / "study.toml"
     case.write_text(case_from(CELL, {}).toml())
     study.write_text('[study]\ncase = "case.toml"\n[study.values]\n"scene.seed" = [1]\n')

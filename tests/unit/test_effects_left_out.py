@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from emclutch.case import case_from, load_case
-from emclutch.command_line import app
-from emclutch.effects_left_out import left_out
-from emclutch.expected_torque import expected_torque
-from emclutch.run_plan import make_plan
+from emclutch.cli.main import app
+from emclutch.scene.case import case_from, load_case
 from emclutch.scene.effects import PLANNED_EFFECTS, Effects
+from emclutch.simulation.forecast.effects_left_out import left_out
+from emclutch.simulation.forecast.expected_torque import expected_torque
+from emclutch.simulation.plan import make_plan
 from field import MU_0
 
 GOOD = Path(__file__).parents[1] / "cases" / "broken" / "good.toml"

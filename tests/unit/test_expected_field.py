@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from coupling import magnetised_cluster
-from emclutch.case import load_case
-from emclutch.expected_field import CHAIN_FACTOR, powder_in_words
-from emclutch.run_plan import check
+from emclutch.scene.case import load_case
+from emclutch.simulation.forecast.expected_field import CHAIN_FACTOR, powder_in_words
+from emclutch.simulation.plan import check
 from field import GrainLaw
 from geometry.triangle_wall import box_surface
 

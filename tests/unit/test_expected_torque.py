@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from emclutch.case import case_from, load_case
-from emclutch.device import build_device
-from emclutch.expected_torque import CHAIN, chain_stress, expected_torque, neck_stress
-from emclutch.shot_clutch import shot_clutch_torque, shot_ring_radius
+from emclutch.device.device import build_device
+from emclutch.scene.case import case_from, load_case
+from emclutch.simulation.forecast.expected_torque import CHAIN, chain_stress, expected_torque, neck_stress
+from emclutch.simulation.forecast.shot_clutch import shot_clutch_torque, shot_ring_radius
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
 INNER, OUTER, HEIGHT, FILL = 10e-3, 11.2e-3, 2e-3, 0.35

@@ -9,10 +9,10 @@ from scipy.io import loadmat
 from typer.testing import CliRunner
 from written_run import written_run, written_study
 
-from emclutch.command_line import app
-from emclutch.export_command import Format, export
+from emclutch.cli.export import Format, export
+from emclutch.cli.main import app
 from emclutch.results import OutputError, load_result
-from emclutch.results.vtk_series import PvdSeries, read_pvd
+from emclutch.results.vtk.series import PvdSeries, read_pvd
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +65,7 @@ def test_parquet_has_the_same_numbers_or_says_what_it_needs(run, histories, tmp_
         out = export(run.path, Format.PARQUET, tmp_path / "out")
         read = pandas.read_parquet(out / "history.parquet")
         assert np.array_equal(read["torque_disc"], np.concatenate([each["torque_disc"] for each in histories]))
-    monkeypatch.setattr("emclutch.export_command.find_spec", lambda name: None)
+    monkeypatch.setattr("emclutch.cli.export.find_spec", lambda name: None)
     with pytest.raises(OutputError, match=r"pip install 'emclutch\[parquet\]'"):
         export(run.path, Format.PARQUET, tmp_path / "none")
     assert not (tmp_path / "none").exists()

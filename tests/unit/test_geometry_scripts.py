@@ -6,8 +6,8 @@ import pytest
 import tomli_w
 from typer.testing import CliRunner
 
-from emclutch.case import load_case, read_toml
-from emclutch.command_line import app
+from emclutch.cli.main import app
+from emclutch.scene.case import load_case, read_toml
 from geometry.cad_import import SUFFIXES, read_cad
 from geometry.cad_parts import CadError
 from geometry.section_import import read_section_mesh

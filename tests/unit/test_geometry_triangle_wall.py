@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from emclutch.results.wall_surface import triangle_surface
+from emclutch.results.vtk.wall_surface import triangle_surface
 from emclutch.scene.surfaces import Surface, surface_walls
 from geometry.surface_import import SurfaceError, triangle_wall_from_file
 from geometry.triangle_wall import TriangleWall, box_surface, extruded, joined

@@ -7,12 +7,13 @@ import pytest
 from typer.testing import CliRunner
 from written_run import written_run, written_study
 
-from emclutch.command_line import app
-from emclutch.html_report import run_page, study_page, write_page
+from emclutch.cli.main import app
 from emclutch.results import OutputError, load_result
+from emclutch.results.report.html import run_page, study_page, write_page
+from emclutch.results.report.verdict import Mark, verdict
 from emclutch.results.study_folder import read_study
 from emclutch.scene.effects import Effects
-from emclutch.verdict import Mark, verdict
+from emclutch.simulation.left_out_of_run import left_out_of
 
 HOSTILE = "<script>alert(1)</script> & \"><img src=x onerror='x'>"
 
@@ -59,7 +60,7 @@ def run(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def page(run):
-    return Page(run_page(load_result(run.path)))
+    return Page(run_page(load_result(run.path), left_out_of))
 
 
 def test_the_verdict_comes_first(page):
@@ -112,13 +113,13 @@ def test_a_torque_is_known_only_as_far_as_its_error_says(tmp_path):
 
 def test_a_run_that_is_not_finished_says_so(tmp_path):
     folder = written_run(tmp_path / "cut", finished=False)
-    text = Page(run_page(load_result(folder.path))).text
+    text = Page(run_page(load_result(folder.path), left_out_of)).text
     assert "The run is not finished: it has come to 200 ms" in text
 
 
 def test_a_study_shows_its_points_and_what_is_missing(tmp_path):
     study = read_study(written_study(tmp_path, [1.0, 2.0], HOSTILE))
-    page = Page(study_page(study))
+    page = Page(study_page(study, left_out_of))
     assert page.headings[0] == "Verdict" and HOSTILE in page.text and "2 of 3 points are done" in page.text
     for result in study.results().values():
         assert f"{result.torque.mean:.4g} N m" in page.text
@@ -129,8 +130,8 @@ def test_a_study_shows_its_points_and_what_is_missing(tmp_path):
 
 def test_nothing_is_overwritten(tmp_path):
     folder = written_run(tmp_path / "run").path
-    assert [write_page(folder).name for _ in range(2)] == ["report.html", "report-1.html"]
+    assert [write_page(folder, left_out_of).name for _ in range(2)] == ["report.html", "report-1.html"]
     with pytest.raises(OutputError, match="exists"):
-        write_page(folder, folder / "report.html")
+        write_page(folder, left_out_of, folder / "report.html")
     told = CliRunner().invoke(app, ["report", str(tmp_path), "--html"])
     assert told.exit_code == 2 and re.search("name the folder of a run", told.output)

@@ -15,22 +15,45 @@ MAY_IMPORT = {
     "coupling": {"coupling", "field", "particles", "geometry"},
     "emclutch": {"emclutch", "coupling", "field", "particles", "geometry"},
 }
+ROOMS = ("scene", "device", "results", "simulation", "studies", "cli")
+"""Of `emclutch`, from the ground up: a room imports from those before it."""
 SOURCES = [path for package in MAY_IMPORT for path in sorted((ROOT / package).rglob("*.py"))]
+
+
+def _imported(path: Path) -> set[str]:
+    """Names of all modules that a file imports, wherever it does so."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            names.add(node.module or "")
+    return names
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_imports_run_one_way(path):
     """geometry <- field, geometry <- particles, both <- coupling, all <- emclutch; field and particles never meet."""
     allowed = MAY_IMPORT[path.relative_to(ROOT).parts[0]]
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        names = []
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.level == 0:
-            names = [node.module or ""]
-        for name in names:
-            package = name.partition(".")[0]
-            assert package not in MAY_IMPORT or package in allowed, f"{path.name} imports {name}"
+    for name in _imported(path):
+        package = name.partition(".")[0]
+        assert package not in MAY_IMPORT or package in allowed, f"{path.name} imports {name}"
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_rooms_import_downwards(room):
+    """scene <- device <- results <- simulation <- studies <- cli."""
+    for path in sorted((ROOT / "emclutch" / room).rglob("*.py")):
+        for name in _imported(path):
+            above = name.split(".")[1] if name.startswith("emclutch.") else room
+            assert ROOMS.index(above) <= ROOMS.index(room), f"{path.relative_to(ROOT)} imports {name}"
+
+
+def test_every_module_of_emclutch_is_in_a_room():
+    """Beside the rooms stand the face, its lazy imports and its guard."""
+    folders = {path.name for path in (ROOT / "emclutch").iterdir() if path.is_dir() and path.name != "__pycache__"}
+    assert folders == set(ROOMS)
+    assert {path.stem for path in (ROOT / "emclutch").glob("*.py")} == {"__init__", "lazily", "siblings"}
 
 
 def test_the_face_imports_nothing_heavy():

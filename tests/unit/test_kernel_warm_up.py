@@ -5,10 +5,10 @@ import pytest
 from numba import typeof
 
 from coupling.staggered import refresh_field
-from emclutch import kernel_warm_up
-from emclutch.assembly import assemble
-from emclutch.case import case_from
-from emclutch.run_plan import make_plan
+from emclutch.scene.case import case_from
+from emclutch.simulation import kernel_warm_up
+from emclutch.simulation.assembly import assemble
+from emclutch.simulation.plan import make_plan
 from particles.dem import sums
 
 CELL = {

@@ -5,8 +5,8 @@ import time
 
 import pytest
 
-from emclutch import machine_speed
-from emclutch.machine_speed import MachineSpeed, cores_at_hand
+from emclutch.simulation.forecast import machine_speed
+from emclutch.simulation.forecast.machine_speed import MachineSpeed, cores_at_hand
 
 
 @pytest.fixture

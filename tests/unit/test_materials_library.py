@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from emclutch.command_line import app
-from emclutch.materials_command import characteristics, draw_materials
+from emclutch.cli.main import app
+from emclutch.cli.materials import characteristics, draw_materials
 from field import MU_0, LinearLaw, material, material_names
 from field.laws.conductivity import conductivity
 from field.laws.materials import canonical_name, grain_material, grain_names, material_aliases

@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from emclutch.method_comparison import compare_methods, comparison_lines
-from emclutch.results.speed_picture import _styles
+from emclutch.results.pictures.speeds import _styles
 from emclutch.results.steady_torque import SteadyConditions, steady_torque
+from emclutch.studies.method_comparison import compare_methods, comparison_lines
 
 
 def _run(torque, disc, *, dt, missed=0, lock_up=None):

@@ -6,11 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from emclutch.profile_average import ProfileAverage, gap_of
 from emclutch.results import OutputError
 from emclutch.results.checkpoint import read_checkpoint, write_checkpoint
 from emclutch.results.grain_profiles import profile_column, profile_table, read_profiles, write_profiles
-from emclutch.results.profile_picture import profile_picture
+from emclutch.results.pictures.profile import profile_picture
+from emclutch.simulation.profile_average import ProfileAverage, gap_of
 from geometry.walls import AnnularBox
 from particles.diagnostics.bins import SlabBins, ring_bins
 from particles.diagnostics.enclosed_space import BoxSpace

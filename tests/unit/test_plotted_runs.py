@@ -7,18 +7,19 @@ import pandas
 import pytest
 from written_run import written_run, written_study
 
-from emclutch.missing_pictures import draw_missing, pictures_are_missing
-from emclutch.plot_command import plot_runs, runs_of
+from emclutch.cli.plot import plot_runs, runs_of
 from emclutch.results import OutputError, load_result, pictures
-from emclutch.results.picture_file import save_picture
+from emclutch.results.missing_pictures import pictures_are_missing
+from emclutch.results.pictures.picture_file import save_picture
 from emclutch.results.time_unit import time_in_words, time_unit
-from emclutch.run_pictures import moment_in_words, steady_current
+from emclutch.simulation.missing_pictures import draw_missing
+from emclutch.simulation.pictures import moment_in_words, steady_current
 
 
 @pytest.fixture
 def figures(monkeypatch):
     """The figures that are saved, in place of files."""
-    from emclutch.results import torque_overlay_picture
+    from emclutch.results.pictures import torque_overlay as torque_overlay_picture
 
     kept = []
     monkeypatch.setattr(torque_overlay_picture, "save_picture", lambda figure, path: kept.append(figure) or Path(path))
@@ -97,7 +98,7 @@ def test_a_picture_is_whole_or_not_there(tmp_path, monkeypatch):
 
 def test_speeds_of_a_short_run_are_in_its_unit(tmp_path, monkeypatch):
     """Measured seconds lie at the same places as the run's."""
-    from emclutch.results import speed_picture
+    from emclutch.results.pictures import speeds as speed_picture
 
     kept = []
     monkeypatch.setattr(speed_picture, "save_picture", lambda figure, path: kept.append(figure))

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import emclutch
-from emclutch.assembly import assemble
-from emclutch.device import build_device
-from emclutch.pole_zone import pole_zone
-from emclutch.run_plan import make_plan
+from emclutch.device.device import build_device
+from emclutch.device.pole_zone import pole_zone
 from emclutch.scene.grain_smear import element_layers, smear_width
+from emclutch.simulation.assembly import assemble
+from emclutch.simulation.plan import make_plan
 from field import RadialField
 
 CASE = emclutch.load_case(Path(__file__).resolve().parents[2] / "cases" / "powder_clutch.toml")

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from emclutch.results.axial_picture import axial_picture
+from emclutch.results.pictures.axial import axial_picture
 from geometry.centrifugal import CentrifugalClutch
 from geometry.triangle_wall import TriangleWall
 

@@ -13,7 +13,7 @@ from emclutch.results.atomic_file import replace_text
 from emclutch.results.checkpoint import read_checkpoint, write_checkpoint
 from emclutch.results.folder_lock import has_files
 from emclutch.results.record import Record
-from emclutch.results.vtk_series import PvdSeries
+from emclutch.results.vtk.series import PvdSeries
 
 SHARES = [0.0, 1e-3, 0.1, 0.5, 0.9, 0.999]  # of a file's length that are left of it
 

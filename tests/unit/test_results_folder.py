@@ -9,7 +9,6 @@ import h5py
 import numpy as np
 import pytest
 
-from emclutch.case import load_case
 from emclutch.results import (
     COLUMNS,
     HistoryWriter,
@@ -22,8 +21,9 @@ from emclutch.results import (
 from emclutch.results.checkpoint import read_checkpoint, write_checkpoint
 from emclutch.results.record import Record
 from emclutch.results.statistics import steady_mean
-from emclutch.resume import refuse_earlier_end
-from emclutch.run_case import run
+from emclutch.scene.case import load_case
+from emclutch.simulation.resume import refuse_earlier_end
+from emclutch.simulation.run import run
 
 GOOD = Path(__file__).parents[1] / "cases" / "broken" / "good.toml"
 

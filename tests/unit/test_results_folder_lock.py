@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from emclutch.case import load_case
-from emclutch.command_line import app
+from emclutch.cli.main import app
 from emclutch.results import OutputError, RunFolder, folder_lock
 from emclutch.results.checkpoint import write_checkpoint
 from emclutch.results.folder_lock import LOCK, has_files, locked_folder
+from emclutch.scene.case import load_case
 
 GOOD = Path(__file__).parents[1] / "cases" / "broken" / "good.toml"
 ROOT = Path(__file__).parents[2]

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from emclutch.results import pictures, steady_mean
-from emclutch.results.grains_picture import _across
 from emclutch.results.linear_range import linear_range
-from emclutch.results.torque_curve_pictures import _draw_range, _torque_axes
+from emclutch.results.pictures.grains import _across
+from emclutch.results.pictures.torque_curves import _draw_range, _torque_axes
 from emclutch.results.torque_curves import torque_curves
 from field.section.section_elements import SectionElements
 from field.section.smooth_field import SmoothField
@@ -66,7 +66,7 @@ def test_a_title_is_no_formula(tmp_path, mesh):
 def test_the_enlarged_part_lies_in_what_is_filled(tmp_path, mesh, monkeypatch):
     """The field is strongest in a part of the powder's region without powder: it is not what is enlarged."""
     shown = []
-    monkeypatch.setattr("emclutch.results.section_picture._draw_zoom", lambda *given: shown.append(given[4]))
+    monkeypatch.setattr("emclutch.results.pictures.section._draw_zoom", lambda *given: shown.append(given[4]))
     field = field_on(mesh, lambda r, z: r**2 * (0.02 - z) ** 2)  # weakest at z = 20 mm, strongest at -20 mm
     filled = [AnnularBox(0.03, 0.034, 0.005, 0.02)]
     for boxes in ((), filled):

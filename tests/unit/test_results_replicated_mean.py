@@ -8,7 +8,7 @@ from scipy.special import stdtrit
 from emclutch.results.replicated_mean import replicated_mean
 from emclutch.results.statistics import Estimate, correlation_samples, steady_mean
 from emclutch.scene.torque_target import TorqueTarget
-from emclutch.torque_known import asked_at, how_it_ended, is_known
+from emclutch.simulation.torque_known import asked_at, how_it_ended, is_known
 
 PHI, COUNT = 0.8, 400
 OWN = 1.0 / ((1.0 - PHI) * np.sqrt(COUNT))  # standard deviation of the mean of such an AR(1) series

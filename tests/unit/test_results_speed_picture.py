@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from emclutch.results import OutputError
-from emclutch.results.speed_picture import (
+from emclutch.results.pictures.speeds import (
     explained_share,
     power_law,
     quadratic_factor,

@@ -7,11 +7,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from emclutch.case import case_from
-from emclutch.method_comparison import compare_methods
 from emclutch.results import Estimate, HistoryWriter, RunFolder, load_result
 from emclutch.results.steady_torque import SteadyConditions, steady_torque
-from emclutch.run_summary import summarise
+from emclutch.scene.case import case_from
+from emclutch.simulation.summary import summarise
+from emclutch.studies.method_comparison import compare_methods
 
 CASE = case_from(
     {

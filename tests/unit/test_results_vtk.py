@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from emclutch.results.vtk_series import PvdSeries, read_pvd
+from emclutch.results.vtk.series import PvdSeries, read_pvd
 from geometry import box_surface
 
 

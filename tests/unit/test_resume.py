@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from emclutch.case import load_case
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.checkpoint import write_checkpoint
-from emclutch.resume import refuse_changed_files, refuse_other_scene, run_checkpoint
-from emclutch.run_plan import _parts
+from emclutch.scene.case import load_case
 from emclutch.scene.input_files import hashed_input_files
+from emclutch.simulation.plan import _parts
+from emclutch.simulation.resume import refuse_changed_files, refuse_other_scene, run_checkpoint
 
 GOOD = Path(__file__).parents[1] / "cases" / "broken" / "good.toml"
 CORNER = "v 35 0 {}\nv 36 0 0\nv 35 1 0\nf 1 2 3\n"

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from emclutch.case import case_from, load_case
-from emclutch.faults import SceneError
 from emclutch.scene import Scene, points_of
+from emclutch.scene.case import case_from, load_case
+from emclutch.scene.errors import SceneError
 from emclutch.scene.fill import fill_of
 from emclutch.scene.study import read_study
 

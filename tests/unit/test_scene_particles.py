@@ -6,10 +6,10 @@ import tomllib
 import numpy as np
 import pytest
 
-from emclutch.case import case_from, load_case
-from emclutch.faults import SceneError
-from emclutch.packed_grains import packed
+from emclutch.scene.case import case_from, load_case
+from emclutch.scene.errors import SceneError
 from emclutch.scene.fill import boxes_to_fill, diameters_of, fill_of
+from emclutch.simulation.initial_packing import packed
 from particles import CyclicSector
 
 BOX = {

@@ -7,7 +7,7 @@ import math
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from emclutch import units
+from emclutch.scene import units
 
 RIGHT = [
     (units.Length, "1.2 mm", 1.2e-3), (units.Length, 0.5, 0.5), (units.Length, "50 µm", 50e-6),

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from emclutch.case import load_case
-from emclutch.command_line import app
-from emclutch.device import build_device
-from emclutch.observables import Observables
+from emclutch.cli.main import app
+from emclutch.device.device import build_device
+from emclutch.scene.case import load_case
+from emclutch.simulation.observables import Observables
 
 GOOD = Path(__file__).parents[1] / "cases" / "broken" / "good.toml"
 # A disc of 45 mm in a gap of 1 mm, its faces from 30 mm on: 2 pi 45 6 mm^2 of rim and 2 pi (45^2 - 30^2) mm^2 of faces.

@@ -10,7 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from emclutch.shot_clutch import engagement_speed, shot_clutch_torque, shot_ring_radius, start_up_time
+from emclutch.simulation.forecast.shot_clutch import (
+    engagement_speed,
+    shot_clutch_torque,
+    shot_ring_radius,
+    start_up_time,
+)
 
 SHOT = {"friction": 0.3, "bulk_density": 4500.0, "width": 0.09, "drum_radius": 0.12, "ring_radius": 0.09}
 OMEGA = 1000.0 * math.pi / 30.0

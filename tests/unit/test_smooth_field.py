@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from emclutch.results.section_picture import flux_levels
+from emclutch.results.pictures.section import flux_levels
 from field.section.section_elements import SectionElements
 from field.section.smooth_field import SmoothField
 

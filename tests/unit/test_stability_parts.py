@@ -9,7 +9,7 @@ from all_parts import HERE, PARTS, Part, announcement, expected_seconds, main
 from killed_run import table_of
 from stability import rows_of
 
-from emclutch.machine_speed import MachineSpeed
+from emclutch.simulation.forecast.machine_speed import MachineSpeed
 
 REFERENCE = MachineSpeed(loops=1.0, solves=1.0, cores=2, taken=0.0)
 TABLES = {

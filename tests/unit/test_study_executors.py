@@ -13,12 +13,12 @@ from pathlib import Path
 import pandas
 import pytest
 
-from emclutch import study_tasks
 from emclutch.results import HistoryWriter, OutputError, RunFolder, load_result
 from emclutch.results.checkpoint import write_checkpoint
-from emclutch.run_case import Interrupted, RunError
-from emclutch.run_study import sweep
 from emclutch.scene.study import read_study
+from emclutch.simulation.run import Interrupted, RunError
+from emclutch.studies import tasks as study_tasks
+from emclutch.studies.sweep import sweep
 
 GOOD = Path(__file__).parents[1] / "cases" / "broken" / "good.toml"
 ROOT = Path(__file__).parents[2]
@@ -136,7 +136,7 @@ def test_a_worker_does_not_outlive_its_study(tmp_path):
     script = tmp_path / "study.py"
     script.write_text(
         "import os, time\n"
-        "from emclutch.study_workers import worker_pool\n"
+        "from emclutch.studies.workers import worker_pool\n"
         "if __name__ == '__main__':\n"
         "    with worker_pool(1) as pool:\n"
         "        print(pool.submit(os.getpid).result(), flush=True)\n"

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from emclutch.case import case_from, load_case, read_toml
-from emclutch.command_line import app
-from emclutch.faults import SceneError
+from emclutch.cli.main import app
+from emclutch.scene.case import case_from, load_case, read_toml
+from emclutch.scene.errors import SceneError
 from emclutch.scene.reference import scene_reference
 from emclutch.scene.study import Study, read_study
 

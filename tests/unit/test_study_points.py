@@ -6,14 +6,16 @@ from pathlib import Path
 import pandas
 import pytest
 
-from emclutch import run_study, study_tables, study_tasks
 from emclutch.results import HistoryWriter, OutputError, RunFolder, load_result
 from emclutch.results.checkpoint import write_checkpoint
 from emclutch.results.folder_lock import locked_folder
-from emclutch.run_case import Interrupted
-from emclutch.run_study import sweep
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.scene.study import read_study
+from emclutch.simulation.run import Interrupted
+from emclutch.studies import sweep as run_study
+from emclutch.studies import tables as study_tables
+from emclutch.studies import tasks as study_tasks
+from emclutch.studies.sweep import sweep
 
 GOOD = Path(__file__).parents[1] / "cases" / "broken" / "good.toml"
 TORQUE = {"mean": 1.0, "standard_error": 0.1, "converged": True, "reason": "", "start": 0.0}

@@ -13,7 +13,7 @@ from emclutch.results.history import last_time
 from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.study_table import FAILED, StudyTable
 from emclutch.scene.study import Study
-from emclutch.study_tables import write_torques
+from emclutch.studies.tables import write_torques
 
 CURRENT, SEED, SPEED, VOLTAGE = "coil.current", "scene.seed", "motion.rotor.speed", "coil.voltage"
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from emclutch.thread_trial import AGAIN_S, AGAIN_WINDOWS, ROUNDS, ThreadTrial
+from emclutch.simulation.thread_trial import AGAIN_S, AGAIN_WINDOWS, ROUNDS, ThreadTrial
 
 WINDOW = 1e-4  # [s]
 

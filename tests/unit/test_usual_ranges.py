@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from emclutch.case import case_from, load_case
-from emclutch.coil_course import CoilCourse
-from emclutch.coil_heat import COOLING, coil_heat_in_words, cooled_surface
+from emclutch.device.coil_heat import COOLING, coil_heat_in_words, cooled_surface
+from emclutch.device.excitation import CoilCourse
+from emclutch.scene.case import case_from, load_case
 from geometry import Clutch
 
 GOOD = load_case(Path(__file__).parents[1] / "cases" / "broken" / "good.toml")

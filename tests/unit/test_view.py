@@ -12,13 +12,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from emclutch.faults import SceneError
+from emclutch.cli.view import view_run
 from emclutch.results import OutputError
-from emclutch.results.vtk_head import read_head
-from emclutch.results.vtk_series import PvdSeries
-from emclutch.view.paraview_script import NAME, write_script
-from emclutch.view.run_files import LOOKS, read_run_files
-from emclutch.view_command import view_run
+from emclutch.results.view.paraview_script import NAME, write_script
+from emclutch.results.view.run_files import LOOKS, read_run_files
+from emclutch.results.vtk.head import read_head
+from emclutch.results.vtk.series import PvdSeries
+from emclutch.scene.errors import SceneError
 
 TITLE = 'A "drum" \\ with\nits\'s # powder'
 
@@ -116,8 +116,8 @@ import sys
 from pathlib import Path
 import numpy as np
 from PIL import Image
-from emclutch.view.pyvista_view import RunView, movie, screenshot
-from emclutch.view.run_files import LOOKS, read_run_files
+from emclutch.results.view.pyvista_view import RunView, movie, screenshot
+from emclutch.results.view.run_files import LOOKS, read_run_files
 
 run, lone, out = map(Path, sys.argv[1:])
 files = read_run_files(run)

@@ -1,0 +1,121 @@
+"""What a command reads: the scene with the values that were set, the folder of a run."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from emclutch.scene.case import Case, load_case, read_toml, removes
+from emclutch.scene.errors import Fault, SceneError, shown
+
+if TYPE_CHECKING:
+    from emclutch.scene.design import Search
+
+
+def load(path: Path, sets: list[str] | None = None, trust_scripts: bool = False) -> Case:
+    values = assignments(sets)
+    if any(value == {} for value in values.values()):
+        # an effect that is switched on keeps the entries that it has, in the file or by other settings
+        effects = read_toml(path).get("effects", {})
+        adding: dict[str, Any] = {key: {} for key, value in values.items() if value == {}}
+        kept = {key for key in adding if isinstance(effects, dict) and key.removeprefix("effects.") in effects}
+        others = {key: value for key, value in values.items() if key not in adding}
+        values = {key: {} for key in adding if key not in kept} | others
+    case = load_case(path, values, trust_scripts=trust_scripts)
+    for warning in case.warnings:
+        typer.echo(f"warning: {warning}", err=True)
+    return case
+
+
+def assignments(sets: list[str] | None) -> dict[str, Any]:
+    """Read ``key=value`` pairs; a value is read as TOML (numbers, lists, true), otherwise as text.
+
+    A bare ``none`` is None, which removes the key. For ``effects.NAME`` a bare ``off`` is None too, ``on`` an empty
+    table.
+    """
+    values: dict[str, Any] = {}
+    for text in sets or ():
+        key, equals, value = (part.strip() for part in text.partition("="))
+        if not equals or not key:
+            message = "is not KEY=VALUE; write it as in --set coil.current='0.8 A'"
+            raise SceneError([Fault("--set", shown(text), message)], "command line")
+        if removes(key, value):
+            if reason := _unknown(key):
+                raise SceneError([Fault(key, value, reason)], "command line")
+            values[key] = None
+            continue
+        if value == "on" and key.startswith("effects.") and key.count(".") == 1:
+            values[key] = {}
+            continue
+        try:
+            values[key] = tomllib.loads(f"value = {value}")["value"]
+        except tomllib.TOMLDecodeError:
+            values[key] = value
+    return values
+
+
+def search(
+    file: Path, vary: str | None, target: str | None, sets: list[str] | None = None, trust_scripts: bool = False
+) -> Search:
+    """What a design search is asked: by a design file, or by a scene with options."""
+    from emclutch.scene.design import read_design, search_of
+
+    if "design" in read_toml(file):
+        given = {"--vary": vary, "--target": target, "--set": sets}
+        message = f"stands in {file} already; leave it away"
+        if faults := [Fault(name, "", message) for name, one in given.items() if one]:
+            raise SceneError(faults, "command line")
+        return read_design(file, trust_scripts=trust_scripts)
+    key, equals, ends = (part.strip() for part in (vary or "").partition("="))
+    between = [_entry(part) for part in ends.split(":")]
+    faults = []
+    if not equals or len(between) != 2:
+        shown_entry = shown(vary) if vary else ""
+        faults.append(Fault("--vary", shown_entry, "is needed as KEY=A:B, e.g. --vary geometry.gap='0.5 mm:2 mm'"))
+    if target is None:
+        faults.append(Fault("--target", "", "is missing; e.g. --target 'torque 12 N m'"))
+    if faults or target is None:
+        raise SceneError(faults, "command line")
+    return search_of(load(file, sets, trust_scripts), key, (between[0], between[1]), target, "--")
+
+
+def _entry(text: str) -> str | float:
+    """A number in SI or a text with its unit."""
+    try:
+        return float(text)
+    except ValueError:
+        return text.strip()
+
+
+def check_threads(threads: int | None) -> None:
+    if threads is None:
+        return
+    from emclutch.cli.doctor import most_threads  # local: it imports numba
+
+    most = most_threads()
+    if not 1 <= threads <= most:
+        message = f"is out of range; allowed: 1 to {most} (this machine's cores, or NUMBA_NUM_THREADS where it is set)"
+        raise SceneError([Fault("--threads", str(threads), f"{message}; change it or leave it out")], "command line")
+
+
+def run_to_resume(folder: Path, out: Path | None) -> tuple[Path, Path]:
+    """The scene and the folder of a run that is to go on."""
+    if out is not None and out.resolve() != folder.resolve():
+        message = f"is another folder than the run's, {folder}; leave --out away"
+        raise SceneError([Fault("--out", str(out), message)], "command line")
+    scene = folder / "case.toml"
+    if not scene.is_file():
+        message = "has no case.toml and so no run to resume; name the folder of a run"
+        raise SceneError([Fault(str(folder), "", message)], "command line")
+    return scene, folder
+
+
+def _unknown(key: str) -> str:
+    """Say why a key cannot be removed; empty where a scene may have it."""
+    from emclutch.scene.fault_report import key_fault
+    from emclutch.scene.model import Scene
+
+    return key_fault(key, Scene)

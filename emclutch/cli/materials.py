@@ -1,0 +1,222 @@
+"""`emclutch materials`: the built-in materials as a list, the named ones in numbers and curves."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from emclutch.scene.errors import Fault, SceneError
+from field import TableLaw
+from field.laws.conductivity import Conductivity, conductivity
+from field.laws.materials import (
+    canonical_name,
+    grain_material,
+    grain_names,
+    material,
+    material_aliases,
+    material_names,
+)
+from field.laws.reluctivity import MU_0, Law, LinearLaw
+
+_KINDS = {
+    "LinearLaw": "linear",
+    "TableLaw": "table",
+    "PermeabilityLaw": "mu_r(B)",
+    "FroehlichLaw": "Froehlich",
+    "LangevinLaw": "Langevin",
+    "BrauerLaw": "Brauer",
+}
+# Every law that ships has the slope of vacuum here; J_s is read off at this flux density [T].
+_SATURATED_B = 20.0
+# of the list and the curves: 0.1 A/m, a hundredth of what soft iron needs, to 10 MA/m
+_CURVE_B = np.concatenate((np.logspace(-7.0, 0.0, 700, endpoint=False), np.linspace(1.0, 15.0, 2801)))
+
+
+@dataclass(frozen=True, slots=True)
+class Characteristics:
+    """One line of the list.
+
+    Attributes
+    ----------
+    name, law, source : str
+    initial_mu_r, largest_mu_r : float
+        Relative permeability mu_0^-1 B/H at B -> 0, and the largest [-].
+    J_s : float
+        Saturation polarisation, B - mu_0 H far in saturation [T].
+    conductivity : float or None
+        Electrical [S/m], at 20 degrees C; None where it is not known (a table of the user).
+    conductivity_is_rough : bool
+    also : tuple of str
+        Other names of the same material.
+    caution : str
+        What of a table's points is not used; empty where all are.
+    """
+
+    name: str
+    law: str
+    initial_mu_r: float
+    largest_mu_r: float
+    J_s: float
+    conductivity: float | None
+    conductivity_is_rough: bool
+    also: tuple[str, ...]
+    source: str
+    caution: str = ""
+
+
+def characteristics(law: Law) -> Characteristics:
+    """What the list says of a law."""
+    name = canonical_name(law.name)
+    conducts: Conductivity | None = None if name is None else conductivity(name)
+    H, slope = law.H_of_B(_CURVE_B)
+    saturated = law.H_of_B(np.array([_SATURATED_B]))[0][0]
+    also = tuple(sorted(alias for alias, of in material_aliases().items() if of == name))
+    return Characteristics(
+        law.name,
+        _KINDS.get(type(law).__name__, type(law).__name__),
+        float(1.0 / (MU_0 * law.H_of_B(np.zeros(1))[1][0])),
+        float(np.max(_CURVE_B / (MU_0 * H))),
+        # a rounding below 0 for a linear law of mu_r = 1
+        max(0.0, float(_SATURATED_B - MU_0 * saturated)) if slope[-1] * MU_0 > 0.999 else float("inf"),
+        None if conducts is None else conducts.sigma,
+        conducts is not None and conducts.rough,
+        also,
+        law.source,
+        law.caution if isinstance(law, TableLaw) else "",
+    )
+
+
+def laws_of(names: list[str]) -> list[Law]:
+    """The laws of built-in names and of files with a magnetisation curve (.csv, .txt, .tsv).
+
+    Raises
+    ------
+    SceneError
+        Every name that is unknown and every file that cannot be read as a curve.
+    """
+    from field.laws.magnetisation_table import TableFault, table_law
+
+    laws, faults = [], []
+    for name in names:
+        try:
+            is_file = Path(name).suffix.lower() in (".csv", ".txt", ".tsv")
+            laws.append(table_law(name) if is_file else material(name))
+        except TableFault as fault:
+            faults.append(Fault(name, "", str(fault)))
+        except OSError as error:
+            faults.append(Fault(name, "", f"cannot be read ({error.strerror or error}); check the path"))
+        except ValueError as error:
+            faults.append(Fault("", "", str(error)))
+    if faults:
+        raise SceneError(faults, "command line")
+    return laws
+
+
+def materials_page(names: list[str] | None) -> None:
+    """Print the list of all built-in materials, or of the named ones."""
+    from rich.console import Console
+    from rich.table import Table
+
+    chosen = [characteristics(law) for law in laws_of(names or material_names())]
+    console = Console()
+    table = Table("", "law", "initial mu_r", "largest mu_r", "J_s [T]", "conductivity [S/m]")
+    for one in chosen:
+        sigma = "?" if one.conductivity is None else f"{one.conductivity:.3g}"
+        table.add_row(
+            one.name,
+            one.law,
+            f"{one.initial_mu_r:.4g}",
+            f"{one.largest_mu_r:.4g}",
+            f"{one.J_s:.3f}",
+            f"about {sigma}" if one.conductivity_is_rough else sigma,
+        )
+    console.print(table)
+    lines = ["J_s = B - mu_0 H far in saturation; sources:"]
+    for one in chosen:
+        also = f" (also {', '.join(one.also)})" if one.also else ""
+        sigma_source = "" if one.conductivity is None else f" Conductivity: {conductivity(one.name).source}."
+        lines.append(f"{one.name}{also}: {one.source}.{sigma_source}")
+        if one.caution:
+            lines.append(f"warning: {one.name}: {one.caution}")
+    if not names:
+        lines.append("grains of powders, as [particles] takes susceptibility and saturation:")
+        for name in grain_names():
+            law, source = grain_material(name)
+            lines.append(f"{name}: susceptibility = {law.chi:g}, saturation = {law.Ms or 0.0:.4g} A/m; {source}.")
+    for line in lines:
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+
+
+def materials_as_data(names: list[str] | None) -> dict[str, Any]:
+    """The list for a machine: one entry a material, and the grains."""
+    data: dict[str, Any] = {"materials": [asdict(characteristics(law)) for law in laws_of(names or material_names())]}
+    if not names:
+        grains = {name: grain_material(name) for name in grain_names()}
+        data["grains"] = [
+            {"name": name, "susceptibility": law.chi, "saturation": law.Ms, "source": source}
+            for name, (law, source) in grains.items()
+        ]
+    return data
+
+
+def draw_materials(laws: list[Law], path: str | Path) -> Path:
+    """Draw B(H) on a linear and a logarithmic axis and mu_r(B) of some laws into a new picture (.png, .svg, .pdf).
+
+    Materials of mu_r = 1 share one thin grey line.
+
+    Raises
+    ------
+    OutputError
+        There is a file already; nothing is overwritten.
+    ValueError
+        The file's ending names no picture.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    from emclutch.results.output_error import OutputError
+
+    path = Path(path)
+    if path.suffix.lower() not in (".png", ".svg", ".pdf"):
+        raise ValueError(f"{path}: a picture ends in .png, .svg or .pdf; change the file's ending")
+    if path.exists():
+        raise OutputError(f"{path} exists; name another file with --plot")
+    figure = Figure(figsize=(13.5, 4.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    plain, logarithmic, permeability = figure.subplots(1, 3)
+    B = _CURVE_B[_CURVE_B >= 1e-4]
+    as_vacuum = [law.name for law in laws if isinstance(law, LinearLaw) and law.mu_r == 1.0]
+    shown = [law for law in laws if law.name not in as_vacuum[1:]]
+    for number, law in enumerate(shown):
+        H = law.H_of_B(B)[0]
+        style: dict[str, Any] = {"color": f"C{number % 10}", "lw": 1.6, "label": law.name}
+        if number >= 10:
+            style["ls"] = "--"
+        if law.name in as_vacuum:
+            style |= {"color": "0.5", "lw": 1.0, "ls": ":", "label": ", ".join(as_vacuum)}
+        plain.plot(H / 1e3, B, **style)
+        logarithmic.plot(H, B, **style)
+        permeability.plot(B, B / (MU_0 * H), **style)
+        # measured points: only there is a table more than an interpolation
+        if hasattr(law, "H") and hasattr(law, "B"):
+            points = {"color": style["color"], "ls": "none", "marker": ".", "ms": 4}
+            measured = law.B > 0.0
+            plain.plot(law.H / 1e3, law.B, **points)
+            logarithmic.plot(law.H[measured], law.B[measured], **points)
+            permeability.plot(law.B[measured], law.B[measured] / (MU_0 * law.H[measured]), **points)
+    top = 2.6
+    plain.set(xlabel="H [kA/m]", ylabel="B [T]", xlim=(0.0, 20.0), ylim=(0.0, top), title="B(H)")
+    logarithmic.set(xscale="log", xlabel="H [A/m]", ylabel="B [T]", xlim=(10.0, 1e6), ylim=(0.0, top))
+    logarithmic.set_title("B(H), H logarithmic")
+    permeability.set(yscale="log", xlabel="B [T]", ylabel="relative permeability", xlim=(0.0, top))
+    permeability.set_title("permeability B/(mu_0 H)")
+    permeability.set_ylim(bottom=0.8)
+    for axes in (plain, logarithmic, permeability):
+        axes.grid(True, lw=0.3, alpha=0.6)
+    plain.legend(loc="lower right", fontsize=8, frameon=False)
+    with open(path, "xb") as stream:
+        figure.savefig(stream, format=path.suffix.lower()[1:], dpi=150)
+    return path

@@ -1,0 +1,52 @@
+"""`emclutch new`: a scene of a kind to begin with, with every key, its unit and what it is for.
+
+The values are those of a file in `emclutch/scene/starters`; everything that is said of them comes from the schema.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+from emclutch.scene.commented import commented_scene
+from emclutch.scene.errors import Fault, SceneError, shown
+from emclutch.scene.section import not_one_of
+
+STARTERS = Path(__file__).parents[1] / "scene" / "starters"
+
+
+def starter_kinds() -> tuple[str, ...]:
+    """The kinds of scenes that there are to begin with."""
+    return tuple(sorted(path.stem for path in STARTERS.glob("*.toml")))
+
+
+def new_scene(path: str | Path, kind: str) -> list[Path]:
+    """Write a commented scene of a kind (`starter_kinds`), with the CAD file that it names beside it.
+
+    Returns
+    -------
+    list of Path
+        What was written, the scene first.
+
+    Raises
+    ------
+    SceneError
+        There is no such kind, or a file is there already: nothing is overwritten.
+    """
+    path, kinds = Path(path), starter_kinds()
+    if kind not in kinds:
+        raise SceneError([Fault("--kind", shown(kind), not_one_of(kind, kinds))], "command line")
+    data = tomllib.loads((STARTERS / f"{kind}.toml").read_text(encoding="utf-8"))
+    drawing = STARTERS / data["geometry"].get("file", "")
+    files = [path]
+    if drawing.is_file():
+        files.append(path.with_suffix(drawing.suffix))
+        data["geometry"]["file"] = files[1].name
+    if faults := [Fault(str(file), "", "is there already; name another file") for file in files if file.exists()]:
+        raise SceneError(faults, "command line")
+    with open(path, "x", encoding="utf-8") as stream:
+        stream.write(commented_scene(data, path.name))
+    for copy in files[1:]:
+        with open(copy, "x", encoding="utf-8") as stream:
+            stream.write(drawing.read_text(encoding="utf-8"))
+    return files

@@ -1,0 +1,86 @@
+"""What commands print: a plan, a torque, JSON."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from emclutch.scene.case import Case
+
+if TYPE_CHECKING:
+    from emclutch.studies.design_search import DesignResult
+
+
+def torque_line(torque: dict[str, Any] | None) -> str:
+    """Say a run's torque with its error, and where it is not converged, why."""
+    from emclutch.results.statistics import Estimate  # local: it imports numpy
+
+    if not torque or torque.get("mean") is None:
+        return "torque on the disc: none" + (f" ({torque['reason']})" if torque else "")
+    error = torque.get("standard_error")
+    text = f"torque on the disc: {torque['mean']:.4g}"
+    text += f" +- {error:.2g} N m" if error is not None else " N m, error unknown"
+    interval = Estimate.from_dict(torque).interval()
+    if interval is not None:
+        behind = packings(torque.get("replicas") or 1, torque.get("packing_share"))
+        text += f" (standard error; 95 %: {interval[0]:.3g} to {interval[1]:.3g}, {behind})"
+    return text if torque.get("converged") else f"{text}; {torque.get('reason')}"
+
+
+def packings(count: int, share: float | None) -> str:
+    """Say out of how many packings a mean is, and of one, what its error lacks; `share` [N m] where it is known."""
+    if count > 1:
+        return f"{count} packings"
+    known = "" if share is None else f", some {share:.2g} N m,"
+    return f"one packing: what packings differ by{known} is not in it"
+
+
+def tell_plan(case: Case, as_json: bool, threads: int | None = None) -> None:
+    from emclutch.simulation.plan import check  # local: it needs the packages of the physics
+
+    checked = check(case, threads)
+    if as_json:
+        print_json({"title": checked.title, "effects": checked.effects, "warnings": checked.warnings,
+                     "plan": checked.decisions, "left_out": [line.as_dict() for line in checked.left_out]})  # fmt: skip
+        return
+    console = Console()
+    console.print(f"{checked.title}: OK", highlight=False, markup=False)
+    effects = Table("effect", "")
+    for name in case.scene.effects.names():
+        effects.add_row(name, "on" if name in checked.effects else "off")
+    console.print(effects)
+    rows = Table("what follows", "")
+    for label, text in checked.decisions.items():
+        rows.add_row(label, escape(text))
+    console.print(rows)
+    if case.scene.particles is None:
+        return
+    rows = Table("left out", "matters", "by this number (from there on)")
+    for line in checked.left_out:
+        rows.add_row(line.effect, line.verdict, line.in_words())
+    console.print(rows)
+
+
+def tell_design(found: DesignResult, as_json: bool) -> None:
+    from emclutch.studies.design_search import (  # local: it needs the packages of the physics
+        as_data,
+        in_words,
+        run_in_words,
+    )
+
+    if as_json:
+        print_json(as_data(found))
+        return
+    lines = in_words(found)
+    if found.run is not None:
+        lines += [torque_line(found.run.summary.get("torque")), *run_in_words(found)]
+    typer.echo("\n".join(lines))
+
+
+def print_json(values: Any) -> None:
+    typer.echo(json.dumps(values, indent=2, default=str))

@@ -1,0 +1,126 @@
+"""`emclutch materials NAME --pair-force`: the force between two grains of a powder against their gap, and why."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from emclutch.scene.errors import Fault, SceneError
+from field.laws.materials import grain_material
+from field.laws.reluctivity import MU_0
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from field.spheres.pair_table import PairTable
+
+# Applied fields of the picture and the table [A/m], gaps of the table [radii]; of grains of this radius [m].
+_FIELDS = (5e3, 18e3, 46e3, 80e3, 200e3, 500e3)
+_GAPS = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
+_RADIUS = 50e-6
+# Beyond this gap [radii] there is no neck to speak of.
+_NECK = 0.1
+
+
+def pair_force(name: str, out: Path | None = None) -> tuple[Path, Table]:
+    """Draw and tabulate the force between two grains of a powder by its name.
+
+    Parameters
+    ----------
+    name : str
+        Of a grain material, e.g. `powder_iron`.
+    out : Path or None
+        New picture (.png); None: the next free <name>-pair-force-<n>.png here.
+
+    Raises
+    ------
+    SceneError
+        An unknown powder, or a file that is no .png.
+    OutputError
+        There is a file already; nothing is overwritten.
+    """
+    from emclutch.results.output_error import OutputError
+    from emclutch.results.progress import Progress
+    from field.spheres.pair_table import pair_table
+
+    try:
+        law, _ = grain_material(name)
+    except ValueError as error:
+        raise SceneError([Fault("", "", str(error))], "command line") from None
+    if out is None:
+        numbered = (Path(f"{name}-pair-force-{number}.png") for number in itertools.count(1))
+        out = next(path for path in numbered if not path.exists())
+    if out.suffix.lower() != ".png":
+        raise SceneError([Fault("--out", str(out), "is no picture; change its ending to .png")], "command line")
+    if out.exists():
+        raise OutputError(f"{out} exists; name another file with --out")
+    with Progress(f"two grains of {name}") as progress:
+        table = pair_table(law, progress=lambda done, of: progress.update(done / of))
+    return _draw(name, table, out), _tabulate(name, table)
+
+
+def _tabulate(name: str, table: PairTable) -> Table:
+    """Forces at a few gaps and fields, with the two-zone estimate in brackets."""
+    from rich.table import Table
+
+    from field.spheres.neck_estimate import two_zone_force
+
+    unit = MU_0 * table.Ms**2 * _RADIUS**2
+    rows = Table(
+        "gap/radius",
+        *(f"{H / 1e3:g} kA/m" for H in _FIELDS),
+        title=f"{name}: attraction of two grains of {1e6 * _RADIUS:g} um radius on a line along the field [uN]",
+        caption="in brackets the estimate by the neck's two zones; forces go as the square of the radius",
+    )
+    h = np.array(_FIELDS) / table.Ms
+    for gap in _GAPS:
+        F, estimate = 1e6 * unit * table.force_of(gap, h), 1e6 * unit * two_zone_force(gap, h)
+        shown = [
+            _figures(a) if gap > _NECK else f"{_figures(a)} ({_figures(b)})" for a, b in zip(F, estimate, strict=True)
+        ]
+        rows.add_row(f"{gap:g}", *shown)
+    return rows
+
+
+def _figures(value: float) -> str:
+    """Three figures without an exponent."""
+    return f"{value:.0f}" if value >= 100.0 else f"{value:.3g}"
+
+
+def _draw(name: str, table: PairTable, path: Path) -> Path:
+    """Force against gap at a few fields: of the table, of the neck's two zones, of dipoles with the same moments."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    from field.spheres.neck_estimate import two_zone_force
+
+    figure = Figure(figsize=(9.0, 5.6), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    g = np.geomspace(table.gap[0], 1.0, 200)
+    near = g[g <= _NECK]
+    for number, H in enumerate(_FIELDS):
+        h = H / table.Ms
+        dipoles = np.pi / 6.0 * table.moment_of(g, h) ** 2 * (2.0 / (2.0 + g)) ** 4
+        axes.loglog(g, table.force_of(g, h), color=f"C{number}", lw=1.6, label=f"{H / 1e3:g} kA/m")
+        axes.loglog(near, two_zone_force(near, h), color=f"C{number}", lw=1.0, ls="--")
+        axes.loglog(g, dipoles, color=f"C{number}", lw=0.8, ls=":")
+    axes.set(xlabel="gap / radius", ylabel="attraction / (mu_0 Ms^2 radius^2)")
+    axes.set_title(
+        f"{name}: two grains on a line along the field, Ms = {table.Ms:.4g} A/m\n"
+        "full: finite elements; dashed: the neck's two zones; dotted: dipoles with the same moments",
+        fontsize=10,
+    )
+    axes.grid(True, which="both", lw=0.3, alpha=0.5)
+    figure.legend(title="applied field", loc="outside right upper", fontsize=8, frameon=False)
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format="png")
+    beside = path.with_name(path.name + ".new")
+    beside.write_bytes(drawn.getvalue())
+    os.replace(beside, path)
+    return path

@@ -1,0 +1,103 @@
+"""`emclutch view`: a run in space, in a window of pyvista, as picture, as movie, or as a script for ParaView."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from emclutch.results import OutputError
+from emclutch.results.view.run_files import LOOKS, RunFiles, read_run_files
+from emclutch.scene.errors import Fault, SceneError
+from emclutch.scene.units import Quantity
+
+PICTURES, MOVIES = (".png", ".jpg", ".tif"), (".gif", ".mp4")
+
+
+def view_run(
+    folder: Path,
+    *,
+    look: str | None = None,
+    colour: str | None = None,
+    time: str | None = None,
+    screenshot: Path | None = None,
+    movie: Path | None = None,
+) -> list[Path]:
+    """Show a run in a window, or write the picture and the movie that were asked for; what was written.
+
+    Raises
+    ------
+    SceneError
+        What was asked for does not exist, or there is no screen for a window.
+    OutputError
+        There is nothing to look at, or a file exists.
+    """
+    files = read_run_files(folder)
+    shown = _one_of("--look", look, list(LOOKS), "gap" if files.colours else "device")
+    shade = _one_of("--colour", colour, list(files.colours), next(iter(files.colours), "")) or None
+    moment = None if time is None else _time(time)
+    for option, path, endings in (("--screenshot", screenshot, PICTURES), ("--movie", movie, MOVIES)):
+        if path is not None:
+            _writable(option, path, endings)
+    from emclutch.results.view import pyvista_view as pictures
+
+    if screenshot is None and movie is None:
+        if not has_screen():
+            message = "there is no screen for a window; add --screenshot FILE.png or --movie FILE.gif, or --paraview"
+            raise SceneError([Fault("view", str(folder), message)], "command line")
+        pictures.window(pictures.RunView(files, shown, shade, window=True), moment)
+        return []
+    written = []
+    if screenshot is not None:
+        written.append(pictures.screenshot(pictures.RunView(files, shown, shade, window=False), screenshot, moment))
+    if movie is not None:
+        written.append(pictures.movie(pictures.RunView(files, shown, shade, window=False), movie))
+    return written
+
+
+def open_in_paraview(folder: Path) -> str:
+    """Write a run's script where it has none, start ParaView with it where it is installed; what was done."""
+    from emclutch.results.view.paraview_script import write_script
+
+    files: RunFiles = read_run_files(folder)
+    script = write_script(files)
+    program, batch = shutil.which("paraview"), f"without a window: pvbatch {script} --screenshot picture.png"
+    if program is None or not has_screen():
+        missing = "ParaView is not installed here" if program is None else "there is no screen for ParaView's window"
+        return f"{script}\n{missing}; where it is: paraview --script={script}; {batch}"
+    subprocess.Popen([program, f"--script={script}"], start_new_session=True)
+    return f"{script}\nParaView is starting; {batch}"
+
+
+def has_screen() -> bool:
+    """Whether a window can open."""
+    return not sys.platform.startswith("linux") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def _one_of(option: str, value: str | None, allowed: list[str], default: str) -> str:
+    if value is not None and value not in allowed:
+        message = f"is none of {', '.join(allowed)}" if allowed else "the run has no grains that could be coloured"
+        raise SceneError([Fault(option, value, message)], "command line")
+    return default if value is None else value
+
+
+def _time(text: str) -> float:
+    try:
+        return float(text)  # a bare number is in SI, as in a scene
+    except ValueError:
+        pass
+    try:
+        return Quantity("a time", "s", "5 ms").read(text)
+    except ValueError as error:
+        raise SceneError([Fault("--time", text, str(error))], "command line") from None
+
+
+def _writable(option: str, path: Path, endings: tuple[str, ...]) -> None:
+    if path.suffix not in endings:
+        raise SceneError([Fault(option, str(path), f"must end in {' or '.join(endings)}")], "command line")
+    if path.exists():
+        raise OutputError(f"{path} exists; name another file with {option}")
+    if not path.parent.is_dir():
+        raise OutputError(f"{path.parent} is no folder; make it first")

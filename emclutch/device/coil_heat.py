@@ -1,0 +1,56 @@
+"""What the coil's copper makes of its current in heat, and how warm that makes the device in the end.
+
+Copper loss P = R I^2 leaves through the housing's surface S by still air and radiation, Delta T = P/(alpha S), with
+alpha = 12 W/(m^2 K): natural convection of about 6, and radiation of painted steel, 4 epsilon sigma T^3 = 6 at 320 K. A
+turning rotor fans itself and a flange carries heat off: half of Delta T is possible; the winding inside is hotter.
+Until then the copper alone takes what it makes, dT/dt = rho J^2/(c rho_m).
+"""
+
+from __future__ import annotations
+
+from math import pi
+
+from emclutch.device.excitation import CoilCourse
+from emclutch.scene.units import two_digits
+from geometry import Clutch
+
+COOLING = 12.0
+"""alpha [W/(m^2 K)] of still air and radiation."""
+
+COPPER_HEAT = 385.0
+"""Specific heat of copper [J/(kg K)]."""
+
+WARM = 100.0
+"""Rise [K] that enamelled wire of class F stands above a room of 40 degrees C (IEC 60085: 155 degrees C, a hot spot of
+15 K)."""
+
+ABSURD = 1000.0
+"""Rise [K] near which copper melts."""
+
+
+def cooled_surface(shape: object) -> float | None:
+    """Mantle and both ends of the housing [m^2]; None where the shape does not tell them."""
+    if not isinstance(shape, Clutch):
+        return None
+    return 2.0 * pi * shape.outer_radius * (shape.housing_length + shape.outer_radius)
+
+
+def coil_heat_in_words(scene, coil: CoilCourse, shape) -> str:
+    """Current density, copper loss and what it heats, at the largest current."""
+    current, winding = coil.largest_current, coil.winding
+    if current == 0.0:
+        return "none: the current is 0 A"
+    loss = scene.coil.resistance_in(shape.coil_area, shape.coil_mean_radius) * current**2
+    rate = loss / (winding.copper_mass * COPPER_HEAT)
+    text = f"{1e-6 * winding.current_density(current):.3g} A/mm^2, {loss:.3g} W"
+    surface = cooled_surface(shape)
+    if surface is None:
+        return f"{text}; the copper alone warms by {two_digits(rate)} K/s"
+    rise = loss / (COOLING * surface)
+    text += f": in the end {two_digits(rise)} K above the room, if {COOLING:g} W/(m^2 K) cool the housing's "
+    text += f"{1e4 * surface:.3g} cm^2"
+    if rise > ABSURD:
+        return f"{text}; WARNING: copper melts; are current, turns and window in the units that were meant?"
+    if rise > WARM:
+        text += f"; for short duty only: the copper warms by {two_digits(rate)} K/s at first"
+    return text

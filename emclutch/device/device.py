@@ -1,0 +1,353 @@
+"""From a scene to the device: its shape, the walls that grains touch, its mesh, materials and coil."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from coupling.smear_region import elements_within, magnetic_regions
+from emclutch.device.excitation import CoilCourse
+from emclutch.scene.field_source import CoilField as CoilFieldSection
+from emclutch.scene.field_source import UniformField as UniformFieldSection
+from emclutch.scene.fill import AT_RIM, Fill, boxes_to_fill, fill_of
+from emclutch.scene.geometry import CadGeometry, ClutchGeometry
+from emclutch.scene.grain_smear import element_layers, moments_are_fed_back, smear_width
+from emclutch.scene.model import Scene
+from emclutch.scene.surfaces import surface_walls
+from emclutch.scene.time_table import points_of
+from field import (
+    AxisymmetricProblem,
+    GrainLaw,
+    MagneticField,
+    PowderLaw,
+    RadialField,
+    ThesisLaw,
+    UniformField,
+    material,
+)
+from field.laws.conductivity import conductivity
+from field.section.adaptive import AdaptiveResult, adapt
+from field.section.error_estimate import FluxLinkage, MeanFluxDensity
+from geometry import AnnularBox, Box, Clutch, SectionMesh, ShearCell, SolidMesh, mesh_clutch
+from geometry.cad_shape import CadShape
+from geometry.centrifugal import CentrifugalClutch
+from geometry.clipping import share_in_boxes
+from geometry.triangle_wall import TriangleWall
+from geometry.walls import Wall
+
+if TYPE_CHECKING:
+    from emclutch.device.device_3d import SolidCoilDevice
+
+
+@dataclass(frozen=True, slots=True)
+class CoilDevice(CoilCourse):
+    """A device of revolution whose field a coil makes: what the solves need.
+
+    Attributes
+    ----------
+    shape : Clutch or CadShape
+    mesh : SectionMesh
+    problem : AxisymmetricProblem
+    newton_tolerance : float
+    powder_boxes : list of AnnularBox
+        What is filled with powder.
+    adapted : AdaptiveResult or None
+        How the mesh was refined to `field.tolerance`; None: as meshed.
+    volts : tuple of float or None
+        Voltage at `times` [V]; None for a coil at a prescribed current.
+    resistance : float or None
+        Of the coil at its temperature [ohm], where a voltage drives it.
+    conductivity : dict of str to float or None
+        Of the regions [S/m], where eddy currents are simulated.
+    """
+
+    shape: Clutch | CadShape
+    mesh: SectionMesh
+    problem: AxisymmetricProblem
+    newton_tolerance: float
+    powder_boxes: list[AnnularBox]
+    adapted: AdaptiveResult | None = None
+    volts: tuple[float, ...] | None = None
+    resistance: float | None = None
+    conductivity: dict[str, float] | None = None
+
+    def voltage(self, time: float) -> float:
+        """V [V] at a time [s]."""
+        assert self.volts is not None  # by the checks between sections: only the circuit asks
+        return float(np.interp(time, self.times, self.volts))
+
+    def solve_at_peak(self, fill: np.ndarray | None) -> MagneticField:
+        """The field at the largest current for a fill (n powder elements,) [-]."""
+        return self.problem.solve(self.turns * self.largest_current, fill=fill, tolerance=self.newton_tolerance)
+
+    def uniform_fill(self, phi: float) -> np.ndarray:
+        """Solid fraction `phi` on the powder's elements inside the filled boxes, 0 outside; (n powder elements,)."""
+        fill = even_fill(self.mesh, self.powder_boxes, phi)
+        return np.concatenate((fill, np.zeros(self.problem.powder_beyond.size)))
+
+
+@dataclass(frozen=True, slots=True)
+class Device:
+    """What the scene describes before any powder is in it.
+
+    Attributes
+    ----------
+    shape : Clutch, CadShape, ShearCell, CentrifugalClutch or Box
+    boxes : list of AnnularBox, or the Box
+        Where the powder is filled in, as `particles.pack` takes it.
+    fill : Fill
+        Amount of powder.
+    coil : CoilDevice, SolidCoilDevice or None
+        None where no field has to be solved.
+    imposed : UniformField, RadialField or None
+        Field of a scene without a coil.
+    surfaces : tuple of TriangleWall
+        Surfaces from files.
+    region : str
+        Of a clutch's chamber, what the powder is filled into: rim, its poles, faces, or the whole cavity.
+    """
+
+    shape: Clutch | CadShape | ShearCell | CentrifugalClutch | Box
+    boxes: list[AnnularBox] | Box
+    fill: Fill
+    coil: CoilDevice | SolidCoilDevice | None = None
+    imposed: UniformField | RadialField | None = None
+    surfaces: tuple[TriangleWall, ...] = ()
+    region: str = "cavity"
+
+    def walls(self) -> list[Wall]:
+        """Everything that grains touch: the shape's own walls and the surfaces from files."""
+        return [*self.shape.walls(), *self.surfaces]
+
+    @property
+    def shears_faces(self) -> bool:
+        """Whether the powder is sheared in a clutch's face gaps, and not in its rim gap.
+
+        Powder in the whole cavity is in both; the gap with the greater area counts then.
+        """
+        return isinstance(self.shape, Clutch) and shears_faces(self.shape, self.region)
+
+    @property
+    def shear_radius(self) -> float:
+        """Mean radius [m] of the gap in which the powder is sheared; 0 for a box."""
+        if isinstance(self.shape, Box):
+            return 0.0
+        if isinstance(self.shape, (ShearCell, CentrifugalClutch)):
+            return 0.5 * (self.shape.inner_radius + self.shape.outer_radius)
+        if self.shears_faces:
+            assert isinstance(self.shape, Clutch)
+            return self.shape.mean_face_radius
+        return self.shape.mean_gap_radius
+
+    @property
+    def shear_gap(self) -> float:
+        """Width [m] of that gap; 0 for a box."""
+        if isinstance(self.shape, Box):
+            return 0.0
+        if isinstance(self.shape, (ShearCell, CentrifugalClutch)):
+            return self.shape.outer_radius - self.shape.inner_radius
+        if self.shears_faces:
+            assert isinstance(self.shape, Clutch)
+            return self.shape.face_gap
+        return self.shape.gap
+
+    @property
+    def narrowest_gap(self) -> float:
+        """Width [m] of the narrowest gap that is filled, in which layers of grains go past each other fastest."""
+        if isinstance(self.shape, Clutch) and self.region == "cavity":
+            return min(self.shape.gap, self.shape.face_gap)
+        if isinstance(self.shape, Box):
+            return min(self.shape.size)
+        return self.shear_gap
+
+    @property
+    def largest_radius(self) -> float:
+        """Largest radius [m] at which a wall touches grains."""
+        if isinstance(self.shape, Box):
+            return 0.0
+        if isinstance(self.shape, (ShearCell, CentrifugalClutch)):
+            return self.shape.outer_radius
+        return self.shape.bore_radius
+
+
+def shears_faces(shape: Clutch, region: str = "cavity") -> bool:
+    """Whether powder in a clutch's region is, or would be, sheared at the faces; of both gaps the greater counts."""
+    return region not in AT_RIM and (region == "faces" or shape.face_area > shape.rim_area)
+
+
+def field_is_needed(scene: Scene) -> bool:
+    """Whether any effect of the scene samples the field."""
+    return scene.effects.magnetic_force is not None or scene.effects.dipoles is not None
+
+
+def field_in_space(scene: Scene) -> bool:
+    """Whether the coil's field is solved in space: slots in a clutch, or solids of any shape from CAD."""
+    shape = scene.shape()
+    if isinstance(scene.geometry, CadGeometry):
+        return scene.geometry.in_space
+    return isinstance(shape, Clutch) and not shape.axisymmetric
+
+
+def build_device(scene: Scene) -> Device:
+    """Shape, mesh and materials of a scene with grains; no mesh is made when no effect needs the field."""
+    shape, particles = scene.shape(), scene.grains
+    boxes = shape if isinstance(shape, Box) else boxes_to_fill(shape, particles.region)
+    fill = fill_of(shape, particles, scene.scene.seed)
+    surfaces = tuple(surface_walls(scene.surfaces))
+    device = Device(shape, boxes, fill, surfaces=surfaces, region=particles.region)
+    if not field_is_needed(scene):
+        return device
+    if isinstance(scene.field, UniformFieldSection):
+        return replace(device, imposed=imposed_field(scene.field, shape))
+    return replace(device, coil=solved_coil(scene))
+
+
+def solved_coil(scene: Scene) -> CoilDevice | SolidCoilDevice:
+    """Mesh, materials and coil of a device whose field is solved, with grains in it or without, in its section or in
+    space.
+    """
+    if field_in_space(scene):
+        from emclutch.device.device_3d import build_solid_coil_device  # local: most scenes need no field in space
+
+        return build_solid_coil_device(scene)
+    return build_coil_device(scene)
+
+
+def build_coil_device(scene: Scene) -> CoilDevice:
+    """Mesh, materials and coil of a clutch, or of a device from CAD."""
+    shape, source, coil = scene.shape(), scene.field, scene.coil
+    assert not isinstance(shape, (Box, ShearCell, CentrifugalClutch))  # by the schema, as the next line
+    assert isinstance(source, CoilFieldSection) and coil is not None
+    powder = PowderLaw(grain_law(scene)) if scene.effects.back_reaction is not None else None
+    boxes = [] if scene.particles is None else boxes_to_fill(shape, scene.particles.region)
+    window = shape.coil_area, shape.coil_mean_radius
+    winding = coil.winding_in(*window)
+    times, currents = coil.currents_in(*window)
+
+    def problem_on(mesh: SectionMesh) -> AxisymmetricProblem:
+        laws, beyond = region_laws(scene, mesh), None
+        if moments_are_fed_back(scene):
+            beyond = elements_within(mesh, magnetic_regions(laws), smear_width(scene))
+        return AxisymmetricProblem(
+            mesh,
+            laws,
+            powder_law=powder,
+            powder_beyond=beyond,
+            order=source.order,
+            open_boundary=source.open_boundary,
+        )
+
+    def fill_on(mesh: SectionMesh) -> np.ndarray:
+        fill = even_fill(mesh, boxes, fill_of(shape, scene.grains).solid_fraction)
+        return np.concatenate((fill, np.zeros(problem_on(mesh).powder_beyond.size)))
+
+    mesh = mesh_of(scene)
+    adapted = None
+    peak = winding.turns * max(map(abs, currents))
+    if source.tolerance is not None and peak > 0.0:
+        adapted = adapt(
+            problem_on,
+            mesh,
+            peak,
+            goals=field_goals(mesh),
+            tolerance=source.tolerance,
+            fill=None if powder is None else fill_on,
+            newton_tolerance=source.newton_tolerance,
+        )
+        mesh = adapted.mesh
+    problem = problem_on(mesh) if adapted is None else adapted.problem
+    at_voltage = coil.voltage is not None and coil.is_at_voltage
+    return CoilDevice(
+        winding,
+        times,
+        currents,
+        shape,
+        mesh,
+        problem,
+        source.newton_tolerance,
+        boxes,
+        adapted,
+        volts=points_of(coil.voltage)[1] if coil.voltage is not None and at_voltage else None,
+        resistance=coil.resistance_in(*window) if at_voltage else None,
+        conductivity=conductivities(scene, mesh),
+    )
+
+
+def field_goals(mesh: SectionMesh) -> tuple[FluxLinkage | MeanFluxDensity, ...]:
+    """What a mesh is refined for: flux linkage, and the field where the powder is, or would be."""
+    return (FluxLinkage(), MeanFluxDensity("powder")) if "powder" in mesh.regions else (FluxLinkage(),)
+
+
+def even_fill(mesh: SectionMesh, boxes: list[AnnularBox], phi: float) -> np.ndarray:
+    """Solid fraction (n powder elements,) of powder that fills the boxes to `phi`, whatever the mesh's lines are."""
+    return phi * share_in_boxes(mesh.points[mesh.triangles[mesh.regions["powder"]]], boxes)
+
+
+def mesh_of(scene: Scene, path: Path | None = None) -> SectionMesh:
+    """Mesh the section of a clutch or of a CAD file, and write the mesh to `path` as well (.msh)."""
+    source = scene.field
+    layers, size = (source.gap_layers, source.size_factor) if isinstance(source, CoilFieldSection) else (4, 1.0)
+    if isinstance(scene.geometry, CadGeometry):
+        return scene.geometry.mesh(gap_layers=element_layers(scene, layers), size_factor=size, path=path)
+    shape = scene.shape()
+    assert isinstance(shape, Clutch)  # nothing else has a mesh
+    return mesh_clutch(shape, gap_layers=element_layers(scene, layers), size_factor=size, path=path)
+
+
+def grain_law(scene: Scene) -> GrainLaw:
+    """Law of the grains; linear when the effect `saturation` is off."""
+    particles = scene.grains
+    saturation = particles.saturation if scene.effects.saturation is not None else None
+    return (ThesisLaw if particles.law == "thesis" else GrainLaw)(particles.susceptibility, saturation)
+
+
+def region_laws(scene: Scene, mesh: SectionMesh | SolidMesh) -> dict:
+    """Magnetic law of each region of the mesh, by the scene's names of materials."""
+    return {region: magnetic_law(scene, name) for region, name in region_materials(scene, mesh).items()}
+
+
+def region_materials(scene: Scene, mesh: SectionMesh | SolidMesh) -> dict[str, str]:
+    """Name of the material of each region of the mesh that has one."""
+    if isinstance(scene.geometry, CadGeometry):
+        return dict(scene.geometry.materials)
+    assert isinstance(scene.geometry, ClutchGeometry)  # nothing else has a mesh
+    names = scene.geometry.materials.model_dump()
+    names["shaft_in"] = names["shaft_out"] = names.pop("shaft")
+    return {region: names[region] for region in mesh.regions if region in names}
+
+
+def conductivities(scene: Scene, mesh: SectionMesh) -> dict[str, float] | None:
+    """Conductivity [S/m] of the solid regions, the winding excepted; None without eddy currents."""
+    effect = scene.effects.eddy_currents
+    if effect is None:
+        return None
+    return {
+        region: effect.conductivity.get(name, conductivity_of(scene, name))
+        for region, name in region_materials(scene, mesh).items()
+        if region != "coil"
+    }
+
+
+def conductivity_of(scene: Scene, name: str) -> float:
+    """A material's conductivity [S/m]: the scene's own under this name (none: 0), or a built-in one."""
+    own = scene.materials.get(name)
+    return conductivity(name).sigma if own is None else own.conductivity or 0.0
+
+
+def magnetic_law(scene: Scene, name: str):
+    """A material's law: the scene's own under this name, or a built-in one."""
+    own = scene.materials.get(name)
+    return material(name) if own is None else own.magnetic_law(name)
+
+
+def imposed_field(source: UniformFieldSection, shape) -> UniformField | RadialField:
+    """The field of a scene without a coil."""
+    H0 = source.field_strength
+    if source.direction == "radial":
+        middle = 0.5 * (shape.inner_radius + shape.outer_radius)
+        return RadialField(H0, middle)
+    axis = {"x": 0, "y": 1, "z": 2, "axial": 2}[source.direction]
+    return UniformField(H0 * np.eye(3)[axis])

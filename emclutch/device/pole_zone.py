@@ -1,0 +1,81 @@
+"""The powder between the pole faces of a clutch, where nearly all of its torque is made: shear stress, H and fill.
+
+With these three every run is a point on the law tau(H, phi) of its powder, and can be laid beside that of another
+device, of a sheared cell (`emclutch calibrate`) or of a rheometer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+
+from emclutch.device.device import Device
+from field import FieldSampler
+from geometry import AnnularBox, Clutch
+
+ACROSS, ALONG = 5, 41
+"""Points at which H is averaged, across the gap and along each face."""
+
+
+@dataclass(frozen=True, slots=True)
+class PoleZone:
+    """Where the gap lies between steel pole faces.
+
+    Attributes
+    ----------
+    boxes : tuple of AnnularBox
+        One for each pole face.
+    area : float
+        Of the faces, in the middle of the gap [m^2].
+    radius : float
+        Mean lever of a stress there [m].
+    """
+
+    boxes: tuple[AnnularBox, ...]
+    area: float
+    radius: float
+
+    def shear_stress(self, torque: float) -> float:
+        """Torque [N m] over area and lever [Pa]: all of it counted as that of the pole faces."""
+        return torque / (self.area * self.radius)
+
+    def field_strength(self, sampler: FieldSampler) -> float:
+        """Mean |H| [A/m] of the macroscopic field in the zone, by volume."""
+        points, weights = [], []
+        for box in self.boxes:
+            # half an element off the walls: the field is sampled inside the powder's region
+            along_r = box.r1 - box.r0 > box.z1 - box.z0
+            n_r, n_z = (ALONG, ACROSS) if along_r else (ACROSS, ALONG)
+            r = box.r0 + (np.arange(n_r) + 0.5) / n_r * (box.r1 - box.r0)
+            z = box.z0 + (np.arange(n_z) + 0.5) / n_z * (box.z1 - box.z0)
+            r, z = (v.ravel() for v in np.meshgrid(r, z))
+            points.append(np.column_stack((r, np.zeros_like(r), z)))
+            weights.append(r)
+        H, _ = sampler.sample(np.concatenate(points))
+        return float(np.average(np.sqrt((H**2).sum(axis=1)), weights=np.concatenate(weights)))
+
+    def fill(self, position: np.ndarray, volume: np.ndarray) -> float:
+        """Solid fraction [-] of the zone in a full turn, from all grains at (n, 3) [m] with volumes (n,) [m^3]."""
+        r, z = np.hypot(position[:, 0], position[:, 1]), position[:, 2]
+        inside = np.zeros(len(r), dtype=bool)
+        for box in self.boxes:
+            inside |= (r > box.r0) & (r < box.r1) & (z > box.z0) & (z < box.z1)
+        return float(volume[inside].sum() / sum(box.volume() for box in self.boxes))
+
+
+def pole_zone(device: Device) -> PoleZone | None:
+    """The zone of a device with pole faces: at its rim, or at the disc's faces where these carry the flux; or None."""
+    shape = device.shape
+    if not isinstance(shape, Clutch):
+        return None
+    half, disc = 0.5 * shape.disc_thickness, shape.disc_radius
+    if device.shears_faces or shape.pole_length == 0.0:
+        inner = max(shape.seal_radius, 0.0)
+        boxes = tuple(AnnularBox(inner, disc, *ends) for ends in ((-half - shape.face_gap, -half),
+                                                                  (half, half + shape.face_gap)))  # fmt: skip
+        return PoleZone(boxes, shape.face_area, shape.mean_face_radius)
+    return PoleZone(
+        tuple(shape.pole_boxes().values()), 4.0 * pi * shape.mean_gap_radius * shape.pole_length, shape.mean_gap_radius
+    )

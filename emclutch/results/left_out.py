@@ -1,0 +1,64 @@
+"""One effect that a scene leaves out, and the number that says whether it matters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from emclutch.scene.units import two_digits
+
+OFF, ABSENT, ALWAYS = "off", "not in this program", "in every scene"
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """One effect, and whether it matters.
+
+    Attributes
+    ----------
+    effect : str
+        Its name.
+    where : str
+        Switched off in the scene, not in this program, or in every scene.
+    number : str
+        What is compared.
+    value, limit : float or None
+        The number and the one it is compared with; None where the plan does not know it.
+    below : bool
+        Whether the effect matters below the limit, and not above.
+    note : str
+        What else there is to say.
+    """
+
+    effect: str
+    where: str
+    number: str
+    value: float | None = None
+    limit: float | None = None
+    below: bool = False
+    note: str = ""
+
+    @property
+    def matters(self) -> bool | None:
+        """None where the plan cannot tell."""
+        if self.value is None or self.limit is None:
+            return None
+        return self.value < self.limit if self.below else self.value > self.limit
+
+    @property
+    def verdict(self) -> str:
+        """Of `matters`, in a word."""
+        return {True: "YES", False: "no", None: "not known"}[self.matters]
+
+    def in_words(self) -> str:
+        """Number, limit, note, and where the effect is if it is not one that is switched off."""
+        text = self.number
+        if self.value is not None:
+            text += f": {two_digits(self.value)}"
+        if self.value is not None and self.limit is not None:
+            text += f" ({'below' if self.below else 'above'} {self.limit:g})"
+        return "; ".join(filter(None, (text, self.note, "" if self.where == OFF else self.where)))
+
+    def as_dict(self) -> dict[str, object]:
+        """For JSON."""
+        return {"effect": self.effect, "where": self.where, "matters": self.matters, "number": self.number,
+                "value": self.value, "limit": self.limit, "note": self.note}  # fmt: skip

@@ -1,0 +1,23 @@
+"""The pictures of a run and of a study, all drawn without a display (matplotlib's Agg)."""
+
+from emclutch.results.pictures.axial import axial_picture
+from emclutch.results.pictures.grains import grains_picture
+from emclutch.results.pictures.profile import profile_picture
+from emclutch.results.pictures.section import section_picture
+from emclutch.results.pictures.speeds import speed_picture, torque_speed_picture
+from emclutch.results.pictures.torque import torque_picture
+from emclutch.results.pictures.torque_curves import torque_against_current_picture, torque_against_speed_picture
+from emclutch.results.pictures.work_precision import work_precision_picture
+
+__all__ = [
+    "axial_picture",
+    "grains_picture",
+    "profile_picture",
+    "section_picture",
+    "speed_picture",
+    "torque_against_current_picture",
+    "torque_against_speed_picture",
+    "torque_picture",
+    "torque_speed_picture",
+    "work_precision_picture",
+]

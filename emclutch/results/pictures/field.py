@@ -1,0 +1,118 @@
+"""Pictures of a field study: what saturates along a sweep of the current, and the field along a line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from emclutch.results.pictures.figure_title import legend_below, legend_beside
+from emclutch.results.pictures.picture_file import save_picture
+
+BLUE, ORANGE, GREY = "#0b5fa5", "#d9730d", "#808080"
+
+
+def saturation_picture(path: str | Path, table: Any, *, title: str | None = None) -> Path:
+    """Draw flux linkage (with the magnetic circuit's estimate) and gap field, and both inductances, against current.
+
+    Parameters
+    ----------
+    path : PNG to write.
+    table : columns `current` [A], `flux_linkage` [Wb], `apparent_inductance`, `incremental_inductance` [H]; where
+        known `circuit_flux_linkage` [Wb] and `gap_flux_density` [T].
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.5, 4.2), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    left, right = figure.subplots(1, 2)
+    current = np.asarray(table["current"], dtype=float)
+    left.plot(current, table["flux_linkage"], "o-", color=BLUE, ms=4, label="flux linkage, finite elements")
+    if "circuit_flux_linkage" in table:
+        left.plot(current, table["circuit_flux_linkage"], "--", color=GREY, label="flux linkage, magnetic circuit")
+    left.set_ylabel("flux linkage [Wb]")
+    if current.min() >= 0.0:
+        left.set_ylim(bottom=0.0)
+    if "gap_flux_density" in table:
+        gap = left.twinx()
+        gap.plot(current, table["gap_flux_density"], "s-", color=ORANGE, ms=4)
+        gap.set_ylabel("|B| under the poles [T]", color=ORANGE)
+        gap.set_ylim(bottom=0.0)
+    legend_below(left)
+    right.plot(current, table["apparent_inductance"], "o-", color=BLUE, ms=4, label="apparent, linkage/current")
+    right.plot(current, table["incremental_inductance"], "s-", color=ORANGE, ms=4, label="incremental, its slope")
+    right.set_ylabel("inductance [H]")
+    right.set_ylim(bottom=0.0)
+    legend_below(right)
+    for axis in (left, right):
+        axis.set_xlabel("coil current [A]")
+        axis.grid(alpha=0.25)
+    if title:
+        figure.suptitle(title, x=0.01, ha="left", fontsize=11, parse_math=False)
+    return save_picture(figure, path)
+
+
+def line_picture(path: str | Path, along: Any, *, title: str | None = None) -> Path:
+    """Draw B and H along a line, with the regions that it crosses.
+
+    Parameters
+    ----------
+    path : PNG to write.
+    along : `distance` (k,) [m], `B` (k, 2) [T], `H` (k, 2) [A/m], `region` (k,) names.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.0, 5.0), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(2, 1, sharex=True)
+    mm = 1e3 * np.asarray(along.distance)
+    for axis, vector, symbol, unit, scale in ((axes[0], along.B, "B", "T", 1.0), (axes[1], along.H, "H", "kA/m", 1e-3)):
+        for component, (name, colour) in enumerate((("r", BLUE), ("z", ORANGE))):
+            axis.plot(mm, scale * vector[:, component], color=colour, label=f"{symbol}_{name}")
+        axis.plot(mm, scale * np.linalg.norm(vector, axis=1), color="black", lw=0.8, ls=":", label=f"|{symbol}|")
+        axis.set_ylabel(f"{symbol} [{unit}]")
+        axis.grid(alpha=0.25)
+        legend_beside(axis)
+    changes = np.flatnonzero(np.asarray(along.region)[1:] != np.asarray(along.region)[:-1])
+    starts, ends = np.concatenate(([0], changes + 1)), np.concatenate((changes, [len(mm) - 1]))
+    for start, end in zip(starts, ends, strict=True):
+        for axis in axes:
+            axis.axvline(mm[start], color=GREY, lw=0.5)
+        if mm[end] - mm[start] > 0.05 * mm[-1]:
+            axes[0].text(
+                0.5 * (mm[start] + mm[end]), 1.01, str(along.region[start]), ha="center", fontsize=8,
+                transform=axes[0].get_xaxis_transform(),
+            )  # fmt: skip
+    axes[1].set_xlabel("distance along the line [mm]")
+    if title:
+        figure.suptitle(title, x=0.01, ha="left", fontsize=11, parse_math=False)
+    return save_picture(figure, path)
+
+
+def gap_map_picture(
+    path: str | Path, angle: np.ndarray, z: np.ndarray, B_r: np.ndarray, *, title: str | None = None
+) -> Path:
+    """Draw the radial flux density on the gap's middle cylinder, unrolled.
+
+    Parameters
+    ----------
+    path : PNG to write.
+    angle : (n,) [rad]; z : (m,) [m]; B_r : (m, n) [T].
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.0, 4.2), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    axis = figure.add_subplot()
+    limit = float(np.abs(B_r).max()) or 1.0
+    shown = axis.pcolormesh(np.degrees(angle), 1e3 * z, B_r, cmap="RdBu_r", vmin=-limit, vmax=limit, shading="gouraud")
+    figure.colorbar(shown, ax=axis, label="B_r in the middle of the rim gap [T]")
+    axis.set_xlabel("angle [deg]")
+    axis.set_ylabel("z [mm]")
+    if title:
+        axis.set_title(title, loc="left", fontsize=11, parse_math=False)
+    return save_picture(figure, path)

@@ -1,0 +1,322 @@
+"""The grains as an engineer wants to see them: unrolled along the gap, and in the (r, z) plane.
+
+A cyclic sector of a thin gap is a narrow curved strip; unrolled, with R0 theta to the right, shear and
+chains are seen at once. Chains are the contacts, drawn as wide as their force.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from emclutch.results.pictures.figure_title import LINE, title_lines, write_title
+from emclutch.results.pictures.picture_file import save_picture
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MM = 1e3
+PAGE_WIDTH, PAGE_HEIGHT = 9.0, 7.0  # of the panels together, at most [in]
+THINNEST = 0.06  # height over width of the unrolled view, at least
+WALL_COLOURS = {"disc": "#0b5fa5", "rotor": "#c4540a", "housing": "#6a6a6a"}
+
+
+def grains_picture(
+    path: str | Path,
+    position: np.ndarray,
+    radius: np.ndarray,
+    colour: np.ndarray,
+    *,
+    colour_label: str = "speed [m/s]",
+    walls: Sequence[Any] = (),
+    chains: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None,
+    across: str | None = None,
+    layer: tuple[float, float] | None = None,
+    sector_angle: float | None = None,
+    title: str | None = None,
+) -> Path:
+    """Draw the unrolled gap and the meridional projection, in rows or side by side, whichever fills the page.
+
+    Parameters
+    ----------
+    path : PNG to write.
+    position : (n, 3) [m]; z is the shaft's axis.
+    radius : (n,) [m].
+    colour : (n,) what the grains are coloured by.
+    walls : revolved walls with `body`, `start`, `end` (r, z) [m]; others are left out.
+    chains : start (k, 3), end (k, 3) [m] and force (k,) [N] of the contacts.
+    across : coordinate across the gap, up in the unrolled view: "r" (rim gap) or "z" (face gap); None
+        takes the one in which disc and rotor enclose more grains; without such walls, the one in which the
+        grains spread less.
+    layer : limits of the other coordinate [m]: only grains whose centre is inside are drawn unrolled.
+        None takes the layer of two diameters that carries most (without chains: holds most grains), or
+        all where that holds fewer than 20 grains.
+    sector_angle : of the cyclic sector [rad]; its faces are marked.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+    position, radius, colour = np.asarray(position), np.asarray(radius), np.asarray(colour, dtype=np.float64)
+    r, theta, z = np.hypot(position[:, 0], position[:, 1]), _azimuth(position), position[:, 2]
+    outlines = [wall for wall in walls if hasattr(wall, "start")]
+    if across is None:
+        across = _across(r, z, outlines)
+    up, other = (r, z) if across == "r" else (z, r)
+    reference = float(np.median(r)) if len(r) else 1.0
+    if layer is None:
+        layer = _loaded_layer(other, radius, chains, across)
+    drawn = (other >= layer[0]) & (other <= layer[1])
+
+    views = (_view(reference * theta[drawn], up[drawn], radius[drawn]), _view(z, r, radius))
+    part = (views[0][3] - views[0][2]) < THINNEST * (views[0][1] - views[0][0])
+    if part:  # a whole turn would be a hair's breadth high: show its beginning
+        x0, _, y0, y1 = views[0]
+        views = ((x0, x0 + (y1 - y0) / THINNEST, y0, y1), views[1])
+    figure = Figure(dpi=150)
+    FigureCanvasAgg(figure)
+    unrolled, plane, colour_bar = _lay_out(figure, views, title)
+    limits = (float(np.min(colour)), float(np.max(colour))) if len(colour) else (0.0, 1.0)
+    if limits[0] == limits[1]:
+        limits = (limits[0] - 0.5, limits[0] + 0.5)
+    circles = _circles(unrolled, reference * theta[drawn], up[drawn], radius[drawn], colour[drawn], limits)
+    order = np.argsort(theta)  # the meridional view looks along the azimuth: near grains over far ones
+    _circles(plane, z[order], r[order], radius[order], colour[order], limits)
+    has_chains = chains is not None and _draw_chains(unrolled, chains, across, layer, reference, sector_angle)
+
+    for body in dict.fromkeys(wall.body for wall in outlines):
+        own = [wall for wall in outlines if wall.body == body]
+        _draw_meridional_walls(plane, own, body)
+        _draw_unrolled_walls(unrolled, own, body, across, layer)
+    if sector_angle is not None:
+        for face in (0.0, reference * sector_angle):
+            unrolled.axvline(MM * face, color="black", lw=0.8, ls="--")
+    between = "z" if across == "r" else "r"
+    unrolled.set_xlabel(f"R0·θ [mm], R0 = {MM * reference:.4g} mm" + (" (part of the turn)" if part else ""))
+    unrolled.set_ylabel(f"{across} [mm]")
+    unrolled.set_title(
+        f"unrolled: {np.count_nonzero(drawn)} of {len(r)} grains,\n"
+        f"{between} = {MM * layer[0]:.3g} … {MM * layer[1]:.3g} mm",
+        loc="left",
+        fontsize=10,
+    )
+    plane.set_xlabel("z [mm]")
+    plane.set_ylabel("r [mm]")
+    plane.set_title(f"all {len(r)} grains\nin the (r, z) plane", loc="left", fontsize=10)
+    handles, labels = plane.get_legend_handles_labels()
+    if has_chains:
+        handles.append(Line2D([], [], color="crimson", lw=2.0))
+        labels.append("force chain, width ~ force")
+    if handles:
+        figure.legend(handles, labels, loc="lower left", ncols=4, frameon=False, fontsize=9)
+    figure.colorbar(circles, cax=colour_bar, label=colour_label)
+    return save_picture(figure, path)
+
+
+def _across(r: np.ndarray, z: np.ndarray, walls: Sequence[Any]) -> str:
+    """Coordinate across the gap: that in which a wall of the disc faces one of the rotor over more grains."""
+    enclosed = {}
+    for name, up, along in (("r", 0, 1), ("z", 1, 0)):
+        coordinate = (r, z)
+        inside, found = np.zeros(len(r), dtype=bool), False
+        sides = [
+            [w for w in walls if w.body == body and abs(w.start[up] - w.end[up]) <= 1e-9 + 1e-6 * abs(w.start[up])]
+            for body in ("disc", "rotor")
+        ]
+        for disc in sides[0]:
+            for rotor in sides[1]:
+                low = max(min(disc.start[along], disc.end[along]), min(rotor.start[along], rotor.end[along]))
+                high = min(max(disc.start[along], disc.end[along]), max(rotor.start[along], rotor.end[along]))
+                if low >= high:
+                    continue
+                found = True
+                bottom, top = sorted((disc.start[up], rotor.start[up]))
+                inside |= (
+                    (coordinate[up] >= bottom)
+                    & (coordinate[up] <= top)
+                    & ((coordinate[along] >= low) & (coordinate[along] <= high))
+                )
+        if found:
+            enclosed[name] = np.count_nonzero(inside)
+    if enclosed:
+        return max(enclosed, key=lambda name: enclosed[name])
+    return "z" if len(r) and np.ptp(z) < np.ptp(r) else "r"
+
+
+def _view(x: np.ndarray, y: np.ndarray, radius: np.ndarray) -> tuple[float, float, float, float]:
+    """Limits x0, x1, y0, y1 [m] around the grains."""
+    if not len(x):
+        return 0.0, 1e-3, 0.0, 1e-3
+    edge = 1.5 * float(radius.max())
+    return float(x.min()) - edge, float(x.max()) + edge, float(y.min()) - edge, float(y.max()) + edge
+
+
+def _lay_out(figure: Figure, views: Sequence[tuple[float, float, float, float]], title: str | None) -> tuple[Axes, ...]:
+    """Two panels true to scale, and the colour bar's axes; the figure gets the height that they need.
+
+    Placed by hand, in inches: with an equal aspect matplotlib's layouts keep the slot and shrink the panel.
+    """
+    aspects = [(y1 - y0) / (x1 - x0) for x0, x1, y0, y1 in views]
+    gap_across, gap_up, left, right, bottom = 0.95, 1.15, 0.8, 1.25, 0.95
+    rows = [(width, width * a) for a in aspects for width in [min(PAGE_WIDTH, 0.5 * PAGE_HEIGHT / a)]]
+    height = min(0.75 * PAGE_HEIGHT, (PAGE_WIDTH - gap_across) / sum(1.0 / a for a in aspects))
+    columns = [(height / a, height) for a in aspects]
+    beside = sum(w * h for w, h in columns) > sum(w * h for w, h in rows)
+    panels = columns if beside else rows
+    slots = [max(w, 2.6) for w, _ in panels]  # 2.6 in: a line of the panel's title
+    content = (
+        (sum(slots) + gap_across, max(h for _, h in panels))
+        if beside
+        else (max(slots), sum(h for _, h in panels) + gap_up)
+    )
+    # The legend's three entries need 6 in.
+    width = max(6.0, left + content[0] + right)
+    lines = title_lines(title, width)
+    top = 0.55 + LINE * len(lines)
+    total = bottom + content[1] + top
+    figure.set_size_inches(width, total)
+    write_title(figure, lines)
+
+    def axes_at(x: float, y: float, w: float, h: float) -> Axes:
+        return figure.add_axes((x / width, y / total, w / width, h / total))
+
+    from matplotlib.ticker import MaxNLocator
+
+    (w0, h0), (w1, h1) = panels
+    first = axes_at(left, bottom + content[1] - h0, w0, h0)
+    second = axes_at(left + slots[0] + gap_across, bottom, w1, h1) if beside else axes_at(left, bottom, w1, h1)
+    for axis, (x0, x1, y0, y1) in zip((first, second), views, strict=True):
+        axis.set_xlim(MM * x0, MM * x1)
+        axis.set_ylim(MM * y0, MM * y1)
+        axis.set_aspect("equal", adjustable="box")
+        axis.xaxis.set_major_locator(
+            MaxNLocator(max(3, int(1.7 * axis.get_position().width * width)), steps=[1, 2, 2.5, 5, 10])
+        )
+    end = left + (content[0] - slots[1] + w1 if beside else max(w0, w1))
+    bar = min(content[1], 5.0)
+    return first, second, axes_at(end + 0.2, bottom + 0.5 * (content[1] - bar), 0.2, bar)
+
+
+def _azimuth(position: np.ndarray) -> np.ndarray:
+    """Azimuth in [0, 2 pi): sectors start at 0. A grain just below the sector's first face stays there."""
+    theta = np.mod(np.arctan2(position[:, 1], position[:, 0]), 2.0 * np.pi)
+    if len(theta) and theta.max() > 1.9 * np.pi and np.median(theta) < 0.9 * np.pi:
+        theta = np.where(theta > 1.9 * np.pi, theta - 2.0 * np.pi, theta)
+    return theta
+
+
+def _loaded_layer(
+    other: np.ndarray,
+    radius: np.ndarray,
+    chains: tuple[np.ndarray, np.ndarray, np.ndarray] | None,
+    across: str,
+) -> tuple[float, float]:
+    """Limits of the layer whose contacts carry most in sum; without contacts, of that with most grains."""
+    if not len(other):
+        return 0.0, 0.0
+    half = 2.0 * float(radius.max())
+    where, weight = other, np.ones(len(other))
+    if chains is not None and np.any(chains[2]):
+        start = np.asarray(chains[0])
+        where = start[:, 2] if across == "r" else np.hypot(start[:, 0], start[:, 1])
+        weight = np.abs(chains[2])
+    bins = max(1, min(50, int(np.ptp(other) / half)))
+    load, edges = np.histogram(where, bins=bins, range=(other.min(), other.max()), weights=weight)
+    best = int(np.argmax(load))
+    middle = 0.5 * float(edges[best] + edges[best + 1])
+    low, high = middle - half, middle + half
+    if np.count_nonzero((other >= low) & (other <= high)) < min(20, len(other)):
+        return float(other.min()), float(other.max())
+    return low, high
+
+
+def _circles(
+    axis: Axes,
+    x: np.ndarray,
+    y: np.ndarray,
+    radius: np.ndarray,
+    colour: np.ndarray,
+    limits: tuple[float, float],
+) -> Any:
+    from matplotlib.collections import EllipseCollection
+
+    d = 2.0 * MM * radius
+    edge = 0.3 if len(x) < 3000 else 0.0
+    circles = EllipseCollection(
+        d,
+        d,
+        np.zeros_like(d),
+        units="xy",
+        offsets=MM * np.column_stack([x, y]),
+        offset_transform=axis.transData,
+        cmap="cividis",
+        edgecolors="black",
+        linewidths=edge,
+    )
+    circles.set_array(colour)
+    circles.set_clim(*limits)
+    axis.add_collection(circles)
+    return circles
+
+
+def _draw_chains(
+    axis: Axes,
+    chains: tuple[np.ndarray, np.ndarray, np.ndarray],
+    across: str,
+    layer: tuple[float, float],
+    reference: float,
+    sector_angle: float | None,
+) -> bool:
+    """Draw the contacts inside the layer; False where there are none."""
+    from matplotlib.collections import LineCollection
+
+    start, end = np.asarray(chains[0]), np.asarray(chains[1])
+    force = np.abs(np.asarray(chains[2], dtype=np.float64))
+    ends, inside = [], np.ones(len(force), dtype=bool)
+    for point in (start, end):
+        r, z = np.hypot(point[:, 0], point[:, 1]), point[:, 2]
+        up, other = (r, z) if across == "r" else (z, r)
+        inside &= (other >= layer[0]) & (other <= layer[1])
+        ends.append([_azimuth(point), up])
+    # A contact through the sector's faces joins a grain with the image of another: keep the short way.
+    period = 2.0 * np.pi if sector_angle is None else sector_angle
+    ends[1][0] = ends[1][0] - period * np.round((ends[1][0] - ends[0][0]) / period)
+    a, b = (np.column_stack([reference * theta, up]) for theta, up in ends)
+    if not inside.any():
+        return False
+    strongest = float(np.percentile(force[inside], 98)) or 1.0
+    width = 3.0 * np.minimum(force[inside] / strongest, 1.0)
+    axis.add_collection(
+        LineCollection(list(MM * np.stack([a, b], axis=1)[inside]), colors="crimson", linewidths=width, alpha=0.85)
+    )
+    return True
+
+
+def _draw_meridional_walls(axis: Axes, walls: Sequence[Any], body: str) -> None:
+    colour = WALL_COLOURS.get(body, "#333333")
+    for number, wall in enumerate(walls):
+        (r0, z0), (r1, z1) = wall.start, wall.end
+        label = body if number == 0 else None
+        axis.plot(
+            [MM * z0, MM * z1],
+            [MM * r0, MM * r1],
+            color=colour,
+            lw=2.0,
+            label=label,
+            scalex=False,
+            scaley=False,
+        )
+
+
+def _draw_unrolled_walls(axis: Axes, walls: Sequence[Any], body: str, across: str, layer: tuple[float, float]) -> None:
+    """A wall along the gap that passes through the layer is a horizontal line."""
+    for wall in walls:
+        up, other = (0, 1) if across == "r" else (1, 0)
+        low, high = sorted((wall.start[other], wall.end[other]))
+        level = abs(wall.start[up] - wall.end[up]) <= 1e-9 + 1e-6 * abs(wall.start[up])
+        if level and low < high and high >= layer[0] and low <= layer[1]:
+            axis.axhline(MM * wall.start[up], color=WALL_COLOURS.get(body, "#333333"), lw=2.0)

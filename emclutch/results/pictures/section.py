@@ -1,0 +1,287 @@
+"""Cross-section with |B| in colour, flux lines, region outlines, and the gap with its grains enlarged."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from emclutch.results.pictures.figure_title import LINE, title_lines, write_title
+from emclutch.results.pictures.picture_file import save_picture
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from field.section.smooth_field import SmoothField
+    from geometry import AnnularBox
+
+MM = 1e3
+SMALL_TRIANGLES = 30_000  # to draw in a panel: a quarter of a second
+PARTS = (2, 16)  # of an element's edge, at least and at most
+
+
+def section_picture(
+    path: str | Path,
+    field: SmoothField,
+    *,
+    grains: np.ndarray | None = None,
+    zoom: tuple[float, float, float, float] | None = None,
+    filled: Sequence[AnnularBox] = (),
+    title: str | None = None,
+    flux_lines: int = 24,
+) -> Path:
+    """Draw the field in the (r, z) half-plane: the axis lies at the bottom, r points up.
+
+    Parameters
+    ----------
+    path : PNG to write.
+    field : on a section with `points` (n, 2) r, z [m], `triangles` (k, 3) and `regions` by name.
+    grains : (m, 3) r, z, radius [m] of the grains to draw: those near one half-plane show a slice.
+    zoom : r0, r1, z0, z1 [m] of the enlarged part; None takes the powder where |B| is largest.
+    filled : the parts of the powder's region that are filled: the enlarged part lies in the one with the largest |B|.
+    title : may have several lines.
+    flux_lines : how many there are in the whole section.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    mesh = field.elements.mesh
+    points, triangles = np.asarray(mesh.points), np.asarray(mesh.triangles)
+    magnitude = field.central_magnitude()
+    region = np.empty(len(triangles), dtype=np.int64)
+    for number, elements in enumerate(mesh.regions.values()):
+        region[elements] = number
+    solid = [elements for name, elements in mesh.regions.items() if name != "air"]
+    device = points[triangles[np.concatenate(solid)]].reshape(-1, 2) if solid else points
+    (r0, z0), (r1, z1) = device.min(axis=0), device.max(axis=0)
+    if zoom is None and len(mesh.regions.get("powder", ())):
+        powder = mesh.regions["powder"]
+        centres = points[triangles[powder]].mean(axis=1)
+        part = _strongest_part(centres, magnitude[powder], filled)
+        there = grains
+        if part is not None:
+            powder = powder[_inside(centres, part)]
+            there = None if grains is None else grains[_inside(grains, part)]
+        zoom = _gap_window(points, triangles, powder, magnitude, there)
+
+    margin = 0.08 * max(r1 - r0, z1 - z0)
+    bottom = max(0.0, r0 - margin)
+    # Panels of one height, each as wide as what it shows: else an equal aspect leaves a narrow device in a blank slot.
+    widths = [(z1 - z0 + 2.0 * margin) / (r1 + margin - bottom)]
+    if zoom:
+        widths.append((zoom[3] - zoom[2]) / (zoom[1] - zoom[0]))
+    figure = Figure(dpi=150)
+    FigureCanvasAgg(figure)
+    axes, colour_bar = _lay_out(figure, widths, title)
+    inside = device_mask(points, triangles, (r0, r1, z0, z1))
+    # The 99.5th percentile, not the largest: iron corners are singular and would darken all the rest.
+    top = float(np.percentile(magnitude[inside], 99.5)) or 1.0
+    levels = flux_levels(field, flux_lines)
+    outline = _outline(triangles, region)
+    windows = [(bottom, r1 + margin, z0 - margin, z1 + margin)] + ([zoom] if zoom else [])
+    for axis, window in zip(axes, windows, strict=True):
+        colours = _draw_field(axis, field, window, levels, top)
+        axis.set_aspect("equal")
+        axis.set_xlabel("z [mm]")
+    _lines(axes[0], points, outline, 0.7)
+    axes[0].set_xlim(MM * (z0 - margin), MM * (z1 + margin))
+    axes[0].set_ylim(MM * bottom, MM * (r1 + margin))
+    axes[0].set_ylabel("r [mm]")
+    _region_names(axes[0], mesh, points, triangles, float((r1 - r0) * (z1 - z0)))
+    if len(levels):
+        axes[0].set_title(
+            f"white: flux lines,\n{1e6 * 2.0 * math.pi * (levels[1] - levels[0]):.3g} µWb between them",
+            loc="left",
+            fontsize=10,
+        )
+    if zoom:
+        _draw_zoom(axes[1], axes[0], points, outline, zoom, grains)
+    figure.colorbar(colours, cax=colour_bar, label="|B| [T]", extend="max")
+    return save_picture(figure, path)
+
+
+def flux_levels(field: SmoothField, count: int) -> np.ndarray:
+    """psi [Wb/rad] of the flux lines, (count,), evenly: equal flux between neighbours; none without a field."""
+    low, high = field.range
+    return np.linspace(low, high, count + 2)[1:-1] if high > low else np.empty(0)
+
+
+def _draw_field(
+    axis: Axes, field: SmoothField, window: tuple[float, float, float, float], levels: np.ndarray, top: float
+) -> Any:
+    """|B| in colour, up to `top` [T], and the flux lines in r0, r1, z0, z1 [m]; the colours are returned."""
+    from matplotlib.tri import Triangulation
+
+    mesh = field.elements.mesh
+    corners = np.asarray(mesh.points)[mesh.triangles]
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    r0, r1, z0, z1 = window
+    shown = np.flatnonzero((high[:, 0] >= r0) & (low[:, 0] <= r1) & (high[:, 1] >= z0) & (low[:, 1] <= z1))
+    parts = int(np.clip(math.sqrt(SMALL_TRIANGLES / max(1, len(shown))), *PARTS))
+    fine = field.subdivided(shown, parts)
+    half_plane = Triangulation(MM * fine.points[:, 1], MM * fine.points[:, 0], fine.triangles)
+    magnitude = np.linalg.norm(fine.B, axis=1)
+    colours = axis.tripcolor(
+        half_plane, magnitude, cmap="viridis", vmin=0.0, vmax=top, shading="gouraud", rasterized=True
+    )
+    if len(levels):
+        axis.tricontour(half_plane, fine.psi, levels=levels, colors="white", linewidths=0.6, alpha=0.9)
+    return colours
+
+
+def _lay_out(figure: Figure, widths: list[float], title: str | None) -> tuple[list[Axes], Axes]:
+    """Panels of one height (`widths` are relative to it), and the colour bar's axes; the figure is as wide as they.
+
+    Placed by hand, in inches: with equal aspects matplotlib's constrained layout does not always converge.
+    """
+    left, between, right, bottom = 0.7, 0.75, 1.15, 0.6
+    high = float(np.clip(10.0 / sum(widths), 2.6, 5.0))
+    panels = [min(high * w, 8.0) for w in widths]
+    width = left + sum(panels) + between * (len(panels) - 1) + right
+    lines = title_lines(title, width)
+    height = bottom + high + 0.55 + LINE * len(lines)
+    figure.set_size_inches(width, height)
+    write_title(figure, lines)
+    axes, x = [], left
+    for panel in panels:
+        axes.append(figure.add_axes((x / width, bottom / height, panel / width, high / height)))
+        x += panel + between
+    bar = (x - between + 0.2) / width
+    return axes, figure.add_axes((bar, (bottom + 0.05 * high) / height, 0.2 / width, 0.9 * high / height))
+
+
+def device_mask(points: np.ndarray, triangles: np.ndarray, box: tuple[float, float, float, float]) -> np.ndarray:
+    """Triangles whose centre lies in r0, r1, z0, z1 [m]."""
+    r, z = points[triangles].mean(axis=1).T
+    return (r >= box[0]) & (r <= box[1]) & (z >= box[2]) & (z <= box[3])
+
+
+def _draw_zoom(
+    axis: Axes,
+    whole: Axes,
+    points: np.ndarray,
+    outline: np.ndarray,
+    zoom: tuple[float, float, float, float],
+    grains: np.ndarray | None,
+) -> None:
+    from matplotlib.collections import EllipseCollection
+    from matplotlib.patches import Rectangle
+
+    r0, r1, z0, z1 = zoom
+    _lines(axis, points, outline, 1.2)
+    if grains is not None and len(grains):
+        r, z, radius = np.asarray(grains).T
+        d = 2.0 * MM * radius
+        axis.add_collection(
+            EllipseCollection(
+                d,
+                d,
+                np.zeros_like(d),
+                units="xy",
+                offsets=MM * np.column_stack([z, r]),
+                offset_transform=axis.transData,
+                facecolors="#d9d2c5",
+                edgecolors="black",
+                linewidths=0.5,
+            )
+        )
+    axis.set_xlim(MM * z0, MM * z1)
+    axis.set_ylim(MM * r0, MM * r1)
+    what = "slice through the grains" if grains is not None and len(grains) else "powder gap"
+    axis.set_title(f"{what}, enlarged", loc="left", fontsize=10)
+    frame = Rectangle((MM * z0, MM * r0), MM * (z1 - z0), MM * (r1 - r0), fill=False, ec="crimson", lw=1.2)
+    whole.add_patch(frame)
+    for spine in axis.spines.values():
+        spine.set_edgecolor("crimson")
+
+
+def _outline(triangles: np.ndarray, region: np.ndarray) -> np.ndarray:
+    """Edges (k, 2) between triangles of different regions."""
+    edges = np.sort(np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    owner = np.tile(region, 3)
+    order = np.lexsort((edges[:, 1], edges[:, 0]))
+    edges, owner = edges[order], owner[order]
+    same = (edges[1:] == edges[:-1]).all(axis=1)
+    return edges[1:][same & (owner[1:] != owner[:-1])]
+
+
+def _lines(axis: Axes, points: np.ndarray, edges: np.ndarray, width: float) -> None:
+    from matplotlib.collections import LineCollection
+
+    axis.add_collection(LineCollection(MM * points[edges][:, :, ::-1], colors="black", linewidths=width))
+
+
+def _region_names(axis: Axes, mesh: Any, points: np.ndarray, triangles: np.ndarray, device_area: float) -> None:
+    """Name of each region inside its largest connected part, unless that is too small to hold it."""
+    from matplotlib.patheffects import withStroke
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    for name, elements in mesh.regions.items():
+        if name == "air" or not len(elements):
+            continue
+        corners = triangles[elements]
+        rows, columns = corners.ravel(), np.repeat(np.arange(len(corners)), 3)
+        of_point = coo_array((np.ones(rows.size), (rows, columns)), shape=(len(points), len(corners))).tocsr()
+        _, part = connected_components(of_point.T @ of_point, directed=False)
+        a, b, c = (points[corners[:, i]] for i in range(3))
+        area = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+        largest = part == np.argmax(np.bincount(part, weights=area))
+        if area[largest].sum() < 0.008 * device_area:
+            continue
+        centres = points[corners[largest]].mean(axis=1)
+        middle = np.average(centres, axis=0, weights=area[largest])
+        # The triangle nearest to the centroid: the centroid of an L or a U lies outside of it.
+        r, z = centres[np.argmin(((centres - middle) ** 2).sum(axis=1))]
+        width, height = np.ptp(points[corners[largest]][:, :, 1]), np.ptp(points[corners[largest]][:, :, 0])
+        axis.text(
+            MM * z,
+            MM * r,
+            name,
+            ha="center",
+            va="center",
+            fontsize=8,
+            rotation=90 if height > 2.5 * width else 0,
+            path_effects=[withStroke(linewidth=2.0, foreground="white")],
+        )
+
+
+def _inside(rz: np.ndarray, box: AnnularBox) -> np.ndarray:
+    """Which rows (r, z, ...) [m] lie in a box, bool (n,)."""
+    r, z = rz[:, 0], rz[:, 1]
+    return (r >= box.r0) & (r <= box.r1) & (z >= box.z0) & (z <= box.z1)
+
+
+def _strongest_part(centres: np.ndarray, magnitude: np.ndarray, parts: Sequence[AnnularBox]) -> AnnularBox | None:
+    """The part with the strongest field among elements at (k, 2) [m]; None where no element lies in any."""
+    found = [(magnitude[held].max(), k) for k, box in enumerate(parts) if np.any(held := _inside(centres, box))]
+    return parts[max(found)[1]] if found else None
+
+
+def _gap_window(
+    points: np.ndarray,
+    triangles: np.ndarray,
+    powder: np.ndarray,
+    magnitude: np.ndarray,
+    grains: np.ndarray | None,
+) -> tuple[float, float, float, float]:
+    """A square around the strongest powder field, a few gaps wide; over the grains where there are any."""
+    corners = points[triangles[powder]]
+    if grains is not None and len(grains):
+        (r0, z0), (r1, z1) = grains[:, :2].min(axis=0), grains[:, :2].max(axis=0)
+        side = 1.15 * max(min(r1 - r0, z1 - z0) * 4.0, 12.0 * float(grains[:, 2].max()))
+        centres = grains[:, :2]
+        extent = max(r1 - r0, z1 - z0, 10.0 * float(grains[:, 2].max()))  # a single grain has no extent
+    else:
+        centres = corners.mean(axis=1)
+        extent = float(np.ptp(corners.reshape(-1, 2), axis=0).max())
+        side = 0.3 * extent
+    weight = corners.mean(axis=1)[np.argmax(magnitude[powder])]
+    r, z = centres[np.argmin(((centres - weight) ** 2).sum(axis=1))]
+    half = 0.5 * min(side, 1.2 * extent)
+    return r - half, r + half, z - half, z + half

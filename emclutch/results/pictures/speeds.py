@@ -1,0 +1,248 @@
+"""Speeds of both shafts against time, measured ones laid over; torque against the motor's speed. One run or several."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from emclutch.results.output_error import OutputError
+from emclutch.results.pictures.figure_title import legend_beside
+from emclutch.results.pictures.picture_file import save_picture
+from emclutch.results.time_unit import time_unit
+
+RPM = 60.0 / (2.0 * np.pi)
+MOTOR = "#c4540a"  # as the rotor in the other pictures
+OUTPUTS = ("#0b5fa5", "#2a8c3f", "#8a1c7c", "#b5179e", "#0a7d7d", "#7f6000")
+MARKERS = "osD^v<>P"
+LINES = ("-", "--", "-.", ":")  # the next one when the colours are used up
+LEAST_EXPLAINED = 0.5  # of the torque's variance: a parabola that explains less is not drawn
+LEAST_SLIP = 0.05  # of the motor's speed: below it the shot begins to hold
+VARIES = 1e-3  # of the fastest speed: a free shaft that is held by dry friction trembles
+
+
+def speeds_vary(history: Any) -> bool:
+    """Whether a history has both shafts and the speed of one of them changes."""
+    if "rotor_speed" not in history or "disc_speed" not in history:
+        return False
+    speeds = [_column(history, name) for name in ("rotor_speed", "disc_speed")]
+    fastest = max(float(np.max(np.abs(speed), initial=0.0)) for speed in speeds)
+    return any(bool(len(speed)) and float(np.ptp(speed)) > VARIES * fastest for speed in speeds)
+
+
+def speed_picture(
+    path: str | Path,
+    runs: Mapping[str, Any],
+    *,
+    measured: Mapping[str, np.ndarray] | None = None,
+    title: str | None = None,
+) -> Path:
+    """Draw the speeds of motor (rotor) and output (disc) against time, in rpm.
+
+    Parameters
+    ----------
+    path : PNG to write.
+    runs : name -> history with the columns `time` [s], `rotor_speed` and `disc_speed` [rad/s]; the name is left out
+        of the legend where there is one run only. Motors that turn alike are drawn once.
+    measured : name -> (n, 2) time [s] and speed [rpm], as `read_measured_speeds` returns them; drawn as markers.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10.5, 5.0), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    axis = figure.add_subplot()
+    longest = max((float(np.max(_column(one, "time"), initial=0.0)) for one in runs.values()), default=0.0)
+    unit, factor = time_unit(longest)
+    motors: list[tuple[np.ndarray, np.ndarray]] = []
+    styles = _styles(list(runs))
+    for name, history in runs.items():
+        time, motor, output = (_column(history, column) for column in ("time", "rotor_speed", "disc_speed"))
+        of = f", {name}" if len(runs) > 1 else ""
+        if not any(_alike(other, (time, motor)) for other in motors):
+            same = sum(_alike((_column(h, "time"), _column(h, "rotor_speed")), (time, motor)) for h in runs.values())
+            label, line = "motor" if same == len(runs) else f"motor{of}", ("--", ":", "-.")[len(motors) % 3]
+            axis.plot(factor * time, RPM * motor, color=MOTOR, lw=1.4, ls=line, label=label)
+            motors.append((time, motor))
+        color, line = styles[name]
+        axis.plot(factor * time, RPM * output, color=color, lw=1.6, label=f"output{of}", ls=line)
+    for number, (name, points) in enumerate((measured or {}).items()):
+        every = max(1, len(points) // 60)  # a curve of markers says nothing
+        time, speed = points[::every].T
+        axis.plot(factor * time, speed, ls="", marker=MARKERS[number % len(MARKERS)], ms=4.5, mfc="none",
+                  color="black", label=f"measured: {name}")  # fmt: skip
+    axis.set_xlabel(f"time [{unit}]")
+    axis.set_ylabel("speed [rpm]")
+    axis.axhline(0.0, color="black", lw=0.6, zorder=1)
+    axis.grid(alpha=0.25)
+    axis.margins(x=0.0)
+    legend_beside(axis)
+    if title:
+        axis.set_title(title, loc="left", fontsize=11, parse_math=False)
+    return save_picture(figure, path)
+
+
+def _styles(names: list[str]) -> dict[str, tuple[str, str]]:
+    """Colour and line of each run; one colour for a point that was run by DEM (full line) and by DVI (dashed)."""
+    methods = ("method dem", "method dvi")
+    points = [", ".join(part for part in name.split(", ") if part not in methods) for name in names]
+    order = list(dict.fromkeys(points))
+    if len(order) == len(names):
+        return {
+            name: (OUTPUTS[k % len(OUTPUTS)], LINES[k // len(OUTPUTS) % len(LINES)]) for k, name in enumerate(names)
+        }
+    return {
+        name: (OUTPUTS[order.index(point) % len(OUTPUTS)], "--" if "method dvi" in name.split(", ") else "-")
+        for name, point in zip(names, points, strict=True)
+    }
+
+
+def torque_speed_picture(path: str | Path, runs: Mapping[str, Any], *, title: str | None = None) -> Path:
+    """Draw the torque on the output against the motor's speed while they slip, and the nearest parabola K omega^2.
+
+    Once locked the clutch carries the load, whatever it could: those windows are left out. The parabola is that of the
+    windows in which the output stands, or nearly; a turning output meets the shot at another speed. Its R^2 is in the
+    legend; below `LEAST_EXPLAINED` there is no parabola to speak of.
+
+    Parameters
+    ----------
+    path : PNG to write.
+    runs : name -> history with the columns `rotor_speed`, `disc_speed` [rad/s] and `torque_disc` [N m] (window means).
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10.5, 5.0), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    axis = figure.add_subplot()
+    for number, (name, history) in enumerate(runs.items()):
+        motor, output = _column(history, "rotor_speed"), _column(history, "disc_speed")
+        speed, torque = np.abs(motor), _column(history, "torque_disc")
+        slips = np.abs(motor - output) > LEAST_SLIP * speed
+        stands = slips & (np.abs(output) <= LEAST_SLIP * speed)
+        colour, of = OUTPUTS[number % len(OUTPUTS)], f"{name}: " if len(runs) > 1 else ""
+        axis.plot(RPM * speed[stands], torque[stands], ls="", marker=".", ms=3.5, alpha=0.6, color=colour)
+        moving = slips & ~stands
+        axis.plot(RPM * speed[moving], torque[moving], ls="", marker="o", ms=3.0, mfc="none", mew=0.6, alpha=0.6,
+                  color=colour, label=f"{of}the output turns" if moving.any() else None)  # fmt: skip
+        factor = quadratic_factor(speed[stands], torque[stands])
+        explained = None if factor is None else explained_share(factor, speed[stands], torque[stands])
+        if factor is not None and explained is not None and explained >= LEAST_EXPLAINED:
+            along = np.linspace(0.0, float(speed[slips].max()), 101)
+            at_1000 = factor * (1000.0 / RPM) ** 2
+            axis.plot(RPM * along, factor * along**2, color=colour, lw=1.6,
+                      label=f"{of}{at_1000:.3g} N m · (rpm/1000)², R² = {explained:.2f}")  # fmt: skip
+    axis.set_xlabel("speed of the motor [rpm]")
+    axis.set_ylabel("torque on the output [N m]")
+    axis.axhline(0.0, color="black", lw=0.6, zorder=1)
+    axis.grid(alpha=0.25)
+    axis.margins(x=0.0)
+    legend_beside(axis)
+    if title:
+        axis.set_title(title, loc="left", fontsize=11, parse_math=False)
+    return save_picture(figure, path)
+
+
+def quadratic_factor(speed: np.ndarray, torque: np.ndarray) -> float | None:
+    """K [N m s^2] of the parabola K omega^2 nearest to the torques; None where nothing turns."""
+    square = np.square(np.asarray(speed, dtype=np.float64))
+    return float(square @ torque / (square @ square)) if np.any(square) else None
+
+
+def explained_share(factor: float, speed: np.ndarray, torque: np.ndarray) -> float | None:
+    """R^2 of the parabola: the share of the torques' variance about their mean that it explains; None of one torque."""
+    total = float(np.sum((torque - np.mean(torque)) ** 2))
+    left = float(np.sum((torque - factor * np.square(speed)) ** 2))
+    return 1.0 - left / total if total > 0.0 else None
+
+
+def power_law(speed: Any, torque: Any, error: Any = None) -> tuple[float, float, float] | None:
+    """Factor [N m s^p] and exponent p of the law factor speed^p nearest to the torques, and the error of p.
+
+    Least squares in ln torque over ln speed, each point by its standard ``error`` [N m] (all alike where one is
+    missing); where the points scatter more than their errors say, the scatter counts. None with fewer than three points
+    that turn and transmit, of two speeds at the least.
+    """
+    speed, torque = np.asarray(speed, dtype=np.float64), np.asarray(torque, dtype=np.float64)
+    used = (speed > 0.0) & (torque > 0.0)
+    if np.count_nonzero(used) < 3 or not np.ptp(speed[used]):
+        return None
+    x, y = np.log(speed[used]), np.log(torque[used])
+    sigma = np.ones_like(torque) if error is None else np.asarray(error, dtype=np.float64)
+    known = bool(np.all(np.isfinite(sigma[used]) & (sigma[used] > 0.0))) and error is not None
+    weight = (torque[used] / sigma[used]) ** 2 if known else np.ones_like(x)
+    middle = np.average(x, weights=weight)
+    spread = float(np.sum(weight * (x - middle) ** 2))
+    exponent = float(np.sum(weight * (x - middle) * y)) / spread
+    level = float(np.average(y, weights=weight)) - exponent * float(middle)
+    scatter = float(np.sum(weight * (y - level - exponent * x) ** 2)) / (len(x) - 2)
+    return math.exp(level), exponent, math.sqrt((max(1.0, scatter) if known else scatter) / spread)
+
+
+def read_measured_speeds(path: str | Path) -> dict[str, np.ndarray]:
+    """Measured speeds from a table: the time [s] in the first column, a speed [rpm] in each further one.
+
+    The first line holds the columns' names. Columns are parted by commas, semicolons or tabs; with the latter two a
+    comma may be the decimal sign. An empty cell is a value that was not measured.
+
+    Returns
+    -------
+    dict
+        Name of the column -> (n, 2) time [s] and speed [rpm], by time.
+
+    Raises
+    ------
+    OutputError
+        The table has no names, fewer than two columns, or a cell that is no number; with the line.
+    """
+    text = Path(path).read_text(encoding="utf-8-sig")
+    first = text.partition("\n")[0]
+    separator = next((mark for mark in ";\t" if mark in first), ",")
+    rows = [row for row in csv.reader(io.StringIO(text), delimiter=separator)]
+    names = [name.strip() for name in rows[0]] if rows else []
+    if len(names) < 2 or any(_number(name, separator) is not None for name in names):
+        raise OutputError(
+            f"{path}: the first line is '{first.strip()}'; it must name the columns, e.g. time{separator}motor"
+            f"{separator}output, the time in s and speeds in rpm below"
+        )
+    found: dict[str, list[tuple[float, float]]] = {name: [] for name in names[1:]}
+    for line, row in enumerate(rows[1:], start=2):
+        if not any(cell.strip() for cell in row):
+            continue
+        values = [_number(cell, separator) for cell in row]
+        if len(row) != len(names) or values[0] is None:
+            raise OutputError(f"{path}, line {line}: {separator.join(row)!r} is not a time and {len(names) - 1} speeds")
+        for name, cell, value in zip(names[1:], row[1:], values[1:], strict=True):
+            if value is not None:
+                found[name].append((values[0], value))
+            elif cell.strip():
+                raise OutputError(f"{path}, line {line}: {cell.strip()!r} in column {name!r} is not a number")
+    return {name: np.array(sorted(points)).reshape(-1, 2) for name, points in found.items()}
+
+
+def _number(cell: str, separator: str) -> float | None:
+    try:
+        value = float(cell if separator == "," else cell.replace(",", "."))
+    except ValueError:
+        return None
+    return value if np.isfinite(value) else None
+
+
+def _column(history: Any, name: str) -> np.ndarray:
+    if name not in history:
+        raise OutputError(f"the history has no {name}: the scene has no such shaft")
+    return np.asarray(history[name], dtype=np.float64)
+
+
+def _alike(one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]) -> bool:
+    """Whether two courses agree to 1 % of the larger one's peak, at the times of the first."""
+    scale = max(np.max(np.abs(one[1]), initial=0.0), np.max(np.abs(other[1]), initial=0.0))
+    if not len(one[0]) or not len(other[0]):
+        return False
+    within = one[0] <= other[0][-1]
+    return bool(np.all(np.abs(np.interp(one[0], *other) - one[1])[within] <= 0.01 * scale))

@@ -1,0 +1,135 @@
+"""Torques against time, with the steady part and its mean, and what drove them below."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from emclutch.results.pictures.figure_title import legend_beside
+from emclutch.results.pictures.picture_file import save_picture
+from emclutch.results.statistics import Estimate
+from emclutch.results.time_unit import time_unit
+
+COLOURS = {"disc": "#0b5fa5", "rotor": "#c4540a", "housing": "#6a6a6a"}
+RPM = 60.0 / (2.0 * np.pi)
+
+
+def torque_picture(
+    path: str | Path, history: Any, estimate: Estimate | None = None, others: Any = (), *, title: str | None = None
+) -> Path:
+    """Draw the torques on the bodies, and current and speeds where they vary.
+
+    Parameters
+    ----------
+    path : PNG to write.
+    history : table with the columns of `history.COLUMNS` (pandas, or a dictionary of arrays).
+    estimate : of the disc's torque; its steady part is shaded and its mean drawn ± standard error; an unknown one is
+        said, and no band is drawn.
+    others : histories of the other replicas: their torque on the disc is drawn thin, as the mean is of all of them.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    time = np.asarray(history["time"], dtype=np.float64)
+    unit_of_time, time_factor = time_unit(np.max(time, initial=0.0))
+    time = time_factor * time
+    drives = [name for name in ("current", "rotor_speed", "disc_speed") if name in history and varies(history[name])]
+    rows = 2 if drives else 1
+    figure = Figure(figsize=(9.0, 4.6 + 2.0 * (rows - 1)), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(rows, 1, sharex=True, squeeze=False, height_ratios=[2.4, 1.0][:rows])[:, 0]
+    axis = axes[0]
+    shown = [body for body in COLOURS if f"torque_{body}" in history]
+    unit, factor = torque_unit([np.asarray(history[f"torque_{body}"], dtype=np.float64) for body in shown])
+    for body in shown:
+        torque = factor * np.asarray(history[f"torque_{body}"], dtype=np.float64)
+        if body == "housing" and not torque.any():
+            continue
+        axis.plot(time, torque, color=COLOURS[body], lw=1.0, label=f"on the {body}")
+        if f"torque_{body}_field" in history:
+            part = factor * np.asarray(history[f"torque_{body}_field"], dtype=np.float64)
+            axis.plot(time, part, color=COLOURS[body], lw=0.8, ls=":", label="of it by its slots' field")
+    for number, other in enumerate(others):
+        label = None if number else "on the disc, other packings"
+        torque = factor * np.asarray(other["torque_disc"], dtype=np.float64)
+        axis.plot(time_factor * np.asarray(other["time"]), torque, color="#7fb2dd", lw=0.6, zorder=1, label=label)
+    axis.axhline(0.0, color="black", lw=0.6)
+    if estimate is not None and estimate.mean is not None and estimate.start is not None:
+        start = time_factor * estimate.start
+        axis.axvspan(start, time[-1], color="#0b5fa5", alpha=0.07, lw=0, label="averaged part")
+        mean, error = factor * estimate.mean, estimate.standard_error
+        digits = max(0, 1 - math.floor(math.log10(factor * error))) if error else 3
+        label = f"disc{f', {estimate.replicas} packings:' if estimate.replicas > 1 else ''} {mean:.{digits}f}"
+        if error is not None:
+            label += f" ± {factor * error:.{digits}f} (standard error)"
+            half, limits = factor * (estimate.half_width() or error), axis.get_ylim()
+            axis.fill_between(
+                [start, time[-1]], mean - half, mean + half, color="#0b5fa5", alpha=0.15, lw=0, label="95 % interval"
+            )
+            axis.set_ylim(limits)  # of few packings it is wider than the picture
+            axis.fill_between(
+                [start, time[-1]],
+                mean - factor * error,
+                mean + factor * error,
+                color="#0b5fa5",
+                alpha=0.35,
+                lw=0,
+                zorder=3,
+            )
+        label += f" {unit}" + (", error unknown" if error is None else "")
+        label += "" if estimate.converged else " (not converged)"
+        axis.plot([start, time[-1]], [mean, mean], color="black", lw=1.4, ls="--", label=label, zorder=4)
+        if not estimate.converged:
+            figure.supxlabel(estimate.reason, x=0.01, ha="left", fontsize=8, color="crimson", parse_math=False)
+    axis.set_ylabel(f"torque [{unit}]")
+    legend_beside(axis)
+    axis.margins(x=0.0)
+    if title:
+        axis.set_title(title, loc="left", fontsize=11, parse_math=False)
+    if drives:
+        _draw_drives(axes[1], time, history, drives)
+    axes[-1].set_xlabel(f"time [{unit_of_time}]")
+    return save_picture(figure, path)
+
+
+def _draw_drives(axis: Any, time: np.ndarray, history: Any, drives: list[str]) -> None:
+    speeds = [name for name in drives if name != "current"]
+    if "current" in drives:
+        axis.plot(time, np.asarray(history["current"]), color="#8a1c7c", lw=1.2, label="current")
+        axis.set_ylabel("current [A]")
+    in_gap = "current" in drives and not speeds and "gap_flux_density" in history
+    right = axis.twinx() if "current" in drives and (speeds or in_gap) else axis
+    if in_gap:
+        right.plot(time, np.asarray(history["gap_flux_density"]), color="#2a8c3f", lw=1.2, label="|B| in the gap")
+        right.set_ylabel("|B| under the poles [T]")
+        right.set_ylim(bottom=0.0)
+        if np.min(history["current"]) >= 0.0:
+            axis.set_ylim(bottom=0.0)
+    for name in speeds:
+        body = name.removesuffix("_speed")
+        right.plot(time, RPM * np.asarray(history[name]), color=COLOURS[body], lw=1.2, ls="-.", label=f"{body} speed")
+    if speeds:
+        right.set_ylabel("speed [rpm]")
+    right.margins(x=0.0)
+    handles, labels = axis.get_legend_handles_labels()
+    if right is not axis:
+        more = right.get_legend_handles_labels()
+        handles, labels = handles + more[0], labels + more[1]
+    legend_beside(axis, away=1.0 if right is axis else 1.13, handles=handles, labels=labels)
+
+
+def varies(values: Any) -> bool:
+    """Whether a column changes by more than round-off."""
+    array = np.asarray(values, dtype=np.float64)
+    return bool(array.size and np.ptp(array) > 1e-6 * np.max(np.abs(array)))
+
+
+def torque_unit(torques: list[np.ndarray]) -> tuple[str, float]:
+    """Unit with a prefix, and the factor from N m, in which the largest of some torques is a handy number."""
+    largest = max((float(np.max(np.abs(t), initial=0.0)) for t in torques), default=0.0)
+    if largest >= 0.1 or largest == 0.0:
+        return "N m", 1.0
+    return ("mN m", 1e3) if largest >= 1e-4 else ("µN m", 1e6)

@@ -1,0 +1,125 @@
+"""Pictures of torque curves: torque against current with its linear range, torque against speed with its power law."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from emclutch.results.linear_range import LinearRange
+from emclutch.results.pictures.figure_title import legend_below
+from emclutch.results.pictures.picture_file import save_picture
+from emclutch.results.pictures.speeds import RPM, power_law
+from emclutch.results.torque_curves import NORMAL, TorqueCurve
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+COLOURS = ("#0b5fa5", "#2a8c3f", "#8a1c7c", "#b8860b", "#00868b", "#a52a2a", "#6a6a6a", "#4b3fbf")
+LAW = "#c4540a"
+
+
+def torque_against_current_picture(
+    path: str | Path,
+    curves: Sequence[TorqueCurve],
+    ranges: Sequence[LinearRange] = (),
+    *,
+    title: str | None = None,
+) -> Path:
+    """Draw the torque that each current transmits, with its 95 % interval.
+
+    Parameters
+    ----------
+    path : PNG to write.
+    curves : over the current [A]; points that are not converged are drawn hollow, those of unknown error as hollow
+        diamonds without a bar.
+    ranges : of each curve; a thin line is drawn through a linear range, with a mark at its knee.
+    """
+    figure, axis = _torque_axes(curves, title, joined=True)
+    for curve, found in zip(curves, ranges, strict=False):
+        _draw_range(axis, curve, found)
+    axis.set_xlabel("coil current [A]")
+    legend_below(axis, 2)
+    return save_picture(figure, path)
+
+
+def torque_against_speed_picture(path: str | Path, curves: Sequence[TorqueCurve], *, title: str | None = None) -> Path:
+    """Draw the torque that is transmitted at each speed of the motor, and the power law through it.
+
+    Parameters
+    ----------
+    path : PNG to write.
+    curves : over the speed [rad/s]; drawn as for currents.
+    """
+    in_rpm = [curve.along(RPM * np.abs(curve.x)) for curve in curves]
+    figure, axis = _torque_axes(in_rpm, title, joined=False)
+    for curve in curves:
+        speed = np.abs(curve.x)
+        law = power_law(speed, np.abs(curve.torque), curve.error)
+        if law is not None:
+            factor, exponent, error = law
+            along = np.linspace(0.0, float(speed.max()), 201)[1:]
+            label = f"{factor * (1000.0 / RPM) ** exponent:.3g} N m · (rpm/1000)^({exponent:.2f} ± {error:.2f})"
+            sign = np.sign(np.nansum(curve.torque))
+            axis.plot(RPM * along, sign * factor * along**exponent, color=LAW, lw=1.2, label=label)
+    axis.set_xlabel("speed of the motor [rpm]")
+    axis.set_xlim(left=0.0)
+    legend_below(axis, 2)
+    return save_picture(figure, path)
+
+
+def _draw_range(axis: Axes, curve: TorqueCurve, found: LinearRange) -> None:
+    """The line over its range and to its offset; of a range that nothing tells, no line."""
+    if found.slope is None or found.offset is None or found.slope_error is None or not found.is_tested:
+        return
+    end = found.last if found.knee is None else found.knee
+    sign = -1.0 if np.nanmean(curve.x) < 0.0 else 1.0
+    along = np.array([max(found.offset, 0.0), end])
+    label = f"{found.slope:.3g} ± {found.slope_error:.1g} N m/A"
+    if found.knee is not None:
+        label += f", knee at {found.knee:.3g} ± {found.knee_error:.1g} A"
+        axis.plot(sign * found.knee, found.slope * (found.knee - found.offset), "|", ms=12, color=LAW)
+    axis.plot(sign * along, found.slope * (along - found.offset), color=LAW, lw=0.9, label=label)
+
+
+def _torque_axes(curves: Sequence[TorqueCurve], title: str | None, *, joined: bool) -> tuple[Figure, Axes]:
+    """Torques with their error bars; hollow where not converged, without a bar where the error is unknown."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.0, 4.8), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    axis = figure.add_subplot()
+    told: set[str] = set()
+
+    def once(label: str) -> str:
+        """The meaning of a mark, said of the first curve that has it."""
+        first = label not in told
+        told.add(label)
+        return label if first else "_nolegend_"
+
+    for number, curve in enumerate(curves):
+        colour = COLOURS[number % len(COLOURS)]
+        bars = NORMAL * curve.error
+        known = np.isfinite(bars)
+        if joined or len(curves) > 1:
+            axis.plot(curve.x, curve.torque, color=colour, lw=0.8, alpha=0.6, label=curve.label or "_nolegend_")
+        for chosen, fill, label in (
+            (known & curve.converged, colour, "95 % interval"),
+            (known & ~curve.converged, "white", "95 % interval, not converged"),
+        ):
+            if chosen.any():
+                axis.errorbar(curve.x[chosen], curve.torque[chosen], bars[chosen], fmt="o", ms=6, mfc=fill, capsize=4,
+                              color=colour, lw=1.2, label=once(label))  # fmt: skip
+        if not known.all():
+            axis.plot(curve.x[~known], curve.torque[~known], "D", ms=6, mfc="white", color=colour,
+                      label=once("error unknown"))  # fmt: skip
+    axis.axhline(0.0, color="black", lw=0.6)
+    axis.set_ylabel("torque on the disc [N m]")
+    axis.grid(alpha=0.25)
+    if title:
+        axis.set_title(title, loc="left", fontsize=11, parse_math=False)
+    return figure, axis

@@ -1,0 +1,74 @@
+"""Torques of several runs over one another, each with the 95 % band of its mean."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from emclutch.results.output_error import OutputError
+from emclutch.results.pictures.figure_title import legend_beside
+from emclutch.results.pictures.picture_file import save_picture
+from emclutch.results.pictures.torque import torque_unit
+from emclutch.results.time_unit import time_unit
+
+if TYPE_CHECKING:
+    from emclutch.results.result import Result
+
+COLOURS = ("#0b5fa5", "#c4540a", "#2a8c3f", "#8a1c7c", "#7f6000", "#0a7d7d", "#b5179e", "#6a6a6a")
+LINES = ("-", "--", "-.", ":")  # the next one when the colours are used up
+
+
+def torque_overlay_picture(path: str | Path, runs: Mapping[str, Result], *, title: str | None = None) -> Path:
+    """Draw the torque on the disc against time of several runs, and of each the mean over its steady part.
+
+    Parameters
+    ----------
+    path : PNG to write.
+    runs : name -> result. A run of several packings is drawn by its first, thin; its mean and its band are of all. A
+        mean of unknown error is drawn without a band, and one that is not converged is said to be so.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    torques = {name: _torque(result) for name, result in runs.items()}
+    figure = Figure(figsize=(11.0, 5.0), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    axis = figure.add_subplot()
+    unit, factor = torque_unit(list(torques.values()))
+    times = {name: result.history["time"].to_numpy() for name, result in runs.items()}
+    unit_of_time, in_unit = time_unit(max((float(time[-1]) for time in times.values()), default=0.0))
+    for number, (name, result) in enumerate(runs.items()):
+        colour, line = COLOURS[number % len(COLOURS)], LINES[number // len(COLOURS) % len(LINES)]
+        axis.plot(in_unit * times[name], factor * torques[name], color=colour, lw=0.7, ls=line, alpha=0.7)
+        estimate = result.torque
+        label = f"{name}: no mean"
+        if estimate.mean is not None and estimate.start is not None:
+            steady = [in_unit * estimate.start, in_unit * float(times[name][-1])]
+            half = estimate.half_width()
+            mean = factor * estimate.mean
+            error = "error unknown" if half is None else f"± {factor * half:.2g} (95 %)"
+            label = f"{name}: {mean:.4g} {error} {unit}"
+            if half is not None:
+                axis.fill_between(steady, mean - factor * half, mean + factor * half, color=colour, alpha=0.2, lw=0)
+            label += "" if estimate.converged else ", not converged"
+            axis.plot(steady, [mean, mean], color=colour, lw=2.0, ls=line, label=label)
+        else:
+            axis.plot([], [], color=colour, lw=2.0, ls=line, label=label)
+    axis.axhline(0.0, color="black", lw=0.6, zorder=1)
+    axis.set_xlabel(f"time [{unit_of_time}]")
+    axis.set_ylabel(f"torque on the disc [{unit}]")
+    axis.grid(alpha=0.25)
+    axis.margins(x=0.0)
+    legend_beside(axis)
+    if title:
+        axis.set_title(title, loc="left", fontsize=11, parse_math=False)
+    return save_picture(figure, path)
+
+
+def _torque(result: Result) -> np.ndarray:
+    if "torque_disc" not in result.history:
+        raise OutputError(f"{result.folder.history} has no torque_disc: the scene has no disc")
+    return result.history["torque_disc"].to_numpy()

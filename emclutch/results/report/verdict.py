@@ -1,0 +1,148 @@
+"""What is to be said first of a run: is its torque known and to what, do its balances close, what is missing."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+import numpy as np
+
+from emclutch.results import OutputError, Result
+from emclutch.results.missing_pictures import pictures_are_missing
+from emclutch.results.report.markdown import closing_lines, soft_grains
+from emclutch.results.time_unit import time_in_words
+
+CLOSES = 0.01
+"""A balance that is off by less, of the torque or of the energy that goes through, says nothing of the results: the
+statistical errors are larger."""
+
+
+ROUGH = 0.1
+"""A torque whose 95 % interval reaches further than this share of it is known roughly only."""
+
+
+class Mark(Enum):
+    """How a statement is to be taken."""
+
+    GOOD = "good"
+    POOR = "poor"
+    NOTE = "note"
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """One line of a verdict."""
+
+    mark: Mark
+    text: str
+
+
+def verdict(result: Result) -> list[Statement]:
+    """The statements on a run, finished or not; the torque first."""
+    summary = result.summary
+    found = list(_of_the_end(result, summary))
+    if "torque_disc" in result.history:
+        found[:0] = _of_the_torque(result, summary)
+    found += _of_the_balances(result, summary)
+    found += [Statement(Mark.POOR, text) for text in _cautions(summary)]
+    return found + list(_of_what_is_missing(result, summary))
+
+
+def torque_in_words(result: Result) -> str:
+    """A run's torque with its 95 % interval."""
+    torque = result.torque
+    if torque.mean is None:
+        return "no torque"
+    interval = torque.interval()
+    if interval is None:
+        return f"{torque.mean:.4g} N m, error unknown"
+    return f"{torque.mean:.4g} N m, 95 % interval {interval[0]:.4g} to {interval[1]:.4g} N m"
+
+
+def _of_the_torque(result: Result, summary: dict[str, Any]) -> Iterator[Statement]:
+    torque = result.torque
+    half = torque.half_width()
+    words = torque_in_words(result)
+    if not torque.converged:
+        yield Statement(Mark.POOR, f"The torque on the disc is not known: {words}; {torque.reason}.")
+    elif half is None or not torque.mean:
+        yield Statement(Mark.POOR, f"The torque on the disc is not known: {words}.")
+    else:
+        share, short = half / abs(torque.mean), bool(summary.get("until")) and not summary["until"]["reached"]
+        packings = f"of {torque.replicas} packings" if torque.replicas > 1 else "of one packing"
+        yield Statement(
+            Mark.POOR if short or share >= 1.0 else Mark.NOTE if share > ROUGH else Mark.GOOD,
+            f"The torque on the disc is known to {100.0 * share:.2g} %: {words}, {packings}.",
+        )
+    if torque.replicas == 1:
+        yield Statement(Mark.POOR, "One packing ran: what packings differ by is not in the error.")
+    until = summary.get("until")
+    if until and not until["reached"]:
+        reason = f": {until['reason']}" if until["reason"] != torque.reason else ""
+        yield Statement(Mark.POOR, f"It is not known as well as asked for ({until['asked']}){reason}.")
+    elif until:
+        yield Statement(Mark.GOOD, f"It is known as well as asked for ({until['asked']}).")
+
+
+def _of_the_end(result: Result, summary: dict[str, Any]) -> Iterator[Statement]:
+    if not summary:
+        reached = time_in_words(float(result.history["time"].iloc[-1]))
+        how = f"go on with: emclutch run {result.folder.path} --resume"
+        yield Statement(Mark.POOR, f"The run is not finished: it has come to {reached}; {how}")
+    elif "lock_up_time" in summary:
+        yield Statement(Mark.NOTE, f"{closing_lines(result)[0].capitalize()}.")
+
+
+def _of_the_balances(result: Result, summary: dict[str, Any]) -> Iterator[Statement]:
+    history = result.history
+    if summary and "torque_disc" in history:
+        scale = float(np.sqrt((history["torque_disc"] ** 2).mean()))
+        yield _closes("torques", summary["torque_residual_rms"] / scale if scale else None, "of the torque")
+    if summary:
+        yield _closes("energies", summary["energy_residual_relative"], "of the energy that goes through")
+
+
+def _closes(what: str, share: float | None, of: str) -> Statement:
+    if share is None:
+        return Statement(Mark.NOTE, f"The balance of {what} has nothing to compare with: nothing moves or resists.")
+    size = f"to {100.0 * abs(share):.1g} % {of}"
+    if abs(share) < CLOSES:
+        return Statement(Mark.GOOD, f"The balance of {what} closes {size}.")
+    return Statement(Mark.POOR, f"The balance of {what} does not close: it is off by {size.removeprefix('to ')}.")
+
+
+def _cautions(summary: dict[str, Any]) -> Iterator[str]:
+    if summary and (soft := soft_grains(summary)):
+        yield f"{soft[:1].upper()}{soft[1:]}."
+    for part in ("solver", "moments"):
+        if caution := (summary.get(part) or {}).get("caution"):
+            yield f"{caution[:1].upper()}{caution[1:]}."
+
+
+def _of_what_is_missing(result: Result, summary: dict[str, Any]) -> Iterator[Statement]:
+    if errors := summary.get("field_error_estimate"):
+        worst = max(errors, key=lambda name: abs(errors[name]))
+        yield Statement(
+            Mark.NOTE, f"The field's discretisation is off by some {100.0 * errors[worst]:.2g} % ({worst}; estimated)."
+        )
+    if summary and summary.get("discretisation_error") is None:
+        yield Statement(
+            Mark.NOTE,
+            "What the time step of the grains and the mesh do to the torque was not measured; emclutch accuracy does.",
+        )
+    if pictures_are_missing(result.folder):
+        yield Statement(Mark.POOR, f"Its pictures are missing; draw them with: emclutch plot {result.folder.path}")
+
+
+def effects_of(result: Result) -> list[str]:
+    """Names of the effects that a run has, by its summary; of one without, by its scene."""
+    summary = result.summary
+    if "effects" in summary:
+        return list(summary["effects"])
+    try:
+        return list(tomllib.loads(result.folder.read_case()).get("effects", {}))
+    except OutputError:  # a folder that lost its scene has a history all the same
+        return []

@@ -1,0 +1,51 @@
+"""``paraview.py`` of a run: `paraview_scene.py` with what this run's files hold written into its head."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+from emclutch.results.atomic_file import replace_text
+from emclutch.results.view.run_files import RunFiles
+
+NAME = "paraview.py"
+SCENE = Path(__file__).with_name("paraview_scene.py")
+
+
+def script_text(files: RunFiles) -> str:
+    """The script for a run."""
+    known: dict[str, Any] = {
+        "COLOUR": next(iter(files.colours), ""),
+        "LOOK": "gap" if files.colours else "device",
+        "RUN": str(files.folder),
+        "TITLE": files.title,
+        "SECTOR": None if files.sector is None else round(math.degrees(files.sector), 9),
+        "AIR": files.air,
+        "FIELD": files.field,
+        "WHERE": "POINTS" if files.field_at_points else "CELLS",
+        "BODIES": tuple(files.bodies),
+        "QUANTITIES": files.colours,
+    }
+    text = re.sub(r"^# (ruff|mypy): .*\n", "", SCENE.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    for name, value in known.items():
+        line = re.search(rf"^{name} = (.*?)(?=  # |$)", text, flags=re.MULTILINE)
+        assert line is not None, f"{SCENE} has no line {name} = ..."
+        text = text[: line.start(1)] + _written(value) + text[line.end(1) :]
+    return text
+
+
+def _written(value: Any) -> str:
+    """A value as Python, a dictionary with a line an entry."""
+    if not isinstance(value, dict):
+        return repr(value)
+    return "{\n" + "".join(f"    {key!r}: {entry!r},\n" for key, entry in value.items()) + "}"
+
+
+def write_script(files: RunFiles) -> Path:
+    """Write a run's script where it has none: one that is there may have been edited."""
+    path = files.folder / NAME
+    if not path.exists():
+        replace_text(path, script_text(files))
+    return path

@@ -1,0 +1,186 @@
+"""A run in pyvista: a window with a slider of time, a picture, or a movie."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyvista
+
+from emclutch.results.view.frame_meshes import frame_meshes
+from emclutch.results.view.run_files import LOOKS, RunFiles
+from emclutch.scene.errors import Fault, SceneError
+
+SIZE = (1400, 1000)  # pixels
+FRAMES_A_SECOND = 10
+BARS = {"grains": 0.68, "chains": 0.37, "field": 0.06}  # bottom of each colour bar, in heights of the picture
+SHOWN_AS: dict[str, dict[str, Any]] = {
+    "grains": {"cmap": "viridis"},
+    "chains": {"cmap": "OrRd"},
+    "walls": {"rgb": True, "opacity": 0.3},
+    "section": {"cmap": "BuPu", "lighting": False},
+    "lines": {"color": (0.25, 0.25, 0.25), "line_width": 2.0},
+    "device": {"cmap": "BuPu", "ambient": 0.7, "diffuse": 0.35},
+}
+
+
+class RunView:
+    """One view of a run, drawn anew for each moment.
+
+    Parameters
+    ----------
+    files : what the run's folder holds.
+    look : one of `LOOKS`.
+    colour : of the grains, one of the run's colours; None where there are no grains.
+    window : whether a window is to open.
+    """
+
+    def __init__(
+        self, files: RunFiles, look: str, colour: str | None, *, window: bool, size: tuple[int, int] = SIZE
+    ) -> None:
+        self.files, self.look, self.colour = files, look, colour
+        with pyvista.vtk_verbosity("off"):  # without a screen vtk complains before it draws in memory
+            plotter: Any = pyvista.Plotter(off_screen=not window, window_size=list(size))
+        self.plotter = plotter
+        self.plotter.set_background("white")
+        self.plotter.render_window.SetMultiSamples(0)  # else what is translucent is missing where Mesa draws
+        self.plotter.enable_depth_peeling(4)
+        self.plotter.enable_anti_aliasing("ssaa")
+        self.plotter.add_axes(color="black")
+        self.plotter.add_text(files.title, position=(0.02, 0.945), viewport=True, font_size=10, color="black")
+        self._limits: dict[str, tuple[float, float]] = {}
+        self._aimed = False
+
+    def draw(self, time: float) -> None:
+        """Show the moment that was written nearest to a time [s]."""
+        time = self.files.nearest_time(time)
+        meshes = frame_meshes(self.files, time, LOOKS[self.look], self.colour)
+        for part in SHOWN_AS:
+            if part in meshes:
+                self._add(part, meshes[part])
+            else:
+                self.plotter.remove_actor(part, render=False)
+        self.plotter.add_text(
+            f"t = {1e3 * time:.3f} ms", position=(0.02, 0.9), viewport=True, font_size=10, color="black", name="time"
+        )
+        if not self._aimed and meshes:
+            self._aim(meshes)
+            self._aimed = True
+
+    def _add(self, part: str, mesh: Any) -> None:
+        options: dict[str, Any] = {"name": part, "show_scalar_bar": False, "reset_camera": False, "render": False}
+        options |= SHOWN_AS[part]
+        if part == "grains" and self.look == "chains":
+            options["opacity"] = 0.15
+        if part == "device" and self.files.field == "space":
+            options["opacity"] = 0.4  # the grains are inside
+        if part != "lines":
+            options["scalars"] = "shown"
+        bar = {"section": "field", "device": "field"}.get(part, part)
+        if bar in BARS:
+            if bar not in self._limits:  # of the first moment drawn: colours of a movie keep their meaning
+                low, high = float(np.min(mesh["shown"])), float(np.max(mesh["shown"]))
+                self._limits[bar] = (low, high if high > low else low + (abs(low) or 1.0))
+            options["clim"] = self._limits[bar]
+            options["show_scalar_bar"] = True
+            options["scalar_bar_args"] = {
+                "title": self._label(bar),
+                "vertical": True,
+                "position_x": 0.89,
+                "position_y": BARS[bar],
+                "height": 0.25,
+                "width": 0.06,
+                "color": "black",
+                "title_font_size": 18,
+                "label_font_size": 16,
+                "fmt": "%.3g",
+                "n_labels": 4,
+                "render": False,
+            }
+        self.plotter.add_mesh(mesh, **options)
+        if bar in BARS:
+            self.plotter.scalar_bars[self._label(bar)].SetVerticalTitleSeparation(12)
+
+    def _label(self, bar: str) -> str:
+        if bar == "grains":
+            assert self.colour is not None
+            return self.files.colours[self.colour][1]
+        return {"chains": "contact force [N]", "field": "flux density B [T]"}[bar]
+
+    def _aim(self, meshes: dict[str, Any]) -> None:
+        """Turn the camera: r up and z to the right, as in section.png; on a full circle along its axis."""
+        target = meshes.get("device" if self.look == "device" else "grains", next(iter(meshes.values())))
+        if self.look == "device":
+            towards, up, margin = (0.5, 1.0, 0.5), (1.0, 0.0, 0.0), 0.48
+        elif self.files.sector is not None:
+            towards, up, margin = (0.3, 1.0, 0.12), (1.0, 0.0, 0.0), 0.47
+        else:
+            towards, up, margin = (0.35, 0.5, 1.0), (0.0, 1.0, 0.0), 0.45
+        reach = target.length  # diagonal of the box around it
+        middle = np.array(target.center)
+        camera = self.plotter.camera
+        camera.focal_point = middle
+        camera.position = middle + 2.0 * reach * np.array(towards) / np.linalg.norm(towards)
+        camera.up = up
+        camera.parallel_projection = True
+        camera.parallel_scale = margin * reach
+        self.plotter.reset_camera_clipping_range()
+
+
+def screenshot(view: RunView, path: Path, time: float | None) -> Path:
+    """Write a picture of the moment nearest to a time [s], of the last for None."""
+    view.draw(view.files.nearest_time(time))
+    with pyvista.vtk_verbosity("off"):
+        view.plotter.screenshot(path)
+    view.plotter.close()
+    return path
+
+
+def movie(view: RunView, path: Path) -> Path:
+    """Write a movie of all moments: .gif, or .mp4, for which pyvista needs imageio and imageio-ffmpeg."""
+    times = view.files.times
+    view.draw(times[-1])  # the colours are those of the last moment
+    if path.suffix == ".gif":
+        from PIL import Image  # matplotlib brings it
+
+        pictures = []
+        for time in times:
+            view.draw(time)
+            with pyvista.vtk_verbosity("off"):
+                pictures.append(Image.fromarray(view.plotter.screenshot(return_img=True)))
+        milliseconds = 1000 // FRAMES_A_SECOND
+        pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=milliseconds, loop=0)
+    else:
+        try:
+            view.plotter.open_movie(path, framerate=FRAMES_A_SECOND)
+        except ImportError:
+            message = "needs imageio and imageio-ffmpeg: pip install imageio imageio-ffmpeg; or write a .gif"
+            raise SceneError([Fault("--movie", str(path), message)], "command line") from None
+        for time in times:
+            view.draw(time)
+            view.plotter.write_frame()
+    view.plotter.close()
+    return path
+
+
+def window(view: RunView, time: float | None) -> None:
+    """Open a window with a slider of time; returns when it is closed."""
+    times = view.files.times
+    view.draw(view.files.nearest_time(time))
+    if len(times) > 1:
+
+        def slid(milliseconds: float) -> None:
+            view.draw(1e-3 * milliseconds)
+
+        view.plotter.add_slider_widget(
+            slid,
+            (1e3 * times[0], 1e3 * times[-1]),
+            value=1e3 * view.files.nearest_time(time),
+            title="t [ms]",
+            pointa=(0.3, 0.06),
+            pointb=(0.7, 0.06),
+            color="black",
+            fmt="%.3f",
+        )
+    view.plotter.show()

@@ -1,0 +1,118 @@
+"""What the files of a run hold that can be looked at: moments, arrays, regions, bodies."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+from emclutch.results.output_error import OutputError
+from emclutch.results.run_folder import RunFolder
+from emclutch.results.vtk.head import read_head
+from emclutch.results.vtk.series import read_pvd
+
+COLOURS = {
+    "speed": ("velocity", "speed [m/s]"),
+    "spin": ("angular_velocity", "angular speed [rad/s]"),
+    "force": ("force_contact", "force of the contacts [N]"),
+    "magnetic-force": ("force_magnetic", "magnetic force [N]"),
+    "moment": ("magnetic_moment", "magnetic moment [A m²]"),
+    "contacts": ("n_contacts", "contacts of a grain [1]"),
+    "diameter": ("diameter", "diameter [m]"),
+}
+"""What grains can be coloured by: array (vectors count by their magnitude) and label with its unit."""
+
+LOOKS = {
+    "gap": ("grains", "walls", "section", "lines"),
+    "chains": ("grains", "chains", "walls"),
+    "device": ("grains", "device", "lines"),
+}
+"""What is shown: the grains before the field, their force chains, or the device swept round its axis."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunFiles:
+    """The series of a run.
+
+    Attributes
+    ----------
+    folder : of the run.
+    title : of its scene.
+    sector : angle of the cyclic sector that the grains fill [rad]; None: the whole circle.
+    times : moments of the run that were written [s].
+    series : by name (particles, walls, contacts, field) the moments [s] and files that are there.
+    colours : those of `COLOURS` whose array the grains have.
+    bodies : names that the numbers of the walls' array `body` stand for.
+    regions : names that the numbers of the field's array `region` stand for.
+    field : "section", "space" or None.
+    field_at_points : whether B and H stand at the field's points; else at its cells.
+    """
+
+    folder: Path
+    title: str
+    sector: float | None
+    times: list[float]
+    series: dict[str, list[tuple[float, Path]]]
+    colours: dict[str, tuple[str, str]]
+    bodies: list[str]
+    regions: list[str]
+    field: str | None
+    field_at_points: bool
+
+    @property
+    def air(self) -> int | None:
+        """Number of the air among the field's regions."""
+        return self.regions.index("air") if "air" in self.regions else None
+
+    def file(self, name: str, time: float) -> Path | None:
+        """The file of a series that shows a moment [s]: the latest one not after it, or the first."""
+        written = self.series.get(name)
+        if not written:
+            return None
+        before = [path for at, path in written if at <= time * (1.0 + 1e-9)]
+        return before[-1] if before else written[0][1]
+
+    def nearest_time(self, time: float | None) -> float:
+        """The moment that was written nearest to a time [s]; None: the last."""
+        return self.times[-1] if time is None else min(self.times, key=lambda t: abs(t - time))
+
+
+def read_run_files(folder: str | Path) -> RunFiles:
+    """Look into a run's folder, also of a run that goes on, or of a field that was solved alone.
+
+    Raises
+    ------
+    OutputError : there is nothing to look at, or a file is damaged.
+    """
+    run = RunFolder(folder)
+    if not run.path.is_dir():
+        raise OutputError(f"{run.path} is no folder; name that of a run")
+    series = {path.stem: found for path in run.series() if path.is_file() and (found := read_pvd(path))}
+    if not series:
+        raise OutputError(
+            f"{run.path} holds no series for looking at; a run writes them with output.formats = ['vtk'] and "
+            "output.snapshots > 0, at the end of its first window"
+        )
+    scene = tomllib.loads(run.read_case()) if run.case.is_file() else {}
+    heads = {name: read_head(written[0][1]) for name, written in series.items()}
+    colours, bodies, regions, field, at_points = {}, [], [], None, False
+    if "particles" in heads:
+        colours = {name: known for name, known in COLOURS.items() if known[0] in heads["particles"].point_arrays}
+    if "walls" in heads:
+        bodies = heads["walls"].texts.get("body_names", [])
+    if "field" in heads:
+        regions = heads["field"].texts.get("region_names", [])
+        field = "section" if "vector_potential" in heads["field"].point_arrays else "space"
+        at_points = "flux_density" in heads["field"].point_arrays
+    return RunFiles(
+        folder=run.path.resolve(),
+        title=scene.get("scene", {}).get("title") or run.path.resolve().name,
+        sector=scene.get("particles", {}).get("sector"),
+        times=[time for time, _ in series.get("particles", next(iter(series.values())))],
+        series=series,
+        colours=colours,
+        bodies=bodies,
+        regions=regions,
+        field=field,
+        field_at_points=at_points,
+    )

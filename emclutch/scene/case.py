@@ -1,0 +1,235 @@
+"""A case: a scene that was read, checked and found right, with the file that it came from."""
+
+from __future__ import annotations
+
+import copy
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Any
+
+import tomli_w
+from pydantic import Field, ValidationError, create_model
+
+from emclutch.scene.consistency import GEOMETRY_KIND, Draft, faults_between_sections
+from emclutch.scene.errors import Fault, SceneError
+from emclutch.scene.fault_report import faults_from
+from emclutch.scene.geometry_sketch import sketch_of
+from emclutch.scene.likely_mistakes import warnings_of
+from emclutch.scene.model import NO_GRAINS, Scene
+from emclutch.scene.section import Section
+
+LARGEST_FILE = 20_000_000
+"""Bytes of a scene or study: half a million points of a table; a larger file is refused before it is parsed."""
+DEEPEST = 20
+"""Tables and lists in one another; a scene needs five."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A right scene.
+
+    Attributes
+    ----------
+    scene : the models, in SI
+    path : the file, or None for a scene made in Python
+    warnings : what is allowed and yet likely not meant
+    data : the scene as the user wrote it, with the values that were set since
+    trust_scripts : whether scripts that the scene names (.geo) may be run; they can run any command
+    """
+
+    scene: Scene
+    path: Path | None = None
+    warnings: tuple[str, ...] = ()
+    data: dict[str, Any] = field(default_factory=dict, repr=False)
+    trust_scripts: bool = False
+
+    @property
+    def name(self) -> str:
+        """Stem of the file's name, ``scene`` without a file."""
+        return "scene" if self.path is None else self.path.stem
+
+    def need_grains(self) -> None:
+        """Raise SceneError, with the remedy, for a scene of the field alone."""
+        if self.scene.particles is None:
+            raise SceneError([NO_GRAINS], "scene" if self.path is None else str(self.path))
+
+    def with_values(self, values: Mapping[str, Any]) -> Case:
+        """Return a new case with other values, e.g. ``{"coil.current": "0.8 A"}``; None removes a key.
+
+        Raises
+        ------
+        SceneError
+            The scene is not right with them.
+        """
+        return case_from(self.data, values, self.path, trust_scripts=self.trust_scripts)
+
+    def resolved(self) -> dict[str, Any]:
+        """Return the whole scene in SI, defaults written out; it loads to an equal scene."""
+        whole = self.scene.model_dump(mode="json", exclude_none=True)
+        return {name: section for name, section in whole.items() if section or name != "materials"}
+
+    def toml(self) -> str:
+        """Return the resolved scene as the text of a scene file."""
+        return tomli_w.dumps(self.resolved())
+
+    def write_toml(self, path: str | Path) -> None:
+        """Write the resolved scene to a new file.
+
+        Raises
+        ------
+        FileExistsError
+            There is a file already; nothing is overwritten.
+        """
+        with open(path, "x", encoding="utf-8") as stream:
+            stream.write(self.toml())
+
+
+def load_case(path: str | Path, overrides: Mapping[str, Any] | None = None, *, trust_scripts: bool = False) -> Case:
+    """Read and check a scene file; `overrides` as in `Case.with_values`.
+
+    `trust_scripts` allows a script as the geometry's file (.geo), which may run any command on this machine.
+
+    Raises
+    ------
+    SceneError
+        The file cannot be read, is not TOML, or the scene has faults: all of them at once.
+    """
+    path = Path(path)
+    data = read_toml(path)
+    if "study" in data:
+        raise SceneError(
+            [Fault("study", "", f"makes this file a study of many scenes; use: emclutch sweep {path}")],
+            str(path),
+        )
+    return case_from(data, overrides or {}, path, trust_scripts=trust_scripts)
+
+
+def as_case(given: Case | str | Path) -> Case:
+    """Return a case as it is, and the checked scene of a file's path; SceneError as of `load_case`."""
+    return given if isinstance(given, Case) else load_case(given)
+
+
+def case_from(
+    data: Mapping[str, Any],
+    values: Mapping[str, Any] | None = None,
+    path: Path | None = None,
+    *,
+    trust_scripts: bool = False,
+) -> Case:
+    """Check a scene given as nested dictionaries, with dotted `values` set in a copy of it; else as `load_case`."""
+    changed = copy.deepcopy(dict(data))
+    source = "scene" if path is None else str(path)
+    faults = [fault for key, value in (values or {}).items() for fault in _set(changed, key, value)]
+    if faults:
+        raise SceneError(faults, source)
+    scene, faults = _validate(changed, Path() if path is None else path.parent, trust_scripts)
+    if scene is None or faults:
+        raise SceneError(faults, source)
+    return Case(scene, path, tuple(warnings_of(scene)), changed, trust_scripts)
+
+
+def removes(key: str, value: object) -> bool:
+    """Whether an entry of a setting takes its key out of a scene: ``none``, and for ``effects.NAME`` ``off`` too."""
+    return value == "none" or (value == "off" and key.startswith("effects.") and key.count(".") == 1)
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file.
+
+    Raises
+    ------
+    SceneError
+        It cannot be read, or it is not TOML; the fault has the line.
+    """
+    try:
+        with open(path, "rb") as stream:
+            content = stream.read(LARGEST_FILE + 1)
+        if len(content) <= LARGEST_FILE:
+            data = tomllib.loads(content.decode())
+            if not (faults := _not_of_a_scene(data, path)):
+                return data
+            raise SceneError(faults, str(path))
+        reason = f"is larger than {LARGEST_FILE // 1_000_000} MB; put long tables into files of their own"
+    except FileNotFoundError:
+        reason = "does not exist; check the path"
+    except IsADirectoryError:
+        reason = "is a folder; name a scene's .toml file, or go on with a run in it by --resume"
+    except OSError as error:
+        reason = f"cannot be read ({error.strerror}); check the path and its permissions"
+    except UnicodeDecodeError:
+        reason = "is not text in UTF-8; a scene is a TOML file"
+    except RecursionError:
+        reason = _TOO_DEEP
+    except ValueError as error:  # of the parser, or of Python for a number of more digits than it reads
+        reason = f"is not TOML: {error}; correct that line, texts and values with a unit need quotes"
+    raise SceneError([Fault(str(path), "", reason)], str(path))
+
+
+_TOO_DEEP = f"has tables in one another more than {DEEPEST} deep; a scene needs five: write them side by side"
+
+
+def _not_of_a_scene(data: dict[str, Any], path: Path) -> list[Fault]:
+    """What no scene needs and Python would stumble on: deep nesting, whole numbers of more than TOML's 64 bits."""
+    level: list[tuple[str, Any]] = [("", data)]
+    for _ in range(DEEPEST):
+        below: list[tuple[str, Any]] = []
+        for key, entry in level:
+            if isinstance(entry, int) and not -(2**63) <= entry < 2**63:
+                words = "holds a whole number of more than 64 bits; write it as 1e30, or check its digits"
+                return [Fault(key, "", words)]
+            if isinstance(entry, dict):
+                below += ((f"{key}.{name}".lstrip("."), value) for name, value in entry.items())
+            elif isinstance(entry, list):
+                below += ((key, value) for value in entry)
+        level = below
+    return [Fault(str(path), "", _TOO_DEEP)] if level else []
+
+
+def _set(data: dict[str, Any], key: str, value: Any) -> list[Fault]:
+    """Set a dotted key in place; tables on its way are made."""
+    *tables, name = key.split(".")
+    if not all((*tables, name)):
+        return [Fault(key, "", "is not a dotted key; write it as in 'coil.current'")]
+    for step in tables:
+        table = data.setdefault(step, {}) if value is not None else data.get(step, {})
+        if not isinstance(table, dict):
+            return [Fault(key, "", f"cannot be set: {step} is a value in this scene, not a table; set {step} itself")]
+        data = table
+    if value is None:
+        data.pop(name, None)
+    else:
+        data[name] = copy.deepcopy(value)
+    return []
+
+
+def _validate(data: dict[str, Any], folder: Path, trust_scripts: bool) -> tuple[Scene | None, list[Fault]]:
+    """Return the scene, or None, and every fault: within the sections and between those that are right."""
+    context = {"folder": folder, "trust_scripts": trust_scripts}
+    try:
+        scene = Scene.model_validate(data, context=context)
+    except ValidationError as error:
+        faults = faults_from(error, Scene, data)
+        broken = frozenset(fault.key.split(".")[0].split("[")[0] for fault in faults)
+        right = {name: entry for name, entry in data.items() if name not in broken}
+        partial = _partial_scene().model_validate(right, context=context)
+        of_geometry = frozenset(fault.key for fault in faults if fault.key.split(".")[0] == "geometry")
+        if of_geometry:
+            sketch = sketch_of(data.get("geometry"), of_geometry, context)
+            partial = partial.model_copy(update={"geometry": sketch})
+            broken |= {"geometry"} if sketch is not None else {"geometry", GEOMETRY_KIND}
+        return None, faults + faults_between_sections(Draft(partial, data, broken, of_geometry))
+    return scene, faults_between_sections(Draft(scene, data, frozenset()))
+
+
+@lru_cache(maxsize=1)
+def _partial_scene() -> type[Section]:
+    """Return the scene's model with every section optional, to check what is right beside what is broken."""
+    sections: dict[str, Any] = {}
+    for name, info in Scene.model_fields.items():
+        if info.is_required():
+            marked: Any = Annotated[info.annotation, Field(discriminator=info.discriminator)]  # type: ignore
+            sections[name] = (marked | None, None)
+    return create_model("PartialScene", __base__=Scene, **sections)

@@ -1,0 +1,1 @@
+"""One run: decided, packed, assembled, marched and summed up."""

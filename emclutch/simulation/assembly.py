@@ -1,0 +1,265 @@
+"""From a plan to a simulation: packs the grains and puts exactly the scene's effects into the loop."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from functools import partial
+from math import pi
+
+import numpy as np
+
+from coupling import (
+    BackReaction,
+    CircuitCoilField,
+    CoilField,
+    EddyCoilField,
+    Effect,
+    FillDeposition,
+    FixedDipoles,
+    ImposedField,
+    LayeredField,
+    MagneticForce,
+    MagnetisedGrains,
+    MutualDipoles,
+    MutuallyMagnetisedGrains,
+    MutualMoments,
+    NearAttraction,
+    PowderFeedback,
+    Simulation,
+    SolidCoilField,
+    WallImages,
+    grain_table,
+)
+from emclutch.device.device import CoilDevice, Device, grain_law
+from emclutch.scene.case import Case
+from emclutch.scene.field_source import UniformField
+from emclutch.scene.grain_smear import layers_change_the_field, moments_are_fed_back, smear_width
+from emclutch.scene.model import Scene
+from emclutch.scene.motion import FreeShaft as FreeShaftSection
+from emclutch.scene.time_table import points_of
+from emclutch.simulation.dvi_plan import RigidPlan
+from emclutch.simulation.initial_packing import grains_of, packed, settled
+from emclutch.simulation.plan import Plan
+from field import AxisymmetricProblem, MagneticField, RadialField
+from field.section.eddy_currents import EddyCurrentProblem, VoltageDrive
+from field.solid import SolidField
+from geometry import ShearCell
+from particles import DEM, DVI, Body, FreeShaft, GrainMotion, Grains, PrescribedSpeed
+
+log = logging.getLogger(__name__)
+
+# At 0.02 the noise of the fill's deposition sets off a solve in every third window (79 in 194 windows of the clutch,
+# against 9 at 0.1), for a change of the torque of 1 %. Moments are spread over more grains, and their noise is less.
+FILL_TOLERANCE, MOMENTS_TOLERANCE = 0.1, 0.02
+
+
+def assemble(case: Case, device: Device, plan: Plan) -> Simulation:
+    """Pack the grains (seeded), build the simulation and let them settle; raises PackingError when they do not fit."""
+    scene = case.scene
+    packing = packed(scene, device.boxes, device.walls(), plan.count, plan.sector)
+    simulation = simulation_of(case, device, plan, grains_of(packing, scene.grains.density))
+    settling = settled(scene, simulation.motion)
+    if settling is not None:
+        log.info(
+            "settled in %.4g s of simulated time, before time 0: kinetic energy %.2g of the reference, %d contacts",
+            settling.time,
+            settling.kinetic,
+            settling.contacts,
+        )
+    return simulation
+
+
+def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Simulation:
+    """The simulation around given grains (packed, or of a checkpoint)."""
+    scene, effects = case.scene, case.scene.effects
+    walls = device.walls()
+    gravity = None
+    if effects.gravity is not None:
+        gravity = np.asarray(effects.gravity.vector, dtype=float)
+    bodies = shafts(scene, walls)
+    dem: GrainMotion
+    if isinstance(plan.contact, RigidPlan):
+        dem = rigid_grains(scene, plan, plan.contact, grains, walls, bodies, gravity)
+    else:
+        dem = DEM(
+            grains,
+            walls,
+            bodies,
+            plan.contact,
+            dt=plan.dt,
+            gravity=gravity,
+            sector=plan.sector,
+            ledger=scene.output.energies,
+        )
+    source = field_source(scene, device, dem.bodies, plan.peak_field)
+    deposition = None
+    fill_at = None
+    if moments_are_fed_back(scene) and isinstance(source, CoilField):
+        source.feedback = feedback_of(scene, source.problem, walls)
+    elif effects.back_reaction is not None and isinstance(device.coil, CoilDevice) and isinstance(source, CoilField):
+        deposition = deposition_of(scene, device.coil)
+        source.element_volume = deposition.volume
+        fill_at = partial(_fill_at, deposition, source)
+    magnetised = None if source is None else magnetised_grains(scene, source.sampler, fill_at, walls, dem)
+    n_sectors = 1 if plan.sector is None else plan.sector.n_sectors
+    return Simulation(
+        dem, effects_of(scene, walls, deposition), magnetised, source, plan.steps_per_update, plan.updates, n_sectors
+    )
+
+
+def rigid_grains(scene: Scene, plan: Plan, rigid: RigidPlan, grains: Grains, walls, bodies, gravity) -> DVI:
+    """The grains of contact.method = 'dvi'."""
+    section = scene.contact.dvi
+    return DVI(
+        grains,
+        walls,
+        bodies,
+        rigid.contact,
+        dt=plan.dt,
+        gravity=gravity,
+        theta=section.theta,
+        friction=section.friction_law,
+        solver=section.solver,
+        tolerance=rigid.tolerance,
+        max_sweeps=section.max_sweeps,
+        stiffness=rigid.stiffness,
+        rolling=rigid.rolling,
+        twisting=rigid.twisting,
+    )
+
+
+def effects_of(scene: Scene, walls, deposition: FillDeposition | None) -> list[Effect]:
+    """The effects of the scene, in the order in which they act; gravity and rolling live in the grains' own step."""
+    effects: list[Effect] = []
+    chosen = scene.effects
+    if deposition is not None:
+        effects.append(BackReaction(deposition))
+    if chosen.magnetic_force is not None:
+        effects.append(MagneticForce())
+    if chosen.dipoles is not None:
+        cutoff = chosen.dipoles.cutoff * scene.grains.largest_diameter
+        fixed = chosen.dipoles.model == "fixed"
+        effects.append(FixedDipoles(cutoff) if fixed else MutualDipoles())
+        if fixed and chosen.wall_images is not None:
+            effects.append(WallImages(cutoff, walls))
+    return effects
+
+
+def magnetised_grains(scene: Scene, sampler, fill_at, walls, dem: GrainMotion) -> MagnetisedGrains:
+    """What gives the grains their moments: the field alone, or also the other grains and their images."""
+    law, dipoles = grain_law(scene), scene.effects.dipoles
+    if dipoles is None or dipoles.model == "fixed":
+        return MagnetisedGrains(sampler, law, fill_at)
+    fed_back = moments_are_fed_back(scene)
+    spread = fed_back or layers_change_the_field(scene)
+    solver = MutualMoments(
+        grain_table(law, dipoles.model),
+        near=dipoles.model == "near_field",
+        reach=smear_width(scene) if spread else dipoles.cutoff * scene.grains.largest_diameter,
+        smear=fed_back or (isinstance(scene.field, UniformField) and scene.field.means == "macroscopic"),
+        smallest_gap=dipoles.surface_gap,
+    )
+    mirrors = walls if scene.effects.wall_images is not None else None
+    near = NearAttraction(solver, walls) if solver.near and isinstance(dem, DEM) else None
+    return MutuallyMagnetisedGrains(
+        sampler, law, solver=solver, tolerance=dipoles.tolerance, mirrors=mirrors, near=near
+    )
+
+
+def feedback_of(scene: Scene, problem: AxisymmetricProblem, walls) -> PowderFeedback:
+    """What gives the grains' moments to the field of `problem` and back."""
+    return PowderFeedback(problem, grain_law(scene), smear_width(scene), scene.grains.sector or 2 * pi, walls)
+
+
+def deposition_of(scene: Scene, coil: CoilDevice) -> FillDeposition:
+    """Deposition of the scene's grains on the powder's elements."""
+    return FillDeposition(coil.mesh, scene.grains.largest_diameter, scene.grains.sector or 2 * pi)
+
+
+def _fill_at(deposition: FillDeposition, source: CoilField, position: np.ndarray) -> np.ndarray:
+    """Solid fraction around the grains that the present field was solved with."""
+    assert source.fill is not None  # set by the window's first solve
+    return deposition.at(position, source.fill)
+
+
+def field_source(
+    scene: Scene, device: Device, bodies: Sequence[Body], peak: MagneticField | SolidField | None
+) -> CoilField | SolidCoilField | ImposedField | LayeredField | None:
+    """Where the scene's field comes from; None when no effect needs one. `peak` is solved at the largest current."""
+    if device.imposed is not None:
+        if not layers_change_the_field(scene):
+            return ImposedField(device.imposed)
+        assert isinstance(device.imposed, RadialField) and isinstance(device.shape, ShearCell)  # by its conditions
+        return LayeredField(device.imposed, device.shape, scene.grains.sector or 2 * pi, smear_width(scene))
+    if device.coil is None:
+        return None
+    if not isinstance(device.coil, CoilDevice):
+        coil = device.coil
+        carrier = next(body for body in bodies if body.name == coil.carrier)
+        known = peak if isinstance(peak, SolidField) else None
+        return SolidCoilField(coil.problem, coil.turns, coil.current, carrier, coil.newton_tolerance, known=known)
+    source = coil_source(scene, device.coil)
+    if scene.effects.back_reaction is not None:
+        asked = scene.effects.back_reaction.tolerance
+        default = MOMENTS_TOLERANCE if moments_are_fed_back(scene) else FILL_TOLERANCE
+        source.fill_tolerance = default if asked is None else asked
+    return source
+
+
+def coil_source(scene: Scene, coil: CoilDevice) -> CoilField:
+    """The coil's field by what its current follows from: a course, the circuit, eddy currents."""
+    circuit, eddy = scene.effects.coil_circuit, scene.effects.eddy_currents
+    if circuit is None and eddy is None:
+        return CoilField(coil.problem, coil.turns, coil.current, coil.newton_tolerance)
+    if eddy is None:
+        assert circuit is not None and coil.resistance is not None  # by the checks between sections
+        return CircuitCoilField(
+            coil.problem,
+            coil.turns,
+            newton_tolerance=coil.newton_tolerance,
+            current_tolerance=circuit.tolerance,
+            voltage=coil.voltage,
+            resistance=coil.resistance,
+            breaks=coil.times,
+            begin_steady=circuit.begin == "steady",
+            largest_current=coil.largest_current,
+        )
+    voltage = None
+    if circuit is not None:
+        assert coil.resistance is not None  # by the checks between sections
+        voltage = VoltageDrive(coil.voltage, coil.resistance)
+    return EddyCoilField(
+        coil.problem,
+        coil.turns,
+        coil.current,
+        coil.newton_tolerance,
+        eddy=EddyCurrentProblem(coil.problem, coil.conductivity or {}, turns=coil.turns),
+        voltage=voltage,
+        breaks=coil.times,
+        begin_steady=eddy.begin == "steady",
+        change_tolerance=eddy.tolerance,
+        largest_current=coil.largest_current,
+    )
+
+
+def shafts(scene, walls) -> list[Body]:
+    """One body for every name that a wall belongs to; housing stands still."""
+    bodies = []
+    for name in dict.fromkeys(wall.body for wall in walls):
+        motion = getattr(scene.motion, name, None)
+        if motion is None:
+            bodies.append(Body(name))
+        elif motion.free is not None:
+            bodies.append(Body(name, free_shaft(motion.free), speed=motion.free.initial_speed))
+        else:
+            bodies.append(Body(name, PrescribedSpeed(*points_of(motion.speed))))
+    return bodies
+
+
+def free_shaft(section: FreeShaftSection) -> FreeShaft:
+    """The shaft of [motion.NAME.free]."""
+    load, motor = points_of(section.load_torque), section.motor
+    if motor is None:
+        return FreeShaft(section.inertia, section.drive_torque, load)
+    return FreeShaft(section.inertia, motor.signed_stall_torque, load, motor.slope, motor.switched_on)

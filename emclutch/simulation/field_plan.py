@@ -1,0 +1,42 @@
+"""What follows from a scene of the field alone, without grains: `emclutch check` prints it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from emclutch.device.body_forces import movable_bodies, stress_force
+from emclutch.device.coil_heat import coil_heat_in_words
+from emclutch.device.device import CoilDevice, solved_coil
+from emclutch.scene.case import Case
+from emclutch.simulation.plan import mesh_in_words, paths_in_words
+from field import MagneticField
+
+
+def field_plan(case: Case) -> dict[str, str]:
+    """What is solved, on which mesh, and what comes of it at the largest current: label -> text."""
+    scene = case.scene
+    coil = solved_coil(scene)
+    reasons = {
+        "grains": "none: without [particles] the scene is of the field alone, for the commands field and mesh; run "
+        "refuses it",
+        "mesh": mesh_in_words(coil),
+        "copper": coil_heat_in_words(scene, coil, coil.shape),
+    }
+    if coil.largest_current > 0.0 and isinstance(coil, CoilDevice):
+        solution = coil.solve_at_peak(None)
+        reasons["field"] = _field_in_words(coil, solution)
+        for body, regions in movable_bodies(coil, solution):
+            force = stress_force(solution, regions)
+            if force is not None:
+                reasons[f"force on the {body}"] = f"{force:.4g} N along z, on {', '.join(regions)}"
+    return reasons | paths_in_words(case)
+
+
+def _field_in_words(coil: CoilDevice, solution: MagneticField) -> str:
+    current = solution.ampere_turns / coil.turns
+    linkage = coil.turns * solution.flux_linkage_per_turn
+    B_max = float(np.linalg.norm(solution.flux_density(), axis=1).max())
+    return (
+        f"at {current:.3g} A: flux linkage {linkage:.4g} Wb, inductance {linkage / current:.4g} H, energy "
+        f"{solution.energy:.4g} J, co-energy {solution.coenergy:.4g} J, |B| up to {B_max:.3g} T"
+    )

@@ -1,0 +1,80 @@
+"""The field of even powder, before a grain has moved, and how strongly it will magnetise the grains.
+
+Even powder has the permeability of grains without order (Maxwell Garnett's, `field.laws.powder_law`). Where a run feeds
+back the moments of its grains, each element's demagnetising factor N follows from them instead: a random packing has
+nearly the N = (1 - phi)/3 of that rule, a sheared one that of its chains. A grain in a straight chain of touching
+dipoles along the field has the field zeta(3) M/6 of the others,
+
+    H_in = H + zeta(3) M/6 - M/3,        N = 1/3 - zeta(3)/6 = 0.133        (2 m/(4 pi r^3) of each, on both sides),
+
+whatever the fill, as long as chains are far from each other beside their diameter: their mean field is H. What the run
+finds lies between both, or beyond chains where necks are strong (weak fields, high susceptibility).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from emclutch.device.device import CoilDevice, Device, grain_law
+from emclutch.scene.case import Case
+from emclutch.scene.grain_smear import moments_are_fed_back
+from field import MagneticField, PowderState
+from field.solid import SolidField
+from geometry import AnnularBox, ShearCell
+
+CHAIN_FACTOR = 1.0 / 3.0 - 1.2020569 / 6.0
+"""N of grains in straight chains."""
+
+
+def expected_magnetisation(case: Case, device: Device) -> tuple[MagneticField | SolidField | None, float]:
+    """Field at the largest current with the powder spread evenly over its boxes, and the grains' largest M there."""
+    scene = case.scene
+    law = grain_law(scene)
+    if device.imposed is not None:
+        H = device.imposed.sample(_corners(device))[0]
+        strength = np.linalg.norm(H, axis=1).max(keepdims=True)
+        return None, float(law.magnetisation(strength, np.zeros(1))[0])
+    if device.coil is None:
+        return None, 0.0
+    phi = device.fill.solid_fraction
+    coupled = scene.effects.back_reaction is not None
+    fill = device.coil.uniform_fill(phi) if coupled and isinstance(device.coil, CoilDevice) else None
+    field = device.coil.solve_at_peak(fill)
+    points = _sample_points(device.coil.powder_boxes, scene.grains.largest_diameter)
+    strength = np.linalg.norm(field.sampler("powder").sample(points)[0], axis=1)
+    return field, float(law.magnetisation(strength, np.full(len(strength), phi if coupled else 0.0)).max())
+
+
+def field_in_chains(coil: CoilDevice, phi: float, current: float, guess: MagneticField | None = None) -> MagneticField:
+    """The field at a current [A] of powder spread evenly to the fill `phi`, its grains in straight chains along it."""
+    fill = coil.uniform_fill(phi)
+    powder = PowderState(fill, np.full(len(fill), CHAIN_FACTOR))
+    return coil.problem.solve(coil.turns * current, powder, guess, tolerance=coil.newton_tolerance)
+
+
+def powder_in_words(scene, phi: float | None) -> str:
+    """With which powder of the fill `phi` the field before a run is solved, and what the run has instead."""
+    if phi is None:
+        return "none: a scene without [particles]"
+    if scene.effects.back_reaction is None:
+        return "without powder (no effects.back_reaction)"
+    even = f"powder spread evenly to {phi:.3g} with Maxwell Garnett's permeability, as of grains without order"
+    if not moments_are_fed_back(scene):
+        return f"{even} (so has the run, with the fill of its grains)"
+    return f"{even} (the run feeds back their own moments, which chains make larger)"
+
+
+def _corners(device: Device) -> np.ndarray:
+    """Where an imposed field is strongest: at the smallest radius that grains reach, (1, 3) [m]."""
+    radius = device.shape.inner_radius if isinstance(device.shape, ShearCell) else 0.0
+    return np.array([[radius, 0.0, 0.0]])
+
+
+def _sample_points(boxes: list[AnnularBox], diameter: float) -> np.ndarray:
+    points = []
+    for box in boxes:
+        r = np.linspace(box.r0 + 0.5 * diameter, box.r1 - 0.5 * diameter, 9)
+        z = np.linspace(box.z0 + 0.5 * diameter, box.z1 - 0.5 * diameter, 121)
+        r, z = np.meshgrid(r, z)
+        points.append(np.column_stack([r.ravel(), np.zeros(r.size), z.ravel()]))
+    return np.concatenate(points)

@@ -1,0 +1,60 @@
+"""How fast walls and grains of a scene will be, from which its steps and windows follow."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from emclutch.device.device import Device
+from geometry import Box
+from geometry.centrifugal import CentrifugalClutch
+
+HEAP = 0.6  # solid fraction of grains at rest
+
+
+def largest_speed(scene, device: Device) -> float:
+    """Largest speed [m/s] that a driven wall gives to grains, or that weight can."""
+    wall = max(scene.motion.rotor.largest_speed, scene.motion.disc.largest_speed) * device.largest_radius
+    return max(wall, fall_speed(scene, device))
+
+
+def fall_speed(scene, device: Device) -> float:
+    """Speed [m/s] of a grain that falls across the sheared gap, or, where grains are poured in, through the device.
+
+    In a box it falls through what the heap of all others leaves empty.
+    """
+    gravity = scene.effects.gravity
+    if gravity is None:
+        return 0.0
+    along = np.abs(gravity.direction)
+    whole = float(along @ device_extent(device)) / float(np.linalg.norm(along))
+    if scene.particles.packing == "pour":
+        height = whole
+    elif isinstance(device.shape, Box):
+        height = max(whole * (1.0 - device.fill.solid_fraction / HEAP), scene.particles.largest_diameter)
+    else:
+        height = device.shear_gap
+    return float(np.sqrt(2 * gravity.acceleration * height))
+
+
+def device_extent(device: Device) -> np.ndarray:
+    """Extent [m] of what is filled with grains along x, y, z."""
+    if isinstance(device.boxes, Box):
+        return np.asarray(device.boxes.size)
+    low, high = min(box.z0 for box in device.boxes), max(box.z1 for box in device.boxes)
+    return np.array([2.0 * device.largest_radius, 2.0 * device.largest_radius, high - low])
+
+
+def impact_speed(scene, device: Device, speed: float) -> float:
+    """Largest normal speed [m/s] of two grains to be expected: a sheared gap of g/d grains has v d/g between layers.
+
+    Twice that, for the fluctuations; never more than the speed itself, which holds for falling grains and boxes. Shot
+    at rest meets the vanes of a centrifugal clutch, which go at the speed of their tips.
+    """
+    if isinstance(device.shape, CentrifugalClutch):
+        return max(fall_speed(scene, device), scene.motion.rotor.largest_speed * device.shape.tip_radius)
+    return max(fall_speed(scene, device), 2.0 * layer_speed(scene, device, speed))
+
+
+def layer_speed(scene, device: Device, speed: float) -> float:
+    """Speed [m/s] of layers of grains past each other in a gap whose wall goes at `speed`: v d/g."""
+    return speed * min(0.5, scene.particles.largest_diameter / device.narrowest_gap)

@@ -1,0 +1,25 @@
+"""What disk a run may fill where it writes, and the refusal of a run that needs more."""
+
+from __future__ import annotations
+
+import shutil
+from contextlib import suppress
+from pathlib import Path
+
+from emclutch.simulation.forecast.free_memory import MIB
+
+
+class NotEnoughDisk(ValueError):
+    """A run needs more disk than is free, and nobody insists on it."""
+
+
+def refuse_full_disk(needed: float, folder: str | Path, *, insist: bool = False) -> None:
+    """Raise `NotEnoughDisk` where `needed` [MiB] is more than is free in `folder`, unless one insists."""
+    with suppress(OSError):  # not told: the run finds out
+        free = shutil.disk_usage(folder).free / MIB
+        if needed > free and not insist:
+            raise NotEnoughDisk(
+                f"the run needs about {needed:.0f} MiB of disk, and {free:.0f} MiB are free in {folder}: write "
+                "elsewhere with --out, take fewer snapshots (output.snapshots) or formats (output.formats), a longer "
+                "time.window, or go on all the same with --insist"
+            )

@@ -1,0 +1,155 @@
+"""The dimensionless numbers of a scene, before it runs: what its grains feel beside what.
+
+Sources, each with what is compared:
+
+- pull of touching grains, (pi/24) mu_0 M^2 d^2 of two dipoles (`coupling.expected_load`), M the mean in the gap;
+- inertial number, rate d sqrt(rho/p) with the pressure p = tau/mu_wall of the expected torque (GDR MiDi, Eur. Phys. J.
+  E 14 (2004) 341; by the law of P. Jop, Y. Forterre and O. Pouliquen, Nature 441 (2006) 727, friction has risen by
+  0.025 at 0.03 and by 0.07 at 0.1, from 0.38);
+- Stokes number, rate rho d^2/(18 eta): the time in which air of eta = 18 uPa s slows a grain over that of a unit shear;
+- van der Waals force A r/(12 z^2) = 5 nN of asperities r = 0.1 um at z = 0.4 nm, A = 1e-19 J (A. Castellanos, Adv.
+  Phys. 54 (2005) 263): the granular Bond number is that force over the largest of pull, weight and centrifugal force;
+- twist of a contact of radius a: couple (2/3) mu F a over mu F d/2, with a^2 = d delta/4 at the allowed overlap;
+- diffusion time: `field.section.diffusion_time`; time constant of the coil: apparent L over R at the largest current;
+- slip heat, T omega_slip into the powder's mass at 450 J/(kg K), that of iron, with nothing carried off.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from math import pi, sqrt
+from typing import TYPE_CHECKING
+
+from coupling.expected_load import pair_attraction
+from emclutch.device.device import CoilDevice, Device, conductivity_of, region_materials
+from emclutch.simulation.forecast.expected_torque import ExpectedTorque
+from field import MagneticField
+from field.section.diffusion_time import diffusion_time
+
+if TYPE_CHECKING:
+    from emclutch.simulation.plan import Plan
+
+G = 9.81
+AIR_VISCOSITY = 1.8e-5
+"""[Pa s] at 20 degrees C."""
+ASPERITY_PULL = 1e-19 * 1e-7 / (12.0 * 0.4e-9**2)
+"""[N], see above."""
+IRON_HEAT = 450.0
+"""[J/(kg K)]"""
+
+
+@dataclass(frozen=True, slots=True)
+class Regime:
+    """Forces, times and numbers.
+
+    Attributes
+    ----------
+    weight, centrifugal, pull : float
+        Forces on a grain of the mean diameter [N]: its weight, at the largest speed and radius, of a touching one.
+    H, M : float
+        Means across the sheared gap [A/m].
+    inertial_number, stokes : float or None
+        None where nothing is sheared, or no pressure is known.
+    bond, twist, saturation, gradient, powder_susceptibility : float
+        See the module; the force of the field's gradient over `pull`, and phi M/H.
+    wall_share : float or None
+        Share of the grains that touch a magnetic wall; None without one.
+    solved : bool
+        Whether a coil makes the field.
+    coil_time, diffusion_time, switching_time : float or None
+        [s]; None where the plan does not know them, or the drive is constant.
+    slip_power, heating : float or None
+        [W], [K/s]
+    end : float
+        Of the run [s].
+    """
+
+    weight: float
+    centrifugal: float
+    pull: float
+    H: float
+    M: float
+    inertial_number: float | None
+    stokes: float | None
+    bond: float
+    twist: float
+    saturation: float
+    gradient: float
+    powder_susceptibility: float
+    wall_share: float | None
+    solved: bool
+    coil_time: float | None
+    diffusion_time: float | None
+    switching_time: float | None
+    slip_power: float | None
+    heating: float | None
+    end: float
+
+
+def regime_of(scene, device: Device, plan: Plan, expected: ExpectedTorque) -> Regime:
+    """The numbers of a scene, of its plan and its expected torque."""
+    particles, motion = scene.particles, scene.motion
+    d, rho = particles.mean_diameter, particles.density
+    mass = pi / 6.0 * d**3 * rho
+    gravity = scene.effects.gravity
+    weight = mass * (G if gravity is None or gravity.acceleration == 0.0 else gravity.acceleration)
+    speed = max(motion.rotor.largest_speed, motion.disc.largest_speed)
+    centrifugal = mass * speed**2 * device.largest_radius
+    pull = pair_attraction(expected.M, d)
+    slip = motion.largest_slip
+    rate = slip * device.shear_radius / device.shear_gap if device.shear_gap > 0.0 else 0.0
+    pressure = expected.stress / scene.contact.friction_at_walls if scene.contact.friction_at_walls > 0.0 else 0.0
+    steel = any(wall.magnetic for wall in device.walls())
+    contact_radius = 0.5 * d * sqrt(scene.contact.max_overlap)
+    power = None if expected.torque is None else expected.torque * slip
+    return Regime(
+        weight=weight,
+        centrifugal=centrifugal,
+        pull=pull,
+        H=expected.H,
+        M=expected.M,
+        inertial_number=rate * d * sqrt(rho / pressure) if pressure > 0.0 else None,
+        stokes=rate * rho * d**2 / (18.0 * AIR_VISCOSITY) if rate > 0.0 else None,
+        bond=ASPERITY_PULL / max(pull, weight, centrifugal),
+        twist=2.0 / 3.0 * contact_radius / (0.5 * d),
+        saturation=plan.M_max / particles.saturation,
+        gradient=expected.gradient_force * pi / 6.0 * d**3 / pull if pull > 0.0 else 0.0,
+        powder_susceptibility=device.fill.solid_fraction * expected.M / expected.H if expected.H > 0.0 else 0.0,
+        wall_share=min(1.0, 2.0 * d / device.narrowest_gap) if steel else None,
+        solved=device.coil is not None,
+        coil_time=_coil_time(scene, device, plan),
+        diffusion_time=_diffusion_time(scene, device, plan),
+        switching_time=_switching_time(scene, device, _coil_time(scene, device, plan)),
+        slip_power=power,
+        heating=None if power is None else power / (device.fill.mass * IRON_HEAT),
+        end=scene.span.end,
+    )
+
+
+def _coil_time(scene, device: Device, plan: Plan) -> float | None:
+    coil = device.coil
+    if coil is None or plan.peak_field is None or coil.largest_current == 0.0:
+        return None
+    inductance = coil.turns * plan.peak_field.flux_linkage_per_turn / coil.largest_current
+    return inductance / scene.coil.resistance_in(coil.shape.coil_area, coil.shape.coil_mean_radius)
+
+
+def _diffusion_time(scene, device: Device, plan: Plan) -> float | None:
+    if not (isinstance(device.coil, CoilDevice) and isinstance(plan.peak_field, MagneticField)):
+        return None
+    if device.coil.largest_current == 0.0:
+        return None
+    materials = region_materials(scene, device.coil.mesh)
+    sigma = {name: conductivity_of(scene, of) for name, of in materials.items() if name != "coil"}
+    return diffusion_time(plan.peak_field, sigma)
+
+
+def _switching_time(scene, device: Device, coil_time: float | None) -> float | None:
+    """The shortest in which the drive goes from one current to another; that of the circuit where it is simulated."""
+    if device.coil is None:
+        return None
+    if scene.effects.coil_circuit is not None:
+        return coil_time
+    course = pairwise(zip(device.coil.times, device.coil.currents, strict=True))
+    return min((later - time for (time, i), (later, j) in course if i != j), default=None)

@@ -1,0 +1,125 @@
+"""The grains' step is compiled by a second process while the first one meshes, solves and packs.
+
+Compiling it takes about as long as everything else before a new user's first window, and both use one core. So where
+the cache holds no step at all, a child makes a step of the same kind with two grains, which puts the code into the
+cache, where the run finds it, or waits for it. A run whose kind of step is not in a cache that has others
+compiles it itself: to ask for that would mean to build the grains first.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from geometry.kernel_cache import ROOT, has_entries
+from geometry.threads import default_threads
+from geometry.walls import cylinder
+from particles import (
+    DEM,
+    Body,
+    ContactLaw,
+    CyclicSector,
+    Elastic,
+    Grains,
+    HertzContact,
+    HertzMindlin,
+    LinearContact,
+    PairLaws,
+    RollingFriction,
+    ThesisContact,
+    WaltonBraun,
+)
+from particles.dem.attraction import Attraction
+
+RADIUS, MASS = 1e-3, 1e-5
+
+
+def kind_of(scene: Any) -> list[str]:
+    """What decides which step a scene by DEM has: its law, and the parts that cost in the loop over pairs."""
+    effects = scene.effects
+    parts = {
+        "resistance": effects.rolling_friction is not None or effects.twisting_friction is not None,
+        "sizes": scene.particles.sizes is not None,
+        "sector": scene.particles.sector is not None,
+        "energies": scene.output.energies,
+        "attraction": effects.dipoles is not None and effects.dipoles.model == "near_field",
+    }
+    return [scene.contact.law, *(name for name, on in parts.items() if on)]
+
+
+def grains_of_kind(law: str, *parts: str) -> DEM:
+    """A DEM of two grains whose step is compiled from the same types as that of a scene of this kind."""
+    radius = RADIUS * np.array([1.0, 1.2 if "sizes" in parts else 1.0])
+    where = np.array([[10.0, 1.0, 0.0], [10.0, 4.0, 0.0]]) * RADIUS
+    laws = PairLaws.of_one(_law(law), rolling=RollingFriction(0.1) if "resistance" in parts else None)
+    sector = CyclicSector(2.0 * np.pi / 6.0) if "sector" in parts else None
+    bore = cylinder("bore", "drum", 20.0 * RADIUS, -1.0, 1.0)
+    dem = DEM(
+        Grains.create(where, radius, 2500.0), [bore], [Body("drum")], laws, dt=1e-7, sector=sector,
+        ledger="energies" in parts,
+    )  # fmt: skip
+    if "attraction" in parts:
+        dem.attraction = Attraction(0.0, 1.0, np.zeros((2, 2)), np.zeros(2), 1.0, _no_drives)
+    return dem
+
+
+def _no_drives(dem: DEM) -> tuple[np.ndarray, np.ndarray]:
+    return np.zeros((dem.listed_pairs.count, 3)), np.zeros((len(dem.listed_walls.wall), 2))
+
+
+def _law(name: str) -> ContactLaw:
+    at = {"m_eff": MASS, "speed": 1.0}
+    match name:
+        case "hertz_mindlin":
+            return HertzMindlin.from_restitution(Elastic(1e7, 0.3), 0.5, 0.3)
+        case "hertz":
+            return HertzContact.from_restitution(1e6, 0.5, 0.3, **at)
+        case "thesis":
+            return ThesisContact.from_restitution(1e4, 0.5, 0.3, diameter=2.0 * RADIUS, exponent=0.5, **at)
+        case "walton_braun":
+            return WaltonBraun.from_restitution(1e4, 0.5, 0.3)
+    return LinearContact.from_restitution(1e4, 0.5, 0.3)
+
+
+def start(scene: Any) -> subprocess.Popen | None:
+    """The child that compiles, or None where it would not help: a step is in the cache, or there is one core only."""
+    from particles.dem.step_kernel import run_steps
+
+    cores = default_threads(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
+    if scene.contact.method != "dem" or cores < 2 or has_entries(run_steps):
+        return None
+    # -P: the folder that the user stands in may hold files with the names of modules, from elsewhere even
+    command = [sys.executable, "-P", "-m", "emclutch.simulation.kernel_warm_up", *kind_of(scene)]
+    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+    null = subprocess.DEVNULL
+    try:
+        return subprocess.Popen(command, stdin=null, stdout=null, stderr=null, env={**os.environ, "PYTHONPATH": path})
+    except OSError:  # it only saves time
+        return None
+
+
+@contextmanager
+def step_compiled_beside(scene: Any, tell: Callable[[str], None]) -> Iterator[None]:
+    """Compile the grains' step in a second process during the block.
+
+    Whoever asks for the step meanwhile waits for it at the cache's lock (`geometry.kernel_cache`).
+    """
+    child = start(scene)
+    if child is not None:
+        tell("compiling the grains' step (DEM) in a second process, once, about half a minute")
+    try:
+        yield
+    finally:
+        if child is not None and child.poll() is None:
+            child.terminate()
+            child.wait()
+
+
+if __name__ == "__main__":
+    grains_of_kind(*sys.argv[1:]).run(1)

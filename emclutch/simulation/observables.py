@@ -1,0 +1,123 @@
+"""What a window's row holds beside the ledgers: coil, gap and dimensionless numbers.
+
+Fill and inertial number belong to a gap that is sheared as a whole. A box has none, and neither has a centrifugal
+clutch: its shot is a heap in front of each vane, a thin ring, or at rest between the vanes, and what says how it
+transmits are the speeds and torques of the ledgers. Their histories have no such columns.
+"""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+
+import numpy as np
+
+from coupling import CoilField, Simulation, SolidCoilField
+from emclutch.device.device import Device, field_is_needed
+from emclutch.device.pole_zone import pole_zone
+from field import MagneticField
+from field.solid import SolidField
+from geometry import AnnularBox, Clutch, ShearCell
+from geometry.cad_shape import CadShape
+
+
+class Observables:
+    """Callback of the loop that adds current, field quantities, fill and inertial number to each row."""
+
+    def __init__(self, scene, device: Device):
+        self._scene = scene
+        self._device = device
+        self._seen_solution: object = None
+        self._field_row: dict[str, float] = {}
+        self._zone = pole_zone(device) if field_is_needed(scene) else None
+
+    def __call__(self, simulation: Simulation, row: dict) -> None:
+        source = simulation.source
+        if isinstance(source, (CoilField, SolidCoilField)):
+            row.update(source.window_row(row["time"]))
+            if source.solution is not None and source.solution is not self._seen_solution:
+                self._seen_solution = source.solution
+                self._field_row = self._field_quantities(source, source.solution)
+                if self._zone is not None and source.sampler is not None:
+                    self._field_row["field_strength_powder"] = self._zone.field_strength(source.sampler)
+            row.update(self._field_row)
+        if self._zone is not None:
+            grains = simulation.motion.grains
+            row["fill_powder"] = self._zone.fill(grains.position, simulation.n_sectors * grains.volume)
+        boxes = self._sheared_boxes()
+        if boxes:
+            x = simulation.motion.grains.position
+            r = np.hypot(x[:, 0], x[:, 1])
+            inside = np.zeros(len(r), dtype=bool)
+            for box in boxes:
+                inside |= (r > box.r0) & (r < box.r1) & (x[:, 2] > box.z0) & (x[:, 2] < box.z1)
+            volume = simulation.n_sectors * simulation.motion.grains.volume[inside].sum()
+            row["solid_fraction_gap"] = float(volume / sum(box.volume() for box in boxes))
+            row["inertial_number"] = self.inertial_number(row["torque_disc"], row["rotor_speed"] - row["disc_speed"])
+
+    def inertial_number(self, torque: float, slip: float) -> float | None:
+        """Upper bound of I = shear rate d sqrt(rho/P) in the sheared gap; None where no torque gives a pressure.
+
+        P = tau/mu_wall with tau the torque over the area of the gap's mean cylinder, or of both face gaps, and its
+        mean radius: at most that pressure is missed when the walls do not slip, so the true number is smaller.
+        """
+        scene, radius = self._scene, self._device.shear_radius
+        tau = abs(torque) / self._torque_per_stress()
+        friction = scene.contact.friction_at_walls
+        if tau == 0.0 or friction == 0.0:
+            return None
+        rate = abs(slip) * radius / self._device.shear_gap
+        return rate * scene.particles.mean_diameter * sqrt(scene.particles.density * friction / tau)
+
+    def _sheared_boxes(self) -> list[AnnularBox]:
+        """The gap that is sheared as a whole, both of the face gaps; none where there is no such gap."""
+        shape = self._device.shape
+        if not isinstance(shape, (Clutch, ShearCell)):
+            return []  # see the module's docstring
+        boxes = shape.fill_boxes()
+        if self._device.shears_faces:
+            return [boxes["face_left"], boxes["face_right"]]
+        return [boxes.get("rim", next(iter(boxes.values())))]
+
+    def _torque_per_stress(self) -> float:
+        """Area in the middle of the gap times its mean radius [m^3]."""
+        radius = self._device.shear_radius
+        if self._device.shears_faces:
+            assert isinstance(self._device.shape, Clutch)
+            return self._device.shape.face_area * radius
+        (box,) = self._sheared_boxes()
+        return 2 * pi * radius**2 * (box.z1 - box.z0)
+
+    def _field_quantities(
+        self, source: CoilField | SolidCoilField, solution: MagneticField | SolidField
+    ) -> dict[str, float]:
+        shape, coil = self._device.shape, self._device.coil
+        assert isinstance(shape, (Clutch, CadShape)) and coil is not None
+        if isinstance(solution, MagneticField):
+            in_gap = pole_flux_density(shape, solution, faces=self._device.shears_faces)
+        else:
+            from emclutch.device.device_3d import (  # local: most scenes need no such field
+                SolidCoilDevice,
+                gap_flux_density,
+            )
+
+            assert isinstance(coil, SolidCoilDevice)
+            in_gap = gap_flux_density(coil, solution)
+        return {
+            "flux_linkage": source.turns * solution.flux_linkage_per_turn,
+            "field_energy": solution.energy,
+            "gap_flux_density": in_gap,
+            "field_iterations": len(solution.newton) - 1,
+            "field_residual": solution.newton[-1][0],
+        }
+
+
+def pole_flux_density(shape: Clutch | CadShape, solution: MagneticField, *, faces: bool = False) -> float:
+    """Mean |B| [T] on the middle of the rim gap under the two pole faces, or of the face gap.
+
+    Of the face gap where `faces` says so, and where the disc is so thin that its rim lies within the ring.
+    """
+    midline = shape.gap_midline(201)
+    under = midline[np.abs(midline[:, 1]) > 0.5 * shape.ring_width]
+    if faces or len(under) < 10:
+        under = shape.face_midline(201)
+    return float(np.linalg.norm(solution.B_along(under), axis=1).mean())

@@ -1,0 +1,97 @@
+"""The pictures of a finished run: section with |B| and flux lines, torque and speeds against time, grains."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from coupling import CoilField, SolidCoilField
+from emclutch.device.gap_map import gap_map
+from emclutch.results import RunFolder, load_result
+from emclutch.results.pictures import (
+    axial_picture,
+    grains_picture,
+    profile_picture,
+    section_picture,
+    speed_picture,
+    torque_picture,
+)
+from emclutch.results.pictures.field import gap_map_picture
+from emclutch.results.pictures.speeds import speeds_vary
+from emclutch.results.pictures.torque import varies
+from emclutch.results.time_unit import time_in_words
+from emclutch.simulation.snapshots import contact_lines
+from field.section.smooth_field import SmoothField
+from geometry.centrifugal import CentrifugalClutch
+
+
+def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
+    """Write the pictures that the run has something to show in.
+
+    section.png or gap.png with a solved field, torque.png, speeds.png where a shaft's speed changes, profiles.png where
+    they were asked for, and at last grains.png: where it lies all others do.
+    """
+    title = case.scene.scene.title
+    result = load_result(folder.path)
+    grains, dem = simulation.motion.grains, simulation.motion
+    source = simulation.source
+    at = moment_in_words(result.history, dem.time)
+    if isinstance(source, CoilField) and source.solution is not None:
+        x = grains.position
+        r, theta = np.hypot(x[:, 0], x[:, 1]), np.arctan2(x[:, 1], x[:, 0])
+        middle = 0.0 if dem.sector is None else 0.5 * dem.sector.angle
+        slice_ = np.abs(r * (theta - middle)) < grains.radius  # one layer of grains around a half-plane
+        section_picture(
+            folder.section_picture,
+            SmoothField(source.problem.elements, source.solution.psi),
+            title=f"{title}\n{at}; grains that the half-plane at {np.degrees(middle):.3g}° cuts",
+            grains=np.column_stack([r, x[:, 2], grains.radius])[slice_],
+            filled=device.coil.powder_boxes,
+        )
+    elif isinstance(source, SolidCoilField) and source.solution is not None:
+        gap_map_picture(folder.path / "gap.png", *gap_map(device.coil, source.solution), title=f"{title}\n{at}")
+    if "torque_disc" in result.history:  # a box has no disc
+        current = steady_current(result.history)
+        torque_title = title if current is None else f"{title}\n{current:.4g} A"
+        torque_picture(folder.torque_picture, result.history, result.torque, result.other_histories, title=torque_title)
+    if speeds_vary(result.history):
+        speed_picture(folder.path / "speeds.png", {title: result.history}, title=title)
+    if profiles:
+        profile_picture(folder.path / "profiles.png", profiles, title=f"{title}\n{at}")
+    start, ends, force = contact_lines(dem)
+    chains = start, ends, np.linalg.norm(force, axis=1)
+    speed = np.linalg.norm(grains.velocity, axis=1)
+    if isinstance(device.shape, CentrifugalClutch):
+        axial_picture(
+            folder.grains_picture,
+            grains.position,
+            grains.radius,
+            speed,
+            walls=dem.walls,
+            angles={body.name: body.angle for body in dem.bodies},
+            chains=chains,
+            title=f"{title}\n{at}",
+        )
+        return
+    grains_picture(
+        folder.grains_picture,
+        grains.position,
+        grains.radius,
+        speed,
+        walls=dem.walls,
+        chains=chains,
+        title=f"{title}\n{at}",
+        sector_angle=None if dem.sector is None else dem.sector.angle,
+    )
+
+
+def moment_in_words(history, time: float) -> str:
+    """The moment [s] that a picture shows, with the current at the end of a history where there is a coil."""
+    at = f"t = {time_in_words(time)}"
+    return f"{history['current'].iloc[-1]:.4g} A, {at}" if "current" in history else at
+
+
+def steady_current(history) -> float | None:
+    """The coil's current [A] of a run in which it does not change; None of another, or without a coil."""
+    if "current" not in history or varies(history["current"]):
+        return None
+    return float(history["current"].iloc[-1])

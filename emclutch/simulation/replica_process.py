@@ -1,0 +1,53 @@
+"""A replica's process: one run of the task on standard input, until it is done or the input ends.
+
+Not for the command line: `emclutch run` starts it (`emclutch.simulation.replicas`).
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import threading
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from emclutch.results.output_error import OutputError
+from emclutch.scene.case import case_from
+
+FAILED, STOPPED = 1, 130
+
+
+def run_task(task: dict[str, Any], stop: threading.Event) -> int:
+    """Run a task of `emclutch.simulation.replicas`; returns the process's exit code."""
+    from emclutch.simulation.replicas import Replicas
+    from emclutch.simulation.run import Interrupted, RunError, run_replica
+
+    case = case_from(tomllib.loads(task["case"]), trust_scripts=task["trust_scripts"])
+    group = Replicas([Path(path) for path in task["histories"]], task["number"])
+    try:
+        settings = {name: task[name] for name in ("threads", "free", "resume", "start")}
+        run_replica(case, task["folder"], group, stop=stop, **settings)
+    except Interrupted:
+        return STOPPED
+    except (RunError, OutputError) as error:
+        print(" ".join(str(error).split()), file=sys.stderr)
+        return FAILED
+    return 0
+
+
+def main() -> int:
+    """Entry point of the process."""
+    task = json.loads(sys.stdin.readline())
+    stop = threading.Event()
+
+    def watch() -> None:
+        sys.stdin.read()  # ends when the run lets go of it, or does not live any more
+        stop.set()
+
+    threading.Thread(target=watch, name="watch", daemon=True).start()
+    return run_task(task, stop)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

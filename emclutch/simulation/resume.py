@@ -1,0 +1,152 @@
+"""What a run may be resumed with: its own checkpoint, the same input files, the same scene but for end and output."""
+
+from __future__ import annotations
+
+import logging
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from emclutch.results import OutputError, RunFolder, read_history
+from emclutch.results.checkpoint import read_checkpoint
+from emclutch.results.history import rows_until
+from emclutch.scene.case import Case, case_from
+from emclutch.scene.errors import SceneError
+from emclutch.scene.input_files import hashed_input_files
+
+log = logging.getLogger(__name__)
+MAY_CHANGE = ("time.end", "time.until", "time.average_from", "output.", "accuracy.", "scene.title", "scene.description")
+MUST_STAY = ("output.energies",)  # what a contact remembers has a place for it
+_OF_A_RUN = ("case", "window", "steps_per_update", "updates", "dem", "rows", "source")
+
+
+def run_checkpoint(path: str | Path) -> dict[str, Any]:
+    """The checkpoint of a run, see `emclutch.simulation.snapshots.save_checkpoint`.
+
+    Raises
+    ------
+    OutputError
+        It cannot be read, or holds something else.
+    """
+    state = read_checkpoint(path)
+    missing = [name for name in _OF_A_RUN if name not in state]
+    if missing:
+        raise OutputError(f"{path} is no checkpoint of a run: it lacks {', '.join(missing)}; start anew with --out")
+    return state
+
+
+def may_go_on(case: Case, folder: RunFolder) -> bool:
+    """Whether a run goes on from a checkpoint; OutputError where scene or files differ, or nothing is left to do."""
+    goes_on = folder.has_checkpoint()
+    if goes_on:
+        state = run_checkpoint(folder.checkpoint)
+        refuse_other_scene(state["case"], case.toml(), folder.path)
+        refuse_earlier_end(folder, state, case.scene.span.end)
+        rows_until(folder.history, checkpoint_time(folder.checkpoint, state["dem"], case.scene.contact.method))
+    else:
+        refuse_other_scene(folder.read_case(), case.toml(), folder.path)
+    with folder.logging():
+        refuse_changed_files(case, folder)
+    return goes_on
+
+
+def refuse_other_scene(old_text: str, new_text: str, target: str | Path) -> None:
+    """OutputError unless two scenes differ at most in what a continued run may change: its end and its output."""
+    old, new = flat_scene(old_text), flat_scene(new_text)
+    differing = [
+        f"{key}: {_in_short(old.get(key, 'absent'))} -> {_in_short(new.get(key, 'absent'))}"
+        for key in differing_keys(old, new)
+        if not may_change(key)
+    ]
+    if differing:
+        contact = any(text.startswith("contact.") for text in differing)
+        why = "a changed contact needs a new run: " if contact else ""
+        raise OutputError(
+            f"the run in {target} belongs to another scene ({'; '.join(differing)}); {why}start anew in another "
+            f"folder with --out, or continue the old scene with emclutch run {target} --resume"
+        )
+
+
+def refuse_earlier_end(folder: RunFolder, state: dict, end: float) -> None:
+    """OutputError where a run whose end [s] was set earlier is past it: nothing would be left to do.
+
+    The same end is always allowed: a last window may reach beyond it.
+    """
+    if end >= tomllib.loads(state["case"])["time"]["end"] or not folder.history.is_file():
+        return
+    times = read_history(folder.history)["time"].to_numpy()
+    reached = float(times[min(state["window"], len(times)) - 1]) if len(times) else 0.0
+    if end < reached:
+        raise OutputError(
+            f"time.end = {end:.4g} s is earlier than the checkpoint in {folder.path}, at {reached:.4g} s: nothing is "
+            f"left to do, and nothing was changed; give a later time.end, or read the torque until then in "
+            f"{folder.history.name}"
+        )
+
+
+def checkpoint_time(path: Path, dem: dict[str, Any], method: str) -> float:
+    """Time [s] of the state of a DEM or DVI; OutputError where it is none."""
+    try:
+        return float(dem["counters"][0] * dem["scalars"][0 if method == "dvi" else 2])
+    except (KeyError, IndexError, TypeError) as error:
+        raise OutputError(f"{path} is no checkpoint of a run ({error!r}); start anew with --out") from error
+
+
+def refuse_changed_files(case: Case, folder: RunFolder) -> None:
+    """OutputError where a file that the scene names has another content than when the run began.
+
+    A run of a version that kept no hashes goes on with a warning in its log.
+    """
+    now = hashed_input_files(case.scene)
+    if not now:
+        return
+    written = folder.read_provenance()
+    entries = [written, *written.get("resumed", [])]  # a run of an older version may have been resumed by this one
+    before = next((entry["input_files"] for entry in entries if entry.get("input_files") is not None), None)
+    if before is None:
+        log.warning("the run did not note what its input files held; whether they changed since cannot be told")
+        return
+    changed = [
+        f"{key} = {file['path']}"
+        for key, file in now.items()
+        if before.get(key, {}).get("sha256", file["sha256"]) != file["sha256"]
+    ]
+    if changed:
+        raise OutputError(
+            f"the run in {folder.path} began with another content of {', '.join(changed)} (its sha256 differs from the "
+            f"one in {folder.provenance.name}); put the former file back, or start anew in another folder with --out"
+        )
+
+
+def flat_scene(text: str) -> dict[str, Any]:
+    """The resolved scene of a TOML text as dotted keys; entries of this version that it lacks have their defaults."""
+    data = tomllib.loads(text)
+    try:
+        data = case_from(data).resolved()
+    except SceneError:  # of another version, or its files are gone: what can be compared is the text
+        pass
+    return _flat(data)
+
+
+def differing_keys(old: dict[str, Any], new: dict[str, Any]) -> list[str]:
+    """Keys of two flat scenes whose values differ, sorted."""
+    return [key for key in sorted({*old, *new}) if old.get(key) != new.get(key)]
+
+
+def may_change(key: str) -> bool:
+    """Whether a continued run may have another value of a dotted key."""
+    return key not in MUST_STAY and key.startswith(MAY_CHANGE)
+
+
+def _in_short(value: Any) -> str:
+    """A value as text; the points of a curve are too many for a message."""
+    text = str(value)
+    return text if len(text) <= 60 else f"{text[:50]} ..."
+
+
+def _flat(table: dict, prefix: str = "") -> dict:
+    """Nested tables as dotted keys."""
+    flat: dict = {}
+    for key, value in table.items():
+        flat |= _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
+    return flat

@@ -1,0 +1,213 @@
+"""What a run writes while it runs: history, record, ParaView series and checkpoints, as callbacks of the loop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from coupling import CoilField, LayeredField, Simulation, SolidCoilField
+from emclutch.results import HistoryWriter, RunFolder
+from emclutch.results.checkpoint import write_checkpoint
+from emclutch.results.record import Record
+from emclutch.results.view.paraview_script import write_script
+from emclutch.results.view.run_files import read_run_files
+from emclutch.results.vtk.field_arrays import field_arrays, solid_field_arrays
+from emclutch.results.vtk.series import PvdSeries
+from particles import GrainMotion
+
+if TYPE_CHECKING:
+    from emclutch.simulation.profile_average import ProfileAverage
+
+
+class Snapshots:
+    """Writes `count` frames evenly over the run (and the start), grains, walls, contacts and field.
+
+    Parameters
+    ----------
+    folder : RunFolder
+    walls : list of Wall
+    windows, count : int
+        Windows of the whole run; frames.
+    formats : tuple of str
+        "vtk", "hdf5".
+    resume_time : float or None
+        Later frames of an interrupted run are removed [s].
+    ends_early : function
+        Whether the run ends with the present window, of which a frame is then written too.
+    """
+
+    def __init__(
+        self,
+        folder: RunFolder,
+        walls,
+        windows: int,
+        count: int,
+        formats,
+        case_text: str,
+        resume_time: float | None,
+        ends_early: Callable[[], bool] = lambda: False,
+    ):
+        self._ends_early = ends_early
+        self._walls = walls
+        self._at = {round(k * windows / count) for k in range(1, count + 1)} if count else set()
+        self._series = {}
+        if "vtk" in formats and count:
+            self._series = {
+                name: PvdSeries(folder.path, name, resume_time=resume_time)
+                for name in ("particles", "field", "walls", "contacts")
+            }
+        self._folder = folder.path
+        self._script_is_due = bool(self._series)
+        self.record = None
+        if "hdf5" in formats:
+            self.record = Record.open(
+                folder.record,
+                "w" if resume_time is None else "a",
+                case_text=case_text,
+                provenance_text=folder.provenance.read_text(),
+                resume_time=resume_time,
+            )
+
+    def begin(self, simulation: Simulation) -> None:
+        """Write the frame of t = 0: the grains as they were packed; no force has acted yet.
+
+        Forces of the contacts are not asked for: without a field the step would be compiled once more.
+        """
+        if self._at:
+            count = simulation.motion.grains.count
+            self._write_grains(simulation, np.zeros(count, dtype=np.int64), (np.zeros((0, 3)),) * 3)
+
+    def __call__(self, simulation: Simulation, row: dict) -> None:
+        if self.record is not None:
+            self.record.append_observables(row, step=simulation.motion.step_count)
+        if simulation.window == 1:  # what it was solved for is the start: the series of the field begins at 0 as well
+            self._write_field(simulation, 0.0)
+        if self._script_is_due:  # every series has begun
+            write_script(read_run_files(self._folder))
+            self._script_is_due = False
+        if simulation.window in self._at or (self._at and self._ends_early()):
+            self.write(simulation)
+
+    def write(self, simulation: Simulation) -> None:
+        """Write a frame of everything now."""
+        dem = simulation.motion
+        self._write_grains(simulation, contacts_per_grain(dem), contact_lines(dem))
+        self._write_field(simulation, dem.time)
+
+    def _write_grains(self, simulation: Simulation, n_contacts: np.ndarray, lines: tuple[np.ndarray, ...]) -> None:
+        dem, grains = simulation.motion, simulation.motion.grains
+        arrays = {
+            "radius": grains.radius,
+            "velocity": grains.velocity,
+            "angular_velocity": grains.angular_velocity,
+            "particle_id": grains.particle_id,
+            "force_contact": dem.contact_force,
+            "n_contacts": n_contacts,
+        }
+        magnetic = {"magnetic_moment": grains.magnetic_moment, "force_magnetic": dem.external_force}
+        for name, values in magnetic.items():
+            if values is None and simulation.magnetised is not None:
+                values = np.zeros_like(grains.position)  # before the first window nothing is magnetised
+            if values is not None:
+                arrays[name] = values
+        if self.record is not None:
+            self.record.append_grains(dem.step_count, dem.time, {"position": grains.position, **arrays})
+        if not self._series:
+            return
+        self._series["particles"].write_particles(dem.time, grains.position, arrays)
+        self._series["walls"].write_walls(
+            dem.time,
+            self._walls,
+            angles={b.name: b.angle for b in dem.bodies},
+            speeds={b.name: b.speed for b in dem.bodies},
+            sector_angle=None if dem.sector is None else dem.sector.angle,
+        )
+        self._series["contacts"].write_contacts(dem.time, *lines)
+
+    def _write_field(self, simulation: Simulation, time: float) -> None:
+        source = simulation.source
+        if not self._series:
+            return
+        series = self._series["field"]
+        if isinstance(source, CoilField):
+            assert source.solution is not None
+            section = field_arrays(source.solution)
+            series.write_field(
+                time,
+                section.points,
+                section.triangles,
+                cell_arrays=section.cell_arrays,
+                point_arrays=section.point_arrays,
+                region_names=section.region_names,
+            )
+        elif isinstance(source, SolidCoilField) and source.solution is not None:
+            series.write_solid_field(
+                time,
+                *solid_field_arrays(source.solution),
+                turned=source.carrier.angle if time > 0.0 else 0.0,
+                region_names=sorted(source.solution.problem.mesh.regions),
+            )
+
+    def flush(self) -> None:
+        """Write the rows that are kept back."""
+        if self.record is not None:
+            self.record.flush()
+
+    def close(self) -> None:
+        """Write what is still kept back, and close."""
+        if self.record is not None:
+            self.record.close()
+
+
+def contacts_per_grain(dem: GrainMotion) -> np.ndarray:
+    """Number of grains and walls that each grain touches, (n,) int64."""
+    table = dem.contacts()
+    return np.bincount(table.i, minlength=dem.grains.count) + np.bincount(
+        table.j[table.j >= 0], minlength=dem.grains.count
+    )
+
+
+def contact_lines(dem: GrainMotion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Force chains: centre of grain i (m, 3), its partner's centre or the point on the wall, and the force [N] on i."""
+    table, x = dem.contacts(), dem.grains.position
+    partner = x[np.maximum(table.j, 0)]
+    if dem.sector is not None:
+        partner = dem.sector.turn(partner, table.shift)
+    end = np.where((table.j >= 0)[:, None], partner, table.point)
+    return x[table.i], end, table.force
+
+
+class History:
+    """Callback that writes history.csv."""
+
+    def __init__(self, path: Path, resume_time: float | None):
+        self._writer = HistoryWriter(path, resume_time=resume_time)
+
+    def __call__(self, simulation: Simulation, row: dict) -> None:
+        self._writer.append(row)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._writer.close()
+
+
+def save_checkpoint(path: Path, simulation: Simulation, case_text: str, profiles: ProfileAverage | None = None) -> None:
+    """Everything that a bit-exact continuation needs."""
+    state = {
+        "case": case_text,
+        "window": simulation.window,
+        "steps_per_update": simulation.steps_per_update,
+        "updates": simulation.updates,
+        "dem": simulation.motion.state(),
+        "rows": simulation.rows_state(),
+        "source": None,
+    }
+    source = simulation.source
+    if isinstance(source, (CoilField, SolidCoilField, LayeredField)):
+        state["source"] = source.state()
+    if profiles is not None:
+        state["profiles"] = profiles.state()
+    write_checkpoint(path, state)

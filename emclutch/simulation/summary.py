@@ -1,0 +1,185 @@
+"""summary.json: the torque with its error, the device, the numerics, the cost."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from coupling import CoilField, SolidCoilField
+from emclutch.device.pole_zone import PoleZone, pole_zone
+from emclutch.results import Estimate, RunFolder, read_history
+from emclutch.results.rise_time import rise_times
+from emclutch.results.steady_torque import SteadyConditions, mean_torque, steady_torque
+from emclutch.scene.replica_count import replica_seed
+from emclutch.simulation.torque_known import how_it_ended
+from field import FluxLinkage, MagneticField, MeanFluxDensity, estimate_error
+from particles import DEM, contact_share, depth_warning
+
+JAM = 1e3  # tolerances of the solver of rigid contacts, beyond which a step counts as jammed
+
+
+def summarise(
+    case,
+    folder: RunFolder,
+    device,
+    plan,
+    simulation,
+    conditions: SteadyConditions,
+    seconds: dict[str, float],
+    others=(),
+    stopped: bool = False,
+) -> None:
+    """summary.json: the torque with its error, the device, the numerics, the cost.
+
+    `seconds` are of the process: the whole run, and what of it went into compiling kernels, which the seconds of the
+    windows contain as well. `others` are the histories of the other replicas: their torques count, all else is of this
+    run. `stopped`: the user's callback has ended it.
+    """
+    history = read_history(folder.history)
+    summary: dict = {"title": case.scene.scene.title, "effects": list(case.scene.effects.active)}
+    for body in ("rotor", "field"):
+        column = f"torque_{body}"
+        if column in history and (body != "field" or simulation.magnetised is not None):
+            summary[column] = mean_torque(history, column, conditions.average_from, others).as_dict()
+    if stopped:
+        summary["stopped"] = f"by the callback at t = {history['time'].iloc[-1]:.4g} s of {plan.end:.4g} s"
+    torque = steady_torque(history, conditions, others) if "torque_disc" in history else None
+    if torque is not None:
+        summary["torque"] = torque.as_dict()
+        if others:
+            summary["replicas"] = replicas_summary(case, (history, *others), torque)
+        if case.scene.span.until is not None:
+            summary["until"] = how_it_ended(torque, case.scene.span.until, history)
+    shafts = {body.name for body in simulation.motion.bodies}  # walls of a box may be on one alone
+    if {"rotor", "disc"} <= shafts and any(body.is_free for body in simulation.motion.bodies):
+        summary["lock_up_time"] = lock_up_time(history)
+    if isinstance(simulation.source, (CoilField, SolidCoilField)):
+        summary |= {
+            "current": float(history["current"].iloc[-1]),
+            "turns": simulation.source.turns,
+            "gap_flux_density": float(history["gap_flux_density"].iloc[-1]),
+            "flux_linkage": float(history["flux_linkage"].iloc[-1]),
+            "field_solves": simulation.source.solves,
+        }
+        summary |= rise_times(history, device.coil.currents[-1])
+        summary["field_error_estimate"] = field_error_estimate(simulation.source.solution)
+    zone = None if simulation.magnetised is None else pole_zone(device)
+    if zone is not None and torque is not None:
+        summary |= zone_summary(zone, (history, *others), torque)
+    if "feedback_residual" in history:
+        summary["feedback"] = {
+            "tolerance": simulation.source.fill_tolerance,
+            "worst_residual": float(history["feedback_residual"].max()),
+        } | {part: float(history[f"feedback_{part}"].iloc[-1]) for part in ("across", "clipped", "lagged")}
+    if "moment_residual" in history:
+        summary["moments"] = moments_summary(case.scene.effects.dipoles, history, plan, simulation.motion)
+    if "missed_steps" in history:
+        summary["solver"] = solver_summary(history, simulation.motion.tolerance)
+    if "inertial_number" in history:
+        late = history["inertial_number"].iloc[len(history) // 2 :].dropna()
+        summary["inertial_number"] = float(late.median()) if len(late) else None
+    throughput = 0.0
+    if "dissipated" in history:
+        throughput = float((history["work_walls"].abs() + history["dissipated"]).sum())
+    summary |= {
+        "grains": plan.count,
+        "sectors": simulation.n_sectors,
+        "dt": plan.dt,
+        "time": float(history["time"].iloc[-1]),
+        "steps": int(history["steps"].sum()),
+        "max_overlap": float(history["max_overlap"].max()),
+        "typical_overlap": float(history["max_overlap"].iloc[len(history) // 2 :].median()),
+        "torque_residual_rms": float(np.sqrt((history["torque_residual"] ** 2).mean())),
+        "energy_residual_relative": float(history["energy_residual"].sum() / throughput) if throughput else None,
+        "discretisation_error": None,
+        "discretisation_error_note": "not measured in a single run; emclutch accuracy measures it",
+        "seconds": {
+            part: float(history[f"wall_{part}"].sum())
+            for part in ("field", "magnetic", "contact", "total")
+            if f"wall_{part}" in history
+        }
+        | {**seconds, "foretold": plan.cost.seconds},
+        "contact": plan.contact_data,
+        "plan": plan.reasons,
+    }
+    folder.write_summary(summary)
+
+
+def zone_summary(zone: PoleZone, histories, torque: Estimate) -> dict[str, float | None]:
+    """Shear stress [Pa] with its error, mean H [A/m] and fill of the powder between the poles, of the steady part."""
+    late = [each[each["time"] > (torque.start or 0.0)] for each in histories]
+    found: dict[str, float | None] = {
+        "shear_stress": None if torque.mean is None else zone.shear_stress(torque.mean),
+        "shear_stress_error": None if torque.standard_error is None else zone.shear_stress(torque.standard_error),
+    }
+    for name in ("field_strength_powder", "fill_powder"):
+        if name in late[0]:
+            found[name] = float(np.mean([each[name].mean() for each in late]))
+    return found
+
+
+def replicas_summary(case, histories, torque: Estimate) -> dict[str, Any]:
+    """The replicas' seeds, and the mean torque of each over the steady part that they have in common."""
+    start = torque.start or 0.0
+    return {
+        "count": len(histories),
+        "seeds": [replica_seed(case.scene.scene.seed, number) for number in range(len(histories))],
+        "means": [mean_torque(each, "torque_disc", start).mean for each in histories],
+        "packing_share": torque.packing_share,
+    }
+
+
+def moments_summary(dipoles, history, plan, dem) -> dict[str, float | str]:
+    """How the moments of grains that magnetise one another did; a caution where their contacts are too soft for it."""
+    summary: dict[str, float | str] = {
+        "model": dipoles.model,
+        "tolerance": dipoles.tolerance,
+        "worst_residual": float(history["moment_residual"].max()),
+        "sweeps_per_update": float(history["moment_sweeps"].sum()) * plan.steps_per_update / history["steps"].sum(),
+    }
+    if isinstance(dem, DEM) and dem.attraction is not None:
+        summary["strongest_near_pull"] = dem.attraction.strongest
+        summary["necks_over_contact_stiffness"] = contact_share(dem.attraction, dem.laws, dem.grains.radius)
+        caution = depth_warning(dem.attraction, dem.laws, dem.grains.radius)
+        if caution is not None:
+            summary["caution"] = caution
+    return summary
+
+
+def solver_summary(history, tolerance: float) -> dict[str, float | str]:
+    """How the solver of rigid contacts did; a caution where steps ended far from the law of contact."""
+    missed, worst = int(history["missed_steps"].sum()), float(history["solver_residual"].max())
+    summary: dict[str, float | str] = {
+        "tolerance": tolerance,
+        "sweeps_per_step": float(np.average(history["sweeps"], weights=history["steps"])),
+        "missed_share": missed / float(history["steps"].sum()),
+        "worst_residual": worst,
+        "stabilisation_work": float(history["stabilisation_work"].sum()),
+    }
+    if worst > JAM * tolerance:
+        summary["caution"] = (
+            f"contacts ended a step {worst:.2g} m/s off the law of contact: rigid grains were jammed between walls "
+            "that push, where no finite force may exist; torques near that time are not to be trusted"
+        )
+    return summary
+
+
+def field_error_estimate(solution) -> dict[str, float] | None:
+    """Estimated relative errors of the last field's discretisation; None without current, and for one in space."""
+    if not isinstance(solution, MagneticField) or solution.ampere_turns == 0.0:
+        return None
+    estimate = estimate_error(solution, (FluxLinkage(), MeanFluxDensity("powder")))
+    return {goal.goal: goal.relative for goal in estimate.goals}
+
+
+def lock_up_time(history) -> float | None:
+    """Time [s] from which on the shafts' speeds stay within 1 % of the faster one; None if they do not."""
+    slip = (history["rotor_speed"] - history["disc_speed"]).abs()
+    fast = np.maximum(history["rotor_speed"].abs(), history["disc_speed"].abs())
+    slipping = np.flatnonzero((slip > 0.01 * fast).to_numpy() | (fast == 0.0).to_numpy())
+    if len(slipping) == 0:
+        return 0.0
+    if slipping[-1] == len(history) - 1:
+        return None
+    return float(history["time"].iloc[slipping[-1] + 1])

@@ -1,0 +1,370 @@
+"""`emclutch field`: the field alone, at one current or along a sweep, with every quantity that it gives.
+
+The powder, where `back_reaction` is on, is spread evenly over the space that it fills, with the permeability of grains
+without order; no grain is moved. Where a run feeds back the moments of its grains, the gap field and the linkage of
+grains in straight chains stand beside at the last current (`emclutch.simulation.forecast.expected_field`).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from time import perf_counter
+from typing import Annotated
+
+import numpy as np
+import pandas
+from pydantic import TypeAdapter, ValidationError
+from rich.markup import escape
+from rich.table import Table
+
+from emclutch.device.body_forces import MOVABLE, force_on, movable_bodies, stress_force
+from emclutch.scene.case import Case
+from emclutch.device.device import (
+    CoilDevice,
+    field_goals,
+    field_is_needed,
+    grain_law,
+    region_laws,
+    shears_faces,
+    solved_coil,
+)
+from emclutch.simulation.forecast.expected_field import field_in_chains, powder_in_words
+from emclutch.results.vtk.field_arrays import field_arrays
+from emclutch.simulation.observables import pole_flux_density
+from emclutch.results import OutputError, RunFolder
+from emclutch.results.pictures.field import line_picture, saturation_picture
+from emclutch.results.pictures import section_picture
+from emclutch.results.vtk.series import PvdSeries
+from emclutch.scene.field_source import CoilField
+from emclutch.scene.fill import fill_of
+from emclutch.scene.grain_smear import moments_are_fed_back
+from emclutch.device.device_3d import SolidCoilDevice
+from emclutch.studies.field_3d import solid_field_study
+from emclutch.scene.units import Quantity
+from field import ConvergenceError, MagneticField, PowderLaw
+from field.coil.inductance import apparent_inductance, incremental_inductance
+from field.coil.magnetic_circuit import FilledPowder, clutch_circuit
+from field.factorisation import describe_backend
+from field.section.current_sweep import sweep_currents
+from field.section.error_estimate import estimate_error
+from field.section.field_lines import field_along, straight_line
+from field.section.maxwell_force import lorentz_force
+from field.section.smooth_field import SmoothField
+from geometry import Clutch
+
+UNITS = {
+    "current": "A",
+    "ampere_turns": "A",
+    "gap_flux_density": "T",
+    "flux_linkage": "Wb",
+    "circuit_flux_linkage": "Wb",
+    "apparent_inductance": "H",
+    "incremental_inductance": "H",
+    "energy": "J",
+    "coenergy": "J",
+    **{f"axial_force_{body}": "N" for body in MOVABLE},
+    "copper_loss": "W",
+    "newton_steps": "-",
+    "residual": "-",
+    "seconds": "s",
+}
+"""Columns of field.csv and their units."""
+
+DETAIL_UNITS = {
+    "resistance": "ohm",
+    "wire_diameter": "m",
+    "copper_mass": "kg",
+    "largest_flux_density": "T",
+    "gap_flux_density_in_chains": "T",
+    "flux_linkage_in_chains": "Wb",
+    "axial_force": "N",
+}
+"""Of what field.json holds for the last current; the rest are pure numbers."""
+
+IN_TERMINAL = (
+    {
+        "current": "I",
+        "gap_flux_density": "B gap",
+        "flux_linkage": "linkage",
+        "apparent_inductance": "L",
+        "incremental_inductance": "L incr.",
+        "copper_loss": "loss",
+    },
+    {
+        "current": "I",
+        "energy": "energy",
+        "coenergy": "co-energy",
+        **{f"axial_force_{body}": f"F_z {body}" for body in MOVABLE},
+    },
+)
+"""Columns that the terminal shows, and how they are headed there, in tables that fit into 80 letters."""
+
+
+def field_study(
+    case: Case,
+    currents: Sequence[float] | None = None,
+    lines: Sequence[tuple[float, ...]] = (),
+    out: str | Path | None = None,
+) -> Path:
+    """Solve the scene's field and write what it gives into a new folder.
+
+    Parameters
+    ----------
+    case : Case
+        A clutch (or a section from CAD) with a coil, with grains or without.
+    currents : sequence of float or None
+        [A]; None: the largest current of the scene.
+    lines : sequence of (r0, z0, r1, z1)
+        Straight lines [m] along which B and H are written, at the last current; of a field in space also
+        (x0, y0, z0, x1, y1, z1).
+    out : str, Path or None
+        New folder; None: the next runs/<case>-field-<nnn>.
+
+    Returns
+    -------
+    Path
+        The folder, with field.csv (a row a current), field.json, field.pvd, section.png, saturation.png (a sweep),
+        line-<n>.csv and .png.
+
+    Raises
+    ------
+    ValueError
+        A scene without a coil's field, a line outside the mesh.
+    ConvergenceError
+        A current that does not converge; what was solved before is written.
+    OutputError
+        The folder is there already.
+    """
+    scene = case.scene
+    if not isinstance(scene.field, CoilField) or not (scene.particles is None or field_is_needed(scene)):
+        raise ValueError(
+            "the scene has no coil's field to solve: it needs field.source = 'coil' and an effect that samples it, "
+            "magnetic_force or dipoles"
+        )
+    coil = solved_coil(scene)
+    if isinstance(coil, SolidCoilDevice):
+        return solid_field_study(case, coil, currents, lines, out)
+    for line in lines:
+        if len(line) != 4:
+            raise ValueError(f"the line {line} m lies in space, and this field in a section; write r0, z0, r1, z1")
+        ends = np.array([line[:2], line[2:]])
+        if np.any(coil.problem.locator.find(ends)[0] < 0):
+            raise ValueError(
+                f"the line {line} m does not lie in the mesh; it reaches to r = "
+                f"{coil.mesh.points[:, 0].max():.4g} m, with r >= 0; bare numbers are metres, write '27 mm'"
+            )
+    folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-field")
+    if folder.exists():
+        raise OutputError(f"{folder} exists; name another folder with --out")
+    currents = [coil.largest_current] if currents is None else list(currents)
+    amount = None if scene.particles is None else fill_of(coil.shape, scene.particles, scene.scene.seed)
+    phi = None if amount is None or scene.effects.back_reaction is None else amount.solid_fraction
+    fill = None if phi is None else coil.uniform_fill(phi)
+    folder.mkdir(parents=True)
+    series = PvdSeries(folder, "field")
+    growing = bool(np.all(np.diff(currents) > 0.0))  # then ParaView's time is the current
+    rows: list[dict[str, float]] = []
+    solution: MagneticField | None = None
+    failure: ConvergenceError | None = None
+    began = perf_counter()
+    fields = sweep_currents(coil.problem, coil.turns * np.asarray(currents), fill, tolerance=coil.newton_tolerance)
+    for number, current in enumerate(currents):
+        try:
+            solution = next(fields)
+        except ConvergenceError as error:
+            failure = error
+            break
+        rows.append(_row(case, coil, solution, current, phi, perf_counter() - began))
+        section = field_arrays(solution)
+        series.write_field(
+            current if growing else float(number),
+            section.points,
+            section.triangles,
+            cell_arrays=section.cell_arrays,
+            point_arrays=section.point_arrays,
+            region_names=section.region_names,
+        )
+        began = perf_counter()
+    table = pandas.DataFrame(rows)
+    table.to_csv(folder / "field.csv", index=False)
+    if failure is not None:
+        raise failure
+    assert solution is not None
+    title = scene.scene.title
+    at = f"{title}\n{rows[-1]['current']:g} A"
+    section_picture(
+        folder / "section.png",
+        SmoothField(solution.problem.elements, solution.psi),
+        filled=coil.powder_boxes,
+        title=at,
+    )
+    if len(table) > 2:
+        saturation_picture(folder / "saturation.png", table, title=title)
+    for number, line in enumerate(lines, start=1):
+        along = field_along(solution, straight_line(line[:2], line[2:]))
+        columns = {
+            "distance": along.distance,
+            "r": along.points[:, 0],
+            "z": along.points[:, 1],
+            "B_r": along.B[:, 0],
+            "B_z": along.B[:, 1],
+            "H_r": along.H[:, 0],
+            "H_z": along.H[:, 1],
+            "region": along.region,
+        }
+        pandas.DataFrame(columns).to_csv(folder / f"line-{number}.csv", index=False)
+        r0, z0, r1, z1 = (1e3 * x for x in line)
+        where = f"from (r, z) = ({r0:g}, {z0:g}) to ({r1:g}, {z1:g}) mm"
+        line_picture(folder / f"line-{number}.png", along, title=f"{at}\n{where}")
+    summary = {
+        "units": UNITS | DETAIL_UNITS,
+        "currents": rows,
+        "at_last_current": _details(case, coil, solution, None if amount is None else amount.solid_fraction),
+    }
+    (folder / "field.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    return folder
+
+
+def tables_of(summary: dict) -> list[Table]:
+    """What `field.json` holds, for a terminal: a row a current, and what is known at the last one."""
+    rows, tables = summary["currents"], []
+    for columns in IN_TERMINAL:
+        shown = [name for name in columns if name in rows[0]]
+        tables.append(Table(*(escape(f"{columns[name]} [{UNITS[name]}]") for name in shown)))
+        for row in rows:
+            tables[-1].add_row(*(f"{row[name]:.4g}" for name in shown))
+    last = Table("at the last current", "")
+    for name, value in summary["at_last_current"].items():
+        unit = f" [{DETAIL_UNITS[name]}]" if name in DETAIL_UNITS else ""
+        last.add_row(escape(name.replace("_", " ") + unit), escape(_in_words(value)))
+    return [*tables, last]
+
+
+def _in_words(value: object) -> str:
+    if isinstance(value, dict):
+        return "; ".join(f"{name.replace('_', ' ')}: {_in_words(part)}" for name, part in value.items())
+    if isinstance(value, list):
+        return ", ".join(map(_in_words, value))
+    if value is None:
+        return "none"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def read_currents(text: str) -> list[float]:
+    """Currents [A] from ``0.5 A``, from a list ``0 A, 0.5 A, 1 A``, or from ``0 A : 1 A : 11`` (first, last, how many).
+
+    Raises
+    ------
+    ValueError
+        With what was expected.
+    """
+    parts = [part.strip() for part in text.split(":")]
+    if len(parts) == 3 and parts[2].isdigit() and int(parts[2]) > 1:
+        return list(np.linspace(_quantity(parts[0], "A"), _quantity(parts[1], "A"), int(parts[2])))
+    if len(parts) != 1:
+        raise ValueError(f"{text!r} is no range of currents; write first : last : how many, e.g. '0 A : 1 A : 11'")
+    return [_quantity(part, "A") for part in text.split(",")]
+
+
+def read_line(text: str) -> tuple[float, ...]:
+    """Ends of a line [m], of ``44 mm, 0 mm, 46 mm, 0 mm`` or in space; ValueError with what was expected."""
+    parts = text.split(",")
+    if len(parts) not in (4, 6):
+        raise ValueError(
+            f"{text!r} is no line; write r0, z0, r1, z1, e.g. '44 mm, 0 mm, 46 mm, 0 mm' (a field in space: also "
+            "x0, y0, z0, x1, y1, z1)"
+        )
+    return tuple(_quantity(part, "m") for part in parts)
+
+
+_ENTRIES = {"A": Quantity("a current", "A", "0.5 A"), "m": Quantity("a length", "m", "44 mm")}
+
+
+def _quantity(text: str, unit: str) -> float:
+    try:
+        value: str | float = float(text)  # a bare number is in SI, as in a scene
+    except ValueError:
+        value = text.strip()
+    try:
+        return TypeAdapter(Annotated[float, _ENTRIES[unit]]).validate_python(value)
+    except ValidationError as error:
+        raise ValueError(f"{text.strip()!r} {error.errors()[0]['msg']}") from error
+
+
+def _row(
+    case: Case,
+    coil: CoilDevice,
+    solution: MagneticField,
+    current: float,
+    phi: float | None,
+    seconds: float,
+) -> dict[str, float]:
+    row = {
+        "current": current,
+        "ampere_turns": solution.ampere_turns,
+        "flux_linkage": coil.turns * solution.flux_linkage_per_turn,
+        "apparent_inductance": apparent_inductance(solution, coil.turns),
+        "incremental_inductance": incremental_inductance(solution, coil.turns),
+        "energy": solution.energy,
+        "coenergy": solution.coenergy,
+        "copper_loss": _resistance(case, coil) * current**2,
+        "newton_steps": len(solution.newton) - 1,
+        "residual": solution.newton[-1][0],
+        "seconds": seconds,
+    }
+    forces = {body: stress_force(solution, regions) for body, regions in movable_bodies(coil, solution)}
+    row |= {f"axial_force_{body}": force for body, force in forces.items() if force is not None}
+    if isinstance(coil.shape, Clutch):
+        row["gap_flux_density"] = pole_flux_density(coil.shape, solution, faces=_at_the_faces(case, coil.shape))
+        laws = region_laws(case.scene, coil.mesh)
+        powder = {} if phi is None else {"powder": FilledPowder(PowderLaw(grain_law(case.scene)), phi)}
+        circuit = clutch_circuit(coil.shape, laws, **powder).solve(solution.ampere_turns)
+        row["circuit_flux_linkage"] = coil.turns * circuit.linkage_per_turn
+    return {name: row[name] for name in UNITS if name in row}
+
+
+def _resistance(case: Case, coil: CoilDevice) -> float:
+    """Of the coil [ohm]: the scene's own, or that of its turns in copper."""
+    assert case.scene.coil is not None
+    return case.scene.coil.resistance_in(coil.shape.coil_area, coil.shape.coil_mean_radius)
+
+
+def _at_the_faces(case: Case, shape: Clutch) -> bool:
+    """Whether the gap that is meant is that at a clutch's faces."""
+    return shears_faces(shape, "cavity" if case.scene.particles is None else case.scene.particles.region)
+
+
+def _details(case: Case, coil: CoilDevice, solution: MagneticField, phi: float | None) -> dict:
+    """What is computed once, at the last current: powder in chains, error estimate, forces, winding, solver."""
+    details: dict = {
+        "powder": powder_in_words(case.scene, phi),
+        "unknowns": solution.problem.n_dofs,
+        "triangles": len(coil.mesh.triangles),
+        "order": solution.problem.elements.order,
+        "solver": describe_backend(solution.problem.factorisation_backend),
+        "newton_residuals": [residual for residual, _ in solution.newton],
+        "turns": coil.turns,
+        "resistance": _resistance(case, coil),
+        "wire_diameter": coil.winding.wire_diameter,
+        "copper_mass": coil.winding.copper_mass,
+        "largest_flux_density": float(np.linalg.norm(solution.flux_density(), axis=1).max()),
+    }
+    if coil.adapted is not None:
+        details["mesh"] = coil.adapted.summary()
+    if solution.ampere_turns == 0.0:
+        return details
+    if phi is not None and moments_are_fed_back(case.scene):
+        chains = field_in_chains(coil, phi, solution.ampere_turns / coil.turns, solution)
+        if isinstance(coil.shape, Clutch):
+            B = pole_flux_density(coil.shape, chains, faces=_at_the_faces(case, coil.shape))
+            details["gap_flux_density_in_chains"] = B
+        details["flux_linkage_in_chains"] = coil.turns * chains.flux_linkage_per_turn
+    estimate = estimate_error(solution, field_goals(coil.mesh))
+    details["estimated_relative_error"] = {goal.goal: goal.relative for goal in estimate.goals}
+    forces: dict[str, dict] = {"coil (J x B)": {"lorentz": lorentz_force(solution)}}
+    for body, regions in movable_bodies(coil, solution):
+        forces[body] = force_on(solution, regions)
+    details["axial_force"] = forces
+    return details

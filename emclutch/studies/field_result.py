@@ -1,0 +1,91 @@
+"""What the field alone gives, in Python: `emclutch.field(case)`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from emclutch.scene.case import Case, as_case
+from emclutch.scene.errors import bad_input_for
+
+if TYPE_CHECKING:
+    import pandas
+
+
+@dataclass(frozen=True)
+class FieldResult:
+    """A field study as it stands in its folder.
+
+    Attributes
+    ----------
+    folder : Path
+        With field.csv, field.json, field.pvd, pictures and line-<n>.csv.
+    summary : dict
+        field.json: `units`, `currents` (a row a current) and `at_last_current`.
+    """
+
+    folder: Path
+    summary: dict[str, Any]
+
+    @cached_property
+    def table(self) -> pandas.DataFrame:
+        """A row a current; units of the columns in `units`."""
+        import pandas
+
+        return pandas.DataFrame(self.summary["currents"])
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the columns and of what is known at the last current; what has none is a pure number."""
+        return self.summary["units"]
+
+    @property
+    def at_last_current(self) -> dict[str, Any]:
+        """What is computed once: error estimate, forces [N], winding, solver, powder in chains."""
+        return self.summary["at_last_current"]
+
+    @cached_property
+    def lines(self) -> tuple[pandas.DataFrame, ...]:
+        """Along each line at the last current: distance, r, z [m], B_r, B_z [T], H_r, H_z [A/m], region."""
+        import pandas
+
+        count = len(list(self.folder.glob("line-*.csv")))
+        return tuple(pandas.read_csv(self.folder / f"line-{number}.csv") for number in range(1, count + 1))
+
+
+def field(
+    case: Case | str | Path,
+    currents: float | Sequence[float] | None = None,
+    lines: Sequence[tuple[float, ...]] = (),
+    out: str | Path | None = None,
+) -> FieldResult:
+    """Solve the field alone, the powder spread evenly, and write it into a new folder.
+
+    Parameters
+    ----------
+    case : Case, or the path of a scene file, with a coil
+    currents : one or several [A]; default: the largest of the scene.
+    lines : straight lines (r0, z0, r1, z1) [m] along which B and H are wanted at the last current; of a device that is
+        solved in space (x0, y0, z0, x1, y1, z1).
+    out : new folder; default: the next runs/<case>-field-<nnn>.
+
+    Raises
+    ------
+    SceneError
+        The scene has faults or no coil's field, or a line leaves the mesh.
+    ConvergenceError
+        A current that does not converge; what was solved before is written.
+    OutputError
+        The folder is there already.
+    """
+    from emclutch.studies.field import field_study  # local: it imports the packages of the physics
+
+    case = as_case(case)
+    asked = [float(currents)] if isinstance(currents, (int, float)) else currents
+    with bad_input_for(case.path):
+        folder = field_study(case, asked, lines, out)
+    return FieldResult(folder, json.loads((folder / "field.json").read_text(encoding="utf-8")))

@@ -1,0 +1,85 @@
+"""Field, moments and magnetic forces of grains that stand still: what the knobs of the magnetic model are turned on.
+
+A torque fluctuates more than most settings change it; moments and forces of the same grains at the same places do not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+
+from coupling import CoilField, MutuallyMagnetisedGrains
+from coupling.ledgers import Ledger
+from coupling.staggered import magnetic_forces, refresh_field
+from emclutch.simulation.assembly import simulation_of
+from emclutch.scene.case import Case
+from emclutch.simulation.plan import make_plan
+from particles import Grains
+
+MOMENTS_TOLERANCE, FEEDBACK_TOLERANCE = 1e-6, 1e-4
+"""Far below the effect of any setting."""
+
+
+@dataclass(frozen=True, slots=True)
+class FrozenState:
+    """Of n grains, in the order in which they were given.
+
+    Attributes
+    ----------
+    field, gradient : (n, 3), (n, 3, 3) float64
+        H [A/m] and its gradient [A/m^2] as sampled.
+    moment, force : (n, 3) float64
+        [A m^2], [N]; the force is the sum of all magnetic ones.
+    stress : float
+        Magnetic pull across the gap, sum of F_r (r - r_mid) [J]: what presses the powder together, times its volume.
+    seconds : float
+        Wall-clock time of field and moments together.
+    """
+
+    field: np.ndarray
+    gradient: np.ndarray
+    moment: np.ndarray
+    force: np.ndarray
+    stress: float
+    seconds: float
+
+
+def frozen_state(case: Case, position: np.ndarray, diameter: np.ndarray | float | None = None) -> FrozenState:
+    """Solve for grains at (n, 3) [m] of diameters (n,) [m], by default the scene's, at time 0 of the coil's course.
+
+    Raises what field and moments raise where they do not converge.
+    """
+    device, plan = make_plan(case)
+    d = case.scene.grains.largest_diameter if diameter is None else diameter
+    radius = 0.5 * np.broadcast_to(np.asarray(d, dtype=float), len(position))
+    grains = Grains.create(np.array(position, dtype=float), np.array(radius), case.scene.grains.density)
+    simulation = simulation_of(case, device, plan, grains)
+    magnetised, source = simulation.magnetised, simulation.source
+    if magnetised is None or source is None:
+        raise ValueError("the scene has no magnetic effect: there is nothing to hold still")
+    if isinstance(magnetised, MutuallyMagnetisedGrains):
+        magnetised.tolerance = MOMENTS_TOLERANCE
+    if isinstance(source, CoilField) and source.feedback is not None:
+        source.fill_tolerance = FEEDBACK_TOLERANCE
+    for effect in simulation.effects:
+        effect.begin_window(simulation)
+    begin = perf_counter()
+    refresh_field(simulation)
+    force = magnetic_forces(simulation, magnetised, Ledger(simulation))
+    seconds = perf_counter() - begin
+    grains = simulation.motion.grains
+    assert grains.magnetic_moment is not None  # of the update in `magnetic_forces`
+    given = np.argsort(grains.particle_id)
+    pull = pull_across(device.shear_radius, grains.position, force)
+    return FrozenState(
+        magnetised.H[given], magnetised.grad_H[given], grains.magnetic_moment[given], force[given], pull, seconds
+    )
+
+
+def pull_across(middle: float, position: np.ndarray, force: np.ndarray) -> float:
+    """See `FrozenState.stress`; `middle` of the gap at a radius [m]."""
+    r = np.hypot(position[:, 0], position[:, 1])
+    radial = (force[:, :2] * position[:, :2]).sum(axis=1) / r
+    return -float((radial * (r - middle)).sum())

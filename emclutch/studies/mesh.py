@@ -1,0 +1,77 @@
+"""`emclutch mesh`: the scene's mesh as .msh and a picture of its section with the regions named."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from emclutch.scene.case import Case, as_case
+from emclutch.device.device import field_in_space, mesh_of
+from emclutch.scene.errors import Fault, SceneError, bad_input_for
+from emclutch.results import OutputError, RunFolder
+from emclutch.results.folder_lock import locked_folder
+from geometry import Clutch, draw_section
+from geometry.cad_shape import CadShape
+
+if TYPE_CHECKING:
+    from geometry.section import SectionMesh
+
+
+@dataclass(frozen=True, slots=True)
+class MeshedScene:
+    """A scene's mesh with the files that it was written to.
+
+    Attributes
+    ----------
+    mesh : SectionMesh
+        Triangles of the half section with regions by name; points [m], (n, 2), are (r, z).
+    file, picture : Path
+        mesh.msh and mesh.png.
+    """
+
+    mesh: SectionMesh
+    file: Path
+    picture: Path
+
+
+def mesh(case: Case | str | Path, out: str | Path | None = None) -> MeshedScene:
+    """Write mesh.msh and mesh.png of a scene's section into the folder `out` (default: runs/<case>-mesh-<nnn>).
+
+    Parameters
+    ----------
+    case : Case, or the path of a scene file
+    out : folder without such files
+
+    Raises
+    ------
+    OutputError
+        A file is there already, or cannot be written.
+    SceneError
+        The scene has faults, or a geometry that has no mesh (box, shear cell).
+    """
+    case = as_case(case)
+    shape = case.scene.shape()
+    if not isinstance(shape, (Clutch, CadShape)):
+        message = "has no field and so no mesh; clutch and drum have one, and a section from cad"
+        fault = Fault("geometry.kind", repr(case.scene.geometry.kind), message)
+        raise SceneError([fault], "scene" if case.path is None else str(case.path))
+    if isinstance(shape, CadShape) and field_in_space(case.scene):
+        message = "makes the mesh one in space; `emclutch field` writes it with its field.pvd"
+        fault = Fault("geometry.in_space", "true", message)
+        raise SceneError([fault], "scene" if case.path is None else str(case.path))
+    folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-mesh")
+    files = folder / "mesh.msh", folder / "mesh.png"
+    for file in files:
+        if file.exists():
+            raise OutputError(f"{file} exists; name another folder with --out")
+    try:
+        with locked_folder(folder):
+            with bad_input_for(case.path):
+                made = mesh_of(case.scene, files[0])
+            draw_section(made, files[1], title=case.scene.scene.title)
+    except OSError as error:
+        raise OutputError(
+            f"cannot write to {folder}: {error.strerror or error}; name another folder with --out"
+        ) from error
+    return MeshedScene(made, *files)

@@ -1,0 +1,133 @@
+"""Which folder of a study holds which point: a point is known by its resolved scene, not by its place in the list.
+
+Each point's folder has its scene in ``case.toml``. A point of the study takes the folder whose scene is its own; where
+there is none, the folder whose scene differs only in what a resumed run may change (its end, its output), unless such a
+key is one of the study's values: then it tells points from each other. What is left gets the next free numbers. So
+values can be inserted, removed and put in another order, and what is computed is found again.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from emclutch.scene.case import Case
+from emclutch.results import OutputError, RunFolder, read_history
+from emclutch.results.folder_lock import LOCK, has_files, locked_folder
+from emclutch.simulation.resume import differing_keys, flat_scene, may_change, refuse_changed_files
+
+POINT = "point-"
+_NUMBERED = re.compile(rf"{POINT}(\d+)")
+
+
+@dataclass(frozen=True, slots=True)
+class PointFolder:
+    """Folder of one point.
+
+    Attributes
+    ----------
+    path : Path
+        It may not exist yet.
+    is_done : bool
+        It holds a finished run of exactly the point's scene.
+    """
+
+    path: Path
+    is_done: bool = False
+
+    def refuse_changed_files(self, case: Case) -> None:
+        """OutputError where the run that is to be kept was one of other input files."""
+        refuse_changed_files(case, RunFolder(self.path))
+
+
+def folders_of_points(folder: Path, cases: Sequence[Case], fixed: Collection[str]) -> list[PointFolder]:
+    """The folder of each point, in their order.
+
+    Parameters
+    ----------
+    folder : of the study.
+    cases : of the points.
+    fixed : keys of the study's values, which tell points from each other.
+
+    Raises
+    ------
+    OutputError
+        A point has run beyond the end that it is to have now: its statistics cannot be taken back.
+    """
+    there = _scenes_in(folder)
+    wanted = [flat_scene(case.toml()) for case in cases]
+    found: list[Path | None] = [None] * len(cases)
+    for exactly in (True, False):  # a point must not take what is exactly another's
+        for number, scene in enumerate(wanted):
+            if found[number] is None:
+                found[number] = next((p for p, old in there.items() if _is_of(old, scene, exactly, fixed)), None)
+                if (path := found[number]) is not None:
+                    _refuse_earlier_end(path, there.pop(path), scene)
+    is_done = [path is not None and _is_done(path, scene) for path, scene in zip(found, wanted, strict=True)]
+    used = [
+        int(match[1])
+        for path in folder.glob(f"{POINT}*")
+        if (match := _NUMBERED.match(path.name)) and (path.is_file() or has_files(path))
+    ]
+    free = max(used, default=-1) + 1
+    folders = []
+    for path, done in zip(found, is_done, strict=True):
+        if path is None:
+            path, free = folder / f"{POINT}{free:03d}", free + 1
+        folders.append(PointFolder(path, done))
+    return folders
+
+
+def unclaimed(folder: Path, points: Sequence[PointFolder]) -> list[str]:
+    """Names of the points' folders that are of none of these points."""
+    claimed = {point.path for point in points}
+    return sorted(p.name for p in folder.glob(f"{POINT}*") if _NUMBERED.fullmatch(p.name) and p not in claimed)
+
+
+def _scenes_in(folder: Path) -> dict[Path, dict[str, Any]]:
+    """Flat scenes of the points' folders, by number."""
+    found: dict[Path, dict[str, Any]] = {}
+    for path in sorted(folder.glob(f"{POINT}*"), key=lambda path: (len(path.name), path.name)):
+        case = RunFolder(path).case
+        if _NUMBERED.fullmatch(path.name) and case.is_file():
+            found[path] = _scene_in(case)
+    return found
+
+
+def _scene_in(case: Path) -> dict[str, Any]:
+    try:
+        return flat_scene(case.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise OutputError(f"cannot read {case}: {error}; move {case.parent} elsewhere, then go on") from error
+
+
+def _is_of(old: dict[str, Any], new: dict[str, Any], exactly: bool, fixed: Collection[str]) -> bool:
+    """Whether a run of one scene is, or may become, that of another."""
+    keys = differing_keys(old, new)
+    return not keys or (not exactly and all(may_change(key) and not _is_in(key, fixed) for key in keys))
+
+
+def _is_in(key: str, tables: Collection[str]) -> bool:
+    return any(key == table or key.startswith(f"{table}.") for table in tables)
+
+
+def _is_done(path: Path, scene: dict[str, Any]) -> bool:
+    """Whether a folder holds a finished run of exactly this scene."""
+    return RunFolder(path).summary.is_file() and not differing_keys(_scene_in(RunFolder(path).case), scene)
+
+
+def _refuse_earlier_end(path: Path, old: dict[str, Any], new: dict[str, Any]) -> None:
+    run = RunFolder(path)
+    if not run.checkpoint.is_file() or not run.history.is_file() or old.get("time.end", 0.0) <= new["time.end"]:
+        return
+    times = read_history(run.history)["time"]
+    reached = float(times.iloc[-1]) if len(times) else 0.0
+    if reached > new["time.end"]:
+        raise OutputError(
+            f"{path} has run to {reached:.4g} s, and the study now ends at {new['time.end']:g} s: its torque is the "
+            f"mean of a longer run; set time.end to {old['time.end']:g} s or later, or begin a new study with --out"
+        )

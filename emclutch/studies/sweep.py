@@ -1,0 +1,306 @@
+"""A parameter study: every point is a run in a folder of its own; tables and pictures over all of them.
+
+Points are tasks (`emclutch.studies.tasks`) that this process runs one after the other, or hands to an executor. It alone
+writes the study's tables, anew after each point and in the study's order, so that they depend on the points alone: not
+on how many run at a time, nor on which is done first.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import signal
+import threading
+from collections.abc import Iterator
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+from typing import Any
+
+from emclutch.scene.case import Case
+from emclutch.simulation.missing_pictures import draw_missing
+from emclutch.results import OutputError, Result, RunFolder, load_result
+from emclutch.results.folder_lock import LOCK, has_files, locked_folder
+from emclutch.results.history import last_time
+from emclutch.results.run_folder import logging_to
+from emclutch.results.study_table import DONE, FAILED, STOPPED, WAITING, StudyTable
+from emclutch.simulation.run import Interrupted, RunError
+from emclutch.scene.replica_count import replica_count
+from emclutch.scene.study import Study, read_study
+from emclutch.results.set_aside import set_aside
+from emclutch.studies.points import PointFolder, folders_of_points, unclaimed
+from emclutch.studies.tables import Done, disc_torque, label_of, write_tables
+from emclutch.studies.tasks import STOP, PointOutcome, PointTask, run_point
+from emclutch.studies.workers import threads_of_a_worker, worker_pool
+
+log = logging.getLogger(__name__)
+LOOK_SECONDS = 0.5  # between two looks at the points that run
+
+
+def sweep(
+    study: Study | str | Path,
+    *,
+    out: str | Path | None = None,
+    threads: int | None = None,
+    resume: bool = False,
+    jobs: int | None = None,
+    executor: Executor | None = None,
+    progress: StudyTable | None = None,
+    insist: bool = False,
+) -> Path:
+    """Run every point of a study and return the study's folder.
+
+    The folder holds point-000, point-001, ... (each a whole run), `study.csv` with a row a point, `study.log` with what
+    became of each, and where they apply: `seeds.csv`, averages over `scene.seed`; `torque_vs_current.csv`, `.json`
+    (linear range) and `.png` of a study over `coil.current` or `coil.voltage`; `torque_vs_speed.csv` and `.png` of one
+    over constant `motion.rotor.speed`; `speeds.png` where shafts change their speed; `methods.csv` and `methods.txt` of
+    one over `contact.method`.
+
+    Parameters
+    ----------
+    study : a Study, or the path of a study file.
+    out : folder; default: the next free studies/<name>-<nnn>.
+    threads : of the kernels of each point's replicas; default: ``OMP_NUM_THREADS`` or all cores, shared out among
+        `jobs` and replicas. Results do not depend on it.
+    resume : keep the points that are done and continue the others from their checkpoints, also to a later time.end.
+        A point is known by its values, so that values may be inserted, removed and put in another order; the folders
+        keep their names, and new points get the next numbers.
+    jobs : points that run at a time, each in a process of its own with its replicas beside it; 1, the default, runs all
+        of them in this one. A script that asks for more must do so under ``if __name__ == "__main__":``. Results do not
+        depend on it.
+    executor : where points run instead: any `concurrent.futures.Executor`, of a cluster too, whose workers see the same
+        file system. It gets `jobs` points at a time, by default all; it is not shut down.
+    progress : table of the points to keep up to date.
+    insist : run also points that need more memory than is free.
+
+    Raises
+    ------
+    SceneError, OutputError, RunError
+        As for a single run, with the point's values: where one fails no other begins, those that run come to their end,
+        and what is done stays. `Interrupted` after Ctrl-C: those that run end with a checkpoint.
+    ValueError
+        `jobs` is less than 1.
+    """
+    if jobs is not None and jobs < 1:
+        raise ValueError(f"jobs = {jobs}; allowed: 1 or more")
+    study = study if isinstance(study, Study) else read_study(study)
+    folder = Path(out) if out is not None else RunFolder.next_path(study.path.stem, "studies")
+    if resume and not folder.is_dir():  # before the lock makes it
+        raise OutputError(f"nothing to resume in {folder}: there is no such folder; name the study's folder with --out")
+    with locked_folder(folder):
+        if not resume and has_files(folder):
+            raise OutputError(f"{folder} is not empty; continue it with --resume, or write elsewhere with --out")
+        (folder / STOP).unlink(missing_ok=True)
+        with logging_to(folder / "study.log", [__name__]):
+            share = 1 if executor is not None else jobs or 1
+            table = progress or StudyTable(stream=io.StringIO())
+            run = _StudyRun(study, folder, threads, share, resume, table, insist)
+            try:
+                if executor is None and share == 1:
+                    run.here()
+                else:
+                    pool = worker_pool(share) if executor is None else nullcontext(executor)
+                    with pool as workers:
+                        run.by(workers, jobs)
+            finally:
+                (folder / STOP).unlink(missing_ok=True)
+        run.tell_the_end(jobs)
+    return folder
+
+
+class _StudyRun:
+    """The points of a study on their way: which wait, which run, what became of them."""
+
+    def __init__(
+        self,
+        study: Study,
+        folder: Path,
+        threads: int | None,
+        share: int,
+        resume: bool,
+        table: StudyTable,
+        insist: bool,
+    ) -> None:
+        self.study, self.folder, self.threads, self.resume, self.table = study, folder, threads, resume, table
+        self.insist = insist
+        self.share = share  # processes of this study on this machine
+        self.points = list(study.cases())
+        self.targets = folders_of_points(folder, [case for _, case in self.points], fixed=study.values)
+        if others := unclaimed(folder, self.targets):
+            log.info("of none of the study's points, and left as they are: %s", ", ".join(others))
+        self.before = study.predecessors()
+        self.waiting = list(range(len(self.points)))
+        self.done: dict[int, Done] = {}
+        self.failures: dict[int, PointOutcome] = {}
+        self.stopped = False
+        table.begin(
+            [label_of(study, values) or t.path.name for (values, _), t in zip(self.points, self.targets, strict=True)]
+        )
+
+    def here(self) -> None:
+        """Run the points in this process, one after the other."""
+        while (number := self._next()) is not None and not self.failures and not self.stopped:
+            task = self._task(number)
+            if task is not None:
+                self.table.set_running(number)
+                self._take(number, run_point(task, _Part(self.table, number)))
+
+    def by(self, executor: Executor, at_a_time: int | None) -> None:
+        """Hand the points to an executor, so many `at_a_time`, and wait for them."""
+        running: dict[Future[PointOutcome], int] = {}
+        asked = threading.Event()
+        try:
+            with _ctrl_c_sets(asked):
+                while True:
+                    ends = bool(self.failures) or asked.is_set()
+                    while not ends and (at_a_time is None or len(running) < at_a_time):
+                        if (number := self._next()) is None:
+                            break
+                        if (task := self._task(number)) is not None:
+                            running[executor.submit(run_point, task)] = number
+                    if asked.is_set():
+                        self.stopped = True
+                        (self.folder / STOP).touch()
+                    if ends:
+                        for future in [future for future in running if future.cancel()]:
+                            self.table.set_ended(running.pop(future), STOPPED)
+                    if not running:
+                        return
+                    for future in wait(running, LOOK_SECONDS, FIRST_COMPLETED).done:
+                        outcome = future.result()
+                        self._take(running.pop(future), outcome)
+                    for number in running.values():
+                        self._look_at(number)
+        except BrokenExecutor as error:
+            names = ", ".join(self.targets[number].path.name for number in running.values())
+            raise RunError(
+                f"a process of the study ended without a word ({error}); it was killed, most often for want of memory, "
+                f"or the calling script lacks its if __name__ == '__main__'. Points that were running: {names}; take "
+                f"fewer --jobs, and {self._how_to_go_on()}"
+            ) from error
+
+    def tell_the_end(self, jobs: int | None) -> None:
+        """Raise what the study ended with before all points were done; nothing where they are."""
+        for number, failure in sorted(self.failures.items()):
+            values = ", ".join(f"{key} = {value}" for key, value in self.points[number][0].items())
+            text = f"{self.targets[number].path.name} ({values}): {failure.message}"
+            if failure.is_input:
+                raise OutputError(text)
+            raise RunError(f"{text}\n{len(self.done)} of {len(self.points)} points are done; {self._how_to_go_on()}")
+        if self.stopped:
+            more = f" --jobs {jobs}" if jobs and jobs > 1 else ""
+            raise Interrupted(
+                f"stopped with {len(self.done)} of {len(self.points)} points done; {self._how_to_go_on()}{more}"
+            )
+
+    def _how_to_go_on(self) -> str:
+        return f"go on with: emclutch sweep {self.study.path} --out {self.folder} --resume"
+
+    def _next(self) -> int | None:
+        """The first point that waits for no other one, taken off the list."""
+        for number in self.waiting:
+            before = self.before[number]
+            if before is None or before in self.done:
+                self.waiting.remove(number)
+                return number
+        return None
+
+    def _task(self, number: int) -> PointTask | None:
+        """The task of a point; None where it is done already."""
+        case, point, before = self.points[number][1], self.targets[number], self.before[number]
+        if self.resume and point.is_done:
+            point.refuse_changed_files(case)
+            log.info("%s is done: kept", point.path.name)
+            try:
+                if draw_missing(RunFolder(point.path), case):
+                    log.info("%s had no pictures: they are drawn", point.path.name)
+            except OutputError as error:  # its numbers are there: no reason to end the study
+                log.warning("%s has no pictures, and they cannot be drawn: %s", point.path.name, error)
+            self._is_done(number, load_result(point.path), kept=True)
+            return None
+        resumed = _goes_on(case, point, self.resume)
+        start = None if before is None else str(self.targets[before].path.resolve())
+        path = None if case.path is None else str(case.path.resolve())
+        threads = self.threads
+        if threads is None and self.share > 1:
+            threads = threads_of_a_worker(self.share * replica_count(case.scene))
+        return PointTask(
+            case.data, path, case.trust_scripts, str(point.path.resolve()), threads, resumed, start, self.insist
+        )
+
+    def _take(self, number: int, outcome: PointOutcome) -> None:
+        if outcome.state == DONE:
+            self._is_done(number, load_result(self.targets[number].path))
+        elif outcome.state == STOPPED:
+            self.stopped = True
+            self.table.set_ended(number, STOPPED)
+        else:
+            log.error("%s has failed: %s", self.targets[number].path.name, outcome.message)
+            self.failures[number] = outcome
+            self.table.set_ended(number, FAILED)
+
+    def _is_done(self, number: int, result: Result, kept: bool = False) -> None:
+        torque = disc_torque(result)
+        seconds = result.summary["seconds"]["whole_run"]
+        self.table.set_done(number, torque.mean, torque.standard_error, seconds, kept=kept, converged=torque.converged)
+        if not kept:
+            log.info("%s is done", self.targets[number].path.name)
+        self.done[number] = (*self.points[number], result)
+        write_tables(self.folder, self.study, [self.done[one] for one in sorted(self.done)])
+
+    def _look_at(self, number: int) -> None:
+        """Tell the table how far a point is that runs elsewhere."""
+        folder = RunFolder(self.targets[number].path)
+        if self.table.rows[number].state == WAITING:  # in an executor's queue
+            if not (folder.path / LOCK).is_file():
+                return
+            self.table.set_running(number)
+        reached = last_time(folder.history)
+        if reached is not None:
+            self.table.set_fraction(number, reached / self.points[number][1].scene.span.end)
+
+
+def _goes_on(case: Case, point: PointFolder, resume: bool) -> bool:
+    """Whether a point goes on from its checkpoint; what lies there without one is put aside."""
+    name = point.path.name
+    if resume and RunFolder(point.path).checkpoint.is_file():
+        log.info("%s goes on from its checkpoint to t = %g s", name, case.scene.span.end)
+        return True
+    if point.path.is_dir() and has_files(point.path):
+        aside = set_aside(point.path)
+        log.warning("%s has no checkpoint to go on from: started anew, its files are kept as %s", name, aside.name)
+    else:
+        log.info("%s starts", name)
+    return False
+
+
+class _Part:
+    """Progress of one point that runs in this process."""
+
+    def __init__(self, table: StudyTable, number: int) -> None:
+        self._table, self._number = table, number
+
+    def update(self, fraction: float, text: str) -> None:
+        self._table.set_fraction(self._number, fraction, text)
+
+    def announce(self, text: str) -> None:
+        self._table.announce(self._number, text)
+
+
+@contextmanager
+def _ctrl_c_sets(asked: threading.Event) -> Iterator[None]:
+    """Ctrl-C sets an event inside a ``with`` block; a second one stops at once."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def ask(number: int, frame: Any) -> None:
+        if asked.is_set():
+            raise KeyboardInterrupt
+        asked.set()
+
+    former = signal.signal(signal.SIGINT, ask)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, former)

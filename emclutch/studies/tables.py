@@ -1,0 +1,153 @@
+"""Tables and pictures over the points of a study, written anew after each point that is done."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from emclutch.scene.case import Case
+from emclutch.studies.method_comparison import METHOD, compare_methods, comparison_lines
+from emclutch.results import Result
+from emclutch.results.atomic_file import replace_json, replace_text
+from emclutch.results.linear_range import linear_range
+from emclutch.results.seed_average import averaged_over_seeds
+from emclutch.results.pictures.speeds import speed_picture, speeds_vary
+from emclutch.results.statistics import Estimate
+from emclutch.results.study_folder import write_about
+from emclutch.results.pictures.torque_curves import torque_against_current_picture, torque_against_speed_picture
+from emclutch.results.torque_curves import TorqueCurve, torque_curves
+from emclutch.scene.study import Study
+
+STARTED = 0.01  # of the motor's fastest speed: an output that dry friction holds trembles below it
+SEED, CURRENT, VOLTAGE, SPEED = "scene.seed", "coil.current", "coil.voltage", "motion.rotor.speed"
+
+Done = tuple[dict[str, Any], Case, Result]
+"""A point that is done: its values, its case and its result."""
+
+
+def write_tables(folder: Path, study: Study, done: Sequence[Done]) -> None:
+    """All tables and pictures of the points that are done, given in the study's order."""
+    write_about(folder, study.title, study.values, len(study.points()))
+    write_torques(folder, study, [row_of(values, case, result) for values, case, result in done])
+    courses = {
+        label_of(study, values) or result.folder.path.name: result.history
+        for values, _, result in done
+        if speeds_vary(result.history)
+    }
+    if courses:
+        speed_picture(folder / "speeds.png", courses, title=study.title or None)
+    if METHOD in study.values:
+        compared = compare_methods([(values, result) for values, _, result in done])
+        if compared:
+            others = [key for key in study.values if key != METHOD]
+            _write_csv(folder / "methods.csv", compared)
+            replace_text(folder / "methods.txt", "\n".join(comparison_lines(compared, others)) + "\n")
+
+
+def write_torques(folder: Path, study: Study, rows: list[dict[str, Any]]) -> None:
+    """`study.csv`, averages over seeds, and torque against current and against speed where these are varied."""
+    _write_csv(folder / "study.csv", rows)
+    varied = [key for key, values in study.values.items() if len(values) > 1]
+    if SEED in varied:
+        varied.remove(SEED)
+        rows = averaged_over_seeds(rows, SEED, varied)
+        _write_csv(folder / "seeds.csv", rows)
+    title = study.title or None
+    axis = next((key for key in (CURRENT, VOLTAGE) if key in varied), None)
+    if axis is not None and _all_have("current", rows):
+        curves = _write_curves(folder / "torque_vs_current.csv", rows, axis, "current", varied)
+        ranges = [linear_range(curve.x, curve.torque, curve.error) for curve in curves]
+        found = [
+            {"values": curve.values, "linear_range": one.as_dict()} for curve, one in zip(curves, ranges, strict=True)
+        ]
+        replace_json(folder / "torque_vs_current.json", {"curves": found})
+        torque_against_current_picture(folder / "torque_vs_current.png", curves, ranges, title=title)
+    constant = not any(isinstance(speed, dict) for speed in study.values.get(SPEED, ()))
+    if SPEED in varied and constant and _all_have("rotor_speed", rows):
+        curves = _write_curves(folder / "torque_vs_speed.csv", rows, SPEED, "rotor_speed", varied)
+        torque_against_speed_picture(folder / "torque_vs_speed.png", curves, title=title)
+
+
+def _all_have(name: str, rows: list[dict[str, Any]]) -> bool:
+    return all(row.get(name) is not None for row in rows)
+
+
+def _write_curves(path: Path, rows: list[dict[str, Any]], axis: str, x: str, varied: list[str]) -> list[TorqueCurve]:
+    """Write the points of the curves over `x`, one a row, and return the curves; `axis` is the value along them."""
+    others = [key for key in varied if key != axis]
+    order = {repr([row[key] for key in others]): None for row in rows}  # as they are met
+    number = {curve: place for place, curve in enumerate(order)}
+    ordered = sorted(rows, key=lambda row: (number[repr([row[key] for key in others])], row[x]))
+    kept = [{key: row[key] for key in row if key != axis or axis == VOLTAGE} for row in ordered]
+    _write_csv(path, kept)
+    return torque_curves(rows, x, others)
+
+
+def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
+    import pandas
+
+    replace_text(path, pandas.DataFrame(list(rows)).to_csv(index=False))
+
+
+def row_of(values: dict[str, Any], case: Case, result: Result) -> dict[str, Any]:
+    """A point's row of `study.csv`."""
+    torque, summary = disc_torque(result), result.summary
+    low, high = torque.interval() or (None, None)
+    row = {**values, "end_time": case.scene.span.end}  # [s]; of points that are kept, too: others are continued
+    if "current" in summary:
+        row["current"] = summary["current"]
+    row |= {
+        "torque": torque.mean,
+        "standard_error": torque.standard_error,
+        "low": low,
+        "high": high,
+        "converged": torque.converged,
+        "torque_rotor": summary.get("torque_rotor", {}).get("mean"),
+        "gap_flux_density": summary.get("gap_flux_density"),
+        "typical_overlap": summary["typical_overlap"],
+        "inertial_number": summary.get("inertial_number"),
+        "seconds": summary["seconds"]["whole_run"],
+        "reason": torque.reason,
+        "folder": result.folder.path.name,
+    }
+    if (start := result.folder.read_provenance().get("grains_from")) is not None:
+        row["started_from"] = Path(start["folder"]).name  # a study's point
+    for name in ("shear_stress", "shear_stress_error", "field_strength_powder", "fill_powder"):
+        if name in summary:  # between pole faces: a point of the powder's law tau(H, phi)
+            row[name] = summary[name]
+    if "rotor_speed" in result.history:
+        row["rotor_speed"] = float(result.history["rotor_speed"].iloc[-1])
+    if "lock_up_time" in summary:  # a shaft is free
+        row["output_start_time"], row["output_start_speed"] = output_start(result.history) or (None, None)
+        row["lock_up_time"] = summary["lock_up_time"]
+    return row
+
+
+def disc_torque(result: Result) -> Estimate:
+    """The result's steady torque; none where the scene has no disc, as a box without a wall on it."""
+    if "torque_disc" in result.history:
+        return result.torque
+    return Estimate(None, None, 0, None, None, False, "the scene has no disc")
+
+
+def output_start(history: Any) -> tuple[float, float] | None:
+    """Time [s] and the motor's speed [rad/s] then, at which an output at rest has begun to move; None if it does not.
+
+    It moves when it turns at `STARTED` times the fastest speed of the motor.
+    """
+    if "rotor_speed" not in history or "disc_speed" not in history:
+        return None
+    motor, output = history["rotor_speed"].to_numpy(), history["disc_speed"].to_numpy()
+    moving = abs(output) > STARTED * abs(motor).max()
+    if not moving.any() or moving[0]:
+        return None
+    first = int(moving.argmax())
+    return float(history["time"].iloc[first]), float(motor[first])
+
+
+def label_of(study: Study, values: dict[str, Any]) -> str:
+    """What tells a point from the others: the last part of each key that has several values, with the value."""
+    several = [key for key, options in study.values.items() if len(options) > 1]
+    parts = (f"{key.rpartition('.')[2].replace('_', ' ')} {values[key]}" for key in several)
+    return ", ".join(parts) if not any(isinstance(values[key], (dict, list)) for key in several) else ""

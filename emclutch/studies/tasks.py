@@ -1,0 +1,130 @@
+"""One point of a study as a task for any executor: plain data goes in, plain data comes out.
+
+A task may run in this process, in another one or on another machine; all that it shares with the study is the file
+system. What it finds lies in its folder, how far it is stands in the last row of its history, and that it shall end is
+said by a file in the study's folder, which it looks for after every window.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from emclutch.scene.case import case_from
+from emclutch.scene.errors import SceneError
+from emclutch.results import OutputError
+from emclutch.results.study_table import DONE, FAILED, STOPPED
+from emclutch.simulation.run import Interrupted, RunError, run
+
+STOP = "stop-asked"
+LOOK_SECONDS = 0.2  # between two looks for the file: windows may be shorter, and file systems far away
+
+
+@dataclass(frozen=True, slots=True)
+class PointTask:
+    """What a point is made of.
+
+    Attributes
+    ----------
+    data, path, trust_scripts : of its case, see `emclutch.scene.case.Case`; paths are absolute, for workers that stand in
+        another folder.
+    folder : of the point, inside the study's.
+    threads : of the kernels; None: ``OMP_NUM_THREADS``, or all cores.
+    resume : go on from the checkpoint in `folder`.
+    start : folder of the run whose grains the point begins with; None packs its own.
+    insist : run also where more memory is needed than is free.
+    """
+
+    data: dict[str, Any]
+    path: str | None
+    trust_scripts: bool
+    folder: str
+    threads: int | None = None
+    resume: bool = False
+    start: str | None = None
+    insist: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class PointOutcome:
+    """How a task ended.
+
+    Attributes
+    ----------
+    state : DONE, FAILED or STOPPED.
+    message : why it failed.
+    is_input : whether input or output is what it failed of, and no run.
+    """
+
+    state: str
+    message: str = ""
+    is_input: bool = False
+
+
+def run_point(task: PointTask, progress: Any = None) -> PointOutcome:
+    """Run one point; its errors are told by the outcome, a defect of the program is raised."""
+    folder = Path(task.folder)
+    asked = StopAsked(folder.parent, progress)
+    if asked.stop_asked:
+        return PointOutcome(STOPPED)
+    try:
+        case = case_from(
+            task.data, None, None if task.path is None else Path(task.path), trust_scripts=task.trust_scripts
+        )
+        run(
+            case,
+            out=folder,
+            threads=task.threads,
+            progress=asked,
+            resume=task.resume,
+            start=task.start,
+            insist=task.insist,
+        )
+    except (Interrupted, KeyboardInterrupt):
+        return PointOutcome(STOPPED)
+    except SceneError as error:
+        return PointOutcome(FAILED, error.report(), is_input=True)
+    except OutputError as error:
+        return PointOutcome(FAILED, str(error), is_input=True)
+    except OSError as error:
+        reason = f"{error.filename or folder}: {error.strerror or error}; check the path, its permissions and its room"
+        return PointOutcome(FAILED, reason, is_input=True)
+    except RunError as error:
+        return PointOutcome(FAILED, str(error))
+    return PointOutcome(DONE)
+
+
+class StopAsked:
+    """The progress of a run, and whether the file is there that asks it to stop.
+
+    Parameters
+    ----------
+    folder : of the study.
+    progress : what is told how far the run is, or None.
+    """
+
+    def __init__(self, folder: Path, progress: Any = None) -> None:
+        self._file, self._progress = folder / STOP, progress
+        self._looked = -LOOK_SECONDS
+        self._asked = False
+
+    @property
+    def stop_asked(self) -> bool:
+        """Looks for the file now and then, until it was there."""
+        now = time.monotonic()
+        if not self._asked and now - self._looked >= LOOK_SECONDS:
+            self._asked, self._looked = self._file.exists(), now
+        return self._asked
+
+    def update(self, fraction: float, text: str) -> None:
+        """See `emclutch.results.progress.Progress`."""
+        if self._progress is not None:
+            self._progress.update(fraction, text)
+
+    def announce(self, text: str) -> None:
+        """See `emclutch.results.progress.Progress`."""
+        announce = getattr(self._progress, "announce", None)
+        if announce is not None:
+            announce(text)
