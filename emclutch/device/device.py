@@ -10,8 +10,7 @@ import numpy as np
 
 from coupling.smear_region import elements_within, magnetic_regions
 from emclutch.device.excitation import CoilCourse
-from emclutch.scene.field_source import CoilField as CoilFieldSection
-from emclutch.scene.field_source import UniformField as UniformFieldSection
+from emclutch.scene.field_source import CoilFieldSection, UniformFieldSection
 from emclutch.scene.fill import AT_RIM, Fill, boxes_to_fill, fill_of
 from emclutch.scene.geometry import CadGeometry, ClutchGeometry
 from emclutch.scene.grain_smear import element_layers, moments_are_fed_back, smear_width

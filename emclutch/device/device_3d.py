@@ -8,7 +8,7 @@ import numpy as np
 
 from emclutch.device.device import region_laws
 from emclutch.device.excitation import CoilCourse
-from emclutch.scene.field_source import CoilField as CoilFieldSection
+from emclutch.scene.field_source import CoilFieldSection
 from emclutch.scene.fill import boxes_to_fill
 from emclutch.scene.geometry import CadGeometry
 from emclutch.scene.model import Scene

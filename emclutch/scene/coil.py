@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 _FILL_FACTOR = 0.6
 
 
-class Coil(Section):
+class CoilSection(Section):
     """The winding: its turns are given, or follow from its resistance and the window that it fills.
 
     Its current is given; or a voltage is, and the current is V/R, or with the effect `coil_circuit` what the circuit

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from emclutch.scene.draft import Draft, size_key
 from emclutch.scene.errors import Fault
-from emclutch.scene.field_source import CoilField
+from emclutch.scene.field_source import CoilFieldSection
 from emclutch.scene.fill import fill_of
 from emclutch.scene.geometry import BoxGeometry, CadGeometry, ClutchGeometry
 from emclutch.scene.grains import MOST_GRAINS
@@ -65,7 +65,7 @@ def _field_alone(draft: Draft) -> Iterator[Fault]:
             f"is missing beside {names or '[effects]'}; add the section [particles], or, for the field alone, remove "
             "the tables of the effects",
         )
-    elif not isinstance(scene.field, CoilField) and "field" not in draft.broken:
+    elif not isinstance(scene.field, CoilFieldSection) and "field" not in draft.broken:
         yield Fault(
             "particles",
             "",

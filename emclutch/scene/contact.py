@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
-from emclutch.scene.rigid import Rigid
+from emclutch.scene.rigid import DviSection
 from emclutch.scene.section import Choice, Section, refuse
 from emclutch.scene.units import HertzStiffness, LinearSpeed, Modulus, Stiffness, number
 
@@ -48,7 +48,7 @@ KEYS_OF_LAWS = {
 _OWN_KEYS = {key for keys in KEYS_OF_LAWS.values() for key in keys}
 
 
-class Contact(Section):
+class ContactSection(Section):
     """Spring, dashpot and Coulomb friction; the stiffness follows from the overlap that is allowed, unless given."""
 
     method: Annotated[str, Choice(("dem", "dvi"))] = Field(
@@ -61,7 +61,7 @@ class Contact(Section):
         description="linear: spring and dashpot; hertz_mindlin: elastic spheres, Tsuji's damping; hertz: k delta^1.5 "
         "and a linear dashpot; thesis: f(delta/d)(k delta - gamma m v); walton_braun: stiffer when it unloads",
     )
-    dvi: Rigid = Field(default=Rigid(), description="solver of rigid contacts, read with method = 'dvi' only")
+    dvi: DviSection = Field(default=DviSection(), description="solver of rigid contacts, read with method = 'dvi' only")
     friction: _Friction = Field(default=0.3, description="between grains")
     wall_friction: _Friction | None = Field(default=None, description="between grain and wall; default: friction")
     restitution: _Restitution = Field(default=0.5, description="speed after / before a head-on collision")

@@ -21,7 +21,7 @@ WANTED = Quantity("a torque", "N*m", "12 N m", 0.0, 1e7, open_minimum=True)
 _EXAMPLE = "write it as in 'torque 12 N m'"
 
 
-class Design(Section):
+class DesignSection(Section):
     """[design]: which value of one key gives a torque, over the law that `emclutch check` expects it by."""
 
     case: str = Field(min_length=1, description="scene file, relative to the design file's folder")
@@ -41,7 +41,7 @@ class Design(Section):
 class DesignFile(Section):
     """A design file."""
 
-    design: Design
+    design: DesignSection
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,7 @@ _Conductivity = Annotated[float, Quantity("a conductivity", "S/m", "5 MS/m", 0.0
 _Component = Annotated[float, number("-1", -1e6, 1e6)]
 
 
-class Gravity(Section):
+class GravitySection(Section):
     """Weight of the grains."""
 
     acceleration: Acceleration = Field(default=9.81, description="magnitude")
@@ -46,11 +46,11 @@ class Gravity(Section):
         return x * scale, y * scale, z * scale
 
 
-class MagneticForce(Section):
+class MagneticForceSection(Section):
     """Force mu_0 V (M . grad) H and torque mu_0 V M x H of the field on each grain."""
 
 
-class Dipoles(Section):
+class DipolesSection(Section):
     """Forces between the grains' moments within a cut-off."""
 
     model: Annotated[str, Choice(("fixed", "mutual", "near_field"))] = Field(
@@ -72,15 +72,15 @@ class Dipoles(Section):
     )
 
 
-class Saturation(Section):
+class SaturationSection(Section):
     """Grains saturate; without it their law is linear."""
 
 
-class WallImages(Section):
+class WallImagesSection(Section):
     """Images of the dipoles in the steel faces."""
 
 
-class BackReaction(Section):
+class BackReactionSection(Section):
     """The powder changes the field: its fill, or, where grains magnetise one another, their own moments."""
 
     tolerance: Annotated[Annotated[float, number("0.02", 1e-6, 1.0)] | None, Automatic()] = Field(
@@ -91,7 +91,7 @@ class BackReaction(Section):
     )
 
 
-class CoilCircuit(Section):
+class CoilCircuitSection(Section):
     """The coil's voltage drives its current through resistance and flux linkage, V = R i + d lambda/dt."""
 
     begin: _Beginning = Field(
@@ -105,7 +105,7 @@ class CoilCircuit(Section):
     )
 
 
-class EddyCurrents(Section):
+class EddyCurrentsSection(Section):
     """Eddy currents in the solid parts delay the field."""
 
     begin: _Beginning = Field(
@@ -119,7 +119,7 @@ class EddyCurrents(Section):
     )
 
 
-class RollingFriction(Section):
+class RollingFrictionSection(Section):
     """Resistance of rough, angular grains to rolling; perfect spheres roll on smooth walls like a bearing."""
 
     coefficient: Annotated[float, number("0.2", 0.0, 10.0)] = Field(
@@ -130,7 +130,7 @@ class RollingFriction(Section):
     )
 
 
-class TwistingFriction(Section):
+class TwistingFrictionSection(Section):
     """Resistance of rough, flattened contacts to the spin of two grains about their common normal."""
 
     coefficient: Annotated[float, number("0.05", 0.0, 10.0)] = Field(
@@ -141,7 +141,7 @@ class TwistingFriction(Section):
     )
 
 
-class Cohesion(Section):
+class CohesionSection(Section):
     """Pull between grains that touch: constant, or from the work of adhesion w and r = R_i R_j/(R_i + R_j)."""
 
     model: Annotated[str, Choice(("constant", "dmt", "jkr"))] = Field(
@@ -181,20 +181,22 @@ class Cohesion(Section):
         return made(self.work_of_adhesion, self.wall_work_of_adhesion)
 
 
-class Effects(Section):
+class EffectsSection(Section):
     """The effects of a scene; one without its table does not exist."""
 
-    gravity: Gravity | None = Field(default=None, description="weight of the grains")
-    magnetic_force: MagneticForce | None = Field(default=None, description="force of the field on each grain")
-    dipoles: Dipoles | None = Field(default=None, description="forces between magnetised grains")
-    saturation: Saturation | None = Field(default=None, description="grains saturate")
-    wall_images: WallImages | None = Field(default=None, description="images of the dipoles in steel faces")
-    back_reaction: BackReaction | None = Field(default=None, description="the powder's fill changes the field")
-    coil_circuit: CoilCircuit | None = Field(default=None, description="resistance and inductance delay the current")
-    eddy_currents: EddyCurrents | None = Field(default=None, description="solid conductors delay the field")
-    rolling_friction: RollingFriction | None = Field(default=None, description="grains resist rolling")
-    twisting_friction: TwistingFriction | None = Field(default=None, description="grains resist twisting")
-    cohesion: Cohesion | None = Field(default=None, description="grains that touch pull each other")
+    gravity: GravitySection | None = Field(default=None, description="weight of the grains")
+    magnetic_force: MagneticForceSection | None = Field(default=None, description="force of the field on each grain")
+    dipoles: DipolesSection | None = Field(default=None, description="forces between magnetised grains")
+    saturation: SaturationSection | None = Field(default=None, description="grains saturate")
+    wall_images: WallImagesSection | None = Field(default=None, description="images of the dipoles in steel faces")
+    back_reaction: BackReactionSection | None = Field(default=None, description="the powder's fill changes the field")
+    coil_circuit: CoilCircuitSection | None = Field(
+        default=None, description="resistance and inductance delay the current"
+    )
+    eddy_currents: EddyCurrentsSection | None = Field(default=None, description="solid conductors delay the field")
+    rolling_friction: RollingFrictionSection | None = Field(default=None, description="grains resist rolling")
+    twisting_friction: TwistingFrictionSection | None = Field(default=None, description="grains resist twisting")
+    cohesion: CohesionSection | None = Field(default=None, description="grains that touch pull each other")
 
     @classmethod
     def names(cls) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from emclutch.scene.section import Choice, Section, Whole
 from emclutch.scene.units import FieldStrength, number
 
 
-class CoilField(Section):
+class CoilFieldSection(Section):
     """The field of the coil in the device, by finite elements."""
 
     source: Literal["coil"]
@@ -26,7 +26,7 @@ class CoilField(Section):
     )
 
 
-class UniformField(Section):
+class UniformFieldSection(Section):
     """A prescribed field for tests of grains: uniform, or radial, H_r = H0 R0/r, R0 in mid gap."""
 
     source: Literal["uniform"]
@@ -40,4 +40,4 @@ class UniformField(Section):
     )
 
 
-FieldSource = Annotated[CoilField | UniformField, Field(discriminator="source")]
+FieldSource = Annotated[CoilFieldSection | UniformFieldSection, Field(discriminator="source")]

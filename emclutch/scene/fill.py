@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from emclutch.scene.grains import Particles
+from emclutch.scene.grains import ParticlesSection
 
 if TYPE_CHECKING:
     from geometry import AnnularBox, Box, Clutch, ShearCell
@@ -65,7 +65,7 @@ def boxes_to_fill(shape: Clutch | CadShape | ShearCell | CentrifugalClutch | Box
 
 
 def fill_of(
-    shape: Clutch | CadShape | ShearCell | CentrifugalClutch | Box, particles: Particles, seed: int | None = None
+    shape: Clutch | CadShape | ShearCell | CentrifugalClutch | Box, particles: ParticlesSection, seed: int | None = None
 ) -> Fill:
     """Work out the amount of powder; the count is whole, mass and fraction follow from it."""
     from geometry import Box
@@ -78,14 +78,14 @@ def fill_of(
     return Fill(volume, count, grains_volume * particles.density, grains_volume / volume, inner_radius)
 
 
-def diameters_of(particles: Particles, count: int, seed: int) -> np.ndarray:
+def diameters_of(particles: ParticlesSection, count: int, seed: int) -> np.ndarray:
     """Diameters [m] of the `count` grains that `fill_of` found with the same seed, shape (count,)."""
     if particles.packing == "file":
         return 2.0 * particles.packing_in_file().radius
     return particles.distribution().draw(count, seed)
 
 
-def _simulated(particles: Particles, volume: float, seed: int | None) -> tuple[int, float]:
+def _simulated(particles: ParticlesSection, volume: float, seed: int | None) -> tuple[int, float]:
     """Number and volume [m^3] of the grains of one sector in a region of ``volume`` [m^3]."""
     if particles.packing == "file":
         radius = particles.packing_in_file().radius

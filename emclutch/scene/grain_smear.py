@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from emclutch.scene.field_source import UniformField
+from emclutch.scene.field_source import UniformFieldSection
 from emclutch.scene.fill import AT_RIM
 from emclutch.scene.geometry import ShearCellGeometry
 from geometry import Clutch, ShearCell
@@ -30,7 +30,7 @@ def layers_change_the_field(scene: Scene) -> bool:
     """Whether the field is the mean one of even powder between steel faces, across which layers of grains change it."""
     source, geometry = scene.field, scene.geometry
     return (
-        isinstance(source, UniformField)
+        isinstance(source, UniformFieldSection)
         and (source.means, source.direction) == ("macroscopic", "radial")
         and isinstance(geometry, ShearCellGeometry)
         and geometry.steel

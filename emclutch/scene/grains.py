@@ -27,7 +27,7 @@ _LATTICE_DENSITY = {"sc": math.pi / 6.0, "fcc": math.pi / math.sqrt(18.0), "hcp"
 _AMOUNTS = ("mass", "solid_fraction", "count")
 
 
-class Particles(Section):
+class ParticlesSection(Section):
     """Spheres; their amount: mass or solid fraction of the whole device, or the simulated count.
 
     Without this section, and without effects, the scene is of the coil's field alone: `emclutch check`, `field` and

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from emclutch.scene.field_source import CoilField, UniformField
+from emclutch.scene.field_source import CoilFieldSection, UniformFieldSection
 from emclutch.scene.geometry import CadGeometry, ClutchGeometry, ShearCellGeometry
 from emclutch.scene.grain_smear import layers_change_the_field
 from emclutch.scene.materials import TableMaterial
@@ -27,7 +27,7 @@ def warnings_of(scene: Any) -> Iterator[str]:
     if scene.coil is not None and not isinstance(scene.geometry, (ClutchGeometry, CadGeometry)):
         kind = scene.geometry.kind
         yield f"[coil] is not used: a device of geometry.kind = '{kind}' has none; remove the table"
-    elif scene.coil is not None and not isinstance(scene.field, CoilField):
+    elif scene.coil is not None and not isinstance(scene.field, CoilFieldSection):
         yield "[coil] is not used: that needs [field] with source = 'coil'"
     if scene.particles is None:
         idle = [name for name in ("surfaces", "contact", "motion", "time") if _is_told(scene, name)]
@@ -44,7 +44,7 @@ def warnings_of(scene: Any) -> Iterator[str]:
             "[effects.wall_images] mirrors dipoles all around in what is steel in the half-plane y = 0, x > 0: in the "
             "slots of the other parts too"
         )
-    if slotted and not isinstance(scene.field, CoilField):
+    if slotted and not isinstance(scene.field, CoilFieldSection):
         yield f"geometry.{slotted[0]} has no effect: only the field of a coil sees slots, grains meet smooth walls"
     steel = isinstance(scene.geometry, ShearCellGeometry) and scene.geometry.steel
     if effects.wall_images is not None and not (isinstance(scene.geometry, (ClutchGeometry, CadGeometry)) or steel):
@@ -53,7 +53,7 @@ def warnings_of(scene: Any) -> Iterator[str]:
     elif effects.wall_images is not None and not any(wall.magnetic for wall in scene.shape().walls()):
         yield "[effects.wall_images] has no effect: no wall is of a magnetic material"
     source = scene.field
-    macroscopic = isinstance(source, UniformField) and source.means == "macroscopic"
+    macroscopic = isinstance(source, UniformFieldSection) and source.means == "macroscopic"
     if effects.wall_images is not None and macroscopic and not layers_change_the_field(scene):
         yield (
             "[effects.wall_images] beside field.means = 'macroscopic': the mean field is taken as even up to the "

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from emclutch.scene.draft import Draft, size_key
 from emclutch.scene.errors import Fault
-from emclutch.scene.field_source import CoilField, UniformField
+from emclutch.scene.field_source import CoilFieldSection, UniformFieldSection
 from emclutch.scene.fill import fill_of
 from emclutch.scene.geometry import CadGeometry, ClutchGeometry, ShearCellGeometry
 from emclutch.scene.grain_smear import (
@@ -49,15 +49,19 @@ def materials(draft: Draft) -> Iterator[Fault]:
 def field_source(draft: Draft) -> Iterator[Fault]:
     """A field has the source that its geometry can have."""
     field, geometry = draft.scene.field, draft.scene.geometry
-    if isinstance(field, CoilField) and not isinstance(geometry, (ClutchGeometry, CadGeometry)):
+    if isinstance(field, CoilFieldSection) and not isinstance(geometry, (ClutchGeometry, CadGeometry)):
         yield draft.fault(
             "field.source",
             f"needs a device with a coil, but geometry.kind = '{geometry.kind}'; "
             "take geometry.kind = 'clutch', 'drum' or 'cad', or field.source = 'uniform'",
         )
-    elif isinstance(field, CoilField) and draft.scene.coil is None and "coil" not in draft.broken:
+    elif isinstance(field, CoilFieldSection) and draft.scene.coil is None and "coil" not in draft.broken:
         yield Fault("coil", "", "is missing, but field.source = 'coil'; add [coil] with its current and turns")
-    if isinstance(field, UniformField) and field.direction == "radial" and not isinstance(geometry, ShearCellGeometry):
+    if (
+        isinstance(field, UniformFieldSection)
+        and field.direction == "radial"
+        and not isinstance(geometry, ShearCellGeometry)
+    ):
         yield draft.fault(
             "field.direction",
             "needs geometry.kind = 'shear_cell', whose mid radius is that of "
@@ -78,7 +82,7 @@ def needs_of_effects(draft: Draft) -> Iterator[Fault]:
                 "",
                 "needs a field; add [field] with source = 'coil' or 'uniform', or remove the effect's table",
             )
-    prescribed = isinstance(draft.scene.field, UniformField)
+    prescribed = isinstance(draft.scene.field, UniformFieldSection)
     for name in ("saturation",) if prescribed else ("saturation", "back_reaction"):  # of the latter: told below
         if getattr(effects, name) is not None and not magnetic:
             yield Fault(
@@ -104,7 +108,7 @@ def needs_of_moments(draft: Draft) -> Iterator[Fault]:
     if effects.dipoles is None:
         return
     model, source = effects.dipoles.model, draft.scene.field
-    macroscopic = isinstance(source, UniformField) and source.means == "macroscopic"
+    macroscopic = isinstance(source, UniformFieldSection) and source.means == "macroscopic"
     if model == "fixed":
         if macroscopic:
             yield draft.fault(
@@ -158,7 +162,7 @@ def room_for_the_smear(draft: Draft) -> Iterator[Fault]:
     if not (moments_are_fed_back(scene) and isinstance(scene.geometry, (ClutchGeometry, CadGeometry))):
         return
     shape = scene.shape()
-    if shape.faults(None) or isinstance(scene.field, UniformField):
+    if shape.faults(None) or isinstance(scene.field, UniformFieldSection):
         return
     assert scene.effects.dipoles is not None  # without it nothing is fed back
     largest, gap = scene.particles.largest_diameter, narrowest_gap(scene)
@@ -190,7 +194,7 @@ def coil_transients(draft: Draft) -> Iterator[Fault]:
     """What a coil's circuit and eddy currents need."""
     effects = draft.scene.effects
     magnetic = effects.magnetic_force is not None or effects.dipoles is not None
-    coil, solved = draft.scene.coil, isinstance(draft.scene.field, CoilField)
+    coil, solved = draft.scene.coil, isinstance(draft.scene.field, CoilFieldSection)
     for name in ("coil_circuit", "eddy_currents"):
         if getattr(effects, name) is not None and not (solved and magnetic) and not draft.is_of_the_field_alone:
             yield Fault(
@@ -232,7 +236,7 @@ def _materials_in_use(draft: Draft) -> set[str]:
 def field_in_space(draft: Draft) -> Iterator[Fault]:
     """What a field in space, of slots or of solids from CAD, cannot do, or not yet."""
     geometry, source, effects = draft.scene.geometry, draft.scene.field, draft.scene.effects
-    if not isinstance(source, CoilField):
+    if not isinstance(source, CoilFieldSection):
         return
     slotted = {
         name: slots for name in ("disc_slots", "rotor_slots") if (slots := getattr(geometry, name, None)) is not None

@@ -8,7 +8,7 @@ import numpy as np
 
 from emclutch.scene.draft import Draft
 from emclutch.scene.errors import Fault
-from emclutch.scene.field_source import CoilField
+from emclutch.scene.field_source import CoilFieldSection
 from emclutch.scene.geometry import CadGeometry
 from emclutch.scene.grain_smear import ELEMENTS_A_WIDTH, moments_are_fed_back, smear_width
 
@@ -19,7 +19,7 @@ _ENOUGH = 0.75
 def finished_mesh(draft: Draft) -> Iterator[Fault]:
     """Keys that size a mesh, beside one that is taken as it is, and whether its air can be continued."""
     geometry, source = draft.scene.geometry, draft.scene.field
-    if not (isinstance(geometry, CadGeometry) and geometry.is_meshed and isinstance(source, CoilField)):
+    if not (isinstance(geometry, CadGeometry) and geometry.is_meshed and isinstance(source, CoilFieldSection)):
         return
     for key in ("gap_layers", "size_factor"):
         if getattr(source, key) != type(source).model_fields[key].default:
@@ -42,7 +42,7 @@ def fine_enough_for_moments(draft: Draft) -> Iterator[Fault]:
     """Rows of triangles across the width over which back_reaction spreads a grain."""
     scene = draft.scene
     geometry = scene.geometry
-    if not (isinstance(geometry, CadGeometry) and geometry.is_meshed and isinstance(scene.field, CoilField)):
+    if not (isinstance(geometry, CadGeometry) and geometry.is_meshed and isinstance(scene.field, CoilFieldSection)):
         return
     if not moments_are_fed_back(scene) or scene.shape().faults(None):
         return

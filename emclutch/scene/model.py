@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import AfterValidator, Field, StringConstraints
 
-from emclutch.scene.coil import Coil
-from emclutch.scene.contact import Contact
-from emclutch.scene.effects import Effects
+from emclutch.scene.coil import CoilSection
+from emclutch.scene.contact import ContactSection
+from emclutch.scene.effects import EffectsSection
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.field_source import FieldSource
 from emclutch.scene.geometry import CadGeometry, ClutchGeometry, Geometry
-from emclutch.scene.grains import Particles
+from emclutch.scene.grains import ParticlesSection
 from emclutch.scene.materials import Material
-from emclutch.scene.motion import Motion
+from emclutch.scene.motion import MotionSection
 from emclutch.scene.section import Section, Whole, refuse
-from emclutch.scene.surfaces import Surface
-from emclutch.scene.timing import Accuracy, Output, TimeSpan
+from emclutch.scene.surfaces import SurfaceSection
+from emclutch.scene.timing import AccuracySection, OutputSection, TimeSection
 
 if TYPE_CHECKING:
     from geometry import Box, Clutch, ShearCell
@@ -43,7 +43,7 @@ NO_GRAINS = Fault(
 )
 
 
-class Header(Section):
+class HeaderSection(Section):
     """[scene]: what the scene is."""
 
     title: Annotated[str, AfterValidator(_one_line)] = Field(min_length=1, max_length=200, description="a line of text")
@@ -57,29 +57,31 @@ class Scene(Section):
     Without [particles] it is of the field alone, that of its coil: commands that move grains refuse it.
     """
 
-    scene: Header
+    scene: HeaderSection
     geometry: Geometry
     materials: dict[_Name, Material] = Field(default={}, description="own materials by name")
-    surfaces: dict[_Name, Surface] = Field(default={}, description="surfaces from files that grains touch as well")
-    coil: Coil | None = None
+    surfaces: dict[_Name, SurfaceSection] = Field(
+        default={}, description="surfaces from files that grains touch as well"
+    )
+    coil: CoilSection | None = None
     field: FieldSource | None = None
-    particles: Particles | None = None
-    contact: Contact = Contact()
-    motion: Motion = Motion()
-    effects: Effects = Effects()
-    time: TimeSpan | None = None
-    accuracy: Accuracy = Accuracy()
-    output: Output = Output()
+    particles: ParticlesSection | None = None
+    contact: ContactSection = ContactSection()
+    motion: MotionSection = MotionSection()
+    effects: EffectsSection = EffectsSection()
+    time: TimeSection | None = None
+    accuracy: AccuracySection = AccuracySection()
+    output: OutputSection = OutputSection()
 
     @property
-    def grains(self) -> Particles:
+    def grains(self) -> ParticlesSection:
         """[particles], where grains are asked for; SceneError in a scene of the field alone."""
         if self.particles is None:
             raise SceneError([NO_GRAINS])
         return self.particles
 
     @property
-    def span(self) -> TimeSpan:
+    def span(self) -> TimeSection:
         """[time], where grains move; SceneError in a scene of the field alone."""
         if self.time is None:
             raise SceneError([NO_GRAINS])

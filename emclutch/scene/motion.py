@@ -29,7 +29,7 @@ LoadCourse = Annotated[
 ]
 
 
-class Motor(Section):
+class MotorSection(Section):
     """A motor whose torque falls linearly with the speed, as that of a DC machine at a constant voltage does.
 
     Above its no-load speed it brakes.
@@ -56,7 +56,7 @@ class Motor(Section):
         return self.stall_torque / abs(self.no_load_speed)
 
 
-class FreeShaft(Section):
+class FreeShaftSection(Section):
     """A shaft that its torques accelerate; the load opposes rotation and holds at rest, as a brake does."""
 
     inertia: Inertia = Field(description="moment of inertia of shaft and load about the axis")
@@ -64,7 +64,9 @@ class FreeShaft(Section):
         default=0.0, description="opposes rotation, >= 0; one value or a table in time (an overload switched on later)"
     )
     drive_torque: Torque = Field(default=0.0, description="positive about +z")
-    motor: Motor | None = Field(default=None, description="a motor with a linear characteristic drives the shaft")
+    motor: MotorSection | None = Field(
+        default=None, description="a motor with a linear characteristic drives the shaft"
+    )
     initial_speed: Speed = Field(default=0.0, description="speed at the start")
 
     @model_validator(mode="after")
@@ -79,11 +81,11 @@ class FreeShaft(Section):
         return max(abs(self.initial_speed), 0.0 if self.motor is None else abs(self.motor.no_load_speed))
 
 
-class ShaftMotion(Section):
+class ShaftMotionSection(Section):
     """A prescribed speed, or a free shaft."""
 
     speed: SpeedCourse | None = Field(default=None, description="speed about +z, one value or a table in time")
-    free: FreeShaft | None = Field(default=None, description="let torques drive the shaft instead")
+    free: FreeShaftSection | None = Field(default=None, description="let torques drive the shaft instead")
 
     @model_validator(mode="after")
     def _moves_one_way(self) -> Self:
@@ -105,14 +107,14 @@ class ShaftMotion(Section):
         return largest(self.speed)
 
 
-HELD = ShaftMotion(speed=0.0)
+HELD = ShaftMotionSection(speed=0.0)
 
 
-class Motion(Section):
+class MotionSection(Section):
     """Both shafts; one that is not named is held."""
 
-    rotor: ShaftMotion = HELD
-    disc: ShaftMotion = HELD
+    rotor: ShaftMotionSection = HELD
+    disc: ShaftMotionSection = HELD
 
     @property
     def largest_slip(self) -> float:

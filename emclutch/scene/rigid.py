@@ -10,7 +10,7 @@ from emclutch.scene.section import Automatic, Choice, Section, Whole
 from emclutch.scene.units import LinearSpeed, Time, number
 
 
-class Rigid(Section):
+class DviSection(Section):
     """Solver of the rigid contacts. It may stand in a scene by DEM too: a study may then change the method alone."""
 
     friction_law: Annotated[str, Choice(("coulomb", "convex"))] = Field(

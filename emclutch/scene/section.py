@@ -1,4 +1,9 @@
-"""What every section of a scene shares: frozen, no unknown keys, entries checked in the user's words."""
+"""What every section of a scene shares: frozen, no unknown keys, entries checked in the user's words.
+
+The model of a table has the table's name with the suffix `Section`, so that nobody takes `FreeShaftSection`, which is
+what the file says, for `particles.bodies.FreeShaft`, which turns. Geometries, materials and courses in time are chosen
+by a key of their table and have a name of their own.
+"""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from emclutch.scene.draft import Draft, size_key
 from emclutch.scene.errors import Fault, shown
-from emclutch.scene.field_source import CoilField, UniformField
+from emclutch.scene.field_source import CoilFieldSection, UniformFieldSection
 from emclutch.scene.fill import fill_of
 from emclutch.scene.geometry import BoxGeometry, CadGeometry, CentrifugalGeometry, ClutchGeometry
 from emclutch.scene.grain_smear import moments_are_fed_back, smear_width
@@ -57,7 +57,11 @@ def sector_in_gravity(draft: Draft) -> Iterator[Fault]:
 def sector_in_field(draft: Draft) -> Iterator[Fault]:
     """A uniform field across the axis differs from sector to sector."""
     field = draft.scene.field
-    if draft.scene.particles.sector is not None and isinstance(field, UniformField) and field.direction in ("x", "y"):
+    if (
+        draft.scene.particles.sector is not None
+        and isinstance(field, UniformFieldSection)
+        and field.direction in ("x", "y")
+    ):
         yield draft.fault(
             "field.direction",
             "turns from sector to sector; with particles.sector take 'axial' or 'radial', or remove particles.sector",
@@ -67,7 +71,7 @@ def sector_in_field(draft: Draft) -> Iterator[Fault]:
 def sector_in_space(draft: Draft) -> Iterator[Fault]:
     """The field of a body with slots repeats every pitch only, that of solids of any shape nobody knows where."""
     geometry, sector = draft.scene.geometry, draft.scene.particles.sector
-    if sector is None or not isinstance(draft.scene.field, CoilField):
+    if sector is None or not isinstance(draft.scene.field, CoilFieldSection):
         return
     if isinstance(geometry, CadGeometry) and geometry.in_space:
         yield draft.fault(

@@ -36,7 +36,7 @@ def flat_keys(given: Any, prefix: str = "") -> Any:
     return flat
 
 
-class Study(Section):
+class StudySection(Section):
     """[study]: one scene with many values; every combination of the listed ones is a run."""
 
     case: str = Field(min_length=1, description="scene file, relative to the study's folder")
@@ -98,17 +98,17 @@ NO_CHECKPOINT = Fault("output.checkpoint", "false", "keeps no grains to hand on;
 class StudyFile(Section):
     """A study file."""
 
-    study: Study
+    study: StudySection
 
 
-class _PartialStudy(Study):
+class _PartialStudySection(StudySection):
     """What is right of a study whose other keys are not."""
 
     case: str | None = None  # type: ignore[assignment]
     values: Annotated[dict[str, Any], BeforeValidator(flat_keys)] = {}
 
 
-def read_study(path: str | Path, *, trust_scripts: bool = False) -> Study:
+def read_study(path: str | Path, *, trust_scripts: bool = False) -> StudySection:
     """Read a study file and check every point of it; `trust_scripts` as in `emclutch.scene.case.load_case`.
 
     Raises
@@ -138,7 +138,7 @@ def read_study(path: str | Path, *, trust_scripts: bool = False) -> Study:
     return study
 
 
-def _read(data: dict[str, Any]) -> tuple[Study | None, list[Fault]]:
+def _read(data: dict[str, Any]) -> tuple[StudySection | None, list[Fault]]:
     """The study, what is right of it where it has faults, None where there is no table; and the faults."""
     try:
         return StudyFile.model_validate(data).study, []
@@ -148,10 +148,12 @@ def _read(data: dict[str, Any]) -> tuple[Study | None, list[Fault]]:
     if not isinstance(given, dict):
         return None, faults
     broken = {fault.key.removeprefix("study.").split(".")[0].split("[")[0] for fault in faults}
-    return _PartialStudy.model_validate({key: entry for key, entry in given.items() if key not in broken}), faults
+    return _PartialStudySection.model_validate(
+        {key: entry for key, entry in given.items() if key not in broken}
+    ), faults
 
 
-def _key_faults(study: Study) -> list[Fault]:
+def _key_faults(study: StudySection) -> list[Fault]:
     """Keys that no scene has, and values that are no list."""
     return [
         Fault(f"study.{table}.{key}", "", reason)
@@ -169,7 +171,7 @@ def _is_list(values: Any) -> bool:
     return isinstance(values, list) and bool(values)
 
 
-def _warm_start_faults(study: Study) -> list[Fault]:
+def _warm_start_faults(study: StudySection) -> list[Fault]:
     """What is wrong with the axis along which grains are handed on."""
     key = study.warm_start
     if key is None:
@@ -182,7 +184,7 @@ def _warm_start_faults(study: Study) -> list[Fault]:
     return []
 
 
-def _faults_of_points(study: Study) -> list[Fault]:
+def _faults_of_points(study: StudySection) -> list[Fault]:
     """Faults of the scene and of every point, with what is right of the study; one that several share is told once."""
     try:
         data = read_toml(study.case_path)

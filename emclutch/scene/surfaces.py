@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from geometry.triangle_wall import TriangleWall
 
 
-class Surface(Section):
+class SurfaceSection(Section):
     """A surface that grains touch from either side, in the place that its file says, the device's axis being z.
 
     Meshes are read in metres times `scale`, CAD files in their own unit. It has no material: the field is solved
@@ -56,7 +56,7 @@ class Surface(Section):
         return _read_wall(self.file, changed, name, self.body, self.scale, self.size)
 
 
-def surface_walls(surfaces: Mapping[str, Surface]) -> list[TriangleWall]:
+def surface_walls(surfaces: Mapping[str, SurfaceSection]) -> list[TriangleWall]:
     """Return the walls of the tables [surfaces.NAME], in their order."""
     return [surface.wall(name) for name, surface in surfaces.items()]
 

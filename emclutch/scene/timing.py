@@ -11,7 +11,7 @@ from emclutch.scene.torque_target import TorqueTarget
 from emclutch.scene.units import Instant, Time, number
 
 
-class TimeSpan(Section):
+class TimeSection(Section):
     """End of the simulation, coupling window and step of the grains; None is chosen by the program.
 
     Required beside `[particles]`.
@@ -44,7 +44,7 @@ class TimeSpan(Section):
         return self
 
 
-class Accuracy(Section):
+class AccuracySection(Section):
     """The settings that `emclutch accuracy` tries, coarse first; the last one is the reference."""
 
     mesh: tuple[Annotated[float, number("1", 0.1, 4.0)], ...] = Field(
@@ -81,7 +81,7 @@ class Accuracy(Section):
         return self
 
 
-class Output(Section):
+class OutputSection(Section):
     """What a run writes."""
 
     folder: str | None = Field(default=None, min_length=1, description="folder of the run; --out wins over it")

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from emclutch.scene.field_source import UniformField
+from emclutch.scene.field_source import UniformFieldSection
 from emclutch.scene.geometry import BoxGeometry, CadGeometry, ClutchGeometry
 
 _MU_0 = 4e-7 * math.pi  # [H/m]; the field's own constant would load the field
@@ -84,7 +84,7 @@ def unusual_entries(scene: Any) -> Iterator[str]:
             (ROLLING, f"effects.rolling_friction.{key}", getattr(effects.rolling_friction, key))
             for key in ("coefficient", "wall_coefficient")
         ]
-    if isinstance(scene.field, UniformField):
+    if isinstance(scene.field, UniformFieldSection):
         entries.append((FLUX_DENSITY, "mu_0 field.field_strength", abs(_MU_0 * scene.field.field_strength)))
     yield from (told for usual, key, value in entries if value is not None and (told := usual.remark(key, value)))
     yield from _of_the_shafts(scene)

@@ -9,7 +9,7 @@ import numpy as np
 
 from coupling import chain_magnetisation, magnetic_load, neck_load, neck_stiffness, snap_in_overlap, weight_load
 from emclutch.device.device import Device, grain_law
-from emclutch.scene.contact import Contact
+from emclutch.scene.contact import ContactSection
 from emclutch.simulation.forecast.expected_speeds import impact_speed
 from geometry import Box
 from particles import PairLaws, RollingFriction, TwistingFriction, choose_time_step
@@ -101,7 +101,7 @@ def _contact(
         )
     between, at_walls = contact.laws(mass=mass, diameter=d, force=force, speed=speed)
 
-    def deepest_of(chosen: Contact) -> float:
+    def deepest_of(chosen: ContactSection) -> float:
         inner, outer = chosen.laws(mass=mass, diameter=d, force=force, speed=speed)
         return max(
             inner.overlap_under(force, 0.5 * mass, speed, 0.25 * d), outer.overlap_under(force, mass, speed, 0.5 * d)
@@ -133,7 +133,7 @@ def _contact(
     return laws, force, stiffness
 
 
-def _too_soft(contact: Contact, overlap: Callable[[Contact], float], why: str) -> str:
+def _too_soft(contact: ContactSection, overlap: Callable[[ContactSection], float], why: str) -> str:
     """What is said of a stiffness with which the run would stop; `overlap` over the diameter."""
     key = contact.stiffness_key.partition(",")[0].removeprefix("contact.")
     unit = {"hertz_stiffness": "N/m^1.5", "youngs_modulus": "Pa"}.get(key, "N/m")

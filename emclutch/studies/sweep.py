@@ -26,7 +26,7 @@ from emclutch.results.run_folder import logging_to
 from emclutch.results.study_table import DONE, FAILED, STOPPED, WAITING, StudyTable
 from emclutch.simulation.run import Interrupted, RunError
 from emclutch.scene.replica_count import replica_count
-from emclutch.scene.study import Study, read_study
+from emclutch.scene.study import StudySection, read_study
 from emclutch.results.set_aside import set_aside
 from emclutch.studies.points import PointFolder, folders_of_points, unclaimed
 from emclutch.studies.tables import Done, disc_torque, label_of, write_tables
@@ -38,7 +38,7 @@ LOOK_SECONDS = 0.5  # between two looks at the points that run
 
 
 def sweep(
-    study: Study | str | Path,
+    study: StudySection | str | Path,
     *,
     out: str | Path | None = None,
     threads: int | None = None,
@@ -83,7 +83,7 @@ def sweep(
     """
     if jobs is not None and jobs < 1:
         raise ValueError(f"jobs = {jobs}; allowed: 1 or more")
-    study = study if isinstance(study, Study) else read_study(study)
+    study = study if isinstance(study, StudySection) else read_study(study)
     folder = Path(out) if out is not None else RunFolder.next_path(study.path.stem, "studies")
     if resume and not folder.is_dir():  # before the lock makes it
         raise OutputError(f"nothing to resume in {folder}: there is no such folder; name the study's folder with --out")
@@ -113,7 +113,7 @@ class _StudyRun:
 
     def __init__(
         self,
-        study: Study,
+        study: StudySection,
         folder: Path,
         threads: int | None,
         share: int,

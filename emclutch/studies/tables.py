@@ -17,7 +17,7 @@ from emclutch.results.statistics import Estimate
 from emclutch.results.study_folder import write_about
 from emclutch.results.pictures.torque_curves import torque_against_current_picture, torque_against_speed_picture
 from emclutch.results.torque_curves import TorqueCurve, torque_curves
-from emclutch.scene.study import Study
+from emclutch.scene.study import StudySection
 
 STARTED = 0.01  # of the motor's fastest speed: an output that dry friction holds trembles below it
 SEED, CURRENT, VOLTAGE, SPEED = "scene.seed", "coil.current", "coil.voltage", "motion.rotor.speed"
@@ -26,7 +26,7 @@ Done = tuple[dict[str, Any], Case, Result]
 """A point that is done: its values, its case and its result."""
 
 
-def write_tables(folder: Path, study: Study, done: Sequence[Done]) -> None:
+def write_tables(folder: Path, study: StudySection, done: Sequence[Done]) -> None:
     """All tables and pictures of the points that are done, given in the study's order."""
     write_about(folder, study.title, study.values, len(study.points()))
     write_torques(folder, study, [row_of(values, case, result) for values, case, result in done])
@@ -45,7 +45,7 @@ def write_tables(folder: Path, study: Study, done: Sequence[Done]) -> None:
             replace_text(folder / "methods.txt", "\n".join(comparison_lines(compared, others)) + "\n")
 
 
-def write_torques(folder: Path, study: Study, rows: list[dict[str, Any]]) -> None:
+def write_torques(folder: Path, study: StudySection, rows: list[dict[str, Any]]) -> None:
     """`study.csv`, averages over seeds, and torque against current and against speed where these are varied."""
     _write_csv(folder / "study.csv", rows)
     varied = [key for key, values in study.values.items() if len(values) > 1]
@@ -146,7 +146,7 @@ def output_start(history: Any) -> tuple[float, float] | None:
     return float(history["time"].iloc[first]), float(motor[first])
 
 
-def label_of(study: Study, values: dict[str, Any]) -> str:
+def label_of(study: StudySection, values: dict[str, Any]) -> str:
     """What tells a point from the others: the last part of each key that has several values, with the value."""
     several = [key for key, options in study.values.items() if len(options) > 1]
     parts = (f"{key.rpartition('.')[2].replace('_', ' ')} {values[key]}" for key in several)

@@ -29,7 +29,7 @@ from emclutch.results.pictures.work_precision import work_precision_picture
 from emclutch.simulation.run import run
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.threads import use_threads
-from emclutch.scene.field_source import CoilField
+from emclutch.scene.field_source import CoilFieldSection
 from emclutch.scene.grain_smear import moments_are_fed_back, narrowest_gap
 
 log = logging.getLogger(__name__)
@@ -140,7 +140,7 @@ KNOBS: tuple[Knob, ...] = (FieldMesh(), SmearWidth(), MomentRefresh(), ContactSt
 
 def has_solved_field(case: Case) -> bool:
     """Whether the case solves for the field of a coil."""
-    return isinstance(case.scene.field, CoilField) and field_is_needed(case.scene)
+    return isinstance(case.scene.field, CoilFieldSection) and field_is_needed(case.scene)
 
 
 def field_at(case: Case, points: np.ndarray) -> tuple[dict[str, float | np.ndarray], float]:

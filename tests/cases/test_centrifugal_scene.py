@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 import emclutch
-from emclutch.scene import points_of
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
 from emclutch.scene.fill import boxes_to_fill, fill_of
+from emclutch.scene.time_table import points_of
 from emclutch.simulation.forecast.shot_clutch import engagement_speed, shot_clutch_torque, shot_ring_radius
 from geometry.centrifugal import CentrifugalClutch
 

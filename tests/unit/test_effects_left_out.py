@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from emclutch.cli.main import app
 from emclutch.scene.case import case_from, load_case
-from emclutch.scene.effects import PLANNED_EFFECTS, Effects
+from emclutch.scene.effects import PLANNED_EFFECTS, EffectsSection
 from emclutch.simulation.forecast.effects_left_out import left_out
 from emclutch.simulation.forecast.expected_torque import expected_torque
 from emclutch.simulation.plan import make_plan
@@ -43,7 +43,7 @@ def usual():
 
 def test_every_effect_that_is_off_or_not_there_has_its_line(usual):
     told = set(usual) - {None, "centrifugal force", "inertia of grains"}
-    assert told == set(Effects.names()) - {"dipoles", "saturation"} - OF_A_COIL | set(PLANNED_EFFECTS)
+    assert told == set(EffectsSection.names()) - {"dipoles", "saturation"} - OF_A_COIL | set(PLANNED_EFFECTS)
     bare = set(numbers(field=None, effects={"gravity": {}}))
     assert {"cohesion", "rolling_friction", "heat"} < bare and not bare & {
         "gravity",

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from emclutch.results.vtk.wall_surface import triangle_surface
-from emclutch.scene.surfaces import Surface, surface_walls
+from emclutch.scene.surfaces import SurfaceSection, surface_walls
 from geometry.surface_import import SurfaceError, triangle_wall_from_file
 from geometry.triangle_wall import TriangleWall, box_surface, extruded, joined
 
@@ -207,9 +207,9 @@ def test_a_scenes_surface_is_found_from_its_folder(tmp_path):
 
     wall = box_surface("box", "b", (0, 0, 0), (0.1, 0.1, 0.1))
     meshio.write(tmp_path / "box.stl", meshio.Mesh(wall.vertices, [("triangle", wall.triangles)]))
-    surface = Surface.model_validate({"file": "box.stl", "body": "disc"}, context={"folder": tmp_path})
+    surface = SurfaceSection.model_validate({"file": "box.stl", "body": "disc"}, context={"folder": tmp_path})
     (found,) = surface_walls({"vane": surface})
     assert (found.name, found.body) == ("vane", "disc") and found.volume == pytest.approx(1e-3, rel=1e-6)
     for entries, message in (({"file": "no.stl"}, "does not exist"), ({"file": "box.stl", "body": "drum"}, "rotor")):
         with pytest.raises(ValidationError, match=message):
-            Surface.model_validate(entries, context={"folder": tmp_path})
+            SurfaceSection.model_validate(entries, context={"folder": tmp_path})

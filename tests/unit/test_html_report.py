@@ -12,7 +12,7 @@ from emclutch.results import OutputError, load_result
 from emclutch.results.report.html import run_page, study_page, write_page
 from emclutch.results.report.verdict import Mark, verdict
 from emclutch.results.study_folder import read_study
-from emclutch.scene.effects import Effects
+from emclutch.scene.effects import EffectsSection
 from emclutch.simulation.left_out_of_run import left_out_of
 
 HOSTILE = "<script>alert(1)</script> & \"><img src=x onerror='x'>"
@@ -83,7 +83,7 @@ def test_nothing_is_fetched(page):
 
 
 def test_every_effect_is_named_on_or_off(page):
-    named = {name.replace("_", " ") for name in Effects.names()}
+    named = {name.replace("_", " ") for name in EffectsSection.names()}
     assert named <= set(page.effects)
     assert {name for name in named if page.effects[name] == "on"} == {"dipoles"}
 

@@ -12,11 +12,12 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from emclutch.scene import Scene, points_of
 from emclutch.scene.case import case_from, load_case
 from emclutch.scene.errors import SceneError
 from emclutch.scene.fill import fill_of
+from emclutch.scene.model import Scene
 from emclutch.scene.study import read_study
+from emclutch.scene.time_table import points_of
 
 GOOD = Path(__file__).parents[1] / "cases" / "broken" / "good.toml"
 BOX = {

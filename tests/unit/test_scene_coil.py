@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
-from emclutch.scene.coil import Coil
-from emclutch.scene.effects import CoilCircuit, EddyCurrents
+from emclutch.scene.coil import CoilSection
+from emclutch.scene.effects import CoilCircuitSection, EddyCurrentsSection
 from emclutch.scene.time_table import points_of
 
 AREA, RADIUS = 36e-6, 26e-3
@@ -14,9 +14,9 @@ AREA, RADIUS = 36e-6, 26e-3
 
 def test_resistance_follows_from_the_turns_in_copper():
     """And gives the turns back: one winding, told from two sides."""
-    coil = Coil.model_validate({"voltage": "24 V", "turns": 500})
+    coil = CoilSection.model_validate({"voltage": "24 V", "turns": 500})
     resistance = coil.resistance_in(AREA, RADIUS)
-    back = Coil.model_validate({"voltage": "24 V", "resistance": resistance})
+    back = CoilSection.model_validate({"voltage": "24 V", "resistance": resistance})
     assert back.turns_in(AREA, RADIUS) == pytest.approx(500.0, rel=1e-12)
     times, currents = coil.currents_in(AREA, RADIUS)
     assert times == (0.0,) and currents[0] == pytest.approx(24.0 / resistance)
@@ -25,7 +25,7 @@ def test_resistance_follows_from_the_turns_in_copper():
 
 def test_a_warm_coil_takes_less_current():
     cold, warm = (
-        Coil.model_validate({"voltage": "24 V", "turns": 500, "resistance": "30 ohm", "temperature": t})
+        CoilSection.model_validate({"voltage": "24 V", "turns": 500, "resistance": "30 ohm", "temperature": t})
         for t in (20, 100)
     )
     assert cold.resistance_in(AREA, RADIUS) == 30.0
@@ -34,7 +34,7 @@ def test_a_warm_coil_takes_less_current():
 
 
 def test_voltage_in_time_switches_off_and_reverses():
-    coil = Coil.model_validate(
+    coil = CoilSection.model_validate(
         {"voltage": {"times": ["0 s", "1 ms", "2 ms"], "values": ["24 V", "0 V", "-6 V"]}, "resistance": "12 ohm"}
     )
     assert coil.is_at_voltage and coil.largest_voltage == 24.0
@@ -42,7 +42,7 @@ def test_voltage_in_time_switches_off_and_reverses():
 
 
 def test_beside_a_current_a_voltage_is_the_supply():
-    coil = Coil.model_validate({"current": "0.94 A", "voltage": "24 V", "resistance": "25.5 ohm"})
+    coil = CoilSection.model_validate({"current": "0.94 A", "voltage": "24 V", "resistance": "25.5 ohm"})
     assert not coil.is_at_voltage and coil.currents_in(AREA, RADIUS) == points_of(coil.current)
 
 
@@ -63,12 +63,14 @@ def test_beside_a_current_a_voltage_is_the_supply():
 )
 def test_faults_of_the_coil_are_told(table, words):
     with pytest.raises(ValidationError, match=words):
-        Coil.model_validate(table)
+        CoilSection.model_validate(table)
 
 
 def test_transient_effects_have_their_keys():
-    assert CoilCircuit().begin == EddyCurrents().begin == "off"
-    assert EddyCurrents.model_validate({"conductivity": {"steel_1010": "5 MS/m"}}).conductivity == {"steel_1010": 5e6}
+    assert CoilCircuitSection().begin == EddyCurrentsSection().begin == "off"
+    assert EddyCurrentsSection.model_validate({"conductivity": {"steel_1010": "5 MS/m"}}).conductivity == {
+        "steel_1010": 5e6
+    }
     for table in ({"begin": "on"}, {"tolerance": 0.0}):
         with pytest.raises(ValidationError):
-            CoilCircuit.model_validate(table)
+            CoilCircuitSection.model_validate(table)

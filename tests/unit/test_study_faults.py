@@ -13,7 +13,7 @@ from emclutch.cli.main import app
 from emclutch.scene.case import case_from, load_case, read_toml
 from emclutch.scene.errors import SceneError
 from emclutch.scene.reference import scene_reference
-from emclutch.scene.study import Study, read_study
+from emclutch.scene.study import StudySection, read_study
 
 ROOT = Path(__file__).resolve().parents[2]
 GOOD = ROOT / "tests" / "cases" / "broken" / "good.toml"
@@ -85,7 +85,7 @@ def test_none_is_a_key_left_away(tmp_path):
 def test_the_page_of_keys_has_those_of_studies():
     page = scene_reference()
     assert "## `[study]`" in page and "## `[design]`" in page
-    assert all(f"| `{key}` |" in page.split("## `[study]`")[1] for key in Study.model_fields)
+    assert all(f"| `{key}` |" in page.split("## `[study]`")[1] for key in StudySection.model_fields)
 
 
 FIELD = {"source": "uniform", "field_strength": "1 kA/m", "direction": "axial"}

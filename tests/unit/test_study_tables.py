@@ -12,14 +12,14 @@ from emclutch.results import HistoryWriter
 from emclutch.results.history import last_time
 from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.study_table import FAILED, StudyTable
-from emclutch.scene.study import Study
+from emclutch.scene.study import StudySection
 from emclutch.studies.tables import write_torques
 
 CURRENT, SEED, SPEED, VOLTAGE = "coil.current", "scene.seed", "motion.rotor.speed", "coil.voltage"
 
 
 def study(**values):
-    return Study(case="case.toml", values={key: list(options) for key, options in values.items()})
+    return StudySection(case="case.toml", values={key: list(options) for key, options in values.items()})
 
 
 def row(torque, **more):

@@ -23,7 +23,7 @@ from emclutch.results.report.markdown import PICTURES, summary_rows
 from emclutch.results.report.verdict import Mark, effects_of, torque_in_words, verdict
 from emclutch.results.study_folder import StudyFolder, is_study, read_study
 from emclutch.results.time_unit import time_in_words
-from emclutch.scene.effects import Effects
+from emclutch.scene.effects import EffectsSection
 
 LeftOutOf = Callable[[Result], Sequence[LeftOut]]
 """What the scene of a run leaves out."""
@@ -116,7 +116,7 @@ def study_page(study: StudyFolder, left_out_of: LeftOutOf) -> str:
         effects=_effects(list(dict.fromkeys(itertools.chain(*on.values()))), left_out),
         differing=[
             (name, [label for label in on if name in on[label]])
-            for name in Effects.names()
+            for name in EffectsSection.names()
             if 0 < sum(name in each for each in on.values()) < len(on)
         ],
         methods=compared.read_text(encoding="utf-8") if compared.is_file() else "",
@@ -157,8 +157,8 @@ def _effects(on: Sequence[str], left_out: Sequence[LeftOut]) -> list[dict[str, s
     """Every effect of this version, and what no scene can have: on or off, and whether its absence matters."""
     of = {line.effect: line for line in left_out}
     rows = []
-    for name in dict.fromkeys([*Effects.names(), *of]):
-        field, line = Effects.model_fields.get(name), None if name in on else of.get(name)
+    for name in dict.fromkeys([*EffectsSection.names(), *of]):
+        field, line = EffectsSection.model_fields.get(name), None if name in on else of.get(name)
         rows.append(
             {
                 "name": name.replace("_", " "),
