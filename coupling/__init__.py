@@ -1,6 +1,8 @@
 """The staggered loop between field and grains, and the effects that live in it."""
 
 from coupling.circuit_coil_field import CircuitCoilField
+from coupling.coil_field import CoilField, ImposedField
+from coupling.coil_field_3d import CoilField3D
 from coupling.deposition import FillDeposition
 from coupling.eddy_coil_field import EddyCoilField
 from coupling.effects import BackReaction, Effect, FixedDipoles, MagneticForce, MutualDipoles, WallImages
@@ -13,14 +15,12 @@ from coupling.expected_load import (
     snap_in_overlap,
     weight_load,
 )
-from coupling.field_source import CoilField, ImposedField
 from coupling.layered_field import LayeredField
 from coupling.magnetised_grains import MagnetisedGrains, moments
 from coupling.mutual_moments import Cluster, MutualMoments, grain_table, magnetised_cluster
 from coupling.mutually_magnetised_grains import MutuallyMagnetisedGrains
 from coupling.near_attraction import NearAttraction
 from coupling.powder_feedback import FeedbackError, PowderFeedback
-from coupling.solid_field_source import SolidCoilField
 from coupling.staggered import Simulation, run_staggered
 
 __all__ = [
@@ -28,6 +28,7 @@ __all__ = [
     "CircuitCoilField",
     "Cluster",
     "CoilField",
+    "CoilField3D",
     "EddyCoilField",
     "Effect",
     "FeedbackError",
@@ -43,7 +44,6 @@ __all__ = [
     "NearAttraction",
     "PowderFeedback",
     "Simulation",
-    "SolidCoilField",
     "WallImages",
     "chain_magnetisation",
     "grain_table",

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from coupling.field_source import CoilField, unset_course
+from coupling.coil_field import CoilField, unset_profile
 from field.coil.coil_circuit import CircuitState, LinearisedCoil, solve_at_flux_linkage
 
 
@@ -38,8 +38,8 @@ class CircuitCoilField(CoilField):
         The largest |V|/R to come [A]: what the current's tolerance refers to from the start.
     """
 
-    current: Callable[[float], float] = unset_course
-    voltage: Callable[[float], float] = unset_course
+    current: Callable[[float], float] = unset_profile
+    voltage: Callable[[float], float] = unset_profile
     resistance: float = np.nan
     breaks: tuple[float, ...] = ()
     begin_steady: bool = False

@@ -46,7 +46,7 @@ def add_dipole_forces(position, moment, radius, rows: NeighbourRows, cutoff: flo
     -------
     reaction : float
         -sum(m_i x B_j)_z [N m], the torque of the pairs on the grains, from moments and fields; it equals
-        sum(x x F)_z over the same pairs, which a ledger computes from forces.
+        sum(x x F)_z over the same pairs, which the window's budget computes from forces.
     energy : float
         Interaction energy at fixed moments [J].
     """

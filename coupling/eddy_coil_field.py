@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from coupling.field_source import CoilField, unset_course
+from coupling.coil_field import CoilField, unset_profile
 from field.newton import norm
 from field.section.eddy_currents import CurrentDrive, EddyCurrentProblem, TransientState, VoltageDrive
 from field.section.powder_state import Powder
@@ -38,7 +38,7 @@ class EddyCoilField(CoilField):
         Change of the field in one of its steps, relative to the largest so far.
     """
 
-    current: Callable[[float], float] = unset_course
+    current: Callable[[float], float] = unset_profile
     eddy: EddyCurrentProblem | None = None
     voltage: VoltageDrive | None = None
     breaks: tuple[float, ...] = ()
@@ -54,7 +54,7 @@ class EddyCoilField(CoilField):
     def __post_init__(self) -> None:
         if self.eddy is None or self.eddy.problem is not self.problem or self.eddy.turns != self.turns:
             raise ValueError("the eddy-current problem must be one of the same field problem and the same turns")
-        if self.voltage is None and self.current is unset_course:
+        if self.voltage is None and self.current is unset_profile:
             raise ValueError("a field with eddy currents needs its coil's current or a voltage drive")
         if self.voltage is not None:
             self.current = self._current_now

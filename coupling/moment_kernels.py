@@ -164,7 +164,7 @@ def contact_forces(table, model, grains, rows, walls, attraction, velocity, ahea
     """Forces (n, 3) [N], added: of the dipoles, of the near excess (if ``attraction``) and of its couple.
 
     With ``ahead`` > 0 [s] the near excess is its mean over that time at the present ``velocity`` (n, 3) [m/s]: a step
-    of rigid grains is longer than its range. Images in the walls (w, 6) included. For the books, z-components [N m]:
+    of rigid grains is longer than its range. Images in the walls (w, 6) included. For the balance, z-components [N m]:
     ``torque`` (n,) of the field on each grain that its neighbours make, ``wall_torque`` (n,) of the forces of images
     and walls about the axis.
     """

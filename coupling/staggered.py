@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from coupling.coil_field import CoilField, ImposedField
 from coupling.effects.effect import Effect
-from coupling.field_source import CoilField, ImposedField
 from coupling.layered_field import LayeredField
-from coupling.ledgers import Ledger
 from coupling.magnetised_grains import MagnetisedGrains
 from coupling.neighbour_rows import NeighbourRows, neighbour_rows
 from coupling.powder_feedback import FeedbackError
+from coupling.window_budget import WindowBudget
 from particles import Body, GrainMotion
 
 if TYPE_CHECKING:
-    from coupling.solid_field_source import SolidCoilField
+    from coupling.coil_field_3d import CoilField3D
 
 MOST_SOLVES = 30
 """Of one window: beyond it field and moments do not agree, and the run stops."""
@@ -42,7 +42,7 @@ class Simulation:
         Exactly those of the scene, in the order in which they act.
     magnetised : MagnetisedGrains or None
         None when no effect needs the field.
-    source : CoilField, SolidCoilField, ImposedField, LayeredField or None
+    source : CoilField, CoilField3D, ImposedField, LayeredField or None
     steps_per_update, updates : int
         Grain steps between evaluations of the magnetic forces; such sub-cycles a window.
     """
@@ -50,7 +50,7 @@ class Simulation:
     motion: GrainMotion
     effects: list[Effect]
     magnetised: MagnetisedGrains | None
-    source: CoilField | SolidCoilField | ImposedField | LayeredField | None
+    source: CoilField | CoilField3D | ImposedField | LayeredField | None
     steps_per_update: int
     updates: int
     n_sectors: int = 1
@@ -110,28 +110,28 @@ def run_staggered(simulation: Simulation, end: float, callbacks: Iterable[Callab
     motion = simulation.motion
     last_step = round(end / motion.dt)
     while motion.step_count < last_step:
-        ledger = Ledger(simulation)
+        budget = WindowBudget(simulation)
 
         # 1. coil and powder -> field
-        ledger.clock("field")
+        budget.clock("field")
         for effect in simulation.effects:
             effect.begin_window(simulation)
         refresh_field(simulation)
 
         for _ in range(simulation.updates):
             # 2. field -> moments -> held forces
-            ledger.clock("magnetic")
+            budget.clock("magnetic")
             if simulation.magnetised is not None:
-                motion.external_force = magnetic_forces(simulation, simulation.magnetised, ledger)
+                motion.external_force = magnetic_forces(simulation, simulation.magnetised, budget)
                 simulation.magnetised.hold(motion, motion.external_force)
 
             # 3. grains and shafts, many steps
-            ledger.clock("contact")
-            ledger.add_steps(motion.run(simulation.steps_per_update))
+            budget.clock("contact")
+            budget.add_steps(motion.run(simulation.steps_per_update))
 
         # 4. conservation, output, checkpoint, an early stop
         simulation.window += 1
-        row = ledger.close()
+        row = budget.close()
         # every callback is called, also after one has asked to stop
         if any([callback(simulation, row) for callback in callbacks]):
             return
@@ -162,10 +162,10 @@ def refresh_field(simulation: Simulation) -> None:
         magnetised.update(simulation)
 
 
-def magnetic_forces(simulation: Simulation, magnetised: MagnetisedGrains, ledger: Ledger) -> np.ndarray:
+def magnetic_forces(simulation: Simulation, magnetised: MagnetisedGrains, budget: WindowBudget) -> np.ndarray:
     """Moments and the sum of all magnetic effects' forces (n, 3) [N] at the present positions."""
     magnetised.update(simulation)
     force = np.zeros_like(simulation.motion.grains.position)
     for effect in simulation.effects:
-        ledger.book(effect.add_forces(simulation, force))
+        budget.record(effect.add_forces(simulation, force))
     return force

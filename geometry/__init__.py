@@ -7,11 +7,11 @@ from geometry.centrifugal import CentrifugalClutch, Chamber
 from geometry.clutch import Clutch
 from geometry.drawing import draw_section
 from geometry.fault import Fault, GeometryError
+from geometry.mesh_3d import Mesh3D
 from geometry.meshing import mesh_clutch
 from geometry.section import SectionMesh
 from geometry.slots import Slots
 from geometry.slotted import mesh_slotted
-from geometry.solid_mesh import SolidMesh
 from geometry.surface_import import triangle_wall_from_file
 from geometry.triangle_wall import TriangleWall, box_surface, extruded, joined
 from geometry.walls import AnnularBox, Plane, RevolvedWall, Wall, annulus, cone, cylinder, outline
@@ -24,12 +24,12 @@ __all__ = [
     "Clutch",
     "Fault",
     "GeometryError",
+    "Mesh3D",
     "Plane",
     "RevolvedWall",
     "SectionMesh",
     "ShearCell",
     "Slots",
-    "SolidMesh",
     "TriangleWall",
     "Wall",
     "annulus",

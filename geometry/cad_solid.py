@@ -18,9 +18,9 @@ from geometry.cad_import import imported_solids
 from geometry.cad_meshing import CadSection
 from geometry.cad_parts import CadError, CadPart, CadSolid, list_of
 from geometry.element_count import MOST_TETRAHEDRA, refuse_too_many
+from geometry.mesh_3d import Mesh3D
 from geometry.meshing import GROWTH, MILLIMETRE, ROW_HEIGHT
-from geometry.solid_mesh import SolidMesh
-from geometry.solid_meshing import (
+from geometry.meshing_3d import (
     SOLID_OPTIONS,
     box_distance,
     faces_of,
@@ -45,7 +45,7 @@ def read_cad_solids(path: str | Path, **options: Any) -> list[CadSolid]:
         return solids
 
 
-def check_solid_device(path: str | Path, section: CadSection) -> None:
+def check_device_3d(path: str | Path, section: CadSection) -> None:
     """Refuse what a field in space cannot carry: a coil that is no ring of rectangular section, a powder not round.
 
     Raises
@@ -81,7 +81,7 @@ def mesh_cad_solids(
     air_factor: float = 2.0,
     order: int = 2,
     **options: Any,
-) -> SolidMesh:
+) -> Mesh3D:
     """Fill a file's solids, and a sphere of air around them, with tetrahedra.
 
     Parameters
@@ -102,7 +102,7 @@ def mesh_cad_solids(
 
     Returns
     -------
-    SolidMesh
+    Mesh3D
         Regions by name, ``air`` among them; boundary ``outer``.
 
     Raises

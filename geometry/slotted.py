@@ -14,7 +14,7 @@ section are as good as stout ones where the field changes slowly along them.
 **The sector.** Bodies with the same symmetry repeat after the pitch 2 pi/N, N the greatest common divisor of
 their counts. Where every slot pattern is its own mirror image, half a pitch between two mirror planes is
 enough: there B is tangential, the natural condition of a scalar potential. Otherwise (or on request) the
-mesh spans a whole pitch, and its two sides carry matching nodes (`SolidMesh.periodic`). Without slots the
+mesh spans a whole pitch, and its two sides carry matching nodes (`Mesh3D.periodic`). Without slots the
 sector is a wedge of any angle.
 
 **Internal faces.** The planes of the coil's two ends, from the axis to its outer radius, and its inner and
@@ -31,15 +31,15 @@ import numpy as np
 
 from geometry.clutch import Clutch
 from geometry.fault import GeometryError
-from geometry.slotted_section import gap_size, meshed_section, refuse_too_many_layers, section_sizes
-from geometry.solid_mesh import EDGES, SolidMesh
-from geometry.solid_meshing import (
+from geometry.mesh_3d import EDGES, Mesh3D
+from geometry.meshing_3d import (
     faces_of,
     faces_where,
     finish,
     positive,
     region_ranges,
 )
+from geometry.slotted_section import gap_size, meshed_section, refuse_too_many_layers, section_sizes
 
 WEDGE = math.pi / 12.0
 """Angle of the sector that stands for a clutch without slots [rad]."""
@@ -64,7 +64,7 @@ def mesh_slotted(
     periodic: bool | None = None,
     wedge: float = WEDGE,
     order: int = 2,
-) -> SolidMesh:
+) -> Mesh3D:
     """Tetrahedra for one sector of a clutch and the air around it.
 
     Parameters
@@ -84,7 +84,7 @@ def mesh_slotted(
 
     Returns
     -------
-    SolidMesh
+    Mesh3D
         Regions of the section, and `slots`. Boundaries: `outer` (the sphere around the air), `low_side` and
         `high_side` (the two planes), and those of the powder: `rotor_bore`, `rotor_faces`, `disc_rim`,
         `disc_faces`, `seal_rim`.

@@ -10,7 +10,7 @@ import numpy as np
 from geometry.clutch import Clutch
 from geometry.element_count import MOST_TETRAHEDRA, expected_triangles, refuse_too_many
 from geometry.meshing import CORNER, GROWTH, MILLIMETRE, ROW_HEIGHT, Extent, gmsh_model
-from geometry.solid_meshing import (
+from geometry.meshing_3d import (
     SOLID_OPTIONS,
     box_distance,
     set_sizes,

@@ -7,10 +7,10 @@ from particles.dem.dem import DEM
 from particles.dem.step_totals import EnergyTotals, StepTotals
 from particles.dem.time_step import TimeStep, choose_time_step, contact_time, stiffness_for_overlap
 from particles.dvi.dvi import DVI
-from particles.dvi.rigid_contact import RigidContact
-from particles.dvi.rigid_step import choose_rigid_step
-from particles.dvi.rigid_totals import RigidTotals
-from particles.faults import DemError, DemErrorKind, PackingError, ParticleError
+from particles.dvi.dvi_contact import DviContact
+from particles.dvi.dvi_totals import DviTotals
+from particles.dvi.time_step import choose_dvi_step
+from particles.errors import DemError, DemErrorKind, PackingError, ParticleError
 from particles.grain_motion import GrainMotion
 from particles.grains import Grains
 from particles.laws.cohesion import Cohesion
@@ -25,8 +25,8 @@ from particles.laws.rolling_friction import RollingFriction
 from particles.laws.thesis import ThesisContact
 from particles.laws.twisting_friction import TwistingFriction
 from particles.laws.walton_braun import WaltonBraun
-from particles.lists.contact_table import ContactTable
-from particles.lists.neighbours import PairList, find_pairs
+from particles.neighbours.contact_table import ContactTable
+from particles.neighbours.neighbour_list import PairList, find_pairs
 from particles.packing.file_packing import file_packing
 from particles.packing.grown_packing import grown_packing
 from particles.packing.lattice_packing import lattice_packing
@@ -50,6 +50,8 @@ __all__ = [
     "CyclicSector",
     "DemError",
     "DemErrorKind",
+    "DviContact",
+    "DviTotals",
     "Elastic",
     "EnergyTotals",
     "EqualSizes",
@@ -69,8 +71,6 @@ __all__ = [
     "PairList",
     "ParticleError",
     "PrescribedSpeed",
-    "RigidContact",
-    "RigidTotals",
     "RollingFriction",
     "Settling",
     "Space",
@@ -81,7 +81,7 @@ __all__ = [
     "UniformSizes",
     "WaltonBraun",
     "before_the_start",
-    "choose_rigid_step",
+    "choose_dvi_step",
     "choose_time_step",
     "contact_share",
     "contact_time",

@@ -11,7 +11,7 @@ from geometry.walls import Wall
 from particles.bodies import Body
 from particles.dem.step_totals import StepTotals
 from particles.grains import Grains
-from particles.lists.contact_table import ContactTable
+from particles.neighbours.contact_table import ContactTable
 from particles.sector import CyclicSector
 
 Gravity = np.ndarray | Sequence[float] | Callable[[np.ndarray], np.ndarray]

@@ -69,7 +69,7 @@ def held_forces(table, model, grains, pairs, force, grip, stress):
         r = max(true_r, touching)
         bx, by, bz = moment[j, 0], moment[j, 1], moment[j, 2]
         gx, gy, gz = pair_force(moment[i, 0], moment[i, 1], moment[i, 2], bx, by, bz, nx, ny, nz, r, reach, True)
-        if true_r < r:  # grains that overlap: dipoles at touching, and their couple at the true distance
+        if true_r < r:  # grains that overlap: dipoles at touching, and their torque at the true distance
             along = gx * nx + gy * ny + gz * nz
             lever = r / true_r
             gx = along * nx + lever * (gx - along * nx)

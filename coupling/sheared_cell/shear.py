@@ -8,8 +8,8 @@ pairs whose line crosses the plane,
 
     tau = -(1/V) [sum over pairs r_z F_x + sum m V_x V_z],
 
-F on the grain at r from its partner: contacts, dipoles less the smear, the attraction of near pairs and their couples.
-Contacts alone do not have this stress, and pairs with couples do not have F_x r_z = F_z r_x: the field's torque
+F on the grain at r from its partner: contacts, dipoles less the smear, the attraction of near pairs and their torques.
+Contacts alone do not have this stress, and pairs with torques do not have F_x r_z = F_z r_x: the field's torque
 mu_0 M x H stands between tau_zx and tau_xz (`Series.tau` and `Series.tau_across`). Two things do *not* come on top:
 
 - the macroscopic Maxwell stress across z, B_z H_x, is 0: H stands along z (H_x is continuous, and 0 at the steel).
@@ -111,7 +111,7 @@ class Series:
     Attributes
     ----------
     strain : at the windows' ends [-].
-    tau, tau_contacts, tau_held, tau_near : the stress that a wall feels and its parts: contacts, dipoles with couples,
+    tau, tau_contacts, tau_held, tau_near : the stress that a wall feels and its parts: contacts, dipoles with torques,
         near pairs' attraction [Pa].
     tau_across : force along z on a plane across x, without the macroscopic field's [Pa].
     pressure : a third of the trace of the same stress, positive where grains push [Pa].

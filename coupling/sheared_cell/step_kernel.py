@@ -1,9 +1,10 @@
 """The compiled steps of grains in a sheared cell: contacts, the attraction of near pairs, kick, drift.
 
 Leapfrog as in `particles.dem.step_kernel`, with velocities half a step behind positions; the law of contacts and its
-books are the same functions. Everything runs in the order of the pairs on one thread, so no bit depends on threads.
+energy budget are the same functions. Everything runs in the order of the pairs on one thread, so no bit depends on
+threads.
 
-Stress counts r_a F_b with F on the grain at r from its partner, over the pairs; the books of energy follow the
+Stress counts r_a F_b with F on the grain at r from its partner, over the pairs; the energy budget follow the
 trapezoidal rule by drifts (`particles.dem.contact_kernel`).
 """
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from math import pi
 
-from emclutch.device.excitation import CoilCourse
+from emclutch.device.excitation import Excitation
 from emclutch.scene.units import two_digits
 from geometry import Clutch
 
@@ -35,7 +35,7 @@ def cooled_surface(shape: object) -> float | None:
     return 2.0 * pi * shape.outer_radius * (shape.housing_length + shape.outer_radius)
 
 
-def coil_heat_in_words(scene, coil: CoilCourse, shape) -> str:
+def coil_heat_in_words(scene, coil: Excitation, shape) -> str:
     """Current density, copper loss and what it heats, at the largest current."""
     current, winding = coil.largest_current, coil.winding
     if current == 0.0:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from coupling.smear_region import elements_within, magnetic_regions
-from emclutch.device.excitation import CoilCourse
+from emclutch.device.excitation import Excitation
 from emclutch.scene.field_source import CoilFieldSection, UniformFieldSection
 from emclutch.scene.fill import AT_RIM, Fill, boxes_to_fill, fill_of
 from emclutch.scene.geometry import CadGeometry, ClutchGeometry
@@ -30,7 +30,7 @@ from field import (
 from field.laws.conductivity import conductivity
 from field.section.adaptive import AdaptiveResult, adapt
 from field.section.error_estimate import FluxLinkage, MeanFluxDensity
-from geometry import AnnularBox, Box, Clutch, SectionMesh, ShearCell, SolidMesh, mesh_clutch
+from geometry import AnnularBox, Box, Clutch, Mesh3D, SectionMesh, ShearCell, mesh_clutch
 from geometry.cad_shape import CadShape
 from geometry.centrifugal import CentrifugalClutch
 from geometry.clipping import share_in_boxes
@@ -38,11 +38,11 @@ from geometry.triangle_wall import TriangleWall
 from geometry.walls import Wall
 
 if TYPE_CHECKING:
-    from emclutch.device.device_3d import SolidCoilDevice
+    from emclutch.device.device_3d import CoilDevice3D
 
 
 @dataclass(frozen=True, slots=True)
-class CoilDevice(CoilCourse):
+class CoilDevice(Excitation):
     """A device of revolution whose field a coil makes: what the solves need.
 
     Attributes
@@ -99,7 +99,7 @@ class Device:
         Where the powder is filled in, as `particles.pack` takes it.
     fill : Fill
         Amount of powder.
-    coil : CoilDevice, SolidCoilDevice or None
+    coil : CoilDevice, CoilDevice3D or None
         None where no field has to be solved.
     imposed : UniformField, RadialField or None
         Field of a scene without a coil.
@@ -112,7 +112,7 @@ class Device:
     shape: Clutch | CadShape | ShearCell | CentrifugalClutch | Box
     boxes: list[AnnularBox] | Box
     fill: Fill
-    coil: CoilDevice | SolidCoilDevice | None = None
+    coil: CoilDevice | CoilDevice3D | None = None
     imposed: UniformField | RadialField | None = None
     surfaces: tuple[TriangleWall, ...] = ()
     region: str = "cavity"
@@ -182,7 +182,7 @@ def field_is_needed(scene: Scene) -> bool:
     return scene.effects.magnetic_force is not None or scene.effects.dipoles is not None
 
 
-def field_in_space(scene: Scene) -> bool:
+def field_is_3d(scene: Scene) -> bool:
     """Whether the coil's field is solved in space: slots in a clutch, or solids of any shape from CAD."""
     shape = scene.shape()
     if isinstance(scene.geometry, CadGeometry):
@@ -204,14 +204,14 @@ def build_device(scene: Scene) -> Device:
     return replace(device, coil=solved_coil(scene))
 
 
-def solved_coil(scene: Scene) -> CoilDevice | SolidCoilDevice:
+def solved_coil(scene: Scene) -> CoilDevice | CoilDevice3D:
     """Mesh, materials and coil of a device whose field is solved, with grains in it or without, in its section or in
     space.
     """
-    if field_in_space(scene):
-        from emclutch.device.device_3d import build_solid_coil_device  # local: most scenes need no field in space
+    if field_is_3d(scene):
+        from emclutch.device.device_3d import build_coil_device_3d  # local: most scenes need no field in space
 
-        return build_solid_coil_device(scene)
+        return build_coil_device_3d(scene)
     return build_coil_device(scene)
 
 
@@ -303,12 +303,12 @@ def grain_law(scene: Scene) -> GrainLaw:
     return (ThesisLaw if particles.law == "thesis" else GrainLaw)(particles.susceptibility, saturation)
 
 
-def region_laws(scene: Scene, mesh: SectionMesh | SolidMesh) -> dict:
+def region_laws(scene: Scene, mesh: SectionMesh | Mesh3D) -> dict:
     """Magnetic law of each region of the mesh, by the scene's names of materials."""
     return {region: magnetic_law(scene, name) for region, name in region_materials(scene, mesh).items()}
 
 
-def region_materials(scene: Scene, mesh: SectionMesh | SolidMesh) -> dict[str, str]:
+def region_materials(scene: Scene, mesh: SectionMesh | Mesh3D) -> dict[str, str]:
     """Name of the material of each region of the mesh that has one."""
     if isinstance(scene.geometry, CadGeometry):
         return dict(scene.geometry.materials)

@@ -7,25 +7,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from emclutch.device.device import region_laws
-from emclutch.device.excitation import CoilCourse
+from emclutch.device.excitation import Excitation
 from emclutch.scene.field_source import CoilFieldSection
 from emclutch.scene.fill import boxes_to_fill
 from emclutch.scene.geometry import CadGeometry
 from emclutch.scene.model import Scene
-from field.solid import FlatCoil, SolidField, SolidProblem
-from geometry import AnnularBox, Clutch, SolidMesh, mesh_slotted
+from field.three_d import Field3D, FlatCoil, Problem3D
+from geometry import AnnularBox, Clutch, Mesh3D, mesh_slotted
 from geometry.cad_shape import CadShape
 
 
 @dataclass(frozen=True, slots=True)
-class SolidCoilDevice(CoilCourse):
+class CoilDevice3D(Excitation):
     """A device whose field is solved in space.
 
     Attributes
     ----------
     shape : Clutch or CadShape
-    mesh : SolidMesh
-    problem : SolidProblem
+    mesh : Mesh3D
+    problem : Problem3D
     newton_tolerance : float
     powder_boxes : list of AnnularBox
         What is filled with powder.
@@ -34,25 +34,25 @@ class SolidCoilDevice(CoilCourse):
     """
 
     shape: Clutch | CadShape
-    mesh: SolidMesh
-    problem: SolidProblem
+    mesh: Mesh3D
+    problem: Problem3D
     newton_tolerance: float
     powder_boxes: list[AnnularBox]
     carrier: str
 
-    def solve_at_peak(self, fill: np.ndarray | None) -> SolidField:
+    def solve_at_peak(self, fill: np.ndarray | None) -> Field3D:
         """The field at the largest current; the powder does not change it."""
         assert fill is None  # by the checks between sections
         return self.problem.solve(self.turns * self.largest_current, tolerance=self.newton_tolerance)
 
 
-def build_solid_coil_device(scene: Scene) -> SolidCoilDevice:
+def build_coil_device_3d(scene: Scene) -> CoilDevice3D:
     """Mesh, materials and coil of a clutch of which one body has slots, or of solids from CAD."""
     shape, source, coil = scene.shape(), scene.field, scene.coil
     assert isinstance(shape, (Clutch, CadShape)) and isinstance(source, CoilFieldSection) and coil is not None
     mesh, winding, carrier = _parts_of(scene, shape, source)
     outer = mesh.points[mesh.boundaries["outer"]][..., 2]
-    problem = SolidProblem(
+    problem = Problem3D(
         mesh,
         region_laws(scene, mesh),
         winding,
@@ -62,7 +62,7 @@ def build_solid_coil_device(scene: Scene) -> SolidCoilDevice:
     )
     window = shape.coil_area, shape.coil_mean_radius
     times, currents = coil.currents_in(*window)
-    return SolidCoilDevice(
+    return CoilDevice3D(
         coil.winding_in(*window),
         times,
         currents,
@@ -75,7 +75,7 @@ def build_solid_coil_device(scene: Scene) -> SolidCoilDevice:
     )
 
 
-def _parts_of(scene: Scene, shape: Clutch | CadShape, source: CoilFieldSection) -> tuple[SolidMesh, FlatCoil, str]:
+def _parts_of(scene: Scene, shape: Clutch | CadShape, source: CoilFieldSection) -> tuple[Mesh3D, FlatCoil, str]:
     """Mesh, source of the field, and the body that it turns with."""
     sizes: dict = {
         "gap_layers": source.gap_layers, "size_factor": source.size_factor, "order": min(source.order, 2)
@@ -85,12 +85,12 @@ def _parts_of(scene: Scene, shape: Clutch | CadShape, source: CoilFieldSection) 
         winding = FlatCoil.ring((shape.coil_inner_radius, shape.coil_outer_radius), (-half, half))
         return mesh_slotted(shape, **sizes), winding, "disc" if shape.disc_slots is not None else "rotor"
     assert isinstance(scene.geometry, CadGeometry)  # nothing else has this shape
-    (part,) = (part for part in shape.section.parts if part.region == "coil")  # by `check_solid_device`
+    (part,) = (part for part in shape.section.parts if part.region == "coil")  # by `check_device_3d`
     winding = FlatCoil.ring((part.r0, part.r1), (part.z0, part.z1))
-    return scene.geometry.solid_mesh(**sizes), winding, next(iter(shape.carriers), "housing")
+    return scene.geometry.mesh_3d(**sizes), winding, next(iter(shape.carriers), "housing")
 
 
-def gap_flux_density(device: SolidCoilDevice, solution: SolidField, count: int = 61) -> float:
+def gap_flux_density(device: CoilDevice3D, solution: Field3D, count: int = 61) -> float:
     """Mean |B| [T] on the middle of the rim gap under the pole faces, over a sector's angle.
 
     Where only the face gaps are filled, on the middle of one of them.

@@ -10,7 +10,7 @@ from field.coil.winding import Winding
 
 
 @dataclass(frozen=True, slots=True)
-class CoilCourse:
+class Excitation:
     """A winding and the course of its current.
 
     Attributes

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from emclutch.device.device_3d import SolidCoilDevice
+from emclutch.device.device_3d import CoilDevice3D
 from field import MU_0
-from field.solid import SolidField
+from field.three_d import Field3D
 from geometry import Clutch
 
 
 def gap_map(
-    device: SolidCoilDevice, solution: SolidField, pitches: float = 2.0, count: int = 200
+    device: CoilDevice3D, solution: Field3D, pitches: float = 2.0, count: int = 200
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Recovered B_r (m, count) [T] on the gap's middle cylinder, free of powder; at angles [rad] and z (m,) [m].
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Self
 from pydantic import Field, model_validator
 
 from emclutch.scene.section import Section, refuse
-from emclutch.scene.time_table import CurrentCourse, TimeTable, VoltageCourse, largest, points_of
+from emclutch.scene.time_table import CurrentProfile, TimeTable, VoltageProfile, largest, points_of
 from emclutch.scene.units import Resistance, number
 
 if TYPE_CHECKING:
@@ -23,13 +23,13 @@ class CoilSection(Section):
     of resistance and flux linkage makes of it. Without `resistance` that is the one of the turns in copper.
     """
 
-    current: CurrentCourse | None = Field(default=None, description="current, one value or a table in time")
+    current: CurrentProfile | None = Field(default=None, description="current, one value or a table in time")
     turns: Annotated[float, number("1000", 0.0, 1e7, above=True)] | None = Field(default=None, description="turns")
     resistance: Resistance | None = Field(default=None, description="resistance at 20 degrees C")
     fill_factor: Annotated[float, number("0.6", 0.0, 1.0, above=True)] | None = Field(
         default=None, description="copper's share of the window, where turns or resistance follow from it; default 0.6"
     )
-    voltage: VoltageCourse | None = Field(
+    voltage: VoltageProfile | None = Field(
         default=None,
         description="voltage that drives the coil, one value or a table in time; beside a current the supply, "
         "to check the current against",

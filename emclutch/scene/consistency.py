@@ -14,7 +14,7 @@ from emclutch.scene.geometry import BoxGeometry, CadGeometry, ClutchGeometry
 from emclutch.scene.grains import MOST_GRAINS
 from emclutch.scene.magnetic_checks import (
     coil_transients,
-    field_in_space,
+    field_is_3d,
     field_source,
     materials,
     needs_of_effects,
@@ -26,10 +26,10 @@ from emclutch.scene.mesh_checks import fine_enough_for_moments, finished_mesh
 from emclutch.scene.motion import HELD
 from emclutch.scene.replica_count import packs_alike
 from emclutch.scene.sector_checks import (
+    sector_3d,
     sector_in_field,
     sector_in_geometry,
     sector_in_gravity,
-    sector_in_space,
     sector_in_surfaces,
     sector_width,
 )
@@ -246,8 +246,8 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (needs_of_moments, ("effects", "particles")),
     (room_for_the_smear, ("geometry", "particles", "effects", "field")),
     (coil_transients, ("effects", "coil", "field", GEOMETRY_KIND, "materials")),
-    (field_in_space, (GEOMETRY_KIND, "effects", "field")),
-    (sector_in_space, (GEOMETRY_KIND, "field", "particles")),
+    (field_is_3d, (GEOMETRY_KIND, "effects", "field")),
+    (sector_3d, (GEOMETRY_KIND, "field", "particles")),
     (_motion, (GEOMETRY_KIND, "motion", "surfaces")),
     (_accuracy, ("accuracy", "time")),
     (_replicas, (GEOMETRY_KIND, "accuracy", "time", "particles")),

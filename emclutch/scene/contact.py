@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
-from emclutch.scene.rigid import DviSection
+from emclutch.scene.dvi import DviSection
 from emclutch.scene.section import Choice, Section, refuse
 from emclutch.scene.units import HertzStiffness, LinearSpeed, Modulus, Stiffness, number
 

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from geometry.cad_shape import CadShape
     from geometry.centrifugal import CentrifugalClutch
     from geometry.clutch import Clutch
+    from geometry.mesh_3d import Mesh3D
     from geometry.section import SectionMesh
-    from geometry.solid_mesh import SolidMesh
 
 
 NO_MATERIALS: Mapping[str, Material] = MappingProxyType({})
@@ -295,7 +295,7 @@ class CadGeometry(Section):
             **self.options(),
         )
 
-    def solid_mesh(self, gap_layers: int, size_factor: float, order: int) -> SolidMesh:
+    def mesh_3d(self, gap_layers: int, size_factor: float, order: int) -> Mesh3D:
         """Mesh the device in space; see `geometry.cad_solid.mesh_cad_solids`."""
         from geometry.cad_solid import mesh_cad_solids
 
@@ -324,13 +324,13 @@ def _read_section(
 ) -> tuple[SectionMesh | None, CadSection]:
     """Read a file once for the many that ask; `changed` is its time, so that a new export is seen."""
     from geometry.cad_meshing import cad_section
-    from geometry.cad_solid import check_solid_device
+    from geometry.cad_solid import check_device_3d
     from geometry.meshed_section import meshed_section
 
     if not is_meshed:
         section = cad_section(file, names=dict(names), **options)
         if options.get("any_shape"):
-            check_solid_device(file, section)
+            check_device_3d(file, section)
         return None, section
     del options["axis"], options["trust_scripts"]
     return meshed_section(file, names=dict(names), **options)

@@ -233,7 +233,7 @@ def _materials_in_use(draft: Draft) -> set[str]:
     return set(dict(materials).values())
 
 
-def field_in_space(draft: Draft) -> Iterator[Fault]:
+def field_is_3d(draft: Draft) -> Iterator[Fault]:
     """What a field in space, of slots or of solids from CAD, cannot do, or not yet."""
     geometry, source, effects = draft.scene.geometry, draft.scene.field, draft.scene.effects
     if not isinstance(source, CoilFieldSection):

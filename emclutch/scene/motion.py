@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
 
 from emclutch.scene.section import Section, refuse
-from emclutch.scene.time_table import SpeedCourse, TimeTable, largest, points_of
+from emclutch.scene.time_table import SpeedProfile, TimeTable, largest, points_of
 from emclutch.scene.units import Inertia, Instant, LoadTorque, Quantity, Speed, Torque
 
 _StallTorque = Annotated[float, Quantity("a torque", "N*m", "1500 N m", 0.0, 1e7, open_minimum=True)]
@@ -24,7 +24,7 @@ def _value_or_table(given: Any) -> str:
     return "table" if isinstance(given, (dict, BaseModel)) else "value"
 
 
-LoadCourse = Annotated[
+LoadProfile = Annotated[
     Annotated[LoadTorque, Tag("value")] | Annotated[LoadTable, Tag("table")], Discriminator(_value_or_table)
 ]
 
@@ -60,7 +60,7 @@ class FreeShaftSection(Section):
     """A shaft that its torques accelerate; the load opposes rotation and holds at rest, as a brake does."""
 
     inertia: Inertia = Field(description="moment of inertia of shaft and load about the axis")
-    load_torque: LoadCourse = Field(
+    load_torque: LoadProfile = Field(
         default=0.0, description="opposes rotation, >= 0; one value or a table in time (an overload switched on later)"
     )
     drive_torque: Torque = Field(default=0.0, description="positive about +z")
@@ -84,7 +84,7 @@ class FreeShaftSection(Section):
 class ShaftMotionSection(Section):
     """A prescribed speed, or a free shaft."""
 
-    speed: SpeedCourse | None = Field(default=None, description="speed about +z, one value or a table in time")
+    speed: SpeedProfile | None = Field(default=None, description="speed about +z, one value or a table in time")
     free: FreeShaftSection | None = Field(default=None, description="let torques drive the shaft instead")
 
     @model_validator(mode="after")

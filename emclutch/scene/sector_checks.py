@@ -68,7 +68,7 @@ def sector_in_field(draft: Draft) -> Iterator[Fault]:
         )
 
 
-def sector_in_space(draft: Draft) -> Iterator[Fault]:
+def sector_3d(draft: Draft) -> Iterator[Fault]:
     """The field of a body with slots repeats every pitch only, that of solids of any shape nobody knows where."""
     geometry, sector = draft.scene.geometry, draft.scene.particles.sector
     if sector is None or not isinstance(draft.scene.field, CoilFieldSection):

@@ -53,13 +53,13 @@ def _value_or_table(given: Any) -> str:
     return "table" if isinstance(given, (dict, BaseModel)) else "value"
 
 
-CurrentCourse = Annotated[
+CurrentProfile = Annotated[
     Annotated[Current, Tag("value")] | Annotated[CurrentTable, Tag("table")], Discriminator(_value_or_table)
 ]
-VoltageCourse = Annotated[
+VoltageProfile = Annotated[
     Annotated[SignedVoltage, Tag("value")] | Annotated[VoltageTable, Tag("table")], Discriminator(_value_or_table)
 ]
-SpeedCourse = Annotated[
+SpeedProfile = Annotated[
     Annotated[Speed, Tag("value")] | Annotated[SpeedTable, Tag("table")], Discriminator(_value_or_table)
 ]
 

@@ -88,7 +88,7 @@ class OutputSection(Section):
     snapshots: Annotated[int, Whole(0, 100_000, "20")] = Field(default=20, description="number of VTK snapshots")
     formats: tuple[Annotated[str, Choice(("vtk", "hdf5"), planned=("vtkhdf",))], ...] = ("vtk", "hdf5")
     energies: StrictBool = Field(
-        default=True, description="keep the books of energy; without them a step of the grains is a fifth cheaper"
+        default=True, description="keep the energy budget; without them a step of the grains is a fifth cheaper"
     )
     pictures: StrictBool = Field(default=True, description="PNG plots")
     profiles: StrictBool = Field(

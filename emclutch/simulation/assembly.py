@@ -13,6 +13,7 @@ from coupling import (
     BackReaction,
     CircuitCoilField,
     CoilField,
+    CoilField3D,
     EddyCoilField,
     Effect,
     FillDeposition,
@@ -27,7 +28,6 @@ from coupling import (
     NearAttraction,
     PowderFeedback,
     Simulation,
-    SolidCoilField,
     WallImages,
     grain_table,
 )
@@ -38,12 +38,12 @@ from emclutch.scene.grain_smear import layers_change_the_field, moments_are_fed_
 from emclutch.scene.model import Scene
 from emclutch.scene.motion import FreeShaftSection
 from emclutch.scene.time_table import points_of
-from emclutch.simulation.dvi_plan import RigidPlan
+from emclutch.simulation.dvi_plan import DviPlan
 from emclutch.simulation.initial_packing import grains_of, packed, settled
 from emclutch.simulation.plan import Plan
 from field import AxisymmetricProblem, MagneticField, RadialField
 from field.section.eddy_currents import EddyCurrentProblem, VoltageDrive
-from field.solid import SolidField
+from field.three_d import Field3D
 from geometry import ShearCell
 from particles import DEM, DVI, Body, FreeShaft, GrainMotion, Grains, PrescribedSpeed
 
@@ -79,7 +79,7 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
         gravity = np.asarray(effects.gravity.vector, dtype=float)
     bodies = shafts(scene, walls)
     dem: GrainMotion
-    if isinstance(plan.contact, RigidPlan):
+    if isinstance(plan.contact, DviPlan):
         dem = rigid_grains(scene, plan, plan.contact, grains, walls, bodies, gravity)
     else:
         dem = DEM(
@@ -90,7 +90,7 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
             dt=plan.dt,
             gravity=gravity,
             sector=plan.sector,
-            ledger=scene.output.energies,
+            energy_budget=scene.output.energies,
         )
     source = field_source(scene, device, dem.bodies, plan.peak_field)
     deposition = None
@@ -108,7 +108,7 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
     )
 
 
-def rigid_grains(scene: Scene, plan: Plan, rigid: RigidPlan, grains: Grains, walls, bodies, gravity) -> DVI:
+def rigid_grains(scene: Scene, plan: Plan, rigid: DviPlan, grains: Grains, walls, bodies, gravity) -> DVI:
     """The grains of contact.method = 'dvi'."""
     section = scene.contact.dvi
     return DVI(
@@ -184,8 +184,8 @@ def _fill_at(deposition: FillDeposition, source: CoilField, position: np.ndarray
 
 
 def field_source(
-    scene: Scene, device: Device, bodies: Sequence[Body], peak: MagneticField | SolidField | None
-) -> CoilField | SolidCoilField | ImposedField | LayeredField | None:
+    scene: Scene, device: Device, bodies: Sequence[Body], peak: MagneticField | Field3D | None
+) -> CoilField | CoilField3D | ImposedField | LayeredField | None:
     """Where the scene's field comes from; None when no effect needs one. `peak` is solved at the largest current."""
     if device.imposed is not None:
         if not layers_change_the_field(scene):
@@ -197,8 +197,8 @@ def field_source(
     if not isinstance(device.coil, CoilDevice):
         coil = device.coil
         carrier = next(body for body in bodies if body.name == coil.carrier)
-        known = peak if isinstance(peak, SolidField) else None
-        return SolidCoilField(coil.problem, coil.turns, coil.current, carrier, coil.newton_tolerance, known=known)
+        known = peak if isinstance(peak, Field3D) else None
+        return CoilField3D(coil.problem, coil.turns, coil.current, carrier, coil.newton_tolerance, known=known)
     source = coil_source(scene, device.coil)
     if scene.effects.back_reaction is not None:
         asked = scene.effects.back_reaction.tolerance

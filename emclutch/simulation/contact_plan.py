@@ -42,7 +42,7 @@ def elastic_contacts(
     return contact, step.dt, stiffness
 
 
-def rigid_springs(scene, device: Device, M_max: float, speed: float, reasons: dict[str, str]) -> np.ndarray | None:
+def dvi_springs(scene, device: Device, M_max: float, speed: float, reasons: dict[str, str]) -> np.ndarray | None:
     """[[k_n, k_t] between grains, [k_n, k_t] at walls] [N/m] of rigid grains that give way, None for rigid ones.
 
     Of a law that is not linear, the stiffness at the largest overlap to be expected.

@@ -9,7 +9,7 @@ import numpy as np
 
 from coupling import pair_attraction
 from emclutch.scene.model import Scene
-from particles import RigidContact, RollingFriction, TwistingFriction, choose_rigid_step
+from particles import DviContact, RollingFriction, TwistingFriction, choose_dvi_step
 
 TOLERANCE = 1e-4  # of the largest speed to be expected
 LEAST_TOLERANCE = 1e-7  # [m/s]
@@ -17,12 +17,12 @@ LEAST_THRESHOLD = 1e-3  # [m/s], of restitution
 
 
 @dataclass(frozen=True, slots=True)
-class RigidPlan:
+class DviPlan:
     """Contact and solver of rigid grains.
 
     Attributes
     ----------
-    contact : RigidContact
+    contact : DviContact
     rolling : RollingFriction or None
     twisting : TwistingFriction or None
     tolerance : float
@@ -31,16 +31,16 @@ class RigidPlan:
         [[k_n, k_t] between grains, [k_n, k_t] at walls] [N/m] of contacts that give way.
     """
 
-    contact: RigidContact
+    contact: DviContact
     rolling: RollingFriction | None
     twisting: TwistingFriction | None
     tolerance: float
     stiffness: np.ndarray | None
 
 
-def plan_rigid(
+def plan_dvi(
     scene: Scene, M_max: float, speed: float, stiffness: np.ndarray | None, reasons: dict[str, str]
-) -> tuple[RigidPlan, float]:
+) -> tuple[DviPlan, float]:
     """Decide contact and solver of the scene, and the step [s].
 
     Parameters
@@ -61,7 +61,7 @@ def plan_rigid(
     """
     section, contact, particles = scene.contact.dvi, scene.contact, scene.grains
     lightest = particles.density * pi / 6.0 * particles.smallest_diameter**3
-    step = choose_rigid_step(
+    step = choose_dvi_step(
         lightest,
         0.5 * particles.smallest_diameter,
         speed=speed,
@@ -89,7 +89,7 @@ def plan_rigid(
         + ("" if section.tolerance is not None else f", {TOLERANCE:g} of the speed expected")
         + f", at most {section.max_sweeps} sweeps a step; nothing rebounds below {threshold:.3g} m/s"
     )
-    rigid = RigidContact(
+    rigid = DviContact(
         contact.friction,
         contact.restitution,
         contact.friction_at_walls,
@@ -99,4 +99,4 @@ def plan_rigid(
     rolls, twists = scene.effects.rolling_friction, scene.effects.twisting_friction
     rolling = None if rolls is None else RollingFriction(rolls.coefficient, rolls.wall_coefficient)
     twisting = None if twists is None else TwistingFriction(twists.coefficient, twists.wall_coefficient)
-    return RigidPlan(rigid, rolling, twisting, tolerance, stiffness), step.dt
+    return DviPlan(rigid, rolling, twisting, tolerance, stiffness), step.dt

@@ -62,7 +62,7 @@ def grains_of_kind(law: str, *parts: str) -> DEM:
     bore = cylinder("bore", "drum", 20.0 * RADIUS, -1.0, 1.0)
     dem = DEM(
         Grains.create(where, radius, 2500.0), [bore], [Body("drum")], laws, dt=1e-7, sector=sector,
-        ledger="energies" in parts,
+        energy_budget="energies" in parts,
     )  # fmt: skip
     if "attraction" in parts:
         dem.attraction = Attraction(0.0, 1.0, np.zeros((2, 2)), np.zeros(2), 1.0, _no_drives)

@@ -1,8 +1,8 @@
-"""What a window's row holds beside the ledgers: coil, gap and dimensionless numbers.
+"""What a window's row holds beside the balances: coil, gap and dimensionless numbers.
 
 Fill and inertial number belong to a gap that is sheared as a whole. A box has none, and neither has a centrifugal
 clutch: its shot is a heap in front of each vane, a thin ring, or at rest between the vanes, and what says how it
-transmits are the speeds and torques of the ledgers. Their histories have no such columns.
+transmits are the speeds and torques of the balances. Their histories have no such columns.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from math import pi, sqrt
 
 import numpy as np
 
-from coupling import CoilField, Simulation, SolidCoilField
+from coupling import CoilField, CoilField3D, Simulation
 from emclutch.device.device import Device, field_is_needed
 from emclutch.device.pole_zone import pole_zone
 from field import MagneticField
-from field.solid import SolidField
+from field.three_d import Field3D
 from geometry import AnnularBox, Clutch, ShearCell
 from geometry.cad_shape import CadShape
 
@@ -32,7 +32,7 @@ class Observables:
 
     def __call__(self, simulation: Simulation, row: dict) -> None:
         source = simulation.source
-        if isinstance(source, (CoilField, SolidCoilField)):
+        if isinstance(source, (CoilField, CoilField3D)):
             row.update(source.window_row(row["time"]))
             if source.solution is not None and source.solution is not self._seen_solution:
                 self._seen_solution = source.solution
@@ -87,20 +87,18 @@ class Observables:
         (box,) = self._sheared_boxes()
         return 2 * pi * radius**2 * (box.z1 - box.z0)
 
-    def _field_quantities(
-        self, source: CoilField | SolidCoilField, solution: MagneticField | SolidField
-    ) -> dict[str, float]:
+    def _field_quantities(self, source: CoilField | CoilField3D, solution: MagneticField | Field3D) -> dict[str, float]:
         shape, coil = self._device.shape, self._device.coil
         assert isinstance(shape, (Clutch, CadShape)) and coil is not None
         if isinstance(solution, MagneticField):
             in_gap = pole_flux_density(shape, solution, faces=self._device.shears_faces)
         else:
             from emclutch.device.device_3d import (  # local: most scenes need no such field
-                SolidCoilDevice,
+                CoilDevice3D,
                 gap_flux_density,
             )
 
-            assert isinstance(coil, SolidCoilDevice)
+            assert isinstance(coil, CoilDevice3D)
             in_gap = gap_flux_density(coil, solution)
         return {
             "flux_linkage": source.turns * solution.flux_linkage_per_turn,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from coupling import CoilField, SolidCoilField
+from coupling import CoilField, CoilField3D
 from emclutch.device.gap_map import gap_map
 from emclutch.results import RunFolder, load_result
 from emclutch.results.pictures import (
@@ -47,7 +47,7 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
             grains=np.column_stack([r, x[:, 2], grains.radius])[slice_],
             filled=device.coil.powder_boxes,
         )
-    elif isinstance(source, SolidCoilField) and source.solution is not None:
+    elif isinstance(source, CoilField3D) and source.solution is not None:
         gap_map_picture(folder.path / "gap.png", *gap_map(device.coil, source.solution), title=f"{title}\n{at}")
     if "torque_disc" in result.history:  # a box has no disc
         current = steady_current(result.history)

@@ -18,20 +18,20 @@ from emclutch.scene.input_files import paths_elsewhere
 from emclutch.scene.replica_count import replica_count
 from emclutch.scene.surfaces import extent_in_words
 from emclutch.scene.usual_ranges import FLUX_DENSITY
-from emclutch.simulation.contact_plan import elastic_contacts, rigid_springs
-from emclutch.simulation.dvi_plan import RigidPlan, plan_rigid
+from emclutch.simulation.contact_plan import dvi_springs, elastic_contacts
+from emclutch.simulation.dvi_plan import DviPlan, plan_dvi
 from emclutch.simulation.forecast.cost import Cost, foretell
 from emclutch.simulation.forecast.expected_field import expected_magnetisation, field_in_chains, powder_in_words
 from emclutch.simulation.forecast.expected_speeds import device_extent, fall_speed, largest_speed, layer_speed
 from emclutch.simulation.forecast.machine_speed import MachineSpeed, threads_at_hand
 from field import MagneticField
 from field.factorisation import describe_backend
-from field.solid import SolidField
+from field.three_d import Field3D
 from geometry import Clutch
 from particles import CyclicSector, PairLaws
 
 if TYPE_CHECKING:
-    from emclutch.device.device_3d import SolidCoilDevice
+    from emclutch.device.device_3d import CoilDevice3D
     from emclutch.simulation.forecast.effects_left_out import LeftOut
     from emclutch.simulation.forecast.expected_torque import ExpectedTorque
 
@@ -49,13 +49,13 @@ class Plan:
     count : int
         Grains that are simulated (those of the sector).
     sector : CyclicSector or None
-    contact : PairLaws or RigidPlan
+    contact : PairLaws or DviPlan
         By DEM, or by DVI.
     dt : float
         Step of the grains [s].
     steps_per_update, updates, windows : int
         Steps between evaluations of the magnetic forces; evaluations a window; windows of the run.
-    peak_field : MagneticField, SolidField or None
+    peak_field : MagneticField, Field3D or None
         Solution at the largest current with the powder spread evenly.
     M_max : float
         Largest magnetisation of a grain to be expected [A/m].
@@ -69,12 +69,12 @@ class Plan:
 
     count: int
     sector: CyclicSector | None
-    contact: PairLaws | RigidPlan
+    contact: PairLaws | DviPlan
     dt: float
     steps_per_update: int
     updates: int
     windows: int
-    peak_field: MagneticField | SolidField | None
+    peak_field: MagneticField | Field3D | None
     M_max: float
     stiffness: float | None
     reasons: dict[str, str]
@@ -139,10 +139,10 @@ def make_plan(
     if isinstance(field, MagneticField) and isinstance(device.coil, CoilDevice) and device.coil.resistance is not None:
         reasons["coil"] = _coil_in_words(scene, device.coil, field)
     speed = largest_speed(scene, device)
-    contact: PairLaws | RigidPlan
+    contact: PairLaws | DviPlan
     if scene.contact.method == "dvi":
-        springs = rigid_springs(scene, device, M_max, speed, reasons)
-        contact, dt = plan_rigid(scene, M_max, speed, springs, reasons)
+        springs = dvi_springs(scene, device, M_max, speed, reasons)
+        contact, dt = plan_dvi(scene, M_max, speed, springs, reasons)
         stiffness = None if springs is None else float(springs[0, 0])
     else:
         contact, dt, stiffness = elastic_contacts(scene, device, M_max, speed, reasons)
@@ -277,7 +277,7 @@ def _windows(
     return per_update, updates, windows
 
 
-def mesh_in_words(coil: CoilDevice | SolidCoilDevice) -> str:
+def mesh_in_words(coil: CoilDevice | CoilDevice3D) -> str:
     """What the field is solved on."""
     if not isinstance(coil, CoilDevice):
         return (
@@ -374,10 +374,10 @@ def _check(case: Case, threads: int | None) -> Checked:
         if moments_are_fed_back(scene) and device.coil.largest_current > 0.0:
             chains = field_in_chains(device.coil, phi, device.coil.largest_current, made.peak_field)
             made.reasons["field"] += f"; were they in straight chains, up to {largest(chains):.3g} T"
-    elif isinstance(made.peak_field, SolidField):
-        from emclutch.device.device_3d import SolidCoilDevice, gap_flux_density  # local: most scenes need no such field
+    elif isinstance(made.peak_field, Field3D):
+        from emclutch.device.device_3d import CoilDevice3D, gap_flux_density  # local: most scenes need no such field
 
-        assert isinstance(device.coil, SolidCoilDevice)
+        assert isinstance(device.coil, CoilDevice3D)
         B_max = gap_flux_density(device.coil, made.peak_field)
         made.reasons["field"] = (
             f"at the largest current, without powder: |B| under the poles {B_max:.3g} T on average, "

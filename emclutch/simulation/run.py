@@ -10,7 +10,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from coupling import CoilField, LayeredField, SolidCoilField, run_staggered
+from coupling import CoilField, CoilField3D, LayeredField, run_staggered
 from emclutch.results import OutputError, Result, RunFolder, load_result, read_history
 from emclutch.results.folder_lock import locked_folder
 from emclutch.results.grain_profiles import write_profiles
@@ -290,8 +290,8 @@ def _run(
     pace = RunPace(plan.cost, simulation.motion.time, getattr(progress, "announce", None), lambda: compiled.count)
     trial = thread_trial(progress, lambda: compiled.count) if free and threads_in_use() > 1 else ()
     alive = Heartbeat(progress, simulation, plan.end)
-    books = (alive.stop, Observables(scene, device), history)
-    observers = (*books, *solver, *enders, snapshots, *extra, report, checkpoint, pace, *trial)
+    each_window = (alive.stop, Observables(scene, device), history)
+    observers = (*each_window, *solver, *enders, snapshots, *extra, report, checkpoint, pace, *trial)
     with alive:
         try:
             if resume_time is None or known is None or not known(simulation):
@@ -384,7 +384,7 @@ def restore(case, device, plan, state: dict):
     simulation.restore_rows(state["rows"])
     saved = state["source"]
     source = simulation.source
-    if saved is not None and isinstance(source, (CoilField, SolidCoilField, LayeredField)):
+    if saved is not None and isinstance(source, (CoilField, CoilField3D, LayeredField)):
         source.restore(saved)
     return simulation, simulation.motion.time
 

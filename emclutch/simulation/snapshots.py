@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from coupling import CoilField, LayeredField, Simulation, SolidCoilField
+from coupling import CoilField, CoilField3D, LayeredField, Simulation
 from emclutch.results import HistoryWriter, RunFolder
 from emclutch.results.checkpoint import write_checkpoint
 from emclutch.results.record import Record
 from emclutch.results.view.paraview_script import write_script
 from emclutch.results.view.run_files import read_run_files
-from emclutch.results.vtk.field_arrays import field_arrays, solid_field_arrays
+from emclutch.results.vtk.field_arrays import field_arrays, field_arrays_3d
 from emclutch.results.vtk.series import PvdSeries
 from particles import GrainMotion
 
@@ -143,10 +143,10 @@ class Snapshots:
                 point_arrays=section.point_arrays,
                 region_names=section.region_names,
             )
-        elif isinstance(source, SolidCoilField) and source.solution is not None:
-            series.write_solid_field(
+        elif isinstance(source, CoilField3D) and source.solution is not None:
+            series.write_field_3d(
                 time,
-                *solid_field_arrays(source.solution),
+                *field_arrays_3d(source.solution),
                 turned=source.carrier.angle if time > 0.0 else 0.0,
                 region_names=sorted(source.solution.problem.mesh.regions),
             )
@@ -206,7 +206,7 @@ def save_checkpoint(path: Path, simulation: Simulation, case_text: str, profiles
         "source": None,
     }
     source = simulation.source
-    if isinstance(source, (CoilField, SolidCoilField, LayeredField)):
+    if isinstance(source, (CoilField, CoilField3D, LayeredField)):
         state["source"] = source.state()
     if profiles is not None:
         state["profiles"] = profiles.state()

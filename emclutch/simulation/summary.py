@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from coupling import CoilField, SolidCoilField
+from coupling import CoilField, CoilField3D
 from emclutch.device.pole_zone import PoleZone, pole_zone
 from emclutch.results import Estimate, RunFolder, read_history
 from emclutch.results.rise_time import rise_times
@@ -54,7 +54,7 @@ def summarise(
     shafts = {body.name for body in simulation.motion.bodies}  # walls of a box may be on one alone
     if {"rotor", "disc"} <= shafts and any(body.is_free for body in simulation.motion.bodies):
         summary["lock_up_time"] = lock_up_time(history)
-    if isinstance(simulation.source, (CoilField, SolidCoilField)):
+    if isinstance(simulation.source, (CoilField, CoilField3D)):
         summary |= {
             "current": float(history["current"].iloc[-1]),
             "turns": simulation.source.turns,

@@ -40,8 +40,8 @@ from emclutch.results.vtk.series import PvdSeries
 from emclutch.scene.field_source import CoilFieldSection
 from emclutch.scene.fill import fill_of
 from emclutch.scene.grain_smear import moments_are_fed_back
-from emclutch.device.device_3d import SolidCoilDevice
-from emclutch.studies.field_3d import solid_field_study
+from emclutch.device.device_3d import CoilDevice3D
+from emclutch.studies.field_3d import field_study_3d
 from emclutch.scene.units import Quantity
 from field import ConvergenceError, MagneticField, PowderLaw
 from field.coil.inductance import apparent_inductance, incremental_inductance
@@ -144,8 +144,8 @@ def field_study(
             "magnetic_force or dipoles"
         )
     coil = solved_coil(scene)
-    if isinstance(coil, SolidCoilDevice):
-        return solid_field_study(case, coil, currents, lines, out)
+    if isinstance(coil, CoilDevice3D):
+        return field_study_3d(case, coil, currents, lines, out)
     for line in lines:
         if len(line) != 4:
             raise ValueError(f"the line {line} m lies in space, and this field in a section; write r0, z0, r1, z1")

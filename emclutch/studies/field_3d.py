@@ -11,13 +11,13 @@ import numpy as np
 import pandas
 
 from emclutch.scene.case import Case
-from emclutch.results.vtk.field_arrays import solid_field_arrays
+from emclutch.results.vtk.field_arrays import field_arrays_3d
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.pictures.field import gap_map_picture
 from emclutch.results.vtk.series import PvdSeries
 from emclutch.device.gap_map import gap_map
-from emclutch.device.device_3d import SolidCoilDevice, gap_flux_density
-from field.solid import SolidField
+from emclutch.device.device_3d import CoilDevice3D, gap_flux_density
+from field.three_d import Field3D
 
 UNITS = {
     "current": "A",
@@ -34,9 +34,9 @@ UNITS = {
 }
 
 
-def solid_field_study(
+def field_study_3d(
     case: Case,
-    device: SolidCoilDevice,
+    device: CoilDevice3D,
     currents: Sequence[float] | None,
     lines: Sequence[tuple[float, ...]],
     out: str | Path | None,
@@ -45,7 +45,7 @@ def solid_field_study(
 
     A line is x0, y0, z0, x1, y1, z1 [m], or r0, z0, r1, z1 in the half-plane y = 0, x > 0.
     """
-    ends = [line_in_space(line) for line in lines]
+    ends = [line_3d(line) for line in lines]
     for line, points in zip(lines, ends, strict=True):
         if np.any(device.problem.locator.find(device.problem.fold.into_mesh(points)[0])[0] < 0):
             raise ValueError(
@@ -59,7 +59,7 @@ def solid_field_study(
     assert case.scene.coil is not None
     resistance = case.scene.coil.resistance_in(device.shape.coil_area, device.shape.coil_mean_radius)
     series, rows = PvdSeries(folder, "field"), []
-    solution: SolidField | None = None
+    solution: Field3D | None = None
     for number, current in enumerate([device.largest_current] if currents is None else currents):
         began = perf_counter()
         guess = solution if solution is not None and solution.ampere_turns != 0.0 else None
@@ -80,7 +80,7 @@ def solid_field_study(
                 "seconds": perf_counter() - began,
             }
         )
-        series.write_solid_field(float(number), *solid_field_arrays(solution), region_names=sorted(device.mesh.regions))
+        series.write_field_3d(float(number), *field_arrays_3d(solution), region_names=sorted(device.mesh.regions))
         pandas.DataFrame(rows).to_csv(folder / "field.csv", index=False)
     assert solution is not None
     for number, points in enumerate(ends, start=1):
@@ -100,15 +100,15 @@ def solid_field_study(
     return folder
 
 
-def line_in_space(line: Sequence[float], count: int = 201) -> np.ndarray:
-    """Points (count, 3) [m] of a line, see `solid_field_study`."""
+def line_3d(line: Sequence[float], count: int = 201) -> np.ndarray:
+    """Points (count, 3) [m] of a line, see `field_study_3d`."""
     if len(line) == 4:
         r0, z0, r1, z1 = line
         line = (r0, 0.0, z0, r1, 0.0, z1)
     return np.linspace(np.asarray(line[:3]), np.asarray(line[3:]), count)
 
 
-def along_line(solution: SolidField, points: np.ndarray) -> pandas.DataFrame:
+def along_line(solution: Field3D, points: np.ndarray) -> pandas.DataFrame:
     """B and H of the finite element solution itself at the points (k, 3) [m] of a line, and the regions there."""
     mesh, problem = solution.problem.mesh, solution.problem
     B, H = solution.flux_density(points), solution.field_strength(points)

@@ -11,7 +11,7 @@ from time import perf_counter
 import numpy as np
 
 from coupling import CoilField, MutuallyMagnetisedGrains
-from coupling.ledgers import Ledger
+from coupling.window_budget import WindowBudget
 from coupling.staggered import magnetic_forces, refresh_field
 from emclutch.simulation.assembly import simulation_of
 from emclutch.scene.case import Case
@@ -67,7 +67,7 @@ def frozen_state(case: Case, position: np.ndarray, diameter: np.ndarray | float 
         effect.begin_window(simulation)
     begin = perf_counter()
     refresh_field(simulation)
-    force = magnetic_forces(simulation, magnetised, Ledger(simulation))
+    force = magnetic_forces(simulation, magnetised, WindowBudget(simulation))
     seconds = perf_counter() - begin
     grains = simulation.motion.grains
     assert grains.magnetic_moment is not None  # of the update in `magnetic_forces`

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from emclutch.scene.case import Case, as_case
-from emclutch.device.device import field_in_space, mesh_of
+from emclutch.device.device import field_is_3d, mesh_of
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.folder_lock import locked_folder
@@ -56,7 +56,7 @@ def mesh(case: Case | str | Path, out: str | Path | None = None) -> MeshedScene:
         message = "has no field and so no mesh; clutch and drum have one, and a section from cad"
         fault = Fault("geometry.kind", repr(case.scene.geometry.kind), message)
         raise SceneError([fault], "scene" if case.path is None else str(case.path))
-    if isinstance(shape, CadShape) and field_in_space(case.scene):
+    if isinstance(shape, CadShape) and field_is_3d(case.scene):
         message = "makes the mesh one in space; `emclutch field` writes it with its field.pvd"
         fault = Fault("geometry.in_space", "true", message)
         raise SceneError([fault], "scene" if case.path is None else str(case.path))

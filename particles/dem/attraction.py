@@ -40,8 +40,8 @@ from particles.laws.pair_table import PairLaws
 
 if TYPE_CHECKING:
     from particles.dem.dem import DEM
-    from particles.lists.contact_list import ContactList
-    from particles.lists.neighbours import PairList
+    from particles.neighbours.contact_list import ContactList
+    from particles.neighbours.neighbour_list import PairList
     from particles.sector import CyclicSector
 
 DEEPEST = 0.01  # of a radius: how far a pull may press a contact before `depth_warning` speaks

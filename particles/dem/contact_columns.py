@@ -20,8 +20,8 @@ class ContactColumns(NamedTuple):
         Whether contacts resist rolling and twisting.
     resistance : Resistance or None
         Where their springs stand; None: nothing resists.
-    ledger : int or None
-        First column of the books of energy; None: they are not kept.
+    energy_column : int or None
+        First column of the energy budget; None: they are not kept.
     total : int
         Columns in all.
     vectors : ndarray of int64
@@ -31,12 +31,12 @@ class ContactColumns(NamedTuple):
     rolls: bool
     twists: bool
     resistance: Resistance | None
-    ledger: int | None
+    energy_column: int | None
     total: int
     vectors: np.ndarray
 
 
-def contact_columns(rows: np.ndarray, table: Any, ledger: bool) -> ContactColumns:
+def contact_columns(rows: np.ndarray, table: Any, energy_budget: bool) -> ContactColumns:
     """The columns under the parameters ``rows`` (k, columns) of the laws, whose springs have a ``table``."""
     rolls, twists = bool(rows[:, MU_ROLLING].any()), bool(rows[:, MU_TWISTING].any())
     rolling = LAST_STORED + 1 if varies(table) else 3
@@ -46,7 +46,7 @@ def contact_columns(rows: np.ndarray, table: Any, ledger: bool) -> ContactColumn
     vectors = [0]
     if rolls:
         vectors.append(rolling)
-    if not ledger:
+    if not energy_budget:
         return ContactColumns(rolls, twists, resistance, None, last, np.array(vectors, dtype=np.int64))
     vectors.append(last + LAST_TANGENTIAL)
     if rolls:

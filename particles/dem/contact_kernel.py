@@ -11,11 +11,11 @@ Berryman, Mech. Mater. 24 (1996) 229): xi shrinks by k_old/k_new then, and keeps
 
 **Energy, second order in dt.** Velocities belong to the drift between the last force and this one. So a mechanism loses
 in a step the mean of its last and its present force times that drift (trapezoidal rule); the last forces are kept
-beside the spring, in a step that keeps the books (``ledger``) only.
+beside the spring, in a step that keeps the energy budget (``energy_column``) only.
 
 Columns of a contact's history: 0-2 spring xi [m]; with any law but the linear one 3 its memory, 4 its last k_t [N/m],
-5 its last stored energy [J]; then 3 rolling angles [rad] and the twisting angle [rad] (`Resistance`); from ``ledger``
-on the last forces: normal dashpot, tangential force (3), rolling couple (3), twisting couple.
+5 its last stored energy [J]; then 3 rolling angles [rad] and the twisting angle [rad] (`Resistance`); from
+``energy_column`` on the last forces: normal dashpot, tangential force (3), rolling torque (3), twisting torque.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from particles.laws.columns import COHESION_0, COHESION_1, COHESIVE, DAMPING_ROL
 from particles.laws.springs import remembers, spring, varies
 
 MEMORY, LAST_STIFFNESS, LAST_STORED = 3, 4, 5
-LAST_TANGENTIAL, LAST_ROLLING, LAST_TWISTING = 1, 4, 7  # after the ledger's column
+LAST_TANGENTIAL, LAST_ROLLING, LAST_TWISTING = 1, 4, 7  # after the column of the energy budget
 
 
 class Resistance(NamedTuple):
@@ -77,7 +77,7 @@ class ContactForce(NamedTuple):
     stored : float
         Energy of the springs [J].
     lost_n, lost_t, lost_s : float
-        Lost in this step to normal damping, tangential damping and sliding [J]; 0 without a ledger.
+        Lost in this step to normal damping, tangential damping and sliding [J]; 0 without an energy budget.
     """
 
     x: float
@@ -126,11 +126,11 @@ def turned(way, phi, n, history, slot, first):
 
 
 @borrowing(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def contact_force(law, kind, ledger, m_eff, r_eff, dt, touch, history, slot):
+def contact_force(law, kind, energy_column, m_eff, r_eff, dt, touch, history, slot):
     """Force on grain i in the contact ``touch``, and what it has cost: a `ContactForce`.
 
     ``law`` is the table of a spring (`particles.laws.springs`), ``kind`` its row. ``history[slot]`` is updated;
-    ``ledger`` is the first column of the last forces there, or None: then nothing that is lost is told.
+    ``energy_column`` is the first column of the last forces there, or None: then nothing that is lost is told.
     """
     delta, inv_dt = touch.delta, 1.0 / dt
     nx, ny, nz = touch.normal
@@ -176,16 +176,16 @@ def contact_force(law, kind, ledger, m_eff, r_eff, dt, touch, history, slot):
         slip_x, slip_y, slip_z = slip * tx, slip * ty, slip * tz
         sx, sy, sz = sx - slip_x, sy - slip_y, sz - slip_z
         tx, ty, tz = tx * share, ty * share, tz * share
-    if ledger is not None:
+    if energy_column is not None:
         # last forces; that of the tangential dashpot is the last force less its spring's
         if remembers(law):  # no dashpot: what the spring has taken and does not hold
-            lost_n = 0.5 * (history[slot, ledger] + f_rep) * closing * dt - (stored - history[slot, LAST_STORED])
+            lost_n = 0.5 * (history[slot, energy_column] + f_rep) * closing * dt - (stored - history[slot, LAST_STORED])
             history[slot, LAST_STORED] = stored
-            history[slot, ledger] = f_rep
+            history[slot, energy_column] = f_rep
         else:
-            lost_n = 0.5 * (history[slot, ledger] + f_rep - f_el) * closing * dt
-            history[slot, ledger] = f_rep - f_el
-        q = ledger + LAST_TANGENTIAL
+            lost_n = 0.5 * (history[slot, energy_column] + f_rep - f_el) * closing * dt
+            history[slot, energy_column] = f_rep - f_el
+        q = energy_column + LAST_TANGENTIAL
         px, py, pz = turned(touch.way, phi, touch.normal, history, slot, q)
         lost_t = 0.5 * (
             (px - k_t * xi_x + rate * sx) * sx + (py - k_t * xi_y + rate * sy) * sy + (pz - k_t * xi_z + rate * sz) * sz
@@ -194,7 +194,7 @@ def contact_force(law, kind, ledger, m_eff, r_eff, dt, touch, history, slot):
         history[slot, q], history[slot, q + 1], history[slot, q + 2] = tx, ty, tz
     xi_x, xi_y, xi_z = xi_x + sx, xi_y + sy, xi_z + sz
     history[slot, 0], history[slot, 1], history[slot, 2] = xi_x, xi_y, xi_z
-    if ledger is not None:
+    if energy_column is not None:
         stored += 0.5 * k_t * (xi_x * xi_x + xi_y * xi_y + xi_z * xi_z) - pull * delta
     return ContactForce(
         -f_n * nx - tx, -f_n * ny - ty, -f_n * nz - tz, f_rep, f_rep - f_el, pull, k_t, stored,
@@ -203,7 +203,7 @@ def contact_force(law, kind, ledger, m_eff, r_eff, dt, touch, history, slot):
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def rolling_couple(law, kind, ledger, arm, inertia, dt, force, touch, p, history, slot, first):
+def rolling_torque(law, kind, energy_column, arm, inertia, dt, force, touch, p, history, slot, first):
     """Rolling resistance on grain i (`particles.laws.rolling_friction`); p is its spin relative to the partner's.
 
     ``history[slot, first:]`` is the rolling angle [rad], updated. Returns the couple (3) [N m], the stored energy [J]
@@ -216,7 +216,7 @@ def rolling_couple(law, kind, ledger, arm, inertia, dt, force, touch, p, history
     k = k_t * arm * arm
     rate = 2.0 * damping * np.sqrt(k * inertia) / dt
     x, y, z = turned(touch.way, phi, touch.normal, history, slot, first)
-    # a spring that stiffens while the contact closes keeps its couple, one that softens its angle (module docstring)
+    # a spring that stiffens while the contact closes keeps its torque, one that softens its angle (module docstring)
     held = 0.5 * arm * arm * (x * x + y * y + z * z)
     lost = (last - k_t) * held
     if k_t > last:
@@ -236,8 +236,8 @@ def rolling_couple(law, kind, ledger, arm, inertia, dt, force, touch, p, history
         slip_x, slip_y, slip_z = slip * tx, slip * ty, slip * tz
         sx, sy, sz = sx - slip_x, sy - slip_y, sz - slip_z
         tx, ty, tz = tx * share, ty * share, tz * share
-    if ledger is not None:
-        q = ledger + LAST_ROLLING
+    if energy_column is not None:
+        q = energy_column + LAST_ROLLING
         lx, ly, lz = turned(touch.way, phi, touch.normal, history, slot, q)
         lost += 0.5 * (
             (lx - k * x + rate * sx) * sx + (ly - k * y + rate * sy) * sy + (lz - k * z + rate * sz) * sz
@@ -250,7 +250,7 @@ def rolling_couple(law, kind, ledger, arm, inertia, dt, force, touch, p, history
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def twisting_couple(law, kind, ledger, arm, inertia, dt, force, spin, history, slot, first):
+def twisting_torque(law, kind, energy_column, arm, inertia, dt, force, spin, history, slot, first):
     """Twisting resistance about the normal on grain i (`particles.laws.twisting_friction`).
 
     ``spin`` is its spin about n relative to the partner's. Returns the couple along n [N m], the stored energy [J] and
@@ -274,17 +274,17 @@ def twisting_couple(law, kind, ledger, arm, inertia, dt, force, spin, history, s
         slip = (couple - capped) / (k + rate)
         couple = capped
         step -= slip
-    if ledger is not None:
-        before = history[slot, ledger + LAST_TWISTING]
+    if energy_column is not None:
+        before = history[slot, energy_column + LAST_TWISTING]
         lost += 0.5 * ((before - k * angle + rate * step) * step + (before + couple) * slip)
-        history[slot, ledger + LAST_TWISTING] = couple
+        history[slot, energy_column + LAST_TWISTING] = couple
     angle += step
     history[slot, first] = angle
     return -couple, 0.5 * k * angle * angle, lost
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def left_in_springs(law, kind, resistance, ledger, arm, closed, history, slot):
+def left_in_springs(law, kind, resistance, energy_column, arm, closed, history, slot):
     """What a contact that has just parted still held, by the mechanism that it is lost to [J].
 
     ``closed`` is the distance by which its last drift closed it (negative: opened) [m]. Returns the losses to normal
@@ -294,7 +294,7 @@ def left_in_springs(law, kind, resistance, ledger, arm, closed, history, slot):
     if varies(law):
         k_t = history[slot, LAST_STIFFNESS]
     # the last normal force worked for half a drift more; the spring's part of it is in the change of stored energy
-    lost_n = 0.5 * history[slot, ledger] * closed
+    lost_n = 0.5 * history[slot, energy_column] * closed
     if remembers(law):
         lost_n += history[slot, LAST_STORED]
     lost_s = 0.5 * k_t * (history[slot, 0] ** 2 + history[slot, 1] ** 2 + history[slot, 2] ** 2)

@@ -16,7 +16,7 @@ import numpy as np
 from geometry.walls import Wall
 from particles import checkpoint
 from particles.bodies import Body
-from particles.dem import run_faults, run_summary, sums
+from particles.dem import run_faults, run_summary, total_columns
 from particles.dem import step_kernel as kernel
 from particles.dem.attraction import PREFIX as ATTRACTION
 from particles.dem.attraction import Attraction
@@ -40,10 +40,10 @@ from particles.laws.contact_law import ContactLaw
 from particles.laws.pair_table import PairLaws, species_of, wall_rows
 from particles.laws.rolling_friction import RollingFriction
 from particles.laws.twisting_friction import TwistingFriction
-from particles.lists.contact_list import ContactList, ListedWalls, reaches
-from particles.lists.contact_table import ContactTable, contact_table, geometric_overlaps
-from particles.lists.neighbours import PairList, cell_order, finest_cell
-from particles.lists.skin import USUAL, WIDEST, next_skin
+from particles.neighbours.contact_list import ContactList, ListedWalls, reaches
+from particles.neighbours.contact_table import ContactTable, contact_table, geometric_overlaps
+from particles.neighbours.neighbour_list import PairList, cell_order, finest_cell
+from particles.neighbours.skin import USUAL, WIDEST, next_skin
 from particles.sector import CyclicSector
 from particles.shafts import Shafts, drives_at
 from particles.threads import threads_for
@@ -86,8 +86,8 @@ class DEM:
         Of the Verlet list [m]; by default it starts at a quarter of the mean diameter and follows what is cheapest.
     overlap_limit : float
         Overlap, as a share of the diameter, at which the run is stopped.
-    ledger : bool
-        Keep the books of energy; without them a step is about a fifth cheaper.
+    energy_budget : bool
+        Keep the energy budget; without them a step is about a fifth cheaper.
 
     Attributes
     ----------
@@ -127,7 +127,7 @@ class DEM:
         wall_material: Sequence[int] | None = None,
         skin: float | None = None,
         overlap_limit: float = 0.1,
-        ledger: bool = True,
+        energy_budget: bool = True,
     ) -> None:
         if isinstance(contact, PairLaws):
             if (rolling, twisting, cohesion) != (None, None, None):
@@ -137,7 +137,7 @@ class DEM:
             laws = PairLaws.of_one(contact, rolling=rolling, twisting=twisting, cohesion=cohesion)
         choose_time_step(laws, grains.mass, grains.radius, dt=dt)
         self.grains, self.walls, self.bodies, self.laws = grains, list(walls), list(bodies), laws
-        self.dt, self.sector, self.overlap_limit, self.ledger = float(dt), sector, overlap_limit, ledger
+        self.dt, self.sector, self.overlap_limit, self.energy_budget = float(dt), sector, overlap_limit, energy_budget
         self.gravity = gravity if gravity is None or callable(gravity) else np.array(gravity, dtype=float).reshape(3)
         if sector is not None and isinstance(self.gravity, np.ndarray) and self.gravity[:2].any():
             raise ValueError(
@@ -157,7 +157,7 @@ class DEM:
         self._species = species_of(laws, n, species)
         self._wall_row = wall_rows(laws, len(self.walls), wall_material, self._device.wall)
         self._table = law_table(laws, grains, one_species=self._species is None)
-        self._columns = contact_columns(laws.rows, self._table, ledger)
+        self._columns = contact_columns(laws.rows, self._table, energy_budget)
         self._turn = None if sector is None else np.array([np.cos(sector.angle), np.sin(sector.angle)])
         # a device that does not hold its grains at the start (a bare disc, a belt) cannot lose them either
         self._encloses = not outside(grains.position, self.walls, 0.0).any()
@@ -168,8 +168,8 @@ class DEM:
         self._list_step = 0
         self._contacts: ContactList | None = None
         self._rebuild()
-        self._elastic = self._stored_at_rest() if ledger else 0.0
-        self._kinetic = grains.kinetic_energy() if ledger else 0.0
+        self._elastic = self._stored_at_rest() if energy_budget else 0.0
+        self._kinetic = grains.kinetic_energy() if energy_budget else 0.0
 
     @property
     def contact(self) -> ContactLaw:
@@ -229,10 +229,10 @@ class DEM:
         DemError
             See the class.
         """
-        totals = np.zeros(sums.N_SUMS)
-        totals[sums.CONTACT_LATER : sums.CONTACT_LATER + 3] = self._later
-        body_totals = np.zeros((len(self.bodies), sums.N_BODY_SUMS))
-        body_totals[:, sums.LAST_TORQUE] = self._last_torque
+        totals = np.zeros(total_columns.N_SUMS)
+        totals[total_columns.CONTACT_LATER : total_columns.CONTACT_LATER + 3] = self._later
+        body_totals = np.zeros((len(self.bodies), total_columns.N_BODY_SUMS))
+        body_totals[:, total_columns.LAST_TORQUE] = self._last_torque
         elastic, kinetic, rebuilds, left = self._elastic, self._kinetic, 0, n_steps
         angle, speed = (np.array([getattr(b, name) for b in self.bodies]) for name in ("angle", "speed"))
         with threads_for(self.grains.count):
@@ -250,18 +250,21 @@ class DEM:
                 self.step_count += done
                 for body, a, w in zip(self.bodies, angle, speed, strict=True):
                     body.angle, body.speed = float(a), float(w)
-                self._stale = answer != sums.DONE
-                if answer in (sums.NOT_FINITE, sums.OVERLAP, sums.TOO_FAST):
+                self._stale = answer != total_columns.DONE
+                if answer in (total_columns.NOT_FINITE, total_columns.OVERLAP, total_columns.TOO_FAST):
                     raise run_faults.stopped(
                         answer, totals, self.grains, self.dt, self.overlap_limit, FASTEST, self.time
                     )
-        self._later = totals[sums.CONTACT_LATER : sums.CONTACT_LATER + 3].copy()
-        self._last_torque = body_totals[:, sums.LAST_TORQUE].copy()
+        self._later = totals[total_columns.CONTACT_LATER : total_columns.CONTACT_LATER + 3].copy()
+        self._last_torque = body_totals[:, total_columns.LAST_TORQUE].copy()
         energy, ring = None, self.n_sectors
-        if self.ledger:
+        if self.energy_budget:
             if n_steps > 0:
-                self._elastic, self._kinetic = float(totals[sums.ELASTIC]), float(totals[sums.KINETIC])
-            energy = run_summary.books(
+                self._elastic, self._kinetic = (
+                    float(totals[total_columns.ELASTIC]),
+                    float(totals[total_columns.KINETIC]),
+                )
+            energy = run_summary.energy_budget(
                 ring,
                 self.bodies,
                 totals,
@@ -370,7 +373,7 @@ class DEM:
         if remembered != self._columns.total:
             raise ValueError(
                 f"a contact of the state remembers {remembered} numbers, one of this DEM {self._columns.total}; "
-                "begin with grains of the same kind of contact law, rolling and twisting friction and books of energy"
+                "begin with grains of the same kind of contact law, rolling and twisting friction and energy budget"
             )
         own, speeds = (self.dt, self.skin), [body.speed for body in self.bodies]
         of_the_run = ("external_force", "magnetic_moment")
@@ -380,7 +383,7 @@ class DEM:
             body.speed, body.external_torque = speed, 0.0
         self.step_count = self._list_step = 0
         self._rebuild()
-        if self.ledger:
+        if self.energy_budget:
             self._kinetic = self.grains.kinetic_energy()
             self._elastic = self._stored_now()
 
@@ -393,8 +396,8 @@ class DEM:
         n_chunks = len(contacts.chunks.start) - 1
         most = int(np.diff(contacts.wall_start).max(initial=1))
         self._scratch = np.zeros((n_chunks, most, N_FOUND))
-        self._chunk_sums = np.zeros((n_chunks, sums.N_SUMS))
-        self._body_chunks = np.zeros((n_chunks, n_bodies, sums.N_CHUNK_BODY))
+        self._chunk_sums = np.zeros((n_chunks, total_columns.N_SUMS))
+        self._body_chunks = np.zeros((n_chunks, n_bodies, total_columns.N_CHUNK_BODY))
         self._body_turn = np.zeros((n_bodies, 2))
 
     def _arguments(
@@ -421,7 +424,7 @@ class DEM:
             ),
             self._table,
             self._columns.resistance,
-            self._columns.ledger,
+            self._columns.energy_column,
             None if self.attraction is None else self.attraction.held(c, g.count, driven),
             GrainState(g.where, g.motion, g.mass, species, gravity, external, c.reference, self._net),
             PairSlots(
@@ -437,8 +440,8 @@ class DEM:
     def _probe(self, pair_force, wall_force, touching, wall_touching, totals=None) -> StepArguments:
         """Arguments of one step on copies of everything that it changes; it leaves its forces in the first two."""
         angle, speed = (np.array([getattr(b, name) for b in self.bodies]) for name in ("angle", "speed"))
-        totals = np.zeros(sums.N_SUMS) if totals is None else totals
-        body_totals = np.zeros((len(self.bodies), sums.N_BODY_SUMS))
+        totals = np.zeros(total_columns.N_SUMS) if totals is None else totals
+        body_totals = np.zeros((len(self.bodies), total_columns.N_BODY_SUMS))
         given = self._arguments(1, True, angle, speed, totals, body_totals, driven=False)
         g, p, w = given.grains, given.pairs, given.slots
         return given._replace(
@@ -450,11 +453,11 @@ class DEM:
 
     def _stored_now(self) -> float:
         """Elastic energy [J] of the contacts of now, by what they remember."""
-        c, totals = self._list, np.zeros(sums.N_SUMS)
+        c, totals = self._list, np.zeros(total_columns.N_SUMS)
         records = np.zeros((c.pairs.count, 3)), np.zeros((len(c.wall_other), 7))
         with threads_for(self.grains.count):
             kernel.run_steps(*self._probe(*records, c.touching.copy(), c.wall_touching.copy(), totals))
-        return float(totals[sums.ELASTIC])
+        return float(totals[total_columns.ELASTIC])
 
     def _stored_at_rest(self) -> float:
         """Elastic energy [J] of the overlaps of a state that has no history yet."""

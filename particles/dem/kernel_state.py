@@ -12,7 +12,7 @@ import numpy as np
 
 from particles.dem.attraction_kernel import HeldAttraction
 from particles.dem.contact_kernel import Resistance
-from particles.lists.chunks import Chunks
+from particles.neighbours.partition import Chunks
 from particles.shafts import Shafts
 
 
@@ -156,7 +156,7 @@ class WallState(NamedTuple):
 
 
 class Totals(NamedTuple):
-    """Sums over steps (`particles.dem.sums`), and those of the chunks in one step that they are added from.
+    """Sums over steps (`particles.dem.total_columns`), and those of the chunks in one step that they are added from.
 
     Attributes
     ----------
@@ -204,7 +204,7 @@ class StepArguments(NamedTuple):
     call: Call
     law: Any
     resistance: Resistance | None
-    ledger: int | None
+    energy_column: int | None
     attraction: HeldAttraction | None
     grains: GrainState
     pairs: PairSlots

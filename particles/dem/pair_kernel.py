@@ -1,7 +1,7 @@
 """Compiled contacts of a grain with its later partners in the list, and the pull of those that attract it.
 
 A pair stands in the row of its first grain. Its reaction goes to the second one directly, or, where that lies in a
-later chunk of rows, into the chunk's places in the buffer (`particles.lists.chunks`).
+later chunk of rows, into the chunk's places in the buffer (`particles.neighbours.partition`).
 
 Lever arms sum to the distance of centres, and the two torques are l_i n x F and l_j n x F: angular momentum is
 conserved to round-off.
@@ -13,7 +13,7 @@ import numpy as np
 
 from geometry.inner_functions import inner
 from particles.dem.attraction_kernel import ACROSS, AMPLITUDE, COLUMN, pull_at
-from particles.dem.contact_kernel import Touch, contact_force, left_in_springs, rolling_couple, twisting_couple
+from particles.dem.contact_kernel import Touch, contact_force, left_in_springs, rolling_torque, twisting_torque
 from particles.dem.kernel_state import Tally
 from particles.laws.springs import equal
 
@@ -80,7 +80,7 @@ def pull_of_pair(attraction, pairs, k, j, place, crossing, away, radii, pulled):
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def pair_forces(i, end, place, dt, law, resistance, ledger, attraction, grains, pairs, chunks, tally):
+def pair_forces(i, end, place, dt, law, resistance, energy_column, attraction, grains, pairs, chunks, tally):
     """Contacts of grain i with its partners; those from row ``end`` on belong to later chunks.
 
     ``place`` is the last place used in the buffer. Returns it, force [N], torque [N m] and pull [N] on the grain (3
@@ -110,13 +110,13 @@ def pair_forces(i, end, place, dt, law, resistance, ledger, attraction, grains, 
         if d2 >= reach * reach:
             if touching[k] != 0:
                 touching[k] = 0
-                if ledger is not None:
+                if energy_column is not None:
                     if species.shape[0] > 0:
                         kind = pairs.law_row[species[i], species[j]]
                     ux, uy = through_face(pairs.turn, pairs.shift, k, motion[j, 0], motion[j, 1])
                     closing = ((vx - ux) * dx + (vy - uy) * dy + (vz - motion[j, 2]) * dz) / np.sqrt(d2)
                     lost = left_in_springs(
-                        law, kind, resistance, ledger, ri * rj / reach, closing * dt, history, k
+                        law, kind, resistance, energy_column, ri * rj / reach, closing * dt, history, k
                     )  # fmt: skip
                     lost_n, lost_s, lost_r, lost_w = (
                         lost_n + lost[0], lost_s + lost[1], lost_r + lost[2], lost_w + lost[3],
@@ -159,7 +159,7 @@ def pair_forces(i, end, place, dt, law, resistance, ledger, attraction, grains, 
             ((hx - along * nx) * inverse_last, (hy - along * ny) * inverse_last, (hz - along * nz) * inverse_last),
             0.5 * ((wx + qx) * nx + (wy + qy) * ny + (wz + qz) * nz),
         )
-        force = contact_force(law, kind, ledger, m_eff, r_eff, dt, touch, history, k)
+        force = contact_force(law, kind, energy_column, m_eff, r_eff, dt, touch, history, k)
         gx, gy, gz = force.x, force.y, force.z
         contacts += 1
         if equal(law):
@@ -169,7 +169,7 @@ def pair_forces(i, end, place, dt, law, resistance, ledger, attraction, grains, 
             least = 2.0 * min(ri, rj)
             if delta > deepest * least:
                 deepest, deepest_at = delta / least, i
-        if ledger is not None:
+        if energy_column is not None:
             elastic += force.stored
             lost_n += force.lost_n
             lost_t += force.lost_t
@@ -182,8 +182,8 @@ def pair_forces(i, end, place, dt, law, resistance, ledger, attraction, grains, 
             own, others = mi * ri * ri, mj * rj * rj
             inertia = 0.4 * own * others / (own + others)
             if resistance.rolling >= 0:
-                (hx, hy, hz), e, lost_1 = rolling_couple(
-                    law, kind, ledger, r_eff, inertia, dt, force, touch, (wx - qx, wy - qy, wz - qz), history, k,
+                (hx, hy, hz), e, lost_1 = rolling_torque(
+                    law, kind, energy_column, r_eff, inertia, dt, force, touch, (wx - qx, wy - qy, wz - qz), history, k,
                     resistance.rolling,
                 )  # fmt: skip
                 elastic += e
@@ -192,8 +192,8 @@ def pair_forces(i, end, place, dt, law, resistance, ledger, attraction, grains, 
                 mx, my, mz = mx - hx, my - hy, mz - hz
             if resistance.twisting >= 0:
                 spin = (wx - qx) * nx + (wy - qy) * ny + (wz - qz) * nz
-                couple, e, lost_1 = twisting_couple(
-                    law, kind, ledger, r_eff, inertia, dt, force, spin, history, k, resistance.twisting
+                couple, e, lost_1 = twisting_torque(
+                    law, kind, energy_column, r_eff, inertia, dt, force, spin, history, k, resistance.twisting
                 )
                 elastic += e
                 lost_w += lost_1

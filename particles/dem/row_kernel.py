@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from geometry.inner_functions import inner
-from particles.dem import sums as column
+from particles.dem import total_columns as column
 from particles.dem.kernel_state import Tally
 from particles.dem.pair_kernel import mass_of, pair_forces
 from particles.dem.wall_contact_kernel import pull_of_walls, wall_forces
@@ -22,7 +22,7 @@ from particles.laws.springs import equal
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def drift(i, m, force, torque, pulled, now, ledger, attraction, grains, row):
+def drift(i, m, force, torque, pulled, now, energy_column, attraction, grains, row):
     """Kick and drift of grain i of mass m under contacts, pulled by ``pulled``; clears its place for the next step.
 
     Adds works to the chunk's sums ``row``; returns squared travel from ``reference`` [m^2] and squared speed.
@@ -52,7 +52,7 @@ def drift(i, m, force, torque, pulled, now, ledger, attraction, grains, row):
     motion[i, 3], motion[i, 4], motion[i, 5] = ox, oy, oz
     motion[i, 6], motion[i, 7], motion[i, 8] = 0.0, 0.0, 0.0
     motion[i, 9], motion[i, 10], motion[i, 11] = 0.0, 0.0, 0.0
-    if ledger is not None:
+    if energy_column is not None:
         # half a kick with the velocities of the drift before it, half with those of the drift after it: the mean closes
         # the balance of kinetic energy exactly, and by drifts it is the trapezoidal rule
         half = 0.5 * dt
@@ -103,7 +103,7 @@ def keep_waiting(i, force, torque, pulled, attraction, motion):
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def sweep_rows(chunk, now, law, resistance, ledger, attraction, grains, pairs, slots, walls, chunks, totals):
+def sweep_rows(chunk, now, law, resistance, energy_column, attraction, grains, pairs, slots, walls, chunks, totals):
     """Rows of a chunk: contacts of each grain, then its kick and drift where no other chunk has a say."""
     for b in range(totals.chunk_bodies.shape[1]):
         for a in range(column.N_CHUNK_BODY):
@@ -117,18 +117,18 @@ def sweep_rows(chunk, now, law, resistance, ledger, attraction, grains, pairs, s
     end = chunks.start[chunk + 1]
     for i in range(chunks.start[chunk], end):
         place, force, torque, pulled, tally = pair_forces(
-            i, end, place, now.dt, law, resistance, ledger, attraction, grains, pairs, chunks, tally
+            i, end, place, now.dt, law, resistance, energy_column, attraction, grains, pairs, chunks, tally
         )
         pulled = pull_of_walls(i, attraction, grains, slots, walls, pulled)
         force, torque, tally = wall_forces(
-            i, chunk, now.dt, law, resistance, ledger, grains, slots, walls, totals, (force, torque), tally
+            i, chunk, now.dt, law, resistance, energy_column, grains, slots, walls, totals, (force, torque), tally
         )
         force, torque, pulled = add_waiting(i, force, torque, pulled, attraction, motion)
         if late[i] != 0:
             keep_waiting(i, force, torque, pulled, attraction, motion)
             continue
         m = mass_of(law, grains.mass, i)
-        d2, speed2 = drift(i, m, force, torque, pulled, now, ledger, attraction, grains, row)
+        d2, speed2 = drift(i, m, force, torque, pulled, now, energy_column, attraction, grains, row)
         if not d2 <= travel:
             travel = d2 if d2 == d2 else np.inf
         fastest = max(fastest, speed2)
@@ -143,7 +143,7 @@ def sweep_rows(chunk, now, law, resistance, ledger, attraction, grains, pairs, s
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def finish_rows(chunk, now, law, ledger, attraction, grains, chunks, totals):
+def finish_rows(chunk, now, law, energy_column, attraction, grains, chunks, totals):
     """The late grains of a chunk: reactions from earlier chunks, then kick and drift."""
     row, motion, cross, in_slot = totals.chunk[chunk], grains.motion, chunks.reaction, chunks.in_slot
     travel, fastest = row[column.MAX_TRAVEL], row[column.MAX_SPEED]
@@ -165,7 +165,7 @@ def finish_rows(chunk, now, law, ledger, attraction, grains, chunks, totals):
                 py -= attraction.cross[q, 1]
                 pz -= attraction.cross[q, 2]
         force, torque, pulled = (fx, fy, fz), (tx, ty, tz), (px, py, pz)
-        d2, speed2 = drift(i, m, force, torque, pulled, now, ledger, attraction, grains, row)
+        d2, speed2 = drift(i, m, force, torque, pulled, now, energy_column, attraction, grains, row)
         if not d2 <= travel:
             travel = d2 if d2 == d2 else np.inf
         fastest = max(fastest, speed2)

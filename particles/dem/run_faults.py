@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from particles.dem import sums
-from particles.faults import DemError, DemErrorKind
+from particles.dem import total_columns
+from particles.errors import DemError, DemErrorKind
 from particles.grains import Grains
 
 
@@ -29,16 +29,16 @@ def stopped(
     step, ``time`` [s] now.
     """
     g = grains
-    if answer == sums.OVERLAP:
-        k = int(totals[sums.GRAIN])
+    if answer == total_columns.OVERLAP:
+        k = int(totals[total_columns.GRAIN])
         return DemError(
             DemErrorKind.OVERLAP,
-            f"it overlaps a neighbour or a wall by {100.0 * totals[sums.MAX_OVERLAP]:.3g} % of the "
+            f"it overlaps a neighbour or a wall by {100.0 * totals[total_columns.MAX_OVERLAP]:.3g} % of the "
             f"diameter (the limit is {100.0 * overlap_limit:.3g} %)",
             f"raise the stiffness, too soft for the load, or shorten dt = {dt:.3g} s if grains are fast",
             g.particle_id[k], g.position[k], time,
         )  # fmt: skip
-    if answer == sums.TOO_FAST:
+    if answer == total_columns.TOO_FAST:
         k = int(np.argmax(np.einsum("ij,ij->i", g.velocity, g.velocity)))
         speed = float(np.linalg.norm(g.velocity[k]))
         return DemError(

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from particles.bodies import Body
-from particles.dem import sums
+from particles.dem import total_columns
 from particles.dem.contact_columns import ContactColumns
 from particles.dem.step_totals import EnergyTotals, StepTotals
 
-TORQUES = {"normal": sums.TORQUE_N, "damping": sums.TORQUE_D, "tangential": sums.TORQUE_T}
-FORCES = {"normal": sums.FORCE_N, "damping": sums.FORCE_D, "tangential": sums.FORCE_T}
+TORQUES = {"normal": total_columns.TORQUE_N, "damping": total_columns.TORQUE_D, "tangential": total_columns.TORQUE_T}
+FORCES = {"normal": total_columns.FORCE_N, "damping": total_columns.FORCE_D, "tangential": total_columns.FORCE_T}
 
 
 def summary(
@@ -40,17 +40,17 @@ def summary(
         force_parts=parts,
         shaft_work={
             body.name: {
-                "drive": float(row[sums.DRIVE_WORK]),
-                "load": float(row[sums.LOAD_WORK]),
-                "contact": float(row[sums.SHAFT_CONTACT_WORK]),
+                "drive": float(row[total_columns.DRIVE_WORK]),
+                "load": float(row[total_columns.LOAD_WORK]),
+                "contact": float(row[total_columns.SHAFT_CONTACT_WORK]),
             }
             for body, row in zip(bodies, of_bodies, strict=True)
             if body.is_free
         },
         energy=energy,
-        max_overlap=float(totals[sums.MAX_OVERLAP]),
-        n_contacts=int(totals[sums.CONTACTS]),
-        max_speed=float(np.sqrt(totals[sums.MAX_SPEED])),
+        max_overlap=float(totals[total_columns.MAX_OVERLAP]),
+        n_contacts=int(totals[total_columns.CONTACTS]),
+        max_speed=float(np.sqrt(totals[total_columns.MAX_SPEED])),
         rebuilds=rebuilds,
     )
 
@@ -62,7 +62,7 @@ def _force(of_one: np.ndarray, ring: int) -> np.ndarray:
     return of_one
 
 
-def books(
+def energy_budget(
     ring: int,
     bodies: Sequence[Body],
     totals: np.ndarray,
@@ -71,20 +71,22 @@ def books(
     kinetic: tuple[float, float],
     elastic: tuple[float, float],
 ) -> EnergyTotals:
-    """The books of energy; ``kinetic`` and ``elastic`` are before and now [J], as all sums those of one sector."""
+    """The energy budget; ``kinetic`` and ``elastic`` are before and now [J], as all sums those of one sector."""
     work = ring * totals
     return EnergyTotals(
-        wall_work={body.name: ring * float(row[sums.BODY_WORK]) for body, row in zip(bodies, of_bodies, strict=True)},
-        dissipation={
-            "normal_damping": float(work[sums.NORMAL_DAMPING]),
-            "tangential_damping": float(work[sums.TANGENTIAL_DAMPING]),
-            "sliding": float(work[sums.SLIDING]),
-            **({} if not columns.rolls else {"rolling": float(work[sums.ROLLING])}),
-            **({} if not columns.twists else {"twisting": float(work[sums.TWISTING])}),
+        wall_work={
+            body.name: ring * float(row[total_columns.BODY_WORK]) for body, row in zip(bodies, of_bodies, strict=True)
         },
-        contact_work=float(work[sums.CONTACT_WORK]),
-        gravity_work=float(work[sums.GRAVITY_WORK]),
-        external_work=float(work[sums.EXTERNAL_WORK]),
+        dissipation={
+            "normal_damping": float(work[total_columns.NORMAL_DAMPING]),
+            "tangential_damping": float(work[total_columns.TANGENTIAL_DAMPING]),
+            "sliding": float(work[total_columns.SLIDING]),
+            **({} if not columns.rolls else {"rolling": float(work[total_columns.ROLLING])}),
+            **({} if not columns.twists else {"twisting": float(work[total_columns.TWISTING])}),
+        },
+        contact_work=float(work[total_columns.CONTACT_WORK]),
+        gravity_work=float(work[total_columns.GRAVITY_WORK]),
+        external_work=float(work[total_columns.EXTERNAL_WORK]),
         kinetic_energy=ring * kinetic[1],
         kinetic_change=ring * (kinetic[1] - kinetic[0]),
         elastic_energy=ring * elastic[1],

@@ -9,9 +9,9 @@ number of grains alone (`particles.dem.row_kernel`); sums over grains are kept b
 chunks. So nothing depends on the number of threads, bit for bit.
 
 The law is the one whose table is given: numba compiles for its type (`particles.laws.springs`). What would cost in the
-loop over pairs and is not in the scene (a sector's ``turn``, ``resistance``, ``ledger``, ``attraction``) is None where
-a function takes it as an argument: numba prunes its branches, the compiled code does not contain it. What is done once
-a grain or once a contact (gravity, held forces, triangles, species, cohesion, which of rolling and twisting) is a
+loop over pairs and is not in the scene (a sector's ``turn``, ``resistance``, ``energy_column``, ``attraction``) is None
+where a function takes it as an argument: numba prunes its branches, the compiled code does not contain it. What is
+done once a grain or once a contact (gravity, held forces, triangles, species, cohesion, which of rolling and twisting) is a
 branch at run time, on an empty array or a number: every combination compiled would be thousands of variants of ten
 seconds and more. Rolling and twisting as such a branch too made steps slower, and stayed compiled out.
 
@@ -27,7 +27,7 @@ from numba import njit, prange
 from geometry.inner_functions import inner
 from particles.dem.kernel_state import Now
 from particles.dem.row_kernel import finish_rows, sweep_rows
-from particles.dem.sums import (
+from particles.dem.total_columns import (
     BODY_WORK,
     CONTACT_LATER,
     CONTACT_WORK,
@@ -145,7 +145,7 @@ def _verdict(call, wall_travel, chunk_sums, totals):
 
 
 @njit(parallel=True, cache=True, error_model="numpy", fastmath={"contract"})
-def run_steps(call, law, resistance, ledger, attraction, grains, pairs, slots, walls, shafts, chunks, totals):
+def run_steps(call, law, resistance, energy_column, attraction, grains, pairs, slots, walls, shafts, chunks, totals):
     """Up to ``call.n_steps`` steps; stops early when a list must be rebuilt or a grain is in trouble.
 
     Parameters
@@ -154,11 +154,11 @@ def run_steps(call, law, resistance, ledger, attraction, grains, pairs, slots, w
     law : table of a spring (`particles.laws.springs`)
     resistance : Resistance, or None
         Rolling and twisting.
-    ledger : int, or None
-        First column of the last forces in a contact's history, in a step that keeps the books.
+    energy_column : int, or None
+        First column of the last forces in a contact's history, in a step that keeps the energy budget.
     attraction : HeldAttraction, or None
     grains, pairs, slots, walls, shafts, chunks, totals
-        `particles.dem.kernel_state`, and `particles.lists.chunks.Chunks`.
+        `particles.dem.kernel_state`, and `particles.neighbours.partition.Chunks`.
 
     Returns
     -------
@@ -172,12 +172,23 @@ def run_steps(call, law, resistance, ledger, attraction, grains, pairs, slots, w
         # 2. contacts and pulls; kick and drift of grains that no other chunk touches
         for c in prange(n_chunks):
             sweep_rows(  # int64: numba's own index is unsigned, and everything would be compiled for both
-                np.int64(c), now, law, resistance, ledger, attraction, grains, pairs, slots, walls, chunks, totals
+                np.int64(c),
+                now,
+                law,
+                resistance,
+                energy_column,
+                attraction,
+                grains,
+                pairs,
+                slots,
+                walls,
+                chunks,
+                totals,
             )
         # 3. kick and drift of the others
         if chunks.late_grain.shape[0] > 0:
             for c in prange(n_chunks):
-                finish_rows(np.int64(c), now, law, ledger, attraction, grains, chunks, totals)
+                finish_rows(np.int64(c), now, law, energy_column, attraction, grains, chunks, totals)
         # 4. shafts
         _turn_bodies(call.dt, step, shafts, totals)
         # 5. totals, and whether to go on

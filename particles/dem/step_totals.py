@@ -21,7 +21,7 @@ import numpy as np
 
 @dataclass(frozen=True, slots=True)
 class EnergyTotals:
-    """The books of energy over some steps [J].
+    """The energy budget over some steps [J].
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class StepTotals:
         Steps done and the time they span [s].
     torque : dict of body -> {"normal", "damping", "tangential"}
         Mean torque about z on the body [N m]: of the springs along the normals, of the dashpots beside them, and of
-        friction with rolling and twisting couples.
+        friction with rolling and twisting torques.
     force : dict of body -> ndarray, shape (3,)
         Mean force on the body [N]; in a sector only the axial one is left, the others cancel round the ring.
     force_parts : dict of body -> {"normal", "damping", "tangential"} -> ndarray, shape (3,)
@@ -74,7 +74,7 @@ class StepTotals:
     shaft_work : dict of body -> {"drive", "load", "contact"}
         For free shafts: work put in by drive and external torque, taken by the load, and put in by the grains [J].
     energy : EnergyTotals or None
-        None where the books are not kept (``DEM(ledger=False)``).
+        None where the energy budget is not kept (``DEM(energy_budget=False)``).
     max_overlap : float
         Largest overlap, as a share of the (smaller) grain's diameter [-].
     n_contacts : int
@@ -98,8 +98,8 @@ class StepTotals:
     rebuilds: int
 
     @property
-    def books(self) -> EnergyTotals:
-        """The books of energy.
+    def energy_budget(self) -> EnergyTotals:
+        """The energy budget.
 
         Raises
         ------
@@ -107,7 +107,7 @@ class StepTotals:
             Where they were not kept.
         """
         if self.energy is None:
-            raise ValueError("the books of energy were not kept; make the DEM with ledger=True")
+            raise ValueError("the energy budget were not kept; make the DEM with energy_budget=True")
         return self.energy
 
     def torque_on(self, body: str) -> float:

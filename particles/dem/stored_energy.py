@@ -12,7 +12,7 @@ from particles.laws.columns import COHESION_0, COHESION_1
 from particles.laws.linear import EqualLinearTable
 from particles.laws.pair_table import PairLaws
 from particles.laws.springs import SPRINGS, remembers, spring
-from particles.lists.contact_list import ContactList
+from particles.neighbours.contact_list import ContactList
 
 
 def law_table(laws: PairLaws, grains: Grains, one_species: bool) -> Any:

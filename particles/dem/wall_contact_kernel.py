@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from geometry.inner_functions import inner
-from particles.dem import sums as column
+from particles.dem import total_columns as column
 from particles.dem.attraction_kernel import AMPLITUDE, COLUMN, pull_at
-from particles.dem.contact_kernel import Touch, contact_force, left_in_springs, rolling_couple, twisting_couple
+from particles.dem.contact_kernel import Touch, contact_force, left_in_springs, rolling_torque, twisting_torque
 from particles.dem.kernel_state import Tally
 from particles.dem.pair_kernel import mass_of
 from particles.laws.springs import equal
@@ -14,14 +14,14 @@ from particles.walls.wall_kernels import _wall_gap
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def add_left(law, kind, resistance, ledger, radius, slots, slot, left):
+def add_left(law, kind, resistance, energy_column, radius, slots, slot, left):
     """Add to ``left`` (4) [J] what the springs of a wall's slot held when the grain left it."""
-    a, b, c, d = left_in_springs(law, kind, resistance, ledger, radius, 0.0, slots.history, slot)
+    a, b, c, d = left_in_springs(law, kind, resistance, energy_column, radius, 0.0, slots.history, slot)
     return left[0] + a, left[1] + b, left[2] + c, left[3] + d
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def touching_walls(i, kind_row, law, resistance, ledger, grains, slots, walls, found, left):
+def touching_walls(i, kind_row, law, resistance, energy_column, grains, slots, walls, found, left):
     """What grain i touches among its wall slots: rows (slot, distance, unit vector towards the wall) of ``found``.
 
     A grain that rolls from one face of a body onto the next keeps its springs: they are handed to the new slot.
@@ -40,9 +40,9 @@ def touching_walls(i, kind_row, law, resistance, ledger, grains, slots, walls, f
             return 1, left
         if touching[first] != 0:
             touching[first] = 0
-            if ledger is not None:
+            if energy_column is not None:
                 row = law_row[kind_row, other[first]]
-                left = add_left(law, row, resistance, ledger, radius, slots, first, left)
+                left = add_left(law, row, resistance, energy_column, radius, slots, first, left)
             for a in range(history.shape[1]):
                 history[first, a] = 0.0
         return 0, left
@@ -71,9 +71,9 @@ def touching_walls(i, kind_row, law, resistance, ledger, grains, slots, walls, f
                 old, new = int(part[a, SLOT]), int(part[int(part[a, LEADER]), SLOT])
                 if touching[old] != 0:
                     touching[old] = 0
-                    if touching[new] != 0 and ledger is not None:  # two contacts have become one
+                    if touching[new] != 0 and energy_column is not None:  # two contacts have become one
                         row = law_row[kind_row, other[old]]
-                        left = add_left(law, row, resistance, ledger, radius, slots, old, left)
+                        left = add_left(law, row, resistance, energy_column, radius, slots, old, left)
                     if touching[new] == 0:
                         touching[new] = 1
                         for b in range(history.shape[1]):
@@ -98,9 +98,9 @@ def touching_walls(i, kind_row, law, resistance, ledger, grains, slots, walls, f
                     touching[new] = 3
                     handed = True
                     break
-            if ledger is not None and not handed:
+            if energy_column is not None and not handed:
                 row = law_row[kind_row, other[k]]
-                left = add_left(law, row, resistance, ledger, radius, slots, k, left)
+                left = add_left(law, row, resistance, energy_column, radius, slots, k, left)
             for b in range(history.shape[1]):
                 history[k, b] = 0.0
     for a in range(count):
@@ -152,7 +152,7 @@ def add_load(row, force, touch, at):
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def wall_forces(i, chunk, dt, law, resistance, ledger, grains, slots, walls, totals, gathered, tally):
+def wall_forces(i, chunk, dt, law, resistance, energy_column, grains, slots, walls, totals, gathered, tally):
     """Contacts of grain i with its walls, added to ``gathered``: force [N] and torque [N m] (3 each).
 
     Returns both and the tally; the load of the bodies goes into the chunk's sums.
@@ -169,7 +169,7 @@ def wall_forces(i, chunk, dt, law, resistance, ledger, grains, slots, walls, tot
     kind_row = 0
     if grains.species.shape[0] > 0:
         kind_row = grains.species[i]
-    count, left = touching_walls(i, kind_row, law, resistance, ledger, grains, slots, walls, found, left)
+    count, left = touching_walls(i, kind_row, law, resistance, energy_column, grains, slots, walls, found, left)
     for a in range(count):
         k, distance = int(found[a, 0]), found[a, 1]
         nx, ny, nz = found[a, 2], found[a, 3], found[a, 4]
@@ -185,7 +185,7 @@ def wall_forces(i, chunk, dt, law, resistance, ledger, grains, slots, walls, tot
             vz + distance * (wx * ny - wy * nx),
         )
         touch = Touch(delta, (nx, ny, nz), velocity, None, 0.5 * (wx * nx + wy * ny + (wz + omega) * nz))
-        force = contact_force(law, kind, ledger, mass, radius, dt, touch, slots.history, k)
+        force = contact_force(law, kind, energy_column, mass, radius, dt, touch, slots.history, k)
         gx, gy, gz = force.x, force.y, force.z
         contacts += 1
         if equal(law):
@@ -193,7 +193,7 @@ def wall_forces(i, chunk, dt, law, resistance, ledger, grains, slots, walls, tot
             deepest = max(deepest, delta)
         elif delta > deepest * 2.0 * radius:
             deepest, deepest_at = delta / (2.0 * radius), i
-        if ledger is not None:
+        if energy_column is not None:
             elastic += force.stored
             lost_n += force.lost_n
             lost_t += force.lost_t
@@ -206,8 +206,8 @@ def wall_forces(i, chunk, dt, law, resistance, ledger, grains, slots, walls, tot
         if resistance is not None:
             inertia = 0.4 * mass * radius * radius
             if resistance.rolling >= 0:
-                (hx, hy, hz), e, lost = rolling_couple(
-                    law, kind, ledger, radius, inertia, dt, force, touch, (wx, wy, wz - omega), slots.history, k,
+                (hx, hy, hz), e, lost = rolling_torque(
+                    law, kind, energy_column, radius, inertia, dt, force, touch, (wx, wy, wz - omega), slots.history, k,
                     resistance.rolling,
                 )  # fmt: skip
                 elastic += e
@@ -216,8 +216,8 @@ def wall_forces(i, chunk, dt, law, resistance, ledger, grains, slots, walls, tot
                 row[column.TORQUE_T] -= hz
             if resistance.twisting >= 0:
                 spin = wx * nx + wy * ny + (wz - omega) * nz
-                couple, e, lost = twisting_couple(
-                    law, kind, ledger, radius, inertia, dt, force, spin, slots.history, k, resistance.twisting
+                couple, e, lost = twisting_torque(
+                    law, kind, energy_column, radius, inertia, dt, force, spin, slots.history, k, resistance.twisting
                 )
                 elastic += e
                 lost_w += lost

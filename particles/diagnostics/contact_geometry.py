@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from particles.grains import Grains
-from particles.lists.contact_table import ContactTable
+from particles.neighbours.contact_table import ContactTable
 from particles.sector import CyclicSector
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from particles.lists.contact_table import ContactTable
+from particles.neighbours.contact_table import ContactTable
 
 WITH_FRICTION, WITHOUT_FRICTION = 2, 4  # least contacts that can hold a grain
 

@@ -23,7 +23,7 @@ from particles.diagnostics.contact_geometry import contact_geometry
 from particles.diagnostics.stress import grain_stress
 from particles.diagnostics.tensors import principal
 from particles.grains import Grains
-from particles.lists.contact_table import ContactTable
+from particles.neighbours.contact_table import ContactTable
 from particles.sector import CyclicSector
 
 SHORTEST = 3  # grains

@@ -26,7 +26,7 @@ from particles.diagnostics.inertial_number import inertial_number
 from particles.diagnostics.profiles import Profile, profile_of, profile_sums
 from particles.diagnostics.stress import Stress, contact_stress
 from particles.grains import Grains
-from particles.lists.contact_table import ContactTable
+from particles.neighbours.contact_table import ContactTable
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,7 +92,7 @@ def grain_diagnostics(
     return GrainDiagnostics(
         time=dem.time,
         energies=grain_energies(
-            grains, dem.gravity_now, sector, elastic=None if totals is None else totals.books.elastic_energy
+            grains, dem.gravity_now, sector, elastic=None if totals is None else totals.energy_budget.elastic_energy
         ),
         coordination=coordination(contacts, grains.count),
         fabric=fabric(grains, contacts, sector),

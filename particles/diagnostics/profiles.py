@@ -18,7 +18,7 @@ with grains i of mass m_i, a share w_i of each by volume:
 - torque: what the contacts carry across the surfaces s = const of the bin, in the mean over the bin. A contact carries
   (x_c x f)_z across every surface between its two ends. With grains at rest, or in steady flow slow enough that motion
   carries no angular momentum, it is the same across every surface, and at a wall it is the wall's: to round-off.
-  Magnetic pair forces and the couples of rolling and twisting friction carry torque as well and are not in it.
+  Magnetic pair forces and the torques of rolling and twisting friction carry torque as well and are not in it.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from particles.diagnostics.bins import Bins, contact_shares
 from particles.diagnostics.contact_geometry import contact_geometry
 from particles.diagnostics.inertial_number import friction_coefficient, inertial_number
 from particles.grains import Grains
-from particles.lists.contact_table import ContactTable
+from particles.neighbours.contact_table import ContactTable
 from particles.sector import CyclicSector
 
 

@@ -23,7 +23,7 @@ import numpy as np
 from particles.diagnostics.contact_geometry import contact_geometry
 from particles.diagnostics.tensors import cylindrical_frame, deviator, in_frame, ring_average
 from particles.grains import Grains
-from particles.lists.contact_table import ContactTable
+from particles.neighbours.contact_table import ContactTable
 from particles.sector import CyclicSector
 
 

@@ -25,11 +25,11 @@ import numpy as np
 from numba import njit
 
 from geometry.inner_functions import inner
-from particles.dvi.couples import no_couples, residual, sweep, weigh_couples
+from particles.dvi.anderson_vectors import HISTORY, N_PRODUCTS, Vectors, extrapolate, gather, remember
+from particles.dvi.contact_torques import no_contact_torques, residual, sweep, weigh_contact_torques
 from particles.dvi.gauss_seidel import IWN
-from particles.dvi.history import HISTORY, N_PRODUCTS, Vectors, extrapolate, gather, remember
 from particles.dvi.kernel_state import Records, Search, whole
-from particles.dvi.shares import extrapolate_shares, gather_shares, remember_shares, residual_of_shares, sweep_shares
+from particles.dvi.partition import extrapolate_chunks, gather_chunks, residual_of_chunks, store_chunks, sweep_chunks
 
 GAUSS_SEIDEL, ANDERSON = range(2)  # methods: sweeps alone, accelerated
 PLAIN = 1.0  # relaxation of sweeps that are not over-relaxed
@@ -42,33 +42,33 @@ OVER = 1.6  # over-relaxation of the sweeps after a stall; beyond 1.8 sheared be
 
 
 @inner(error_model="numpy", fastmath={"contract"})
-def solve(convex, soft, search, records, couples, share=None, alone=True):
+def solve(convex, compliance, search, records, contact_torques, chunk=None, alone=True):
     """Plain sweeps, then (unless the method is GAUSS_SEIDEL) accelerated ones.
 
-    ``share`` not None, and ``alone`` None: threads share the sweeps (`particles.dvi.shares`). Returns sweeps, the
+    ``chunk`` not None, and ``alone`` None: threads share the sweeps (`particles.dvi.partition`). Returns sweeps, the
     honest residual [m/s], and whether acceleration took over.
     """
     cap, tolerance = search.cap, search.tolerance
     first = cap if search.method == GAUSS_SEIDEL else min(cap, PLAIN_SWEEPS)
     for count in range(first):
-        change = _sweep(convex, PLAIN, soft, records, couples, share, alone)
+        change = _sweep(convex, PLAIN, compliance, records, contact_torques, chunk, alone)
         if change <= tolerance:
-            reached = _residual(convex, soft, records, couples, share, alone)
+            reached = _residual(convex, compliance, records, contact_torques, chunk, alone)
             if reached <= tolerance:
                 return count + 1, reached, 0
     if first == cap:
-        return cap, _residual(convex, soft, records, couples, share, alone), 0
-    done, reached = anderson(convex, soft, search, cap - first, records, couples, share, alone)
+        return cap, _residual(convex, compliance, records, contact_torques, chunk, alone), 0
+    done, reached = anderson(convex, compliance, search, cap - first, records, contact_torques, chunk, alone)
     return first + done, reached, 1
 
 
 @inner(error_model="numpy", fastmath={"contract"})
-def anderson(convex, soft, search, cap, records, couples, share=None, alone=True):
+def anderson(convex, compliance, search, cap, records, contact_torques, chunk=None, alone=True):
     """Up to ``cap`` accelerated sweeps from the impulses in the records; returns their number and the residual."""
     tolerance = search.tolerance
     bodies, all_contacts = records.body.shape[0], records.pair.shape[0] + records.wall.shape[0]
     contacts = 3 * all_contacts + bodies
-    if couples.law.shape[0] > 0:
+    if contact_torques.law.shape[0] > 0:
         contacts += 3 * all_contacts
     size = contacts + 6 * records.grain.shape[0] + bodies
     vectors = Vectors(
@@ -76,30 +76,30 @@ def anderson(convex, soft, search, cap, records, couples, share=None, alone=True
         np.empty(contacts), np.empty((HISTORY, size)), np.empty((HISTORY, contacts)), np.zeros(N_PRODUCTS),
     )  # fmt: skip
     r, g, products = vectors.r, vectors.g, vectors.products
-    _weights(vectors.weight, records, couples)
+    _weights(vectors.weight, records, contact_torques)
     gram, c = np.zeros((HISTORY, HISTORY)), np.zeros(HISTORY)
     none = gram.shape[0] - HISTORY  # a plain 0 is a type of its own, and would compile what takes it twice
     known, slot, best, first = none, none, np.inf, True
     waited, plain, mark, pause = 0, 0, np.inf, PATIENCE
     done = 0
-    _gather(r, vectors, records, couples, share, alone)
+    _gather(r, vectors, records, contact_torques, chunk, alone)
     while done < cap:
         change = 0.0
         for _ in range(min(SWEEPS, cap - done)):
             over = OVER if plain > 0 else SLIGHTLY_OVER
-            change = _sweep(convex, over, soft, records, couples, share, alone)
+            change = _sweep(convex, over, compliance, records, contact_torques, chunk, alone)
             done += 1
         if change <= tolerance:
-            reached = _residual(convex, soft, records, couples, share, alone)
+            reached = _residual(convex, compliance, records, contact_torques, chunk, alone)
             if reached <= tolerance:
                 return done, reached
         if plain > 0:
             plain -= SWEEPS
             if plain <= 0:
-                _gather(r, vectors, records, couples, share, alone)
+                _gather(r, vectors, records, contact_torques, chunk, alone)
                 waited, best, mark = 0, np.inf, np.inf
             continue
-        _gather(g, vectors, records, couples, share, alone)
+        _gather(g, vectors, records, contact_torques, chunk, alone)
         norm = np.sqrt(products[0])
         waited += SWEEPS
         if waited > PATIENCE:
@@ -108,7 +108,7 @@ def anderson(convex, soft, search, cap, records, couples, share=None, alone=True
             continue
         if norm > 2.0 * best:
             known, slot, best, first = none, none, np.inf, True
-            _extrapolate(vectors.best_g, c, known, vectors, records, couples, share, alone)
+            _extrapolate(vectors.best_g, c, known, vectors, records, contact_torques, chunk, alone)
             continue
         better = norm < best
         if better:
@@ -117,7 +117,7 @@ def anderson(convex, soft, search, cap, records, couples, share=None, alone=True
             best = norm
         if not first:
             known = min(known + 1, HISTORY)
-        _remember(better, first, slot, known, vectors, records, couples, share, alone)
+        _remember(better, first, slot, known, vectors, records, contact_torques, chunk, alone)
         if not first:
             for q in range(known):
                 gram[slot, q] = gram[q, slot] = products[q]
@@ -126,14 +126,14 @@ def anderson(convex, soft, search, cap, records, couples, share=None, alone=True
         for q in range(known):
             c[q] = products[HISTORY + q]
         solved = known > 0 and _solve_gram(gram, c, known) and _largest(c, known) < FURTHEST
-        _extrapolate(g, c, known if solved else none, vectors, records, couples, share, alone)
-    _sweep(convex, PLAIN, soft, records, couples, share, alone)
-    return done, _residual(convex, soft, records, couples, share, alone)
+        _extrapolate(g, c, known if solved else none, vectors, records, contact_torques, chunk, alone)
+    _sweep(convex, PLAIN, compliance, records, contact_torques, chunk, alone)
+    return done, _residual(convex, compliance, records, contact_torques, chunk, alone)
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def _weights(weight, records, couples):
-    """sqrt(w_n) for each component of an impulse, sqrt(1/J) for the loads of shafts, sqrt(W) for couples."""
+def _weights(weight, records, contact_torques):
+    """sqrt(w_n) for each component of an impulse, sqrt(1/J) for the loads of shafts, sqrt(W) for torques."""
     pair, wall, body = records.pair, records.wall, records.body
     p = pair.shape[0]
     for k in range(p):
@@ -143,53 +143,53 @@ def _weights(weight, records, couples):
     q = 3 * (p + wall.shape[0])
     for b in range(body.shape[0]):
         weight[q + b] = np.sqrt(body[b, 1])
-    if couples.law.shape[0] > 0:
-        weigh_couples(weight, q + body.shape[0], p, wall.shape[0], couples)
+    if contact_torques.law.shape[0] > 0:
+        weigh_contact_torques(weight, q + body.shape[0], p, wall.shape[0], contact_torques)
 
 
-# What follows is done in one piece, or in shares: numba leaves out a branch that asks for something that is None
+# What follows is done in one piece, or in chunks: numba leaves out a branch that asks for something that is None
 @inner(inline="always", error_model="numpy", fastmath={"contract"})
-def _sweep(convex, relax, soft, records, couples, share, alone):
+def _sweep(convex, relax, compliance, records, contact_torques, chunk, alone):
     change = 0.0
     if alone is not None:
-        change = sweep(convex, relax, soft, records, couples)
-    if share is not None:
-        change = sweep_shares(convex, relax, soft, records, couples, share)
+        change = sweep(convex, relax, compliance, records, contact_torques)
+    if chunk is not None:
+        change = sweep_chunks(convex, relax, compliance, records, contact_torques, chunk)
     return change
 
 
 @inner(inline="always", error_model="numpy", fastmath={"contract"})
-def _residual(convex, soft, records, couples, share, alone):
+def _residual(convex, compliance, records, contact_torques, chunk, alone):
     reached = 0.0
     if alone is not None:
-        reached = residual(whole(records), convex, soft, records, couples)
-    if share is not None:
-        reached = residual_of_shares(convex, soft, records, couples, share)
+        reached = residual(whole(records), convex, compliance, records, contact_torques)
+    if chunk is not None:
+        reached = residual_of_chunks(convex, compliance, records, contact_torques, chunk)
     return reached
 
 
 @inner(inline="always", error_model="numpy", fastmath={"contract"})
-def _gather(g, vectors, records, couples, share, alone):
+def _gather(g, vectors, records, contact_torques, chunk, alone):
     if alone is not None:
-        gather(whole(records), g, vectors, vectors.products, records, couples)
-    if share is not None:
-        gather_shares(g, vectors, records, couples, share)
+        gather(whole(records), g, vectors, vectors.products, records, contact_torques)
+    if chunk is not None:
+        gather_chunks(g, vectors, records, contact_torques, chunk)
 
 
 @inner(inline="always", error_model="numpy", fastmath={"contract"})
-def _remember(better, first, slot, known, vectors, records, couples, share, alone):
+def _remember(better, first, slot, known, vectors, records, contact_torques, chunk, alone):
     if alone is not None:
-        remember(whole(records), better, first, slot, known, vectors, vectors.products, records, couples)
-    if share is not None:
-        remember_shares(better, first, slot, known, vectors, records, couples, share)
+        remember(whole(records), better, first, slot, known, vectors, vectors.products, records, contact_torques)
+    if chunk is not None:
+        store_chunks(better, first, slot, known, vectors, records, contact_torques, chunk)
 
 
 @inner(inline="always", error_model="numpy", fastmath={"contract"})
-def _extrapolate(g, c, known, vectors, records, couples, share, alone):
+def _extrapolate(g, c, known, vectors, records, contact_torques, chunk, alone):
     if alone is not None:
-        extrapolate(whole(records), g, c, known, vectors, records, couples)
-    if share is not None:
-        extrapolate_shares(g, c, known, vectors, records, couples, share)
+        extrapolate(whole(records), g, c, known, vectors, records, contact_torques)
+    if chunk is not None:
+        extrapolate_chunks(g, c, known, vectors, records, contact_torques, chunk)
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
@@ -233,10 +233,10 @@ def _solve_gram(gram, c, n):
 
 # for calls from Python: the functions above are compiled into the step and have no cache of their own
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _anderson(convex, soft, search, records, couples):
-    return anderson(convex, soft, search, search.cap, records, couples)
+def _anderson(convex, compliance, search, records, contact_torques):
+    return anderson(convex, compliance, search, search.cap, records, contact_torques)
 
 
-def accelerate_records(convex, soft, tolerance, cap, *records):
-    """`anderson` for calls from Python, without couples."""
-    return _anderson(convex, soft, Search(ANDERSON, tolerance, cap), Records(*records), no_couples())
+def accelerate_records(convex, compliance, tolerance, cap, *records):
+    """`anderson` for calls from Python, without torques."""
+    return _anderson(convex, compliance, Search(ANDERSON, tolerance, cap), Records(*records), no_contact_torques())

@@ -7,6 +7,7 @@ from numba import prange
 
 from geometry.inner_functions import inner
 from particles.dvi import gauss_seidel as gs
+from particles.dvi.compliance import remember, strike
 from particles.dvi.gauss_seidel import (
     ARM,
     EX,
@@ -30,8 +31,7 @@ from particles.dvi.gauss_seidel import (
     VZ,
     B,
 )  # fmt: skip
-from particles.dvi.rigid_triangles import record, search
-from particles.dvi.springs import remember, strike
+from particles.dvi.triangle_contacts import record, search
 from particles.walls.wall_kernels import _wall_gap
 
 
@@ -60,7 +60,7 @@ def free_velocities(h, step, grains, grain):
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def find_contacts(rows, numbers, near, look, soft, grains, pair_slots, slots, walls, old_speed, records):
+def find_contacts(rows, numbers, near, look, compliance, grains, pair_slots, slots, walls, old_speed, records):
     """Fill the records of contacts, from the ``numbers`` of a pair and a wall on, of the rows[0] <= i < rows[1].
 
     These are the slots whose gap may close within the step; ``near`` says of which pairs it is already known. Returns
@@ -103,10 +103,10 @@ def find_contacts(rows, numbers, near, look, soft, grains, pair_slots, slots, wa
             row[IWT] = 1.0 / (w_n * (1.0 + 2.5 * row[ARM] * row[ARM]))
             row[MU] = law[0, 0]
             gap, give = d - reach, 0.0
-            if soft is None:
+            if compliance is None:
                 row[B] = gap / h if gap > slop * min(ri, radius[j]) else 0.0
             else:
-                give = remember(h, soft, gs.PAIRS, gap, row, gs.N_PAIR)
+                give = remember(h, compliance, gs.PAIRS, gap, row, gs.N_PAIR)
             if law[0, 1] > 0.0 and give >= 0.0:
                 before = (
                     (velocity[i, 0] - velocity[j, 0]) * ex
@@ -115,7 +115,7 @@ def find_contacts(rows, numbers, near, look, soft, grains, pair_slots, slots, wa
                 )
                 if before < -law[0, 2] and gap + h * before < 0.0:
                     row[B] = law[0, 1] * before
-                    if soft is not None:
+                    if compliance is not None:
                         strike(law[0, 1], before, give, row, gs.N_PAIR)
             pair_index[pairs, 0], pair_index[pairs, 1], pair_slot[pairs] = i, j, k
             pairs += 1
@@ -136,15 +136,15 @@ def find_contacts(rows, numbers, near, look, soft, grains, pair_slots, slots, wa
             row[IWT] = 1.0 / (grain[i, IM] * (1.0 + 2.5 * row[ARM] * row[ARM]))
             row[MU] = law[1, 0]
             gap, give = distance - ri, 0.0
-            if soft is None:
+            if compliance is None:
                 row[B] = gap / h if gap > slop * ri else 0.0
             else:
-                give = remember(h, soft, gs.WALLS, gap, row, gs.N_WALL_CONTACT)
+                give = remember(h, compliance, gs.WALLS, gap, row, gs.N_WALL_CONTACT)
             if law[1, 1] > 0.0 and give >= 0.0:
                 before = -(velocity[i, 0] * nx + velocity[i, 1] * ny + velocity[i, 2] * nz) - old_speed[b] * along
                 if before < -law[1, 2] and gap + h * before < 0.0:
                     row[B] = law[1, 1] * before
-                    if soft is not None:
+                    if compliance is not None:
                         strike(law[1, 1], before, give, row, gs.N_WALL_CONTACT)
             wall_index[met, 0], wall_index[met, 1], wall_slot[met] = i, b, k
             met += 1
@@ -170,13 +170,13 @@ def _near(lo, hi, look, grains, pair_slots, near):
 
 
 @inner(parallel=True, error_model="numpy", fastmath={"contract"})
-def find_in_shares(look, soft, grains, pair_slots, slots, walls, old_speed, records, share, ends):
-    """`find_contacts` and `record` by shares: pairs without gaps, walls from the first slot of each share to ``ends``.
+def find_in_chunks(look, compliance, grains, pair_slots, slots, walls, old_speed, records, chunk, ends):
+    """`find_contacts` and `record` by chunks: pairs without gaps, walls from the first slot of each chunk to ``ends``.
 
-    How many contacts the shares before it have must be known before a share can fill its records. Those of walls are
-    put in order by `particles.dvi.shares.sort_walls`.
+    How many contacts the shares before it have must be known before a chunk can fill its records. Those of walls are
+    put in order by `particles.dvi.partition.sort_walls`.
     """
-    rows, pairs, near, first = share.rows, share.pairs, share.near, slots.start
+    rows, pairs, near, first = chunk.rows, chunk.pairs, chunk.near, slots.start
     count = rows.shape[0] - 1
     for c in prange(count):
         pairs[c + 1] = _near(rows[c], rows[c + 1], look, grains, pair_slots, near)
@@ -185,17 +185,27 @@ def find_in_shares(look, soft, grains, pair_slots, slots, walls, old_speed, reco
     for c in prange(count):
         own = rows[c], rows[c + 1]
         _, end = find_contacts(
-            own, (pairs[c], first[rows[c]]), near, look, soft, grains, pair_slots, slots, walls, old_speed, records
+            own,
+            (pairs[c], first[rows[c]]),
+            near,
+            look,
+            compliance,
+            grains,
+            pair_slots,
+            slots,
+            walls,
+            old_speed,
+            records,
         )
         if walls.triangle.shape[0] > 0:
-            end = record(own, end, look, soft, grains, slots, walls, old_speed, records)
+            end = record(own, end, look, compliance, grains, slots, walls, old_speed, records)
         ends[c] = end
 
 
 @inner(parallel=True, error_model="numpy", fastmath={"contract"})
-def search_in_shares(look, grains, slots, walls, shafts, body, share):
-    """`search` by shares."""
-    rows, sums = share.rows, share.sums
+def search_in_chunks(look, grains, slots, walls, shafts, body, chunk):
+    """`search` by chunks."""
+    rows, sums = chunk.rows, chunk.sums
     count = rows.shape[0] - 1
     for c in prange(count):
         sums[c, 0] = search(rows[c], rows[c + 1], look, grains, slots, walls, shafts, body)

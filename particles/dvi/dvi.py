@@ -12,38 +12,37 @@ import numpy as np
 from geometry.walls import Wall
 from particles import checkpoint
 from particles.bodies import Body
+from particles.dvi import end_of_step, run_faults
 from particles.dvi import gauss_seidel as gs
-from particles.dvi import run_faults
-from particles.dvi import step_books as books
 from particles.dvi import step_kernel as kernel
 from particles.dvi.accelerated import ANDERSON, GAUSS_SEIDEL
-from particles.dvi.couples import N_COUPLE, N_SPRING_COUPLE, no_couples
+from particles.dvi.compliance import spring_table
+from particles.dvi.contact_torques import N_COUPLE, N_SPRING_COUPLE, no_contact_torques
+from particles.dvi.dvi_contact import DviContact
+from particles.dvi.dvi_totals import DviTotals, dvi_totals, rigid_books
 from particles.dvi.impulse_list import ImpulseList
 from particles.dvi.kernel_state import (
     Call,
-    Couples,
     GrainState,
     PairSlots,
     Partition,
     Records,
     Search,
     StepArguments,
+    Torques,
     Totals,
     WallSlots,
     WallState,
 )
 from particles.dvi.loaded_contacts import loaded_contacts, pressed_in
-from particles.dvi.rigid_contact import RigidContact
-from particles.dvi.rigid_totals import RigidTotals, rigid_books, rigid_totals
-from particles.dvi.rigid_triangles import N_TURN
-from particles.dvi.shares import make_shares
-from particles.dvi.springs import spring_table
+from particles.dvi.partition import make_chunks
+from particles.dvi.triangle_contacts import N_TURN
 from particles.grain_motion import Gravity, gravity_at, held_force
 from particles.grains import Grains
 from particles.laws.rolling_friction import RollingFriction
 from particles.laws.twisting_friction import TwistingFriction
-from particles.lists.contact_table import ContactTable
-from particles.lists.neighbours import cell_order
+from particles.neighbours.contact_table import ContactTable
+from particles.neighbours.neighbour_list import cell_order
 from particles.shafts import Shafts, drives_at
 from particles.threads import at_most
 from particles.walls.device_walls import DeviceWalls
@@ -68,7 +67,7 @@ class DVI:
         Taken over: its arrays are replaced, sorted and advanced.
     walls, bodies
         Walls refer to bodies by name.
-    contact : RigidContact
+    contact : DviContact
         Friction and restitution of every contact.
     dt : float
         Step [s].
@@ -89,10 +88,10 @@ class DVI:
     overlap_limit : float
         Overlap, as a share of the diameter, at which the run is stopped.
     stiffness : array_like, shape (2, 2), optional
-        [[k_n, k_t] between grains, [k_n, k_t] at walls] [N/m] of contacts that give way (`particles.dvi.springs`);
+        [[k_n, k_t] between grains, [k_n, k_t] at walls] [N/m] of contacts that give way (`particles.dvi.compliance`);
         rigid ones without.
     rolling, twisting : optional
-        Resistance to rolling and to twisting (`particles.dvi.couples`).
+        Resistance to rolling and to twisting (`particles.dvi.contact_torques`).
 
     Attributes
     ----------
@@ -105,7 +104,7 @@ class DVI:
         grains: Grains,
         walls: Sequence[Wall],
         bodies: Sequence[Body],
-        contact: RigidContact,
+        contact: DviContact,
         *,
         dt: float,
         gravity: Gravity | None = None,
@@ -142,7 +141,7 @@ class DVI:
         self.skin = 0.6 * float(np.mean(grains.radius)) if skin is None else float(skin)
         if not 0.0 < self.skin < np.inf:
             raise ValueError(f"skin = {self.skin * 1e3:g} mm; allowed: more than 0")
-        self.ledger = True  # the books of energy are a by-product here
+        self.energy_budget = True  # the energy budget is a by-product here
         self.external_force: np.ndarray | None = None
         self.step_count = self.order_version = self.list_version = 0
         self._resist = np.zeros((2, 2))  # mu_r and mu_w between grains, at walls
@@ -151,7 +150,7 @@ class DVI:
                 self._resist[:, column] = part.table()
         self._law = contact.table()
         self._stiffness = None if stiffness is None else np.array(stiffness, dtype=float)
-        self._soft = self._springs_of_step()
+        self._compliance = self._springs_of_step()
         self._springs = np.zeros(4)  # energy [J]: normal, tangential, of rolling, of twisting
         self._convex = None if friction == "coulomb" else True
         self._method = ANDERSON if solver == "accelerated" else GAUSS_SEIDEL
@@ -163,7 +162,7 @@ class DVI:
         self._grain = np.zeros((n, gs.N_GRAIN))
         self._bound = np.zeros(n)
         self._body = np.zeros((len(self.bodies), gs.N_BODY))
-        self._couples = no_couples()
+        self._contact_torques = no_contact_torques()
         self._stale = True
         self._reach = self.skin
         self._impulses: ImpulseList | None = None
@@ -206,7 +205,7 @@ class DVI:
         assert self._impulses is not None
         return self._impulses
 
-    def run(self, n_steps: int) -> RigidTotals:
+    def run(self, n_steps: int) -> DviTotals:
         """Advance by ``n_steps`` steps.
 
         Raises
@@ -214,9 +213,9 @@ class DVI:
         DemError
             For overlap beyond the limit, a number that is not finite, a grain outside the device.
         """
-        totals = np.zeros(books.N_SUMS)
+        totals = np.zeros(end_of_step.N_SUMS)
         totals[kernel.GRAIN] = -1.0
-        body_totals = np.zeros((len(self.bodies), books.N_BODY_SUMS))
+        body_totals = np.zeros((len(self.bodies), end_of_step.N_BODY_SUMS))
         kinetic, rebuilds, left = self.grains.kinetic_energy(), 0, n_steps
         elastic = float(self._springs.sum())
         angle, speed = (np.array([getattr(b, name) for b in self.bodies]) for name in ("angle", "speed"))
@@ -234,12 +233,12 @@ class DVI:
                 raise run_faults.stopped(
                     answer, totals, self.grains, self.dt, self.overlap_limit, self.tolerance, self.time
                 )
-            run_faults.refuse_shot_off(totals[books.MAX_SPEED], self.grains, self.dt, self.tolerance, self.time)
+            run_faults.refuse_shot_off(totals[end_of_step.MAX_SPEED], self.grains, self.dt, self.tolerance, self.time)
         energy = rigid_books(
             self.bodies, totals, body_totals, self._resist,
             (kinetic, self.grains.kinetic_energy()), (elastic, float(self._springs.sum())),
         )  # fmt: skip
-        return rigid_totals(n_steps, self.dt, self.bodies, totals, body_totals, energy, rebuilds)
+        return dvi_totals(n_steps, self.dt, self.bodies, totals, body_totals, energy, rebuilds)
 
     def contacts(self) -> ContactTable:
         """The loaded contacts of the last step."""
@@ -265,7 +264,7 @@ class DVI:
         Raises
         ------
         ValueError
-            If the state has another number of grains or bodies, or couples where this DVI has none, or none.
+            If the state has another number of grains or bodies, or torques where this DVI has none, or none.
         """
         checkpoint.refuse_another_scene("DVI", state, self.grains, self.bodies)
         if state["list_pair_impulse"].shape[1] != self._list.pair_impulse.shape[1]:
@@ -281,7 +280,7 @@ class DVI:
         self.step_count, self.order_version = (int(v) for v in state["counters"][:2])
         self._stale, self.list_version = bool(state["counters"][2]), int(state["counters"][3])
         self.dt, self.skin, self._reach = (float(v) for v in state["scalars"])
-        self._soft = self._springs_of_step()
+        self._compliance = self._springs_of_step()
         self._make_room()
 
     def begin_with(self, state: dict[str, np.ndarray]) -> None:
@@ -306,7 +305,7 @@ class DVI:
     ) -> tuple[int, int]:
         g = self.grains
         given = self._arguments(n_steps, angle, speed, Totals(totals, body_totals, self._springs))
-        with at_most(1 if self._share is None else len(self._share.pairs) // 2):
+        with at_most(1 if self._chunks is None else len(self._chunks.pairs) // 2):
             answer = kernel.run_steps(*given)
         state = given.grains
         g.position[:], g.velocity[:], g.angular_velocity[:] = state.position, state.velocity, state.spin
@@ -325,7 +324,7 @@ class DVI:
                 self._law, Search(self._method, self.tolerance, self.max_sweeps), self._met,
             ),
             self._convex,
-            self._soft,
+            self._compliance,
             GrainState(
                 position, velocity, spin, np.ascontiguousarray(g.radius), g.mass,
                 gravity_at(self.gravity, times), external, c.reference, self._bound,
@@ -335,8 +334,8 @@ class DVI:
             WallState(device.rows, device.triangles, device.body, self._turn),
             Shafts(drives, constants, angle, speed, device.reach, c.angles, float(self.n_sectors)),
             Records(self._grain, self._body, self._pair_index, self._pair, self._wall_index, self._wall),
-            self._couples,
-            Partition(self._share, True if self._share is None else None),
+            self._contact_torques,
+            Partition(self._chunks, True if self._chunks is None else None),
             totals,
         )  # fmt: skip
 
@@ -355,15 +354,15 @@ class DVI:
         p, s = self._list.pairs.count, len(self._list.wall_other)
         self._pair_index, self._wall_index = np.zeros((p, 2), dtype=np.int32), np.zeros((s, 2), dtype=np.int32)
         self._pair_slot, self._wall_slot = np.zeros(p, dtype=np.int32), np.zeros(s, dtype=np.int32)
-        memory = 0 if self._soft is None else gs.N_SPRING
+        memory = 0 if self._compliance is None else gs.N_SPRING
         self._pair, self._wall = np.zeros((p, gs.N_PAIR + memory)), np.zeros((s, gs.N_WALL_CONTACT + memory))
-        self._couples = no_couples()
+        self._contact_torques = no_contact_torques()
         if self._resist.any():
-            columns = N_COUPLE if self._soft is None else N_SPRING_COUPLE
-            self._couples = Couples(self._resist, np.zeros((p, columns)), np.zeros((s, columns)))
-        self._share = make_shares(
+            columns = N_COUPLE if self._compliance is None else N_SPRING_COUPLE
+            self._contact_torques = Torques(self._resist, np.zeros((p, columns)), np.zeros((s, columns)))
+        self._chunks = make_chunks(
             self._list.pairs.start, self._list.pairs.other, self._list.wall_start,
-            (len(self.bodies), books.N_BODY_SUMS), self._wall.shape[1],
+            (len(self.bodies), end_of_step.N_BODY_SUMS), self._wall.shape[1],
         )  # fmt: skip
         triangles = s if len(self._device.triangles) else 0
         self._found, self._tally = np.zeros((triangles, N_FOUND)), np.zeros((triangles, 2), dtype=np.int64)

@@ -13,13 +13,13 @@ Methods Appl. Mech. Engrg. 177 (1999) 235).
 so that its radius is needed nowhere, and its record is one cache line. The arms R_i a and R_j a add up to the
 distance of the centres (a = 1 where they touch): angular momentum is conserved to round-off.
 
-**Order.** Rows of the neighbour list in the order of memory, or in shares of them (`particles.dvi.shares`). It follows
-from the list alone.
+**Order.** Rows of the neighbour list in the order of memory, or in chunks of them (`particles.dvi.partition`). It
+follows from the list alone.
 
 A contact that is open and stays open is left after five multiplications.
 
-**Springs.** With ``soft`` every contact gives way like the springs of `LinearContact`, taken at the end of the step
-(`particles.dvi.springs`): instead of u the laws hold for u + o + C r, with C = diag(c_n, c_t, c_t), and
+**Springs.** With ``compliance`` every contact gives way like the springs of `LinearContact`, taken at the end of the
+step (`particles.dvi.compliance`): instead of u the laws hold for u + o + C r, with C = diag(c_n, c_t, c_t), and
 an offset o that holds the springs of now. 1/w_n and 1/w_t then hold c as well. None: rigid.
 """
 
@@ -44,8 +44,8 @@ EX, EY, EZ, ARM, RX, RY, RZ, B, IWN, IWT, MU, GAP, LX, LY = range(14)
 N_PAIR = 12
 N_WALL_CONTACT = 14
 N_SPRING = 4  # behind these, with springs: the tangential offset in world axes, and c_n
-# rows of ``soft``: between grains, at walls; columns: k_n [N/m], c_t [1/kg], and what K follows from
-# (`particles.dvi.springs`): the largest sqrt(a) at which the restitution is met, 2 zeta, log K against sqrt(a)
+# rows of ``compliance``: between grains, at walls; columns: k_n [N/m], c_t [1/kg], and what K follows from
+# (`particles.dvi.compliance`): the largest sqrt(a) at which the restitution is met, 2 zeta, log K against sqrt(a)
 PAIRS, WALLS = 0, 1
 STIFFNESS, TANGENTIAL, MET, DASHPOT, SHARES = range(5)
 
@@ -93,7 +93,7 @@ def apply_impulses(sign, records):
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def sweep_pairs(lo, hi, convex, relax, soft, records):
+def sweep_pairs(lo, hi, convex, relax, compliance, records):
     """Visit the pairs lo <= k < hi; returns the largest change of an impulse times w_n, squared [m^2/s^2].
 
     ``convex`` None: exact Coulomb, over-relaxed by ``relax`` (1: not), which the convex law does not read.
@@ -111,7 +111,7 @@ def sweep_pairs(lo, hi, convex, relax, soft, records):
         if convex is None:
             inverse *= relax
         u_n = v_n + pair[k, B]
-        if soft is not None:
+        if compliance is not None:
             u_n += pair[k, N_PAIR + 3] * was
         r_n = was - u_n * inverse
         if convex is None:
@@ -122,8 +122,8 @@ def sweep_pairs(lo, hi, convex, relax, soft, records):
         ux = ux - v_n * ex - arm * (sy * ez - sz * ey)
         uy = uy - v_n * ey - arm * (sz * ex - sx * ez)
         uz = uz - v_n * ez - arm * (sx * ey - sy * ex)
-        if soft is not None:
-            c = soft[PAIRS, TANGENTIAL]
+        if compliance is not None:
+            c = compliance[PAIRS, TANGENTIAL]
             ux += pair[k, N_PAIR] + c * (rx - was * ex)
             uy += pair[k, N_PAIR + 1] + c * (ry - was * ey)
             uz += pair[k, N_PAIR + 2] + c * (rz - was * ez)
@@ -174,7 +174,7 @@ def sweep_pairs(lo, hi, convex, relax, soft, records):
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def sweep_walls(lo, hi, convex, relax, soft, records):
+def sweep_walls(lo, hi, convex, relax, compliance, records):
     """The same for contacts with walls."""
     grain, body, index, wall = records.grain, records.body, records.wall_index, records.wall
     largest = 0.0
@@ -190,7 +190,7 @@ def sweep_walls(lo, hi, convex, relax, soft, records):
         if convex is None:
             inverse *= relax
         u_n = v_n + wall[k, B]
-        if soft is not None:
+        if compliance is not None:
             u_n += wall[k, N_WALL_CONTACT + 3] * was
         r_n = was - u_n * inverse
         free = body[b, IJ]
@@ -201,8 +201,8 @@ def sweep_walls(lo, hi, convex, relax, soft, records):
         ux = ux - v_n * ex - arm * (grain[i, PY] * ez - grain[i, PZ] * ey)
         uy = uy - v_n * ey - arm * (grain[i, PZ] * ex - grain[i, PX] * ez)
         uz = uz - v_n * ez - arm * (grain[i, PX] * ey - grain[i, PY] * ex)
-        if soft is not None:
-            c = soft[WALLS, TANGENTIAL]
+        if compliance is not None:
+            c = compliance[WALLS, TANGENTIAL]
             ux += wall[k, N_WALL_CONTACT] + c * (rx - was * ex)
             uy += wall[k, N_WALL_CONTACT + 1] + c * (ry - was * ey)
             uz += wall[k, N_WALL_CONTACT + 2] + c * (rz - was * ez)
@@ -292,17 +292,17 @@ def sweep_loads(body):
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def sweep(convex, relax, soft, records):
+def sweep(convex, relax, compliance, records):
     """One sweep over everything; returns the largest change [m/s]."""
     first = np.int64(0)  # a plain 0 is a type of its own
-    b = sweep_pairs(first, records.pair.shape[0], convex, relax, soft, records)
-    a = sweep_walls(first, records.wall.shape[0], convex, relax, soft, records)
+    b = sweep_pairs(first, records.pair.shape[0], convex, relax, compliance, records)
+    a = sweep_walls(first, records.wall.shape[0], convex, relax, compliance, records)
     sweep_loads(records.body)
     return np.sqrt(max(a, b))
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def residual(part, convex, soft, records):
+def residual(part, convex, compliance, records):
     """Largest natural map over the contacts of a part [m/s], all at the same velocities."""
     grain, body, pair_index, pair, wall_index, wall = records
     law = convex is not None
@@ -319,7 +319,7 @@ def residual(part, convex, soft, records):
         ux = ux - u_n * ex - arm * (sy * ez - sz * ey)
         uy = uy - u_n * ey - arm * (sz * ex - sx * ez)
         uz = uz - u_n * ez - arm * (sx * ey - sy * ex)
-        worst = max(worst, _map(law, soft, PAIRS, N_PAIR, pair, k, u_n, ux, uy, uz))
+        worst = max(worst, _map(law, compliance, PAIRS, N_PAIR, pair, k, u_n, ux, uy, uz))
     for k in range(part.w0, part.w1):
         i, b = wall_index[k, 0], wall_index[k, 1]
         ex, ey, ez = wall[k, EX], wall[k, EY], wall[k, EZ]
@@ -329,19 +329,19 @@ def residual(part, convex, soft, records):
         ux = ux - u_n * ex - arm * (grain[i, PY] * ez - grain[i, PZ] * ey)
         uy = uy - u_n * ey - arm * (grain[i, PZ] * ex - grain[i, PX] * ez)
         uz = uz - u_n * ez - arm * (grain[i, PX] * ey - grain[i, PY] * ex)
-        worst = max(worst, _map(law, soft, WALLS, N_WALL_CONTACT, wall, k, u_n, ux, uy, uz))
+        worst = max(worst, _map(law, compliance, WALLS, N_WALL_CONTACT, wall, k, u_n, ux, uy, uz))
     return worst
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def _map(law, soft, kind, offset, row, k, u_n, ux, uy, uz):
+def _map(law, compliance, kind, offset, row, k, u_n, ux, uy, uz):
     """Natural map of contact k from its velocity, tangential part in world axes."""
     ex, ey, ez = row[k, EX], row[k, EY], row[k, EZ]
     r_n = row[k, RX] * ex + row[k, RY] * ey + row[k, RZ] * ez
     tx, ty, tz = row[k, RX] - r_n * ex, row[k, RY] - r_n * ey, row[k, RZ] - r_n * ez
-    if soft is not None:
+    if compliance is not None:
         u_n += row[k, offset + 3] * r_n
-        c = soft[kind, TANGENTIAL]
+        c = compliance[kind, TANGENTIAL]
         ux += row[k, offset] + c * tx
         uy += row[k, offset + 1] + c * ty
         uz += row[k, offset + 2] + c * tz
@@ -364,13 +364,13 @@ def apply_records(sign, grain, body, pair_index, pair, wall_index, wall):
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def sweep_records(convex, relax, soft, grain, body, pair_index, pair, wall_index, wall):
+def sweep_records(convex, relax, compliance, grain, body, pair_index, pair, wall_index, wall):
     """`sweep` for calls from Python."""
-    return sweep(convex, relax, soft, Records(grain, body, pair_index, pair, wall_index, wall))
+    return sweep(convex, relax, compliance, Records(grain, body, pair_index, pair, wall_index, wall))
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def residual_records(convex, soft, grain, body, pair_index, pair, wall_index, wall):
+def residual_records(convex, compliance, grain, body, pair_index, pair, wall_index, wall):
     """`residual` for calls from Python."""
     records = Records(grain, body, pair_index, pair, wall_index, wall)
-    return residual(whole(records), convex, soft, records)
+    return residual(whole(records), convex, compliance, records)

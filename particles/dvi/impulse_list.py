@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from particles.lists.neighbours import PairList, find_pairs
+from particles.neighbours.neighbour_list import PairList, find_pairs
 from particles.walls.device_walls import DeviceWalls
 
 
@@ -24,9 +24,9 @@ class ImpulseList:
     ----------
     pairs : PairList
         Half list.
-    pair_impulse, wall_impulse : ndarray, shapes (p, 3), (s, 3); with couples (p, 6), (s, 6)
-        Impulse on the (first) grain in the last step [N s]; zero where there was none. Behind it its couple
-        over R_eff [N s] (`particles.dvi.couples`).
+    pair_impulse, wall_impulse : ndarray, shapes (p, 3), (s, 3); with torques (p, 6), (s, 6)
+        Impulse on the (first) grain in the last step [N s]; zero where there was none. Behind it its torque
+        over R_eff [N s] (`particles.dvi.contact_torques`).
     wall_start, wall_other : ndarray, shapes (n + 1,), (s,)
         Walls near each grain.
     reference : ndarray, shape (n, 3)

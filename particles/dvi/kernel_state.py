@@ -16,7 +16,7 @@ from geometry.inner_functions import inner
 from particles.shafts import Shafts
 
 if TYPE_CHECKING:
-    from particles.dvi.shares import Shares
+    from particles.dvi.partition import Chunks
 
 
 class Search(NamedTuple):
@@ -56,7 +56,7 @@ class Call(NamedTuple):
     margin : float
         Share of the fastest grain's way that contacts are looked for beyond their own.
     law : ndarray, shape (2, 3)
-        Friction, restitution and its threshold [m/s] between grains, at walls (`particles.dvi.rigid_contact`).
+        Friction, restitution and its threshold [m/s] between grains, at walls (`particles.dvi.dvi_contact`).
     search : Search
     met : ndarray of int64, shape (2,)
         Pairs and wall contacts of the last step; written.
@@ -140,7 +140,7 @@ class WallSlots(NamedTuple):
     Attributes
     ----------
     found, tally : ndarray, shapes (s, N_FOUND), (s, 2), or no rows without triangles
-        What grains meet of triangles (`particles.dvi.rigid_triangles`).
+        What grains meet of triangles (`particles.dvi.triangle_contacts`).
     """
 
     start: np.ndarray
@@ -159,7 +159,7 @@ class WallState(NamedTuple):
     smooth, triangle, body : ndarray
         As in `particles.walls.device_walls.DeviceWalls`.
     turn : ndarray, shape (n_bodies, N_TURN)
-        Where they have turned to (`particles.dvi.rigid_triangles`); kept where there are triangles.
+        Where they have turned to (`particles.dvi.triangle_contacts`); kept where there are triangles.
     """
 
     smooth: np.ndarray
@@ -189,15 +189,15 @@ class Records(NamedTuple):
     wall: np.ndarray
 
 
-class Couples(NamedTuple):
-    """Resistance to rolling and twisting (`particles.dvi.couples`).
+class Torques(NamedTuple):
+    """Resistance to rolling and twisting (`particles.dvi.contact_torques`).
 
     Attributes
     ----------
     law : ndarray, shape (2, 2) or (0, 2)
         mu_r and mu_w between grains, at walls; no rows where nothing resists, and nothing is done.
     pair, wall : ndarray
-        Records of the couples, at least as many as contacts.
+        Records of the torques, at least as many as contacts.
     """
 
     law: np.ndarray
@@ -218,14 +218,14 @@ class Part(NamedTuple):
 
 
 class Partition(NamedTuple):
-    """Who sweeps: one thread, ``alone`` True and ``share`` None; or threads in shares, ``alone`` None."""
+    """Who sweeps: one thread, ``alone`` True and ``chunk`` None; or threads in chunks, ``alone`` None."""
 
-    share: Shares | None
+    chunk: Chunks | None
     alone: bool | None
 
 
 class Totals(NamedTuple):
-    """Sums over steps (`particles.dvi.step_books`).
+    """Sums over steps (`particles.dvi.end_of_step`).
 
     Attributes
     ----------
@@ -244,14 +244,14 @@ class StepArguments(NamedTuple):
 
     call: Call
     convex: bool | None
-    soft: np.ndarray | None
+    compliance: np.ndarray | None
     grains: GrainState
     pairs: PairSlots
     slots: WallSlots
     walls: WallState
     shafts: Shafts
     records: Records
-    couples: Couples
+    contact_torques: Torques
     partition: Partition
     totals: Totals
 

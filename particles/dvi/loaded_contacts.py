@@ -9,7 +9,7 @@ import numpy as np
 from particles.bodies import Body
 from particles.dvi.impulse_list import ImpulseList
 from particles.grains import Grains
-from particles.lists.contact_table import ContactTable
+from particles.neighbours.contact_table import ContactTable
 from particles.walls.device_walls import DeviceWalls
 from particles.walls.triangle_kernels import closest_on_triangle
 from particles.walls.wall_kernels import wall_overlaps

@@ -6,13 +6,13 @@ import numpy as np
 from numba import prange
 
 from geometry.inner_functions import inner
-from particles.dvi.rigid_triangles import overlapping
+from particles.dvi.triangle_contacts import overlapping
 from particles.walls.triangle_kernels import DISTANCE, TOWARDS_X, TOWARDS_Y, TOWARDS_Z
 from particles.walls.wall_kernels import _wall_gap
 
 
 @inner(error_model="numpy", fastmath={"contract"})
-def project(slop, cap, step, grains, pair_slots, slots, walls, share=None, alone=True):
+def project(slop, cap, step, grains, pair_slots, slots, walls, chunk=None, alone=True):
     """Push overlapping grains apart, positions only, by inverse masses, until none overlaps by more than slop*radius.
 
     Nonlinear Gauss-Seidel on the gaps; with an infinite ``slop``, that of springs, they are only looked at. Returns the
@@ -25,8 +25,8 @@ def project(slop, cap, step, grains, pair_slots, slots, walls, share=None, alone
             worst, depth, where, done = _project_rows(
                 0, grains.radius.shape[0], sweep == 0, slop, step, grains, pair_slots, slots, walls
             )
-        if share is not None:
-            worst, depth, where, done = _project_shares(sweep == 0, slop, step, grains, pair_slots, slots, walls, share)
+        if chunk is not None:
+            worst, depth, where, done = _project_chunks(sweep == 0, slop, step, grains, pair_slots, slots, walls, chunk)
         if sweep == 0:
             deepest, at = depth, where
         work += done
@@ -37,9 +37,9 @@ def project(slop, cap, step, grains, pair_slots, slots, walls, share=None, alone
 
 
 @inner(parallel=True, error_model="numpy", fastmath={"contract"})
-def _project_shares(first, slop, step, grains, pair_slots, slots, walls, share):
-    """`_project_rows` by shares."""
-    rows, sums = share.rows, share.sums
+def _project_chunks(first, slop, step, grains, pair_slots, slots, walls, chunk):
+    """`_project_rows` by chunks."""
+    rows, sums = chunk.rows, chunk.sums
     count = rows.shape[0] - 1
     for odd in range(2):
         for half in prange((count + 1 - odd) // 2):
@@ -83,8 +83,8 @@ def _project_rows(lo, hi, first, slop, step, grains, pair_slots, slots, walls):
             worst = max(worst, depth)
             if first and worst <= slop:
                 continue
-            share = (reach - d) / (max(d, 1e-300) * (mass[i] + mass[j]))
-            a, b = share * mass[j], share * mass[i]
+            fraction = (reach - d) / (max(d, 1e-300) * (mass[i] + mass[j]))
+            a, b = fraction * mass[j], fraction * mass[i]
             work += _shift(step, grains, i, a * dx, a * dy, a * dz)
             work += _shift(step, grains, j, -b * dx, -b * dy, -b * dz)
         for k in range(wall_start[i], wall_start[i + 1]):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from particles.dvi import step_books as books
+from particles.dvi import end_of_step
 from particles.dvi.step_kernel import OVERLAP
-from particles.faults import DemError, DemErrorKind, ParticleError
+from particles.errors import DemError, DemErrorKind, ParticleError
 from particles.grains import Grains
 
 SHOT_OFF = 20.0  # radii a step: what no wall of a device throws a grain at
@@ -51,10 +51,10 @@ def stopped(
     """
     g = grains
     if answer == OVERLAP:
-        k = int(totals[books.GRAIN])
+        k = int(totals[end_of_step.GRAIN])
         return DemError(
             DemErrorKind.OVERLAP,
-            f"it overlaps a neighbour or a wall by {100.0 * totals[books.MAX_OVERLAP]:.3g} % of the "
+            f"it overlaps a neighbour or a wall by {100.0 * totals[end_of_step.MAX_OVERLAP]:.3g} % of the "
             f"diameter (the limit is {100.0 * overlap_limit:.3g} %)",
             f"shorten dt = {dt:.3g} s, or tighten the tolerance of {tolerance:.3g} m/s",
             g.particle_id[k], g.position[k], time,

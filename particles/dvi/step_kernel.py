@@ -9,7 +9,7 @@ it is reached, and the next middle is free of overlap whatever theta is (the mid
 e an approach faster than the threshold that would end in a contact within the step rebounds: u_n' >= -e u_n. What
 overlap is left by the curvature of paths is removed from the positions alone (`particles.dvi.projection`): no velocity
 is touched, no kinetic energy made; the work of the held forces on that displacement is reported. Bodies turn to the
-same middle as the grains; triangles, in scenes that have them, are met there (`particles.dvi.rigid_triangles`).
+same middle as the grains; triangles, in scenes that have them, are met there (`particles.dvi.triangle_contacts`).
 
 **Slop.** A gap of less than ``slop`` radii counts as closed, u_n' >= 0, as an overlap of so much is let be. Were it to
 be closed, to the last picometre that the tolerance of earlier steps has left, the contacts of a packing at rest would
@@ -25,14 +25,9 @@ from numba import njit
 from geometry.inner_functions import inner
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.accelerated import solve
-from particles.dvi.contact_search import find_contacts, find_in_shares, free_velocities, search_in_shares
-from particles.dvi.couples import begin_couples, book_couples
-from particles.dvi.gauss_seidel import BRAKE, IJ
-from particles.dvi.kernel_state import Look, Records, WallSlots, first_of, whole
-from particles.dvi.projection import project
-from particles.dvi.rigid_triangles import pass_on, record, search, turn_bodies
-from particles.dvi.shares import sort_walls
-from particles.dvi.step_books import (
+from particles.dvi.contact_search import find_contacts, find_in_chunks, free_velocities, search_in_chunks
+from particles.dvi.contact_torques import begin_contact_torques, record_contact_torques
+from particles.dvi.end_of_step import (
     BODY_WORK,
     CONTACT_WORK,
     DRIVE_WORK,
@@ -52,10 +47,15 @@ from particles.dvi.step_books import (
     TWISTING,
     VISITS,
     book,
-    book_shares,
     enter,
     move,
+    record_chunks,
 )
+from particles.dvi.gauss_seidel import BRAKE, IJ
+from particles.dvi.kernel_state import Look, Records, WallSlots, first_of, whole
+from particles.dvi.partition import sort_walls
+from particles.dvi.projection import project
+from particles.dvi.triangle_contacts import pass_on, record, search, turn_bodies
 from particles.shafts import DRIVE, DRIVE_SLOPE, FREE, INERTIA, LOAD, SPEED
 
 # what the kernel answers
@@ -92,45 +92,45 @@ def _free_bodies(h, step, shafts, body):
 
 
 @inner(error_model="numpy", fastmath={"contract"})
-def _search(look, grains, slots, walls, shafts, body, share, alone):
+def _search(look, grains, slots, walls, shafts, body, chunk, alone):
     """What grains may meet of triangles within the step; the largest speed that these push one to [m/s]."""
     if alone is not None:
         raised = search(np.int64(0), grains.mass.shape[0], look, grains, slots, walls, shafts, body)
-    if share is not None:
-        raised = search_in_shares(look, grains, slots, walls, shafts, body, share)
+    if chunk is not None:
+        raised = search_in_chunks(look, grains, slots, walls, shafts, body, chunk)
     return raised
 
 
 @inner(error_model="numpy", fastmath={"contract"})
-def _find(look, soft, grains, pairs, slots, walls, shafts, records, share, alone):
+def _find(look, compliance, grains, pairs, slots, walls, shafts, records, chunk, alone):
     """The contacts that may close within the step, with the impulses of the last one; their numbers."""
     if alone is not None:
         rows = np.int64(0), grains.mass.shape[0]
         met, met_walls = find_contacts(
-            rows, (np.int64(0), np.int64(0)), None, look, soft, grains, pairs, slots, walls, shafts.speed, records
+            rows, (np.int64(0), np.int64(0)), None, look, compliance, grains, pairs, slots, walls, shafts.speed, records
         )
         if walls.triangle.shape[0] > 0:
-            met_walls = record(rows, met_walls, look, soft, grains, slots, walls, shafts.speed, records)
-    if share is not None:
+            met_walls = record(rows, met_walls, look, compliance, grains, slots, walls, shafts.speed, records)
+    if chunk is not None:
         unsorted = Records(
-            records.grain, records.body, records.pair_index, records.pair, share.met_index, share.met
+            records.grain, records.body, records.pair_index, records.pair, chunk.met_index, chunk.met
         )  # fmt: skip
-        places = WallSlots(slots.start, slots.other, slots.impulse, share.met_slot, slots.found, slots.tally)
-        find_in_shares(look, soft, grains, pairs, places, walls, shafts.speed, unsorted, share, share.ends)
-        met, met_walls = share.pairs[-1], sort_walls(share, slots, records)
+        places = WallSlots(slots.start, slots.other, slots.impulse, chunk.met_slot, slots.found, slots.tally)
+        find_in_chunks(look, compliance, grains, pairs, places, walls, shafts.speed, unsorted, chunk, chunk.ends)
+        met, met_walls = chunk.pairs[-1], sort_walls(chunk, slots, records)
     return met, met_walls
 
 
 @inner(error_model="numpy", fastmath={"contract"})
-def _begin(call, step, soft, grains, pairs, slots, walls, shafts, records, couples, partition, totals):
+def _begin(call, step, compliance, grains, pairs, slots, walls, shafts, records, contact_torques, partition, totals):
     """Stages 1 to 3: half drift, overlap, free velocities, contacts, warm start.
 
     Returns the numbers of pairs and walls that are contacts, and the largest speed [m/s].
     """
-    h, share, alone = call.h, partition.share, partition.alone
+    h, chunk, alone = call.h, partition.chunk, partition.alone
     _drift_half(call, grains, shafts, walls)
     deepest, at, work, count = project(
-        call.slop if soft is None else np.inf, PROJECTION_SWEEPS, step, grains, pairs, slots, walls, share, alone
+        call.slop if compliance is None else np.inf, PROJECTION_SWEEPS, step, grains, pairs, slots, walls, chunk, alone
     )
     totals.run[STABILISATION] += work
     totals.run[PROJECTIONS] += count
@@ -141,16 +141,16 @@ def _begin(call, step, soft, grains, pairs, slots, walls, shafts, records, coupl
     fastest = free_velocities(h, step, grains, records.grain)
     if walls.triangle.shape[0] > 0:
         look = Look(h, call.margin * h * fastest, call.slop, call.law)
-        raised = _search(look, grains, slots, walls, shafts, records.body, share, alone)
+        raised = _search(look, grains, slots, walls, shafts, records.body, chunk, alone)
         if raised > 0.0:
             fastest = max(fastest, raised)
             pass_on(h, grains, pairs)
     look = Look(h, call.margin * h * fastest, call.slop, call.law)
-    met, met_walls = _find(look, soft, grains, pairs, slots, walls, shafts, records, share, alone)
+    met, met_walls = _find(look, compliance, grains, pairs, slots, walls, shafts, records, chunk, alone)
     contacts = first_of(records, met, met_walls)
     gs.apply_impulses(1.0, contacts)
-    if couples.law.shape[0] > 0:
-        begin_couples(soft, grains.radius, pairs, slots, walls, contacts, couples)
+    if contact_torques.law.shape[0] > 0:
+        begin_contact_torques(compliance, grains.radius, pairs, slots, walls, contacts, contact_torques)
     return met, met_walls, fastest
 
 
@@ -182,29 +182,29 @@ def _turn_shafts(call, step, shafts, body, mean, body_totals):
 
 
 @inner(error_model="numpy", fastmath={"contract"})
-def _book(h, soft, mean, grains, pairs, slots, shafts, contacts, share, alone, totals):
+def _book(h, compliance, mean, grains, pairs, slots, shafts, contacts, chunk, alone, totals):
     """Keep the impulses, and book their works and torques."""
     booked = np.zeros((1, N_BOOKED))
     if alone is not None:
         book(
-            whole(contacts), h, soft, shafts.speed, mean, grains, pairs, slots, contacts, booked[0], totals.bodies
+            whole(contacts), h, compliance, shafts.speed, mean, grains, pairs, slots, contacts, booked[0], totals.bodies
         )  # fmt: skip
-    if share is not None:
-        booked = share.sums
-        book_shares(h, soft, shafts.speed, mean, grains, pairs, slots, contacts, share, totals.bodies)
-    enter(soft, booked, totals)
+    if chunk is not None:
+        booked = chunk.sums
+        record_chunks(h, compliance, shafts.speed, mean, grains, pairs, slots, contacts, chunk, totals.bodies)
+    enter(compliance, booked, totals)
 
 
 @inner(error_model="numpy", fastmath={"contract"})
-def _finish(call, step, soft, grains, pairs, slots, shafts, contacts, couples, partition, totals):
-    """Stages 5 and 6: books and drift; returns how far from its list a grain is [m]."""
+def _finish(call, step, compliance, grains, pairs, slots, shafts, contacts, contact_torques, partition, totals):
+    """Stages 5 and 6: work recorded, and drift; returns how far from its list a grain is [m]."""
     h, run = call.h, totals.run
     mean = np.empty(shafts.speed.shape[0])
     _turn_shafts(call, step, shafts, contacts.body, mean, totals.bodies)
-    _book(h, soft, mean, grains, pairs, slots, shafts, contacts, partition.share, partition.alone, totals)
-    if couples.law.shape[0] > 0:
-        rolling, twisting, work = book_couples(
-            h, soft, mean, grains, pairs, slots, contacts, couples, totals, TORQUE_T, BODY_WORK
+    _book(h, compliance, mean, grains, pairs, slots, shafts, contacts, partition.chunk, partition.alone, totals)
+    if contact_torques.law.shape[0] > 0:
+        rolling, twisting, work = record_contact_torques(
+            h, compliance, mean, grains, pairs, slots, contacts, contact_torques, totals, TORQUE_T, BODY_WORK
         )
         run[ROLLING] += rolling
         run[TWISTING] += twisting
@@ -228,7 +228,9 @@ def _verdict(call, travel, shafts, walls):
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def run_steps(call, convex, soft, grains, pairs, slots, walls, shafts, records, couples, partition, totals):
+def run_steps(
+    call, convex, compliance, grains, pairs, slots, walls, shafts, records, contact_torques, partition, totals
+):
     """Up to ``call.n_steps`` steps; stops early when the list must be rebuilt or a grain is in trouble.
 
     Parameters
@@ -236,8 +238,8 @@ def run_steps(call, convex, soft, grains, pairs, slots, walls, shafts, records, 
     convex : bool, or None
         The convex relaxation; None: exact Coulomb.
     soft : ndarray, or None
-        Table of springs (`particles.dvi.springs`); None: rigid.
-    call, grains, pairs, slots, walls, shafts, records, couples, partition, totals
+        Table of springs (`particles.dvi.compliance`); None: rigid.
+    call, grains, pairs, slots, walls, shafts, records, torques, partition, totals
         `particles.dvi.kernel_state`, and `particles.shafts.Shafts`.
 
     Returns
@@ -247,17 +249,21 @@ def run_steps(call, convex, soft, grains, pairs, slots, walls, shafts, records, 
     for step in range(call.n_steps):
         # 1-3. half drift, free velocities, contacts, warm start
         met, met_walls, fastest = _begin(
-            call, step, soft, grains, pairs, slots, walls, shafts, records, couples, partition, totals
+            call, step, compliance, grains, pairs, slots, walls, shafts, records, contact_torques, partition, totals
         )
         call.met[0], call.met[1] = met, met_walls
         if totals.run[MAX_OVERLAP] > call.overlap:
             return OVERLAP, step
         # 4. impulses
         contacts = first_of(records, met, met_walls)
-        sweeps, reached, taken = solve(convex, soft, call.search, contacts, couples, partition.share, partition.alone)
-        # 5-6. books, half drift
+        sweeps, reached, taken = solve(
+            convex, compliance, call.search, contacts, contact_torques, partition.chunk, partition.alone
+        )
+        # 5-6. work recorded, half drift
         _count(call.search.tolerance, contacts, sweeps, reached, taken, totals.run)
-        travel = _finish(call, step, soft, grains, pairs, slots, shafts, contacts, couples, partition, totals)
+        travel = _finish(
+            call, step, compliance, grains, pairs, slots, shafts, contacts, contact_torques, partition, totals
+        )
         answer = _verdict(call, travel + call.h * fastest, shafts, walls)
         if answer != DONE:
             return answer, step + 1

@@ -21,7 +21,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from particles.faults import PackingError
+from particles.errors import PackingError
 from particles.packing.columns_file import read_columns
 from particles.packing.packing import Packing, require_fit
 from particles.packing.space import Space

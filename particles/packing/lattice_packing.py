@@ -28,7 +28,7 @@ import numpy as np
 from geometry.box import Box
 from geometry.centrifugal import Chamber
 from geometry.walls import AnnularBox
-from particles.faults import PackingError
+from particles.errors import PackingError
 from particles.packing.packing import Packing
 from particles.packing.space import Place, Space, opening
 

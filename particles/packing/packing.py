@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from particles.faults import PackingError
-from particles.lists.neighbours import find_pairs
+from particles.errors import PackingError
+from particles.neighbours.neighbour_list import find_pairs
 from particles.packing.space import Space
 from particles.walls.wall_table import outside
 

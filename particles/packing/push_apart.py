@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numba import njit
 
-from particles.lists.neighbours import PairList, cell_order, find_pairs
+from particles.neighbours.neighbour_list import PairList, cell_order, find_pairs
 from particles.packing.space import Near, Space
 
 TOLERANCE = 0.01  # overlap that is left, as a share of the smaller diameter

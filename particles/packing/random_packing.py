@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from geometry.walls import Wall
-from particles.faults import PackingError
+from particles.errors import PackingError
 from particles.packing.packing import Packing
 from particles.packing.push_apart import TOLERANCE, Crowd
 from particles.packing.space import Place, Space

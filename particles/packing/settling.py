@@ -29,7 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from particles.bodies import PrescribedSpeed
-from particles.faults import ParticleError
+from particles.errors import ParticleError
 from particles.grain_motion import GrainMotion
 
 KINETIC = 1e-6  # of the reference energy (module docstring)

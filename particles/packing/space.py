@@ -13,7 +13,7 @@ from geometry.centrifugal import Chamber
 from geometry.triangle_wall import TriangleWall
 from geometry.walls import AnnularBox, Wall
 from particles.bodies import Body
-from particles.faults import PackingError
+from particles.errors import PackingError
 from particles.sector import CyclicSector
 from particles.walls.triangle_kernels import push_off_triangles, winding_number
 from particles.walls.triangle_search import TriangleSearch
@@ -161,7 +161,7 @@ class Space:
         PackingError
             If a place is thinner than the thickest grain.
         """
-        shares = _shares(self.volumes, len(radius))
+        shares = _chunks(self.volumes, len(radius))
         owner = np.repeat(np.arange(len(self.places)), shares)
         return np.concatenate([self._spread(rng, k, radius[owner == k]) for k in range(len(self.places)) if shares[k]])
 
@@ -204,7 +204,7 @@ class Space:
         ], axis=1)  # fmt: skip
 
 
-def _shares(volumes: np.ndarray, count: int) -> np.ndarray:
+def _chunks(volumes: np.ndarray, count: int) -> np.ndarray:
     """Whole numbers in proportion to ``volumes`` that add up to ``count`` (largest remainders)."""
     exact = count * volumes / volumes.sum()
     shares = np.floor(exact).astype(int)

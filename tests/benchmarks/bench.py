@@ -45,7 +45,7 @@ def rows(kinds: list[str], rounds: int, sizes: tuple[int, ...]) -> Iterator[Row]
                 lammps = row.theirs
             yield row
     if "dvi" in kinds:
-        yield from bench_rows.rigid_rows(rounds, lammps)
+        yield from bench_rows.dvi_rows(rounds, lammps)
     for kind, made in (
         ("field", bench_rows.field_rows),
         ("moments", bench_rows.moment_rows),

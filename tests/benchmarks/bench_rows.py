@@ -103,7 +103,7 @@ def _least_and_median(answers: list[dict], clock: str, scale: float) -> tuple[fl
     return float(seconds.min()), float(np.median(seconds))
 
 
-def rigid_rows(rounds: int, lammps_ns: float | None) -> Iterator[Row]:
+def dvi_rows(rounds: int, lammps_ns: float | None) -> Iterator[Row]:
     """Sweeps of rigid contact on scene B in the box, beside Chrono's, scaled by LAMMPS' speed in this sitting.
 
     `lammps_ns` is LAMMPS' row of scene A with 1000 grains and one thread. Chrono sweeps over the convex law, ours over

@@ -22,7 +22,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numba
 
-import coupling.ledgers
+import coupling.window_budget
 from coupling import run_staggered
 from emclutch import Case, load_case, read_study
 from emclutch.simulation.assembly import assemble
@@ -98,7 +98,7 @@ def main() -> None:
         of_runs(given.runs)
         return
     numba.set_num_threads(1)
-    coupling.ledgers.perf_counter = time.process_time  # other programs on the machine are not what is asked for
+    coupling.window_budget.perf_counter = time.process_time  # other programs on the machine are not what is asked for
     speed = machine_speed()
     alone = MachineSpeed(speed.loops, speed.solves, speed.cores, 0.0)
     print(speed.in_words())

@@ -34,7 +34,7 @@ STEP = 0.6 * scene_a.TIME_STEP  # every law below takes it
 HERTZIAN = HertzMindlin.from_restitution(Elastic(1.8e6, 0.3), scene_a.RESTITUTION, scene_a.FRICTION)
 PARTS: dict[str, dict] = {
     "linear": {},
-    "linear, books of energy": {"ledger": True},
+    "linear, energy budget": {"ledger": True},
     "linear, rolling": {"rolling": RollingFriction(0.1)},
     "linear, rolling and twisting": {"rolling": RollingFriction(0.1), "twisting": TwistingFriction(0.05)},
     "linear, cohesion": {"cohesion": Cohesion.constant(1e-5)},
@@ -61,7 +61,7 @@ def bed(folder: Path, n: int) -> tuple[np.ndarray, Box]:
 
 
 def cost(
-    folder: Path, n: int, law=None, spread: float = 0.0, ledger: bool = False, windows: int = 6, **parts
+    folder: Path, n: int, law=None, spread: float = 0.0, energy_budget: bool = False, windows: int = 6, **parts
 ) -> tuple[float, float, float]:
     """(ns a grain and step, coordination, bytes a grain of the arrays that stay)."""
     where, box = bed(folder, n)
@@ -69,7 +69,7 @@ def cost(
     law = law or LinearContact.from_restitution(scene_a.STIFFNESS, scene_a.RESTITUTION, scene_a.FRICTION)
     dem = DEM(
         Grains.create(where, radius, scene_a.DENSITY), box.walls(), [Body("housing")], law, dt=STEP,
-        gravity=scene_a.gravity, overlap_limit=scene_a.OVERLAP_LIMIT, ledger=ledger, **parts,
+        gravity=scene_a.gravity, overlap_limit=scene_a.OVERLAP_LIMIT, energy_budget=energy_budget, **parts,
     )  # fmt: skip
     dem.run(max(40, 2_000_000 // n))
     steps, least = max(20, 1_000_000 // n), np.inf

@@ -1,7 +1,7 @@
 """Springs or rigid grains: which is cheaper at which accuracy, on scene B (`scene_b`) in the box and in the drum.
 
 **DEM**: the linear law at restitution 0.1 (0 itself would need an infinite dashpot; an impact keeps 1 % of its energy),
-mu 0.3, without books of energy, 20 steps a contact. The step fixes the spring: k = pi^2 m/2/(20 dt)^2, 5.1e3 N/m at the
+mu 0.3, without energy budget, 20 steps a contact. The step fixes the spring: k = pi^2 m/2/(20 dt)^2, 5.1e3 N/m at the
 1e-4 s of the usual comparison, 2.0e6 N/m at 5e-6 s. **DVI**: exact Coulomb, restitution 0, a step h, and either 50
 sweeps whatever they reach or a tolerance [m/s] (2 000 sweeps at most).
 
@@ -85,8 +85,10 @@ def by_dem(n: int, vessel: str, start: Start, dt: float) -> DEM:
     law = LinearContact.from_restitution(stiffness(dt), RESTITUTION, scene_b.FRICTION)
     if vessel == "drum":
         walls, body = scene_b.drum(n)
-        return DEM(grains, walls, [body], law, dt=dt, gravity=(0.0, -scene_b.GRAVITY, 0.0), ledger=False)
-    return DEM(grains, scene_b.box(n).walls(), [Body("housing")], law, dt=dt, gravity=later_gravity, ledger=False)
+        return DEM(grains, walls, [body], law, dt=dt, gravity=(0.0, -scene_b.GRAVITY, 0.0), energy_budget=False)
+    return DEM(
+        grains, scene_b.box(n).walls(), [Body("housing")], law, dt=dt, gravity=later_gravity, energy_budget=False
+    )
 
 
 def by_dvi(n: int, vessel: str, start: Start, h: float, tolerance: float | None) -> DVI:
@@ -173,7 +175,7 @@ def settings(n: int) -> list[tuple[str, float, str, Callable]]:
 
 
 def error(row: dict, reference: dict, quantity: str) -> tuple[float, float]:
-    """Mean difference from the reference over the seeds and its bar, in shares of the reference's mean."""
+    """Mean difference from the reference over the seeds and its bar, in chunks of the reference's mean."""
     k = QUANTITIES.index(quantity)
     ours, theirs = np.array(row["seeds"])[:, k], np.array(reference["seeds"])[:, k]
     by_turns = row["variance"][k] + reference["variance"][k]

@@ -8,7 +8,7 @@ those of the step before (warm), and from these times random numbers from 0 to 2
 Under the convex law velocities, and with them a free shaft's speed, are unique; under exact Coulomb friction neither
 these nor the torque need be. Printed for each bed: the mean size of the torque on the drum; its spread over the starts
 (largest less smallest, as a share of that size), mean, median and largest of the steps that met the tolerance from
-every start, and how many of these spread by more than 1e-4; the spread of the least certain contact force, as a share
+every start, and how many of these spread by more than 1e-4; the spread of the least certain contact force, as a chunk
 of the largest force; how many steps missed the tolerance from some start, and the largest natural map. Some minutes.
 
     python tests/benchmarks/dvi_spread.py [--sizes 60 120] [--steps 20] [--tolerance 1e-8]
@@ -24,7 +24,7 @@ import numpy as np
 from geometry.walls import AnnularBox, annulus, cylinder
 from particles import Body, FreeShaft, Grains, PrescribedSpeed, pack
 from particles.dvi.dvi import DVI
-from particles.dvi.rigid_contact import RigidContact
+from particles.dvi.dvi_contact import DviContact
 
 RADIUS = 5e-3  # of the largest [m]
 DENSITY = 7850.0
@@ -54,7 +54,7 @@ def bed(n: int, vessel: str, friction: str, free: bool, tolerance: float, seed: 
     # as heavy as the bed: it takes up speed slowly
     shaft = FreeShaft(float(grains.mass.sum()) * drum**2) if free else PrescribedSpeed.constant(0.0)
     bodies = [Body("core", PrescribedSpeed.constant(CORE_SPEED)), Body("drum", shaft)]
-    dvi = DVI(grains, walls, bodies, RigidContact(FRICTION), dt=TIME_STEP, gravity=down,
+    dvi = DVI(grains, walls, bodies, DviContact(FRICTION), dt=TIME_STEP, gravity=down,
               friction=friction, tolerance=1e-6, max_sweeps=5000)  # fmt: skip
     dvi.run(SETTLING)
     dvi.tolerance, dvi.max_sweeps = tolerance, 20_000

@@ -17,8 +17,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 
 import emclutch
-from coupling.ledgers import Ledger
 from coupling.staggered import magnetic_forces, refresh_field
+from coupling.window_budget import WindowBudget
 from emclutch.results.record import Record
 from emclutch.scene.case import Case
 from emclutch.simulation.assembly import simulation_of
@@ -69,7 +69,7 @@ def held(case: Case, frame: dict[str, np.ndarray], steps: int) -> float:
     magnetised, dem = simulation.magnetised, simulation.motion
     magnetised.tolerance = MOMENTS_TOLERANCE
     refresh_field(simulation)
-    dem.external_force = magnetic_forces(simulation, magnetised, Ledger(simulation))
+    dem.external_force = magnetic_forces(simulation, magnetised, WindowBudget(simulation))
     magnetised.hold(dem, dem.external_force)
     dem.run(steps)
     before = np.array(dem.grains.magnetic_moment)

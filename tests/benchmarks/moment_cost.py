@@ -24,7 +24,7 @@ from coupling.dipoles import add_dipole_forces
 from coupling.mutual_moments import MutualMoments, grain_table
 from coupling.neighbour_rows import neighbour_rows
 from field import GrainLaw
-from particles.lists.neighbours import cell_order
+from particles.neighbours.neighbour_list import cell_order
 
 A, REACH = 1e-4, 5e-4  # radius [m]; 2.5 diameters
 FEW, MANY = 10, 30  # sweeps

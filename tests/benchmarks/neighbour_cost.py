@@ -21,7 +21,7 @@ from pathlib import Path
 import numba
 import numpy as np
 
-from particles.lists.neighbours import cell_order, find_pairs, finest_cell
+from particles.neighbours.neighbour_list import cell_order, find_pairs, finest_cell
 
 RATIO = 10.0
 

@@ -1,4 +1,4 @@
-"""NGSolve in space: edge elements for the vector potential on our `SolidMesh`, the oracle of the scalar potential.
+"""NGSolve in space: edge elements for the vector potential on our `Mesh3D`, the oracle of the scalar potential.
 
 Vector and scalar potential err in opposite directions (the energy of B = curl A from above, the co-energy of
 H = T0 - grad phi from above), so that two answers on one mesh also bracket the truth. Laws, damping and
@@ -14,11 +14,11 @@ import numpy as np
 from ngsolve_oracle import ARMIJO, CHORD_B, MAX_HALVINGS, SOFTENING, Watch, by_law, law_spline
 
 from field.laws.reluctivity import NU_0, Law, LinearLaw
-from geometry.solid_mesh import EDGES, SolidMesh
-from geometry.solid_meshing import faces_of
+from geometry.mesh_3d import EDGES, Mesh3D
+from geometry.meshing_3d import faces_of
 
 
-def solid_mesh(mesh: SolidMesh) -> Any:
+def mesh_3d(mesh: Mesh3D) -> Any:
     """The same tetrahedra as a mesh of NGSolve, regions and outer boundaries by the same names.
 
     Faces of the outline that the mesh does not name are `outline`. Second-order elements become a deformation
@@ -48,7 +48,7 @@ def solid_mesh(mesh: SolidMesh) -> Any:
     return result
 
 
-def _solid_outline(mesh: SolidMesh) -> dict[str, np.ndarray]:
+def _solid_outline(mesh: Mesh3D) -> dict[str, np.ndarray]:
     """Outward faces of the outline by the boundary that they belong to."""
     faces, sides = faces_of(mesh.tetrahedra)
     outline = faces[sides[:, 1] < 0]
@@ -70,7 +70,7 @@ def _solid_outline(mesh: SolidMesh) -> dict[str, np.ndarray]:
     return found
 
 
-def _bend(ng_mesh: Any, mesh: SolidMesh) -> None:
+def _bend(ng_mesh: Any, mesh: Mesh3D) -> None:
     """Deform straight elements by the displacement of their edges' middles."""
     import ngsolve as ngs
 
@@ -97,14 +97,14 @@ def _bend(ng_mesh: Any, mesh: SolidMesh) -> None:
     ng_mesh.emclutch_deformation = deformation  # SetDeformation keeps no reference of its own
 
 
-def _beside(ng_mesh: Any, mesh: SolidMesh, edge: np.ndarray) -> np.ndarray:
+def _beside(ng_mesh: Any, mesh: Mesh3D, edge: np.ndarray) -> np.ndarray:
     """Centre of an element at an edge."""
     at_edge = np.isin(mesh.tetrahedra, edge).sum(axis=1) == 2
     return mesh.points[mesh.tetrahedra[np.argmax(at_edge)]].mean(axis=0)
 
 
-def solve_solid(
-    mesh: SolidMesh,
+def solve_3d(
+    mesh: Mesh3D,
     laws: Mapping[str, Law],
     coil: Any,
     ampere_turns: float,
@@ -125,12 +125,12 @@ def solve_solid(
 
     Parameters
     ----------
-    mesh : SolidMesh
+    mesh : Mesh3D
     laws : mapping of str to Law
         Regions that are not named are air.
     coil : object
         half_length_x, half_length_y, corner_radius, width, z_range [m] of the region `coil`, as in
-        `field.solid.source_field.FlatCoil`.
+        `field.three_d.current_source.FlatCoil`.
     ampere_turns : float
         N I [A], anticlockwise seen from +z.
     order : int
@@ -154,7 +154,7 @@ def solve_solid(
     import ngsolve as ngs
 
     watch = Watch()
-    ng_mesh = solid_mesh(mesh)
+    ng_mesh = mesh_3d(mesh)
     seconds_mesh = watch.lap()
     if threads is not None:
         ngs.SetNumThreads(threads)
@@ -167,7 +167,7 @@ def solve_solid(
         if mesh.periodic is not None:
             space = ngs.Periodic(space)
         A = ngs.GridFunction(space)
-        energy = _SolidEnergy(space, A, laws, regularisation)
+        energy = _Energy3D(space, A, laws, regularisation)
         T0 = ampere_turns * unit_source(coil)
         load = ngs.LinearForm(T0 * ngs.curl(space.TestFunction()) * ngs.dx(bonus_intorder=2)).Assemble()
         seconds_setup = watch.lap()
@@ -219,7 +219,7 @@ def unit_source(coil: Any) -> Any:
     return ngs.CF((0.0, 0.0, within * plateau / (high - low)))
 
 
-class _SolidEnergy:
+class _Energy3D:
     """Energy, residual and tangent of integral w(|curl A|) + mass/2 |A|^2, at the state A."""
 
     def __init__(self, space: Any, A: Any, laws: Mapping[str, Law], regularisation: float) -> None:
@@ -276,7 +276,7 @@ class _SolidEnergy:
 
 
 def _newton_krylov(
-    energy: _SolidEnergy, solution: Any, load: Any, tolerance: float, linear_tolerance: float, max_iterations: int
+    energy: _Energy3D, solution: Any, load: Any, tolerance: float, linear_tolerance: float, max_iterations: int
 ) -> tuple[list[float], dict[str, float], list[int]]:
     """Damped Newton from zero, each step by conjugate gradients; residuals, seconds by phase, iterations."""
     import ngsolve as ngs

@@ -73,11 +73,11 @@ def make(
 ) -> DEM:
     """Our simulation in the box of ``n`` grains, with grains at ``positions`` (any number, 3) [m].
 
-    Without the books of energy, which no peer keeps.
+    Without the energy budget, which no peer keeps.
     """
     grains = Grains.create(positions, 0.5 * DIAMETER, DENSITY, velocity=velocities, angular_velocity=spins)
     return DEM(grains, box(n).walls(), [Body("housing")], law or contact(), dt=TIME_STEP,
-               gravity=(0.0, 0.0, -GRAVITY), overlap_limit=OVERLAP_LIMIT, ledger=False)  # fmt: skip
+               gravity=(0.0, 0.0, -GRAVITY), overlap_limit=OVERLAP_LIMIT, energy_budget=False)  # fmt: skip
 
 
 def advance(dem: DEM, n_steps: int, begin: float, turning: bool = True) -> float:

@@ -36,8 +36,8 @@ from geometry import Box
 from geometry.walls import Wall, annulus, cylinder
 from particles import Body, Grains, PrescribedSpeed, pack
 from particles.dvi.dvi import DVI
-from particles.dvi.rigid_contact import RigidContact
-from particles.dvi.rigid_totals import RigidTotals
+from particles.dvi.dvi_contact import DviContact
+from particles.dvi.dvi_totals import DviTotals
 
 DIAMETER = 1e-2
 DENSITY = 7850.0
@@ -103,7 +103,7 @@ def in_box(n: int, start: np.ndarray, **way) -> DVI:
     """The box under gravity that turns."""
     grains = Grains.create(start, 0.5 * DIAMETER, DENSITY)
     given: dict = {"dt": TIME_STEP, "gravity": gravity} | way
-    return DVI(grains, box(n).walls(), [Body("housing")], RigidContact(FRICTION), **given)
+    return DVI(grains, box(n).walls(), [Body("housing")], DviContact(FRICTION), **given)
 
 
 def in_drum(n: int, start: np.ndarray, **way) -> DVI:
@@ -111,7 +111,7 @@ def in_drum(n: int, start: np.ndarray, **way) -> DVI:
     walls, body = drum(n)
     grains = Grains.create(start + np.array([0.0, 0.0, 0.1 * DIAMETER]), 0.5 * DIAMETER, DENSITY)
     given: dict = {"dt": TIME_STEP, "gravity": (0.0, -GRAVITY, 0.0)} | way
-    return DVI(grains, walls, [body], RigidContact(FRICTION), **given)
+    return DVI(grains, walls, [body], DviContact(FRICTION), **given)
 
 
 VESSELS = {"box": in_box, "drum": in_drum}
@@ -136,7 +136,7 @@ def measure(
         dvi = VESSELS[vessel](n, start, **way)
         dvi.restore(state)
         dvi.run(min(10, 300_000 // n))
-        parts: list[RigidTotals] = []
+        parts: list[DviTotals] = []
         spent: list[float] = []
         while len(parts) * piece < steps and sum(spent) < seconds:
             began = time.process_time()

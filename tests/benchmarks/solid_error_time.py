@@ -16,11 +16,11 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "physics")]
 
 import numpy as np  # noqa: E402
-import solid_sector_grid as grid  # noqa: E402
+import sector_grid_3d as grid  # noqa: E402
 from graded_lines import graded_lines  # noqa: E402
 
 from field import rectangular_coil_field  # noqa: E402
-from field.solid import FlatCoil, SolidProblem  # noqa: E402
+from field.three_d import FlatCoil, Problem3D  # noqa: E402
 
 R_COIL, Z_COIL, NI = (20e-3, 30e-3), (-8e-3, 8e-3), 800.0
 ANGLE, BOX = np.pi / 6, 0.06
@@ -56,7 +56,7 @@ def main():
     gradient = np.stack([(exact(points + d * e) - exact(points - d * e)) / (2 * d) for e in np.eye(3)], axis=2)
     steps = (4e-3, 2e-3, 1e-3, 0.67e-3)[:count]
     for order in (1, 2):  # compiles
-        coarse = SolidProblem(mesh(4e-3), {}, FlatCoil.ring(R_COIL, Z_COIL), order=order, linear_solver="multigrid")
+        coarse = Problem3D(mesh(4e-3), {}, FlatCoil.ring(R_COIL, Z_COIL), order=order, linear_solver="multigrid")
         warm = coarse.solve(NI)
         warm.sampler().sample(points[:1])
         warm.field_strength(points[:1])
@@ -67,7 +67,7 @@ def main():
         for step in steps:
             device = mesh(step)
             start = time.perf_counter()
-            problem = SolidProblem(device, {}, FlatCoil.ring(R_COIL, Z_COIL), order=order)
+            problem = Problem3D(device, {}, FlatCoil.ring(R_COIL, Z_COIL), order=order)
             field = problem.solve(NI)
             solved = time.perf_counter()
             sampler = field.sampler()

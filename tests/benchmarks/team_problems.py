@@ -27,10 +27,10 @@ import numpy as np
 from field.laws.magnetisation_curve import TableLaw
 from field.laws.materials import material
 from field.laws.reluctivity import MU_0, Law
-from field.solid.source_field import FlatCoil
+from field.three_d.current_source import FlatCoil
+from geometry.mesh_3d import Mesh3D
 from geometry.meshing import MILLIMETRE, gmsh_model
-from geometry.solid_mesh import SolidMesh
-from geometry.solid_meshing import (
+from geometry.meshing_3d import (
     SOLID_OPTIONS,
     SizeFormula,
     box_distance,
@@ -121,7 +121,7 @@ def _team_13_table() -> TableLaw:
 TEAM_13_STEEL = _team_13_table()
 
 
-def team20_mesh(size_factor: float = 1.0, order: int = 2, problem: Team20 | None = None) -> SolidMesh:
+def team20_mesh(size_factor: float = 1.0, order: int = 2, problem: Team20 | None = None) -> Mesh3D:
     """The quarter x, y > 0 between two mirror planes; regions air, coil, pole, yoke; boundaries by side."""
     it = problem or Team20()
     coil = it.coil
@@ -165,7 +165,7 @@ def team20_mesh(size_factor: float = 1.0, order: int = 2, problem: Team20 | None
     return finish(points, elements, regions, boundaries, sector_angle=0.5 * math.pi, n_sectors=4)
 
 
-def team13_mesh(size_factor: float = 1.0, order: int = 2, problem: Team13 | None = None) -> SolidMesh:
+def team13_mesh(size_factor: float = 1.0, order: int = 2, problem: Team13 | None = None) -> Mesh3D:
     """The half z > 0; regions air, coil, plate, channels; boundaries `mirror` (z = 0, H tangential = 0), `outer`."""
     it = problem or Team13()
     coil = it.coil
@@ -297,7 +297,7 @@ def main() -> None:
     run(arguments.size, arguments.solver, arguments.drive)
 
 
-def _meshed(build: Any, size: float) -> SolidMesh:
+def _meshed(build: Any, size: float) -> Mesh3D:
     started = time.perf_counter()
     mesh = build(size)
     quality = mesh.quality()
@@ -367,14 +367,14 @@ def _midpoints(count: int) -> np.ndarray:
 
 
 def _solve(
-    solver: str, mesh: SolidMesh, it: Any, drive: float, body: str | None, flux_walls: str, fixed: tuple[str, ...]
+    solver: str, mesh: Mesh3D, it: Any, drive: float, body: str | None, flux_walls: str, fixed: tuple[str, ...]
 ) -> dict[str, Any]:
     """One solve by our scalar potential or by NGSolve's edge elements, in the same terms."""
     started = time.perf_counter()
     if solver == "ngsolve":
-        from ngsolve_solid import solve_solid
+        from ngsolve_solid import solve_3d
 
-        found = solve_solid(mesh, it.laws, it.coil, drive, flux_walls=flux_walls, bodies=(body,) if body else ())
+        found = solve_3d(mesh, it.laws, it.coil, drive, flux_walls=flux_walls, bodies=(body,) if body else ())
         force = found["forces"].get(body, np.full(3, math.nan))
         values = {"force": force, "virtual": force, "linkage": found["flux_linkage_per_turn"]}
         values |= {"dofs": found["dofs"], "steps": found["newton_steps"]}
@@ -383,9 +383,9 @@ def _solve(
             return np.array([found["B"](found["ng_mesh"](*p)) for p in points])
 
     else:
-        from field.solid.scalar_potential import SolidProblem
+        from field.three_d.scalar_potential import Problem3D
 
-        problem = SolidProblem(mesh, it.laws, it.coil, fixed=fixed)
+        problem = Problem3D(mesh, it.laws, it.coil, fixed=fixed)
         field = problem.solve(drive)
         nothing = np.full(3, math.nan)
         values = {"force": nothing, "virtual": nothing}

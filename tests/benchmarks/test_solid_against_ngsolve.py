@@ -15,13 +15,13 @@ pytest.importorskip("ngsolve")
 sys.path.insert(0, str(Path(__file__).parent))
 
 from ngsolve_oracle import law_spline, solve_section
-from ngsolve_solid import solid_mesh, solve_solid
+from ngsolve_solid import mesh_3d, solve_3d
 from team_problems import Team20, team20_mesh
 
 from field.laws.materials import material
 from field.section.axisymmetric import AxisymmetricProblem
-from field.solid.scalar_potential import SolidProblem
-from field.solid.source_field import FlatCoil
+from field.three_d.current_source import FlatCoil
+from field.three_d.scalar_potential import Problem3D
 from geometry import Clutch, mesh_clutch
 from geometry.slots import Slots
 from geometry.slotted import mesh_slotted
@@ -66,7 +66,7 @@ def test_the_converted_mesh_has_the_same_curved_volumes():
     import ngsolve as ngs
 
     mesh = mesh_slotted(SLOTTED, size_factor=4.0, gap_layers=2)
-    converted = solid_mesh(mesh)
+    converted = mesh_3d(mesh)
     for name in mesh.regions:
         volume = ngs.Integrate(ngs.CF(1.0) * ngs.dx(definedon=converted.Materials(name)), converted)
         assert mesh.n_sectors * volume == pytest.approx(mesh.volume(name), rel=1e-9), name
@@ -80,8 +80,8 @@ def test_the_converted_mesh_has_the_same_curved_volumes():
 def test_scalar_and_vector_potential_bracket_the_slotted_clutch(clutch, layers, typical, worst):
     """A whole pitch has only one layer across the gap here, else edge elements take ten minutes."""
     mesh = mesh_slotted(clutch, size_factor=2.0 * (3 - layers), gap_layers=layers, wedge=math.pi / 24)
-    ours = SolidProblem(mesh, complete(mesh), ring(clutch), outer="flux_wall").solve(DRIVE)
-    theirs = solve_solid(mesh, STEEL, ring(clutch), DRIVE, bodies=("disc",))
+    ours = Problem3D(mesh, complete(mesh), ring(clutch), outer="flux_wall").solve(DRIVE)
+    theirs = solve_3d(mesh, STEEL, ring(clutch), DRIVE, bodies=("disc",))
     print(
         f"\n{len(mesh.tetrahedra)} elements: linkage {ours.flux_linkage_per_turn * 1e3:.4f} mWb (scalar potential), "
         f"{theirs['flux_linkage_per_turn'] * 1e3:.4f} mWb (NGSolve, {theirs['dofs']} dofs)"
@@ -110,7 +110,7 @@ def test_without_slots_the_sector_is_the_axisymmetric_clutch():
     section = mesh_clutch(clutch)
     plane = AxisymmetricProblem(section, complete(section)).solve(DRIVE)
     mesh = mesh_slotted(clutch, size_factor=2.0, wedge=math.pi / 24)
-    space = SolidProblem(mesh, complete(mesh), ring(clutch), outer="flux_wall").solve(DRIVE)
+    space = Problem3D(mesh, complete(mesh), ring(clutch), outer="flux_wall").solve(DRIVE)
     z = np.concatenate((np.linspace(-13e-3, -5e-3, 9), np.linspace(5e-3, 13e-3, 9)))
     r, angle = clutch.mean_gap_radius, math.pi / 48
     B_plane = plane.flux_density(np.column_stack((np.full_like(z, r), z)))
@@ -125,8 +125,8 @@ def test_the_force_of_team_problem_20():
     """Both codes on a coarse mesh, at 5020 ampere-turns: 79.7 N were measured (Takahashi et al. 1994)."""
     it, mesh = Team20(), team20_mesh(2.0)
     drive, measured = it.measured[-1]
-    ours = SolidProblem(mesh, {name: it.laws.get(name, material("air")) for name in mesh.regions}, it.coil).solve(drive)
-    theirs = solve_solid(mesh, it.laws, it.coil, drive, bodies=("pole",))
+    ours = Problem3D(mesh, {name: it.laws.get(name, material("air")) for name in mesh.regions}, it.coil).solve(drive)
+    theirs = solve_3d(mesh, it.laws, it.coil, drive, bodies=("pole",))
     pull = -ours.body_force("pole").force[2], -theirs["forces"]["pole"][2]
     print(f"\npull {pull[0]:.2f} N (scalar potential), {pull[1]:.2f} N (NGSolve), {measured} N measured")
     assert pull[0] == pytest.approx(pull[1], rel=0.02)

@@ -39,9 +39,9 @@ def runs(tmp_path_factory):
 def test_both_methods_agree_on_momentum_and_load(runs):
     """Torques balance, the drum's speed is what it got, and both beds lie alike; they are chaotic, so not exactly."""
     dem, dvi = (runs[m].history for m in ("dem", "dvi"))
-    for history, share in ((dem, 1e-9), (dvi, 1e-3)):  # what removes overlap of rigid grains conserves no momentum
+    for history, fraction in ((dem, 1e-9), (dvi, 1e-3)):  # what removes overlap of rigid grains conserves no momentum
         late = history[history["time"] > 0.15]
-        assert abs(late["torque_residual"]).max() < share * abs(late["torque_rotor"]).max()
+        assert abs(late["torque_residual"]).max() < fraction * abs(late["torque_rotor"]).max()
         steps = np.diff(history["disc_speed"], prepend=0.0) * 2e-4 / np.diff(history["time"], prepend=0.0)
         np.testing.assert_allclose(history["torque_disc"], steps, atol=1e-9)
     assert runs["dvi"].summary["dt"] > 10.0 * runs["dem"].summary["dt"]
@@ -52,7 +52,7 @@ def test_both_methods_agree_on_momentum_and_load(runs):
 def test_the_books_of_rigid_grains_close(runs):
     """Impacts and sliding lose in every window; what they lose is what shafts and weight put in and nothing stores.
 
-    The shafts' work is taken from their torques and speeds here, the books' is of each contact's velocity.
+    The shafts' work is taken from their torques and speeds here, the energy budget' is of each contact's velocity.
     """
     history = runs["dvi"].history
     given = history["work_walls"].abs().sum() + history["work_gravity"].abs().sum()
@@ -78,14 +78,14 @@ def test_a_run_says_how_its_contacts_are_solved(runs):
 
 
 def test_rolling_and_twisting_friction_by_both_methods(tmp_path):
-    """The same tables: losses in the history, and books that close."""
+    """The same tables: losses in the history, and budgets that close."""
     effects = {"effects.rolling_friction": {"coefficient": 0.3}, "effects.twisting_friction": {"coefficient": 0.1}}
     for method in ("dem", "dvi"):
         history = emclutch.run(scene(method, **effects, **{"time.end": "0.1 s"}), out=tmp_path / method).history
         for name in ("rolling", "twisting"):
             assert history[f"dissipated_{name}"].sum() > 0.0
-        share = {"dem": 1e-2, "dvi": 1e-12}[method]  # DEM's books are of second order in the step
-        assert abs(history["energy_residual"]).max() < share * history["dissipated"].max() + 1e-15
+        fraction = {"dem": 1e-2, "dvi": 1e-12}[method]  # DEM's budget is of second order in the step
+        assert abs(history["energy_residual"]).max() < fraction * history["dissipated"].max() + 1e-15
 
 
 def test_it_resumes_bit_for_bit(tmp_path, runs):
@@ -152,8 +152,8 @@ def test_magnetic_forces_move_rigid_grains_as_elastic_ones(tmp_path):
         state = read_checkpoint(result.folder.path / "checkpoint.h5")["dem"]
         order = np.argsort(state["particle_id"])
         where[method] = state["where"][order, :3], state["motion"][order, :3], result.summary["time"]
-        share = {"dem": 1e-2, "dvi": 1e-12}[method]  # DEM's books hold the integrator's error
-        assert abs(result.history["energy_residual"]).max() < share * abs(result.history["work_magnetic"]).max()
+        fraction = {"dem": 1e-2, "dvi": 1e-12}[method]  # DEM's books hold the integrator's error
+        assert abs(result.history["energy_residual"]).max() < fraction * abs(result.history["work_magnetic"]).max()
     begun = np.linalg.norm(where["dem"][1], axis=1) > 1e-2  # moved by the field
     assert begun.sum() > 20
     # velocities grow linearly at first: compare them at one time

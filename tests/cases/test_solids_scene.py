@@ -17,7 +17,7 @@ import emclutch
 from emclutch.cli.main import app
 from emclutch.device.device import build_device
 from emclutch.scene.case import load_case
-from emclutch.studies.field_3d import along_line, line_in_space
+from emclutch.studies.field_3d import along_line, line_3d
 from field import AIR, MU_0, AxisymmetricProblem
 
 MATERIALS = {"disc": "iron", "rotor": "aluminium", "cover": "aluminium"}
@@ -112,7 +112,7 @@ def test_a_body_of_revolution_has_in_space_the_field_of_its_section(folder, tmp_
     sampler = ours.sampler("powder")
     for angle in (0.0, 2.0):
         x, y = math.cos(angle), math.sin(angle)
-        line = line_in_space((9.25e-3 * x, 9.25e-3 * y, -4e-3, 9.25e-3 * x, 9.25e-3 * y, 4e-3), len(z))
+        line = line_3d((9.25e-3 * x, 9.25e-3 * y, -4e-3, 9.25e-3 * x, 9.25e-3 * y, 4e-3), len(z))
         raw = along_line(ours, line)
         assert set(raw["region"]) == {"powder"}
         H, _ = sampler.sample(line)

@@ -22,7 +22,7 @@ FOLDER = Path(__file__).resolve().parents[2] / "cases" / "hard"
 TABLE = FOLDER / "invariants.toml"
 BARE = {"output.snapshots": 0, "output.pictures": False, "output.formats": [], "accuracy.replicas": 1}
 STEPS_PER_CONTACT = (10.0, 32.0, 100.0)  # by DEM; the default is 20, and 10 the least that is allowed
-OF_RIGID_STEP = (0.32, 1.0, 3.2)  # by DVI, of the default step
+OF_DVI_STEP = (0.32, 1.0, 3.2)  # by DVI, of the default step
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ class HardScene:
             yield from ({"time.steps_per_contact": n, "time.step": "auto"} for n in STEPS_PER_CONTACT)
             return
         dt = make_plan(case)[1].dt
-        yield from ({"contact.dvi.step": factor * dt, "contact.dvi.insist": True} for factor in OF_RIGID_STEP)
+        yield from ({"contact.dvi.step": factor * dt, "contact.dvi.insist": True} for factor in OF_DVI_STEP)
 
 
 def hard_scenes() -> list[HardScene]:

@@ -61,7 +61,7 @@ def stored_energy(run: FinishedRun, most: float) -> float:
 
 
 def energy_balance(run: FinishedRun, share: float | str) -> float:
-    """What the books of energy leave open, over all that went through them."""
+    """What the energy budget leave open, over all that went through them."""
     return float(np.abs(np.cumsum(run.sum_of("energy_residual"))).max()) / (_share(run, share) * energy_through(run))
 
 
@@ -213,7 +213,7 @@ INVARIANTS: dict[str, Invariant] = {
 
 
 def energy_through(run: FinishedRun) -> float:
-    """Energy that went through the books [J]: work, losses and what is stored at most."""
+    """Energy that went through the energy budget [J]: work, losses and what is stored at most."""
     through = np.abs(_work(run)).sum() + run.sum_of("dissipated").sum() + _stored(run).max()
     return max(float(through), 1e-300)
 

@@ -35,8 +35,8 @@ KEYS = {*_all_keys(Scene), "study", "study.case"}
 UNDEFINED = ("inertial_number",)  # of a history: without a torque there is none
 MOST_VISITS, MOST_STEPS, MOST_WINDOWS = 400_000, 30_000, 250  # steps times grains; of a field that is solved 12 windows
 MOST_SOLVED_WINDOWS = 12
-# Kinds of step (`emclutch.simulation.kernel_warm_up.kind_of`) that other tests compile too, but for the books of
-# energy, which all have; sizes count in the linear law only
+# Kinds of step (`emclutch.simulation.kernel_warm_up.kind_of`) that other tests compile too, but for the energy
+# budget, which all have; sizes count in the linear law only
 KINDS = {
     "linear", "linear sector", "linear resistance", "linear resistance sector", "linear resistance sector attraction",
     "linear sector attraction", "linear sizes", "linear resistance sizes", "linear sizes attraction",

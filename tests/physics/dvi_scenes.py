@@ -1,6 +1,6 @@
 """What tests of rigid grains have in common: sizes, weight, a sloping floor, a lattice of places.
 
-Every combination of friction law, solver, springs, couples and shares of threads is compiled once (some ten seconds): a
+Every combination of friction law, solver, springs, torques and chunks of threads is compiled once (some ten seconds): a
 test takes the engine as it is by default unless it is about another one.
 """
 
@@ -27,7 +27,7 @@ def lattice(n):
     return np.stack(np.meshgrid(*[np.arange(count) + 0.5] * 3), axis=-1).reshape(-1, 3)[:n], count
 
 
-def swept(tolerance, cap, records, *, convex=None, soft=None):
+def swept(tolerance, cap, records, *, convex=None, compliance=None):
     """Plain sweeps over ``records`` until their residual is ``tolerance`` [m/s], ``cap`` at most: sweeps, residual.
 
     One call a sweep: the loop of the engine would be compiled once more for tests alone. The residual is looked at
@@ -36,7 +36,7 @@ def swept(tolerance, cap, records, *, convex=None, soft=None):
     count, reached = 0, np.inf
     while reached > tolerance and count < cap:
         for _ in range(min(10, cap - count)):
-            gs.sweep_records(convex, 1.0, soft, *records)
+            gs.sweep_records(convex, 1.0, compliance, *records)
             count += 1
-        reached = gs.residual_records(convex, soft, *records)
+        reached = gs.residual_records(convex, compliance, *records)
     return count, reached

@@ -5,11 +5,11 @@ No test itself.
 
 import numpy as np
 
-from geometry.solid_mesh import EDGES, SolidMesh
+from geometry.mesh_3d import EDGES, Mesh3D
 
 
 def sector_grid(r_lines, n_angles, z_lines, regions, angle=2 * np.pi, mirrored=False, curved=True):
-    """A SolidMesh of the sector 0 <= phi <= angle.
+    """A Mesh3D of the sector 0 <= phi <= angle.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def sector_grid(r_lines, n_angles, z_lines, regions, angle=2 * np.pi, mirrored=F
             )
         )
         second = np.concatenate((tetrahedra, n_corners + edge.reshape(-1, 6)), axis=1)
-    return SolidMesh(
+    return Mesh3D(
         points,
         tetrahedra,
         second,

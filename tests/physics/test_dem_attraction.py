@@ -1,6 +1,6 @@
 """A tabulated attraction of near grains, from the gap of every step: forces, books, symmetry, bits.
 
-Two compiled steps for all of it: grains of unequal sizes with the books of energy, in a ring and in a sector.
+Two compiled steps for all of it: grains of unequal sizes with the energy budget, in a ring and in a sector.
 """
 
 import math

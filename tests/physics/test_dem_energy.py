@@ -1,4 +1,4 @@
-"""Where energy goes: friction creates none, and the books of every law close, wherever the partner and the shafts."""
+"""Where energy goes: friction creates none, and every law's energy budget closes, wherever the partner and shafts."""
 
 import numpy as np
 import pytest
@@ -110,7 +110,7 @@ def test_a_wound_spring_gives_back_no_more_when_its_contact_closes(name, axis):
         assert dem.contacts().i.size == 1
 
 
-# ---- the books
+# ---- the energy budget
 
 
 def thrown(name, everything, steps):

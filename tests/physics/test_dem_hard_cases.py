@@ -153,7 +153,7 @@ def test_a_column_of_a_thousand_grains_stands_under_its_weight():
 def test_a_jammed_bed_under_a_turning_lid(name):
     """Grains swollen in a closed cup until they press on its lid, which turns then: it drags as the cup is dragged.
 
-    Overlaps and energies stay bounded; in the steady state what the lid puts in is lost, and the books tell where.
+    Overlaps and energies stay bounded; in the steady state what the lid puts in is lost, and the budget tells where.
     """
     rc, height = 8.0 * RADIUS, 8.0 * RADIUS
     cup = outline("cup", "cup", [(0.0, 0.0), (rc, 0.0), (rc, height)])

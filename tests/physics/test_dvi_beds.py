@@ -11,7 +11,7 @@ from particles import Body, FreeShaft, Grains, PrescribedSpeed
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.accelerated import accelerate_records
 from particles.dvi.dvi import DVI
-from particles.dvi.rigid_contact import RigidContact
+from particles.dvi.dvi_contact import DviContact
 
 
 def _cloud(n, fraction=0.3, seed=1):
@@ -29,7 +29,7 @@ def _bed(n, seed=1, height=1.5, **more):
     box, where = _cloud(n, 0.38, seed)
     high = Box((box.size[0], box.size[1], height * box.size[2]))
     grains = Grains.create(where, R, STEEL)
-    dvi = DVI(grains, high.walls(), [Body("housing")], RigidContact(0.4), dt=1e-3, gravity=DOWN, **more)
+    dvi = DVI(grains, high.walls(), [Body("housing")], DviContact(0.4), dt=1e-3, gravity=DOWN, **more)
     return dvi
 
 
@@ -40,7 +40,7 @@ def test_a_collapsing_cloud_keeps_its_momenta():
     velocity = -5.0 * (where - where.mean(axis=0)) + 0.1 * rng.normal(size=where.shape)
     spin = 50.0 * rng.normal(size=where.shape)
     grains = Grains.create(where, R, STEEL, velocity=velocity, angular_velocity=spin)
-    dvi = DVI(grains, [], [], RigidContact(0.5, 0.3), dt=1e-3, gravity=(0.0, 0.0, 0.0))
+    dvi = DVI(grains, [], [], DviContact(0.5, 0.3), dt=1e-3, gravity=(0.0, 0.0, 0.0))
 
     def momenta():
         orbital = np.cross(grains.position, grains.velocity).T @ grains.mass
@@ -50,7 +50,7 @@ def test_a_collapsing_cloud_keeps_its_momenta():
     scale = np.sum(grains.mass * np.linalg.norm(grains.velocity, axis=1))
     energy = grains.kinetic_energy()
     totals = dvi.run(40)
-    assert totals.books.kinetic_energy < 0.5 * energy  # it did collide
+    assert totals.energy_budget.kinetic_energy < 0.5 * energy  # it did collide
     assert totals.projections == 0
     after, spin_after = momenta()
     assert after == pytest.approx(p, abs=1e-13 * scale)
@@ -58,22 +58,24 @@ def test_a_collapsing_cloud_keeps_its_momenta():
 
 
 def test_energy_never_grows_without_rebound():
-    """e = 0, walls at rest, no gravity: every step loses kinetic energy or keeps it; the books close to round-off."""
+    """e = 0, walls at rest, no gravity: every step loses kinetic energy or keeps it; the budget closes to round-off."""
     box, where = _cloud(150)
     rng = np.random.default_rng(4)
     grains = Grains.create(
         where, R, STEEL, velocity=rng.normal(size=where.shape), angular_velocity=30 * rng.normal(size=where.shape)
     )
-    dvi = DVI(grains, box.walls(), [Body("housing")], RigidContact(0.4), dt=1e-3, gravity=(0.0, 0.0, 0.0))
+    dvi = DVI(grains, box.walls(), [Body("housing")], DviContact(0.4), dt=1e-3, gravity=(0.0, 0.0, 0.0))
     energy = grains.kinetic_energy()
     for _ in range(60):
         totals = dvi.run(1)
         now = grains.kinetic_energy()
         assert now <= energy * (1.0 + 1e-12)
-        assert totals.books.kinetic_change == pytest.approx(
-            totals.books.contact_work + totals.books.gravity_work, abs=1e-12 * energy + 1e-15
+        assert totals.energy_budget.kinetic_change == pytest.approx(
+            totals.energy_budget.contact_work + totals.energy_budget.gravity_work, abs=1e-12 * energy + 1e-15
         )
-        assert sum(totals.books.dissipation.values()) == pytest.approx(totals.books.dissipated, abs=1e-15)
+        assert sum(totals.energy_budget.dissipation.values()) == pytest.approx(
+            totals.energy_budget.dissipated, abs=1e-15
+        )
         energy = now
 
 
@@ -85,7 +87,7 @@ def test_balances_of_a_driven_drum():
     radius = 0.5 * np.sqrt(2.0) * side
     walls = [cylinder("shell", "drum", radius, 0.0, 2 * side), annulus("low", "housing", 0.0, 0.0, radius)]
     grains = Grains.create(where, R, STEEL)
-    dvi = DVI(grains, walls, [Body("drum", PrescribedSpeed.constant(20.0)), Body("housing")], RigidContact(0.5),
+    dvi = DVI(grains, walls, [Body("drum", PrescribedSpeed.constant(20.0)), Body("housing")], DviContact(0.5),
               dt=1e-3, gravity=DOWN)  # fmt: skip
     before, kinetic = grains.angular_momentum_z(), grains.kinetic_energy()
     totals = dvi.run(100)
@@ -93,12 +95,14 @@ def test_balances_of_a_driven_drum():
     given = -(totals.torque_on("drum") + totals.torque_on("housing")) * totals.duration
     assert gained > 0.0
     assert given == pytest.approx(gained, rel=2e-3)  # exact but for overlap removed from positions
-    assert totals.books.wall_work["drum"] == pytest.approx(
+    assert totals.energy_budget.wall_work["drum"] == pytest.approx(
         -20.0 * totals.torque_on("drum") * totals.duration, rel=1e-12
     )
-    assert totals.books.kinetic_change == pytest.approx(grains.kinetic_energy() - kinetic)
-    assert totals.books.kinetic_change == pytest.approx(totals.books.contact_work + totals.books.gravity_work, rel=1e-9)
-    assert min(totals.books.dissipation.values()) >= 0.0
+    assert totals.energy_budget.kinetic_change == pytest.approx(grains.kinetic_energy() - kinetic)
+    assert totals.energy_budget.kinetic_change == pytest.approx(
+        totals.energy_budget.contact_work + totals.energy_budget.gravity_work, rel=1e-9
+    )
+    assert min(totals.energy_budget.dissipation.values()) >= 0.0
 
 
 @pytest.mark.hard
@@ -116,7 +120,7 @@ def test_a_pile_does_not_creep_in_a_hundred_thousand_steps():
     where = np.array(layers) - [3.0 * R, 3.0 * R, 0.0]
     grains = Grains.create(where, R, STEEL)
     box = Box((8.0 * R, 8.0 * R, 10.0 * R))
-    dvi = DVI(grains, box.walls(), [Body("housing")], RigidContact(0.3), dt=1e-3, gravity=DOWN, tolerance=1e-10)
+    dvi = DVI(grains, box.walls(), [Body("housing")], DviContact(0.3), dt=1e-3, gravity=DOWN, tolerance=1e-10)
     dvi.run(1)
     totals = dvi.run(100_000)
     after = grains.position[np.argsort(grains.particle_id)]
@@ -194,7 +198,7 @@ def test_calls_may_be_cut_anywhere():
         radius = 0.5 * np.sqrt(2.0) * box.size[0]
         walls = [cylinder("shell", "drum", radius, 0.0, 2 * box.size[2]), annulus("low", "drum", 0.0, 0.0, radius)]
         shaft = Body("drum", FreeShaft(1e-4, drive_torque=0.05, load_torque=0.01))
-        dvi = DVI(Grains.create(where, R, STEEL), walls, [shaft], RigidContact(0.5), dt=1e-3, gravity=DOWN)
+        dvi = DVI(Grains.create(where, R, STEEL), walls, [shaft], DviContact(0.5), dt=1e-3, gravity=DOWN)
         for steps in parts:
             dvi.run(steps)
         results.append((dvi.grains.position.copy(), dvi.grains.angular_velocity.copy(), shaft.speed, shaft.angle))
@@ -213,4 +217,4 @@ def test_calls_may_be_cut_anywhere():
 )
 def test_bad_settings_are_refused(change, text):
     with pytest.raises(ValueError, match=text):
-        DVI(Grains.create([[0.0, 0.0, R]], R, STEEL), [], [], RigidContact(0.3), **({"dt": 1e-3} | change))
+        DVI(Grains.create([[0.0, 0.0, R]], R, STEEL), [], [], DviContact(0.3), **({"dt": 1e-3} | change))

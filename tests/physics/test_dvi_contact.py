@@ -9,7 +9,7 @@ from geometry.walls import annulus, cylinder
 from particles import Body, DemError, DemErrorKind, FreeShaft, Grains, PrescribedSpeed
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.dvi import DVI
-from particles.dvi.rigid_contact import RigidContact
+from particles.dvi.dvi_contact import DviContact
 
 
 def _on_floor(velocity, h, contact, gravity=DOWN, height=0.0, **more):
@@ -23,7 +23,7 @@ def test_sliding_speed_is_exact_for_every_step(h):
 
     The number is of tests/REFERENCE.md section 5.
     """
-    dvi = _on_floor([10.0, 0.0, 0.0], h, RigidContact(0.5))
+    dvi = _on_floor([10.0, 0.0, 0.0], h, DviContact(0.5))
     dvi.run(round(0.5 / h))
     assert dvi.grains.velocity[0] == pytest.approx([7.5475, 0.0, 0.0], abs=1e-9)
     assert dvi.grains.position[0, 2] == pytest.approx(R, rel=1e-12)
@@ -36,7 +36,7 @@ def test_the_convex_law_floats_where_exact_coulomb_touches():
     """
     gaps = {}
     for law in ("coulomb", "convex"):
-        dvi = _on_floor([2.0, 0.0, 0.0], 1e-3, RigidContact(0.5), friction=law)
+        dvi = _on_floor([2.0, 0.0, 0.0], 1e-3, DviContact(0.5), friction=law)
         for _ in range(400):
             dvi.grains.velocity[:, :2] = 2.0, 0.0  # driven at 2 m/s without spin
             dvi.grains.angular_velocity[:] = 0.0
@@ -49,7 +49,7 @@ def test_the_convex_law_floats_where_exact_coulomb_touches():
 @pytest.mark.parametrize("h", [1e-4, 1e-3, 1e-2])
 def test_slip_to_roll_is_exact_for_every_step(h):
     """u = 5 u0/7, omega = 5 u0/(7 R) (tests/REFERENCE.md section 4), from t_s = 2 u0/(7 mu g) on."""
-    dvi = _on_floor([1.0, 0.0, 0.0], h, RigidContact(0.3))
+    dvi = _on_floor([1.0, 0.0, 0.0], h, DviContact(0.3))
     begin = 2.0 / (7.0 * 0.3 * G)
     dvi.run(int(0.9 * begin / h))
     assert dvi.grains.velocity[0, 0] == pytest.approx(1.0 - 0.3 * G * dvi.time, rel=1e-12)
@@ -66,7 +66,7 @@ def test_incline(slope, mu):
     """
     a = np.radians(slope)
     h, steps = 2e-3, 100
-    dvi = _on_floor([0.0, 0.0, 0.0], h, RigidContact(mu), gravity=G * np.array([np.sin(a), 0.0, -np.cos(a)]))
+    dvi = _on_floor([0.0, 0.0, 0.0], h, DviContact(mu), gravity=G * np.array([np.sin(a), 0.0, -np.cos(a)]))
     dvi.run(steps)
     rolls = np.tan(a) <= 3.5 * mu
     expected = 5.0 / 7.0 * G * np.sin(a) if rolls else G * (np.sin(a) - mu * np.cos(a))
@@ -80,22 +80,20 @@ def test_belt_pick_up():
     rho, speed = 1e3, 0.5
     grains = Grains.create([[rho, 0.0, R]], R, 7850.0)
     table = Body("table", PrescribedSpeed.constant(speed / rho))
-    dvi = DVI(
-        grains, [annulus("face", "table", 0.0, 0.0, 2.0 * rho)], [table], RigidContact(0.5), dt=1e-3, gravity=DOWN
-    )
+    dvi = DVI(grains, [annulus("face", "table", 0.0, 0.0, 2.0 * rho)], [table], DviContact(0.5), dt=1e-3, gravity=DOWN)
     dvi.run(200)
     assert dvi.grains.velocity[0, 1] == pytest.approx(2.0 * speed / 7.0, rel=1e-3)
 
 
 def _peaks(h, e, bounces, drops):
-    """Largest heights between rebounds, as shares of the drop; looked at every eighth step (off by g (4 h)^2/2).
+    """Largest heights between rebounds, as chunks of the drop; looked at every eighth step (off by g (4 h)^2/2).
 
     The spheres fall side by side, each from its own height.
     """
     n = len(drops)
     where = np.column_stack((4.0 * R * np.arange(n), np.zeros(n), R + drops))
     grains = Grains.create(where, R, 7850.0)
-    dvi = DVI(grains, [floor()], [Body("housing")], RigidContact(0.3, e), dt=h, gravity=DOWN)
+    dvi = DVI(grains, [floor()], [Body("housing")], DviContact(0.3, e), dt=h, gravity=DOWN)
     heights, highest, fell = [[] for _ in drops], np.zeros(n), np.ones(n, dtype=bool)
     while min(map(len, heights)) < bounces:
         dvi.run(8)
@@ -121,10 +119,10 @@ def test_bouncing_heights_converge_at_first_order():
 
 
 def test_a_slow_impact_does_not_rebound():
-    dvi = _on_floor([0.0, 0.0, -0.009], 1e-3, RigidContact(0.3, 0.8, threshold=0.01), gravity=(0.0, 0.0, 0.0))
+    dvi = _on_floor([0.0, 0.0, -0.009], 1e-3, DviContact(0.3, 0.8, threshold=0.01), gravity=(0.0, 0.0, 0.0))
     dvi.run(1)
     assert abs(dvi.grains.velocity[0, 2]) < 1e-17
-    fast = _on_floor([0.0, 0.0, -0.011], 1e-3, RigidContact(0.3, 0.8, threshold=0.01), gravity=(0.0, 0.0, 0.0))
+    fast = _on_floor([0.0, 0.0, -0.011], 1e-3, DviContact(0.3, 0.8, threshold=0.01), gravity=(0.0, 0.0, 0.0))
     fast.run(1)
     assert fast.grains.velocity[0, 2] == pytest.approx(0.8 * 0.011, rel=1e-12)
 
@@ -138,7 +136,7 @@ def test_every_incidence_has_an_answer_that_loses_energy(mu):
             grains = Grains.create([[0.0, 0.0, R]], R, 7850.0, velocity=[[np.sin(a), 0.0, -np.cos(a)]],
                                    angular_velocity=[[0.0, spin, 0.0]])  # fmt: skip
             before = grains.kinetic_energy()
-            dvi = DVI(grains, [floor()], [Body("housing")], RigidContact(mu), dt=1e-3, gravity=(0.0, 0.0, 0.0))
+            dvi = DVI(grains, [floor()], [Body("housing")], DviContact(mu), dt=1e-3, gravity=(0.0, 0.0, 0.0))
             totals = dvi.run(1)
             assert totals.missed_steps == 0
             assert grains.kinetic_energy() <= before * (1.0 + 1e-14)
@@ -152,7 +150,7 @@ def test_every_incidence_has_an_answer_that_loses_energy(mu):
 
 def _stacked(ratio, **more):
     grains = Grains.create([[0.0, 0.0, R], [0.0, 0.0, 3.0 * R]], R, [7850.0, 7850.0 * ratio])
-    return DVI(grains, [floor()], [Body("housing")], RigidContact(0.3), dt=1e-3, gravity=DOWN, tolerance=1e-8,
+    return DVI(grains, [floor()], [Body("housing")], DviContact(0.3), dt=1e-3, gravity=DOWN, tolerance=1e-8,
                max_sweeps=300, **more)  # fmt: skip
 
 
@@ -185,7 +183,7 @@ def test_a_free_shaft_shares_angular_momentum_exactly(log_inertia):
     mass, j = grains.mass[0], grains.inertia[0] * 10.0**log_inertia
     shaft = Body("drum", FreeShaft(j), speed=-3.0)
     before = grains.angular_momentum_z() + j * shaft.speed
-    dvi = DVI(grains, [cylinder("shell", "drum", rho, -1.0, 1.0)], [shaft], RigidContact(10.0), dt=1e-3,
+    dvi = DVI(grains, [cylinder("shell", "drum", rho, -1.0, 1.0)], [shaft], DviContact(10.0), dt=1e-3,
               gravity=(0.0, 0.0, 0.0))  # fmt: skip
     # the contact point's radius is rho: its lever about the axis
     impulse = (0.3 + 3.0 * rho) / (3.5 / mass + rho**2 / j)
@@ -200,7 +198,7 @@ def test_a_load_holds_a_shaft_and_a_drive_overcomes_it():
     far = Grains.create([[0.0, 0.0, 5.0]], R, 7850.0)
     for drive, expected in ((0.9, 0.0), (1.5, 0.5 * 0.2 / 2.0)):
         shaft = Body("rotor", FreeShaft(2.0, drive_torque=drive, load_torque=1.0))
-        dvi = DVI(far, [cylinder("shell", "rotor", 1.0, -1.0, 1.0)], [shaft], RigidContact(0.3), dt=1e-3,
+        dvi = DVI(far, [cylinder("shell", "rotor", 1.0, -1.0, 1.0)], [shaft], DviContact(0.3), dt=1e-3,
                   gravity=(0.0, 0.0, 0.0))  # fmt: skip
         totals = dvi.run(200)
         assert shaft.speed == pytest.approx(expected, abs=1e-13)
@@ -213,7 +211,7 @@ def test_theta_moves_positions_by_a_part_of_a_step_only():
     h, n, t = 1e-2, 50, 0.5
     for theta in (0.5, 1.0):
         lag = (theta - 0.5) * h
-        dvi = _on_floor([0.2, 0.0, 1.0 + G * lag], h, RigidContact(0.3), height=2.0, theta=theta)
+        dvi = _on_floor([0.2, 0.0, 1.0 + G * lag], h, DviContact(0.3), height=2.0, theta=theta)
         dvi.run(n)
         assert dvi.grains.position[0] == pytest.approx([0.2 * t, 0.0, R + 2.0 + t - 0.5 * G * t**2], rel=1e-12)
 
@@ -221,7 +219,7 @@ def test_theta_moves_positions_by_a_part_of_a_step_only():
 def test_a_grain_that_is_shot_off_stops_the_run():
     """Twenty radii in a step are what no wall throws a grain at: the message names grain, speed and remedy."""
     grains = Grains.create([[0.0, 0.0, 0.0]], 1e-3, 7800.0, velocity=[[500.0, 0.0, 0.0]])
-    dvi = DVI(grains, [], [], RigidContact(0.3), dt=1e-4)
+    dvi = DVI(grains, [], [], DviContact(0.3), dt=1e-4)
     with pytest.raises(DemError, match=r"shot off at 500 m/s, 25 diameters in a step.*more clearance") as stop:
         dvi.run(10)
     assert stop.value.kind is DemErrorKind.TOO_FAST

@@ -1,4 +1,4 @@
-"""Rigid grains against exact motions: first order in the step; the books of energy over impacts."""
+"""Rigid grains against exact motions: first order in the step; the energy budget over impacts."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from geometry import Box
 from geometry.walls import Plane, annulus, cylinder
 from particles import Body, Grains, PrescribedSpeed
 from particles.dvi.dvi import DVI
-from particles.dvi.rigid_contact import RigidContact
+from particles.dvi.dvi_contact import DviContact
 
 DRUM = 0.05  # radius of the drum
 ARM = DRUM - R  # radius of the circle that the centre moves on
@@ -32,7 +32,7 @@ def no_slop(monkeypatch):
 def _in_drum(h, speed, mu, angle=0.0, **more):
     grains = Grains.create([[ARM * np.sin(angle), -ARM * np.cos(angle), 0.0]], R, STEEL)
     drum = Body("drum", PrescribedSpeed.constant(speed))
-    return DVI(grains, [cylinder("shell", "drum", DRUM, -1.0, 1.0)], [drum], RigidContact(mu), dt=h,
+    return DVI(grains, [cylinder("shell", "drum", DRUM, -1.0, 1.0)], [drum], DviContact(mu), dt=h,
                gravity=(0.0, -G, 0.0), tolerance=1e-12, **more)  # fmt: skip
 
 
@@ -178,7 +178,7 @@ def test_a_turning_table_carries_a_sphere_along(theta):
     for n in (100, 200, 400, 800, 1600):
         grains = Grains.create([[start, 0.0, R]], R, STEEL)
         table = Body("table", PrescribedSpeed.constant(speed))
-        dvi = DVI(grains, [annulus("face", "table", 0.0, 0.0, 1.0)], [table], RigidContact(mu), dt=t / n,
+        dvi = DVI(grains, [annulus("face", "table", 0.0, 0.0, 1.0)], [table], DviContact(mu), dt=t / n,
                   gravity=(0.0, 0.0, -G), theta=theta, tolerance=1e-12)  # fmt: skip
         error = 0.0
         for where in path:
@@ -218,7 +218,7 @@ def test_oblique_bounces_with_friction_converge(theta):
         lag = (theta - 0.5) * h  # of the velocities behind the positions
         where = np.stack([0.0 * drops, 3.0 * big * np.arange(len(drops)), big + drops], axis=1)
         grains = Grains.create(where, big, STEEL, velocity=[[u, 0.0, G * lag]] * len(drops))
-        dvi = DVI(grains, [floor()], [Body("housing")], RigidContact(mu, e), dt=h, gravity=DOWN, theta=theta)
+        dvi = DVI(grains, [floor()], [Body("housing")], DviContact(mu, e), dt=h, gravity=DOWN, theta=theta)
         dvi.run(n)
         found = grains.position[np.argsort(grains.particle_id)][:, [0, 2]] - [0.0, big]
         errors.append(np.abs(found - exact).mean(axis=0))
@@ -245,7 +245,7 @@ def test_bounces_between_two_walls_converge(theta):
     for n in (400, 800, 1600, 3200, 6400):
         where = np.stack([0.0 * speeds, 4.0 * R * np.arange(len(speeds)), 0.0 * speeds], axis=1)
         grains = Grains.create(where, R, STEEL, velocity=np.stack([speeds, 0.0 * speeds, 0.0 * speeds], axis=1))
-        dvi = DVI(grains, walls, [Body("housing")], RigidContact(0.3, e), dt=t / n, gravity=NONE, theta=theta)
+        dvi = DVI(grains, walls, [Body("housing")], DviContact(0.3, e), dt=t / n, gravity=NONE, theta=theta)
         dvi.run(n)
         errors.append(np.abs(grains.position[np.argsort(grains.particle_id), 0] - exact).mean())
     assert _orders(errors) == pytest.approx(1.0, abs=0.25)
@@ -262,7 +262,7 @@ def _cloud(h, e, theta, gravity, n=60, seed=4, threshold=0.01):
     where -= (1.0 - theta) * h * velocity
     grains = Grains.create(where, R, STEEL, velocity=velocity, angular_velocity=spin)
     box = Box((2.5 * R * side,) * 3)
-    return DVI(grains, box.walls(), [Body("housing")], RigidContact(0.4, e, threshold=threshold), dt=h, theta=theta,
+    return DVI(grains, box.walls(), [Body("housing")], DviContact(0.4, e, threshold=threshold), dt=h, theta=theta,
                gravity=gravity, tolerance=1e-9)  # fmt: skip
 
 
@@ -293,7 +293,7 @@ def test_contacts_without_rebound_never_add_energy(h, theta, gravity):
 def test_energy_is_accounted_for_over_impacts(e, theta):
     """Kinetic + potential energy + h (theta - 1/2) F.v changes by the contacts' work less that of the stabilisation.
 
-    The third term: positions move with (1 - theta) v + theta v', the books of gravity with the mean. Whatever the
+    The third term: positions move with (1 - theta) v + theta v', the work of gravity is with the mean. Whatever the
     contacts give or take is booked as impact and sliding, with either sign.
     """
     gravity, h = np.array([1.0, 0.0, -G]), 1e-3
@@ -310,9 +310,11 @@ def test_energy_is_accounted_for_over_impacts(e, theta):
         before = energy()
         totals = dvi.run(10)
         stabilised += abs(totals.stabilisation_work)
-        change = totals.books.contact_work - totals.stabilisation_work
+        change = totals.energy_budget.contact_work - totals.stabilisation_work
         assert energy() - before == pytest.approx(change, abs=1e-11 * scale)
-        assert sum(totals.books.dissipation.values()) == pytest.approx(-totals.books.contact_work, abs=1e-12 * scale)
+        assert sum(totals.energy_budget.dissipation.values()) == pytest.approx(
+            -totals.energy_budget.contact_work, abs=1e-12 * scale
+        )
     assert energy() < begun - 0.1 * scale
     assert stabilised > 0.0
 
@@ -326,13 +328,13 @@ def test_a_gain_by_simultaneous_rebounds_is_recorded():
     velocity = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [-1.0, 0.0, 0.0]]
     grains = Grains.create(where, R, STEEL, velocity=velocity)
     mass, before = grains.mass[0], grains.kinetic_energy()
-    dvi = DVI(grains, [], [], RigidContact(0.3, 1.0), dt=1e-3, gravity=NONE, tolerance=1e-13)
+    dvi = DVI(grains, [], [], DviContact(0.3, 1.0), dt=1e-3, gravity=NONE, tolerance=1e-13)
     totals = dvi.run(1)
     together = (0.1 - 1.0 - 1.1) / 3.0
     after = np.array([together, together, together + 1.1])
     assert np.sort(grains.velocity[:, 0]) == pytest.approx(after, abs=1e-11)
     gain = 0.5 * mass * np.sum(after**2) - before
     assert gain > 0.05 * before
-    assert totals.books.kinetic_change == pytest.approx(gain, rel=1e-9)
-    assert totals.books.dissipation["impact"] == pytest.approx(-gain, rel=1e-9)
-    assert totals.books.dissipated == pytest.approx(-gain, rel=1e-9)
+    assert totals.energy_budget.kinetic_change == pytest.approx(gain, rel=1e-9)
+    assert totals.energy_budget.dissipation["impact"] == pytest.approx(-gain, rel=1e-9)
+    assert totals.energy_budget.dissipated == pytest.approx(-gain, rel=1e-9)

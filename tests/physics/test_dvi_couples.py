@@ -10,17 +10,17 @@ from particles import (
     DEM,
     DVI,
     Body,
+    DviContact,
     FreeShaft,
     Grains,
     LinearContact,
     PrescribedSpeed,
-    RigidContact,
     RollingFriction,
     TwistingFriction,
     choose_time_step,
 )  # fmt: skip
 from particles.dvi import gauss_seidel as gs
-from particles.dvi.couples import CX, CZ
+from particles.dvi.contact_torques import CX, CZ
 from particles.dvi.local_problem import in_disc
 
 
@@ -28,7 +28,7 @@ def ball(h, velocity=NONE, spin=NONE, rolling=None, twisting=None, slope=0.0, wa
     """One ball on a plane; gravity is vertical, the plane falls towards -x for a slope [rad]."""
     up = np.array([-np.sin(slope), 0.0, np.cos(slope)])
     grains = Grains.create([R * up], R, STEEL, velocity=[velocity], angular_velocity=[spin])
-    return DVI(grains, [wall or floor(slope)], [Body("housing")], RigidContact(0.5), dt=h, gravity=DOWN,
+    return DVI(grains, [wall or floor(slope)], [Body("housing")], DviContact(0.5), dt=h, gravity=DOWN,
                rolling=rolling, twisting=twisting, **{"tolerance": 1e-10, **more})  # fmt: skip
 
 
@@ -89,7 +89,7 @@ def test_a_plastic_impact_of_two_free_grains(sizes):
     spins = [[90.0, gear / r1, 0.0], [-20.0, -gear / r2, 0.0]]
     grains = Grains.create([[0.0, 0.0, 0.0], [r1 + r2, 0.0, 0.0]], [r1, r2], STEEL,
                            velocity=[[v, 0.0, 0.0], NONE], angular_velocity=spins)  # fmt: skip
-    dvi = DVI(grains, [], [], RigidContact(0.5), dt=1e-4, gravity=NONE, tolerance=1e-12,
+    dvi = DVI(grains, [], [], DviContact(0.5), dt=1e-4, gravity=NONE, tolerance=1e-12,
               rolling=RollingFriction(mu_r), twisting=TwistingFriction(mu_w))  # fmt: skip
     x, m, inertia, r_eff = grains.position.copy(), grains.mass.copy(), grains.inertia.copy(), r1 * r2 / (r1 + r2)
     before, energy = grains.angular_velocity.copy(), grains.kinetic_energy()
@@ -99,7 +99,7 @@ def test_a_plastic_impact_of_two_free_grains(sizes):
     turned = inertia[:, None] * (grains.angular_velocity - before)
     assert turned[0, 0] == pytest.approx(-mu_w * r_eff * r_n, rel=1e-9)
     assert turned[1, 0] == pytest.approx(-turned[0, 0], rel=1e-9)
-    if sizes[0] == sizes[1]:  # else the couple of rolling makes a gear slip, and friction answers
+    if sizes[0] == sizes[1]:  # else the torque of rolling makes a gear slip, and friction answers
         assert turned[0, 1] == pytest.approx(-mu_r * r_eff * r_n, rel=1e-9)
     after = np.cross(x, m[:, None] * grains.velocity).sum(0) + inertia @ grains.angular_velocity
     assert after == pytest.approx(whole, rel=1e-12, abs=1e-12 * np.abs(whole).max())
@@ -114,7 +114,7 @@ def test_a_grain_that_spins_on_another_one():
     r1, r2, mu_w, spin = 0.6 * R, R, 0.2, 50.0
     grains = Grains.create([[0.0, 0.0, r2], [0.0, 0.0, 2.0 * r2 + r1]], [r2, r1], STEEL,
                            angular_velocity=[NONE, [0.0, 0.0, spin]])  # fmt: skip
-    dvi = DVI(grains, [floor()], [Body("housing")], RigidContact(0.3), dt=1e-3, gravity=DOWN, tolerance=1e-10,
+    dvi = DVI(grains, [floor()], [Body("housing")], DviContact(0.3), dt=1e-3, gravity=DOWN, tolerance=1e-10,
               twisting=TwistingFriction(mu_w))  # fmt: skip
     upper = int(np.argmax(grains.position[:, 2]))
     rate = mu_w * r1 * r2 / (r1 + r2) * G / (0.4 * r1 * r1)
@@ -157,13 +157,13 @@ def bed(motion=None, n=40, speed=0.0, gravity=DOWN, **more):
     grains = Grains.create(where, 0.005 * rng.uniform(0.6, 1.0, n), STEEL, velocity=0.1 * rng.normal(size=(n, 3)),
                            angular_velocity=40.0 * rng.normal(size=(n, 3)))  # fmt: skip
     bodies = [Body("drum", motion or PrescribedSpeed.constant(speed), speed=speed), Body("housing")]
-    return DVI(grains, walls, bodies, RigidContact(0.4, more.pop("restitution", 0.0)), dt=1e-3, gravity=gravity,
+    return DVI(grains, walls, bodies, DviContact(0.4, more.pop("restitution", 0.0)), dt=1e-3, gravity=gravity,
                **{"rolling": RollingFriction(0.1, 0.2), "twisting": TwistingFriction(0.05, 0.03), "tolerance": 1e-9,
                   "max_sweeps": 5000, **more})  # fmt: skip
 
 
 def test_the_law_holds_in_every_contact_of_a_bed():
-    """From the records of a step, in N m s and rad/s: bounds, and couples against the relative spin; spins obey J."""
+    """From the records of a step, in N m s and rad/s: bounds, and torques against the relative spin; spins obey J."""
     dvi = bed(speed=6.0)
     dvi.run(150)
     grains = dvi.grains
@@ -172,11 +172,11 @@ def test_the_law_holds_in_every_contact_of_a_bed():
     assert totals.missed_steps == 0
     _, body, pair_index, pair, wall_index, wall = dvi._records()
     r, spin = grains.radius, grains.angular_velocity
-    _, pair_couple, wall_couple = dvi._couples
+    _, pair_torque, wall_torque = dvi._contact_torques
     gained = np.zeros_like(spin)
     loads = {"rest": 0, "roll": 0}
-    for index, rows, couples, kind in ((pair_index, pair, pair_couple, 0), (wall_index, wall, wall_couple, 1)):
-        for (i, j), row, c in zip(index, rows, couples[: len(rows), CX : CZ + 1], strict=True):
+    for index, rows, contact_torques, kind in ((pair_index, pair, pair_torque, 0), (wall_index, wall, wall_torque, 1)):
+        for (i, j), row, c in zip(index, rows, contact_torques[: len(rows), CX : CZ + 1], strict=True):
             e, impulse = row[: gs.ARM], row[gs.RX : gs.RZ + 1]
             gained[i] += np.cross(-r[i] * row[gs.ARM] * e, impulse)
             if kind == 0:
@@ -186,22 +186,22 @@ def test_the_law_holds_in_every_contact_of_a_bed():
                 arm, relative = r[i], spin[i] - [0.0, 0.0, body[j, gs.SPEED]]
             gained[i] += arm * c
             for mu, part in (((0.1, 0.2)[kind], np.eye(3) - np.outer(e, e)), ((0.05, 0.03)[kind], np.outer(e, e))):
-                couple, turning, bound = arm * part @ c, part @ relative, mu * arm * (impulse @ e)
-                size, rate = np.linalg.norm(couple), arm * np.linalg.norm(turning)
+                contact_torque, turning, bound = arm * part @ c, part @ relative, mu * arm * (impulse @ e)
+                size, rate = np.linalg.norm(contact_torque), arm * np.linalg.norm(turning)
                 assert size <= bound * (1.0 + 1e-9) + 1e-18
                 if size < 0.999 * bound:
                     loads["rest"] += 1
                     assert rate < 3e-9
                 elif rate > 1e-6:
                     loads["roll"] += 1
-                    assert couple @ turning == pytest.approx(-size * rate / arm, rel=1e-3)
+                    assert contact_torque @ turning == pytest.approx(-size * rate / arm, rel=1e-3)
     assert min(loads.values()) > 5
     assert grains.inertia[:, None] * (spin - before) == pytest.approx(gained, rel=1e-9, abs=1e-15)
 
 
 @pytest.mark.parametrize(("theta", "restitution"), [(0.5, 0.0), (1.0, 0.0), (1.0, 0.6)])
 def test_the_books_of_energy_close(theta, restitution):
-    """Kinetic energy, works and losses, a torque of the couples on a driven drum among them, to round-off."""
+    """Kinetic energy, works and losses, a torque of the torques on a driven drum among them, to round-off."""
     dvi = bed(speed=8.0, theta=theta, restitution=restitution)
     lost = {"rolling": 0.0, "twisting": 0.0}
     for _ in range(10):
@@ -223,10 +223,10 @@ def test_energy_never_grows_in_a_resting_drum():
     assert energy > 0.0
 
 
-@pytest.mark.parametrize("share", [1e-2, 1.0, 1e4])
-def test_a_free_shaft_takes_the_angular_momentum(share):
+@pytest.mark.parametrize("fraction", [1e-2, 1.0, 1e4])
+def test_a_free_shaft_takes_the_angular_momentum(fraction):
     """J from a hundredth to 1e4 times a grain's m R_drum^2; the floor turns with the drum: nothing else has any."""
-    inertia = share * STEEL * 4.0 / 3.0 * np.pi * R**3 * 0.03**2
+    inertia = fraction * STEEL * 4.0 / 3.0 * np.pi * R**3 * 0.03**2
     dvi = bed(FreeShaft(inertia=inertia), n=25, speed=10.0)
     drum = dvi.bodies[0]
 
@@ -241,9 +241,9 @@ def test_a_free_shaft_takes_the_angular_momentum(share):
         before, had, speed = momentum(), energy(), drum.speed
         totals = dvi.run(1)
         missed += totals.missed_steps
-        books = totals.energy
+        energy_budget = totals.energy
         assert energy() - had == pytest.approx(
-            books.gravity_work - sum(books.dissipation.values()), rel=1e-9, abs=1e-12 * had
+            energy_budget.gravity_work - sum(energy_budget.dissipation.values()), rel=1e-9, abs=1e-12 * had
         )
         if totals.projections == 0:  # what removes overlap moves grains, and conserves no angular momentum
             kept += 1
@@ -256,18 +256,18 @@ def test_a_free_shaft_takes_the_angular_momentum(share):
 
 @pytest.mark.parametrize("inertia", [1e-9, 1e-6, 1e-3])
 def test_a_ball_that_twists_on_a_free_turntable(inertia):
-    """About the shaft's own axis: the bound's couple until both turn alike, at J_1 omega/(J_1 + J)."""
+    """About the shaft's own axis: the bound's torque until both turn alike, at J_1 omega/(J_1 + J)."""
     spin, mu_w = 60.0, 0.1
     grains = Grains.create([[0.0, 0.0, R]], R, STEEL, angular_velocity=[[0.0, 0.0, spin]])
     table = Body("housing", FreeShaft(inertia=inertia))
-    dvi = DVI(grains, [floor()], [table], RigidContact(0.5), dt=1e-3, gravity=DOWN, tolerance=1e-10,
+    dvi = DVI(grains, [floor()], [table], DviContact(0.5), dt=1e-3, gravity=DOWN, tolerance=1e-10,
               twisting=TwistingFriction(mu_w), rolling=RollingFriction(0.05))  # fmt: skip
     own = float(grains.inertia[0])
-    couple = mu_w * R * float(grains.mass[0]) * G
-    same = spin / (couple / own + couple / inertia)
+    contact_torque = mu_w * R * float(grains.mass[0]) * G
+    same = spin / (contact_torque / own + contact_torque / inertia)
     steps = int(0.5 * same / dvi.dt)
     dvi.run(steps)
-    assert grains.angular_velocity[0, 2] == pytest.approx(spin - couple / own * steps * dvi.dt, rel=1e-9)
+    assert grains.angular_velocity[0, 2] == pytest.approx(spin - contact_torque / own * steps * dvi.dt, rel=1e-9)
     dvi.run(int(0.6 * same / dvi.dt) + 2)
     end = own * spin / (own + inertia)
     assert [grains.angular_velocity[0, 2], table.speed] == pytest.approx([end, end], rel=1e-6)
@@ -281,8 +281,8 @@ def test_the_couple_of_a_free_shaft_is_the_best_one_of_the_disc(seed):
     for limit in (1e-6, 0.1, 1.0, 100.0):
         x, y = in_disc(a, b, limit, f, g)
         assert np.hypot(x, y) <= limit * (1.0 + 1e-12)
-        angle, share = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 2001), np.linspace(0.0, 1.0, 51))
-        u, v = limit * share * np.cos(angle), limit * share * np.sin(angle)
+        angle, fraction = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 2001), np.linspace(0.0, 1.0, 51))
+        u, v = limit * fraction * np.cos(angle), limit * fraction * np.sin(angle)
         value = 0.5 * (a * u * u + b * v * v) - f * u - g * v
         assert 0.5 * (a * x * x + b * y * y) - f * x - g * y <= value.min() + 1e-12 * np.abs(value).max()
 
@@ -309,11 +309,11 @@ def test_couples_start_from_those_of_the_step_before():
     dvi = bed(tolerance=1e-7)
     dvi.run(600)
     assert dvi.run(20).sweeps <= 60
-    couples = np.sort(np.abs(dvi.state()["list_pair_impulse"][:, 3:]).sum(axis=1))
+    contact_torques = np.sort(np.abs(dvi.state()["list_pair_impulse"][:, 3:]).sum(axis=1))
     dvi.invalidate()
     assert dvi.run(20).sweeps <= 60
     assert np.sort(np.abs(dvi.state()["list_pair_impulse"][:, 3:]).sum(axis=1))[-5:] == pytest.approx(
-        couples[-5:], rel=0.1
+        contact_torques[-5:], rel=0.1
     )
 
 
@@ -347,7 +347,7 @@ def test_the_convex_law_stops_a_rolling_ball_as_far_on():
 
 
 def test_a_ball_stops_on_triangles_as_on_a_plane():
-    """Over a dozen edges: couples are handed on with the impulses."""
+    """Over a dozen edges: torques are handed on with the impulses."""
     x = np.linspace(-0.1, 0.5, 13)
     corners = np.array([(s, y, 0.0) for s in x for y in (-0.1, 0.1)])
     strips = [t for k in range(0, 24, 2) for t in ([k, k + 2, k + 3], [k, k + 3, k + 1])]
@@ -359,7 +359,7 @@ def test_a_ball_stops_on_triangles_as_on_a_plane():
 
 
 def test_a_ball_on_springs_stops_as_far_on():
-    """Contacts that give way have the same couple; it follows their normal impulse, which is m g h once they rest."""
+    """Contacts that give way have the same torque; it follows their normal impulse, which is m g h once they rest."""
     v, mu_r, h = 0.5, 0.05, 1e-3
     k = np.full((2, 2), 1e4)
     dvi = ball(h, (v, 0.0, 0.0), (0.0, v / R, 0.0), RollingFriction(mu_r), theta=0.5, stiffness=k)
@@ -378,9 +378,9 @@ def test_a_ball_on_springs_winds_them_up_on_a_slope_and_rests():
     assert np.abs(dvi.grains.motion).max() < 1e-6
     # the lever of the weight is shorter than R by the overlap, 0.08 %
     assert dvi._springs[[1, 2]] == pytest.approx([0.5 * pull * pull / k_t] * 2, rel=3e-3)
-    books = totals.energy
-    given = books.gravity_work - sum(books.dissipation.values())
-    assert books.kinetic_change + books.elastic_change == pytest.approx(given, rel=1e-9)
+    energy_budget = totals.energy
+    given = energy_budget.gravity_work - sum(energy_budget.dissipation.values())
+    assert energy_budget.kinetic_change + energy_budget.elastic_change == pytest.approx(given, rel=1e-9)
 
 
 def test_the_books_of_a_bed_on_springs_close():

@@ -24,7 +24,7 @@ from geometry.walls import AnnularBox, annulus, cylinder
 from particles import Body, Grains, PrescribedSpeed, pack
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.dvi import DVI
-from particles.dvi.rigid_contact import RigidContact
+from particles.dvi.dvi_contact import DviContact
 
 G = 9.81
 R = 5e-3
@@ -64,7 +64,7 @@ def _in_box(seed, turned, n=30, steps=700, **way):
     where[:, :2] *= 0.9
     box = Box((0.92 * side, 0.92 * side, 2.0 * side))
     way = {"tolerance": 1e-6, "max_sweeps": 2000} | way
-    dvi = DVI(Grains.create(where, radius, STEEL), box.walls(), [Body("housing")], RigidContact(MU), dt=H,
+    dvi = DVI(Grains.create(where, radius, STEEL), box.walls(), [Body("housing")], DviContact(MU), dt=H,
               gravity=(0.0, 0.0, -G), **way)  # fmt: skip
     dvi.run(steps)
     if turned:
@@ -84,7 +84,7 @@ def _in_ring(seed, n=40, **way):
     grains = Grains.create(pack(AnnularBox(CORE, DRUM, 0.0, high), walls, n, R, seed=seed), radius, STEEL)
     bodies = [Body("rotor", PrescribedSpeed.constant(CORE_SPEED)), Body("drum", PrescribedSpeed.constant(DRUM_SPEED))]
     way = {"tolerance": 1e-6, "max_sweeps": 2000} | way
-    dvi = DVI(grains, walls, bodies, RigidContact(MU), dt=H, gravity=(0.0, 0.0, -G), **way)
+    dvi = DVI(grains, walls, bodies, DviContact(MU), dt=H, gravity=(0.0, 0.0, -G), **way)
     dvi.run(250)
     return dvi, [
         (_cylinder(CORE), CORE_SPEED), (_cylinder(DRUM), DRUM_SPEED), (_level(0.0), DRUM_SPEED),

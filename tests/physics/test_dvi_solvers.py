@@ -10,7 +10,7 @@ from particles import Body, Grains
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.accelerated import accelerate_records
 from particles.dvi.dvi import DVI
-from particles.dvi.rigid_contact import RigidContact
+from particles.dvi.dvi_contact import DviContact
 
 SIDEWAYS = np.array([G, 0.0, 0.0])
 
@@ -21,7 +21,7 @@ def _box(**more):
     sites = np.stack(np.meshgrid(*[np.arange(4) + 0.5] * 3), axis=-1).reshape(-1, 3) * 2.05 * R
     where = sites - [0.5 * side, 0.5 * side, 0.0] + 2e-4 * R * np.random.default_rng(2).normal(size=sites.shape)
     box = Box((side, side, 1.1 * side))
-    return DVI(Grains.create(where, R, STEEL), box.walls(), [Body("housing")], RigidContact(0.3), dt=1e-3,
+    return DVI(Grains.create(where, R, STEEL), box.walls(), [Body("housing")], DviContact(0.3), dt=1e-3,
                **({"gravity": (0.0, 0.0, -G), "tolerance": 1e-5, "max_sweeps": 500} | more))  # fmt: skip
 
 

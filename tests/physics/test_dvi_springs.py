@@ -9,9 +9,9 @@ from geometry.triangle_wall import TriangleWall
 from geometry.walls import Plane, annulus
 from particles import DEM, Body, Grains, LinearContact, PrescribedSpeed
 from particles.dvi import gauss_seidel as gs
+from particles.dvi.compliance import ROOTS, calibrated, rebound
 from particles.dvi.dvi import DVI
-from particles.dvi.rigid_contact import RigidContact
-from particles.dvi.springs import ROOTS, calibrated, rebound
+from particles.dvi.dvi_contact import DviContact
 from particles.laws.restitution import damping_ratio
 
 K = 1e6
@@ -27,7 +27,7 @@ def _pairs(gaps, speed, h, e, mu=0.3):
     high = low + np.column_stack((np.zeros((n, 2)), 2.0 * R + gaps))
     grains = Grains.create(np.concatenate((low, high)), R, STEEL)
     grains.velocity[:n, 2], grains.velocity[n:, 2] = 0.5 * speed, -0.5 * speed
-    return DVI(grains, [], [], RigidContact(mu, e, threshold=1e-3), dt=h, tolerance=1e-12, stiffness=STIFF)
+    return DVI(grains, [], [], DviContact(mu, e, threshold=1e-3), dt=h, tolerance=1e-12, stiffness=STIFF)
 
 
 @pytest.mark.parametrize("e", [0.2, 0.5, 0.9])
@@ -46,10 +46,10 @@ def test_binary_impacts_have_the_restitution_asked_for(e, ratio):
 def test_the_calibration_meets_dashpots_that_are_known():
     """For short steps K = 2 zeta sqrt(a) of the dashpot that `LinearContact` finds for the same restitution."""
     for e in (0.3, 0.6, 0.9):
-        share, met = calibrated(ROOTS[:1], e)
+        fraction, met = calibrated(ROOTS[:1], e)
         assert met[0]
         # first order in the step: the share of backward Euler, a, is in it
-        assert share[0] == pytest.approx(2.0 * damping_ratio(e) * ROOTS[0], abs=1.5 * ROOTS[0] ** 2)
+        assert fraction[0] == pytest.approx(2.0 * damping_ratio(e) * ROOTS[0], abs=1.5 * ROOTS[0] ** 2)
 
 
 def test_no_share_lets_an_impact_gain_energy():
@@ -63,7 +63,7 @@ def test_a_resting_sphere_presses_in_by_its_weight(h):
     """delta = m g/k, whatever the step; it gets there from a touch without ringing for ever."""
     floor = annulus("floor", "housing", 0.0, 0.0, 1.0)
     grains = Grains.create([[0.1, 0.0, R]], R, STEEL)
-    dvi = DVI(grains, [floor], [Body("housing")], RigidContact(0.3, 0.1), dt=h, gravity=(0.0, 0.0, -G),
+    dvi = DVI(grains, [floor], [Body("housing")], DviContact(0.3, 0.1), dt=h, gravity=(0.0, 0.0, -G),
               tolerance=1e-13, stiffness=STIFF)  # fmt: skip
     dvi.run(max(50, round(60.0 * CONTACT_TIME / h)))
     totals = dvi.run(2)
@@ -89,7 +89,7 @@ def test_short_steps_are_dem():
     assert exact[2] == pytest.approx(0.5, abs=2e-3)
 
     def dvi(g, w, b, h):
-        return DVI(g, w, b, RigidContact(0.3, 0.5), dt=h, tolerance=1e-13, stiffness=STIFF)
+        return DVI(g, w, b, DviContact(0.3, 0.5), dt=h, tolerance=1e-13, stiffness=STIFF)
 
     errors = [np.abs(_glancing(dvi, CONTACT_TIME / n) - exact).max() for n in (25, 100, 400)]
     assert errors[2] < 0.01
@@ -102,7 +102,7 @@ def _box_of(n, stiffness, **more):
     where = step * (sites - [0.5 * side, 0.5 * side, 0.0])
     where += 1e-2 * R * np.random.default_rng(3).uniform(-1.0, 1.0, where.shape)
     box = Box((side * step, side * step, 1.2 * side * step))
-    return DVI(Grains.create(where, R, STEEL), box.walls(), [Body("housing")], RigidContact(0.3), dt=1e-3,
+    return DVI(Grains.create(where, R, STEEL), box.walls(), [Body("housing")], DviContact(0.3), dt=1e-3,
                gravity=(0.0, 0.0, -G), stiffness=stiffness, **more)  # fmt: skip
 
 
@@ -124,7 +124,7 @@ def test_forces_of_a_packing_are_unique(moving):
     for rows in (cold[3], cold[5]):
         rows[:, gs.RX : gs.RZ + 1] = 0.0
     for records in (warm, cold):
-        assert swept(1e-12, 100_000, records, soft=moving._soft)[1] <= 1e-12
+        assert swept(1e-12, 100_000, records, compliance=moving._compliance)[1] <= 1e-12
     loaded = np.any(warm[3][:, gs.RX : gs.RZ + 1] != 0.0, axis=1).sum() + len(warm[5])
     assert 3 * loaded > 6 * 125
     scale = np.abs(warm[3][:, gs.RX : gs.RZ + 1]).max()
@@ -163,7 +163,7 @@ def test_a_jam_between_driven_plates_has_a_finite_force():
     grains = Grains.create([[R, radius, 0.0]], R, STEEL)
     walls = [vane("standing", "drum", 0.0), vane("moving", "rotor", 2.0 * R)]
     bodies = [Body("drum"), Body("rotor", PrescribedSpeed.constant(omega))]  # turning about z moves it towards -x
-    dvi = DVI(grains, walls, bodies, RigidContact(0.0), dt=1e-4, stiffness=STIFF, tolerance=1e-9)
+    dvi = DVI(grains, walls, bodies, DviContact(0.0), dt=1e-4, stiffness=STIFF, tolerance=1e-9)
     for steps in (99, 100, 200):
         assert dvi.run(steps).missed_steps == 0
         totals = dvi.run(1)
@@ -179,14 +179,14 @@ def test_energy_never_grows(e=0.5):
         sites = np.stack(np.meshgrid(*[np.arange(4)] * 3), axis=-1).reshape(-1, 3) * 2.4 * R
         velocity = -3.0 * (sites - sites.mean(axis=0)) + 0.05 * rng.normal(size=sites.shape)
         grains = Grains.create(sites, R, STEEL, velocity=velocity)
-        dvi = DVI(grains, [], [], RigidContact(0.5, e), dt=ratio * CONTACT_TIME, tolerance=1e-9, stiffness=STIFF)
+        dvi = DVI(grains, [], [], DviContact(0.5, e), dt=ratio * CONTACT_TIME, tolerance=1e-9, stiffness=STIFF)
         first = energy = grains.kinetic_energy()
         for _ in range(60):
             totals = dvi.run(max(1, round(8.0 / ratio)))
-            books = totals.books
-            now = books.kinetic_energy + totals.energy.elastic_energy
+            energy_budget = totals.energy_budget
+            now = energy_budget.kinetic_energy + totals.energy.elastic_energy
             assert now <= energy + 1e-9 * first
-            assert books.kinetic_change + totals.energy.elastic_change == pytest.approx(
+            assert energy_budget.kinetic_change + totals.energy.elastic_change == pytest.approx(
                 -sum(totals.energy.dissipation.values()), abs=1e-12 * first
             )
             energy = now
@@ -205,7 +205,7 @@ def test_a_groove_gives_back_no_more_than_a_plane(e, a):
     where = np.column_stack((np.zeros(5), 10.0 * R * np.arange(5), R / np.cos(slope) + phase * h))
     grains = Grains.create(where, R, STEEL)
     grains.velocity[:, 2] = -1.0
-    dvi = DVI(grains, walls, [Body("housing")], RigidContact(0.0, e, threshold=1e-3), dt=h, tolerance=1e-12,
+    dvi = DVI(grains, walls, [Body("housing")], DviContact(0.0, e, threshold=1e-3), dt=h, tolerance=1e-12,
               stiffness=STIFF)  # fmt: skip
     dvi.run(round(4.0 * np.pi / np.sqrt(a)) + 6)
     assert np.mean(grains.velocity[:, 2]) <= e + 0.012
@@ -216,7 +216,7 @@ def test_a_flat_mesh_carries_as_a_plane_does():
     corners = np.array([[-0.1, -0.1, 0.0], [0.1, -0.1, 0.0], [0.1, 0.1, 0.0], [-0.1, 0.1, 0.0]])
     floor = TriangleWall("floor", "housing", corners, np.array([[0, 1, 2], [0, 2, 3]]))
     grains = Grains.create([[-0.03, 0.01, R], [0.0, 0.02, R], [0.04, -0.03, R]], R, STEEL)
-    dvi = DVI(grains, [floor], [Body("housing")], RigidContact(0.3, 0.5), dt=1e-3, gravity=(0.0, 0.0, -G),
+    dvi = DVI(grains, [floor], [Body("housing")], DviContact(0.3, 0.5), dt=1e-3, gravity=(0.0, 0.0, -G),
               tolerance=1e-12, stiffness=STIFF)  # fmt: skip
     totals = dvi.run(400)
     assert R - grains.position[:, 2] == pytest.approx(np.full(3, MASS * G / K), rel=1e-6)
@@ -226,7 +226,7 @@ def test_a_flat_mesh_carries_as_a_plane_does():
 def test_a_state_brings_its_step_and_springs_follow():
     made, other = (_box_of(27, STIFF, tolerance=1e-9) for _ in range(2))
     made.run(30)
-    other = DVI(Grains.create(np.zeros((27, 3)) + 0.02, R, STEEL), made.walls, [Body("housing")], RigidContact(0.3),
+    other = DVI(Grains.create(np.zeros((27, 3)) + 0.02, R, STEEL), made.walls, [Body("housing")], DviContact(0.3),
                 dt=2e-3, gravity=(0.0, 0.0, -G), stiffness=STIFF, tolerance=1e-9)  # fmt: skip
     other.restore(made.state())
     made.run(20)

@@ -11,12 +11,12 @@ import pytest
 from geometry import Box
 from geometry.triangle_wall import box_surface
 from geometry.walls import annulus, cylinder
-from particles import DVI, Body, FreeShaft, Grains, PrescribedSpeed, RigidContact
+from particles import DVI, Body, DviContact, FreeShaft, Grains, PrescribedSpeed
 from particles.dvi import gauss_seidel as gs
-from particles.dvi import shares
+from particles.dvi import partition
 from particles.laws.rolling_friction import RollingFriction
 from particles.laws.twisting_friction import TwistingFriction
-from particles.lists.neighbours import cell_order, find_pairs
+from particles.neighbours.neighbour_list import cell_order, find_pairs
 
 G = 9.81
 R = 5e-3
@@ -35,7 +35,7 @@ def one_thread():
 
 @pytest.fixture
 def few_are_worth_sharing(monkeypatch):
-    monkeypatch.setattr(shares, "WORTH_SHARING", 100)
+    monkeypatch.setattr(partition, "WORTH_SHARING", 100)
 
 
 def _lattice(size, count, seed=0):
@@ -55,7 +55,7 @@ def _box(n, **more):
     radius = R * (1.0 + 0.05 * np.sin(np.arange(n)))
     grains = Grains.create(where, radius, 7850.0, velocity=np.tile([0.2, 0.3, -1.0], (n, 1)), angular_velocity=spin)
     gravity = (2.0, 3.0, -G)
-    return DVI(grains, box.walls(), [Body("housing")], RigidContact(0.4, 0.2), dt=1e-3, gravity=gravity, **more)
+    return DVI(grains, box.walls(), [Body("housing")], DviContact(0.4, 0.2), dt=1e-3, gravity=gravity, **more)
 
 
 def _drum(n, vanes=False, **more):
@@ -79,7 +79,7 @@ def _drum(n, vanes=False, **more):
         clear &= (np.abs(where[:, 1]) > 1.5 * R) | (np.abs(where[:, 0]) > 3.5 * R) & (np.abs(where[:, 0]) < 5.5 * R)
     assert np.count_nonzero(clear) >= n
     grains = Grains.create(where[clear][:n], R, 7850.0, velocity=np.tile([0.0, -1.0, 0.0], (n, 1)))
-    return DVI(grains, walls, bodies, RigidContact(0.3), dt=1e-3, gravity=DOWN, **more)
+    return DVI(grains, walls, bodies, DviContact(0.3), dt=1e-3, gravity=DOWN, **more)
 
 
 def _vanes(n, **more):
@@ -116,7 +116,7 @@ def _differences(a, b):
 def test_one_and_two_threads_agree_bitwise(make, n, steps, more):
     one, first = _with_threads(1, make, n, steps, **more)
     two, second = _with_threads(2, make, n, steps, **more)
-    assert len(one._share.rows) > 4  # shares that two threads do have
+    assert len(one._chunks.rows) > 4  # chunks that two threads do have
     assert sum(t.rebuilds for t in first) > 1 and first[-1].n_contacts > n // 2 and first[-1].taken_over > 0
     assert _differences(one, two) == []
     assert repr(first) == repr(second)
@@ -126,9 +126,9 @@ def test_four_threads_agree_bitwise():
     """In a process of its own: numba starts no more threads than there are cores unless it is told to at the start."""
     script = (
         "import sys, numba, numpy as np; sys.path.insert(0, sys.argv[1]); import test_dvi_threads as t\n"
-        "t.shares.WORTH_SHARING = 100\n"
+        "t.partition.WORTH_SHARING = 100\n"
         "runs = [t._with_threads(k, t._box, 3000, 16, max_sweeps=40, stiffness=t.STIFF) for k in (1, 2, 4)]\n"
-        "assert numba.config.NUMBA_NUM_THREADS == 4 and len(runs[0][0]._share.rows) > 8\n"
+        "assert numba.config.NUMBA_NUM_THREADS == 4 and len(runs[0][0]._chunks.rows) > 8\n"
         "print([t._differences(runs[0][0], r[0]) for r in runs[1:]], len({repr(r[1]) for r in runs}))\n"
     )
     done = subprocess.run(
@@ -154,17 +154,17 @@ def test_a_restart_goes_on_bit_for_bit():
     ("make", "more"), [(_box, {"stiffness": STIFF}), (_drum, {"stiffness": STIFF}), (_vanes, {"stiffness": STIFF})]
 )
 def test_the_solution_does_not_depend_on_the_shares(make, more, monkeypatch):
-    """Springs make it unique: from one state, all at once and by shares reach the same velocities and torques."""
-    monkeypatch.setattr(shares, "WORTH_SHARING", 100)
+    """Springs make it unique: from one state, all at once and by chunks reach the same velocities and torques."""
+    monkeypatch.setattr(partition, "WORTH_SHARING", 100)
     dvi = make(300, tolerance=1e-10, **more)
     dvi.run(60)
     state = dvi.state()
     answers = []
     for worth in (100, 1000):
-        monkeypatch.setattr(shares, "WORTH_SHARING", worth)
+        monkeypatch.setattr(partition, "WORTH_SHARING", worth)
         again = make(300, tolerance=1e-10, **more)
         again.restore(state)
-        assert (again._share is None) == (worth == 1000)
+        assert (again._chunks is None) == (worth == 1000)
         totals = again.run(1)
         assert totals.missed_steps == 0 and totals.n_contacts > 300
         answers.append((again, totals))
@@ -176,7 +176,7 @@ def test_the_solution_does_not_depend_on_the_shares(make, more, monkeypatch):
         assert first.torque_on(a.name) == pytest.approx(second.torque_on(a.name), abs=1e-5)
         assert first.force[a.name] == pytest.approx(second.force[a.name], abs=1e-4)
     assert first.n_contacts == second.n_contacts
-    assert first.books.contact_work == pytest.approx(second.books.contact_work, abs=1e-9)
+    assert first.energy_budget.contact_work == pytest.approx(second.energy_budget.contact_work, abs=1e-9)
     assert first.max_overlap == second.max_overlap
 
 
@@ -186,17 +186,17 @@ def test_books_balance_and_the_residual_is_honest():
     dvi = _drum(300, stiffness=STIFF)
     dvi.run(60)
     totals = dvi.run(1)
-    books = totals.books
-    change = books.contact_work + books.gravity_work
-    assert books.kinetic_change == pytest.approx(change, rel=1e-9, abs=1e-12)
-    assert totals.residual == pytest.approx(gs.residual_records(None, dvi._soft, *dvi._records()), rel=1e-12)
+    energy_budget = totals.energy_budget
+    change = energy_budget.contact_work + energy_budget.gravity_work
+    assert energy_budget.kinetic_change == pytest.approx(change, rel=1e-9, abs=1e-12)
+    assert totals.residual == pytest.approx(gs.residual_records(None, dvi._compliance, *dvi._records()), rel=1e-12)
     assert 0.0 < totals.residual <= dvi.tolerance
 
 
-def _shares_of(position, radius, skin=0.2 * R):
+def _chunks_of(position, radius, skin=0.2 * R):
     order = cell_order(position, 2.0 * float(radius.max()) + skin)
     pairs = find_pairs(position[order], 2.0 * float(radius.max()) + skin, None, (radius + 0.5 * skin)[order])
-    made = shares.make_shares(pairs.start, pairs.other, np.zeros(len(position) + 1, dtype=np.int64), (1, 1), 14)
+    made = partition.make_chunks(pairs.start, pairs.other, np.zeros(len(position) + 1, dtype=np.int64), (1, 1), 14)
     return pairs, made.rows
 
 
@@ -217,16 +217,16 @@ def test_shares_of_one_turn_have_no_grain_in_common(shape):
         where = rng.uniform(0.0, 1.0, (n, 3)) * [160 * R, 160 * R, 2.0 * R]
     elif shape == "line":
         where = np.arange(n)[:, None] * [2.0 * R, 0.0, 0.0]
-    pairs, rows = _shares_of(where, radius)
+    pairs, rows = _chunks_of(where, radius)
     assert len(rows) > 8 and rows[0] == 0 and rows[-1] == n
     owner = np.repeat(np.arange(len(rows) - 1), np.diff(rows))
     for turn in range(2):
         touched = np.full(n, -1)
         mine = owner[pairs.rows()] % 2 == turn
-        first, second, share = pairs.rows()[mine], pairs.other[mine], owner[pairs.rows()][mine]
+        first, second, chunk = pairs.rows()[mine], pairs.other[mine], owner[pairs.rows()][mine]
         for grain in (first, second):
-            assert np.all((touched[grain] == -1) | (touched[grain] == share))
-            touched[grain] = share
+            assert np.all((touched[grain] == -1) | (touched[grain] == chunk))
+            touched[grain] = chunk
     counts = np.diff(pairs.start[rows])
     assert counts.max() < 2.0 * counts.mean()
 
@@ -234,8 +234,8 @@ def test_shares_of_one_turn_have_no_grain_in_common(shape):
 @pytest.mark.usefixtures("few_are_worth_sharing")
 def test_grains_that_all_touch_each_other_are_one_share():
     where = np.random.default_rng(3).uniform(-0.5 * R, 0.5 * R, (150, 3))
-    assert list(_shares_of(where, np.full(150, R))[1]) == [0, 150]
+    assert list(_chunks_of(where, np.full(150, R))[1]) == [0, 150]
 
 
 def test_few_grains_are_not_shared():
-    assert _box(300)._share is None
+    assert _box(300)._chunks is None

@@ -6,7 +6,7 @@ from dvi_scenes import NONE, G, R
 
 from geometry.triangle_wall import TriangleWall, box_surface
 from geometry.walls import annulus, cylinder
-from particles import DVI, Body, FreeShaft, Grains, PrescribedSpeed, RigidContact
+from particles import DVI, Body, DviContact, FreeShaft, Grains, PrescribedSpeed
 
 
 @pytest.mark.parametrize(("slope", "mu"), [(20.0, 0.3), (50.0, 0.3)])
@@ -20,7 +20,7 @@ def test_incline(slope, mu):
     up, down = np.array([np.sin(a), 0.0, np.cos(a)]), np.array([np.cos(a), 0.0, -np.sin(a)])
     h, steps = 2e-3, 150
     grains = Grains.create([R * up], R, 7850.0)
-    dvi = DVI(grains, [wall], [Body("housing")], RigidContact(mu), dt=h, gravity=(0.0, 0.0, -G), tolerance=1e-12)
+    dvi = DVI(grains, [wall], [Body("housing")], DviContact(mu), dt=h, gravity=(0.0, 0.0, -G), tolerance=1e-12)
     dvi.run(steps)
     rolls = np.tan(a) <= 3.5 * mu
     pull = 5.0 / 7.0 * G * np.sin(a) if rolls else G * (np.sin(a) - mu * np.cos(a))
@@ -34,7 +34,7 @@ def _vane(motion, mu, e, h, x=0.1, velocity=NONE, gap=0.0, **more):
     wall = box_surface("vane", "rotor", (0.0, 0.0, 0.0), (0.8, 4e-3, 0.1))
     grains = Grains.create([[x, 2e-3 + R + gap, 0.0]], R, 7850.0, velocity=[velocity])
     rotor = Body("rotor", motion, speed=more.pop("speed", 0.0))
-    return DVI(grains, [wall], [rotor], RigidContact(mu, e), dt=h, gravity=NONE, tolerance=1e-13, **more)
+    return DVI(grains, [wall], [rotor], DviContact(mu, e), dt=h, gravity=NONE, tolerance=1e-13, **more)
 
 
 @pytest.mark.parametrize(("mu", "e"), [(0.0, 0.0), (0.0, 0.5), (10.0, 0.0)])
@@ -123,7 +123,7 @@ def test_a_ribbed_drum_keeps_angular_momentum():
     grains = Grains.create(where, 4e-3, 7850.0, velocity=rng.normal(0.0, 1.0, where.shape))
     j = 2e-5
     drum = Body("drum", FreeShaft(j), speed=-30.0)
-    dvi = DVI(grains, walls, [drum], RigidContact(0.3, 0.7), dt=2e-4, gravity=NONE, tolerance=1e-10)
+    dvi = DVI(grains, walls, [drum], DviContact(0.3, 0.7), dt=2e-4, gravity=NONE, tolerance=1e-10)
     size = j * 30.0
     normal = 0.0
     for _ in range(200):
@@ -146,7 +146,7 @@ def test_a_drum_slips_on_a_held_grain():
     x, mu, j, speed, h = 0.1, 0.3, 1e-4, 12.0, 1e-3
     grains = Grains.create([[x, 0.0, R]], R, 7850.0)
     drum = Body("drum", FreeShaft(j), speed=speed)
-    dvi = DVI(grains, [disc], [drum], RigidContact(mu), dt=h, gravity=(0.0, 0.0, -G), tolerance=1e-12)
+    dvi = DVI(grains, [disc], [drum], DviContact(mu), dt=h, gravity=(0.0, 0.0, -G), tolerance=1e-12)
     torque = mu * grains.mass[0] * G * x
     stop = speed * j / torque
     steps = int(0.9 * stop / h)

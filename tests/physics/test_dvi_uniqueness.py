@@ -12,7 +12,7 @@ from geometry.triangle_wall import box_surface
 from geometry.walls import AnnularBox, annulus, cylinder
 from particles import Body, DemError, DemErrorKind, FreeShaft, Grains, PrescribedSpeed, pack
 from particles.dvi.dvi import DVI
-from particles.dvi.rigid_contact import RigidContact
+from particles.dvi.dvi_contact import DviContact
 
 H = 1e-3
 TOLERANCE = 1e-11
@@ -31,7 +31,7 @@ def _bed(friction, seed, steps=300, n=60):
     radius = R * np.random.default_rng(seed).uniform(0.8, 1.0, n)
     grains = Grains.create(pack(AnnularBox(CORE, DRUM, 0.0, high), walls, n, R, seed=seed), radius, STEEL)
     bodies = [Body("rotor", PrescribedSpeed.constant(20.0)), Body("drum", FreeShaft(INERTIA))]
-    dvi = DVI(grains, walls, bodies, RigidContact(0.4), dt=H, gravity=(0.0, 0.0, -G), friction=friction,
+    dvi = DVI(grains, walls, bodies, DviContact(0.4), dt=H, gravity=(0.0, 0.0, -G), friction=friction,
               tolerance=1e-6, max_sweeps=5000)  # fmt: skip
     dvi.run(steps)
     dvi.tolerance, dvi.max_sweeps = TOLERANCE, 20_000
@@ -101,14 +101,14 @@ def test_exact_coulomb_leaves_little_open_in_a_sheared_bed():
 def _wedged(squeeze, friction="coulomb"):
     """A grain that just fits between a floor at rest and a turning lid, pressed upon by ``squeeze`` [N s] in the start.
 
-    Returns the lid's drag and the grain's speed, as shares of 0.35 m Omega a and Omega a, the totals, and the drag's
+    Returns the lid's drag and the grain's speed, as chunks of 0.35 m Omega a and Omega a, the totals, and the drag's
     share for each N s of squeeze.
     """
     mu, a, speed = 0.5, 0.05, 4.0
     walls = [annulus("floor", "low", 0.0, 0.0, 0.1), annulus("lid", "high", 2.0 * R, 0.0, 0.1)]
     bodies = [Body("low"), Body("high", PrescribedSpeed.constant(speed))]
     grains = Grains.create([[a, 0.0, R]], R, STEEL)
-    dvi = DVI(grains, walls, bodies, RigidContact(mu), dt=H, gravity=(0.0, 0.0, -G), friction=friction,
+    dvi = DVI(grains, walls, bodies, DviContact(mu), dt=H, gravity=(0.0, 0.0, -G), friction=friction,
               tolerance=1e-12)  # fmt: skip
     state = dvi.state()
     state["list_wall_impulse"][:, 2] = np.where(state["list_wall_other"] == 0, squeeze, -squeeze)
@@ -118,26 +118,26 @@ def _wedged(squeeze, friction="coulomb"):
     return -totals.torque_on("high") * H / a / sticking, grains.velocity[0, 1] / (speed * a), totals, mu / sticking
 
 
-@pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.9, 1.0, 3.0])
-def test_torque_on_prescribed_shafts_is_not_unique(share):
+@pytest.mark.parametrize("fraction", [0.0, 0.1, 0.5, 0.9, 1.0, 3.0])
+def test_torque_on_prescribed_shafts_is_not_unique(fraction):
     """A wedged grain: any squeeze N keeps itself up, and with it a torque: each is a solution of exact Coulomb.
 
     The lid drags with min(mu N, 0.35 m Omega a), at the latter the grain rolls at both (v = Omega a/2). The floor's
     friction, 3/7 of the lid's, keeps it rolling on the floor.
     """
     per_squeeze = _wedged(0.0)[3]
-    drag, speed, totals, _ = _wedged(share / per_squeeze)
+    drag, speed, totals, _ = _wedged(fraction / per_squeeze)
     assert totals.residual < 1e-12 and totals.missed_steps == 0
-    assert drag == pytest.approx(min(share, 1.0), abs=1e-9)
-    assert speed == pytest.approx(0.5 * min(share, 1.0), abs=1e-9)
-    assert totals.force["high"][2] == pytest.approx(share / per_squeeze / H, rel=1e-9)
+    assert drag == pytest.approx(min(fraction, 1.0), abs=1e-9)
+    assert speed == pytest.approx(0.5 * min(fraction, 1.0), abs=1e-9)
+    assert totals.force["high"][2] == pytest.approx(fraction / per_squeeze / H, rel=1e-9)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.5, 3.0])
-def test_the_convex_law_lets_no_wedged_grain_slip(share):
+@pytest.mark.parametrize("fraction", [0.0, 0.5, 3.0])
+def test_the_convex_law_lets_no_wedged_grain_slip(fraction):
     """Slip at floor or lid would open it, which the other one forbids: the grain rolls, whatever the start."""
     per_squeeze = _wedged(0.0)[3]
-    drag, speed, totals, _ = _wedged(share / per_squeeze, "convex")
+    drag, speed, totals, _ = _wedged(fraction / per_squeeze, "convex")
     assert totals.missed_steps == 0
     assert drag == pytest.approx(1.0, abs=1e-6)
     assert speed == pytest.approx(0.5, abs=1e-6)
@@ -159,7 +159,7 @@ def test_contacts_that_contradict_each_other_are_missed_not_blown_up(solver):
     ]
     bodies = [Body("one", PrescribedSpeed.constant(c / a)), Body("two", PrescribedSpeed.constant(-c / a))]
     grains = Grains.create([[a, 0.0, 0.0]], R, STEEL)
-    dvi = DVI(grains, walls, bodies, RigidContact(0.3), dt=h, gravity=(0.0, 0.0, 0.0), solver=solver, max_sweeps=cap,
+    dvi = DVI(grains, walls, bodies, DviContact(0.3), dt=h, gravity=(0.0, 0.0, 0.0), solver=solver, max_sweeps=cap,
               tolerance=1e-9)  # fmt: skip
     for step in range(3):
         totals = dvi.run(1)
@@ -195,7 +195,7 @@ def test_a_jammed_bed_between_driven_walls_stays_finite(seed):
     ]  # fmt: skip
     grains = Grains.create(pack(AnnularBox(CORE, DRUM, 0.0, high), walls, n, R, seed=seed), R, STEEL)
     bodies = [Body("rotor", PrescribedSpeed.constant(speed)), Body("drum", PrescribedSpeed.constant(-speed))]
-    dvi = DVI(grains, walls, bodies, RigidContact(0.8), dt=H, gravity=(0.0, 0.0, -G), tolerance=1e-6, max_sweeps=500)
+    dvi = DVI(grains, walls, bodies, DviContact(0.8), dt=H, gravity=(0.0, 0.0, -G), tolerance=1e-6, max_sweeps=500)
     totals = dvi.run(25)
     assert totals.missed_steps > 5
     assert totals.residual > 1e-3

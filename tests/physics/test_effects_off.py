@@ -24,12 +24,12 @@ from particles import (
     Body,
     Cohesion,
     DemError,
+    DviContact,
     Grains,
-    RigidContact,
     RollingFriction,
     TwistingFriction,
 )
-from particles.dem.sums import N_BODY_SUMS, N_SUMS
+from particles.dem.total_columns import N_BODY_SUMS, N_SUMS
 from particles.laws.columns import COHESION_0, COHESION_1, DAMPING_ROLLING, MU_ROLLING, MU_TWISTING
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -73,7 +73,7 @@ def test_no_pair_reads_what_an_effect_that_is_off_would_need(off, on):
     poisoned_where, poisoned_motion, _ = moved(effects, poison=off)
     np.testing.assert_array_equal(poisoned_where, where)
     np.testing.assert_array_equal(poisoned_motion, motion)
-    # a spring, and in the books the last forces, of what is on; nothing of what is off
+    # a spring, and in the energy budget the last forces, of what is on; nothing of what is off
     springs = 3 + 3 * ("rolling" in on) + ("twisting" in on)
     assert dem._list.history.shape[1] == springs + (8 if "twisting" in on else 7 if "rolling" in on else 4)
 
@@ -105,7 +105,7 @@ def test_gravity_and_held_forces_that_are_off_have_no_rows(engine):
         if engine == "dem":
             made = DEM(crowd(), walls, bodies, law("linear"), dt=2e-6, overlap_limit=0.2, gravity=gravity)
         else:
-            made = DVI(crowd(), walls, bodies, RigidContact(0.4), dt=2e-6, gravity=gravity, overlap_limit=0.2)
+            made = DVI(crowd(), walls, bodies, DviContact(0.4), dt=2e-6, gravity=gravity, overlap_limit=0.2)
         if external:
             made.external_force = np.zeros((made.grains.count, 3))
         made.run(50)

@@ -59,7 +59,7 @@ def test_stays_bounded(values, tmp_path, steel_cylinders):
     """Grains never get faster than a few times the walls and the fall of a pair, nor deeper than a few per cent."""
     result = run(tmp_path, "run", values)
     history = result.history
-    # the steel pulls at the grains: its images are in the books of torque, beside the pairs
+    # the steel pulls at the grains: its images are in the energy budget of torque, beside the pairs
     assert history["torque_field_images"].abs().max() > 1e-3 * history["torque_field_dipoles"].abs().max()
     assert np.isfinite(history.drop(columns="inertial_number").to_numpy()).all()
     # a saturated pair falls together with v^2 = F d/m at most; walls stir with their own speed

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from particles import CyclicSector, find_pairs
-from particles.lists.neighbours import cell_order
+from particles.neighbours.neighbour_list import cell_order
 
 
 @pytest.mark.parametrize("parts", [2, 3, 4, 7, 24, 60])

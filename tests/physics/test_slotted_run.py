@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import emclutch
-from coupling import SolidCoilField
-from coupling.solid_field_source import TurningSampler
+from coupling import CoilField3D
+from coupling.coil_field_3d import TurningSampler
 from emclutch.results.checkpoint import read_checkpoint
 from emclutch.scene.case import load_case
 from emclutch.simulation.assembly import assemble
@@ -79,7 +79,7 @@ def test_a_free_slotted_disc_feels_the_grains_through_its_field():
     device, plan = make_plan(case)
     simulation = assemble(case, device, plan)
     disc = next(body for body in simulation.motion.bodies if body.name == "disc")
-    assert isinstance(simulation.source, SolidCoilField) and simulation.field_carrier is disc
+    assert isinstance(simulation.source, CoilField3D) and simulation.field_carrier is disc
     again = device.coil.problem.solve(device.coil.turns * 1.0, tolerance=device.coil.newton_tolerance)
     assert np.array_equal(again.phi, plan.peak_field.phi)  # so the run need not solve for it
     angular_momentum, impulse = 0.0, 0.0

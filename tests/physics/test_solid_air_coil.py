@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 import pytest
-import solid_sector_grid as grid
+import sector_grid_3d as grid
 from graded_lines import graded_lines
 
 from field import AxisymmetricProblem, rectangular_coil_field
-from field.solid import FlatCoil, SolidPointOutside, SolidProblem
-from field.solid.quadratic_tetrahedron import shape
+from field.three_d import FlatCoil, PointOutside3D, Problem3D
+from field.three_d.quadratic_tetrahedron import shape
 
 R_COIL, Z_COIL, NI = (20e-3, 30e-3), (-8e-3, 8e-3), 800.0
 COIL = FlatCoil.ring(R_COIL, Z_COIL)
@@ -40,9 +40,7 @@ def points():
 
 @pytest.fixture(scope="module")
 def solved():
-    return {
-        (order, step): SolidProblem(mesh(step), {}, COIL, order=order).solve(NI) for order in (1, 2) for step in STEPS
-    }
+    return {(order, step): Problem3D(mesh(step), {}, COIL, order=order).solve(NI) for order in (1, 2) for step in STEPS}
 
 
 def relative(found, expected):
@@ -76,8 +74,7 @@ def test_open_boundary_does_not_see_the_box(points):
     change = {}
     for outer in ("open", "flux_wall", "zero"):
         small, large = (
-            SolidProblem(mesh(4e-3, box), {}, COIL, outer=outer).solve(NI).field_strength(points)
-            for box in (0.06, 0.12)
+            Problem3D(mesh(4e-3, box), {}, COIL, outer=outer).solve(NI).field_strength(points) for box in (0.06, 0.12)
         )
         change[outer] = relative(small, large)
     assert change["open"] < 1e-3 and change["zero"] > 0.05 and change["flux_wall"] > 0.1, change
@@ -124,7 +121,7 @@ class Shifted:
 def test_field_does_not_depend_on_the_choice_of_source_field(solved, points):
     """H is that of the current: sources that differ by a gradient give the same, to the discretisation's error."""
     plain = {step: solved[2, step].field_strength(points) for step in STEPS}
-    moved = {step: SolidProblem(mesh(step), {}, Shifted()).solve(NI) for step in STEPS}
+    moved = {step: Problem3D(mesh(step), {}, Shifted()).solve(NI) for step in STEPS}
     change = [relative(moved[step].field_strength(points), plain[step]) for step in STEPS]
     assert change[1] < 0.01 and np.log2(change[0] / change[1]) > 1.5, change
     # and in the recovered field the gradient drops out patch by patch
@@ -133,9 +130,9 @@ def test_field_does_not_depend_on_the_choice_of_source_field(solved, points):
 
 def test_periodic_mirrored_and_whole_machine_agree(points):
     fields = [
-        SolidProblem(mesh(4e-3, angle=np.pi / 3, mirrored=mirrored), {}, COIL).solve(NI) for mirrored in (True, False)
+        Problem3D(mesh(4e-3, angle=np.pi / 3, mirrored=mirrored), {}, COIL).solve(NI) for mirrored in (True, False)
     ]
-    fields.append(SolidProblem(mesh(4e-3, angle=2 * np.pi), {}, COIL).solve(NI))
+    fields.append(Problem3D(mesh(4e-3, angle=2 * np.pi), {}, COIL).solve(NI))
     for field in fields[1:]:
         assert field.energy == pytest.approx(fields[0].energy, rel=1e-3)
         assert relative(field.sampler().sample(points)[0], fields[0].sampler().sample(points)[0]) < 0.02
@@ -187,11 +184,11 @@ def test_result_depends_neither_on_memory_nor_on_threads(solved):
 
 def test_point_outside_is_named(solved):
     field = solved[2, 4e-3]
-    with pytest.raises(SolidPointOutside, match=r"x = 50\.0000, y = 0\.0000, z = 1\.0000"):
+    with pytest.raises(PointOutside3D, match=r"x = 50\.0000, y = 0\.0000, z = 1\.0000"):
         field.sampler().sample(np.array([[0.05, 0.0, 1e-3]]))
-    with pytest.raises(SolidPointOutside, match="the mesh"):
+    with pytest.raises(PointOutside3D, match="the mesh"):
         field.field_strength(np.array([[0.5, 0.0, 1e-3]]))
-    with pytest.raises(SolidPointOutside):
+    with pytest.raises(PointOutside3D):
         field.sampler().sample(np.array([[np.nan, 0.0, 1e-3]]))
     with pytest.raises(ValueError, match="carries current"):
         field.sampler("coil")

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from field import AIR, MU_0, AxisymmetricProblem, material
-from field.solid import FlatCoil, SolidProblem
+from field.three_d import FlatCoil, Problem3D
 from geometry import Clutch, mesh_clutch
 from geometry.slots import Slots
 from geometry.slotted import mesh_slotted
@@ -64,7 +64,7 @@ def test_without_slots_it_is_the_axisymmetric_clutch(name):
     errors, linkages, means = [], [], []
     for factor, layers in MESHES[name]:
         mesh = mesh_slotted(clutch, size_factor=factor, gap_layers=layers, wedge=math.pi / 24)
-        space = SolidProblem(mesh, laws(mesh), coil(clutch)).solve(drive, tolerance=1e-4)
+        space = Problem3D(mesh, laws(mesh), coil(clutch)).solve(drive, tolerance=1e-4)
         flat = mesh_clutch(clutch, size_factor=factor, gap_layers=max(layers, 3))
         plane = AxisymmetricProblem(flat, laws(flat), open_boundary=True).solve(drive)
         found = gap_B(space, points, np.array([0.01, 0.07, 0.12]))
@@ -91,8 +91,8 @@ def test_slots_full_of_steel_are_no_slots():
     graded = mesh_slotted(slotted, size_factor=4.0, gap_layers=2)
     plain = mesh_slotted(SMALL, size_factor=4.0, gap_layers=2, wedge=math.pi / 12)
     steel = {**laws(graded), "slots": material("steel_1010")}
-    found = SolidProblem(graded, steel, coil(slotted)).solve(drive, tolerance=1e-4)
-    expected = SolidProblem(plain, laws(plain), coil(slotted)).solve(drive, tolerance=1e-4)
+    found = Problem3D(graded, steel, coil(slotted)).solve(drive, tolerance=1e-4)
+    expected = Problem3D(plain, laws(plain), coil(slotted)).solve(drive, tolerance=1e-4)
     points = pole_points(slotted)
     angles = np.array([0.005, 0.03, 0.052, 0.1])
     assert np.allclose(gap_B(found, points, angles), gap_B(expected, points, angles), rtol=0.003)

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-import solid_sector_grid as grid
+import sector_grid_3d as grid
 from graded_lines import graded_lines
 
 from field import AIR, AxisymmetricProblem, ConvergenceError, LinearLaw, material
-from field.solid import FlatCoil, SolidProblem
-from field.solid.body_force import shell_weights
-from geometry.solid_mesh import SolidMesh
+from field.three_d import FlatCoil, Problem3D
+from field.three_d.body_force import shell_weights
+from geometry.mesh_3d import Mesh3D
 
 POT = {
     "iron": (0.0, 28e-3, -18e-3, 18e-3),
@@ -54,7 +54,7 @@ def section(section_grid):
 
 
 def problem(pot, law, **options):
-    return SolidProblem(pot, {"iron": law, "window": AIR}, COIL, outer="flux_wall", **options)
+    return Problem3D(pot, {"iron": law, "window": AIR}, COIL, outer="flux_wall", **options)
 
 
 @pytest.mark.parametrize(
@@ -134,7 +134,7 @@ def test_multigrid_solves_what_the_factorisation_solves(pot):
 
 def test_without_multigrid_package(pot, monkeypatch):
     """pyamg is optional: the coarse matrix is then factorised, and one line says so."""
-    import field.solid.nodal_amg as nodal_amg
+    import field.three_d.nodal_amg as nodal_amg
 
     expected = problem(pot, LinearLaw(1e3)).solve(500.0)
     monkeypatch.setattr(nodal_amg.importlib.util, "find_spec", lambda name: None)
@@ -160,7 +160,7 @@ def ring_above_coil(h, law, **options):
     z = graded_lines(h, (-6e-3, 21e-3), (-50e-3, 65e-3))
     regions = {"coil": (20e-3, 30e-3, -6e-3, 6e-3), "iron": (15e-3, 30e-3, 15e-3, 21e-3)}
     mesh = grid.sector_grid(r, max(2, round(9e-3 / h)), z, regions, angle=np.pi / 6, **options)
-    return SolidProblem(mesh, {"iron": law}, RING_COIL)
+    return Problem3D(mesh, {"iron": law}, RING_COIL)
 
 
 def toothed_discs(rotor, n_angles=6):
@@ -178,7 +178,7 @@ def toothed_discs(rotor, n_angles=6):
     }
     mesh = grid.sector_grid(r, n_angles, z, regions, angle=np.pi / 3, curved=False)
     steel = material("steel_1010")
-    return SolidProblem(mesh, {"stator": steel, "rotor": steel}, RING_COIL)
+    return Problem3D(mesh, {"stator": steel, "rotor": steel}, RING_COIL)
 
 
 def test_coil_force_and_iron_force_cancel():
@@ -211,10 +211,10 @@ def moved(problem, gamma, lift=0.0, turn=0.0):
     c, s = np.cos(turn * weight), np.sin(turn * weight)
     points = np.column_stack((c * x[:, 0] - s * x[:, 1], s * x[:, 0] + c * x[:, 1], x[:, 2] + lift * weight))
     # the sector's sides are bent with the turn: pairs of nodes stay a sector apart
-    other = SolidMesh(
+    other = Mesh3D(
         points, mesh.tetrahedra, None, mesh.regions, mesh.boundaries, mesh.periodic, mesh.sector_angle, mesh.n_sectors
     )
-    return SolidProblem(other, problem.laws, RING_COIL)
+    return Problem3D(other, problem.laws, RING_COIL)
 
 
 def test_force_and_torque_are_derivatives_of_the_coenergy():

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from field import MU_0, FroehlichLaw, LinearLaw
-from field.solid import SolidProblem, UniformSource
-from geometry.solid_mesh import SolidMesh
+from field.three_d import Problem3D, UniformSource
+from geometry.mesh_3d import Mesh3D
 
 A, BOX, MU_R, H0 = 10e-3, 18e-3, 20.0, 1e4
 
@@ -44,7 +44,7 @@ def octant(size, curved=True):
     outer = (np.linalg.norm(points[faces], axis=2) > BOX * (1 - 1e-6)).all(axis=1)
     bottom = (points[faces, 2] < 1e-9).all(axis=1)
     inside = np.arange(len(parts[0]))
-    return SolidMesh(
+    return Mesh3D(
         points if curved else points[: corners.size],
         nodes[:, :4],
         nodes if curved else None,
@@ -83,7 +83,7 @@ def solved():
     fields = {}
     for curved in (True, False):
         for size in (2.0, 1.0):
-            problem = SolidProblem(octant(size, curved), {"iron": LinearLaw(MU_R)}, UniformSource(), fixed=["bottom"])
+            problem = Problem3D(octant(size, curved), {"iron": LinearLaw(MU_R)}, UniformSource(), fixed=["bottom"])
             fields[curved, size] = problem.solve(H0)
     return fields
 
@@ -158,7 +158,7 @@ def test_recovered_field_and_gradient_in_air(solved, points):
 
 @pytest.mark.parametrize("outer", ["open", "zero"])
 def test_without_iron_the_applied_field_stays(solved, points, outer):
-    problem = SolidProblem(
+    problem = Problem3D(
         solved[True, 2.0].problem.mesh, {"iron": LinearLaw(1.0)}, UniformSource(), outer=outer, fixed=["bottom"]
     )
     H = problem.solve(H0).field_strength(points)
@@ -170,7 +170,7 @@ def test_saturating_sphere():
 
     Its numbers are of tests/REFERENCE.md section 1.
     """
-    problem = SolidProblem(octant(5.0), {"iron": FroehlichLaw(999.0, 1.7e6)}, UniformSource(), fixed=["bottom"])
+    problem = Problem3D(octant(5.0), {"iron": FroehlichLaw(999.0, 1.7e6)}, UniformSource(), fixed=["bottom"])
     x = np.array([[2e-3, 1e-3, 3e-3]])
     for strength, M in ((1e4, 29908.576), (5e5, 1467739.04), (2e6, 1697985.04)):
         field = problem.solve(strength)

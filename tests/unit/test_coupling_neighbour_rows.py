@@ -8,7 +8,7 @@ import pytest
 from coupling import Simulation
 from geometry.walls import annulus, cylinder
 from particles import DVI, Body, CyclicSector, Grains
-from particles.dvi.rigid_contact import RigidContact
+from particles.dvi.dvi_contact import DviContact
 
 CUTOFF = 3e-3
 
@@ -70,7 +70,7 @@ def test_the_wide_list_of_fast_rigid_grains_makes_wide_rows():
     grains = Grains.create(position, 0.05e-3, 7800.0)
     grains.velocity[:] = [50.0, 0.0, 0.0]
     bodies = [Body("housing"), Body("rotor")]
-    engine = DVI(grains, walls, bodies, RigidContact(friction=0.3, restitution=0.5), dt=1e-5)
+    engine = DVI(grains, walls, bodies, DviContact(friction=0.3, restitution=0.5), dt=1e-5)
     assert engine.list_skin == pytest.approx(4.0 * 50.0 * 1e-5) and engine.list_skin > engine.skin
     rows = Simulation(engine, [], None, None, 1, 1).rows(CUTOFF)
     assert rows.reach == pytest.approx(CUTOFF + engine.list_skin)

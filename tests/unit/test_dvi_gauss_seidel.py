@@ -10,7 +10,7 @@ from particles import Body, FreeShaft, Grains
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.accelerated import accelerate_records
 from particles.dvi.dvi import DVI
-from particles.dvi.rigid_contact import RigidContact
+from particles.dvi.dvi_contact import DviContact
 
 G = 9.81
 
@@ -64,7 +64,7 @@ def _records(n=60, inertia=1e-4, seed=3, speed=0.0, friction=0.4):
     walls = [cylinder("shell", "drum", radius, -0.01, 2.0 * side), annulus("low", "drum", -0.0005, 0.0, radius)]
     grains = Grains.create(where, 0.005 * rng.uniform(0.9, 1.0, n), 7850.0)
     shaft = Body("drum", FreeShaft(inertia, drive_torque=0.02, load_torque=0.01), speed=2.0)
-    dvi = DVI(grains, walls, [shaft], RigidContact(friction), dt=2e-3, gravity=(0.0, 0.0, -G), max_sweeps=200,
+    dvi = DVI(grains, walls, [shaft], DviContact(friction), dt=2e-3, gravity=(0.0, 0.0, -G), max_sweeps=200,
               solver="gauss_seidel")  # fmt: skip
     dvi.run(60)
     dvi.grains.velocity += speed * rng.normal(size=(n, 3))

@@ -127,8 +127,8 @@ def test_convex_law_is_the_minimum_of_its_quadratic():
             return 0.5 * np.sum(w * x * x, axis=-1) + x @ q
 
         n = rng.uniform(0.0, 3.0, 500) + r[0] * rng.integers(0, 2, 500)
-        a, share = rng.uniform(0.0, 2.0 * np.pi, 500), rng.uniform(0.0, 1.0, 500)
-        other = np.stack([n, mu * n * share * np.cos(a), mu * n * share * np.sin(a)], axis=1)
+        a, fraction = rng.uniform(0.0, 2.0 * np.pi, 500), rng.uniform(0.0, 1.0, 500)
+        other = np.stack([n, mu * n * fraction * np.cos(a), mu * n * fraction * np.sin(a)], axis=1)
         nearer = r + 1e-3 * (other - r)
         assert np.min(energy(other)) >= energy(r) - 1e-12
         assert np.min(energy(nearer)) >= energy(r) - 1e-12

@@ -7,7 +7,7 @@ import pytest
 
 from geometry.triangle_wall import TriangleWall, box_surface
 from geometry.walls import Plane, annulus, cylinder
-from particles import DVI, Body, DemError, FreeShaft, Grains, PrescribedSpeed, RigidContact
+from particles import DVI, Body, DemError, DviContact, FreeShaft, Grains, PrescribedSpeed
 
 R = 5e-3
 DOWN = (0.0, 0.0, -9.81)
@@ -43,7 +43,7 @@ def test_a_flat_mesh_is_a_plane(slope, height, restitution, theta):
     plane = Plane("floor", "housing", np.zeros(3), np.array([-np.sin(slope), 0.0, np.cos(slope)]))
     made = []
     for wall in (plane, sheet(slope)):
-        dvi = DVI(grains_on(slope, height), [wall], [Body("housing")], RigidContact(0.2, restitution), dt=1e-3,
+        dvi = DVI(grains_on(slope, height), [wall], [Body("housing")], DviContact(0.2, restitution), dt=1e-3,
                   gravity=DOWN, theta=theta)  # fmt: skip
         totals = dvi.run(250)
         made.append((dvi, totals))
@@ -65,7 +65,7 @@ def _vane(speed, grain, h, restitution=0.0, reach=0.12, skin=None, **more):
     """A radial vane 4 mm thick, its face at y = 2 mm, that turns with ``speed``; no gravity."""
     wall = box_surface("vane", "rotor", (0.5 * reach, 0.0, 0.0), (reach, 4e-3, 0.1))
     rotor = Body("rotor", PrescribedSpeed.constant(speed))
-    contact = RigidContact(more.pop("friction", 0.0), restitution)
+    contact = DviContact(more.pop("friction", 0.0), restitution)
     return DVI(grain, [wall], [rotor], contact, dt=h, gravity=NONE, skin=skin, **more)
 
 
@@ -90,7 +90,7 @@ def test_a_squeezed_grain_is_a_miss_and_does_not_explode():
     vane = box_surface("vane", "rotor", (0.06, 0.0, 0.0), (0.12, 4e-3, 0.1))
     rib = box_surface("rib", "housing", (0.06, 4e-3 + 2.4 * R, 0.0), (0.12, 4e-3, 0.1))
     bodies = [Body("rotor", PrescribedSpeed.constant(1.0)), Body("housing")]
-    dvi = DVI(grains, [vane, rib], bodies, RigidContact(0.3), dt=1e-4, gravity=NONE, max_sweeps=200)
+    dvi = DVI(grains, [vane, rib], bodies, DviContact(0.3), dt=1e-4, gravity=NONE, max_sweeps=200)
     assert dvi.run(190).missed_steps == 0
     missed = 0
     with suppress(DemError):
@@ -119,7 +119,7 @@ def clutch(**more):
     a, b = a.ravel(), b.ravel()
     where = np.column_stack([0.039 * np.cos(a), 0.039 * np.sin(a), b])
     grains = Grains.create(where, 4e-3, 7850.0, velocity=rng.normal(0.0, more.pop("agitation", 0.2), (30, 3)))
-    return DVI(grains, walls, bodies, RigidContact(0.3, 0.5), dt=5e-4, gravity=more.pop("gravity", NONE),
+    return DVI(grains, walls, bodies, DviContact(0.3, 0.5), dt=5e-4, gravity=more.pop("gravity", NONE),
                tolerance=1e-9, **more)  # fmt: skip
 
 

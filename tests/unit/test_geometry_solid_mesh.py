@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from geometry.solid_mesh import EDGES, SolidMesh
+from geometry.mesh_3d import EDGES, Mesh3D
 
 CORNERS = np.vstack((np.zeros(3), np.eye(3)))
 NODES = np.vstack((CORNERS, CORNERS[EDGES].mean(axis=1)))
@@ -17,7 +17,7 @@ def one(**changes):
         "regions": {"body": np.array([0])},
         "boundaries": {"floor": np.array([[0, 2, 1]])},
     }
-    return SolidMesh(**(parts | changes))
+    return Mesh3D(**(parts | changes))
 
 
 def test_straight_edges_give_the_flat_volume():

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from geometry import Clutch, GeometryError
+from geometry.mesh_3d import EDGES
+from geometry.meshing_3d import faces_of
 from geometry.slots import Slots
 from geometry.slotted import mesh_slotted
-from geometry.solid_mesh import EDGES
-from geometry.solid_meshing import faces_of
 
 DISC_SLOTS, ROTOR_SLOTS = Slots(12, 0.4, 6e-3), Slots(24, 0.3, 3e-3)
 # Coarse, with wide gaps: these tests look at the geometry, which no element size may change.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from geometry.box import Box
-from particles import DEM, DVI, Body, FreeShaft, GrainMotion, Grains, LinearContact, PrescribedSpeed, RigidContact
+from particles import DEM, DVI, Body, DviContact, FreeShaft, GrainMotion, Grains, LinearContact, PrescribedSpeed
 
 R = 1e-3
 G = 9.81
@@ -27,7 +27,7 @@ def made(request):
         ]
         if request.param == "dem":
             return DEM(grains, walls, bodies, LAW, dt=DT["dem"], gravity=gravity)
-        return DVI(grains, walls, bodies, RigidContact(0.3, 0.4), dt=DT["dvi"], gravity=gravity)
+        return DVI(grains, walls, bodies, DviContact(0.3, 0.4), dt=DT["dvi"], gravity=gravity)
 
     return make
 

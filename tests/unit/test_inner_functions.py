@@ -124,7 +124,7 @@ def test_who_borrows_can_allocate_nothing():
         sums(3)
 
 
-@pytest.mark.parametrize("package", ["particles.dem", "particles.laws", "particles.lists", "particles.walls"])
+@pytest.mark.parametrize("package", ["particles.dem", "particles.laws", "particles.neighbours", "particles.walls"])
 def test_functions_of_the_dem_take_at_most_twelve_arguments(package):
     folder = ROOT / package.replace(".", "/")
     for path in folder.glob("*.py"):

@@ -9,7 +9,7 @@ from emclutch.scene.case import case_from
 from emclutch.simulation import kernel_warm_up
 from emclutch.simulation.assembly import assemble
 from emclutch.simulation.plan import make_plan
-from particles.dem import sums
+from particles.dem import total_columns
 
 CELL = {
     "scene": {"title": "sheared annulus", "seed": 3},
@@ -25,7 +25,12 @@ def types(dem):
     """Types of the arguments of a compiled step."""
     bodies = len(dem.bodies)
     given = dem._arguments(
-        1, True, np.zeros(bodies), np.zeros(bodies), np.zeros(sums.N_SUMS), np.zeros((bodies, sums.N_BODY_SUMS))
+        1,
+        True,
+        np.zeros(bodies),
+        np.zeros(bodies),
+        np.zeros(total_columns.N_SUMS),
+        np.zeros((bodies, total_columns.N_BODY_SUMS)),
     )
     return [str(typeof(one)) for one in given]
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from particles import find_pairs
-from particles.lists.chunks import chunk_count, make_chunks
-from particles.lists.skin import LIST_COST, NARROWEST, WIDEST, next_skin
+from particles.neighbours.partition import chunk_count, make_chunks
+from particles.neighbours.skin import LIST_COST, NARROWEST, WIDEST, next_skin
 
 
 def _list(n, seed=1):

@@ -188,7 +188,7 @@ def test_spring_that_stiffens_under_a_stuck_contact_creates_no_energy():
 
 
 def test_cohesion_pulls_as_long_as_the_overlap_lasts_and_stores_its_work():
-    """F_n = F_rep - F_c; of an elastic impact the books hold -F_c delta, and all of it comes back."""
+    """F_n = F_rep - F_c; of an elastic impact the energy budget holds -F_c delta, and all of it comes back."""
     law = LinearContact(1e4, 0.0, 0.0, 0.0, 0.0)
     contact = Contact(law, MASS, RADIUS, 1e-6, pull=2e-3)
     force, f_rep, _, pull, _, stored, *_ = contact.force(1e-6, (0.0, 0.0, -1.0), (0.0, 0.0, 0.0))

@@ -18,7 +18,7 @@ from particles.diagnostics.sphere_parts import cap_volume, volume_in_cylinder
 from particles.diagnostics.stress import grain_stress
 from particles.diagnostics.tensors import principal
 from particles.grains import Grains
-from particles.lists.contact_table import ContactTable
+from particles.neighbours.contact_table import ContactTable
 from particles.sector import CyclicSector
 
 D = 1e-3

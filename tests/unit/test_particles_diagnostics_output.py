@@ -16,7 +16,7 @@ from particles.diagnostics.bins import SlabBins, ring_bins
 from particles.diagnostics.enclosed_space import BoxSpace
 from particles.diagnostics.profiles import profile_of, profile_sums
 from particles.grains import Grains
-from particles.lists.contact_table import ContactTable
+from particles.neighbours.contact_table import ContactTable
 
 RING = AnnularBox(0.010, 0.014, 0.0, 0.002)
 

@@ -19,7 +19,7 @@ from particles.diagnostics.force_chains import force_chains
 from particles.diagnostics.profiles import profile_of, profile_sums, torque_through
 from particles.diagnostics.stress import contact_stress, grain_stress, kinetic_stress
 from particles.grains import Grains
-from particles.lists.contact_table import ContactTable
+from particles.neighbours.contact_table import ContactTable
 from particles.sector import CyclicSector
 
 R = 0.5e-3

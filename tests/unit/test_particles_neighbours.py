@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from particles import CyclicSector, find_pairs
-from particles.lists import neighbours
-from particles.lists.neighbours import cell_order, finest_cell
+from particles.neighbours import neighbour_list
+from particles.neighbours.neighbour_list import cell_order, finest_cell
 
 
 def naive(position, cutoff=None, sector=None, reach=None):
@@ -198,9 +198,9 @@ def test_blocks_and_threads_do_not_change_a_bit(monkeypatch, block):
     x[-300:] = x[-300:] * 0.05 + 0.4  # long rows
     whole = find_pairs(x, reach=reach)
     assert np.diff(whole.start).max() > 264  # what is first made room for with one row
-    monkeypatch.setattr(neighbours, "BLOCK", block)
-    monkeypatch.setattr(neighbours, "WORTH_SHARING", 0)
-    monkeypatch.setattr(neighbours.numba, "get_num_threads", lambda: 3)
+    monkeypatch.setattr(neighbour_list, "BLOCK", block)
+    monkeypatch.setattr(neighbour_list, "WORTH_SHARING", 0)
+    monkeypatch.setattr(neighbour_list.numba, "get_num_threads", lambda: 3)
     cut = find_pairs(x, reach=reach)
     for name in ("start", "other", "shift"):
         np.testing.assert_array_equal(getattr(whole, name), getattr(cut, name))
@@ -215,7 +215,7 @@ def test_sorted_grains_are_recognised(name, sizes):
              "spread": rng.uniform(0.02, 0.2, len(x))}[sizes]  # fmt: skip
     order = cell_order(x, finest_cell(reach))
     limit = 2.0 * float(reach.max())
-    assert neighbours._search(x[order], reach[order], limit, None).ordered >= 0
+    assert neighbour_list._search(x[order], reach[order], limit, None).ordered >= 0
     np.testing.assert_array_equal(cell_order(x[order], finest_cell(reach)), np.arange(len(x)))
 
 

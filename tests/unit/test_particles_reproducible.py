@@ -6,7 +6,7 @@ import pytest
 
 from geometry.box import Box
 from particles import DEM, Body, DemError, Grains, LinearContact, RollingFriction, choose_time_step, pack
-from particles.dem.sums import N_BODY_SUMS, N_SUMS
+from particles.dem.total_columns import N_BODY_SUMS, N_SUMS
 
 LAW = LinearContact.from_restitution(2e4, 0.6, 0.4)
 
@@ -92,7 +92,7 @@ def test_beginning_with_the_grains_of_another_run_goes_on_at_time_0():
 
 
 def test_energy_is_balanced_from_the_first_step_on_under_a_stiffer_law():
-    """What the springs of the other run store under this one's law is what the books begin with."""
+    """What the springs of the other run store under this one's law is what the energy budget begin with."""
     first = _scene(200, speed=3.0)
     first.run(150)
     stiffer = LinearContact.from_restitution(8e4, 0.6, 0.4)

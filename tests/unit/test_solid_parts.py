@@ -7,9 +7,10 @@ from scipy.spatial import Delaunay
 
 from field import MU_0, NU_0, FroehlichLaw, LinearLaw, material
 from field.newton import _length_to_level
-from field.solid import FlatCoil, SolidProblem, UniformSource
-from field.solid.inverse_law import InverseLaw
-from field.solid.quadratic_tetrahedron import (
+from field.three_d import FlatCoil, Problem3D, UniformSource
+from field.three_d.elements_3d import Elements3D
+from field.three_d.inverse_law import InverseLaw
+from field.three_d.quadratic_tetrahedron import (
     EDGES,
     fifth_order_rule,
     second_order_rule,
@@ -17,9 +18,8 @@ from field.solid.quadratic_tetrahedron import (
     shape_slopes,
     triangle_rule,
 )
-from field.solid.solid_elements import SolidElements
-from field.solid.tetrahedron_locator import TetrahedronLocator
-from geometry.solid_mesh import SolidMesh
+from field.three_d.tetrahedron_locator import TetrahedronLocator
+from geometry.mesh_3d import Mesh3D
 
 
 def factorial(n):
@@ -184,27 +184,25 @@ def cube(n=3, bend=0.0):
         points = points + bend * np.sin(2 * points[:, [1, 2, 0]])
     faces = np.concatenate([tetrahedra[:, f] for f in ([1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1])])
     _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
-    return SolidMesh(
-        points, tetrahedra, second, {"air": np.arange(len(tetrahedra))}, {"outer": faces[first[count == 1]]}
-    )
+    return Mesh3D(points, tetrahedra, second, {"air": np.arange(len(tetrahedra))}, {"outer": faces[first[count == 1]]})
 
 
 def test_elements_reproduce_their_polynomials():
     """Gradient of a quadratic on straight elements, of a linear one on bent ones, exact; volume of the cube."""
-    elements = SolidElements(cube())
+    elements = Elements3D(cube())
     x = elements.node_points
     found = elements.gradient(x[:, 0] ** 2 - x[:, 1] * x[:, 2])
     q = elements.quadrature_points
     assert np.allclose(found, np.column_stack((2 * q[:, 0], -q[:, 2], -q[:, 1])), atol=1e-12)
     assert elements.weight.sum() == pytest.approx(1.0, rel=1e-13)
-    bent = SolidElements(cube(bend=0.05))
+    bent = Elements3D(cube(bend=0.05))
     assert bent.curved.all()
     assert np.allclose(bent.gradient(bent.node_points @ [1.0, -2.0, 0.5]), [1.0, -2.0, 0.5], atol=1e-11)
 
 
 def test_tangent_is_the_derivative_of_the_divergence():
     """Symmetric, constants in its kernel, and equal to differences of the residual of a nonlinear flow."""
-    elements = SolidElements(cube(2, bend=0.05), careful=None)
+    elements = Elements3D(cube(2, bend=0.05), careful=None)
     random = np.random.default_rng(0)
     x, direction = random.normal(size=(2, elements.n_free))
 
@@ -226,10 +224,10 @@ def test_kernels_assemble_the_weak_forms():
     """Divergence and tangent of quadratic elements with the same rule of fourteen points, by scikit-fem."""
     import skfem
 
-    from field.solid import weak_forms
+    from field.three_d import weak_forms
 
     mesh = cube(2)
-    elements = SolidElements(mesh, careful=np.ones(len(mesh.tetrahedra), dtype=bool))
+    elements = Elements3D(mesh, careful=np.ones(len(mesh.tetrahedra), dtype=bool))
     points, weights = fifth_order_rule()
     solid = skfem.MeshTet(mesh.points.T.copy(), mesh.tetrahedra.T.copy())
     basis = skfem.Basis(solid, skfem.ElementTetP2(), quadrature=(points.T.copy(), weights))
@@ -257,7 +255,7 @@ def test_kernels_assemble_the_weak_forms():
 
 @pytest.mark.parametrize("bend", [0.0, 0.05])
 def test_locator_finds_every_point(bend):
-    elements = SolidElements(cube(3, bend))
+    elements = Elements3D(cube(3, bend))
     locator = TetrahedronLocator(elements, np.arange(len(elements.element_nodes)))
     random = np.random.default_rng(0)
     element = random.integers(len(elements.element_nodes), size=2000)
@@ -273,7 +271,7 @@ def test_locator_finds_every_point(bend):
 
 
 def test_uniform_field_in_air_is_exact():
-    problem = SolidProblem(cube(2), {}, UniformSource((0.0, 0.0, 1.0)), outer="zero")
+    problem = Problem3D(cube(2), {}, UniformSource((0.0, 0.0, 1.0)), outer="zero")
     field = problem.solve(5.0)
     assert np.allclose(field.H_at_quadrature, [0, 0, 5.0], atol=1e-9)
     assert field.energy == pytest.approx(0.5 * MU_0 * 25.0)
@@ -282,7 +280,7 @@ def test_uniform_field_in_air_is_exact():
 @pytest.mark.parametrize("bend", [0.0, 0.05])
 def test_recovery_preserves_polynomials(bend):
     """A harmonic quartic comes back exactly, with both derivatives, at nodes; degree k + 2 = 4 everywhere."""
-    problem = SolidProblem(cube(4, bend), {}, UniformSource(), outer="open")
+    problem = Problem3D(cube(4, bend), {}, UniformSource(), outer="open")
     field = problem.solve(0.0)
     x, y, z = problem.elements.node_points.T
     field.phi = x**4 - 6 * x**2 * y**2 + y**4 + 2 * z
@@ -311,8 +309,8 @@ def test_recovery_does_not_amplify_noise_in_a_thin_layer():
     volume = np.linalg.det(x[:, 1:] - x[:, :1])
     tetrahedra[volume < 0] = tetrahedra[volume < 0][:, [0, 2, 1, 3]]
     tetrahedra = tetrahedra[np.abs(volume) > 1e-6].astype(np.int64)
-    mesh = SolidMesh(points, tetrahedra, None, {"air": np.arange(len(tetrahedra))}, {})
-    problem = SolidProblem(mesh, {}, UniformSource(), outer="flux_wall")
+    mesh = Mesh3D(points, tetrahedra, None, {"air": np.arange(len(tetrahedra))}, {})
+    problem = Problem3D(mesh, {}, UniformSource(), outer="flux_wall")
     recovery = problem.recovery("air")
     field = problem.solve(0.0)
     field.phi = random.choice([-1.0, 1.0], problem.elements.n_nodes)
@@ -349,11 +347,11 @@ def test_line_search_ends_where_the_slope_is_level():
 def test_wrong_input_is_explained(options, words):
     laws = options.pop("laws", {})
     with pytest.raises(ValueError, match=words):
-        SolidProblem(cube(1), laws, UniformSource(), **options)
+        Problem3D(cube(1), laws, UniformSource(), **options)
 
 
 def test_wrong_current_and_guess_are_explained():
-    problem, other = (SolidProblem(cube(1), {}, UniformSource(), outer="zero") for _ in range(2))
+    problem, other = (Problem3D(cube(1), {}, UniformSource(), outer="zero") for _ in range(2))
     with pytest.raises(ValueError, match="finite"):
         problem.solve(np.nan)
     with pytest.raises(ValueError, match="another problem"):

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from field import MU_0, MagneticField
-from field.solid import SolidField
+from field.three_d import Field3D
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +91,7 @@ def _split_by_region(triangles: np.ndarray, region: np.ndarray) -> tuple[np.ndar
     return new[:, 1], number.reshape(triangles.shape)
 
 
-def solid_field_arrays(solution: SolidField) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+def field_arrays_3d(solution: Field3D) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
     """Corner points (n, 3), tetrahedra (k, 4) and cell arrays of a field in space, at the tetrahedra's centroids."""
     mesh = solution.problem.mesh
     element = solution.problem.elements.element_of_quadrature

@@ -94,7 +94,7 @@ class PvdSeries:
         )
         return self._written(time, path)
 
-    def write_solid_field(
+    def write_field_3d(
         self,
         time: float,
         points: np.ndarray,

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from emclutch.scene.model import Scene
 
 # A grain and step by DEM: motion, walls near it, the list and its renewals
-GRAIN_NS = 150.0  # thesis/centrifugal and electromagnetic, less the books
-ENERGIES_NS = 50.0  # the books, output.energies: a fifth
+GRAIN_NS = 150.0  # thesis/centrifugal and electromagnetic, less the energy budget
+ENERGIES_NS = 50.0  # the energy budget, output.energies: a fifth
 NEAR_NS = 30.0  # drives of near pulls, found anew with every list: lock_up without current against centrifugal
 CALL_S = 0.3e-3  # of a batch of steps between two updates, or of a window's
 # A contact and step by DEM
@@ -31,7 +31,7 @@ TWISTING_NS = 25.0
 COHESION_NS = 6.0
 NEAR_CONTACT_NS = 120.0  # the pull of a neck from the gap of every step: lock_up, 0 to 2 contacts a grain
 # Of rigid grains
-RIGID_GRAIN_NS = 550.0  # a grain and step: search, books, motion; thesis/centrifugal_methods
+DVI_GRAIN_NS = 550.0  # a grain and step: search, energy budget, motion; thesis/centrifugal_methods
 VISIT_NS = 70.0  # a contact in a sweep of the accelerated solver: thesis/centrifugal_methods, electromagnetic_study
 # An update of the magnetic forces, a grain of it, and a row of a neighbour (a pair is seen from both grains)
 UPDATE_S = 0.3e-3
@@ -50,7 +50,7 @@ ITERATIONS = 3.0  # quickstart, powder_clutch: 2.3 to 3.5
 EDDY = 1.8  # times, where eddy currents are solved for: switch_on
 SOLID_S = 2.6e-4  # an unknown of the field in space, the whole solve: slotted_disc, with pyamg
 # Of the output, and once
-WINDOW_S = 2e-3  # books, the history's row, what is said
+WINDOW_S = 2e-3  # balances, the history's row, what is said
 START_S = 3.0  # imports, reading the scene
 MESH_S = 1e-4  # an unknown: mesh, the solve of the plan and the first of the run
 SOLID_MESH_S = 4e-4
@@ -63,7 +63,7 @@ PICTURES_S = 3.0
 def step_seconds(scene: Scene, grains: int, counts: Counts) -> float:
     """Seconds of a step of the grains."""
     if scene.contact.method == "dvi":
-        return 1e-9 * grains * (RIGID_GRAIN_NS + VISIT_NS * counts.contacts * counts.sweeps)
+        return 1e-9 * grains * (DVI_GRAIN_NS + VISIT_NS * counts.contacts * counts.sweeps)
     effects, near = scene.effects, is_near(scene)
     grain = GRAIN_NS + ENERGIES_NS * scene.output.energies + NEAR_NS * near
     contact = CONTACT_NS + LAW_NS[scene.contact.law] + SIZES_NS * (scene.grains.sizes is not None)

@@ -19,14 +19,14 @@ from emclutch.device.device import CoilDevice, Device, grain_law
 from emclutch.scene.case import Case
 from emclutch.scene.grain_smear import moments_are_fed_back
 from field import MagneticField, PowderState
-from field.solid import SolidField
+from field.three_d import Field3D
 from geometry import AnnularBox, ShearCell
 
 CHAIN_FACTOR = 1.0 / 3.0 - 1.2020569 / 6.0
 """N of grains in straight chains."""
 
 
-def expected_magnetisation(case: Case, device: Device) -> tuple[MagneticField | SolidField | None, float]:
+def expected_magnetisation(case: Case, device: Device) -> tuple[MagneticField | Field3D | None, float]:
     """Field at the largest current with the powder spread evenly over its boxes, and the grains' largest M there."""
     scene = case.scene
     law = grain_law(scene)

@@ -33,7 +33,7 @@ from emclutch.scene.units import two_digits
 from emclutch.simulation.forecast.calibration import carlson_stress
 from emclutch.simulation.forecast.shot_clutch import shot_clutch_torque, shot_ring_radius
 from field import MU_0, MagneticField
-from field.solid import SolidField
+from field.three_d import Field3D
 from geometry import AnnularBox, Box, Clutch, ShearCell
 from geometry.centrifugal import CentrifugalClutch
 
@@ -178,7 +178,7 @@ class ExpectedTorque:
         )
 
 
-def expected_torque(scene, device: Device, field: MagneticField | SolidField | None) -> ExpectedTorque:
+def expected_torque(scene, device: Device, field: MagneticField | Field3D | None) -> ExpectedTorque:
     """The torque's order of magnitude at the largest current, from the solution `field` of the plan at that current."""
     sampled = _sampled(device, field)
     if sampled is None:
@@ -221,7 +221,7 @@ def expected_torque(scene, device: Device, field: MagneticField | SolidField | N
 def _sampled(device: Device, field) -> tuple[ShearedZone, np.ndarray, np.ndarray] | None:
     """The sheared zone with H [A/m] and its gradient; None without one of them."""
     angles = None
-    if isinstance(field, SolidField):
+    if isinstance(field, Field3D):
         fold = field.problem.fold
         angles = fold.first + (np.arange(8) + 0.5) / 8.0 * fold.angle
     sampler = device.imposed if field is None else field.sampler("powder")

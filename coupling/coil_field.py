@@ -1,0 +1,169 @@
+"""Where H comes from: a coil's finite-element field that follows current and fill, or an imposed field.
+
+Of the coil's field there are three, by what its current follows from: a course in time (`CoilField`), the circuit of
+a voltage and the nonlinear flux linkage (`coupling.circuit_coil_field`), and the diffusion of the field into solid
+conductors (`coupling.eddy_coil_field`, at a current or at a voltage).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from coupling.powder_feedback import PowderFeedback
+from field import AxisymmetricProblem, FieldSampler, MagneticField, PowderState, field_sampler
+from field.section.powder_state import Powder
+
+
+def unset_profile(time: float) -> float:
+    """In place of a course in time that is set when the source is built."""
+    raise AssertionError("the source's course in time is set when it is built")
+
+
+@dataclass(slots=True)
+class ImposedField:
+    """A field that nothing in the scene changes; `sampler` has sample(position) -> H, grad H."""
+
+    sampler: FieldSampler
+
+    def refresh(self, time: float, fill: np.ndarray | None = None) -> bool:
+        """Nothing to solve."""
+        return False
+
+
+@dataclass(slots=True)
+class CoilField:
+    """The coil's field, solved again when current or fill have moved beyond their tolerances.
+
+    Attributes
+    ----------
+    problem : AxisymmetricProblem
+    turns : float
+    current : callable t [s] -> I [A]
+    current_tolerance : float
+        Change of the current, relative to the largest so far, that calls for a new solve.
+    fill_tolerance : float
+        Change of the fill, sqrt(sum V (phi - phi_0)^2/sum V phi_0^2), that calls for a new solve.
+    element_volume : (e,) float64 or None
+        V of the powder's elements [m^3], needed when fills are given.
+    feedback : PowderFeedback or None
+        Where it is not the fill but the moments of the grains that couple back: what the powder's state comes from, and
+        what decides, in place of the fill, whether the field is still theirs.
+    """
+
+    problem: AxisymmetricProblem
+    turns: float
+    current: Callable[[float], float]
+    newton_tolerance: float = 1e-8
+    current_tolerance: float = 0.01
+    fill_tolerance: float = 0.05
+    element_volume: np.ndarray | None = None
+    feedback: PowderFeedback | None = None
+    solution: MagneticField | None = None
+    sampler: FieldSampler | None = None
+    fill: np.ndarray | None = None
+    solved_current: float = np.nan
+    largest_current: float = 0.0
+    fill_change: float = 0.0
+    solves: int = 0
+    seconds: float = 0.0
+
+    def refresh(self, time: float, fill: np.ndarray | None = None) -> bool:
+        """Solve if needed for the current at `time` [s] and the solid fraction (e,) of the powder's elements.
+
+        Returns True when the field is new. Raises field.ConvergenceError when Newton fails.
+        """
+        current = self.current(time)
+        if not self.is_stale(current, fill):
+            return False
+        begin = perf_counter()
+        guess = self.solution if self.solution is not None and self.solved_current != 0.0 else None
+        powder = self._powder(fill, current)
+        self.set_solution(
+            self.problem.solve(self.turns * current, fill=powder, guess=guess, tolerance=self.newton_tolerance),
+            current,
+            fill,
+        )
+        self.solves += 1
+        self.seconds += perf_counter() - begin
+        return True
+
+    def is_stale(self, current: float, fill: np.ndarray | None) -> bool:
+        """Whether current [A] or fill have left the present field behind; notes the largest current and the change."""
+        self.largest_current = max(self.largest_current, abs(current))
+        stale = self.solution is None
+        if not stale and abs(current - self.solved_current) > self.current_tolerance * self.largest_current:
+            stale = True
+        if not stale and (current == 0.0) != (self.solved_current == 0.0):
+            stale = True  # switched off is exactly off
+        self.fill_change = 0.0
+        if self.feedback is not None and self.solution is not None:
+            self.fill_change = self.feedback.residual.total
+            stale = stale or (current != 0.0 and self.fill_change > self.fill_tolerance)
+        elif fill is not None and self.fill is not None:
+            volume = self.element_volume
+            change = (volume * (fill - self.fill) ** 2).sum() / max((volume * self.fill**2).sum(), 1e-300)
+            self.fill_change = float(np.sqrt(change))
+            # without current there is no field that the fill could change
+            if current != 0.0 and self.fill_change > self.fill_tolerance:
+                stale = True
+        return stale
+
+    def set_solution(self, solution: MagneticField, current: float, fill: np.ndarray | None) -> None:
+        """Take a solution (a fresh one, or the one of a checkpoint) as the present field."""
+        self.solution, self.solved_current, self.fill = solution, current, fill
+        if self.feedback is not None:
+            self.sampler = self.feedback.solved(solution)
+        else:
+            # a granular fill is never smooth enough for the conservative table
+            self.sampler = field_sampler(solution, "powder") if fill is None else solution.sampler("powder")
+
+    def _powder(self, fill: np.ndarray | None, current: float) -> Powder:
+        """What the next solve takes of the powder."""
+        if self.feedback is None:
+            return fill
+        return self.feedback.state(self.solution if current != 0.0 else None)
+
+    def window_row(self, time: float) -> dict[str, float]:
+        """What a window that ends at `time` [s] adds to the history beside the field's own quantities."""
+        return {"current": self.current(time)}
+
+    def state(self) -> dict[str, Any] | None:
+        """What a bit-exact continuation needs; None before the first solve."""
+        if self.solution is None:
+            return None
+        saved = {
+            "psi": self.solution.psi,
+            "ampere_turns": self.solution.ampere_turns,
+            "fill": self.fill,
+            "newton": [list(map(float, x)) for x in self.solution.newton],
+            "current": self.solved_current,
+            "largest_current": self.largest_current,
+            "solves": self.solves,
+        }
+        if self.feedback is not None:
+            powder = self.solution.powder
+            assert powder is not None  # of the feedback
+            saved |= {"fill": powder.fill, "factor": powder.factor, "source": powder.source}
+            saved["feedback"] = self.feedback.checkpoint()
+        return saved
+
+    def restore(self, saved: dict[str, Any]) -> None:
+        """Take up the state of a checkpoint."""
+        powder = saved["fill"]
+        if self.feedback is not None:
+            powder = PowderState(powder, saved["factor"], saved["source"])
+        solution = MagneticField(
+            self.problem, saved["psi"], saved["ampere_turns"], powder, [tuple(x) for x in saved["newton"]]
+        )
+        if self.feedback is None:
+            self.set_solution(solution, saved["current"], saved["fill"])
+        else:
+            self.solution, self.solved_current = solution, saved["current"]
+            self.feedback.restore(saved["feedback"])
+            self.sampler = self.feedback.sampler(solution)
+        self.largest_current, self.solves = saved["largest_current"], saved["solves"]

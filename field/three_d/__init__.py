@@ -1,0 +1,21 @@
+"""Magnetostatics in space, for devices with slots or teeth: scalar potential, forces, H and grad H at grains."""
+
+from .body_force import BodyForce
+from .scalar_potential import Problem3D
+from .sector import SectorFold
+from .solid_field import Field3D
+from .solid_sampler import Sampler3D
+from .source_field import FlatCoil, Source, UniformSource
+from .tetrahedron_locator import PointOutside3D
+
+__all__ = [
+    "BodyForce",
+    "Field3D",
+    "FlatCoil",
+    "PointOutside3D",
+    "Problem3D",
+    "Sampler3D",
+    "SectorFold",
+    "Source",
+    "UniformSource",
+]

@@ -1,0 +1,152 @@
+"""The solved field in space: H and B at points, energies, flux linkage, force and torque, and the sampler."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from field.laws.reluctivity import MU_0
+
+from .body_force import BodyForce, body_force, current_force
+from .quadratic_tetrahedron import shape_slopes
+from .tetrahedron_locator import PointOutside3D
+
+if TYPE_CHECKING:
+    from .scalar_potential import Problem3D
+    from .solid_sampler import Sampler3D
+
+
+class Field3D:
+    """One solution phi of a `Problem3D`.  Integrals are those of the whole machine.
+
+    Attributes
+    ----------
+    problem : Problem3D
+    phi : ndarray (n_nodes,)
+        Reduced scalar potential [A] at the elements' nodes.
+    ampere_turns : float
+        N I of the coil [A], or the strength of the applied field [A/m].
+    newton : list of (relative residual, step length)
+        History of the iteration, the start first.
+    """
+
+    def __init__(
+        self, problem: Problem3D, phi: np.ndarray, ampere_turns: float, newton: list[tuple[float, float]]
+    ) -> None:
+        self.problem = problem
+        self.phi = phi
+        self.ampere_turns = ampere_turns
+        self.newton = newton
+
+    @cached_property
+    def H_at_quadrature(self) -> np.ndarray:
+        """H [A/m] at the elements' quadrature points, shape (n_quadrature, 3)."""
+        return self.ampere_turns * self.problem.unit_T0 - self.problem.elements.gradient(self.phi)
+
+    @cached_property
+    def B_at_quadrature(self) -> np.ndarray:
+        """B [T] at the elements' quadrature points, shape (n_quadrature, 3)."""
+        return self.problem.materials_at(self.H_at_quadrature)[0][:, None] * self.H_at_quadrature
+
+    def integral(self, density: np.ndarray) -> float:
+        """Integral over the whole machine of a density given at the quadrature points, shape (n_quadrature,)."""
+        return float(self.problem.mesh.n_sectors * (density * self.problem.elements.weight).sum())
+
+    @property
+    def _outside(self) -> float:
+        """Energy [J] of the field beyond an open boundary: half the integral of phi B . n over it."""
+        problem = self.problem
+        if problem._outer_data is None:
+            return 0.0
+        x = self.phi[problem.elements.free_nodes]
+        return float(0.5 * problem.mesh.n_sectors * (x * (problem.elements.matrix(problem._outer_data) @ x)).sum())
+
+    @property
+    def coenergy(self) -> float:
+        """Integral of B dH over the volume [J]."""
+        return self.integral(self.problem.materials_at(self.H_at_quadrature)[2]) + self._outside
+
+    @property
+    def energy(self) -> float:
+        """Integral of H dB over the volume [J]; equals the co-energy when all is linear."""
+        HB = np.einsum("qi,qi->q", self.H_at_quadrature, self.B_at_quadrature)
+        return self.integral(HB - self.problem.materials_at(self.H_at_quadrature)[2]) + self._outside
+
+    @property
+    def flux_linkage_per_turn(self) -> float:
+        """Flux through a mean turn, integral of T0 . B for one ampere-turn [Wb]; equals dW*/d(N I)."""
+        return self.integral(np.einsum("qi,qi->q", self.problem.unit_T0, self.B_at_quadrature))
+
+    def field_strength(self, points: np.ndarray | None = None) -> np.ndarray:
+        """H of the finite element solution itself (not recovered).
+
+        Parameters
+        ----------
+        points : ndarray (k, 3) or None
+            Anywhere in the machine [m]; None: the middle of every element of the mesh.
+
+        Returns
+        -------
+        ndarray (k, 3)
+            [A/m]
+
+        Raises
+        ------
+        PointOutside3D
+            A point outside the mesh.
+        """
+        return self._at(points)[0]
+
+    def flux_density(self, points: np.ndarray | None = None) -> np.ndarray:
+        """B [T] of the finite element solution itself, see `field_strength`."""
+        return self._at(points)[1]
+
+    def _at(self, points: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+        elements = self.problem.elements
+        matrix = None
+        if points is None:
+            element = np.arange(len(elements.element_nodes))
+            local = np.full((len(element), 3), 0.25)
+        else:
+            points = np.ascontiguousarray(np.atleast_2d(np.asarray(points, dtype=float)))
+            inside, matrix = self.problem.fold.into_mesh(points)
+            element, local = self.problem.locator.find(inside)
+            if np.any(element < 0):
+                raise PointOutside3D(points[element < 0], "the mesh")
+        H = self._field_strength_in(element, local)
+        B = self.problem.permeability_in(element, H)[:, None] * H
+        fold = self.problem.fold
+        return fold.out_of_mesh(matrix, H)[0], fold.out_of_mesh(matrix, B)[0]
+
+    def _field_strength_in(self, element: np.ndarray, local: np.ndarray) -> np.ndarray:
+        """H at reference coordinates (k, 3) of elements (k,)."""
+        elements = self.problem.elements
+        slopes = shape_slopes(local, elements.order)
+        nodes = elements.element_nodes[element]
+        X = elements.node_points[nodes]
+        jacobian = np.einsum("kna,knd->kad", X, slopes)
+        on_reference = np.einsum("kn,knd->kd", self.phi[nodes], slopes)
+        gradient = np.linalg.solve(jacobian.transpose(0, 2, 1), on_reference[..., None])[..., 0]
+        where = elements.positions(element, local)
+        where += 1e-9 * (X[:, :4].mean(axis=1) - where)
+        return self.ampere_turns * self.problem.source.T0(where) - gradient
+
+    def body_force(self, body: str) -> BodyForce:
+        """Force and torque on a body in air: Maxwell's stress and virtual work, see `field.three_d.body_force`."""
+        return body_force(self, body)
+
+    def current_force(self) -> tuple[np.ndarray, np.ndarray]:
+        """Force [N] and torque about the origin [N m] on the coil, integrals of J x B and r x (J x B)."""
+        return current_force(self)
+
+    def relative_permeability(self) -> np.ndarray:
+        """mu_r = B/(mu_0 H) in the middle of every element, shape (n_elements,) [-]."""
+        return self.problem.permeability_in(np.arange(len(self.problem.mesh.tetrahedra)), self.field_strength()) / MU_0
+
+    def sampler(self, region: str = "powder") -> Sampler3D:
+        """Recovered H and grad H inside a region without current."""
+        from .solid_sampler import Sampler3D
+
+        return Sampler3D(self, region)

@@ -1,0 +1,337 @@
+"""Nonlinear magnetostatics in space by the reduced scalar potential, H = T0 - grad phi with curl T0 = J.
+
+    integral B(T0 - grad phi) . grad v = 0     for all v,
+
+the stationary point of the co-energy W*(phi) = integral of w*(|T0 - grad phi|), w* = integral of B dH.  B grows
+with H, so W* is convex in phi and Newton with a line search on it converges from anywhere.
+
+Boundaries.  Natural is B . n = 0: right on a meridional plane in which a sector of a machine with a ring coil
+is mirrored (J is normal to it, H lies in it), and on a flux wall.  On two faces of a periodic sector phi is
+the same (T0 turns with the sector and its circulation around the axis is zero).  A plane z = const in which
+coil and device are mirrored has tangential H = 0: phi = 0, name it in `fixed`.  The outer boundary is
+
+    open       dphi/dn = -alpha phi with the alpha of an axial dipole at its centre: exact on a sphere for any
+               dipole, on a cylinder for an axial one; what is outside is counted in energy and co-energy;
+    flux_wall  B . n = 0;
+    zero       phi = 0, H normal to it.
+
+The errors of wall and zero are those of the dipole's images, -2 : 1 in a sphere; open has neither.
+Neglected: eddy currents, hysteresis.  Reference: Simkin and Trowbridge, Int. J. Numer. Methods Eng. 14 (1979);
+Webb and Forghani, IEEE Trans. Magn. 29 (1993) for T0 with a single scalar potential.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sp
+
+from field.laws.region_laws import complete_laws
+from field.laws.reluctivity import MU_0, Law, LinearLaw
+from field.newton import minimise, norm, scalar_product
+from geometry.mesh_3d import Mesh3D
+
+from .inverse_law import InverseLaw, MaterialTable
+from .nodal_amg import NodalSolver, linear_to_quadratic
+from .quadratic_tetrahedron import EDGES
+from .solid_elements import Elements3D
+from .solid_field import Field3D
+from .source_field import Source
+
+if TYPE_CHECKING:
+    from .sector import SectorFold
+    from .solid_recovery import Recovery3D
+    from .tetrahedron_locator import TetrahedronLocator
+
+# A cold start takes each material's chord B/H at this flux density [T], a loaded iron circuit's, and then every
+# place's own chord at the B that was found there: coils fix H in air and saturated iron, but B in an iron circuit.
+_START_B = 1.0
+_START_TOLERANCE = 3e-3  # of these two linear solves
+# The line search goes on until the slope is level to this share: a gradient costs a tenth of a linear solve.
+_LEVEL = 0.3
+_WITHOUT_IRON = ("air", "coil", "powder", "slots")
+
+
+class Problem3D:
+    """One mesh, one set of materials and one source; solved for as many currents as wanted.
+
+    Parameters
+    ----------
+    mesh : Mesh3D
+    laws : dict of str to Law
+        Law of each region; `air`, `coil`, `powder` and `slots` are air where they are not given.
+    source : Source
+        Coil or applied field, for one ampere-turn.
+    order : int
+        Of the elements for phi, 1 or 2.
+    outer : str
+        `open`, `flux_wall` or `zero`, for the mesh's boundary `outer`.
+    fixed : sequence of str
+        Boundaries with phi = 0.
+    centre_z : float
+        Height of the device's middle [m], from where an open boundary sees its dipole.
+    linear_solver : str
+        `auto`, `direct` or `multigrid`.
+
+    Raises
+    ------
+    ValueError
+        A region without a law, a law without a region, a boundary that does not exist.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh3D,
+        laws: Mapping[str, Law],
+        source: Source,
+        *,
+        order: int = 2,
+        outer: str = "open",
+        fixed: Sequence[str] = (),
+        centre_z: float = 0.0,
+        linear_solver: str = "auto",
+    ) -> None:
+        if outer not in ("open", "flux_wall", "zero"):
+            raise ValueError(f"`outer` = {outer!r} of the 3D field must be 'open', 'flux_wall' or 'zero'")
+        self.mesh = mesh
+        self.source = source
+        self.laws = complete_laws(mesh.regions, laws, _WITHOUT_IRON)
+        names = list(mesh.regions)
+        self._material = np.empty(len(mesh.tetrahedra), dtype=np.int64)
+        for k, name in enumerate(names):
+            self._material[mesh.regions[name]] = k
+        self._table = MaterialTable([InverseLaw.of(self.laws[name]) for name in names])
+        self.linear = all(isinstance(law, LinearLaw) for law in self.laws.values())
+        bends = np.array([not isinstance(self.laws[name], LinearLaw) for name in names])
+        centroid = mesh.centroid()
+        self.carries_current = np.any(source.current_density(centroid) != 0.0, axis=1)
+        fixed = (*fixed, "outer") if outer == "zero" else tuple(fixed)
+        self.elements = Elements3D(
+            mesh,
+            order,
+            fixed=fixed,
+            careful=bends[self._material] | self.carries_current,
+            hold_one=outer == "flux_wall" and not fixed,
+        )
+        elements = self.elements
+        # a hair towards the element's middle: round-off must not carry a point across a jump of T0
+        owner = elements.element_of_quadrature
+        self.unit_T0 = source.T0(elements.quadrature_points + 1e-9 * (centroid[owner] - elements.quadrature_points))
+        self._outer_load = np.zeros(elements.n_free)
+        self._outer_data: np.ndarray | None = None
+        if outer == "open":
+            self._open_boundary(centre_z)
+        prolongation = (
+            None
+            if order == 1
+            else linear_to_quadratic(
+                elements.number,
+                elements.element_nodes,
+                elements.n_corners,
+                elements.n_free,
+                elements.n_free_corners,
+                EDGES,
+            )
+        )
+        self._solver = NodalSolver(prolongation, elements.n_free, linear_solver)
+        self._recoveries: dict[str, Recovery3D] = {}
+
+    def _open_boundary(self, centre_z: float) -> None:
+        elements = self.elements
+        nodes = elements.boundary("outer")
+        points, normal, function = elements.faces(nodes)
+        centre = np.array([0.0, 0.0, centre_z])
+        arm = points - centre
+        area = np.linalg.norm(normal, axis=2)
+        facing = np.einsum("kqa,kqa->kq", normal, arm) / (area * np.einsum("kqa,kqa->kq", arm, arm))
+        height = np.where(np.abs(arm[..., 2]) > 0.0, arm[..., 2], np.inf)
+        # of phi = z/r^3:  -(dphi/dn)/phi = 3 n.r/r^2 - n_z/z; the bounds hold on every face of a sphere or a
+        # cylinder that is wider than it is high by less than sqrt(2), and keep the matrix positive elsewhere
+        alpha = 3.0 * facing - np.clip(normal[..., 2] / area / height, 0.0, 2.0 * np.maximum(facing, 0.0))
+        blocks = MU_0 * np.einsum("kq,qi,qj->kij", np.maximum(alpha, 0.0) * area, function, function)
+        self._outer_data = np.zeros(elements.indices.size)
+        elements.add_blocks(nodes, blocks, self._outer_data)
+        inward = points * (1.0 - 1e-9) + 1e-9 * centre
+        T0 = self.source.T0(inward.reshape(-1, 3)).reshape(points.shape)
+        local = MU_0 * np.einsum("kqa,kqa,qi->ki", T0, normal, function)
+        unknown = elements.number[nodes]
+        np.add.at(self._outer_load, unknown[unknown >= 0], local[unknown >= 0])
+
+    @property
+    def n_dofs(self) -> int:
+        """Number of unknowns."""
+        return self.elements.n_free
+
+    @property
+    def linear_solver(self) -> str:
+        """One line: which linear solver is in use."""
+        return self._solver.description()
+
+    @property
+    def linear_iterations(self) -> list[int]:
+        """Iterations of every conjugate gradient solve so far."""
+        return self._solver.iterations
+
+    @cached_property
+    def locator(self) -> TetrahedronLocator:
+        """Finds the element of a point anywhere in the mesh."""
+        from .tetrahedron_locator import TetrahedronLocator
+
+        return TetrahedronLocator(self.elements, np.arange(len(self.mesh.tetrahedra)))
+
+    @cached_property
+    def fold(self) -> SectorFold:
+        """Maps points of the whole machine into the meshed sector."""
+        from .sector import SectorFold
+
+        return SectorFold(self.mesh)
+
+    def recovery(self, region: str) -> Recovery3D:
+        """The recovery operator of a region, built on the first call."""
+        if region not in self._recoveries:
+            from .solid_recovery import Recovery3D
+
+            if region not in self.mesh.regions:
+                raise ValueError(
+                    f"the mesh has no region {region!r} to sample; it has {', '.join(sorted(self.mesh.regions))}"
+                )
+            if self.carries_current[self.mesh.regions[region]].any():
+                raise ValueError(
+                    f"region {region!r} carries current: no scalar potential there to recover the field from"
+                )
+            self._recoveries[region] = Recovery3D(self.elements, self.mesh.regions[region], self.source)
+        return self._recoveries[region]
+
+    def materials_at(self, H: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """mu = B/H, dB/dH - mu [H/m] and w* [J/m^3] at H (n_quadrature, 3) [A/m] of the quadrature points."""
+        return self._table.evaluate(H, self.elements.start, self._material)
+
+    def permeability_in(self, element: np.ndarray, H: np.ndarray) -> np.ndarray:
+        """mu = B/H [H/m] of one point in each listed element, H (k, 3) [A/m]."""
+        return self._table.evaluate(H, np.arange(len(element) + 1), self._material[element])[0]
+
+    def solve(
+        self,
+        ampere_turns: float,
+        guess: Field3D | None = None,
+        *,
+        tolerance: float = 1e-8,
+        max_iterations: int = 40,
+    ) -> Field3D:
+        """The field for a drive: N I [A], or the strength [A/m] of an applied field.
+
+        Parameters
+        ----------
+        guess : Field3D or None
+            Start of the iteration, another solution of this problem; None: the field of constant permeability.
+        tolerance : float
+            Residual relative to that of the source in vacuum.
+
+        Raises
+        ------
+        ConvergenceError
+            The iteration did not reach the tolerance.
+        """
+        if not np.isfinite(ampere_turns):
+            raise ValueError(f"`ampere_turns` = {ampere_turns} must be a finite number")
+        if ampere_turns == 0.0:
+            return Field3D(self, np.zeros(self.elements.n_nodes), 0.0, [(0.0, 0.0)])
+        if guess is not None and guess.problem is not self:
+            raise ValueError("`guess` belongs to another problem: start from a field of the same one")
+        energy = _CoEnergy(self, ampere_turns)
+        scale = self._scale(MU_0 * ampere_turns * self.unit_T0)
+        self._solver.floor = 0.3 * tolerance * scale
+        self._solver.scale = None
+        start = self._linear_start(energy) if guess is None else guess.phi[self.elements.free_nodes]
+        self._solver.floor = 0.3 * tolerance * scale
+        self._solver.scale = None if self.linear else scale
+        x, history = minimise(
+            energy,
+            start,
+            scale,
+            solver=self._solver,
+            tolerance=tolerance,
+            max_iterations=max_iterations,
+            level=None if self.linear else _LEVEL,
+        )
+        return Field3D(self, self.elements.whole(x), float(ampere_turns), history)
+
+    def _scale(self, B: np.ndarray) -> float:
+        """Norm of the load of T0 in vacuum; of a uniform T0, which has none inside, a millionth of its size."""
+        size = np.linalg.norm(B, axis=1) * np.cbrt(self.elements.weight) ** 2
+        return max(norm(self.elements.divergence(B)), 1e-6 * norm(size))
+
+    def _linear_start(self, energy: _CoEnergy) -> np.ndarray:
+        """The field with chord permeabilities: the solution itself if all are linear."""
+        chord = np.array(
+            [float(_START_B / self.laws[name].H_of_B(np.array([_START_B]))[0][0]) for name in self.mesh.regions]
+        )
+        mu = np.repeat(chord[self._material], np.diff(self.elements.start))
+        first = self._chord_field(energy, mu)
+        if self.linear:
+            return first
+        B = mu * np.linalg.norm(energy.T0 - self.elements.gradient(self.elements.whole(first)), axis=1)
+        owner = self._material[self.elements.element_of_quadrature]
+        for k, name in enumerate(self.mesh.regions):
+            here = owner == k
+            H = self.laws[name].H_of_B(B[here])[0]
+            mu[here] = np.where(H > 0.0, B[here] / np.where(H > 0.0, H, 1.0), chord[k])
+        return min((first, self._chord_field(energy, mu)), key=lambda x: energy.value(x)[0])
+
+    def _chord_field(self, energy: _CoEnergy, mu: np.ndarray) -> np.ndarray:
+        data = self.elements.tangent(mu, np.zeros_like(mu), energy.T0)
+        right = self.elements.divergence(mu[:, None] * energy.T0) - energy.outer_load
+        if not self.linear:
+            self._solver.floor = _START_TOLERANCE * norm(right)
+        return self._solver.solve(energy.with_boundary(data), right)
+
+
+class _CoEnergy:
+    """W*(phi) of the unknowns; its gradient is -integral B . grad v, its second derivative the tangent."""
+
+    def __init__(self, problem: Problem3D, ampere_turns: float) -> None:
+        self._problem = problem
+        self._elements = problem.elements
+        self.T0 = ampere_turns * problem.unit_T0
+        self.outer_load = ampere_turns * problem._outer_load
+        self._outer = None if problem._outer_data is None else self._elements.matrix(problem._outer_data)
+        self._at: np.ndarray | None = None
+
+    def _evaluate(self, x: np.ndarray) -> None:
+        if self._at is not None and np.array_equal(self._at, x):
+            return
+        self._H = self.T0 - self._elements.gradient(self._elements.whole(x))
+        self._mu, self._excess, self._density = self._problem.materials_at(self._H)
+        self._outer_flux = np.zeros_like(x) if self._outer is None else self._outer @ x
+        self._at = x.copy()
+
+    def value(self, x: np.ndarray) -> tuple[float, float]:
+        self._evaluate(x)
+        inside = float((self._density * self._elements.weight).sum())
+        outside = scalar_product(self.outer_load, x) + 0.5 * scalar_product(self._outer_flux, x)
+        return inside + outside, inside + abs(outside)
+
+    def gradient(self, x: np.ndarray) -> np.ndarray:
+        self._evaluate(x)
+        return self.outer_load + self._outer_flux - self._elements.divergence(self._mu[:, None] * self._H)
+
+    def hessian(self, x: np.ndarray) -> sp.csc_matrix:
+        self._evaluate(x)
+        return self.with_boundary(self._elements.tangent(self._mu, self._excess, self._H))
+
+    def cautious_hessian(self, x: np.ndarray) -> sp.csc_matrix:
+        """Chord instead of tangent where the material saturates (Kachanov's iteration).
+
+        There w* is concave in H^2 and lies below the parabola with mu = B/H: the full step cannot overshoot.
+        """
+        self._evaluate(x)
+        return self.with_boundary(self._elements.tangent(self._mu, np.maximum(self._excess, 0.0), self._H))
+
+    def with_boundary(self, data: np.ndarray) -> sp.csc_matrix:
+        """The matrix of the pattern's data and of the open boundary."""
+        if self._problem._outer_data is not None:
+            data = data + self._problem._outer_data
+        return self._elements.matrix(data)

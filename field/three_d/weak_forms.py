@@ -1,0 +1,30 @@
+"""The weak forms of the field in space in scikit-fem's notation: what `solid_elements` computes, as on the board.
+
+With H = T0 - grad phi and a law B(H), find phi such that for all v that vanish where phi is held
+
+    integral B . grad v dV = 0,     B = B(|H|) H/|H|,
+
+and the derivative with respect to phi, for Newton's method, but for its sign, with the unit vector d along H,
+
+    integral (B/H) grad u . grad v + (dB/dH - B/H) (d . grad u)(d . grad v) dV.
+
+A run assembles them with compiled kernels into one fixed pattern; these definitions are what the kernels are tested
+against, to round-off. Fields are given at the quadrature points of the basis.
+"""
+
+from __future__ import annotations
+
+from skfem import BilinearForm, LinearForm
+from skfem.helpers import dot, grad
+
+
+@LinearForm
+def divergence(v, w):
+    """Of a ``flow`` (3, n_elements, n_quadrature): `Elements3D.divergence`."""
+    return dot(w.flow, grad(v))
+
+
+@BilinearForm
+def tangent(u, v, w):
+    """Of ``isotropic`` a, ``along`` c and unit vectors ``direction`` d: `Elements3D.tangent`."""
+    return w.isotropic * dot(grad(u), grad(v)) + w.along * dot(w.direction, grad(u)) * dot(w.direction, grad(v))

@@ -1,0 +1,131 @@
+"""What a call of `DVI.run` did: the totals of any engine, and what the solver needed; from the sums of the step."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from particles.bodies import Body
+from particles.dem.step_totals import EnergyTotals, StepTotals
+from particles.dvi import end_of_step
+
+
+@dataclass(frozen=True, slots=True)
+class DviTotals(StepTotals):
+    """Totals of a run of rigid grains; ``energy.dissipation`` has "impact" and "sliding", where they are simulated also
+    "rolling" and "twisting"; no force is "damping".
+
+    Attributes
+    ----------
+    sweeps, max_sweeps : int
+        Sweeps over the contacts in all, and in the hardest step.
+    visits : int
+        Contacts that the sweeps have visited.
+    residual : float
+        Largest natural map at the end of a step [m/s].
+    missed_steps : int
+        Steps that did not reach the tolerance.
+    taken_over : int
+        Steps that the accelerated solver finished.
+    warm_hits : float
+        Share of the loaded contacts that had an impulse to start from.
+    projections : int
+        Sweeps over the positions that removed overlap (they conserve no angular momentum).
+    stabilisation_work : float
+        Work of the held forces on the displacements that removed overlap [J].
+    """
+
+    sweeps: int
+    max_sweeps: int
+    visits: int
+    residual: float
+    missed_steps: int
+    taken_over: int
+    warm_hits: float
+    projections: int
+    stabilisation_work: float
+
+
+def dvi_totals(
+    steps: int,
+    dt: float,
+    bodies: Sequence[Body],
+    totals: np.ndarray,
+    of_bodies: np.ndarray,
+    energy: EnergyTotals,
+    rebuilds: int,
+) -> DviTotals:
+    """What ``steps`` of ``dt`` [s] did, by the sums of the run and of its bodies."""
+    per_step = 1.0 / max(steps, 1)
+    names = [body.name for body in bodies]
+    normal = of_bodies[:, end_of_step.NORMAL_X : end_of_step.NORMAL_Z + 1] * per_step
+    whole = of_bodies[:, end_of_step.FORCE_X : end_of_step.FORCE_Z + 1] * per_step
+    return DviTotals(
+        steps=steps,
+        duration=steps * dt,
+        torque={
+            name: {
+                "normal": float(t[end_of_step.TORQUE_N]) * per_step,
+                "damping": 0.0,
+                "tangential": float(t[end_of_step.TORQUE_T]) * per_step,
+            }
+            for name, t in zip(names, of_bodies, strict=True)
+        },
+        force=dict(zip(names, whole, strict=True)),
+        force_parts={
+            name: {"normal": n, "damping": np.zeros(3), "tangential": f - n}
+            for name, n, f in zip(names, normal, whole, strict=True)
+        },
+        shaft_work={
+            body.name: {
+                "drive": float(t[end_of_step.DRIVE_WORK]),
+                "load": float(t[end_of_step.LOAD_WORK]),
+                "contact": -float(t[end_of_step.BODY_WORK]),
+            }
+            for body, t in zip(bodies, of_bodies, strict=True)
+            if body.is_free
+        },
+        energy=energy,
+        max_overlap=float(totals[end_of_step.MAX_OVERLAP]),
+        n_contacts=int(totals[end_of_step.CONTACTS]),
+        max_speed=float(totals[end_of_step.MAX_SPEED]),
+        rebuilds=rebuilds,
+        sweeps=int(totals[end_of_step.SWEEPS]),
+        max_sweeps=int(totals[end_of_step.MAX_SWEEPS]),
+        visits=int(totals[end_of_step.VISITS]),
+        residual=float(totals[end_of_step.RESIDUAL]),
+        missed_steps=int(totals[end_of_step.MISSED]),
+        taken_over=int(totals[end_of_step.TAKEN_OVER]),
+        warm_hits=float(totals[end_of_step.KEPT] / max(totals[end_of_step.LOADED], 1.0)),
+        projections=int(totals[end_of_step.PROJECTIONS]),
+        stabilisation_work=float(totals[end_of_step.STABILISATION]),
+    )
+
+
+def rigid_books(
+    bodies: Sequence[Body],
+    totals: np.ndarray,
+    of_bodies: np.ndarray,
+    resist: np.ndarray,
+    kinetic: tuple[float, float],
+    elastic: tuple[float, float],
+) -> EnergyTotals:
+    """The energy budget; ``resist`` (2, 2) are mu_r and mu_w, ``kinetic`` and ``elastic`` before and now [J]."""
+    return EnergyTotals(
+        wall_work={body.name: float(t[end_of_step.BODY_WORK]) for body, t in zip(bodies, of_bodies, strict=True)},
+        dissipation={
+            "impact": float(totals[end_of_step.IMPACT]),
+            "sliding": float(totals[end_of_step.SLIDING]),
+            **({"rolling": float(totals[end_of_step.ROLLING])} if resist[:, 0].any() else {}),
+            **({"twisting": float(totals[end_of_step.TWISTING])} if resist[:, 1].any() else {}),
+        },
+        contact_work=float(totals[end_of_step.CONTACT_WORK]),
+        gravity_work=float(totals[end_of_step.GRAVITY_WORK]),
+        external_work=float(totals[end_of_step.EXTERNAL_WORK]),
+        kinetic_energy=kinetic[1],
+        kinetic_change=kinetic[1] - kinetic[0],
+        elastic_energy=elastic[1],
+        elastic_change=elastic[1] - elastic[0],
+    )

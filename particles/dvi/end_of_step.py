@@ -1,0 +1,200 @@
+"""The end of a step of rigid grains: impulses kept, work and torque recorded, new velocities, drift."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import prange
+
+from geometry.inner_functions import inner
+from particles.dvi import gauss_seidel as gs
+from particles.dvi.compliance import stored
+from particles.dvi.gauss_seidel import (
+    ARM,
+    EX,
+    EY,
+    EZ,
+    LX,
+    LY,
+    PX,
+    PY,
+    PZ,
+    RX,
+    RY,
+    RZ,
+    VX,
+    VY,
+    VZ,
+)  # fmt: skip
+from particles.dvi.partition import part_of
+
+# columns of the totals
+(
+    CONTACTS, IMPACT, SLIDING, CONTACT_WORK, GRAVITY_WORK, EXTERNAL_WORK, STABILISATION, MAX_OVERLAP, GRAIN, MAX_SPEED,
+    SWEEPS, RESIDUAL, MISSED, KEPT, LOADED, VISITS, TAKEN_OVER, PROJECTIONS, MAX_SWEEPS, ROLLING, TWISTING,
+) = range(21)  # fmt: skip
+N_SUMS = 21
+# columns of a body's sums: torques and forces of the normal and of the tangential impulses, and work
+TORQUE_N, TORQUE_T, NORMAL_X, NORMAL_Y, NORMAL_Z, FORCE_X, FORCE_Y, FORCE_Z, BODY_WORK, DRIVE_WORK, LOAD_WORK = range(
+    11
+)
+N_BODY_SUMS = 11
+# columns of what `book` adds up in a step
+LOADED_NOW, KEPT_NOW, IMPACT_NOW, SLIDING_NOW, WORK_NOW, SPRING_N, SPRING_T = range(7)
+N_BOOKED = 7
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def book(part, h, compliance, body_speed, mean_speed, grains, pair_slots, slots, records, sums, body_sums):
+    """Keep the impulses of a part for the next step; book work and torques with the mean of old and new velocity."""
+    velocity, spin, radius = grains.velocity, grains.spin, grains.radius
+    pair_slot, pair_impulse, wall_slot, wall_impulse = pair_slots.met, pair_slots.impulse, slots.met, slots.impulse
+    grain, _, pair_index, pair, wall_index, wall = records
+    loaded = kept = 0
+    impact = sliding = work = spring_n = spring_t = 0.0
+    for k in range(part.p0, part.p1):
+        s = pair_slot[k]
+        x, y, z = pair[k, RX], pair[k, RY], pair[k, RZ]
+        old = pair_impulse[s, 0] != 0.0 or pair_impulse[s, 1] != 0.0 or pair_impulse[s, 2] != 0.0
+        pair_impulse[s, 0], pair_impulse[s, 1], pair_impulse[s, 2] = x, y, z
+        idle = x == 0.0 and y == 0.0 and z == 0.0
+        if idle:
+            if compliance is None:
+                continue
+            if pair[k, gs.GAP] >= 0.0:  # an overlap that its dashpot has let go still holds energy
+                continue
+        loaded += not idle
+        kept += old and not idle
+        i, j = pair_index[k, 0], pair_index[k, 1]
+        ex, ey, ez, arm = pair[k, EX], pair[k, EY], pair[k, EZ], pair[k, ARM]
+        sx = grain[i, PX] + grain[j, PX] + radius[i] * spin[i, 0] + radius[j] * spin[j, 0]
+        sy = grain[i, PY] + grain[j, PY] + radius[i] * spin[i, 1] + radius[j] * spin[j, 1]
+        sz = grain[i, PZ] + grain[j, PZ] + radius[i] * spin[i, 2] + radius[j] * spin[j, 2]
+        ux = grain[i, VX] - grain[j, VX] + velocity[i, 0] - velocity[j, 0] - arm * (sy * ez - sz * ey)
+        uy = grain[i, VY] - grain[j, VY] + velocity[i, 1] - velocity[j, 1] - arm * (sz * ex - sx * ez)
+        uz = grain[i, VZ] - grain[j, VZ] + velocity[i, 2] - velocity[j, 2] - arm * (sx * ey - sy * ex)
+        if compliance is not None:
+            u_n = (grain[i, VX] - grain[j, VX]) * ex + (grain[i, VY] - grain[j, VY]) * ey
+            u_n += (grain[i, VZ] - grain[j, VZ]) * ez
+            a, b = stored(compliance, gs.PAIRS, pair[k, gs.GAP] + h * u_n, x, y, z, ex, ey, ez)
+            spring_n, spring_t = spring_n + a, spring_t + b
+        whole = 0.5 * (x * ux + y * uy + z * uz)
+        normal = 0.5 * (x * ex + y * ey + z * ez) * (ux * ex + uy * ey + uz * ez)
+        impact -= normal
+        sliding -= whole - normal
+        work += whole
+    for k in range(part.w0, part.w1):
+        s = wall_slot[k]
+        x, y, z = wall[k, RX], wall[k, RY], wall[k, RZ]
+        old = wall_impulse[s, 0] != 0.0 or wall_impulse[s, 1] != 0.0 or wall_impulse[s, 2] != 0.0
+        wall_impulse[s, 0], wall_impulse[s, 1], wall_impulse[s, 2] = x, y, z
+        idle = x == 0.0 and y == 0.0 and z == 0.0
+        if idle:
+            if compliance is None:
+                continue
+            if wall[k, gs.GAP] >= 0.0:  # an overlap that its dashpot has let go still holds energy
+                continue
+        loaded += not idle
+        kept += old and not idle
+        i, b = wall_index[k, 0], wall_index[k, 1]
+        ex, ey, ez, arm = wall[k, EX], wall[k, EY], wall[k, EZ], wall[k, ARM]
+        sx = grain[i, PX] + radius[i] * spin[i, 0]
+        sy = grain[i, PY] + radius[i] * spin[i, 1]
+        sz = grain[i, PZ] + radius[i] * spin[i, 2]
+        ux = 0.5 * (grain[i, VX] + velocity[i, 0] - arm * (sy * ez - sz * ey))
+        uy = 0.5 * (grain[i, VY] + velocity[i, 1] - arm * (sz * ex - sx * ez))
+        uz = 0.5 * (grain[i, VZ] + velocity[i, 2] - arm * (sx * ey - sy * ex))
+        on_grain = x * ux + y * uy + z * uz
+        r_n = x * ex + y * ey + z * ez
+        lever_n = wall[k, LX] * ex + wall[k, LY] * ey
+        lever = wall[k, LX] * x + wall[k, LY] * y
+        omega = mean_speed[b]
+        if compliance is not None:
+            u_n = grain[i, VX] * ex + grain[i, VY] * ey + grain[i, VZ] * ez - body_speed[b] * lever_n
+            a, c = stored(compliance, gs.WALLS, wall[k, gs.GAP] + h * u_n, x, y, z, ex, ey, ez)
+            spring_n, spring_t = spring_n + a, spring_t + c
+        normal = r_n * (ux * ex + uy * ey + uz * ez - omega * lever_n)
+        impact -= normal
+        sliding -= on_grain - omega * lever - normal
+        work += on_grain
+        body_sums[b, TORQUE_N] -= r_n * lever_n / h
+        body_sums[b, TORQUE_T] -= (lever - r_n * lever_n) / h
+        body_sums[b, NORMAL_X] -= r_n * ex / h
+        body_sums[b, NORMAL_Y] -= r_n * ey / h
+        body_sums[b, NORMAL_Z] -= r_n * ez / h
+        body_sums[b, FORCE_X] -= x / h
+        body_sums[b, FORCE_Y] -= y / h
+        body_sums[b, FORCE_Z] -= z / h
+        body_sums[b, BODY_WORK] += omega * lever
+    sums[LOADED_NOW], sums[KEPT_NOW], sums[IMPACT_NOW], sums[SLIDING_NOW] = loaded, kept, impact, sliding
+    sums[WORK_NOW], sums[SPRING_N], sums[SPRING_T] = work, spring_n, spring_t
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def enter(compliance, booked, totals):
+    """Add the energy budget of a step, one row a chunk."""
+    run, springs = totals.run, totals.springs
+    loaded = impact = sliding = spring_n = spring_t = 0.0
+    for c in range(booked.shape[0]):
+        loaded += booked[c, LOADED_NOW]
+        run[KEPT] += booked[c, KEPT_NOW]
+        impact, sliding = impact + booked[c, IMPACT_NOW], sliding + booked[c, SLIDING_NOW]
+        run[CONTACT_WORK] += booked[c, WORK_NOW]
+        spring_n, spring_t = spring_n + booked[c, SPRING_N], spring_t + booked[c, SPRING_T]
+    run[CONTACTS] = loaded
+    run[LOADED] += loaded
+    if compliance is not None:
+        impact, sliding = impact - spring_n + springs[0], sliding - spring_t + springs[1]
+        springs[0], springs[1] = spring_n, spring_t
+    run[IMPACT] += impact
+    run[SLIDING] += sliding
+
+
+@inner(parallel=True, error_model="numpy", fastmath={"contract"})
+def record_chunks(h, compliance, body_speed, mean_speed, grains, pair_slots, slots, records, chunk, body_totals):
+    """`book` by chunks."""
+    rows, pairs, walls, sums, body_sums = chunk.rows, chunk.pairs, chunk.walls, chunk.sums, chunk.body_sums
+    count = rows.shape[0] - 1
+    for c in prange(count + 1):
+        body_sums[c] = 0.0
+        book(
+            part_of(c, rows, pairs, walls), h, compliance, body_speed, mean_speed, grains, pair_slots, slots, records,
+            sums[c], body_sums[c],
+        )  # fmt: skip
+    for c in range(count + 1):
+        for b in range(body_totals.shape[0]):
+            for q in range(N_BODY_SUMS):
+                body_totals[b, q] += body_sums[c, b, q]
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def move(h, drift, step, grains, grain, totals):
+    """Take the new velocities and drift; returns the largest squared distance from the list's positions."""
+    position, velocity, spin, radius, mass, gravity, external, reference, _ = grains
+    g = min(step, gravity.shape[0] - 1)
+    gravity_work = external_work = travel = fastest = 0.0
+    for i in range(mass.shape[0]):
+        x, y, z = grain[i, VX], grain[i, VY], grain[i, VZ]
+        sx, sy, sz = velocity[i, 0] + x, velocity[i, 1] + y, velocity[i, 2] + z
+        if gravity.shape[0] > 0:
+            gravity_work += 0.5 * h * mass[i] * (gravity[g, 0] * sx + gravity[g, 1] * sy + gravity[g, 2] * sz)
+        if external.shape[0] > 0:
+            external_work += 0.5 * h * (external[i, 0] * sx + external[i, 1] * sy + external[i, 2] * sz)
+        velocity[i, 0], velocity[i, 1], velocity[i, 2] = x, y, z
+        inverse = 1.0 / radius[i]
+        spin[i, 0], spin[i, 1], spin[i, 2] = grain[i, PX] * inverse, grain[i, PY] * inverse, grain[i, PZ] * inverse
+        position[i, 0] += drift * x
+        position[i, 1] += drift * y
+        position[i, 2] += drift * z
+        dx, dy, dz = (
+            position[i, 0] - reference[i, 0],
+            position[i, 1] - reference[i, 1],
+            position[i, 2] - reference[i, 2],
+        )
+        d2 = dx * dx + dy * dy + dz * dz + 0.0 * (spin[i, 0] + spin[i, 1] + spin[i, 2])
+        if not d2 <= travel:
+            travel = d2 if d2 == d2 else np.inf
+        fastest = max(fastest, x * x + y * y + z * z)
+    totals[GRAVITY_WORK] += gravity_work
+    totals[EXTERNAL_WORK] += external_work
+    totals[MAX_SPEED] = max(totals[MAX_SPEED], np.sqrt(fastest))
+    return travel
