@@ -264,7 +264,7 @@ def _cut(
         wrong = ", ".join(f"{own_name(label)!r} ({100.0 * ratio:.2f} %)" for label, ratio in odd.items())
         raise CadError(
             f"{path}: no solids of revolution about {axis}: {wrong} of the volume of the section turned; give the "
-            "right `axis`, fill slots and holes, or solve the field in space (`in_space`)"
+            "right `axis`, fill slots and holes, or solve the field in space (`three_dimensional`)"
         )
     return faces, list(odd)
 

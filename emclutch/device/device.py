@@ -186,7 +186,7 @@ def field_is_3d(scene: Scene) -> bool:
     """Whether the coil's field is solved in space: slots in a clutch, or solids of any shape from CAD."""
     shape = scene.shape()
     if isinstance(scene.geometry, CadGeometry):
-        return scene.geometry.in_space
+        return scene.geometry.three_dimensional
     return isinstance(shape, Clutch) and not shape.axisymmetric
 
 

@@ -38,7 +38,7 @@ class DviSection(Section):
     step: Annotated[Time | None, Automatic()] = Field(
         default=None, description="step of the rigid grains; default: time.step, else by the rules of travel and force"
     )
-    insist: StrictBool = Field(default=False, description="take a step that is longer than the rules allow")
+    allow_long_step: StrictBool = Field(default=False, description="take a step that is longer than the rules allow")
     theta: Annotated[float, number("1", 0.5, 1.0)] = Field(
         default=1.0, description="weight of the new velocity in a step's drift"
     )

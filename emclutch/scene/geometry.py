@@ -188,9 +188,10 @@ class CadGeometry(Section):
     `part3`. `coil` and `powder` are the winding and the space of the grains. Parts named disc and shaft_out turn with
     the disc, housing, yoke and coil stand still, all others turn with the rotor.
 
-    With `in_space` the file holds solids of any shape, and the field is solved in space. `powder` and `coil` are of
-    revolution about z even then, the coil a ring of rectangular section whose current flows around z; all parts that
-    are not belong to one body, with which the field turns. Walls are those of the half-plane y = 0, x > 0.
+    With `three_dimensional` the file holds solids of any shape, and the field is solved in space. `powder` and
+    `coil` are of revolution about z even then, the coil a ring of rectangular section whose current flows around z;
+    all parts that are not belong to one body, with which the field turns. Walls are those of the half-plane y = 0,
+    x > 0.
     """
 
     kind: Literal["cad"]
@@ -213,7 +214,9 @@ class CadGeometry(Section):
     air_factor: Annotated[float, number("3", 1.5, 20.0)] = Field(
         default=3.0, description="air box / device size; a mesh has its air with it"
     )
-    in_space: bool = Field(default=False, description="solve in space: solids of any shape, see the text above")
+    three_dimensional: bool = Field(
+        default=False, description="solve in space: solids of any shape, see the text above"
+    )
     _trust_scripts: bool = PrivateAttr(default=False)  # the caller's word: no scene may give it to itself
 
     @field_validator("file")
@@ -253,10 +256,14 @@ class CadGeometry(Section):
             if self.is_meshed and getattr(self, key) != type(self).model_fields[key].default:
                 raise refuse(f"is for CAD files, and {Path(self.file).name} is a mesh: its radius is x, and it has its "
                              "air with it; remove it", key=key)  # fmt: skip
-        if self.in_space and self.is_meshed:
-            raise refuse("needs solids of a CAD file, which are meshed here; take STEP, or a section", key="in_space")
-        if self.in_space and self.axis != "z":
-            raise refuse("is of sections; with geometry.in_space turn the parts about z in the CAD program", key="axis")
+        if self.three_dimensional and self.is_meshed:
+            raise refuse(
+                "needs solids of a CAD file, which are meshed here; take STEP, or a section", key="three_dimensional"
+            )
+        if self.three_dimensional and self.axis != "z":
+            raise refuse(
+                "is of sections; with geometry.three_dimensional turn the parts about z in the CAD program", key="axis"
+            )
 
     def options(self) -> dict[str, Any]:
         """Return what the import needs beside the path; see `geometry.cad_import.imported_section`."""
@@ -311,7 +318,7 @@ class CadGeometry(Section):
         )
 
     def _section(self) -> tuple[SectionMesh | None, CadSection]:
-        options = self.options() | ({"any_shape": True} if self.in_space else {})
+        options = self.options() | ({"any_shape": True} if self.three_dimensional else {})
         path = Path(self.file)
         changed = path.stat().st_mtime_ns if path.is_file() else 0
         options["names"] = tuple(sorted(self.names.items()))

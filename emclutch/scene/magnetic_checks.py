@@ -241,9 +241,9 @@ def field_is_3d(draft: Draft) -> Iterator[Fault]:
     slotted = {
         name: slots for name in ("disc_slots", "rotor_slots") if (slots := getattr(geometry, name, None)) is not None
     }
-    if not slotted and not getattr(geometry, "in_space", False):
+    if not slotted and not getattr(geometry, "three_dimensional", False):
         return
-    key = f"geometry.{next(iter(slotted), 'in_space')}"
+    key = f"geometry.{next(iter(slotted), 'three_dimensional')}"
     yield from _one_carrier(draft, slotted)
     for name, missing in _MISSING_IN_SPACE.items():
         if getattr(effects, name) is not None:

@@ -73,10 +73,11 @@ def sector_3d(draft: Draft) -> Iterator[Fault]:
     geometry, sector = draft.scene.geometry, draft.scene.particles.sector
     if sector is None or not isinstance(draft.scene.field, CoilFieldSection):
         return
-    if isinstance(geometry, CadGeometry) and geometry.in_space:
+    if isinstance(geometry, CadGeometry) and geometry.three_dimensional:
         yield draft.fault(
             "particles.sector",
-            "needs a field that repeats from sector to sector, which of the solids of geometry.in_space nobody knows; "
+            "needs a field that repeats from sector to sector, which of the solids of geometry.three_dimensional "
+            "nobody knows; "
             "remove it: the full ring is simulated",
         )
     if not isinstance(geometry, ClutchGeometry):

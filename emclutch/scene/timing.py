@@ -87,8 +87,8 @@ class OutputSection(Section):
     folder: str | None = Field(default=None, min_length=1, description="folder of the run; --out wins over it")
     snapshots: Annotated[int, Whole(0, 100_000, "20")] = Field(default=20, description="number of VTK snapshots")
     formats: tuple[Annotated[str, Choice(("vtk", "hdf5"), planned=("vtkhdf",))], ...] = ("vtk", "hdf5")
-    energies: StrictBool = Field(
-        default=True, description="keep the energy budget; without them a step of the grains is a fifth cheaper"
+    energy_budget: StrictBool = Field(
+        default=True, description="keep the energy budget; without it a step of the grains is a fifth cheaper"
     )
     pictures: StrictBool = Field(default=True, description="PNG plots")
     profiles: StrictBool = Field(

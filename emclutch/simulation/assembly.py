@@ -90,7 +90,7 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
             dt=plan.dt,
             gravity=gravity,
             sector=plan.sector,
-            energy_budget=scene.output.energies,
+            energy_budget=scene.output.energy_budget,
         )
     source = field_source(scene, device, dem.bodies, plan.peak_field)
     deposition = None

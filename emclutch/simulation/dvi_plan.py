@@ -67,7 +67,7 @@ def plan_dvi(
         speed=speed,
         attraction=pair_attraction(M_max, particles.smallest_diameter),
         dt=scene.span.step if section.step is None else section.step,
-        insist=section.insist,
+        allow_long_step=section.allow_long_step,
     )
     gravity = scene.effects.gravity
     threshold = section.threshold

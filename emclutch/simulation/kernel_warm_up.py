@@ -47,7 +47,7 @@ def kind_of(scene: Any) -> list[str]:
         "resistance": effects.rolling_friction is not None or effects.twisting_friction is not None,
         "sizes": scene.particles.sizes is not None,
         "sector": scene.particles.sector is not None,
-        "energies": scene.output.energies,
+        "energies": scene.output.energy_budget,
         "attraction": effects.dipoles is not None and effects.dipoles.model == "near_field",
     }
     return [scene.contact.law, *(name for name, on in parts.items() if on)]

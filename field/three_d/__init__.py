@@ -1,11 +1,11 @@
 """Magnetostatics in space, for devices with slots or teeth: scalar potential, forces, H and grad H at grains."""
 
 from .body_force import BodyForce
+from .current_source import FlatCoil, Source, UniformSource
+from .field_3d import Field3D
+from .sampler_3d import Sampler3D
 from .scalar_potential import Problem3D
 from .sector import SectorFold
-from .solid_field import Field3D
-from .solid_sampler import Sampler3D
-from .source_field import FlatCoil, Source, UniformSource
 from .tetrahedron_locator import PointOutside3D
 
 __all__ = [

@@ -25,8 +25,8 @@ from scipy.sparse.csgraph import dijkstra
 from field.laws.reluctivity import MU_0, LinearLaw
 
 if TYPE_CHECKING:
+    from .field_3d import Field3D
     from .scalar_potential import Problem3D
-    from .solid_field import Field3D
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,8 +14,8 @@ from .quadratic_tetrahedron import shape_slopes
 from .tetrahedron_locator import PointOutside3D
 
 if TYPE_CHECKING:
+    from .sampler_3d import Sampler3D
     from .scalar_potential import Problem3D
-    from .solid_sampler import Sampler3D
 
 
 class Field3D:
@@ -147,6 +147,6 @@ class Field3D:
 
     def sampler(self, region: str = "powder") -> Sampler3D:
         """Recovered H and grad H inside a region without current."""
-        from .solid_sampler import Sampler3D
+        from .sampler_3d import Sampler3D
 
         return Sampler3D(self, region)

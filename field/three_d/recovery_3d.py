@@ -20,13 +20,13 @@ import numpy as np
 import scipy.sparse as sp
 
 from . import recovery_kernels as kernels
+from .current_source import Source
+from .elements_3d import Elements3D
 from .recovery_kernels import Stencils
-from .solid_elements import Elements3D
-from .source_field import Source
 from .tetrahedron_locator import TetrahedronLocator
 
 if TYPE_CHECKING:
-    from .solid_field import Field3D
+    from .field_3d import Field3D
 
 _MAX_RINGS = 4
 # Share of a monomial that the ones before it leave unexplained on the stencil (square of a Cholesky pivot over

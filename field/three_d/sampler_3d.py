@@ -13,7 +13,7 @@ from .quadratic_tetrahedron import EDGES
 from .tetrahedron_locator import PointOutside3D, quadratic_form
 
 if TYPE_CHECKING:
-    from .solid_field import Field3D
+    from .field_3d import Field3D
 
 # Of the nodal values, H and the upper triangle of grad H: it is a second derivative.
 _UPPER = np.array([0, 1, 2, 3, 4, 5, 7, 8, 11])

@@ -34,16 +34,16 @@ from field.laws.reluctivity import MU_0, Law, LinearLaw
 from field.newton import minimise, norm, scalar_product
 from geometry.mesh_3d import Mesh3D
 
+from .current_source import Source
+from .elements_3d import Elements3D
+from .field_3d import Field3D
 from .inverse_law import InverseLaw, MaterialTable
 from .nodal_amg import NodalSolver, linear_to_quadratic
 from .quadratic_tetrahedron import EDGES
-from .solid_elements import Elements3D
-from .solid_field import Field3D
-from .source_field import Source
 
 if TYPE_CHECKING:
+    from .recovery_3d import Recovery3D
     from .sector import SectorFold
-    from .solid_recovery import Recovery3D
     from .tetrahedron_locator import TetrahedronLocator
 
 # A cold start takes each material's chord B/H at this flux density [T], a loaded iron circuit's, and then every
@@ -192,7 +192,7 @@ class Problem3D:
     def recovery(self, region: str) -> Recovery3D:
         """The recovery operator of a region, built on the first call."""
         if region not in self._recoveries:
-            from .solid_recovery import Recovery3D
+            from .recovery_3d import Recovery3D
 
             if region not in self.mesh.regions:
                 raise ValueError(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from . import tetrahedron_kernels
+from .elements_3d import Elements3D
 from .quadratic_tetrahedron import EDGES
-from .solid_elements import Elements3D
 
 # A point this far outside in barycentric coordinates still counts as inside, see `field.sampling.locate`.
 _MARGIN = 1e-3

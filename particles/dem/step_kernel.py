@@ -11,8 +11,8 @@ chunks. So nothing depends on the number of threads, bit for bit.
 The law is the one whose table is given: numba compiles for its type (`particles.laws.springs`). What would cost in the
 loop over pairs and is not in the scene (a sector's ``turn``, ``resistance``, ``energy_column``, ``attraction``) is None
 where a function takes it as an argument: numba prunes its branches, the compiled code does not contain it. What is
-done once a grain or once a contact (gravity, held forces, triangles, species, cohesion, which of rolling and twisting) is a
-branch at run time, on an empty array or a number: every combination compiled would be thousands of variants of ten
+done once a grain or once a contact (gravity, held forces, triangles, species, cohesion, which of rolling and twisting)
+is a branch at run time, on an empty array or a number: every combination compiled would be thousands of variants of ten
 seconds and more. Rolling and twisting as such a branch too made steps slower, and stayed compiled out.
 
 Functions take tuples of arrays (`particles.dem.kernel_state`), and those that are called for every grain count no

@@ -30,7 +30,7 @@ def choose_dvi_step(
     speed: float = 0.0,
     attraction: float = 0.0,
     dt: float | None = None,
-    insist: bool = False,
+    allow_long_step: bool = False,
 ) -> TimeStep:
     """Choose the step, or check the user's.
 
@@ -44,7 +44,7 @@ def choose_dvi_step(
         The largest magnetic force between two grains, or on one, to be expected [N].
     dt : float, optional
         A step wished for [s].
-    insist : bool
+    allow_long_step : bool
         Take ``dt`` although it is longer than the rules allow.
 
     Raises
@@ -78,9 +78,9 @@ def choose_dvi_step(
             f"dt = {dt:.3g} s as asked" + (f": {min(limits)[1]} would allow {min(limits)[0]:.3g} s" if limits else ""),
         )
     longest, why = min(limits)
-    if not insist:
+    if not allow_long_step:
         raise ValueError(
             f"dt = {dt:g} s; allowed: at most {longest:.3g} s ({why}); leave it out, or insist on it "
-            "(contact.dvi.insist = true)"
+            "(contact.dvi.allow_long_step = true)"
         )
     return TimeStep(dt, f"dt = {dt:.3g} s as insisted upon: {dt / longest:.3g} times what the rule allows ({why})")

@@ -77,7 +77,7 @@ def main() -> None:
         dem = held_torque(Path(place) / "dem", given.count, given.rpm, {})
         print(f"DEM  {1e6 * dem[2]:8.2f} us  {dem[0]:8.1f} +- {dem[1]:.1f} N m  {dem[3]:6.1f} s", flush=True)
         for step in STEPS:
-            changes = {"contact.method": "dvi", "contact.dvi.step": step, "contact.dvi.insist": True}
+            changes = {"contact.method": "dvi", "contact.dvi.step": step, "contact.dvi.allow_long_step": True}
             try:
                 row = held_torque(Path(place) / f"dvi{1e6 * step:.0f}", given.count, given.rpm, changes)
             except RunError as error:

@@ -107,9 +107,9 @@ def test_it_resumes_bit_for_bit(tmp_path, runs):
 
 
 def test_a_step_beyond_the_rule_is_refused_unless_insisted_upon(tmp_path):
-    with pytest.raises(RunError, match="insist = true"):
+    with pytest.raises(RunError, match="allow_long_step = true"):
         emclutch.run(scene("dvi", **{"contact.dvi.step": "5 ms"}), out=tmp_path / "refused")
-    insisted = {"contact.dvi.step": "5 ms", "contact.dvi.insist": True, "time.end": "20 ms"}
+    insisted = {"contact.dvi.step": "5 ms", "contact.dvi.allow_long_step": True, "time.end": "20 ms"}
     assert emclutch.run(scene("dvi", **insisted), out=tmp_path / "taken").summary["dt"] == 5e-3
 
 

@@ -1,4 +1,4 @@
-"""A scene of kind `cad` with `in_space`: solids of a STEP file, their field in space, grains in it, and refusals.
+"""A scene of kind `cad` with `three_dimensional`: solids of a STEP file, their field, grains in it, and refusals.
 
 The device: a steel disc, the powder around its rim, a rotor and covers of aluminium, a coil.
 """
@@ -23,7 +23,13 @@ from field import AIR, MU_0, AxisymmetricProblem
 MATERIALS = {"disc": "iron", "rotor": "aluminium", "cover": "aluminium"}
 SCENE = {
     "scene": {"title": "Solids"},
-    "geometry": {"kind": "cad", "file": "round.step", "materials": MATERIALS, "in_space": True, "air_factor": 2.0},
+    "geometry": {
+        "kind": "cad",
+        "file": "round.step",
+        "materials": MATERIALS,
+        "three_dimensional": True,
+        "air_factor": 2.0,
+    },
     "materials": {"iron": {"law": "linear", "relative_permeability": 100.0}},
     "coil": {"current": "1 A", "turns": 500},
     "field": {"source": "coil", "size_factor": 3.0, "gap_layers": 3},
@@ -101,7 +107,9 @@ SLOTTED = {"file": "slotted.step", "materials": {**MATERIALS, "resin": "aluminiu
 def test_a_body_of_revolution_has_in_space_the_field_of_its_section(folder, tmp_path):
     """The axisymmetric solve is the oracle: linkage from above and below, and B along a line, within a few per cent."""
     solid = build_device(load_case(case_of(folder)).scene)
-    section = build_device(load_case(case_of(folder, geometry={"in_space": False}, field={"size_factor": 1.0})).scene)
+    section = build_device(
+        load_case(case_of(folder, geometry={"three_dimensional": False}, field={"size_factor": 1.0})).scene
+    )
     assert solid.fill == section.fill and solid.coil.carrier == "housing"
     assert [wall.name for wall in solid.walls()] == [wall.name for wall in section.walls()]
     ours, theirs = solid.coil.solve_at_peak(None), section.coil.solve_at_peak(None)
@@ -130,7 +138,7 @@ def test_the_field_command_writes_what_slots_do(folder, tmp_path):
     assert result.exit_code == 0, result.output
     summary = json.loads((tmp_path / "field" / "field.json").read_text())
     assert summary["at_last_current"]["turns_with"] == "disc" and (tmp_path / "field" / "gap.png").is_file()
-    section = build_device(load_case(case_of(folder, geometry={"in_space": False})).scene).coil
+    section = build_device(load_case(case_of(folder, geometry={"three_dimensional": False})).scene).coil
     smooth = section.solve_at_peak(None).flux_linkage_per_turn
     bare = AxisymmetricProblem(section.mesh, {name: AIR for name in ("disc", "rotor", "cover")}, open_boundary=True)
     empty = bare.solve(500.0).flux_linkage_per_turn
@@ -155,11 +163,11 @@ REFUSED = {
     "slots in both bodies": (
         {"geometry": {**SLOTTED, "file": "both.step", "materials": {**SLOTTED["materials"], "bar": "aluminium"}}},
         "of parts that are no bodies of revolution are several: bar (rotor), disc (disc), resin (disc), rotor (rotor)"),
-    "no slots in a section": ({"geometry": {**SLOTTED, "in_space": False}},
+    "no slots in a section": ({"geometry": {**SLOTTED, "three_dimensional": False}},
                               "part 'resin' does not meet the half-plane"),
     "oblique coil": ({"geometry": {"file": "oblique.step"}}, "the coil of a field in space is one ring of rectangular"),
     "feedback": ({"effects": {"back_reaction": {}}}, "effects.back_reaction is not there for a field in space, which "
-                 "geometry.in_space asks for: neither fill nor moments"),
+                 "geometry.three_dimensional asks for: neither fill nor moments"),
     "tolerance": ({"field": {"tolerance": 1e-3}}, "field.tolerance = 0.001 refines the mesh of a section"),
     "sector": ({"particles": {"sector": "60 deg"}}, "particles.sector = '60 deg' needs a field that repeats"),
     "axis": ({"geometry": {"axis": "x"}}, "geometry.axis = 'x' is of sections"),

@@ -79,7 +79,7 @@ class HardScene:
             yield from ({"time.steps_per_contact": n, "time.step": "auto"} for n in STEPS_PER_CONTACT)
             return
         dt = make_plan(case)[1].dt
-        yield from ({"contact.dvi.step": factor * dt, "contact.dvi.insist": True} for factor in OF_DVI_STEP)
+        yield from ({"contact.dvi.step": factor * dt, "contact.dvi.allow_long_step": True} for factor in OF_DVI_STEP)
 
 
 def hard_scenes() -> list[HardScene]:

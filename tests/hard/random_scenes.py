@@ -114,7 +114,7 @@ rigid = some(
     max_sweeps=st.integers(1, 500),
     allowed_misses=numbers(0.0, 1.0),
     step=quantities(1e-6, 1e-4, "us", 1e6),
-    insist=st.booleans(),
+    allow_long_step=st.booleans(),
     theta=numbers(0.5, 1.0),
     threshold=quantities(1e-4, 1e-2, "mm/s", 1e3),
 )

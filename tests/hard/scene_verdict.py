@@ -170,7 +170,7 @@ def _is_compiled(scene: Any) -> bool:
         return not (scene.contact.dvi.springs and scene.contact.dvi.friction_law == "convex")
     law, *parts = kind_of(scene)
     kept = [part for part in parts if part != "energies" and (law == "linear" or part != "sizes")]
-    return scene.output.energies and " ".join((law, *kept)) in KINDS
+    return scene.output.energy_budget and " ".join((law, *kept)) in KINDS
 
 
 def _in_short(words: str) -> str:

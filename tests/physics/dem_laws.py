@@ -1,8 +1,8 @@
 """The five contact laws with one restitution and friction, and DEMs whose compiled steps many tests share.
 
 Every combination of law, species, resistance, energy budget and sector is compiled once (10 s). A DEM made here is one
-of two of each law: the law alone, and with ``everything`` two species of one material, rolling and twisting resistance and
-cohesion.
+of two of each law: the law alone, and with ``everything`` two species of one material, rolling and twisting resistance
+and cohesion.
 """
 
 import numpy as np

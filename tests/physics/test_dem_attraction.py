@@ -209,7 +209,7 @@ def fall(steps):
     energy, external, met = [], 0.0, np.inf
     for _ in range(round(2e-3 / dt)):
         gap = (np.linalg.norm(np.diff(dem.grains.position, axis=0)) - 1.9 * RADIUS) / a
-        books = dem.run(1).books
+        books = dem.run(1).energy_budget
         external += books.external_work
         energy.append(books.kinetic_energy + books.elastic_energy + well(gap))
         met = min(met, gap)
@@ -236,9 +236,9 @@ def test_momentum_and_angular_momentum_are_conserved_to_round_off_and_all_work_i
     before = momenta()
     totals = dem.run(1000)
     assert totals.rebuilds > 2 and totals.n_contacts > 100 and dem.order_version > 0
-    speed = math.sqrt(2.0 * totals.books.kinetic_energy / g.mass.sum())
+    speed = math.sqrt(2.0 * totals.energy_budget.kinetic_energy / g.mass.sum())
     assert momenta() == pytest.approx(before, abs=1e-13 * speed)
-    books = totals.books
+    books = totals.energy_budget
     assert abs(books.external_work) > 0.1 * abs(books.contact_work)
     assert books.kinetic_change == pytest.approx(books.contact_work + books.external_work, rel=1e-10)
     assert sum(books.dissipation.values()) == pytest.approx(books.dissipated, rel=0.02)
@@ -255,7 +255,7 @@ def test_one_and_two_threads_agree_bitwise():
     numba.set_num_threads(2)  # one again before the next test
     second = two.run(300)
     assert differing(one, two) == []
-    assert len(one._list.chunks.reaction) > 50 and first.rebuilds > 1 and first.books == second.books
+    assert len(one._list.chunks.reaction) > 50 and first.rebuilds > 1 and first.energy_budget == second.energy_budget
 
 
 def test_restart_is_bitwise_between_two_renewals():
@@ -332,8 +332,8 @@ def test_a_ring_of_copies_follows_the_sector():
     off = SECTOR.turn(here, SECTOR.wraps(here)) - SECTOR.turn(there, turned)
     near_face = np.abs(np.arctan2(here[:, 1], here[:, 0]) % SECTOR.angle - 0.5 * SECTOR.angle) > 0.499 * SECTOR.angle
     assert np.abs(off[~near_face]).max() < 1e-7 * RADIUS
-    assert on_part.books.external_work == pytest.approx(on_ring.books.external_work, rel=1e-7)
-    assert abs(on_part.books.external_work) > 0.01 * abs(on_part.books.contact_work)
+    assert on_part.energy_budget.external_work == pytest.approx(on_ring.energy_budget.external_work, rel=1e-7)
+    assert abs(on_part.energy_budget.external_work) > 0.01 * abs(on_part.energy_budget.contact_work)
     for body in ("disc", "rotor", "housing"):
         assert on_part.torque_on(body) == pytest.approx(on_ring.torque_on(body), rel=1e-6)
     assert on_ring.n_contacts == PARTS * on_part.n_contacts

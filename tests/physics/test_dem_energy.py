@@ -102,10 +102,10 @@ def test_a_wound_spring_gives_back_no_more_when_its_contact_closes(name, axis):
         grains = Grains.create([[0.0, 0.0, 0.99 * RADIUS]], RADIUS, DENSITY, velocity=[[0.0, 0.0, -0.03]])
         grains.angular_velocity[0, axis] = speed
         dem = make_dem(grains, [FLOOR], [Body("housing")], laws, steps=100.0, species=np.zeros(1, dtype=int))
-        books = dem.run(1).books
+        books = dem.run(1).energy_budget
         kinetic, first = books.kinetic_energy, books.kinetic_energy + books.elastic_energy
         for _ in range(100):
-            books = dem.run(40).books
+            books = dem.run(40).energy_budget
             assert books.kinetic_energy + books.elastic_energy <= first + 1e-4 * kinetic  # leapfrog: (pi/100)^2/8
         assert dem.contacts().i.size == 1
 
@@ -139,7 +139,7 @@ def test_losses_by_mechanism_close_to_a_millionth_of_the_throughput(name, everyt
     errors = []
     for steps in (coarse, fine):
         totals = thrown(name, everything, steps)
-        books = totals.books
+        books = totals.energy_budget
         errors.append(abs(books.integration_error) / throughput(books))
         assert books.kinetic_change == pytest.approx(books.contact_work, abs=1e-12 * throughput(books))
         assert all(lost > 0.0 for lost in books.dissipation.values())
@@ -182,7 +182,7 @@ def test_books_of_a_device_close(name, everything):
         dem = device(name, everything, steps)
         before = dem.bodies[0].speed
         totals = dem.run(int(1e-3 / dem.dt))
-        books, shaft = totals.books, totals.shaft_work["drum"]
+        books, shaft = totals.energy_budget, totals.shaft_work["drum"]
         scale = throughput(books)
         assert books.kinetic_change == pytest.approx(books.contact_work + books.gravity_work, abs=1e-12 * scale)
         kinetic = 0.5 * SHAFT_INERTIA * (dem.bodies[0].speed ** 2 - before**2)

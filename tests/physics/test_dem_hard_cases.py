@@ -24,7 +24,7 @@ pytestmark = pytest.mark.hard
 
 
 def energy(totals):
-    return totals.books.kinetic_energy + totals.books.elastic_energy
+    return totals.energy_budget.kinetic_energy + totals.energy_budget.elastic_energy
 
 
 def test_sizes_of_one_to_ten_fall_apart_and_lie_still():
@@ -52,7 +52,7 @@ def test_sizes_of_one_to_ten_fall_apart_and_lie_still():
         now = energy(totals) + np.sum(dem.grains.mass * dem.grains.position[:, 2]) * G
         assert now < before + 1e-4 * height
         before = now
-    assert totals.books.kinetic_energy < 1e-2 * height and totals.max_overlap < 0.05
+    assert totals.energy_budget.kinetic_energy < 1e-2 * height and totals.max_overlap < 0.05
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -106,11 +106,11 @@ def test_a_deep_initial_overlap_gives_what_its_spring_held(name):
         assert held == pytest.approx(k * force * 0.6 * RADIUS, rel=1e-6)
         totals = dem.run(20_000)
         assert totals.n_contacts == 0
-        assert totals.books.kinetic_energy <= held * (1.0 + 1e-4)
+        assert totals.energy_budget.kinetic_energy <= held * (1.0 + 1e-4)
         if e == 1.0 or name == "walton_braun":
-            assert totals.books.kinetic_energy == pytest.approx(held, rel=1e-4)
+            assert totals.energy_budget.kinetic_energy == pytest.approx(held, rel=1e-4)
         else:
-            assert totals.books.kinetic_energy < 0.9 * held
+            assert totals.energy_budget.kinetic_energy < 0.9 * held
     with pytest.raises(DemError, match=r"overlaps a neighbour or a wall by 30 % of the diameter \(the limit is 10 %\)"):
         grains = Grains.create([[0.0, 0.0, 0.0], [1.4 * RADIUS, 0.0, 0.0]], RADIUS, DENSITY)
         make_dem(grains, [], [], law(name, 0.5, 0.3), dt=2e-7).run(2)
@@ -145,7 +145,7 @@ def test_a_column_of_a_thousand_grains_stands_under_its_weight():
     assert later.force["shaft"][2] < -0.3 * weight  # Janssen: friction of the walls bears a good part
     moved = np.linalg.norm(in_order(dem.grains)[0] - still, axis=1)
     assert np.median(moved) < 1e-3 * RADIUS and moved.max() < RADIUS  # a few grains that bear nothing still roll
-    assert later.books.kinetic_energy <= totals.books.kinetic_energy + 1e-9 * weight * start.max()
+    assert later.energy_budget.kinetic_energy <= totals.energy_budget.kinetic_energy + 1e-9 * weight * start.max()
     assert later.max_overlap < 0.05
 
 
@@ -179,7 +179,7 @@ def test_a_jammed_bed_under_a_turning_lid(name):
     put_in = lost = 0.0
     for _ in range(5):
         totals = dem.run(int(0.01 / dem.dt))
-        books = totals.books
+        books = totals.energy_budget
         assert totals.torque_on("lid") < 0.0 < totals.torque_on("cup")
         assert totals.max_overlap < 0.15 and 0.0 < books.kinetic_energy < 0.2 * books.elastic_energy  # jammed
         assert abs(books.integration_error) < 0.01 * books.wall_work["lid"]
@@ -229,7 +229,7 @@ def test_extreme_friction_and_restitution(name, mu, e):
     for _ in range(40):
         totals = dem.run(int(5e-4 / dem.dt))
         energies.append(energy(totals))
-        lost += totals.books.dissipated
+        lost += totals.energy_budget.dissipated
         assert totals.max_overlap < 0.05
     assert np.all(np.diff(energies) < 1e-3 * energies[0])
     assert energies[0] - energies[-1] == pytest.approx(lost, abs=1e-9 * energies[0])

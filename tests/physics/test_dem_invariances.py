@@ -51,7 +51,7 @@ def test_momentum_and_angular_momentum_are_kept_to_round_off(name, everything):
     dem = make_dem(grains, [], [], law(name), everything=everything, overlap_limit=0.3)
     totals = dem.run(8000)
     after = momenta(dem.grains)
-    assert min(totals.books.dissipation.values()) > 1e-4 * totals.books.dissipated
+    assert min(totals.energy_budget.dissipation.values()) > 1e-4 * totals.energy_budget.dissipated
     assert np.max(np.abs(after[0] - before[0])) < 1e-12 * scale
     assert np.max(np.abs(after[1] - before[1])) < 1e-12 * scale * arm
 
@@ -76,7 +76,7 @@ def run(x, radius, v, w, species, walls=(), bodies=(), gravity=(0.0, 0.0, -9.81)
     dem = make_dem(grains, list(walls), list(bodies), contact, everything=True, species=species, gravity=gravity)
     begun = grains.kinetic_energy()
     totals = dem.run(steps)
-    assert totals.books.dissipated > 0.2 * begun
+    assert totals.energy_budget.dissipated > 0.2 * begun
     return *in_order(dem.grains), totals
 
 
@@ -92,8 +92,10 @@ def agree(first, second, turn=None, mirror=None, offset=0.0):
         if axial and mirror is not None:
             moved = -moved  # spins are axial vectors: a mirror turns them the other way
         assert np.max(np.abs(b - moved)) < 1e-8 * scale
-    for kind, lost in first[3].books.dissipation.items():
-        assert second[3].books.dissipation[kind] == pytest.approx(lost, rel=1e-6, abs=1e-9 * first[3].books.dissipated)
+    for kind, lost in first[3].energy_budget.dissipation.items():
+        assert second[3].energy_budget.dissipation[kind] == pytest.approx(
+            lost, rel=1e-6, abs=1e-9 * first[3].energy_budget.dissipated
+        )
 
 
 def pen(height=0.02):
@@ -283,7 +285,7 @@ def test_restart_is_bitwise_with_all_that_is_remembered(name):
     totals = fresh.run(half)
     goes_on = first.run(half)
     assert totals.torque_on("disc") != 0.0 != totals.torque_on("rotor")
-    assert totals.torque == goes_on.torque and totals.books == goes_on.books
+    assert totals.torque == goes_on.torque and totals.energy_budget == goes_on.energy_budget
     for end in (first.state(), straight.state()):
         for key, value in fresh.state().items():
             assert np.array_equal(value, end[key]), key

@@ -77,8 +77,10 @@ def test_a_grain_rolls_and_slides_across_edges_as_on_a_plane(name, everything):
     for a, b, scale in zip(plane[:3], triangles[:3], (0.01, 0.4, 400.0), strict=True):
         assert np.max(np.abs(b - a)) <= 1e-9 * scale
     assert triangles[4].n_contacts == 1
-    for mechanism, lost in plane[4].books.dissipation.items():
-        assert triangles[4].books.dissipation[mechanism] == pytest.approx(lost, abs=1e-9 * plane[4].books.dissipated)
+    for mechanism, lost in plane[4].energy_budget.dissipation.items():
+        assert triangles[4].energy_budget.dissipation[mechanism] == pytest.approx(
+            lost, abs=1e-9 * plane[4].energy_budget.dissipated
+        )
 
 
 def test_a_contact_counted_twice_would_show():
@@ -141,7 +143,7 @@ def test_torque_of_a_drum_that_slips_under_a_held_grain(drum):
     across = normal * (mu * np.cos(beside) - np.sin(beside))
     assert totals.force["stop"][0] == pytest.approx(across, rel=tolerance)
     assert totals.force["drum"] == pytest.approx([-across, -load - mu * normal * arms, 0.0], abs=tolerance * normal)
-    assert totals.books.wall_work["drum"] == pytest.approx(5.0 * torque * totals.duration, rel=tolerance)
+    assert totals.energy_budget.wall_work["drum"] == pytest.approx(5.0 * torque * totals.duration, rel=tolerance)
     assert abs(dem.grains.angular_velocity[0, 2]) < 1.0
 
 
@@ -161,7 +163,7 @@ def test_a_turning_vane_throws_as_a_bat_of_its_speed():
     # what the vane has lost in angular momentum the grain has got, and the work besides
     gained = dem.grains.angular_momentum_z()
     assert totals.torque_on("disc") * totals.duration == pytest.approx(-gained, rel=1e-9)
-    assert totals.books.wall_work["disc"] == pytest.approx(omega * gained, rel=1e-9)
+    assert totals.energy_budget.wall_work["disc"] == pytest.approx(omega * gained, rel=1e-9)
 
 
 @pytest.mark.parametrize("axial", [False, True], ids=["across the shaft", "along the shaft"])

@@ -28,10 +28,10 @@ def test_kinetic_energy_is_booked_exactly_and_losses_by_mechanism_to_first_order
     dt = choose_time_step(LAW, grains.mass, grains.radius, steps_per_contact=80).dt
     dem = DEM(grains, [], [], LAW, dt=dt)
     totals = dem.run(4000)
-    lost = sum(totals.books.dissipation.values())
-    assert totals.books.kinetic_change == pytest.approx(totals.books.contact_work, rel=1e-10)
-    assert lost == pytest.approx(totals.books.dissipated, rel=0.03)
-    assert min(totals.books.dissipation.values()) > 0.0
+    lost = sum(totals.energy_budget.dissipation.values())
+    assert totals.energy_budget.kinetic_change == pytest.approx(totals.energy_budget.contact_work, rel=1e-10)
+    assert lost == pytest.approx(totals.energy_budget.dissipated, rel=0.03)
+    assert min(totals.energy_budget.dissipation.values()) > 0.0
 
 
 def test_losses_by_mechanism_converge_with_the_step():
@@ -40,7 +40,7 @@ def test_losses_by_mechanism_converge_with_the_step():
         grains = _cloud(200)
         dt = choose_time_step(LAW, grains.mass, grains.radius, steps_per_contact=steps).dt
         totals = DEM(grains, [], [], LAW, dt=dt).run(int(20e-3 / dt))
-        gap.append(abs(sum(totals.books.dissipation.values()) / totals.books.dissipated - 1.0))
+        gap.append(abs(sum(totals.energy_budget.dissipation.values()) / totals.energy_budget.dissipated - 1.0))
     assert gap[1] < 0.5 * gap[0]
 
 
@@ -67,7 +67,9 @@ def test_torques_on_all_bodies_balance_the_grains_angular_momentum():
     kinetic = 0.5e-7 * (dem.bodies[0].speed ** 2 - shaft**2)
     shaft = totals.shaft_work["disc"]
     work = shaft["drive"] - shaft["load"] + shaft["contact"]
-    assert shaft["contact"] == pytest.approx(-totals.books.wall_work["disc"], rel=0.02)  # by drifts, half a step aside
+    assert shaft["contact"] == pytest.approx(
+        -totals.energy_budget.wall_work["disc"], rel=0.02
+    )  # by drifts, half a step aside
     assert kinetic == pytest.approx(work, rel=1e-9)
     assert totals.shaft_work["disc"]["load"] >= 0.0
     assert all(abs(totals.torque[name]["normal"]) < 1e-12 for name in totals.torque)
@@ -77,10 +79,10 @@ def test_energy_of_a_driven_cell_with_gravity_and_forces_closes():
     dem = _shear_cell(PrescribedSpeed.constant(-10.0), gravity=(0.0, 0.0, -9.81))
     dem.external_force = np.full((dem.grains.count, 3), 1e-6)
     totals = dem.run(800)
-    put_in = totals.books.contact_work + totals.books.gravity_work + totals.books.external_work
-    assert totals.books.kinetic_change == pytest.approx(put_in, rel=1e-9)
-    assert totals.books.dissipated > 0.0
-    assert sum(totals.books.dissipation.values()) == pytest.approx(totals.books.dissipated, rel=0.05)
+    put_in = totals.energy_budget.contact_work + totals.energy_budget.gravity_work + totals.energy_budget.external_work
+    assert totals.energy_budget.kinetic_change == pytest.approx(put_in, rel=1e-9)
+    assert totals.energy_budget.dissipated > 0.0
+    assert sum(totals.energy_budget.dissipation.values()) == pytest.approx(totals.energy_budget.dissipated, rel=0.05)
 
 
 def test_brake_holds_a_shaft_at_rest_until_it_is_overcome():

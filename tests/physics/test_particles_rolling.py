@@ -63,4 +63,4 @@ def test_two_rolling_grains_conserve_angular_momentum():
     before = dem.grains.angular_momentum_z()
     totals = dem.run(200)
     assert dem.grains.angular_momentum_z() == pytest.approx(before, rel=1e-12)
-    assert totals.books.dissipation["rolling"] > 0.0
+    assert totals.energy_budget.dissipation["rolling"] > 0.0

@@ -73,8 +73,10 @@ def test_ring_of_copies_follows_the_sector(rolling):
     for body in ("disc", "rotor", "housing"):
         assert total_part.torque_on(body) == pytest.approx(total_ring.torque_on(body), rel=1e-6)
         assert total_part.force[body][2] == pytest.approx(total_ring.force[body][2], rel=1e-6, abs=1e-9)
-        assert total_part.books.wall_work[body] == pytest.approx(total_ring.books.wall_work[body], rel=1e-6, abs=1e-15)
-    assert total_part.books.dissipated == pytest.approx(total_ring.books.dissipated, rel=1e-6)
+        assert total_part.energy_budget.wall_work[body] == pytest.approx(
+            total_ring.energy_budget.wall_work[body], rel=1e-6, abs=1e-15
+        )
+    assert total_part.energy_budget.dissipated == pytest.approx(total_ring.energy_budget.dissipated, rel=1e-6)
     assert total_ring.n_contacts == PARTS * total_part.n_contacts
     assert part.grains.angular_momentum_z() != pytest.approx(first, rel=1e-3)  # the walls did act
 
@@ -84,9 +86,9 @@ def test_angular_momentum_of_a_sector_is_conserved_to_round_off():
     dem = _dem(_wedge(0.45), SECTOR, _law(wall_friction=0.0))
     before = dem.grains.angular_momentum_z()
     totals = dem.run(2000)
-    assert totals.books.dissipation["sliding"] > 0.0 and totals.rebuilds > 10
+    assert totals.energy_budget.dissipation["sliding"] > 0.0 and totals.rebuilds > 10
     assert dem.grains.angular_momentum_z() == pytest.approx(before, rel=1e-12)
-    assert totals.books.kinetic_change == pytest.approx(totals.books.contact_work, rel=1e-9)
+    assert totals.energy_budget.kinetic_change == pytest.approx(totals.energy_budget.contact_work, rel=1e-9)
 
 
 def test_history_is_carried_through_a_face_in_either_orientation():

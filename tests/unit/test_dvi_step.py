@@ -15,7 +15,7 @@ def test_travel_is_a_tenth_of_a_diameter():
     assert "a tenth of a diameter" in step.reason
     with pytest.raises(ValueError, match=r"at most 0\.0001 s"):
         choose_dvi_step(4e-3, 5e-3, speed=speed, dt=1e-3)
-    insisted = choose_dvi_step(4e-3, 5e-3, speed=speed, dt=1e-3, insist=True)
+    insisted = choose_dvi_step(4e-3, 5e-3, speed=speed, dt=1e-3, allow_long_step=True)
     assert insisted.dt == 1e-3
     assert "insisted upon: 10 times" in insisted.reason
 

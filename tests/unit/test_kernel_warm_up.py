@@ -40,7 +40,7 @@ def types(dem):
     [
         {},
         {"particles.sector": None, "geometry.height": 0.5e-3},
-        {"effects.rolling_friction": {}, "output.energies": False},
+        {"effects.rolling_friction": {}, "output.energy_budget": False},
         {"effects.twisting_friction": {}, "effects.cohesion": {"model": "constant", "force": "1 uN"}},
         {"particles.diameter": None, "particles.sizes": {"kind": "uniform", "min": "0.2 mm", "max": "0.3 mm"}},
         {"contact.law": "hertz_mindlin", "contact.youngs_modulus": "1 GPa", "contact.poisson_ratio": 0.3},

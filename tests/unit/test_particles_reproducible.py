@@ -41,7 +41,7 @@ def test_one_and_two_threads_agree_bitwise():
         numba.set_num_threads(before)
     assert _same(one, two) == []
     assert first.rebuilds > 2 and first.n_contacts > 100
-    assert first.torque == second.torque and first.books.dissipation == second.books.dissipation
+    assert first.torque == second.torque and first.energy_budget.dissipation == second.energy_budget.dissipation
 
 
 def test_splitting_a_run_changes_nothing():
@@ -99,7 +99,7 @@ def test_energy_is_balanced_from_the_first_step_on_under_a_stiffer_law():
     dt = choose_time_step(stiffer, first.grains.mass, first.grains.radius).dt
     fresh = DEM(Grains.of_records(first.state()), first.walls, [Body("housing")], stiffer, dt=dt, gravity=(0, 0, -9.81))
     fresh.begin_with(first.state())
-    books = fresh.run(20).books
+    books = fresh.run(20).energy_budget
     lost = sum(books.dissipation.values())
     left = books.gravity_work - lost - books.kinetic_change - books.elastic_change
     assert abs(left) < 0.02 * (lost + abs(books.elastic_change))

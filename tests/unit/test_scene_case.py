@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import math
 import subprocess
@@ -16,6 +17,7 @@ from emclutch.scene.case import case_from, load_case
 from emclutch.scene.errors import SceneError
 from emclutch.scene.fill import fill_of
 from emclutch.scene.model import Scene
+from emclutch.scene.renamed_keys import RENAMED
 from emclutch.scene.study import read_study
 from emclutch.scene.time_table import points_of
 
@@ -206,3 +208,26 @@ def test_a_resolved_box_loads_again():
     }
     case = case_from(box)
     assert case_from(tomllib.loads(case.toml())).resolved() == case.resolved()
+
+
+FORMER = {"output.energies": False, "contact.dvi.insist": True}
+
+
+@pytest.mark.parametrize(("former", "value"), FORMER.items())
+def test_a_former_key_is_read_with_a_warning_and_written_by_its_name_of_now(former, value):
+    now = RENAMED[former]
+    case = case_from(BOX).with_values({former: value})
+    assert case.scene == case_from(BOX).with_values({now: value}).scene
+    assert case.scene != case_from(BOX).scene
+    *tables, name = former.split(".")
+    nested = copy.deepcopy(BOX)
+    table = nested
+    for key in tables:
+        table = table.setdefault(key, {})
+    table[name] = value
+    read = case_from(nested)
+    assert read.scene == case.scene and name not in read.toml()
+    assert [w for w in read.warnings if former in w and now in w]
+    table[now.rpartition(".")[2]] = value
+    with pytest.raises(SceneError, match=f"{former}.* former name of {now}.* remove it"):
+        case_from(nested)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 # A grain and step by DEM: motion, walls near it, the list and its renewals
 GRAIN_NS = 150.0  # thesis/centrifugal and electromagnetic, less the energy budget
-ENERGIES_NS = 50.0  # the energy budget, output.energies: a fifth
+ENERGIES_NS = 50.0  # the energy budget, output.energy_budget: a fifth
 NEAR_NS = 30.0  # drives of near pulls, found anew with every list: lock_up without current against centrifugal
 CALL_S = 0.3e-3  # of a batch of steps between two updates, or of a window's
 # A contact and step by DEM
@@ -65,7 +65,7 @@ def step_seconds(scene: Scene, grains: int, counts: Counts) -> float:
     if scene.contact.method == "dvi":
         return 1e-9 * grains * (DVI_GRAIN_NS + VISIT_NS * counts.contacts * counts.sweeps)
     effects, near = scene.effects, is_near(scene)
-    grain = GRAIN_NS + ENERGIES_NS * scene.output.energies + NEAR_NS * near
+    grain = GRAIN_NS + ENERGIES_NS * scene.output.energy_budget + NEAR_NS * near
     contact = CONTACT_NS + LAW_NS[scene.contact.law] + SIZES_NS * (scene.grains.sizes is not None)
     contact += ROLLING_NS * (effects.rolling_friction is not None)
     contact += TWISTING_NS * (effects.twisting_friction is not None)
