@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 import pytest
-import sector_grid_3d as grid
+import solid_sector_grid as grid
 from graded_lines import graded_lines
 
 from field import AxisymmetricProblem, rectangular_coil_field

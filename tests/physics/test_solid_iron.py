@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-import sector_grid_3d as grid
+import solid_sector_grid as grid
 from graded_lines import graded_lines
 
 from field import AIR, AxisymmetricProblem, ConvergenceError, LinearLaw, material
