@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from geometry.fault import Fault, millimetres
+from geometry.sheared_gap import ShearedGap
 from geometry.walls import AnnularBox, RevolvedWall, annulus, cylinder
 
 
@@ -20,6 +22,19 @@ class ShearCell:
     outer_radius: float
     height: float
     steel: bool = False
+
+    @property
+    def largest_radius(self) -> float:
+        """Largest radius [m] at which a wall touches grains."""
+        return self.outer_radius
+
+    def sheared_gap(self, region: str = "cavity") -> ShearedGap:
+        """All of the annulus."""
+        return ShearedGap.of_annulus(self.inner_radius, self.outer_radius)
+
+    def gap_parts(self, boxes: Sequence[AnnularBox]) -> list[tuple[AnnularBox, bool]]:
+        """Those filled parts, of `boxes`, that lie between the shafts, and whether the gap's width is along r."""
+        return [(box, True) for box in boxes]
 
     def faults(self, grain_diameter: float | None = None) -> list[Fault]:
         """Every inconsistency; with a grain diameter [m], also a cell that no grain fits into."""

@@ -32,6 +32,19 @@ class Box:
         """Volume [m^3]."""
         return math.prod(self.size)
 
+    @property
+    def largest_radius(self) -> float:
+        """0: a box has no axis."""
+        return 0.0
+
+    def sheared_gap(self, region: str = "cavity") -> None:
+        """None: nothing turns."""
+        return None
+
+    def gap_parts(self, boxes: object) -> list:
+        """None: nothing turns."""
+        return []
+
     def faults(self, grain_diameter: float | None = None) -> list[Fault]:
         """Every inconsistency; with a grain diameter [m], also a side that is shorter than one grain."""
         found = []

@@ -16,6 +16,7 @@ import numpy as np
 
 from geometry.cad_meshing import CadSection, OutlineEdge
 from geometry.fault import Fault, millimetres
+from geometry.sheared_gap import ShearedGap, thin_parts
 from geometry.walls import AnnularBox, Pair, RevolvedWall, outline
 
 BODIES: Mapping[str, str] = {
@@ -72,6 +73,19 @@ class CadShape:
     def bore_radius(self) -> float:
         """Largest radius [m] of the powder's space."""
         return max((max(edge.start[0], edge.end[0]) for edge in self._edges()), default=0.0)
+
+    @property
+    def largest_radius(self) -> float:
+        """Largest radius [m] at which a wall touches grains."""
+        return self.bore_radius
+
+    def sheared_gap(self, region: str = "cavity") -> ShearedGap:
+        """The smallest width of the powder's space; a file says of no region."""
+        return ShearedGap(self.mean_gap_radius, self.gap, self.gap)
+
+    def gap_parts(self, boxes: Sequence[AnnularBox]) -> list[tuple[AnnularBox, bool]]:
+        """Those filled parts, of `boxes`, that lie between the shafts, and whether the gap's width is along r."""
+        return thin_parts(boxes, 1.5 * self.gap)
 
     @property
     def coil_area(self) -> float:

@@ -17,12 +17,14 @@ like a sprag.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from geometry.centrifugal_faults import find_faults
 from geometry.fault import Fault
+from geometry.sheared_gap import ShearedGap
 from geometry.triangle_wall import TriangleWall, extruded
 from geometry.walls import AnnularBox, RevolvedWall, annulus, cylinder
 
@@ -129,6 +131,19 @@ class CentrifugalClutch:
         """Volume [m^3] of the space between hub and drum that vanes and ribs leave to the shot."""
         ring = math.pi * (self.drum_radius**2 - self.hub_radius**2) * self.width
         return ring - self.vanes * self.vane_volume - self.ribs * (self.rib_volume if self.ribs else 0.0)
+
+    @property
+    def largest_radius(self) -> float:
+        """Largest radius [m] at which a wall touches grains."""
+        return self.outer_radius
+
+    def sheared_gap(self, region: str = "cavity") -> ShearedGap:
+        """All of the space between hub and drum."""
+        return ShearedGap.of_annulus(self.inner_radius, self.outer_radius)
+
+    def gap_parts(self, boxes: Sequence[AnnularBox]) -> list[tuple[AnnularBox, bool]]:
+        """None: shot is thrown, and is sheared in no gap."""
+        return []
 
     def faults(self, grain_diameter: float | None = None) -> list[Fault]:
         """Every inconsistency; with a grain diameter [m], also a place that no grain fits into, or all escape by."""

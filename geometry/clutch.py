@@ -18,12 +18,14 @@ they belong to the field in space alone; walls, chamber and cross-section are th
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from geometry.clutch_faults import find_faults
 from geometry.fault import Fault
+from geometry.sheared_gap import AT_RIM, ShearedGap
 from geometry.slots import Slots
 from geometry.walls import AnnularBox, Pair, RevolvedWall, outline
 
@@ -184,6 +186,29 @@ class Clutch:
     def pole_length(self) -> float:
         """Axial length [m] of each of the two steel pole faces that look at the rim."""
         return max(0.0, 0.5 * (self.disc_thickness - self.ring_width))
+
+    @property
+    def largest_radius(self) -> float:
+        """Largest radius [m] at which a wall touches grains."""
+        return self.bore_radius
+
+    def shears_faces(self, region: str = "cavity") -> bool:
+        """Whether powder in a region of the chamber is, or would be, sheared at the faces; of both the greater area."""
+        return region not in AT_RIM and (region == "faces" or self.face_area > self.rim_area)
+
+    def sheared_gap(self, region: str = "cavity") -> ShearedGap:
+        """The gap at the rim or at the faces, by the region that is filled."""
+        narrowest = min(self.gap, self.face_gap)
+        if self.shears_faces(region):
+            return ShearedGap(
+                self.mean_face_radius, self.face_gap, self.face_gap if region == "faces" else narrowest, at_faces=True
+            )
+        return ShearedGap(self.mean_gap_radius, self.gap, self.gap if region in AT_RIM else narrowest)
+
+    def gap_parts(self, boxes: Sequence[AnnularBox]) -> list[tuple[AnnularBox, bool]]:
+        """Those filled parts, of `boxes`, that lie between the shafts, and whether the gap's width is along r."""
+        half, rim = 0.5 * self.disc_thickness, self.disc_radius
+        return [(AnnularBox(box.r0, box.r1, -half, half), True) if box.r0 >= rim else (box, False) for box in boxes]
 
     @property
     def powder_volume(self) -> float:

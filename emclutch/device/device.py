@@ -11,7 +11,7 @@ import numpy as np
 from coupling.smear_region import elements_within, magnetic_regions
 from emclutch.device.excitation import Excitation
 from emclutch.scene.field_source import CoilFieldSection, UniformFieldSection
-from emclutch.scene.fill import AT_RIM, Fill, boxes_to_fill, fill_of
+from emclutch.scene.fill import Fill, boxes_to_fill, fill_of
 from emclutch.scene.geometry import CadGeometry, ClutchGeometry
 from emclutch.scene.grain_smear import element_layers, moments_are_fed_back, smear_width
 from emclutch.scene.model import Scene
@@ -34,6 +34,7 @@ from geometry import AnnularBox, Box, Clutch, Mesh3D, SectionMesh, ShearCell, me
 from geometry.cad_shape import CadShape
 from geometry.centrifugal import CentrifugalClutch
 from geometry.clipping import share_in_boxes
+from geometry.sheared_gap import ShearedGap
 from geometry.triangle_wall import TriangleWall
 from geometry.walls import Wall
 
@@ -122,59 +123,44 @@ class Device:
         return [*self.shape.walls(), *self.surfaces]
 
     @property
+    def sheared_gap(self) -> ShearedGap | None:
+        """The gap in which the powder is sheared; None for a box."""
+        return self.shape.sheared_gap(self.region)
+
+    @property
     def shears_faces(self) -> bool:
         """Whether the powder is sheared in a clutch's face gaps, and not in its rim gap.
 
         Powder in the whole cavity is in both; the gap with the greater area counts then.
         """
-        return isinstance(self.shape, Clutch) and shears_faces(self.shape, self.region)
+        gap = self.sheared_gap
+        return gap is not None and gap.at_faces
 
     @property
     def shear_radius(self) -> float:
         """Mean radius [m] of the gap in which the powder is sheared; 0 for a box."""
-        if isinstance(self.shape, Box):
-            return 0.0
-        if isinstance(self.shape, (ShearCell, CentrifugalClutch)):
-            return 0.5 * (self.shape.inner_radius + self.shape.outer_radius)
-        if self.shears_faces:
-            assert isinstance(self.shape, Clutch)
-            return self.shape.mean_face_radius
-        return self.shape.mean_gap_radius
+        gap = self.sheared_gap
+        return 0.0 if gap is None else gap.radius
 
     @property
     def shear_gap(self) -> float:
         """Width [m] of that gap; 0 for a box."""
-        if isinstance(self.shape, Box):
-            return 0.0
-        if isinstance(self.shape, (ShearCell, CentrifugalClutch)):
-            return self.shape.outer_radius - self.shape.inner_radius
-        if self.shears_faces:
-            assert isinstance(self.shape, Clutch)
-            return self.shape.face_gap
-        return self.shape.gap
+        gap = self.sheared_gap
+        return 0.0 if gap is None else gap.width
 
     @property
     def narrowest_gap(self) -> float:
-        """Width [m] of the narrowest gap that is filled, in which layers of grains go past each other fastest."""
-        if isinstance(self.shape, Clutch) and self.region == "cavity":
-            return min(self.shape.gap, self.shape.face_gap)
-        if isinstance(self.shape, Box):
+        """Width [m] of the narrowest space that is filled, in which layers of grains go past each other fastest."""
+        gap = self.sheared_gap
+        if gap is None:
+            assert isinstance(self.shape, Box)  # all others shear their powder
             return min(self.shape.size)
-        return self.shear_gap
+        return gap.narrowest
 
     @property
     def largest_radius(self) -> float:
-        """Largest radius [m] at which a wall touches grains."""
-        if isinstance(self.shape, Box):
-            return 0.0
-        if isinstance(self.shape, (ShearCell, CentrifugalClutch)):
-            return self.shape.outer_radius
-        return self.shape.bore_radius
-
-
-def shears_faces(shape: Clutch, region: str = "cavity") -> bool:
-    """Whether powder in a clutch's region is, or would be, sheared at the faces; of both gaps the greater counts."""
-    return region not in AT_RIM and (region == "faces" or shape.face_area > shape.rim_area)
+        """Largest radius [m] at which a wall touches grains; 0 for a box."""
+        return self.shape.largest_radius
 
 
 def field_is_needed(scene: Scene) -> bool:

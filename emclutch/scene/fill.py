@@ -25,8 +25,6 @@ _REGIONS = {
     "poles": ("pole_left", "pole_right"),
     "faces": ("face_left", "face_right"),
 }
-AT_RIM = ("rim", "poles")
-"""Regions from which the powder is sheared in the rim gap."""
 
 
 @dataclass(frozen=True, slots=True)

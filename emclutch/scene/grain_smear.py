@@ -5,10 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from emclutch.scene.field_source import UniformFieldSection
-from emclutch.scene.fill import AT_RIM
 from emclutch.scene.geometry import ShearCellGeometry
-from geometry import Clutch, ShearCell
-from geometry.cad_shape import CadShape
 
 if TYPE_CHECKING:
     from emclutch.scene.model import Scene
@@ -40,13 +37,9 @@ def layers_change_the_field(scene: Scene) -> bool:
 
 def narrowest_gap(scene: Scene) -> float:
     """Width [m] of the narrowest gap that is filled with powder."""
-    shape = scene.shape()
-    if isinstance(shape, ShearCell):
-        return shape.outer_radius - shape.inner_radius
-    if isinstance(shape, Clutch) and scene.grains.region not in AT_RIM:
-        return shape.face_gap if scene.grains.region == "faces" else min(shape.gap, shape.face_gap)
-    assert isinstance(shape, (Clutch, CadShape))  # by the schema: nothing else has a field that is solved
-    return shape.gap
+    gap = scene.shape().sheared_gap(scene.grains.region)
+    assert gap is not None  # by the schema: a box has no field that is solved
+    return gap.narrowest
 
 
 def smear_width(scene: Scene) -> float:

@@ -27,7 +27,6 @@ from emclutch.device.device import (
     field_is_needed,
     grain_law,
     region_laws,
-    shears_faces,
     solved_coil,
 )
 from emclutch.simulation.forecast.expected_field import field_in_chains, powder_in_words
@@ -333,7 +332,7 @@ def _resistance(case: Case, coil: CoilDevice) -> float:
 
 def _at_the_faces(case: Case, shape: Clutch) -> bool:
     """Whether the gap that is meant is that at a clutch's faces."""
-    return shears_faces(shape, "cavity" if case.scene.particles is None else case.scene.particles.region)
+    return shape.shears_faces("cavity" if case.scene.particles is None else case.scene.particles.region)
 
 
 def _details(case: Case, coil: CoilDevice, solution: MagneticField, phi: float | None) -> dict:

@@ -34,7 +34,7 @@ from emclutch.simulation.forecast.calibration import carlson_stress
 from emclutch.simulation.forecast.shot_clutch import shot_clutch_torque, shot_ring_radius
 from field import MU_0, MagneticField
 from field.three_d import Field3D
-from geometry import AnnularBox, Box, Clutch, ShearCell
+from geometry import Box
 from geometry.centrifugal import CentrifugalClutch
 
 IRON = 1.7e6
@@ -95,7 +95,9 @@ def sheared_zone(device: Device, angles: np.ndarray | None = None) -> ShearedZon
 
     `angles` [rad] are those at which points are taken, for a field that changes with them.
     """
-    gaps = _gaps(device)
+    if isinstance(device.boxes, Box):
+        return None
+    gaps = device.shape.gap_parts(device.boxes)
     if not gaps:
         return None
     angles = np.zeros(1) if angles is None else angles
@@ -116,22 +118,6 @@ def sheared_zone(device: Device, angles: np.ndarray | None = None) -> ShearedZon
         width = box.r1 - box.r0 if radial else box.z1 - box.z0
         parts.append((points, across, box.volume() * r / r.sum(), np.full(len(r), width)))
     return ShearedZone(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
-
-
-def _gaps(device: Device) -> list[tuple[AnnularBox, bool]]:
-    """The filled parts that lie between the shafts, without the corners beside a clutch's disc; radial or not."""
-    shape = device.shape
-    if isinstance(shape, (Box, CentrifugalClutch)) or isinstance(device.boxes, Box):
-        return []
-    if isinstance(shape, ShearCell):
-        return [(box, True) for box in device.boxes]
-    if isinstance(shape, Clutch):
-        half, rim = 0.5 * shape.disc_thickness, shape.disc_radius
-        return [
-            (AnnularBox(box.r0, box.r1, -half, half), True) if box.r0 >= rim else (box, False) for box in device.boxes
-        ]
-    wide = [(box, box.r1 - box.r0, box.z1 - box.z0) for box in device.boxes]
-    return [(box, along_r < along_z) for box, along_r, along_z in wide if min(along_r, along_z) < 1.5 * shape.gap]
 
 
 @dataclass(frozen=True, slots=True)
