@@ -25,6 +25,7 @@ from emclutch.simulation.forecast.expected_field import expected_magnetisation, 
 from emclutch.simulation.forecast.expected_speeds import device_extent, fall_speed, largest_speed, layer_speed
 from emclutch.simulation.forecast.machine_speed import MachineSpeed, threads_at_hand
 from field import MagneticField
+from field.coil.inductance import apparent_inductance, incremental_inductance
 from field.factorisation import describe_backend
 from field.three_d import Field3D
 from geometry import Clutch
@@ -197,9 +198,9 @@ def _coil_in_words(scene, coil: CoilDevice, field: MagneticField) -> str:
     loss = coil.resistance * coil.largest_current**2
     text = f"{coil.resistance:.3g} ohm: up to {coil.largest_current:.3g} A, {loss:.3g} W of copper loss"
     if scene.effects.coil_circuit is not None and coil.largest_current > 0.0:
-        inductance = field.inductance(coil.turns)
+        inductance = apparent_inductance(field, coil.turns)
         tau = inductance / coil.resistance
-        text += f"; {inductance:.3g} H at that current (incremental {field.incremental_inductance(coil.turns):.3g} H)"
+        text += f"; {inductance:.3g} H at that current (incremental {incremental_inductance(field, coil.turns):.3g} H)"
         text += f": time constant about {tau:.3g} s"
         if scene.time.end < 3.0 * tau:
             text += f"; WARNING: time.end = {scene.time.end:.3g} s is over before the current has risen"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,8 +14,6 @@ from field.section.powder_state import Powder, powder_state
 if TYPE_CHECKING:
     from field.sampling.sampler import RecoveredSampler
     from field.section.axisymmetric import AxisymmetricProblem
-    from field.section.field_lines import FieldAlongLine
-    from field.section.maxwell_force import AxialForce
 
 
 class MagneticField:
@@ -102,32 +99,6 @@ class MagneticField:
     def flux_linkage(self, turns: float) -> float:
         """Flux linkage of the coil, N times `flux_linkage_per_turn` [Wb]."""
         return turns * self.flux_linkage_per_turn
-
-    def inductance(self, turns: float) -> float:
-        """Apparent inductance lambda/i [H]; see `inductance.apparent_inductance`."""
-        from field.coil.inductance import apparent_inductance
-
-        return apparent_inductance(self, turns)
-
-    def incremental_inductance(self, turns: float) -> float:
-        """d lambda/di at constant fill [H], one linear solve; see `inductance.incremental_inductance`."""
-        from field.coil.inductance import incremental_inductance
-
-        return incremental_inductance(self, turns)
-
-    def axial_force(
-        self, body: str | Sequence[str], *, yielding: Sequence[str] = (), virtual_work: bool = False
-    ) -> AxialForce:
-        """Force along z on a body of one or several regions, with its error; see `maxwell_force.axial_force`."""
-        from field.section.maxwell_force import axial_force
-
-        return axial_force(self, body, yielding=yielding, virtual_work=virtual_work)
-
-    def along(self, points: np.ndarray) -> FieldAlongLine:
-        """B, H and flux along a polyline (k, 2) of points (r, z) [m]; see `field_lines.field_along`."""
-        from field.section.field_lines import field_along
-
-        return field_along(self, points)
 
     @property
     def point_psi(self) -> np.ndarray:

@@ -28,6 +28,7 @@ from emclutch.device.device import CoilDevice, solved_coil
 from emclutch.scene.case import load_case
 from field import AxisymmetricProblem, MagneticField, RecoveredSampler
 from field.coil.coil_circuit import CircuitState, LinearisedCoil, solve_at_flux_linkage
+from field.coil.inductance import apparent_inductance
 from field.section.maxwell_force import axial_force
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "physics"))  # the coil in air
@@ -111,7 +112,7 @@ def solenoid(picture: str, size: float) -> None:
     ours = {
         "force [N]": np.array([pull(field) for field in solved]),
         "flux [uWb]": np.array([1e6 * largest_flux(field, 5e-3) for field in solved]),
-        "inductance [mH]": np.array([1e3 * field.inductance(turns) for field in solved]),
+        "inductance [mH]": np.array([1e3 * apparent_inductance(field, turns) for field in solved]),
     }
     print("| x [mm] | F [N] | library | ratio | flux [uWb] | library | ratio | L [mH] | library | ratio |")
     print("|---" * 10 + "|")
