@@ -10,27 +10,24 @@ import numpy as np
 
 from coupling.smear_region import elements_within, magnetic_regions
 from emclutch.device.excitation import Excitation
+from emclutch.device.materials import conductivities, grain_law, region_laws
 from emclutch.scene.field_source import CoilFieldSection, UniformFieldSection
 from emclutch.scene.fill import Fill, boxes_to_fill, fill_of
-from emclutch.scene.geometry import CadGeometry, ClutchGeometry
+from emclutch.scene.geometry import CadGeometry
 from emclutch.scene.grain_smear import element_layers, moments_are_fed_back, smear_width
 from emclutch.scene.model import Scene
 from emclutch.scene.surfaces import surface_walls
 from emclutch.scene.time_table import points_of
 from field import (
     AxisymmetricProblem,
-    GrainLaw,
     MagneticField,
     PowderLaw,
     RadialField,
-    ThesisLaw,
     UniformField,
-    material,
 )
-from field.laws.conductivity import conductivity
 from field.section.adaptive import AdaptiveResult, adapt
 from field.section.error_estimate import FluxLinkage, MeanFluxDensity
-from geometry import AnnularBox, Box, Clutch, Mesh3D, SectionMesh, ShearCell, mesh_clutch
+from geometry import AnnularBox, Box, Clutch, SectionMesh, ShearCell, mesh_clutch
 from geometry.cad_shape import CadShape
 from geometry.centrifugal import CentrifugalClutch
 from geometry.clipping import share_in_boxes
@@ -280,52 +277,6 @@ def mesh_of(scene: Scene, path: Path | None = None) -> SectionMesh:
     shape = scene.shape()
     assert isinstance(shape, Clutch)  # nothing else has a mesh
     return mesh_clutch(shape, gap_layers=element_layers(scene, layers), size_factor=size, path=path)
-
-
-def grain_law(scene: Scene) -> GrainLaw:
-    """Law of the grains; linear when the effect `saturation` is off."""
-    particles = scene.grains
-    saturation = particles.saturation if scene.effects.saturation is not None else None
-    return (ThesisLaw if particles.law == "thesis" else GrainLaw)(particles.susceptibility, saturation)
-
-
-def region_laws(scene: Scene, mesh: SectionMesh | Mesh3D) -> dict:
-    """Magnetic law of each region of the mesh, by the scene's names of materials."""
-    return {region: magnetic_law(scene, name) for region, name in region_materials(scene, mesh).items()}
-
-
-def region_materials(scene: Scene, mesh: SectionMesh | Mesh3D) -> dict[str, str]:
-    """Name of the material of each region of the mesh that has one."""
-    if isinstance(scene.geometry, CadGeometry):
-        return dict(scene.geometry.materials)
-    assert isinstance(scene.geometry, ClutchGeometry)  # nothing else has a mesh
-    names = scene.geometry.materials.model_dump()
-    names["shaft_in"] = names["shaft_out"] = names.pop("shaft")
-    return {region: names[region] for region in mesh.regions if region in names}
-
-
-def conductivities(scene: Scene, mesh: SectionMesh) -> dict[str, float] | None:
-    """Conductivity [S/m] of the solid regions, the winding excepted; None without eddy currents."""
-    effect = scene.effects.eddy_currents
-    if effect is None:
-        return None
-    return {
-        region: effect.conductivity.get(name, conductivity_of(scene, name))
-        for region, name in region_materials(scene, mesh).items()
-        if region != "coil"
-    }
-
-
-def conductivity_of(scene: Scene, name: str) -> float:
-    """A material's conductivity [S/m]: the scene's own under this name (none: 0), or a built-in one."""
-    own = scene.materials.get(name)
-    return conductivity(name).sigma if own is None else own.conductivity or 0.0
-
-
-def magnetic_law(scene: Scene, name: str):
-    """A material's law: the scene's own under this name, or a built-in one."""
-    own = scene.materials.get(name)
-    return material(name) if own is None else own.magnetic_law(name)
 
 
 def imposed_field(source: UniformFieldSection, shape) -> UniformField | RadialField:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from emclutch.device.device import region_laws
 from emclutch.device.excitation import Excitation
+from emclutch.device.materials import region_laws
 from emclutch.scene.field_source import CoilFieldSection
 from emclutch.scene.fill import boxes_to_fill
 from emclutch.scene.geometry import CadGeometry

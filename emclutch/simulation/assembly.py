@@ -31,7 +31,8 @@ from coupling import (
     WallImages,
     grain_table,
 )
-from emclutch.device.device import CoilDevice, Device, grain_law
+from emclutch.device.device import CoilDevice, Device
+from emclutch.device.materials import grain_law
 from emclutch.scene.case import Case
 from emclutch.scene.field_source import UniformFieldSection
 from emclutch.scene.grain_smear import layers_change_the_field, moments_are_fed_back, smear_width

@@ -8,7 +8,8 @@ from math import pi
 import numpy as np
 
 from coupling import chain_magnetisation, magnetic_load, neck_load, neck_stiffness, snap_in_overlap, weight_load
-from emclutch.device.device import Device, grain_law
+from emclutch.device.device import Device
+from emclutch.device.materials import grain_law
 from emclutch.scene.contact import ContactSection
 from emclutch.simulation.forecast.expected_speeds import impact_speed
 from geometry import Box

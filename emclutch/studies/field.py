@@ -21,14 +21,8 @@ from rich.table import Table
 
 from emclutch.device.body_forces import MOVABLE, force_on, movable_bodies, stress_force
 from emclutch.scene.case import Case
-from emclutch.device.device import (
-    CoilDevice,
-    field_goals,
-    field_is_needed,
-    grain_law,
-    region_laws,
-    solved_coil,
-)
+from emclutch.device.device import CoilDevice, field_goals, field_is_needed, solved_coil
+from emclutch.device.materials import grain_law, region_laws
 from emclutch.simulation.forecast.expected_field import field_in_chains, powder_in_words
 from emclutch.results.vtk.field_arrays import field_arrays
 from emclutch.simulation.observables import pole_flux_density

@@ -10,8 +10,9 @@ from test_coupled_run import CELL, same
 import emclutch
 from coupling.staggered import refresh_field
 from emclutch.device.device import build_device
+from emclutch.device.materials import grain_law
 from emclutch.results.checkpoint import read_checkpoint
-from emclutch.simulation.assembly import assemble, grain_law
+from emclutch.simulation.assembly import assemble
 from emclutch.simulation.plan import make_plan
 from field.spheres.lone_sphere import sphere_magnetisation
 from particles import CyclicSector

@@ -27,7 +27,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from emclutch.device.device import Device, grain_law
+from emclutch.device.device import Device
+from emclutch.device.materials import grain_law
 from emclutch.device.pole_zone import ACROSS, ALONG
 from emclutch.scene.units import two_digits
 from emclutch.simulation.forecast.calibration import carlson_stress

@@ -22,7 +22,8 @@ from math import pi, sqrt
 from typing import TYPE_CHECKING
 
 from coupling.expected_load import pair_attraction
-from emclutch.device.device import CoilDevice, Device, conductivity_of, region_materials
+from emclutch.device.device import CoilDevice, Device
+from emclutch.device.materials import conductivity_of, region_materials
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque
 from field import MagneticField
 from field.section.diffusion_time import diffusion_time

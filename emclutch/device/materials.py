@@ -1,0 +1,55 @@
+"""Materials of a device: magnetic law and conductivity of each region of its mesh, and the law of its grains."""
+
+from __future__ import annotations
+
+from emclutch.scene.geometry import CadGeometry, ClutchGeometry
+from emclutch.scene.model import Scene
+from field import GrainLaw, ThesisLaw, material
+from field.laws.conductivity import conductivity
+from geometry import Mesh3D, SectionMesh
+
+
+def grain_law(scene: Scene) -> GrainLaw:
+    """Law of the grains; linear when the effect `saturation` is off."""
+    particles = scene.grains
+    saturation = particles.saturation if scene.effects.saturation is not None else None
+    return (ThesisLaw if particles.law == "thesis" else GrainLaw)(particles.susceptibility, saturation)
+
+
+def region_laws(scene: Scene, mesh: SectionMesh | Mesh3D) -> dict:
+    """Magnetic law of each region of the mesh, by the scene's names of materials."""
+    return {region: magnetic_law(scene, name) for region, name in region_materials(scene, mesh).items()}
+
+
+def region_materials(scene: Scene, mesh: SectionMesh | Mesh3D) -> dict[str, str]:
+    """Name of the material of each region of the mesh that has one."""
+    if isinstance(scene.geometry, CadGeometry):
+        return dict(scene.geometry.materials)
+    assert isinstance(scene.geometry, ClutchGeometry)  # nothing else has a mesh
+    names = scene.geometry.materials.model_dump()
+    names["shaft_in"] = names["shaft_out"] = names.pop("shaft")
+    return {region: names[region] for region in mesh.regions if region in names}
+
+
+def conductivities(scene: Scene, mesh: SectionMesh) -> dict[str, float] | None:
+    """Conductivity [S/m] of the solid regions, the winding excepted; None without eddy currents."""
+    effect = scene.effects.eddy_currents
+    if effect is None:
+        return None
+    return {
+        region: effect.conductivity.get(name, conductivity_of(scene, name))
+        for region, name in region_materials(scene, mesh).items()
+        if region != "coil"
+    }
+
+
+def conductivity_of(scene: Scene, name: str) -> float:
+    """A material's conductivity [S/m]: the scene's own under this name (none: 0), or a built-in one."""
+    own = scene.materials.get(name)
+    return conductivity(name).sigma if own is None else own.conductivity or 0.0
+
+
+def magnetic_law(scene: Scene, name: str):
+    """A material's law: the scene's own under this name, or a built-in one."""
+    own = scene.materials.get(name)
+    return material(name) if own is None else own.magnetic_law(name)
