@@ -11,6 +11,8 @@ from field.coil.winding import Winding
 from field.section.eddy_currents import EddyCurrentProblem, VoltageDrive
 from geometry import Clutch, mesh_clutch
 
+pytestmark = pytest.mark.physics
+
 N, R, V = 400, 8.0, 16.0
 WINDOW, WINDOWS = 2e-4, 120
 

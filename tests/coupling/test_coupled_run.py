@@ -8,6 +8,8 @@ import pytest
 import emclutch
 from emclutch.scene.case import case_from
 
+pytestmark = pytest.mark.physics
+
 CASES = Path(__file__).resolve().parents[2] / "cases"
 
 CELL = {

@@ -6,6 +6,8 @@ import pytest
 from coupling import FillDeposition
 from geometry import Clutch, mesh_clutch
 
+pytestmark = pytest.mark.physics
+
 
 @pytest.fixture(scope="module")
 def mesh():

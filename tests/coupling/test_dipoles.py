@@ -7,6 +7,8 @@ from coupling.dipoles import add_dipole_forces
 from coupling.neighbour_rows import neighbour_rows
 from particles import CyclicSector
 
+pytestmark = pytest.mark.physics
+
 MU_0 = 4e-7 * np.pi
 
 

@@ -32,6 +32,8 @@ from particles import (
 from particles.dem.total_columns import N_BODY_SUMS, N_SUMS
 from particles.laws.columns import COHESION_0, COHESION_1, DAMPING_ROLLING, MU_ROLLING, MU_TWISTING
 
+pytestmark = pytest.mark.physics
+
 ROOT = Path(__file__).resolve().parents[2]
 RESISTANCE = {"rolling": RollingFriction(0.1), "twisting": TwistingFriction(0.05)}
 COLUMNS = {

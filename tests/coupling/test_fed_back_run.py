@@ -16,6 +16,8 @@ from emclutch.simulation.plan import make_plan
 from field.spheres.lone_sphere import sphere_magnetisation
 from particles import CyclicSector
 
+pytestmark = pytest.mark.physics
+
 QUICKSTART = Path(__file__).resolve().parents[2] / "cases" / "quickstart.toml"
 FED_BACK = {f"output.{key}": value for key, value in CELL["output"].items()} | {
     "effects.dipoles.model": "near_field",

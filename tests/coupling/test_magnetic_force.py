@@ -7,6 +7,8 @@ from coupling import moments
 from coupling.effects import body_torque, gradient_force
 from field import GrainLaw, RadialField, loop_field
 
+pytestmark = pytest.mark.physics
+
 MU_0 = 4e-7 * np.pi
 
 

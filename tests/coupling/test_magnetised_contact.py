@@ -16,6 +16,8 @@ from field import MU_0, GrainLaw, LangevinLaw
 from field.spheres.lone_sphere import sphere_magnetisation
 from particles import CyclicSector
 
+pytestmark = pytest.mark.physics
+
 MS = 1.7e6
 IRON = GrainLaw(999.0, MS)
 A = 1e-3

@@ -10,6 +10,8 @@ from coupling.mutual_moments import MutualMoments, grain_table
 from coupling.neighbour_rows import neighbour_rows
 from field import MU_0, GrainLaw
 
+pytestmark = pytest.mark.physics
+
 IRON = GrainLaw(999.0, 1.7e6)
 A = 1e-3
 FLOOR = [0.0, -0.5 * A, 1.0, 0.0, 1.0, 0.8]  # z = -a/2, normal +z, reflection 0.8

@@ -13,6 +13,8 @@ from emclutch.scene.case import SceneError, case_from
 from emclutch.simulation.assembly import field_source
 from emclutch.simulation.run import RunError
 
+pytestmark = pytest.mark.physics
+
 NEAR = {
     "effects.dipoles.model": "near_field",
     "effects.rolling_friction": {},  # no law here needs it: so the grains' step is that of the drums, compiled once

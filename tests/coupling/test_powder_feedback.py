@@ -9,6 +9,8 @@ from coupling.mutual_moments import magnetised_cluster
 from field import MU_0, PowderState
 from particles import CyclicSector
 
+pytestmark = pytest.mark.physics
+
 R = 20.0 * D
 H0 = 46e3
 REACH = 1.015 * A  # half the distance of grains with a gap of 0.03 radii

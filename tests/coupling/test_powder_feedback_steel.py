@@ -22,6 +22,8 @@ from field.section.section_elements import SectionElements
 from geometry import RevolvedWall
 from particles import CyclicSector
 
+pytestmark = pytest.mark.physics
+
 R = 20.0 * D
 CASES = Path(__file__).resolve().parents[2] / "cases"
 

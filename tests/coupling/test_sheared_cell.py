@@ -15,6 +15,8 @@ from coupling.sheared_cell.cell_moments import CellMoments
 from coupling.sheared_cell.random_cell import random_cell
 from field.laws.powder_law import GrainLaw
 
+pytestmark = pytest.mark.physics
+
 D = 1e-4
 MU_0 = 4e-7 * np.pi
 IRON = GrainLaw(999.0, 1.7e6)

@@ -16,6 +16,8 @@ from emclutch.simulation.run import Interrupted
 from field import MU_0, UniformField
 from particles import Body
 
+pytestmark = pytest.mark.physics
+
 QUICKSTART = Path(__file__).resolve().parents[2] / "cases" / "quickstart.toml"
 SLOTTED = {
     "geometry.disc_slots": {"count": 60, "share": 0.4, "depth": "2 mm"},

@@ -8,6 +8,8 @@ from coupling.neighbour_rows import neighbour_rows
 from coupling.wall_images import add_image_forces, magnetic_wall_table
 from geometry import annulus, cylinder
 
+pytestmark = pytest.mark.physics
+
 MU_0 = 4e-7 * np.pi
 
 

@@ -27,6 +27,8 @@ from particles import (
     pack,
 )
 
+pytestmark = pytest.mark.physics
+
 RADIUS, DENSITY = 0.5e-3, 7850.0
 LAW = LinearContact.from_restitution(2e4, 0.6, 0.4)
 X = np.linspace(np.log(2e-3), np.log(0.3), 40)  # ln gap

@@ -7,6 +7,8 @@ from geometry.annular_cell import ShearCell
 from geometry.box import Box
 from particles import DEM, Body, FreeShaft, Grains, LinearContact, PrescribedSpeed, choose_time_step, pack
 
+pytestmark = pytest.mark.physics
+
 LAW = LinearContact.from_restitution(500.0, 0.7, 0.5)
 
 

@@ -18,6 +18,8 @@ from particles import (
     pack,
 )
 
+pytestmark = pytest.mark.physics
+
 PARTS = 6
 SECTOR = CyclicSector(2.0 * math.pi / PARTS)
 CELL = ShearCell(0.006, 0.0085, 0.003)

@@ -31,6 +31,8 @@ from particles import (
     TwistingFriction,
 )
 
+pytestmark = pytest.mark.physics
+
 INERTIA = 0.4 * MASS * RADIUS**2
 
 

@@ -20,7 +20,7 @@ from particles import (
     pack,
 )
 
-pytestmark = pytest.mark.hard
+pytestmark = [pytest.mark.hard, pytest.mark.physics]
 
 
 def energy(totals):

@@ -8,6 +8,8 @@ from geometry.triangle_wall import TriangleWall
 from geometry.walls import Plane, cylinder
 from particles import Body, Elastic, Grains, HertzContact, HertzMindlin, LinearContact, PrescribedSpeed
 
+pytestmark = pytest.mark.physics
+
 GLASS = Elastic(4.8e10, 0.2)
 
 

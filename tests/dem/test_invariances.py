@@ -25,6 +25,8 @@ from particles import (
     pack,
 )
 
+pytestmark = pytest.mark.physics
+
 few = settings(max_examples=30, deadline=None)
 
 

@@ -6,6 +6,8 @@ import pytest
 from geometry import Plane
 from particles import DEM, Body, Grains, LinearContact, RollingFriction, choose_time_step
 
+pytestmark = pytest.mark.physics
+
 R, RHO = 1e-3, 2500.0
 MASS = RHO * 4 / 3 * np.pi * R**3
 

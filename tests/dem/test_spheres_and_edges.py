@@ -6,6 +6,8 @@ import pytest
 from geometry.walls import Plane, outline
 from particles import DEM, Body, Grains, LinearContact, choose_time_step
 
+pytestmark = pytest.mark.physics
+
 G = 9.81
 
 

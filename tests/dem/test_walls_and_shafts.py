@@ -9,6 +9,8 @@ from geometry.triangle_wall import TriangleWall, box_surface, extruded
 from geometry.walls import Plane, annulus, cylinder
 from particles import Body, FreeShaft, Grains, HertzContact, LinearContact, PairLaws, PrescribedSpeed
 
+pytestmark = pytest.mark.physics
+
 
 def sheet(count=300, side=0.04, seed=4, body="housing"):
     """A random triangulation of the floor, its vertices (v, 2) and triangles first: wall, vertices, triangles."""

@@ -13,6 +13,8 @@ from particles.dvi.accelerated import accelerate_records
 from particles.dvi.dvi import DVI
 from particles.dvi.dvi_contact import DviContact
 
+pytestmark = pytest.mark.physics
+
 
 def _cloud(n, fraction=0.3, seed=1):
     """A cube just as large as n spheres at a solid fraction below 0.4 need, and their places, a shaken lattice."""

@@ -23,6 +23,8 @@ from particles.dvi import gauss_seidel as gs
 from particles.dvi.contact_torques import CX, CZ
 from particles.dvi.local_problem import in_disc
 
+pytestmark = pytest.mark.physics
+
 
 def ball(h, velocity=NONE, spin=NONE, rolling=None, twisting=None, slope=0.0, wall=None, **more):
     """One ball on a plane; gravity is vertical, the plane falls towards -x for a slope [rad]."""

@@ -12,6 +12,8 @@ from particles import Body, Grains, PrescribedSpeed
 from particles.dvi.dvi import DVI
 from particles.dvi.dvi_contact import DviContact
 
+pytestmark = pytest.mark.physics
+
 DRUM = 0.05  # radius of the drum
 ARM = DRUM - R  # radius of the circle that the centre moves on
 Z = np.array([0.0, 0.0, 1.0])

@@ -26,6 +26,8 @@ from particles.dvi import gauss_seidel as gs
 from particles.dvi.dvi import DVI
 from particles.dvi.dvi_contact import DviContact
 
+pytestmark = pytest.mark.physics
+
 G = 9.81
 R = 5e-3
 H = 1e-3

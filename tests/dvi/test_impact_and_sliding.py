@@ -11,6 +11,8 @@ from particles.dvi import gauss_seidel as gs
 from particles.dvi.dvi import DVI
 from particles.dvi.dvi_contact import DviContact
 
+pytestmark = pytest.mark.physics
+
 
 def _on_floor(velocity, h, contact, gravity=DOWN, height=0.0, **more):
     grains = Grains.create([[0.0, 0.0, R + height]], R, 7850.0, velocity=[velocity])

@@ -12,6 +12,8 @@ from particles.dvi.accelerated import accelerate_records
 from particles.dvi.dvi import DVI
 from particles.dvi.dvi_contact import DviContact
 
+pytestmark = pytest.mark.physics
+
 SIDEWAYS = np.array([G, 0.0, 0.0])
 
 

@@ -14,6 +14,8 @@ from particles.dvi.dvi import DVI
 from particles.dvi.dvi_contact import DviContact
 from particles.laws.restitution import damping_ratio
 
+pytestmark = pytest.mark.physics
+
 K = 1e6
 STIFF = ((K, 2.0 / 7.0 * K), (K, 2.0 / 7.0 * K))
 MASS = STEEL * 4.0 / 3.0 * np.pi * R**3

@@ -18,6 +18,8 @@ from particles.laws.rolling_friction import RollingFriction
 from particles.laws.twisting_friction import TwistingFriction
 from particles.neighbours.neighbour_list import cell_order, find_pairs
 
+pytestmark = pytest.mark.physics
+
 G = 9.81
 R = 5e-3
 DOWN = (0.0, -G, 0.0)

@@ -14,6 +14,8 @@ from particles import Body, DemError, DemErrorKind, FreeShaft, Grains, Prescribe
 from particles.dvi.dvi import DVI
 from particles.dvi.dvi_contact import DviContact
 
+pytestmark = pytest.mark.physics
+
 H = 1e-3
 TOLERANCE = 1e-11
 CORE, DRUM = 0.012, 0.042

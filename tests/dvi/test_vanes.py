@@ -8,6 +8,8 @@ from geometry.triangle_wall import TriangleWall, box_surface
 from geometry.walls import annulus, cylinder
 from particles import DVI, Body, DviContact, FreeShaft, Grains, PrescribedSpeed
 
+pytestmark = pytest.mark.physics
+
 
 @pytest.mark.parametrize(("slope", "mu"), [(20.0, 0.3), (50.0, 0.3)])
 def test_incline(slope, mu):

@@ -12,6 +12,8 @@ from field.section.section_elements import SectionElements
 from geometry import Clutch, SectionMesh, mesh_clutch
 from geometry.refinement import Circle, refine
 
+pytestmark = pytest.mark.physics
+
 R_COIL, Z_COIL, NI = (20e-3, 30e-3), (-8e-3, 8e-3), 800.0
 R_GAP, Z_GAP = (33e-3, 35e-3), (-10e-3, 10e-3)
 # of this coil [H]; converged quadrature of mutual inductances, see `coil_inductance` of the open boundary's test

@@ -7,6 +7,8 @@ from section_grid import section_grid
 
 from field import MU_0, AxisymmetricProblem, PointOutside, rectangular_coil_field, solenoid_axis_field
 
+pytestmark = pytest.mark.physics
+
 R_COIL, Z_COIL, NI = (20e-3, 30e-3), (-8e-3, 8e-3), 800.0
 BOX = 1.2  # so large that the flux wall's error, (size/BOX)^3, stays below 1e-5
 

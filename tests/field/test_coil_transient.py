@@ -13,6 +13,8 @@ from field.coil.coil_circuit import CircuitState, LinearisedCoil, solve_at_flux_
 from field.coil.inductance import FluxLinkageCurve
 from field.section.eddy_currents import EddyCurrentProblem, VoltageDrive
 
+pytestmark = pytest.mark.physics
+
 N, R, V = 400, 4.0, 12.0
 
 

@@ -21,6 +21,8 @@ from field.section.eddy_currents import (
     eddy_current_density,
 )
 
+pytestmark = pytest.mark.physics
+
 A, H, SIGMA, MU_R, TURNS = 10e-3, 2e-3, 5e6, 100.0, 40
 MU = MU_0 * MU_R
 TAU = MU * SIGMA * A**2

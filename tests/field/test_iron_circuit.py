@@ -21,6 +21,8 @@ from field import (
     material,
 )
 
+pytestmark = pytest.mark.physics
+
 GAP = 0.5e-3
 R_DISC, R_BORE = 20e-3, 20e-3 + GAP
 HALF = 10e-3  # half width of the coil window; the plates are 8 mm thick

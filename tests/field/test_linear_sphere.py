@@ -6,6 +6,8 @@ import pytest
 from field import MU_0, AxisymmetricProblem, LinearLaw
 from geometry.section import SectionMesh
 
+pytestmark = pytest.mark.physics
+
 
 def sphere_section(n_angle, radius, box):
     """Half-disc of `n_angle` cells from pole to pole with shells out to a sphere of radius `box`."""

@@ -25,6 +25,8 @@ from field.coil.inductance import FluxLinkageCurve
 from field.coil.magnetic_circuit import Branch, FilledPowder, FluxTube, MagneticCircuit, clutch_circuit
 from geometry import Clutch, mesh_clutch
 
+pytestmark = pytest.mark.physics
+
 N = 500
 
 

@@ -19,6 +19,8 @@ from field.section.maxwell_force import (
     pole_pressure,
 )
 
+pytestmark = pytest.mark.physics
+
 LEFT, RIGHT, NI = (20e-3, 30e-3, -22e-3, -8e-3), (24e-3, 32e-3, 4e-3, 14e-3), 800.0
 
 

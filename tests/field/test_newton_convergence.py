@@ -12,7 +12,7 @@ from field.section.current_sweep import predict, sweep_currents
 from geometry.clutch import Clutch
 from geometry.meshing import mesh_clutch
 
-pytestmark = pytest.mark.hard
+pytestmark = [pytest.mark.hard, pytest.mark.physics]
 
 STEEL_PARTS = ("disc", "rotor", "housing")
 

@@ -12,6 +12,8 @@ from field.section.open_boundary import OpenBoundary
 from field.section.section_elements import SectionElements
 from geometry import SectionMesh
 
+pytestmark = pytest.mark.physics
+
 R_COIL, Z_COIL, NI = (20e-3, 30e-3), (-8e-3, 8e-3), 800.0
 REACH = float(np.hypot(30e-3, 8e-3))
 

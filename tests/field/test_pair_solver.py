@@ -12,6 +12,8 @@ from field.spheres.pair_solver import SpherePair, linear_pair, solve_pair
 from field.spheres.pair_table import pair_table
 from geometry import SectionMesh
 
+pytestmark = pytest.mark.physics
+
 IRON = FroehlichLaw(999.0, 1.7e6)
 # [A/m] and, by gap in radii, force [mu_0 Ms^2 a^2] and mean moment [Ms] of two spheres of IRON: finite elements of
 # order 4 by another code, about 0.1 % high

@@ -25,6 +25,8 @@ from field.sampling.recovery import RegionRecovery
 from field.sampling.sampler import field_sampler
 from field.section.section_elements import SectionElements
 
+pytestmark = pytest.mark.physics
+
 
 class LikeAir:
     """Air that the recovery takes for a nonlinear material."""

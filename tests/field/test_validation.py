@@ -9,6 +9,8 @@ from validation_devices import columns, drawn_at, largest_flux, pull, switched_o
 
 from field.section.maxwell_force import axial_force
 
+pytestmark = pytest.mark.physics
+
 
 def test_roters_plunger_is_pulled_as_measured_and_as_femm_says():
     """Near the beginning, at the largest force, and at the end of the stroke; s = 0 is left out: codes differ there."""

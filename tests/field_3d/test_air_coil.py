@@ -13,6 +13,8 @@ from field import AxisymmetricProblem, rectangular_coil_field
 from field.three_d import FlatCoil, PointOutside3D, Problem3D
 from field.three_d.quadratic_tetrahedron import shape
 
+pytestmark = pytest.mark.physics
+
 R_COIL, Z_COIL, NI = (20e-3, 30e-3), (-8e-3, 8e-3), 800.0
 COIL = FlatCoil.ring(R_COIL, Z_COIL)
 STEPS = (4e-3, 2e-3)

@@ -11,6 +11,8 @@ from field.three_d import FlatCoil, Problem3D
 from field.three_d.body_force import shell_weights
 from geometry.mesh_3d import Mesh3D
 
+pytestmark = pytest.mark.physics
+
 POT = {
     "iron": (0.0, 28e-3, -18e-3, 18e-3),
     "window": (10e-3, 22e-3, -12e-3, 12e-3),

@@ -17,6 +17,8 @@ from geometry import Clutch, mesh_clutch
 from geometry.slots import Slots
 from geometry.slotted import mesh_slotted
 
+pytestmark = pytest.mark.physics
+
 SMALL = Clutch(
     disc_radius=20e-3, disc_thickness=8e-3, gap=1e-3, face_gap=1e-3, seal_radius=19e-3, rotor_wall=3e-3,
     ring_width=3e-3, cover_thickness=2e-3, clearance=0.3e-3, coil_width=6e-3, coil_height=6e-3, yoke=4e-3,

@@ -7,6 +7,8 @@ from field import MU_0, FroehlichLaw, LinearLaw
 from field.three_d import Problem3D, UniformSource
 from geometry.mesh_3d import Mesh3D
 
+pytestmark = pytest.mark.physics
+
 A, BOX, MU_R, H0 = 10e-3, 18e-3, 20.0, 1e4
 
 

@@ -22,6 +22,8 @@ from geometry.meshed_section import meshed_section
 from geometry.section_export import write_section_mesh
 from geometry.section_import import read_section_mesh
 
+pytestmark = pytest.mark.physics
+
 MM = 1e-3
 # r0, r1, z0, z1 [mm]; the powder goes all around the disc, which is thinner than the gap at its rim
 DISC, POWDER, COIL = (5, 20, -0.5, 0.5), (5, 22, -2, 2), (26, 32, -4, 4)

@@ -10,6 +10,8 @@ import pytest
 
 from geometry import Clutch, annulus, outline
 
+pytestmark = pytest.mark.physics
+
 
 def contacts(walls, centre, radius):
     """Vectors from wall to centre, one for each contact of a sphere with centre (r, z)."""

@@ -10,7 +10,7 @@ import emclutch
 from emclutch.scene.case import case_from
 from geometry.annular_cell import ShearCell
 
-pytestmark = pytest.mark.hard
+pytestmark = [pytest.mark.hard, pytest.mark.physics]
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
 CELL = {

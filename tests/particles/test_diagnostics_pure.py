@@ -14,6 +14,8 @@ from particles.diagnostics.coordination import contacts_per_grain
 from particles.diagnostics.grain_diagnostics import grain_diagnostics
 from particles.diagnostics.profiles import profile_of, profile_sums, torque_through
 
+pytestmark = pytest.mark.physics
+
 CELL = ShearCell(0.006, 0.0085, 0.003)
 SECTOR = CyclicSector(2.0 * math.pi / 6)
 RADIUS = 0.25e-3

@@ -9,6 +9,8 @@ from scipy.spatial import cKDTree
 from particles import CyclicSector, find_pairs
 from particles.neighbours.neighbour_list import cell_order
 
+pytestmark = pytest.mark.physics
+
 
 @pytest.mark.parametrize("parts", [2, 3, 4, 7, 24, 60])
 @pytest.mark.parametrize("ordered", [False, True], ids=["any order", "sorted"])

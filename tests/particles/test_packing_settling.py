@@ -13,6 +13,8 @@ from particles.packing.settling import NotAtRestError, before_the_start, settle
 from particles.packing.sizes import UniformSizes
 from particles.packing.space import Space
 
+pytestmark = pytest.mark.physics
+
 G = 9.81
 CONTACT = LinearContact.from_restitution(300.0, 0.5, 0.4)
 
