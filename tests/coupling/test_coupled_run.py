@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sheared_annulus import CELL, run, same, state
 
 import emclutch
 from emclutch.scene.case import case_from
@@ -11,31 +12,6 @@ from emclutch.scene.case import case_from
 pytestmark = pytest.mark.physics
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
-
-CELL = {
-    "scene": {"title": "sheared annulus", "seed": 3},
-    "geometry": {"kind": "shear_cell", "inner_radius": 10e-3, "outer_radius": 11.2e-3, "height": 2e-3},
-    "field": {"source": "uniform", "field_strength": "150 kA/m", "direction": "radial"},
-    "particles": {"diameter": "0.3 mm", "solid_fraction": 0.35, "sector": "20 deg"},
-    "motion": {"rotor": {"speed": "300 rpm"}, "disc": {"speed": 0.0}},
-    "effects": {"magnetic_force": {}, "dipoles": {"cutoff": 2.5}, "saturation": {}},
-    "time": {"end": "1 ms"},
-    "output": {"snapshots": 0, "pictures": False, "formats": []},
-}
-
-
-def run(tmp_path, name, values=None, **options):
-    return emclutch.run(case_from(CELL, values), out=tmp_path / name, **options)
-
-
-def state(tmp_path, name):
-    from emclutch.results.checkpoint import read_checkpoint
-
-    return read_checkpoint(tmp_path / name / "checkpoint.h5")["dem"]
-
-
-def same(a, b):
-    return all(np.array_equal(a[key], b[key]) for key in ("where", "motion", "particle_id"))
 
 
 def test_torque_balance_with_every_term_computed_on_its_own(tmp_path):

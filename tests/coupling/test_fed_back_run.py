@@ -5,12 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fed_back_grains import fed_back, powder_problem
-from test_coupled_run import CELL, same
+from sheared_annulus import CELL, same, state
 
 import emclutch
 from coupling.staggered import refresh_field
 from emclutch.device.device import build_device
-from emclutch.results.checkpoint import read_checkpoint
 from emclutch.simulation.assembly import assemble, grain_law
 from emclutch.simulation.plan import make_plan
 from field.spheres.lone_sphere import sphere_magnetisation
@@ -33,10 +32,6 @@ COURSE = {"times": [0.0, 6e-6, 12e-6, 16e-6, 22e-6], "values": [1.0, 1.0, -1.0, 
 def run(folder, name, values=None, **options):
     case = emclutch.load_case(QUICKSTART).with_values(FED_BACK | (values or {}))
     return emclutch.run(case, out=folder / name, **options)
-
-
-def state(folder, name):
-    return read_checkpoint(folder / name / "checkpoint.h5")["dem"]
 
 
 def moments(folder, name):

@@ -1,8 +1,10 @@
 """Runs whose grains magnetise one another: balances, the axis takes no torque, resuming, threads, bad input."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
-from test_coupled_run import CASES, CELL, run, same, state
+from sheared_annulus import CELL, run, same, state
 
 import emclutch
 from coupling import ImposedField
@@ -15,6 +17,7 @@ from emclutch.simulation.run import RunError
 
 pytestmark = pytest.mark.physics
 
+CASES = Path(__file__).resolve().parents[2] / "cases"
 NEAR = {
     "effects.dipoles.model": "near_field",
     "effects.rolling_friction": {},  # no law here needs it: so the grains' step is that of the drums, compiled once

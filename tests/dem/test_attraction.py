@@ -8,6 +8,7 @@ import math
 import numba
 import numpy as np
 import pytest
+from dem_laws import FLOOR
 
 from geometry.annular_cell import ShearCell
 from geometry.box import Box
@@ -346,8 +347,7 @@ def test_a_ring_of_copies_follows_the_sector():
 
 def test_the_stiffest_slot_is_known_to_the_step_and_to_the_warnings():
     grains = Grains.create([[0.0, 0.0, RADIUS], [1.92 * RADIUS, 0.0, RADIUS]], [RADIUS, 0.9 * RADIUS], DENSITY)
-    floor = Plane("floor", "housing", np.zeros(3), np.array([0.0, 0.0, 1.0]))
-    dem = DEM(grains, [floor], [Body("housing")], LAW, dt=1e-9)
+    dem = DEM(grains, [FLOOR], [Body("housing")], LAW, dt=1e-9)
     dem.attraction = table(alike(0.02, walls=0.002))
     assert dem.attraction.stiffest == dem.attraction.strongest == contact_share(dem.attraction, LAW, RADIUS) == 0.0
     assert depth_warning(dem.attraction, LAW, RADIUS) is None

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from dem_laws import FLOOR
 
-from geometry import Plane
 from particles import DEM, Body, Grains, LinearContact, RollingFriction, choose_time_step
 
 pytestmark = pytest.mark.physics
@@ -15,12 +15,11 @@ MASS = RHO * 4 / 3 * np.pi * R**3
 def ball(rolling, steps_per_contact=20, push=0.0, velocity=0.0, duration=0.02):
     """A ball of 1 mm on a plane under 4 mN (weight left out), pushed along x; returns the DEM."""
     k = 1e4
-    plane = Plane("floor", "housing", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     contact = LinearContact.from_restitution(k, 0.5, 0.5)
     grains = Grains.create([[0.0, 0.0, R - 4e-3 / k]], R, RHO, velocity=[[velocity, 0.0, 0.0]],
                            angular_velocity=[[0.0, velocity / R, 0.0]])  # fmt: skip
     dt = choose_time_step(contact, MASS, R, steps_per_contact=steps_per_contact).dt
-    dem = DEM(grains, [plane], [Body("housing")], contact, dt=dt, rolling=rolling)
+    dem = DEM(grains, [FLOOR], [Body("housing")], contact, dt=dt, rolling=rolling)
     dem.external_force = np.array([[push, 0.0, -4e-3]])
     dem.run(round(duration / dt))
     return dem

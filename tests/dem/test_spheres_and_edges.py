@@ -2,17 +2,12 @@
 
 import numpy as np
 import pytest
+from dem_laws import FLOOR, G
 
-from geometry.walls import Plane, outline
+from geometry.walls import outline
 from particles import DEM, Body, Grains, LinearContact, choose_time_step
 
 pytestmark = pytest.mark.physics
-
-G = 9.81
-
-
-def _floor(body="housing"):
-    return Plane("floor", body, np.zeros(3), np.array([0.0, 0.0, 1.0]))
 
 
 def _sphere(position, radius, density, **state):
@@ -35,7 +30,7 @@ def test_free_fall_is_an_exact_parabola():
     dt, n = 1e-4, 1000
     grains = _sphere([0.0, 0.0, 1.0], 1e-3, 2500.0, velocity=[0.2, 0.0, 1.0 + 0.5 * G * dt])
     law = LinearContact.from_restitution(100.0, 0.5, 0.3)
-    dem = DEM(grains, [_floor()], [Body("housing")], law, dt=dt, gravity=(0.0, 0.0, -G))
+    dem = DEM(grains, [FLOOR], [Body("housing")], law, dt=dt, gravity=(0.0, 0.0, -G))
     dem.run(n)
     t = n * dt
     assert dem.grains.position[0] == pytest.approx([0.2 * t, 0.0, 1.0 + t - 0.5 * G * t**2], rel=1e-12)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from dvi_scenes import DOWN, STEEL, G, R, swept
+from dvi_scenes import DOWN, STEEL, G, R, scaled, swept
 from interior_point import solve_by_interior_point
 
 from geometry import Box
@@ -148,24 +148,14 @@ def settled():
     return dvi._records()
 
 
-def _scaled(problem, factor):
-    """The same problem started from impulses times ``factor``, velocities along with them."""
-    records = [a.copy() for a in problem]
-    gs.apply_records(-1.0, *records)
-    for rows in (records[3], records[5]):
-        rows[:, gs.RX : gs.RZ + 1] *= factor
-    gs.apply_records(1.0, *records)
-    return records
-
-
 GOAL = 1e-8 * G * 1e-3  # of g h: in impulses, of m g h
 
 
 @pytest.mark.hard
 def test_a_cold_dense_packing_is_solved_where_sweeps_stall(settled):
     """From no impulses at all: the interior point reaches 1e-8 of g h, plain sweeps do not in 5 000."""
-    assert swept(GOAL, 5000, _scaled(settled, 0.0))[1] > 10.0 * GOAL
-    records = _scaled(settled, 0.0)
+    assert swept(GOAL, 5000, scaled(settled, 0.0))[1] > 10.0 * GOAL
+    records = scaled(settled, 0.0)
     assert solve_by_interior_point(None, GOAL, *records)[1] <= GOAL
     assert gs.residual_records(None, None, *records) <= GOAL
     weight = np.sum(records[5][:, gs.RZ]) / 1e-3
@@ -174,9 +164,9 @@ def test_a_cold_dense_packing_is_solved_where_sweeps_stall(settled):
 
 def test_an_accelerated_warm_step_reaches_eight_digits(settled):
     """From impulses 0.1 % off: 1e-8 of g h in less than half the plain sweeps."""
-    quick = accelerate_records(None, None, GOAL, 5000, *_scaled(settled, 0.999))
+    quick = accelerate_records(None, None, GOAL, 5000, *scaled(settled, 0.999))
     assert quick[1] <= GOAL
-    assert swept(GOAL, 2 * quick[0], _scaled(settled, 0.999))[1] > GOAL
+    assert swept(GOAL, 2 * quick[0], scaled(settled, 0.999))[1] > GOAL
 
 
 def test_restart_is_bit_exact():

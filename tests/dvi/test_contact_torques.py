@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from dvi_scenes import DOWN, NONE, STEEL, G, R, floor, lattice
+from dvi_scenes import DOWN, NONE, STEEL, G, R, floor, in_drum
 
 from geometry.triangle_wall import TriangleWall
-from geometry.walls import annulus, cylinder
 from particles import (
     DEM,
     DVI,
@@ -149,13 +148,7 @@ def test_dem_rolls_as_far():
 def bed(motion=None, n=40, speed=0.0, gravity=DOWN, **more):
     """Grains of many sizes, poured into a drum about z that turns as ``motion`` says, with a floor that stands."""
     rng = np.random.default_rng(11)
-    sites, count = lattice(n)
-    side = 0.0102 * count
-    where = 0.0102 * (sites - [0.5 * count, 0.5 * count, 0.0])
-    radius = 0.71 * side
-    walls = [cylinder("shell", "drum", radius, -0.01, 2.0 * side), annulus("low", "drum", -0.0005, 0.0, radius)]
-    if motion is None:
-        walls[1] = annulus("low", "housing", -0.0005, 0.0, radius)
+    where, walls = in_drum(n, "housing" if motion is None else "drum")
     grains = Grains.create(where, 0.005 * rng.uniform(0.6, 1.0, n), STEEL, velocity=0.1 * rng.normal(size=(n, 3)),
                            angular_velocity=40.0 * rng.normal(size=(n, 3)))  # fmt: skip
     bodies = [Body("drum", motion or PrescribedSpeed.constant(speed), speed=speed), Body("housing")]

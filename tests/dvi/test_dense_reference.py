@@ -17,25 +17,21 @@ from functools import cache
 
 import numpy as np
 import pytest
+from dvi_scenes import CORE, DRUM, STEEL, G, R, in_ring
 from interior_point import solve_by_interior_point
 
 from geometry import Box
-from geometry.walls import AnnularBox, annulus, cylinder
-from particles import Body, Grains, PrescribedSpeed, pack
+from particles import Body, Grains, PrescribedSpeed
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.dvi import DVI
 from particles.dvi.dvi_contact import DviContact
 
 pytestmark = pytest.mark.physics
 
-G = 9.81
-R = 5e-3
 H = 1e-3
 MU = 0.4
-STEEL = 7850.0
 SLOP = 1e-4
 MARGIN = 0.25
-CORE, DRUM = 0.012, 0.042
 CORE_SPEED, DRUM_SPEED = 20.0, -5.0
 
 
@@ -78,12 +74,7 @@ def _in_box(seed, turned, n=30, steps=700, **way):
 def _in_ring(seed, n=40, **way):
     """A bed on the floor of a turning drum, sheared by a core that turns the other way."""
     high = 0.05
-    walls = [
-        cylinder("core", "rotor", CORE, 0.0, high), cylinder("shell", "drum", DRUM, 0.0, high),
-        annulus("low", "drum", 0.0, CORE, DRUM), annulus("high", "drum", high, CORE, DRUM),
-    ]  # fmt: skip
-    radius = R * np.random.default_rng(seed).uniform(0.8, 1.0, n)
-    grains = Grains.create(pack(AnnularBox(CORE, DRUM, 0.0, high), walls, n, R, seed=seed), radius, STEEL)
+    grains, walls = in_ring(n, seed, high, sizes=(0.8, 1.0))
     bodies = [Body("rotor", PrescribedSpeed.constant(CORE_SPEED)), Body("drum", PrescribedSpeed.constant(DRUM_SPEED))]
     way = {"tolerance": 1e-6, "max_sweeps": 2000} | way
     dvi = DVI(grains, walls, bodies, DviContact(MU), dt=H, gravity=(0.0, 0.0, -G), **way)

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from dvi_scenes import swept
+from dvi_scenes import in_drum, swept
 from interior_point import cone_problem, cone_programme, solve_by_interior_point
 
-from geometry.walls import annulus, cylinder
 from particles import Body, FreeShaft, Grains
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.accelerated import accelerate_records
@@ -56,12 +55,7 @@ def test_unit_stack_takes_the_known_number_of_sweeps(n, cold):
 def _records(n=60, inertia=1e-4, seed=3, speed=0.0, friction=0.4):
     """A bed of many sizes, just poured into a drum on a free shaft; free velocities, contacts without impulses."""
     rng = np.random.default_rng(seed)
-    count = int(np.ceil(n ** (1.0 / 3.0)))
-    side = 0.0102 * count
-    sites = np.stack(np.meshgrid(*[np.arange(count) + 0.5] * 3), axis=-1).reshape(-1, 3)[:n]
-    where = 0.0102 * (sites - [0.5 * count, 0.5 * count, 0.0])
-    radius = 0.71 * side
-    walls = [cylinder("shell", "drum", radius, -0.01, 2.0 * side), annulus("low", "drum", -0.0005, 0.0, radius)]
+    where, walls = in_drum(n)
     grains = Grains.create(where, 0.005 * rng.uniform(0.9, 1.0, n), 7850.0)
     shaft = Body("drum", FreeShaft(inertia, drive_torque=0.02, load_torque=0.01), speed=2.0)
     dvi = DVI(grains, walls, [shaft], DviContact(friction), dt=2e-3, gravity=(0.0, 0.0, -G), max_sweeps=200,

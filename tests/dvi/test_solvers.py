@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from dvi_scenes import STEEL, G, R, swept
+from dvi_scenes import DOWN, STEEL, G, R, lattice, scaled, swept
 from interior_point import cone_problem, cone_programme
 
 from geometry import Box
@@ -20,11 +20,11 @@ SIDEWAYS = np.array([G, 0.0, 0.0])
 def _box(**more):
     """64 spheres in a box that just holds them."""
     side = 4 * 2.05 * R
-    sites = np.stack(np.meshgrid(*[np.arange(4) + 0.5] * 3), axis=-1).reshape(-1, 3) * 2.05 * R
+    sites = lattice(64)[0] * 2.05 * R
     where = sites - [0.5 * side, 0.5 * side, 0.0] + 2e-4 * R * np.random.default_rng(2).normal(size=sites.shape)
     box = Box((side, side, 1.1 * side))
     return DVI(Grains.create(where, R, STEEL), box.walls(), [Body("housing")], DviContact(0.3), dt=1e-3,
-               **({"gravity": (0.0, 0.0, -G), "tolerance": 1e-5, "max_sweeps": 500} | more))  # fmt: skip
+               **({"gravity": DOWN, "tolerance": 1e-5, "max_sweeps": 500} | more))  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -37,21 +37,13 @@ def sheared():
     return dvi
 
 
-def _cold(records):
-    records = [a.copy() for a in records]
-    gs.apply_records(-1.0, *records)
-    for rows in (records[3], records[5]):
-        rows[:, gs.RX : gs.RZ + 1] = 0.0
-    return records
-
-
 def _velocities(records):
     return records[0][:, [0, 1, 2, 4, 5, 6]].ravel()
 
 
 def test_over_relaxed_sweeps_have_the_fixed_points_of_plain_ones(sheared):
     """A solution stays where it is, and its residual with it, at any over-relaxation."""
-    records = _cold(sheared._records())
+    records = scaled(sheared._records(), 0.0)
     reached = accelerate_records(None, None, 1e-12, 100_000, *records)[1]
     assert reached <= 1e-12
     solved = [a.copy() for a in records]
@@ -64,7 +56,7 @@ def test_over_relaxed_sweeps_have_the_fixed_points_of_plain_ones(sheared):
 
 def test_sweeps_find_the_velocities_of_the_convex_law(sheared):
     """They are unique: a cone programme with sparse factors must meet them."""
-    sweeps = _cold(sheared._records())
+    sweeps = scaled(sheared._records(), 0.0)
     problem = cone_problem(*sweeps)
     velocity = cone_programme(problem, np.zeros(len(problem.friction)), 1e-10)[1]
     assert swept(1e-9, 200_000, sweeps, convex=True)[1] <= 1e-9
@@ -73,7 +65,7 @@ def test_sweeps_find_the_velocities_of_the_convex_law(sheared):
 
 def test_linearised_shift_solves_exact_coulomb(sheared):
     """One programme, no sweeps: the natural map of the exact law is met, that of the convex law is not."""
-    records = _cold(sheared._records())
+    records = scaled(sheared._records(), 0.0)
     problem = cone_problem(*records)
     impulse, velocity = cone_programme(problem, None, 1e-9, 100)
     world = np.einsum("mi,mij->mj", impulse, problem.frame)

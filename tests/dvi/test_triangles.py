@@ -4,14 +4,11 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from dvi_scenes import DOWN, NONE, STEEL, R, floor
 
 from geometry.triangle_wall import TriangleWall, box_surface
-from geometry.walls import Plane, annulus, cylinder
+from geometry.walls import annulus, cylinder
 from particles import DVI, Body, DemError, DviContact, FreeShaft, Grains, PrescribedSpeed
-
-R = 5e-3
-DOWN = (0.0, 0.0, -9.81)
-NONE = (0.0, 0.0, 0.0)
 
 
 def sheet(slope, body="housing"):
@@ -34,15 +31,14 @@ def grains_on(slope, height):
     where = flat[:, :1] * along + flat[:, 1:] * np.array([0.0, 1.0, 0.0]) + (R + height) * up
     pace = np.array([[0.3, 0.1], [0.4, 0.0], [0.2, 0.2], [-0.1, 0.3]])
     velocity = pace[:, :1] * along + pace[:, 1:] * np.array([0.0, 1.0, 0.0])
-    return Grains.create(where, R, 7850.0, velocity=velocity)
+    return Grains.create(where, R, STEEL, velocity=velocity)
 
 
 @pytest.mark.parametrize(("slope", "height", "restitution", "theta"), [(0.0, 0.0, 0.0, 1.0), (0.3, 2e-3, 0.6, 0.5)])
 def test_a_flat_mesh_is_a_plane(slope, height, restitution, theta):
     """Positions, velocities, spins, forces and the table of contacts, to 1e-9, while grains cross edges and corners."""
-    plane = Plane("floor", "housing", np.zeros(3), np.array([-np.sin(slope), 0.0, np.cos(slope)]))
     made = []
-    for wall in (plane, sheet(slope)):
+    for wall in (floor(slope), sheet(slope)):
         dvi = DVI(grains_on(slope, height), [wall], [Body("housing")], DviContact(0.2, restitution), dt=1e-3,
                   gravity=DOWN, theta=theta)  # fmt: skip
         totals = dvi.run(250)
@@ -75,7 +71,7 @@ def test_a_fast_vane_is_found_beyond_the_skin_and_through_neighbours():
     gaps = np.array([40e-3, 2e-3, 2e-3, 2e-3])
     y = 2e-3 + np.cumsum(gaps) + R * np.arange(1, 8, 2)
     where = np.column_stack([np.full(4, x), y, np.zeros(4)])
-    dvi = _vane(speed, Grains.create(where, R, 7850.0), h, skin=1e-4, tolerance=1e-9)
+    dvi = _vane(speed, Grains.create(where, R, STEEL), h, skin=1e-4, tolerance=1e-9)
     totals = dvi.run(6)
     assert totals.max_overlap < 0.05 and totals.missed_steps == 0
     assert np.linalg.norm(dvi.grains.velocity, axis=1).min() > 0.5 * speed * x
@@ -86,7 +82,7 @@ def test_a_squeezed_grain_is_a_miss_and_does_not_explode():
 
     They meet the grain from 2 mm apart at 0.1 m/s, at 0.02 s; the gap that is left at the end is less than a radius.
     """
-    grains = Grains.create([[0.1, 2e-3 + 1.2 * R, 0.0]], R, 7850.0)
+    grains = Grains.create([[0.1, 2e-3 + 1.2 * R, 0.0]], R, STEEL)
     vane = box_surface("vane", "rotor", (0.06, 0.0, 0.0), (0.12, 4e-3, 0.1))
     rib = box_surface("rib", "housing", (0.06, 4e-3 + 2.4 * R, 0.0), (0.12, 4e-3, 0.1))
     bodies = [Body("rotor", PrescribedSpeed.constant(1.0)), Body("housing")]
@@ -118,7 +114,7 @@ def clutch(**more):
     a, b = np.meshgrid(np.arange(10) * 0.2 * np.pi + 0.3, (-0.013, 0.0, 0.013), indexing="ij")
     a, b = a.ravel(), b.ravel()
     where = np.column_stack([0.039 * np.cos(a), 0.039 * np.sin(a), b])
-    grains = Grains.create(where, 4e-3, 7850.0, velocity=rng.normal(0.0, more.pop("agitation", 0.2), (30, 3)))
+    grains = Grains.create(where, 4e-3, STEEL, velocity=rng.normal(0.0, more.pop("agitation", 0.2), (30, 3)))
     return DVI(grains, walls, bodies, DviContact(0.3, 0.5), dt=5e-4, gravity=more.pop("gravity", NONE),
                tolerance=1e-9, **more)  # fmt: skip
 

@@ -6,11 +6,11 @@ times random numbers between 0 and 2, contact by contact (perturbed).
 
 import numpy as np
 import pytest
-from dvi_scenes import STEEL, G, R
+from dvi_scenes import CORE, DRUM, STEEL, G, R, in_ring
 
 from geometry.triangle_wall import box_surface
-from geometry.walls import AnnularBox, annulus, cylinder
-from particles import Body, DemError, DemErrorKind, FreeShaft, Grains, PrescribedSpeed, pack
+from geometry.walls import annulus
+from particles import Body, DemError, DemErrorKind, FreeShaft, Grains, PrescribedSpeed
 from particles.dvi.dvi import DVI
 from particles.dvi.dvi_contact import DviContact
 
@@ -18,20 +18,13 @@ pytestmark = pytest.mark.physics
 
 H = 1e-3
 TOLERANCE = 1e-11
-CORE, DRUM = 0.012, 0.042
 INERTIA = 1e-4  # of the drum: that of 50 grains at its radius
 STARTS = ("cold", "warm", "perturbed", "perturbed")
 
 
 def _bed(friction, seed, steps=300, n=60):
     """Grains settled on the floor of a drum on a free shaft, sheared by a core that turns at 20 rad/s."""
-    high = 0.06
-    walls = [
-        cylinder("core", "rotor", CORE, 0.0, high), cylinder("shell", "drum", DRUM, 0.0, high),
-        annulus("low", "drum", 0.0, CORE, DRUM), annulus("high", "drum", high, CORE, DRUM),
-    ]  # fmt: skip
-    radius = R * np.random.default_rng(seed).uniform(0.8, 1.0, n)
-    grains = Grains.create(pack(AnnularBox(CORE, DRUM, 0.0, high), walls, n, R, seed=seed), radius, STEEL)
+    grains, walls = in_ring(n, seed, 0.06, sizes=(0.8, 1.0))
     bodies = [Body("rotor", PrescribedSpeed.constant(20.0)), Body("drum", FreeShaft(INERTIA))]
     dvi = DVI(grains, walls, bodies, DviContact(0.4), dt=H, gravity=(0.0, 0.0, -G), friction=friction,
               tolerance=1e-6, max_sweeps=5000)  # fmt: skip
@@ -191,11 +184,7 @@ def test_a_jammed_bed_between_driven_walls_stays_finite(seed):
     """
     n, speed = 60, 10.0
     high = n * 4.0 / 3.0 * R**3 / (0.4 * (DRUM**2 - CORE**2))
-    walls = [
-        cylinder("core", "rotor", CORE, 0.0, high), cylinder("shell", "drum", DRUM, 0.0, high),
-        annulus("low", "rotor", 0.0, CORE, DRUM), annulus("high", "drum", high, CORE, DRUM),
-    ]  # fmt: skip
-    grains = Grains.create(pack(AnnularBox(CORE, DRUM, 0.0, high), walls, n, R, seed=seed), R, STEEL)
+    grains, walls = in_ring(n, seed, high, low="rotor")
     bodies = [Body("rotor", PrescribedSpeed.constant(speed)), Body("drum", PrescribedSpeed.constant(-speed))]
     dvi = DVI(grains, walls, bodies, DviContact(0.8), dt=H, gravity=(0.0, 0.0, -G), tolerance=1e-6, max_sweeps=500)
     totals = dvi.run(25)

@@ -8,7 +8,7 @@ import shutil
 import pytest
 from full_disk import full_disk
 from killed_run import Death, KilledRun, differences, record_of
-from test_coupled_run import CELL
+from sheared_annulus import CELL
 from typer.testing import CliRunner
 
 import emclutch
