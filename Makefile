@@ -7,9 +7,10 @@ BIN    := $(VENV)/bin
 GMSH_LIBRARIES := libGLU.so.1 libGL.so.1 libXrender.so.1 libXcursor.so.1 libXft.so.2 libXinerama.so.1 libXfixes.so.3 libgomp.so.1
 GMSH_PACKAGES  := libglu1-mesa libgl1 libxrender1 libxcursor1 libxft2 libxinerama1 libxfixes3 libgomp1
 
-.PHONY: run test bench stability setup lint sweep docs dist clean
+.PHONY: run test laws bench stability setup lint sweep docs dist clean
 run: setup ; @$(BIN)/emclutch run $(CASE)
-test: setup ; $(BIN)/python -m pytest -n 2 --dist loadfile --durations=30 tests/unit tests/physics tests/cases
+test: setup ; $(BIN)/python -m pytest -n 2 --dist loadfile --durations=30
+laws: ; @$(PYTHON) tests/project/laws.py
 bench: setup ; $(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]' && $(BIN)/python tests/benchmarks/bench.py
 stability: setup ; $(BIN)/python tests/hard/all_parts.py runs/stability
 sweep: setup ; $(BIN)/emclutch sweep cases/current_to_torque.toml

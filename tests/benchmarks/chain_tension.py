@@ -16,7 +16,7 @@ from field import MU_0, GrainLaw
 
 A, LAW, GAPS = 1e-4, GrainLaw(999.0, 1.7e6), (0.001, 0.03, 0.1)
 FIELDS = np.array([1, 5, 18, 46, 80, 120, 200, 300, 500]) * 1e3  # A/m
-# [mu_0 Ms^2 a^2], p = 4; tests/physics/test_magnetised_contact.py has the same numbers
+# [mu_0 Ms^2 a^2], p = 4; tests/coupling/test_magnetised_contact.py has the same numbers
 ELEMENTS = {
     0.001: (1.717e-3, 0.01632, 0.06616, 0.1689, 0.2804, 0.3923, 0.5563, 0.6585, 0.6819),
     0.03: (6.240e-5, 1.557e-3, 0.02003, 0.1076, 0.2171, 0.3300, 0.4993, 0.6093, 0.6377),

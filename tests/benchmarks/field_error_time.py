@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "physics")]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "field")]
 
 from air_coil import NI, Reference, coil_in_air  # noqa: E402
 

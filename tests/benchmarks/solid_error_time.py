@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "physics")]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "field"), str(ROOT / "tests" / "field_3d")]
 
 import numpy as np  # noqa: E402
 import sector_grid_3d as grid  # noqa: E402

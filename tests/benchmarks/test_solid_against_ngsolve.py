@@ -5,14 +5,11 @@ lies between, and the two are as close as the mesh is fine. Run: ``pytest tests/
 """
 
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 pytest.importorskip("ngsolve")
-sys.path.insert(0, str(Path(__file__).parent))
 
 from ngsolve_oracle import law_spline, solve_section
 from ngsolve_solid import mesh_3d, solve_3d

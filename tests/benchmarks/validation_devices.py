@@ -31,7 +31,7 @@ from field.coil.coil_circuit import CircuitState, LinearisedCoil, solve_at_flux_
 from field.coil.inductance import apparent_inductance
 from field.section.maxwell_force import axial_force
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "physics"))  # the coil in air
+sys.path.append(str(Path(__file__).resolve().parents[1] / "field"))  # the coil in air
 CASES = Path(__file__).resolve().parents[2] / "cases" / "validation"
 
 

@@ -1,0 +1,142 @@
+"""The command line's own words: help, settings, the torque's line, progress."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pandas
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from emclutch import __version__
+from emclutch.cli.errors import explained
+from emclutch.cli.input import assignments, load
+from emclutch.cli.main import app
+from emclutch.cli.output import torque_line
+from emclutch.results import OutputError
+from emclutch.results.report.markdown import closing_lines, soft_grains
+from emclutch.scene.case import load_case
+from emclutch.scene.reference import scene_reference
+from emclutch.simulation.resume import refuse_other_scene
+from emclutch.simulation.run import Interrupted, remedy_in_scene
+from particles import DemError, DemErrorKind
+
+GOOD = Path(__file__).parents[1] / "scene" / "broken" / "good.toml"
+
+
+def test_settings_are_toml_or_text():
+    given = [
+        "coil.current=0.8 A",
+        "particles.count = 12",
+        "output.formats=['vtk']",
+        "output.pictures=false",
+        "a.b=c=d",
+    ]
+    assert assignments(given) == {
+        "coil.current": "0.8 A",
+        "particles.count": 12,
+        "output.formats": ["vtk"],
+        "output.pictures": False,
+        "a.b": "c=d",
+    }
+
+
+def test_every_command_has_help():
+    names = [command.name or command.callback.__name__ for command in app.registered_commands]
+    assert {"run", "check", "sweep", "accuracy", "mesh", "plot", "materials", "schema", "doctor"} <= set(names)
+    for name in names:
+        result = CliRunner().invoke(app, [name, "--help"])
+        assert result.exit_code == 0
+
+
+def test_schema_goes_to_the_terminal_or_a_file(tmp_path):
+    printed = CliRunner().invoke(app, ["schema"])
+    assert CliRunner().invoke(app, ["schema", "--out", str(tmp_path / "schema.json")]).exit_code == 0
+    assert json.loads(printed.output) == json.loads((tmp_path / "schema.json").read_text())
+
+
+def test_materials_are_listed_with_their_source():
+    result = CliRunner().invoke(app, ["materials"])
+    assert result.exit_code == 0 and "steel_1010" in result.output
+
+
+def test_torque_comes_with_its_error():
+    good = {"mean": 1.2345, "standard_error": 0.0123, "converged": True, "reason": ""}
+    assert torque_line(good) == "torque on the disc: 1.234 +- 0.012 N m"
+    assert torque_line({**good, "converged": False, "reason": "not converged: too short"}).endswith(
+        "not converged: too short"
+    )
+    assert torque_line(None) == "torque on the disc: none"
+
+
+def test_a_lock_and_soft_grains_are_told_last():
+    last = pandas.DataFrame({"rotor_speed": [0.0, 10.0 * math.pi], "disc_speed": [0.0, 9.0 * math.pi]})
+    compliant = {"method": "dvi", "compliant": True, "stiffness": 2e4}
+    soft = {"contact": compliant, "max_overlap": 0.05, "lock_up_time": 1.25}
+    assert closing_lines(SimpleNamespace(summary=soft, history=last)) == [
+        "output locked at 1.25 s, at 270 rpm at the end",
+        "caution: the largest overlap is 5 % of the diameter: grains too soft; torque peaks are not to be trusted",
+    ]
+    slips = {"contact": compliant, "max_overlap": 0.02, "lock_up_time": None}
+    (line,) = closing_lines(SimpleNamespace(summary=slips, history=last))
+    assert line == "output not locked: 270 rpm at the end, the motor 300 rpm"
+    # the words of the plan decide nothing
+    rigid = {"contact": {"compliant": False}, "plan": {"stiffness": "none"}, "max_overlap": 0.05}
+    assert closing_lines(SimpleNamespace(summary=rigid, history=last)) == []
+
+
+def test_soft_grains_are_told_of_runs_of_earlier_versions():
+    assert "grains too soft" in soft_grains({"plan": {"stiffness": "k_n = 1 N/m"}, "max_overlap": 0.05})
+    assert soft_grains({"plan": {}, "solver": {"tolerance": 1e-6}, "max_overlap": 0.05}) == ""
+
+
+@pytest.mark.parametrize(
+    ("values", "told"),
+    [
+        ({"contact.stiffness": "20 kN/m"}, "raise contact.stiffness = 20000 fourfold"),
+        ({"contact.law": "hertz"}, "lower contact.max_overlap = 0.005 to a quarter, or give contact.hertz_stiffness"),
+    ],
+)
+def test_grains_pressed_in_too_far_name_the_key(values, told):
+    case = load_case(GOOD, values)
+    pressed_in = DemError(DemErrorKind.OVERLAP, "it is 11 % inside a wall", "raise it", 3, np.zeros(3), 0.1)
+    text = remedy_in_scene(case, pressed_in)
+    assert told in text and "take another --out, not --resume" in text
+    escaped = DemError(DemErrorKind.ESCAPED, "it overlaps nothing any more", "", 3, np.zeros(3), 0.1)
+    assert remedy_in_scene(case, escaped) == ""
+    with pytest.raises(OutputError, match="a changed contact needs a new run"):
+        refuse_other_scene("[contact]\nfriction = 0.1", "[contact]\nfriction = 0.2", "runs/a")
+
+
+def test_none_and_off_remove_and_on_adds():
+    given = ["effects.gravity=off", "effects.dipoles=on", "coil.voltage=none", "scene.title='none'"]
+    assert assignments(given) == {
+        "effects.gravity": None, "effects.dipoles": {}, "coil.voltage": None, "scene.title": "none",
+    }  # fmt: skip
+
+
+def test_an_effect_that_is_on_keeps_its_entries(tmp_path):
+    text = GOOD.read_text().replace("[effects.dipoles]", "[effects.dipoles]\ncutoff = 3.5", 1)
+    (tmp_path / "scene.toml").write_text(text)
+    kept = load(tmp_path / "scene.toml", ["effects.dipoles=on", "effects.wall_images=on"]).scene.effects
+    assert kept.dipoles.cutoff == 3.5 and kept.wall_images is not None
+
+
+def test_version_is_told():
+    assert CliRunner().invoke(app, ["--version"]).output == f"emclutch {__version__}\n"
+
+
+def test_ctrl_c_is_no_failure(capsys):
+    with pytest.raises(typer.Exit) as stopped, explained():
+        raise Interrupted("stopped at t = 1 s")
+    assert stopped.value.exit_code == 130 and capsys.readouterr().err == "stopped at t = 1 s\n"
+
+
+def test_the_page_of_keys_is_what_the_models_say():
+    page = Path(__file__).parents[2] / "docs" / "scene.md"
+    assert page.read_text(encoding="utf-8") == scene_reference(), "emclutch schema --markdown > docs/scene.md"

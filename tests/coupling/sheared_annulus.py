@@ -1,0 +1,33 @@
+"""Runs of a sheared annulus of grains in a uniform field, and the states that they end in."""
+
+import numpy as np
+
+import emclutch
+from emclutch.results.checkpoint import read_checkpoint
+from emclutch.scene.case import case_from
+
+CELL = {
+    "scene": {"title": "sheared annulus", "seed": 3},
+    "geometry": {"kind": "shear_cell", "inner_radius": 10e-3, "outer_radius": 11.2e-3, "height": 2e-3},
+    "field": {"source": "uniform", "field_strength": "150 kA/m", "direction": "radial"},
+    "particles": {"diameter": "0.3 mm", "solid_fraction": 0.35, "sector": "20 deg"},
+    "motion": {"rotor": {"speed": "300 rpm"}, "disc": {"speed": 0.0}},
+    "effects": {"magnetic_force": {}, "dipoles": {"cutoff": 2.5}, "saturation": {}},
+    "time": {"end": "1 ms"},
+    "output": {"snapshots": 0, "pictures": False, "formats": []},
+}
+
+
+def run(folder, name, values=None, **options):
+    """The annulus with other ``values`` of its keys, into the folder ``name``."""
+    return emclutch.run(case_from(CELL, values), out=folder / name, **options)
+
+
+def state(folder, name):
+    """The grains at the end of a run, as its checkpoint has them."""
+    return read_checkpoint(folder / name / "checkpoint.h5")["dem"]
+
+
+def same(a, b):
+    """Whether two of these states are one, bit for bit."""
+    return all(np.array_equal(a[key], b[key]) for key in ("where", "motion", "particle_id"))

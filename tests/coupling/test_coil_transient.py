@@ -1,0 +1,250 @@
+"""The coil's transients as the coupled loop takes them: by windows, with a fill that moves, stopped and resumed."""
+
+import numpy as np
+import pytest
+from graded_lines import graded_lines
+from section_grid import section_grid
+
+from coupling import CircuitCoilField, CoilField, EddyCoilField
+from field import AxisymmetricProblem, GrainLaw, LinearLaw, PowderLaw, material
+from field.coil.inductance import apparent_inductance
+from field.coil.winding import Winding
+from field.section.eddy_currents import EddyCurrentProblem, VoltageDrive
+from geometry import Clutch, mesh_clutch
+
+pytestmark = pytest.mark.physics
+
+N, R, V = 400, 8.0, 16.0
+WINDOW, WINDOWS = 2e-4, 120
+
+
+@pytest.fixture(scope="module")
+def problem():
+    """A pot core around a powder-filled slit, coarse."""
+    r = np.unique(np.round(np.concatenate((graded_lines(2e-3, (0.0, 20e-3), (0.0, 0.1)), [8e-3, 16e-3, 20e-3])), 9))
+    z = np.unique(np.round(np.concatenate((graded_lines(2e-3, (0.0, 16e-3), (0.0, 0.1)), [0.5e-3, 12e-3])), 9))
+    regions = {
+        "core": (0.0, 20e-3, -16e-3, 16e-3),
+        "coil": (8e-3, 16e-3, -12e-3, 12e-3),
+        "powder": (2e-3, 8e-3, -0.5e-3, 0.5e-3),
+        "pin": (0.0, 2e-3, -0.5e-3, 0.5e-3),
+    }
+    mesh = section_grid(r, np.concatenate((-z, z)), regions)
+    laws = {"core": material("steel_1010"), "pin": LinearLaw()}
+    return AxisymmetricProblem(mesh, laws, powder_law=PowderLaw(GrainLaw(273.0, 1.5e6)))
+
+
+def circuit_source(problem, **more):
+    more = {"voltage": lambda t: V, "resistance": R, "largest_current": V / R, "current_tolerance": 0.02, **more}
+    volume = np.ones(problem.powder_elements.size)
+    return CircuitCoilField(problem, N, fill_tolerance=0.05, element_volume=volume, **more)
+
+
+def eddy_source(problem, sigma=5e6, **more):
+    return EddyCoilField(problem, N, eddy=EddyCurrentProblem(problem, {"core": sigma}, turns=N), **more)
+
+
+def march(source, fill_at=None, windows=WINDOWS, first=0):
+    """(rows of the history, fields solved)."""
+    rows, new = [], 0
+    for k in range(first, windows):
+        fill = None if fill_at is None else fill_at(k)
+        new += source.refresh(k * WINDOW, fill)
+        rows.append(source.window_row((k + 1) * WINDOW))
+    return rows, new
+
+
+def test_course_of_the_current_is_as_it_was(problem):
+    """Without the effects nothing has changed: the plain source solves exactly what the problem solves, bit for bit."""
+    source = CoilField(problem, N, lambda t: 1.0 + 100.0 * t)
+    guess = None
+    for time in (0.0, 0.02, 0.05):
+        source.refresh(time)
+        guess = problem.solve(N * (1.0 + 100.0 * time), guess=guess)
+        assert np.array_equal(source.solution.psi, guess.psi)
+    assert not source.refresh(0.05001) and source.solves == 3
+    assert source.window_row(0.06) == {"current": 7.0}
+
+
+def test_current_rises_and_the_energies_close(problem):
+    source = circuit_source(problem)
+    rows, new = march(source)
+    current = np.array([row["current"] for row in rows])
+    assert np.all(np.diff(current) > 0.0) and 0.8 * V / R < current[-1] < V / R
+    assert 20 < new < 70, "a solve for every two per cent of the current"
+    supplied, copper, into_field = (
+        sum(row[name] for row in rows) for name in ("coil_supplied", "copper_loss", "into_field")
+    )
+    assert supplied == pytest.approx(copper + into_field, rel=1e-12)
+    end = WINDOWS * WINDOW
+    stored = problem.solve(N * source.current(end)).energy
+    # the lines between solves: of second order in the tolerance of 2 %
+    assert into_field == pytest.approx(stored, rel=5e-3)
+    assert V * np.sum(current) * WINDOW == pytest.approx(supplied, rel=0.02)
+
+
+def test_moving_powder_changes_the_current_and_not_the_linkage(problem):
+    """The fill rises at once: the linkage goes on, the current drops to what the better iron circuit needs."""
+    jump = 60
+
+    def fill_at(k):
+        return np.full(problem.powder_elements.size, 0.1 if k < jump else 0.5)
+
+    source = circuit_source(problem, begin_steady=True)
+    rows, _ = march(source, fill_at, jump)
+    before = source.circuit
+    source.refresh(jump * WINDOW, fill_at(jump))
+    after = source.circuit
+    assert after.linkage == pytest.approx(before.linkage, rel=1e-6)
+    assert after.current < 0.98 * before.current
+    assert source.solution.flux_linkage(N) == pytest.approx(after.linkage, rel=1e-9)
+    assert rows[-1]["current"] == pytest.approx(V / R, rel=1e-6), "steady before"
+    # and comes back to V/R in the end
+    rows, _ = march(source, fill_at, jump + 600, jump + 1)
+    assert rows[-1]["current"] == pytest.approx(V / R, rel=1e-2)
+
+
+@pytest.mark.parametrize("kind", ["circuit", "eddy at a voltage", "eddy at a current"])
+def test_resumed_is_bit_for_bit_what_went_on(problem, kind):
+    def build():
+        if kind == "circuit":
+            return circuit_source(problem)
+        if kind == "eddy at a voltage":
+            return eddy_source(problem, voltage=VoltageDrive(lambda t: V, R))
+        return eddy_source(problem, current=lambda t: min(1.0, 200.0 * t))
+
+    whole = build()
+    rows, _ = march(whole, windows=50)
+    first = build()
+    march(first, windows=23)
+    second = build()
+    second.restore(first.state())
+    rest, _ = march(second, windows=50, first=23)
+    assert rest == rows[23:]
+    assert np.array_equal(second.solution.psi, whole.solution.psi)
+    assert build().state() is None
+
+
+def test_eddy_currents_vanish_with_the_conductivity(problem):
+    """sigma -> 0: the field with eddy currents is that of the circuit."""
+    circuit = circuit_source(problem, current_tolerance=0.01)
+    eddy = eddy_source(problem, 0.0, voltage=VoltageDrive(lambda t: V, R), change_tolerance=0.01)
+    expected = np.array([row["current"] for row in march(circuit)[0]])
+    found = np.array([row["current"] for row in march(eddy)[0]])
+    # the one tells the current at the window's end, the other the one of its last step
+    assert np.abs(found[1:] - expected[:-1]).max() < 0.03 * V / R
+
+
+def test_eddy_source_balances_its_energy_and_rests(problem):
+    source = eddy_source(problem, voltage=VoltageDrive(lambda t: V, R), change_tolerance=0.01)
+    rows, new = march(source, windows=400)
+    supplied, copper, eddy = (sum(row[name] for row in rows) for name in ("coil_supplied", "copper_loss", "eddy_loss"))
+    stored = source.solution.energy
+    assert supplied == pytest.approx(copper + eddy + stored, rel=2e-3)
+    assert eddy > 1e-3 * stored
+    late = source.solves
+    march(source, windows=600, first=400)
+    assert new < 250 and source.solves - late < 10, "a field at rest is left alone"
+    static = problem.solve(N * V / R)
+    assert np.abs(source.solution.psi - static.psi).max() < 0.02 * np.abs(static.psi).max()
+
+
+def test_prescribed_current_is_followed_by_a_late_field(problem):
+    """The current is there at once, the flux is not; after the switch it stays a while."""
+    source = eddy_source(problem, current=lambda t: 1.0 if t < 30.5 * WINDOW else 0.0, breaks=(30.5 * WINDOW,))
+    full = problem.solve(N * 1.0).flux_linkage_per_turn
+    shares = []
+    for k in range(60):
+        source.refresh(k * WINDOW)
+        shares.append(source.solution.flux_linkage_per_turn / full)
+    assert shares[0] == 0.0 and 0.05 < shares[2] < 0.95 and shares[30] > 0.9
+    assert 0.02 < shares[32] < shares[31] < shares[30] and shares[59] < 0.1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"), [({"resistance": 0.0}, "resistance"), ({"resistance": np.nan}, "resistance")]
+)
+def test_bad_circuits_are_explained(problem, arguments, words):
+    with pytest.raises(ValueError, match=words):
+        circuit_source(problem, **arguments)
+
+
+def test_bad_eddy_sources_are_explained(problem):
+    with pytest.raises(ValueError, match="current or a voltage"):
+        eddy_source(problem)
+    with pytest.raises(ValueError, match="same field problem"):
+        EddyCoilField(problem, 2 * N, current=lambda t: 1.0, eddy=EddyCurrentProblem(problem, {}, turns=N))
+
+
+def test_rise_of_a_clutch_at_a_voltage():
+    """The quickstart's clutch at 24 V: rise of current and flux, in air gaps and saturated, without and with eddy
+    currents. Solid steel delays the flux the more, the better it conducts; in saturation the current rises sooner."""
+    clutch = Clutch(
+        disc_radius=20e-3, disc_thickness=8e-3, gap=1e-3, face_gap=1e-3, seal_radius=19e-3, rotor_wall=3e-3,
+        ring_width=3e-3, cover_thickness=2e-3, clearance=0.3e-3, coil_width=6e-3, coil_height=6e-3, yoke=4e-3,
+        shaft_radius=4e-3,
+    )  # fmt: skip
+    mesh = mesh_clutch(clutch, gap_layers=3, size_factor=2.5)
+    iron = ("disc", "rotor", "housing")
+    laws = {name: material("steel_1010" if name in iron else "air") for name in mesh.regions if name != "coil"}
+    problem = AxisymmetricProblem(mesh, laws)
+    winding = Winding(500.0, clutch.coil_area, clutch.coil_mean_radius)
+    static = {}
+    rise: dict[tuple[float, float], tuple[float, float]] = {}
+    for voltage in (24.0, 480.0):
+        final = voltage / winding.resistance
+        static[voltage] = problem.solve(500.0 * final).flux_linkage(500.0)
+        for sigma in (0.0, 2e6, 7e6):
+            eddy = EddyCurrentProblem(problem, dict.fromkeys(iron, sigma), turns=500.0)
+            states = eddy.run(
+                eddy.at_rest(), 0.03, VoltageDrive(lambda t, v=voltage: v, winding.resistance), tolerance=1e-2
+            )
+            t, i, linkage = np.array([(s.time, s.current, s.linkage) for s in states]).T
+            rise[voltage, sigma] = (
+                float(np.interp(0.632 * final, i, t)),
+                float(np.interp(0.95 * static[voltage], linkage, t)),
+            )
+    for voltage in (24.0, 480.0):
+        current, flux = (np.array([rise[voltage, sigma][k] for sigma in (0.0, 2e6, 7e6)]) for k in (0, 1))
+        assert np.all(np.diff(flux) > 0.0), rise
+        assert np.all(current < flux), rise
+    # without eddy currents and below saturation: L/R
+    tau = apparent_inductance(problem.solve(50.0), 500.0) / winding.resistance
+    assert rise[24.0, 0.0][0] == pytest.approx(tau, rel=0.05)
+    assert rise[480.0, 0.0][0] < 0.8 * tau, rise
+
+
+@pytest.mark.parametrize("steel", ["steel_1010", "dc01"])
+def test_current_of_a_closed_iron_circuit_does_not_lag_its_linkage(steel):
+    """No gap: past the knee the current runs away within a per cent of the linkage, and before it hardly moves.
+
+    Against lambda(i) of a fine sweep and Runge-Kutta on V = R i + d lambda/dt.
+    """
+    from field import FluxLinkageCurve
+
+    r = np.unique(np.round(np.concatenate((graded_lines(4e-3, (0.0, 20e-3), (0.0, 0.1)), [8e-3, 16e-3])), 9))
+    z = np.unique(np.round(np.concatenate((graded_lines(4e-3, (0.0, 16e-3), (0.0, 0.1)), [12e-3])), 9))
+    regions = {"core": (0.0, 20e-3, -16e-3, 16e-3), "coil": (8e-3, 16e-3, -12e-3, 12e-3)}
+    mesh = section_grid(r, np.concatenate((-z, z)), {**regions, "powder": (40e-3, 60e-3, -16e-3, 16e-3)})
+    closed = AxisymmetricProblem(mesh, {"core": material(steel)})
+    source = CircuitCoilField(
+        closed, N, voltage=lambda t: V, resistance=R, largest_current=V / R, current_tolerance=0.02
+    )
+    curve = FluxLinkageCurve.of(closed, N, 1.01 * V / R, points=121)
+    linkage, worst, window = 0.0, 0.0, 1e-4
+    for k in range(400):
+        source.refresh(k * window)
+        for _ in range(4):  # classical Runge-Kutta
+
+            def slope(at):
+                return V - R * float(curve.current(at))
+
+            h = window / 4
+            a = slope(linkage)
+            b = slope(linkage + 0.5 * h * a)
+            c = slope(linkage + 0.5 * h * b)
+            linkage += h / 6.0 * (a + 2.0 * b + 2.0 * c + slope(linkage + h * c))
+        if k > 0:  # DC01's permeability of 5 at rest makes the first window's line a steep one
+            worst = max(worst, abs(source.current((k + 1) * window) - float(curve.current(linkage))))
+    assert worst < 0.03 * V / R
+    assert source.solves < 200

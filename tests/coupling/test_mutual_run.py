@@ -1,0 +1,187 @@
+"""Runs whose grains magnetise one another: balances, the axis takes no torque, resuming, threads, bad input."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sheared_annulus import CELL, run, same, state
+
+import emclutch
+from coupling import ImposedField
+from coupling.wall_reflection import steel_walls
+from emclutch.device.device import build_device
+from emclutch.results.checkpoint import read_checkpoint
+from emclutch.scene.case import SceneError, case_from
+from emclutch.simulation.assembly import field_source
+from emclutch.simulation.run import RunError
+
+pytestmark = pytest.mark.physics
+
+CASES = Path(__file__).resolve().parents[2] / "cases"
+NEAR = {
+    "effects.dipoles.model": "near_field",
+    "effects.rolling_friction": {},  # no law here needs it: so the grains' step is that of the drums, compiled once
+    "effects.dipoles.tolerance": 1e-6,
+    "field.field_strength": "60 kA/m",
+    "time.end": "0.2 ms",
+}
+
+
+def test_a_field_of_revolution_takes_no_torque(tmp_path):
+    """sum x x F = sum V M x B_0 and the hoop force of the field cancel: what is left is the moments' residual.
+
+    With fixed moments the same sum is a tenth of the torque and more.
+    """
+    left = {}
+    for model in ("fixed", "near_field"):
+        values = NEAR | {"effects.dipoles.model": model, "effects.dipoles.update_every": 1, "time.end": "20 us"}
+        history = run(tmp_path, model, values).history
+        left[model] = history["torque_field"].abs().max() / history["torque_field_gradient"].abs().max()
+    assert left["fixed"] > 1e-2
+    assert left["near_field"] < 1e-5, left
+
+
+def test_torque_balance_closes_to_round_off(tmp_path):
+    values = NEAR | {"effects.dipoles.update_every": 1, "time.end": "20 us", "time.window": 5e-6}
+    history = run(tmp_path, "balance", values).history
+    assert history["torque_residual"].abs().max() < 1e-9 * history["torque_rotor"].abs().max()
+    assert 0.0 < history["moment_residual"].max() <= 1e-6 and (history["moment_sweeps"] > 0).all()
+
+
+def test_it_resumes_bit_for_bit(tmp_path):
+    run(tmp_path, "whole", NEAR)
+    run(tmp_path, "part", NEAR | {"time.end": "0.1 ms"})
+    run(tmp_path, "part", NEAR, resume=True)
+    assert same(state(tmp_path, "whole"), state(tmp_path, "part"))
+
+
+LAYERS = NEAR | {"geometry.steel": True, "effects.wall_images": {}, "field.means": "macroscopic"}
+
+
+def test_layers_between_steel_faces_change_the_mean_field(tmp_path):
+    """r (H_r + M_r) is the same at every radius, as far as moments and field agree; resumed it is so bit for bit.
+
+    Grains keep half a diameter from the faces: there is less powder, and more field.
+    """
+    found = {}
+    for name, ends in (("whole", ["40 us"]), ("part", ["20 us", "40 us"])):
+        for n, end in enumerate(ends):
+            values = {"effects.dipoles.tolerance": 1e-3, "time.window": 1e-5, "time.end": end}
+            history = run(tmp_path, name, LAYERS | values, resume=n > 0).history
+        found[name] = state(tmp_path, name)
+        source = read_checkpoint(tmp_path / name / "checkpoint.h5")["source"]
+        found[name]["h"] = source["h"]
+    assert same(found["whole"], found["part"]) and np.array_equal(found["whole"]["h"], found["part"]["h"])
+    assert 0.0 < history["moment_residual"].max() <= 1e-3
+    case = case_from(CELL, LAYERS | values)
+    device = build_device(case.scene)
+    layers = field_source(case.scene, device, [], None)
+    layers.restore({"h": found["whole"]["h"]})
+    before = layers.strength
+    dem = found["whole"]
+    layers.follow(np.ascontiguousarray(dem["where"][:, :3]), dem["magnetic_moment"])
+    flux = layers.radius * (before + layers.magnetisation)
+    assert np.ptp(flux) < 0.05 * np.ptp(layers.radius * layers.magnetisation)
+    assert before[0] > 1.1 * before.min() < before[-1] / 1.1
+
+
+def test_without_images_or_steel_the_macroscopic_field_is_even():
+    for off in ({"effects.wall_images": None}, {"geometry.steel": False}, {"field.means": "applied"}):
+        case = case_from(CELL, LAYERS | off)
+        assert isinstance(field_source(case.scene, build_device(case.scene), [], None), ImposedField), off
+
+
+def test_where_layers_are_left_out_it_is_told():
+    left_out = "what layers of grains there change in it"
+    assert not any(left_out in line for line in case_from(CELL, LAYERS).warnings)
+    assert any(left_out in line for line in case_from(CELL, LAYERS | {"field.direction": "axial"}).warnings)
+
+
+def test_the_pull_of_every_step_is_the_held_one_where_that_is_renewed_at_every_step(tmp_path, monkeypatch):
+    """Handing the near pull over to the grains' own step moves none from pair to pair; steel walls included.
+
+    Renewed at every tenth step instead, the speeds differ ten times more where the pull is held.
+    """
+    steel = {"geometry.steel": True, "effects.wall_images": {}, "time.end": "20 us", "effects.dipoles.tolerance": 1e-8}
+    ends = {}
+    for every in (1, 10):
+        for own in (True, False):
+            with monkeypatch.context() as patch:
+                if not own:
+                    patch.setattr("emclutch.simulation.assembly.NearAttraction", lambda solver, walls: None)
+                run(tmp_path, f"{every}-{own}", NEAR | steel | {"effects.dipoles.update_every": every})
+            dem = state(tmp_path, f"{every}-{own}")
+            ends[every, own] = dem["motion"][np.argsort(dem["particle_id"])][:, :3]
+    speed = np.sqrt((ends[1, True] ** 2).mean())
+    assert np.abs(ends[1, True] - ends[1, False]).max() < 1e-6 * speed
+    late = [np.sqrt(((ends[10, own] - ends[1, True]) ** 2).mean()) / speed for own in (True, False)]
+    assert late[0] < 0.2 * late[1], late  # measured: 0.4 % and 4.6 %
+
+
+def test_how_the_moments_did_is_in_the_summary(tmp_path):
+    values = NEAR | {"time.end": "20 us", "effects.dipoles.update_every": 5}
+    moments = run(tmp_path, "told", values).summary["moments"]
+    assert moments["model"] == "near_field" and 0.0 < moments["worst_residual"] <= moments["tolerance"]
+    assert 1.0 <= moments["sweeps_per_update"] <= 60.0
+    assert 0.0 < moments["necks_over_contact_stiffness"] < 0.1 and "caution" not in moments
+
+
+def test_moments_that_do_not_converge_stop_the_run(tmp_path, monkeypatch):
+    monkeypatch.setattr("coupling.mutually_magnetised_grains.MOST_SWEEPS", 1)
+    monkeypatch.setattr("coupling.mutually_magnetised_grains.LOST", 1e-9)
+    with pytest.raises(RunError, match=r"moments of the grains did not converge: residual .* after 1 sweeps"):
+        run(tmp_path, "lost", NEAR)
+
+
+def test_steel_mirrors_as_its_permeability_says():
+    """k = (mu - 1)/(mu + 1) of a linear rotor; of saturated steel less, and none of what is not magnetic."""
+    found = {}
+    for name, material, current in (
+        ("linear", {"law": "linear", "relative_permeability": 50.0}, 0.1),
+        ("weak", {"law": "froehlich", "susceptibility": 2000.0, "saturation": "1.6 MA/m"}, 0.01),
+        ("strong", {"law": "froehlich", "susceptibility": 2000.0, "saturation": "0.05 MA/m"}, 50.0),
+    ):
+        parts = dict.fromkeys(("rotor", "disc", "cover"), "own")
+        values = {"materials": {"own": material}, "geometry.materials": parts, "coil.current": current}
+        case = emclutch.load_case(CASES / "quickstart.toml").with_values(values)
+        device = build_device(case.scene)
+        walls = device.walls()
+        turns = device.coil.turns
+        solution = device.coil.problem.solve(turns * current, fill=np.zeros(len(device.coil.problem.powder_elements)))
+        found[name] = steel_walls(walls, solution)[:, 5]
+        assert len(found[name]) == sum(wall.magnetic for wall in walls) > 0
+        assert np.all(steel_walls(walls)[:, 5] == 1.0)
+    assert found["linear"] == pytest.approx(49.0 / 51.0, rel=1e-6)
+    assert np.all(found["weak"] > 0.99)
+    assert np.all(found["strong"] < 0.9) and np.all(found["strong"] >= 0.0)
+
+
+def test_near_contacts_carry_more_than_dipoles(tmp_path):
+    """At 60 kA/m, steel cylinders: the torque of fixed dipoles is several times too small."""
+    steel = {"geometry.steel": True, "effects.wall_images": {}, "time.end": "0.6 ms"}
+    torque = {}
+    for model in ("fixed", "near_field"):
+        history = run(tmp_path, model, NEAR | steel | {"effects.dipoles.model": model}).history
+        torque[model] = float(np.mean(history["torque_rotor"][-10:]))
+    assert abs(torque["near_field"]) > 3.0 * abs(torque["fixed"]), torque
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"effects.dipoles.cutoff": 1.5}, "at least 1.8 diameters"),
+        ({"effects.dipoles.model": "fixed", "field.means": "macroscopic"}, "is not used by effects.dipoles.model"),
+        ({"field.means": "macroscopic", "effects.dipoles.cutoff": 1.8}, "at least 2 diameters"),
+        (LAYERS | {"geometry.outer_radius": 10.55e-3}, "at least 2 diameters between steel faces"),
+        ({"particles.law": "thesis"}, "M = chi H has no material"),
+        ({"effects.dipoles.surface_gap": 0.0}, "surface_gap"),
+    ],
+)
+def test_what_cannot_be_is_told(values, words):
+    with pytest.raises(SceneError, match=words):
+        case_from(CELL, NEAR | values)
+
+
+def test_near_field_needs_saturation():
+    with pytest.raises(SceneError, match="needs grains that saturate"):
+        case_from(CELL | {"effects": {"dipoles": {"model": "near_field"}}})

@@ -1,0 +1,139 @@
+"""A clutch with slots in one body: the field turns with it, and what it does to the grains comes back to that body."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import emclutch
+from coupling import CoilField3D
+from coupling.coil_field_3d import TurningSampler
+from emclutch.results.checkpoint import read_checkpoint
+from emclutch.scene.case import load_case
+from emclutch.simulation.assembly import assemble
+from emclutch.simulation.plan import make_plan
+from emclutch.simulation.run import Interrupted
+from field import MU_0, UniformField
+from particles import Body
+
+pytestmark = pytest.mark.physics
+
+QUICKSTART = Path(__file__).resolve().parents[2] / "cases" / "quickstart.toml"
+SLOTTED = {
+    "geometry.disc_slots": {"count": 60, "share": 0.4, "depth": "2 mm"},
+    "field.size_factor": 1.5,
+    "field.gap_layers": 3,
+    "field.order": 1,
+    "effects.back_reaction": None,
+    "effects.wall_images": None,
+    "particles.region": "rim",
+    "particles.solid_fraction": 0.15,
+    "particles.sector": "6 deg",
+    "time.end": "0.15 ms",
+    "output.pictures": False,
+}
+
+
+def slotted(values=None):
+    return load_case(QUICKSTART).with_values(SLOTTED | (values or {}))
+
+
+def test_a_field_turns_with_its_body():
+    """Uniform along x at angle 0: at angle a it points along (cos a, sin a); a gradient turns as a tensor."""
+
+    class Shear:
+        def sample(self, position):
+            grad = np.tile(np.array([[0.0, 2.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), (len(position), 1, 1))
+            return np.einsum("nij,nj->ni", grad, position), grad
+
+    body, points = Body("disc"), np.random.default_rng(0).normal(size=(20, 3))
+    body.angle = 0.7
+    H, grad = TurningSampler(UniformField((1.0, 0.0, 0.0)), body).sample(points)
+    assert np.allclose(H, [np.cos(0.7), np.sin(0.7), 0.0]) and not grad.any()
+    H, grad = TurningSampler(Shear(), body).sample(points)
+    step = 1e-6 * np.eye(3)
+    for j in range(3):
+        change = TurningSampler(Shear(), body).sample(points + step[j])[0] - H
+        assert np.allclose(grad[:, :, j], change / 1e-6, atol=1e-8)
+    body.angle = 0.0
+    still = Shear().sample(points)[0]
+    body.angle = 0.5 * np.pi
+    assert np.allclose(TurningSampler(Shear(), body).sample(points)[0], -still), "H = grad(2xy) changes sign"
+
+
+def test_torque_of_the_slots_field_comes_back_to_the_slotted_body(tmp_path):
+    """Balance of disc + rotor + field (pairs) + dL/dt, with the gradient force's part on the disc."""
+    result = emclutch.run(slotted(), out=tmp_path / "run")
+    history = result.history
+    terms = history[["torque_disc", "torque_rotor", "torque_field"]]
+    assert history["torque_disc_field"].abs().max() > 100 * history["torque_residual"].abs().max()
+    assert history["torque_residual"].abs().max() < 1e-3 * terms.abs().sum(axis=1).max()
+    parts = history["torque_disc_normal"] + history["torque_disc_tangential"] + history["torque_disc_field"]
+    assert np.allclose(parts, history["torque_disc"], rtol=1e-12, atol=1e-18)
+    assert (history["field_solves"].sum(), result.summary["field_solves"]) == (1, 1), "one solve a current"
+    assert history["gap_flux_density"].between(0.1, 0.4).all()
+    assert (tmp_path / "run" / "field.pvd").is_file()
+
+
+def test_a_free_slotted_disc_feels_the_grains_through_its_field():
+    """J d omega = integral of (contact torque + reaction of the field) dt, grain by grain from m and grad H."""
+    case = slotted({"motion.disc": {"free": {"inertia": "1e-7 kg m^2"}}, "effects.dipoles": None})
+    device, plan = make_plan(case)
+    simulation = assemble(case, device, plan)
+    disc = next(body for body in simulation.motion.bodies if body.name == "disc")
+    assert isinstance(simulation.source, CoilField3D) and simulation.field_carrier is disc
+    again = device.coil.problem.solve(device.coil.turns * 1.0, tolerance=device.coil.newton_tolerance)
+    assert np.array_equal(again.phi, plan.peak_field.phi)  # so the run need not solve for it
+    angular_momentum, impulse = 0.0, 0.0
+
+    def follow(simulation, row):
+        nonlocal angular_momentum, impulse
+        angular_momentum = 1e-7 * disc.speed
+        impulse += row["torque_disc"] * plan.steps_per_update * plan.updates * plan.dt
+
+    from coupling import run_staggered
+
+    run_staggered(simulation, 30 * plan.steps_per_update * plan.updates * plan.dt, (follow,))
+    assert simulation.source.solution is plan.peak_field and simulation.source.solves == 1
+    assert abs(impulse) > 0.0 and angular_momentum == pytest.approx(impulse, rel=1e-6)
+    grains = simulation.motion.grains
+    _, grad = simulation.source.sampler.sample(grains.position)
+    pull = MU_0 * np.einsum("nij,nj->ni", grad, grains.magnetic_moment)
+    x = grains.position
+    torque = simulation.n_sectors * (x[:, 0] * pull[:, 1] - x[:, 1] * pull[:, 0]).sum()
+    # the grains have moved since by half an evaluation's worth
+    assert disc.external_torque == pytest.approx(-torque, rel=0.2, abs=1e-7)
+
+
+def test_it_resumes_bit_for_bit(tmp_path):
+    short = {"field.size_factor": 3.0, "time.end": "0.05 ms"}
+    whole = emclutch.run(slotted(short), out=tmp_path / "whole")
+
+    class InterruptAtHalf:
+        def update(self, fraction, text):
+            if 0.5 <= fraction < 1.0:
+                import signal
+
+                signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(Interrupted):
+        emclutch.run(slotted(short), out=tmp_path / "parts", progress=InterruptAtHalf())
+    parts = emclutch.run(slotted(short), out=tmp_path / "parts", resume=True)
+    states = [read_checkpoint(tmp_path / name / "checkpoint.h5")["dem"] for name in ("whole", "parts")]
+    for key in ("where", "motion", "particle_id"):
+        assert np.array_equal(states[0][key], states[1][key])
+    assert whole.summary["torque_rotor"] == parts.summary["torque_rotor"]
+
+
+def test_without_the_field_slots_cost_nothing():
+    """No effect samples the field: no mesh is made, and the trajectory is that of the smooth device."""
+    off = {"effects.magnetic_force": None, "effects.dipoles": None, "effects.saturation": None, "time.end": "20 us"}
+    positions = []
+    for values in (off, off | {"geometry.disc_slots": None}):
+        case = slotted(values)
+        device, plan = make_plan(case)
+        assert device.coil is None
+        simulation = assemble(case, device, plan)
+        simulation.motion.run(50)
+        positions.append(simulation.motion.grains.position.copy())
+    assert np.array_equal(*positions)

@@ -1,0 +1,126 @@
+"""A cyclic sector behaves as the full ring made of its copies."""
+
+import math
+
+import numpy as np
+import pytest
+
+from geometry.annular_cell import ShearCell
+from particles import (
+    DEM,
+    Body,
+    CyclicSector,
+    Grains,
+    LinearContact,
+    PrescribedSpeed,
+    RollingFriction,
+    choose_time_step,
+    pack,
+)
+
+pytestmark = pytest.mark.physics
+
+PARTS = 6
+SECTOR = CyclicSector(2.0 * math.pi / PARTS)
+CELL = ShearCell(0.006, 0.0085, 0.003)
+RADIUS = 0.25e-3
+
+
+def _law(wall_friction=0.5):
+    return LinearContact.from_restitution(500.0, 0.7, 0.5, wall_friction=wall_friction)
+
+
+def _wedge(fraction=0.5, stir=0.2):
+    box, rng = CELL.fill_boxes()["annulus"], np.random.default_rng(4)
+    count = int(fraction * box.volume(SECTOR.angle) / (4 / 3 * np.pi * RADIUS**3))
+    # packed a little larger: grains that touch at zero overlap would start with or without a dashpot by
+    # round-off
+    x = pack([box], CELL.walls(), count, 1.005 * RADIUS, seed=1, sector=SECTOR)
+    r = np.hypot(x[:, 0], x[:, 1])
+    # a common rotation carries grains, and their contacts, through the faces
+    v = 60.0 * np.stack([-x[:, 1], x[:, 0], 0.0 * r], axis=1) + stir * rng.normal(size=x.shape)
+    return Grains.create(x, RADIUS, 7850.0, velocity=v, angular_velocity=100.0 * rng.normal(size=x.shape))
+
+
+def _ring(wedge):
+    copies = [[np.asarray(a) @ SECTOR.rotation(k).T for k in range(PARTS)] for a in
+              (wedge.position, wedge.velocity, wedge.angular_velocity)]  # fmt: skip
+    x, v, w = (np.concatenate(part) for part in copies)
+    return Grains.create(x, RADIUS, 7850.0, velocity=v, angular_velocity=w)
+
+
+def _dem(grains, sector, law, speed=60.0, rolling=None):
+    bodies = [Body("disc"), Body("rotor", PrescribedSpeed.constant(speed)), Body("housing")]
+    dt = choose_time_step(law, grains.mass, grains.radius).dt
+    return DEM(grains, CELL.walls(), bodies, law, dt=dt, sector=sector, rolling=rolling)
+
+
+@pytest.mark.parametrize("rolling", [None, RollingFriction(0.2)], ids=["rolls", "rolling friction"])
+def test_ring_of_copies_follows_the_sector(rolling):
+    """Same trajectories to the growth of round-off, same torque, with contacts carried through the faces."""
+    wedge = _wedge()
+    ring = _dem(_ring(wedge), None, _law(), rolling=rolling)
+    part = _dem(wedge, SECTOR, _law(), rolling=rolling)
+    first, n = part.grains.angular_momentum_z(), part.grains.count
+    total_ring, total_part = ring.run(300), part.run(300)
+    assert total_part.rebuilds >= 3 and total_part.n_contacts > n
+    moved = part.grains.position[np.argsort(part.grains.particle_id)]
+    whole = ring.grains.position[np.argsort(ring.grains.particle_id)][:n]
+    wraps = SECTOR.wraps(whole)
+    assert np.count_nonzero(wraps) > 5
+    at = SECTOR.turn(whole, wraps)
+    off = np.linalg.norm(SECTOR.turn(moved, SECTOR.wraps(moved)) - at, axis=1)
+    off = np.minimum(off, np.linalg.norm(moved - SECTOR.turn(at, np.ones(n)), axis=1))  # on a face
+    assert off.max() < 1e-7 * RADIUS
+    for body in ("disc", "rotor", "housing"):
+        assert total_part.torque_on(body) == pytest.approx(total_ring.torque_on(body), rel=1e-6)
+        assert total_part.force[body][2] == pytest.approx(total_ring.force[body][2], rel=1e-6, abs=1e-9)
+        assert total_part.energy_budget.wall_work[body] == pytest.approx(
+            total_ring.energy_budget.wall_work[body], rel=1e-6, abs=1e-15
+        )
+    assert total_part.energy_budget.dissipated == pytest.approx(total_ring.energy_budget.dissipated, rel=1e-6)
+    assert total_ring.n_contacts == PARTS * total_part.n_contacts
+    assert part.grains.angular_momentum_z() != pytest.approx(first, rel=1e-3)  # the walls did act
+
+
+def test_angular_momentum_of_a_sector_is_conserved_to_round_off():
+    """Rubbing grains between frictionless walls of revolution."""
+    dem = _dem(_wedge(0.45), SECTOR, _law(wall_friction=0.0))
+    before = dem.grains.angular_momentum_z()
+    totals = dem.run(2000)
+    assert totals.energy_budget.dissipation["sliding"] > 0.0 and totals.rebuilds > 10
+    assert dem.grains.angular_momentum_z() == pytest.approx(before, rel=1e-12)
+    assert totals.energy_budget.kinetic_change == pytest.approx(totals.energy_budget.contact_work, rel=1e-9)
+
+
+def test_history_is_carried_through_a_face_in_either_orientation():
+    """Right after a rebuild that wraps grains every touching pair still has its spring, turned with it."""
+    dem = _dem(_wedge(), SECTOR, _law())
+    dem.run(50)
+    seen = 0
+    for _ in range(400):
+        dem.run(1)
+        if not dem._stale:
+            continue
+        before, wraps = _springs(dem), SECTOR.wraps(dem.grains.position)
+        crossed = set(dem.grains.particle_id[wraps != 0].tolist())
+        dem._rebuild()
+        after = _springs(dem)
+        assert before.keys() == after.keys()
+        for pair, (size, axial) in before.items():
+            assert after[pair][0] == pytest.approx(size, rel=1e-12)
+            assert after[pair][1] == pytest.approx(axial, rel=1e-12, abs=1e-20)
+            seen += bool(crossed & set(pair))
+    assert seen > 5
+
+
+def _springs(dem):
+    """{ids of the pair: (|xi|, xi_z as seen from the lower id)} of the touching pairs."""
+    contacts, ids = dem._list, dem.grains.particle_id
+    found = {}
+    rows = contacts.pairs.rows()
+    for k in np.flatnonzero(contacts.touching):
+        i, j = int(ids[rows[k]]), int(ids[contacts.pairs.other[k]])
+        sign = 1.0 if i < j else -1.0
+        found[min(i, j), max(i, j)] = np.linalg.norm(contacts.history[k]), sign * contacts.history[k, 2]
+    return found

@@ -1,0 +1,126 @@
+"""What a scene leaves out is named, each with the number of a closed form, and the verdict follows the number."""
+
+import json
+from math import pi, sqrt
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from emclutch.cli.main import app
+from emclutch.scene.case import case_from, load_case
+from emclutch.scene.effects import PLANNED_EFFECTS, EffectsSection
+from emclutch.simulation.forecast.effects_left_out import left_out
+from emclutch.simulation.forecast.expected_torque import expected_torque
+from emclutch.simulation.plan import make_plan
+from field import MU_0
+from field.coil.inductance import apparent_inductance
+
+GOOD = Path(__file__).parents[1] / "scene" / "broken" / "good.toml"
+CELL = {
+    "scene": {"title": "sheared annulus"},
+    "geometry": {"kind": "shear_cell", "inner_radius": 10e-3, "outer_radius": 11.2e-3, "height": 2e-3, "steel": True},
+    "field": {"source": "uniform", "field_strength": 60e3, "direction": "radial"},
+    "particles": {"diameter": "0.1 mm", "solid_fraction": 0.35, "sector": "20 deg"},
+    "motion": {"rotor": {"speed": "300 rpm"}, "disc": {"speed": 0.0}},
+    "effects": {"dipoles": {"model": "near_field"}, "saturation": {}},
+    "time": {"end": "1 ms"},
+}
+OF_A_COIL = {"back_reaction", "coil_circuit", "eddy_currents"}
+
+
+def numbers(**values):
+    """Effect -> its line; with the expected torque under the key None."""
+    case = case_from(CELL, values)
+    device, plan = make_plan(case)
+    expected = expected_torque(case.scene, device, plan.peak_field)
+    return {line.effect: line for line in left_out(case.scene, device, plan, expected)} | {None: expected}
+
+
+@pytest.fixture(scope="module")
+def usual():
+    return numbers()
+
+
+def test_every_effect_that_is_off_or_not_there_has_its_line(usual):
+    told = set(usual) - {None, "centrifugal force", "inertia of grains"}
+    assert told == set(EffectsSection.names()) - {"dipoles", "saturation"} - OF_A_COIL | set(PLANNED_EFFECTS)
+    bare = set(numbers(field=None, effects={"gravity": {}}))
+    assert {"cohesion", "rolling_friction", "heat"} < bare and not bare & {
+        "gravity",
+        "dipoles",
+        "saturation",
+        *OF_A_COIL,
+    }
+
+
+def test_the_pull_of_two_grains_over_their_weight(usual):
+    """F = (pi/24) mu_0 M^2 d^2, weight rho g pi d^3/6: mu_0 M^2/(4 rho g d)."""
+    line = usual["gravity"]
+    assert line.value == pytest.approx(MU_0 * usual[None].M ** 2 / (4.0 * 7700.0 * 9.81 * 0.1e-3), rel=1e-9)
+    assert line.matters is False
+    weak = numbers(**{"field.field_strength": 1e3})["gravity"]
+    assert weak.matters is True and weak.verdict == "YES"
+
+
+def test_slow_shot_without_a_field_needs_its_weight():
+    still = {"field": None, "effects": {}, "motion": {}, "contact": {"stiffness": "10 kN/m"}}
+    assert numbers(**still)["gravity"].matters is True
+    fast = {**still, "motion": {"rotor": {"speed": "6000 rpm"}}}
+    told = numbers(**fast)
+    assert told["gravity"].value == pytest.approx((200.0 * pi) ** 2 * 11.2e-3 / 9.81, rel=1e-12)
+    assert told["gravity"].matters is False and told["centrifugal force"].verdict == "YES"
+
+
+def test_inertial_and_stokes_number_are_those_of_the_shear_rate(usual):
+    rate = 10.0 * pi * 10.6e-3 / 1.2e-3
+    pressure = usual[None].stress / 0.3
+    assert usual["inertia of grains"].value == pytest.approx(rate * 0.1e-3 * sqrt(7700.0 / pressure), rel=1e-9)
+    assert usual["fluid_drag"].value == pytest.approx(rate * 7700.0 * (0.1e-3) ** 2 / (18.0 * 1.8e-5), rel=1e-9)
+    together = numbers(**{"motion.disc.speed": "300 rpm"})
+    assert together["fluid_drag"].value is None and together["fluid_drag"].verdict == "not known"
+    assert together["heat"].value == 0.0
+
+
+def test_the_heat_of_slip_warms_the_powder(usual):
+    mass = 0.35 * 7700.0 * pi * (11.2e-3**2 - 10e-3**2) * 2e-3
+    warmed = usual[None].torque * 10.0 * pi * 1e-3 / (mass * 450.0)
+    assert usual["heat"].value == pytest.approx(warmed, rel=0.02)
+    assert numbers(**{"time.end": "100 s"})["heat"].matters is True
+
+
+def test_grains_at_steel_and_grains_without_end_of_magnetisation(usual):
+    assert usual["wall_images"].value == pytest.approx(2.0 * 0.1 / 1.2)
+    smooth = numbers(**{"geometry.steel": False, "effects.saturation": None, "effects.dipoles.model": "mutual",
+                        "field.field_strength": 600e3})  # fmt: skip
+    assert "wall_images" not in smooth
+    # a sphere of great chi in the field H of its place has 3 H, whatever the saturation would be
+    assert smooth["saturation"].value == pytest.approx(3.0 * 600e3 * 10.6 / 10.0 / 1.3e6, rel=0.02)
+    assert smooth["saturation"].matters is True
+
+
+def check(*sets):
+    told = CliRunner().invoke(app, ["check", str(GOOD), "--json", "--set", "field.size_factor=3", *sets])
+    assert told.exit_code == 0, told.output
+    return json.loads(told.stdout)
+
+
+def test_a_coil_that_is_switched_faster_than_its_field_can_follow():
+    told = check()
+    lines = {line["effect"]: line for line in told["left_out"]}
+    case = load_case(GOOD, {"field.size_factor": 3.0})
+    device, plan = make_plan(case)
+    ratio = apparent_inductance(plan.peak_field, device.coil.turns) / 25.5 / 20e-3  # the current rises within 20 ms
+    assert lines["coil_circuit"]["value"] == pytest.approx(ratio, rel=1e-6) and lines["coil_circuit"]["matters"]
+    assert 0.0 < lines["eddy_currents"]["value"] < ratio
+    assert "gravity" not in lines and lines["back_reaction"]["value"] > 0.0
+    assert "of the order of" in told["plan"]["expected torque"]
+
+
+def test_check_says_of_no_current_and_of_too_much_what_follows():
+    none = check("--set", "coil.current=0 A")
+    assert "no field across the gap" in none["plan"]["expected torque"] and "0 A" in none["plan"]["copper"]
+    much = check("--set", "coil.current=400 A")
+    assert "T is outside the usual range of 0 to 2.5 T" in much["plan"]["field"]
+    assert "copper melts" in much["plan"]["copper"]
+    assert any("current density" in warning for warning in much["warnings"])

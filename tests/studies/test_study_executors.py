@@ -1,0 +1,184 @@
+"""Points of a study on any executor: what is asked for is what runs, in whatever order, and nothing is lost."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+
+import pandas
+import pytest
+
+from emclutch.results import HistoryWriter, OutputError, RunFolder, load_result
+from emclutch.results.checkpoint import write_checkpoint
+from emclutch.scene.study import read_study
+from emclutch.simulation.run import Interrupted, RunError
+from emclutch.studies import tasks as study_tasks
+from emclutch.studies.sweep import sweep
+
+GOOD = Path(__file__).parents[1] / "scene" / "broken" / "good.toml"
+ROOT = Path(__file__).parents[2]
+FRICTION, SPEED = "contact.friction", "motion.rotor.speed"
+WAIT = 20.0  # s; a test that needs it has failed
+
+
+class Runs:
+    """Stands in for `run`: `acts` maps a point's friction to what it does before it writes its files."""
+
+    def __init__(self):
+        self.acts, self.asked = {}, []
+
+    def __call__(self, case, *, out, threads, progress, resume, start, insist):
+        friction = case.scene.contact.friction
+        self.asked.append((friction, None if start is None else Path(start).name, threads))
+        folder = RunFolder.create(out, case.toml(), resume=resume)
+        self.acts.get(friction, lambda progress: None)(progress)
+        with HistoryWriter(folder.history) as history:
+            history.append({"time": case.scene.time.end, "torque_disc": friction})
+        write_checkpoint(folder.checkpoint, {})
+        torque = {"mean": friction, "standard_error": 0.1, "converged": True, "reason": ""}
+        folder.write_summary({"torque": torque, "typical_overlap": 0.0, "seconds": {"whole_run": 1.0}})
+        return load_result(folder.path)
+
+
+@pytest.fixture
+def runs(monkeypatch):
+    stand_in = Runs()
+    monkeypatch.setattr(study_tasks, "run", stand_in)
+    return stand_in
+
+
+@pytest.fixture
+def threads():
+    with ThreadPoolExecutor(2) as executor:
+        yield executor
+
+
+def study_of(folder, values, **more):
+    lines = [f'"{key}" = {entry!r}' for key, entry in values.items()]
+    own = [f"{key} = {entry!r}" for key, entry in more.items()]
+    path = folder / "study.toml"
+    path.write_text("\n".join(["[study]", f'case = "{GOOD}"', *own, "[study.values]", *lines]))
+    return read_study(path)
+
+
+def frictions(folder):
+    return pandas.read_csv(folder / "study.csv")[FRICTION].tolist()
+
+
+def test_tables_are_in_the_studys_order_whichever_point_is_done_first(tmp_path, runs, threads):
+    study = study_of(tmp_path, {FRICTION: [0.1, 0.2, 0.3]})
+    alone = sweep(study, out=tmp_path / "alone")
+    last = threading.Event()
+    runs.acts = {0.1: lambda _: last.wait(WAIT), 0.3: lambda _: last.set()}
+    out = sweep(study, out=tmp_path / "out", executor=threads, threads=3)
+    assert last.is_set() and runs.asked[-1][2] == 3
+    assert (out / "study.csv").read_bytes() == (alone / "study.csv").read_bytes()
+
+
+def test_where_a_point_fails_those_that_run_end_and_no_other_begins(tmp_path, runs, threads):
+    study = study_of(tmp_path, {FRICTION: [0.1, 0.2, 0.3, 0.4]})
+    failed = threading.Event()
+
+    def fail(progress):
+        failed.set()
+        raise RunError("the grains are gone")
+
+    runs.acts = {0.1: lambda _: failed.wait(WAIT), 0.2: fail}
+    with pytest.raises(RunError, match=r"point-001 \(contact\.friction = 0\.2\): the grains are gone\n.*--resume"):
+        sweep(study, out=tmp_path / "out", executor=threads, jobs=2)
+    assert {asked[0] for asked in runs.asked} <= {0.1, 0.2, 0.3} and 0.1 in frictions(tmp_path / "out")
+    before = len(runs.asked)
+    runs.acts = {}
+    out = sweep(study, out=tmp_path / "out", executor=threads, jobs=2, resume=True)
+    assert frictions(out) == [0.1, 0.2, 0.3, 0.4]
+    assert 0.1 not in {asked[0] for asked in runs.asked[before:]}  # what was done stays
+
+
+def test_ctrl_c_asks_every_running_point_to_stop(tmp_path, runs, threads):
+    both = threading.Barrier(2, timeout=WAIT)
+
+    def run_until_asked(progress):
+        if both.wait() == 0:
+            os.kill(os.getpid(), signal.SIGINT)
+        ended = threading.Event()
+        while not progress.stop_asked:
+            assert not ended.wait(0.01)
+        raise Interrupted("stopped")
+
+    runs.acts = dict.fromkeys([0.1, 0.2], run_until_asked)
+    study = study_of(tmp_path, {FRICTION: [0.1, 0.2, 0.3]})
+    with pytest.raises(Interrupted, match=r"0 of 3 points done; go on with: emclutch sweep .* --resume --jobs 2"):
+        sweep(study, out=tmp_path / "out", executor=threads, jobs=2)
+    assert len(runs.asked) == 2 and not (tmp_path / "out" / study_tasks.STOP).exists()
+
+
+class Breaks(Executor):
+    """Its workers are killed."""
+
+    def submit(self, function, /, *given, **named):
+        future = Future()
+        future.set_exception(BrokenProcessPool("a process was terminated abruptly"))
+        return future
+
+
+def test_a_worker_that_was_killed_is_explained(tmp_path, runs):
+    with pytest.raises(RunError, match=r"killed, most often for want of memory.*point-000.*fewer --jobs.*--resume"):
+        sweep(study_of(tmp_path, {FRICTION: [0.1]}), out=tmp_path / "out", executor=Breaks())
+
+
+def test_a_worker_does_not_outlive_its_study(tmp_path):
+    """Killed itself, the study cannot end its processes: each would hold its point's folder, and then wait for ever."""
+    script = tmp_path / "study.py"
+    script.write_text(
+        "import os, time\n"
+        "from emclutch.studies.workers import worker_pool\n"
+        "if __name__ == '__main__':\n"
+        "    with worker_pool(1) as pool:\n"
+        "        print(pool.submit(os.getpid).result(), flush=True)\n"
+        "        pool.submit(time.sleep, 60)\n"
+        "        time.sleep(60)\n"
+    )
+    study = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True, cwd=ROOT,
+                             env={**os.environ, "PYTHONPATH": str(ROOT)})  # fmt: skip
+    worker = int(study.stdout.readline())
+    os.kill(worker, 0)
+    study.kill()
+    study.communicate()
+    last = time.monotonic() + WAIT
+    while lives(worker) and time.monotonic() < last:
+        time.sleep(0.02)
+    assert not lives(worker)
+
+
+def lives(pid):
+    """Whether a process is there that has not ended: nobody may be left to collect one that has."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_a_point_that_cannot_be_written_is_bad_input(tmp_path, runs, threads):
+    def fail(progress):
+        raise OutputError("no room")
+
+    runs.acts = {0.1: fail}
+    with pytest.raises(OutputError, match=r"point-000 .*no room"):
+        sweep(study_of(tmp_path, {FRICTION: [0.1]}), out=tmp_path / "out", executor=threads)
+    with pytest.raises(ValueError, match="jobs = 0; allowed: 1 or more"):
+        sweep(study_of(tmp_path, {FRICTION: [0.1]}), out=tmp_path / "out", jobs=0)
+
+
+def test_grains_are_handed_on_along_one_value_and_chains_run_side_by_side(tmp_path, runs, threads):
+    """Two chains of frictions 0.1 and 0.2: neither waits for the other, each point has its own predecessor's grains."""
+    both = threading.Barrier(2, timeout=WAIT)
+    runs.acts = dict.fromkeys([0.1, 0.2], lambda _: both.wait())
+    values = {SPEED: ["1 rpm", "2 rpm", "3 rpm"], FRICTION: [0.1, 0.2]}
+    sweep(study_of(tmp_path, values, warm_start=SPEED), out=tmp_path / "out", executor=threads)
+    chains = {friction: [asked[1] for asked in runs.asked if asked[0] == friction] for friction in (0.1, 0.2)}
+    assert chains == {0.1: [None, "point-000", "point-002"], 0.2: [None, "point-001", "point-003"]}

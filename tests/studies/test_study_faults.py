@@ -1,0 +1,115 @@
+"""A study file tells all its faults at once, and takes keys out of the scene as the command line does."""
+
+from __future__ import annotations
+
+import random
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from emclutch.cli.main import app
+from emclutch.scene.case import case_from, load_case, read_toml
+from emclutch.scene.errors import SceneError
+from emclutch.scene.reference import scene_reference
+from emclutch.scene.study import StudySection, read_study
+
+ROOT = Path(__file__).resolve().parents[2]
+GOOD = ROOT / "tests" / "scene" / "broken" / "good.toml"
+
+
+def study(folder, text, case=GOOD):
+    path = folder / "study.toml"
+    path.write_text(f'[study]\ncase = "{case}"\n{text}', encoding="utf-8")
+    return path
+
+
+def faults_of(path):
+    with pytest.raises(SceneError) as refused:
+        read_study(path)
+    assert refused.value.source == str(path)
+    return {fault.key: fault for fault in refused.value.faults}
+
+
+def test_faults_of_file_values_and_points_come_together(tmp_path):
+    found = faults_of(
+        study(
+            tmp_path,
+            'titel = "x"\nwarm_start = "particles.mass"\n'
+            '[study.values]\n"coil.curent" = [1]\n"coil.voltage" = "24 V"\n"contact.friction" = [0.1, 20, -1]\n'
+            '[study.set]\n"time.ende" = "1 ms"\n"geometry.gap" = "3 kg"\n',
+        )
+    )
+    assert set(found) == {
+        "study.titel", "study.warm_start", "study.values.coil.curent", "study.values.coil.voltage",
+        "study.set.time.ende", "geometry.gap", "contact.friction"}  # fmt: skip
+    assert "may have: case, title, values, set, warm_start" in found["study.titel"].message
+    assert "did you mean time.end?" in found["study.set.time.ende"].message
+    assert found["geometry.gap"].value == "'3 kg'" and "e.g. '1 mm'" in found["geometry.gap"].message
+    assert found["contact.friction"].message.endswith("(at contact.friction = -1)")
+
+
+def test_faults_of_its_scene_are_told_once_beside_its_own(tmp_path):
+    scene = tmp_path / "scene.toml"
+    scene.write_text(GOOD.read_text().replace('gap = "1 mm"', 'gap = "3 kg"', 1))
+    with pytest.raises(SceneError) as refused:
+        read_study(study(tmp_path, '[study.values]\n"contact.friction" = [0.1, 20]\n', "scene.toml"))
+    told = [str(fault) for fault in refused.value.faults]
+    assert len(told) == 2 and "geometry.gap" in told[0] and told[0].endswith("(in scene.toml)")
+    assert "contact.friction = 20" in told[1]
+
+
+@pytest.mark.parametrize("text", ["study = 3", "[study]", '[study]\ncase = 3\nvalues = "x"', "[study]\nvalues = {}"])
+def test_what_is_hardly_a_study_is_told_in_words(text, tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text(text)
+    assert faults_of(path)
+    answer = CliRunner().invoke(app, ["sweep", str(path)])
+    assert answer.exit_code == 2 and "Traceback" not in answer.stderr
+
+
+def test_none_is_a_key_left_away(tmp_path):
+    """The point is the scene without the key, bit for bit; a key that has to be there is told as missing."""
+    text = '[study.values]\n"effects.gravity" = ["off", {}]\n"particles.sector" = ["none"]\n[study.set]\n'
+    found = read_study(study(tmp_path, text + '"coil.voltage" = "none"\n"time.until" = "none"\n'))
+    first, second = (case for _, case in found.cases())
+    away = {"particles.sector": None, "coil.voltage": None}
+    assert first.scene == load_case(GOOD, {**away, "effects.gravity": None}).scene
+    assert second.scene == load_case(GOOD, away).scene
+    assert found.points()[0] == {"effects.gravity": "off", "particles.sector": "none"}  # as they stand in its tables
+    missing = faults_of(study(tmp_path, '[study.values]\n"geometry.gap" = ["1 mm", "none"]\n'))["geometry.gap"]
+    assert missing.message.startswith("is missing; a length is needed") and "= 'none')" in missing.message
+
+
+def test_the_page_of_keys_has_those_of_studies():
+    page = scene_reference()
+    assert "## `[study]`" in page and "## `[design]`" in page
+    assert all(f"| `{key}` |" in page.split("## `[study]`")[1] for key in StudySection.model_fields)
+
+
+FIELD = {"source": "uniform", "field_strength": "1 kA/m", "direction": "axial"}
+ENTRIES = {
+    "field": [FIELD, {**FIELD, "direction": "radial"}, {**FIELD, "direction": "q"}, {"source": "uniform"},
+              {**FIELD, "means": "macroscopic"}, {**FIELD, "order": 2}, {**FIELD, "field_strength": "3 kg"}],
+    "effects.dipoles": [None, {"model": "near_field", "cutoff": 1.5}, {"model": "mutual"}, {"model": "fixed"}],
+    "effects.magnetic_force": [None, {}],
+    "effects.saturation": [None, {}],
+    "effects.back_reaction": [None, {}],
+    "effects.wall_images": [None, {}],
+    "effects.coil_circuit": [None, {}],
+    "particles.sector": ["6 deg", None],
+}  # fmt: skip
+
+
+def test_a_broken_prescribed_field_tells_no_key_twice():
+    data, chosen = read_toml(ROOT / "cases" / "quickstart.toml"), random.Random(1)
+    broken = 0
+    for _ in range(150):
+        try:
+            case_from(data, {key: chosen.choice(entries) for key, entries in ENTRIES.items()})
+        except SceneError as error:
+            broken += 1
+            told = Counter(fault.key for fault in error.faults)
+            assert max(told.values()) == 1, error.report()
+    assert broken > 50

@@ -1,0 +1,166 @@
+"""Points of a study are known by their values: nothing finished is computed twice, mixed with another, or lost."""
+
+import logging
+from pathlib import Path
+
+import pandas
+import pytest
+
+from emclutch.results import HistoryWriter, OutputError, RunFolder, load_result
+from emclutch.results.checkpoint import write_checkpoint
+from emclutch.results.folder_lock import locked_folder
+from emclutch.scene.input_files import hashed_input_files
+from emclutch.scene.study import read_study
+from emclutch.simulation.run import Interrupted
+from emclutch.studies import sweep as run_study
+from emclutch.studies import tables as study_tables
+from emclutch.studies import tasks as study_tasks
+from emclutch.studies.sweep import sweep
+
+GOOD = Path(__file__).parents[1] / "scene" / "broken" / "good.toml"
+TORQUE = {"mean": 1.0, "standard_error": 0.1, "converged": True, "reason": "", "start": 0.0}
+
+
+class Runs:
+    """Stands in for `run`: writes the files of a finished run, and keeps what it was asked for."""
+
+    def __init__(self):
+        self.asked = []
+        self.dies = False
+
+    def __call__(self, case, *, out, threads, progress, resume, start, insist):
+        folder = RunFolder.create(out, case.toml(), resume=resume)
+        self.asked.append((Path(out).name, resume, case.scene.time.end))
+        if self.dies:
+            raise KeyboardInterrupt
+        folder.write_provenance(input_files=hashed_input_files(case.scene))
+        with HistoryWriter(folder.history) as history:
+            history.append({"time": case.scene.time.end, "torque_disc": 1.0})
+        write_checkpoint(folder.checkpoint, {})
+        folder.write_summary({"torque": TORQUE, "typical_overlap": 0.0, "seconds": {"whole_run": 1.0}})
+        return load_result(folder.path)
+
+
+@pytest.fixture
+def runs(monkeypatch):
+    stand_in = Runs()
+    monkeypatch.setattr(study_tasks, "run", stand_in)
+    return stand_in
+
+
+def study_of(folder, values, **settings):
+    path = folder / "study.toml"
+    lines = [f'"{key}" = {entry!r}' for key, entry in values.items()]
+    given = [f'"{key}" = {entry!r}' for key, entry in settings.items()]
+    path.write_text("\n".join([f'[study]\ncase = "{GOOD}"', "[study.values]", *lines, "[study.set]", *given]))
+    return read_study(path)
+
+
+def table(folder):
+    return pandas.read_csv(folder / "study.csv")
+
+
+FRICTION = "contact.friction"
+
+
+def test_values_may_be_inserted_removed_and_put_in_another_order(tmp_path, runs):
+    out = sweep(study_of(tmp_path, {FRICTION: [0.1, 0.3]}), out=tmp_path / "out")
+    assert [asked[0] for asked in runs.asked] == ["point-000", "point-001"]
+    runs.asked.clear()
+    sweep(study_of(tmp_path, {FRICTION: [0.3, 0.2, 0.1]}), out=out, resume=True)
+    assert [asked[:2] for asked in runs.asked] == [("point-002", False)]
+    assert table(out)[[FRICTION, "folder"]].to_numpy().tolist() == [
+        [0.3, "point-001"], [0.2, "point-002"], [0.1, "point-000"]]  # fmt: skip
+    runs.asked.clear()
+    sweep(study_of(tmp_path, {FRICTION: [0.2]}), out=out, resume=True)
+    assert not runs.asked and table(out)["folder"].tolist() == ["point-002"]
+    assert "left as they are: point-000, point-001" in (out / "study.log").read_text()
+
+
+def test_a_later_end_continues_every_point_and_is_in_the_table(tmp_path, runs):
+    values = {FRICTION: [0.1, 0.3]}
+    out = sweep(study_of(tmp_path, values, **{"time.end": "4 ms"}), out=tmp_path / "out")
+    runs.asked.clear()
+    sweep(study_of(tmp_path, values, **{"time.end": "5 ms"}), out=out, resume=True)
+    assert runs.asked == [("point-000", True, 5e-3), ("point-001", True, 5e-3)]
+    assert (out / "point-000" / "summary-1.json").is_file()  # that of the former end
+    assert table(out)["end_time"].tolist() == [5e-3, 5e-3]
+    with pytest.raises(OutputError, match=r"point-000 has run to 0\.005 s.*ends at 0\.004 s.*--out"):
+        sweep(study_of(tmp_path, values, **{"time.end": "4 ms"}), out=out, resume=True)
+
+
+def test_torque_against_current_has_the_end_time(tmp_path, monkeypatch):
+    monkeypatch.setattr(study_tables, "torque_against_current_picture", lambda *_, **__: None)
+    study = study_of(tmp_path, {"coil.current": ["0.1 A", "0.2 A"]})
+    row = {"coil.current": "0.1 A", "end_time": 2e-3, "current": 0.1, "torque": 1.0, "converged": True}
+    study_tables.write_torques(tmp_path, study, [row])
+    assert pandas.read_csv(tmp_path / "torque_vs_current.csv")["end_time"].tolist() == [2e-3]
+
+
+def test_a_point_killed_on_its_way_to_a_later_end_is_not_done(tmp_path, runs):
+    values = {FRICTION: [0.1]}
+    out = sweep(study_of(tmp_path, values, **{"time.end": "4 ms"}), out=tmp_path / "out")
+    later = study_of(tmp_path, values, **{"time.end": "5 ms"})
+    runs.dies = True
+    with pytest.raises(Interrupted, match="--resume"):
+        sweep(later, out=out, resume=True)
+    runs.dies, runs.asked = False, []
+    sweep(later, out=out, resume=True)
+    assert runs.asked == [("point-000", True, 5e-3)]
+
+
+def test_ends_that_are_the_studys_values_tell_points_apart(tmp_path, runs):
+    out = sweep(study_of(tmp_path, {"time.end": ["2 ms", "6 ms"]}), out=tmp_path / "out")
+    runs.asked.clear()
+    sweep(study_of(tmp_path, {"time.end": ["2 ms", "4 ms", "6 ms"]}), out=out, resume=True)
+    assert runs.asked == [("point-002", False, 4e-3)]
+
+
+def test_a_point_killed_before_its_first_checkpoint_is_started_anew(tmp_path, runs):
+    study = study_of(tmp_path, {FRICTION: [0.1, 0.3]})
+    runs.dies = True
+    with pytest.raises(Interrupted, match="--resume"):
+        sweep(study, out=tmp_path / "out")
+    (tmp_path / "out" / "point-000" / "history.csv").write_text("half")
+    runs.dies, runs.asked = False, []
+    out = sweep(study, out=tmp_path / "out", resume=True)
+    assert [asked[:2] for asked in runs.asked] == [("point-000", False), ("point-001", False)]
+    assert (out / "point-000-set-aside-1" / "history.csv").read_text() == "half"
+    assert "point-000 has no checkpoint to go on from: started anew" in (out / "study.log").read_text()
+    runs.asked.clear()
+    sweep(study, out=out, resume=True)
+    assert not runs.asked
+
+
+def test_a_point_killed_before_its_scene_was_written_keeps_its_folder(tmp_path, runs):
+    """Another number would stand in the table."""
+    (tmp_path / "out" / "point-000").mkdir(parents=True)
+    (tmp_path / "out" / "point-000" / "case.toml.12.new").write_text("half")
+    out = sweep(study_of(tmp_path, {FRICTION: [0.1, 0.3]}), out=tmp_path / "out", resume=True)
+    assert table(out)["folder"].tolist() == ["point-000", "point-001"]
+    assert not (out / "point-000" / "case.toml.12.new").exists()
+
+
+def test_a_point_that_another_process_writes_is_not_set_aside(tmp_path, runs):
+    study = study_of(tmp_path, {FRICTION: [0.1]})
+    point = RunFolder.create(tmp_path / "out" / "point-000", next(iter(study.cases()))[1].toml())
+    with locked_folder(point.path), pytest.raises(OutputError, match="in use by process"):
+        sweep(study, out=tmp_path / "out", resume=True)
+    assert point.case.is_file() and not runs.asked
+
+
+def test_a_finished_point_of_other_input_files_is_not_kept(tmp_path, runs):
+    (tmp_path / "sizes.csv").write_text("diameter [mm]\n0.2\n0.21\n")
+    sizes = {"particles.diameter": None, "particles.sizes": {"kind": "file", "file": str(tmp_path / "sizes.csv")}}
+    study = study_of(tmp_path, {FRICTION: [0.1]})
+    study = study.model_copy(update={"set": sizes})
+    out = sweep(study, out=tmp_path / "out")
+    (tmp_path / "sizes.csv").write_text("diameter [mm]\n0.2\n0.22\n")
+    with pytest.raises(OutputError, match=r"another content of particles\.sizes\.file = .*sizes\.csv.*--out"):
+        sweep(study, out=out, resume=True)
+
+
+def test_nothing_is_resumed_where_nothing_is(tmp_path, runs):
+    with pytest.raises(OutputError, match="there is no such folder"):
+        sweep(study_of(tmp_path, {FRICTION: [0.1]}), out=tmp_path / "none", resume=True)
+    assert not (tmp_path / "none").exists() and logging.getLogger(run_study.__name__).handlers == []
