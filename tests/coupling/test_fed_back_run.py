@@ -11,7 +11,6 @@ import emclutch
 from coupling.staggered import refresh_field
 from emclutch.device.device import build_device
 from emclutch.device.materials import grain_law
-from emclutch.results.checkpoint import read_checkpoint
 from emclutch.simulation.assembly import assemble
 from emclutch.simulation.plan import make_plan
 from field.spheres.lone_sphere import sphere_magnetisation
