@@ -18,7 +18,6 @@ from field.laws.magnetisation_table import TableFault, read_table, table_law
 from field.laws.materials import grain_material, grain_names, material, material_names
 from field.laws.powder_law import GrainLaw, ParticleLaw, PowderLaw, ThesisLaw
 from field.laws.reluctivity import AIR, MU_0, NU_0, Law, LinearLaw
-from field.loop import loop_field, rectangular_coil_field, solenoid_axis_field
 from field.newton import ConvergenceError
 from field.sampling.locate import PointOutside
 from field.sampling.sampler import (
@@ -33,7 +32,7 @@ from field.section.adaptive import AdaptiveResult, AdaptiveStep, adapt
 from field.section.axisymmetric import AxisymmetricProblem
 from field.section.current_sweep import sweep_currents
 from field.section.eddy_currents import CurrentDrive, EddyCurrentProblem, TransientState, VoltageDrive
-from field.section.error_estimate import ErrorEstimate, FluxLinkage, LargestFluxDensity, MeanFluxDensity, estimate_error
+from field.section.error_estimate import ErrorEstimate, FluxLinkage, MeanFluxDensity, estimate_error
 from field.section.field_lines import FieldAlongLine, straight_line
 from field.section.magnetic_field import MagneticField
 from field.section.maxwell_force import AxialForce, axial_force, lorentz_force, pole_pressure
@@ -65,7 +64,6 @@ __all__ = [
     "GrainLaw",
     "HSpline",
     "LangevinLaw",
-    "LargestFluxDensity",
     "Law",
     "LinearLaw",
     "MagneticCircuit",
@@ -95,14 +93,11 @@ __all__ = [
     "field_sampler",
     "grain_material",
     "grain_names",
-    "loop_field",
     "lorentz_force",
     "material",
     "material_names",
     "pole_pressure",
     "read_table",
-    "rectangular_coil_field",
-    "solenoid_axis_field",
     "solve_at_flux_linkage",
     "spline_of",
     "straight_line",

@@ -114,25 +114,6 @@ def refine(mesh: SectionMesh, marked: np.ndarray, circles: Mapping[str, Circle] 
     return Refinement(SectionMesh(points, np.concatenate(children)[order], regions, boundaries), parent)
 
 
-def carry_fill(refinement: Refinement, coarse: SectionMesh, region: str, fill: np.ndarray) -> np.ndarray:
-    """Values of a region's elements, one each, on the refined mesh.
-
-    Parameters
-    ----------
-    refinement : Refinement
-        Of `coarse`.
-    region : str
-    fill : ndarray (n coarse elements of the region,)
-
-    Returns
-    -------
-    ndarray (n fine elements of the region,)
-    """
-    everywhere = np.zeros(len(coarse.triangles))
-    everywhere[coarse.regions[region]] = fill
-    return everywhere[refinement.parent[refinement.mesh.regions[region]]]
-
-
 def _as_mask(mesh: SectionMesh, marked: np.ndarray) -> np.ndarray:
     marked = np.asarray(marked)
     n = len(mesh.triangles)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Self
 from pydantic import Field, model_validator
 
 from emclutch.scene.section import Section, refuse
-from emclutch.scene.time_table import CurrentProfile, TimeTable, VoltageProfile, largest, points_of
+from emclutch.scene.time_table import CurrentProfile, TimeTable, VoltageProfile, points_of
 from emclutch.scene.units import Resistance, number
 
 if TYPE_CHECKING:
@@ -111,8 +111,3 @@ class CoilSection(Section):
         resistance = self.resistance_in(window_area, mean_radius)
         times, volts = points_of(self.voltage)
         return times, tuple(volt / resistance for volt in volts)
-
-    @property
-    def largest_voltage(self) -> float | None:
-        """Largest |V| of the course [V]; None without one."""
-        return None if self.voltage is None else largest(self.voltage)

@@ -117,11 +117,6 @@ class ShearCellGeometry(Section):
     height: Length = Field(description="axial height")
     steel: bool = Field(default=False, description="the cylinders are of steel: grains see their images in them")
 
-    @property
-    def mid_radius(self) -> float:
-        """Radius in the middle of the gap [m]."""
-        return 0.5 * (self.inner_radius + self.outer_radius)
-
     def shape(self) -> ShearCell:
         """Return the shape for walls and volumes."""
         from geometry.annular_cell import ShearCell

@@ -12,6 +12,7 @@ from emclutch.results import Estimate, RunFolder, read_history
 from emclutch.results.rise_time import rise_times
 from emclutch.results.steady_torque import SteadyConditions, mean_torque, steady_torque
 from emclutch.scene.replica_count import replica_seed
+from emclutch.simulation.structure import structure_summary
 from emclutch.simulation.torque_known import how_it_ended
 from field import FluxLinkage, MagneticField, MeanFluxDensity, estimate_error
 from particles import DEM, contact_share, depth_warning
@@ -79,6 +80,7 @@ def summarise(
     if "inertial_number" in history:
         late = history["inertial_number"].iloc[len(history) // 2 :].dropna()
         summary["inertial_number"] = float(late.median()) if len(late) else None
+    summary["structure"] = structure_summary(simulation.motion)
     throughput = 0.0
     if "dissipated" in history:
         throughput = float((history["work_walls"].abs() + history["dissipated"]).sum())

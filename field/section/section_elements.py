@@ -188,33 +188,6 @@ class SectionElements:
         _field_tangent(gradient, B, nu, slope, self.radius, self.weight, self.inverse, self._products, packed)
         return packed
 
-    def stiffness_blocks(self, isotropic: np.ndarray, along: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        """Element matrices of the form  a grad u . grad v + c (d . grad u)(d . grad v).
-
-        Parameters
-        ----------
-        isotropic, along : ndarray (n_elements, n_quadrature)
-            a and c.
-        direction : ndarray (n_elements, 2, n_quadrature)
-            Unit vector d (zero where there is none).
-
-        Returns
-        -------
-        ndarray (n_elements, n_basis, n_basis)
-        """
-        a, c = isotropic * self.weight, along * self.weight
-        d = np.einsum("eij,eiq->ejq", self.inverse, direction)
-        metric = np.einsum("eij,eik->ejk", self.inverse, self.inverse)
-        parts = np.stack(
-            [a * metric[:, i, j, None] + c * d[:, i] * d[:, j] for i, j in ((0, 0), (0, 1), (1, 1))], axis=2
-        )
-        packed = parts.reshape(len(a), -1) @ self._products.reshape(-1, self._products.shape[2])
-        rows, columns = np.tril_indices(self.n_basis)
-        blocks = np.empty((len(a), self.n_basis, self.n_basis))
-        blocks[:, rows, columns] = packed
-        blocks[:, columns, rows] = packed
-        return blocks
-
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract"})
 def _flux(psi, element_dofs, inverse, slope, radius, gradient, B):

@@ -45,11 +45,6 @@ class Stress:
         return deviator(self.cartesian)
 
     @property
-    def ring_deviatoric(self) -> float:
-        """The same of the cylindrical tensor [Pa]."""
-        return deviator(self.cylindrical)
-
-    @property
     def ring_shear(self) -> float:
         """Shear stress on cylinders [Pa], positive where what is outside drives the inside along +phi."""
         return -float(self.cylindrical[1, 0])

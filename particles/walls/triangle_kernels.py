@@ -166,25 +166,6 @@ def triangle_contacts(rows, other, first, last, x, y, z, radius, found):
 
 
 @njit(cache=True, error_model="numpy")
-def hand_over(found, count, seen, touching, history):
-    """Pass the spring of a contact on to the triangle that has taken it over.
-
-    A grain that slides or rolls over an edge changes its triangle, not its contact: what a hidden slot remembers
-    goes to the contact that hides it, if that is new. ``touching`` (s,) and ``history`` (s, columns) by slot.
-    """
-    for c in range(count, seen):
-        old = int(found[c, SLOT])
-        if touching[old] == 0:
-            continue
-        touching[old] = 0
-        new = int(found[int(found[c, LEADER]), SLOT])
-        if touching[new] == 0:
-            touching[new] = 1
-            for column in range(history.shape[1]):
-                history[new, column] = history[old, column]
-
-
-@njit(cache=True, error_model="numpy")
 def triangle_overlaps(position, radius, rows, body, turn, start, other):
     """Overlap [m] and unit vector towards the wall of each slot, in the fixed frame, shape (s, 4); hidden: -inf.
 

@@ -17,9 +17,9 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "field"), str(ROOT / "tests" / "
 
 import numpy as np  # noqa: E402
 import sector_grid_3d as grid  # noqa: E402
+from closed_forms import rectangular_coil_field  # noqa: E402
 from graded_lines import graded_lines  # noqa: E402
 
-from field import rectangular_coil_field  # noqa: E402
 from field.three_d import FlatCoil, Problem3D  # noqa: E402
 
 R_COIL, Z_COIL, NI = (20e-3, 30e-3), (-8e-3, 8e-3), 800.0

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from closed_forms import loop_field
 
 from coupling import moments
 from coupling.effects import body_torque, gradient_force
-from field import GrainLaw, RadialField, loop_field
+from field import GrainLaw, RadialField
 
 pytestmark = pytest.mark.physics
 

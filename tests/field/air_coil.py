@@ -4,8 +4,9 @@ r 20 to 30 mm, z +-8 mm, 800 ampere-turns; the exact field is a superposition of
 """
 
 import numpy as np
+from closed_forms import rectangular_coil_field
 
-from field import MU_0, rectangular_coil_field
+from field import MU_0
 from geometry.meshing import _OPTIONS, _section, gmsh_model
 
 R_COIL, Z_COIL, NI = (20e-3, 30e-3), (-8e-3, 8e-3), 800.0

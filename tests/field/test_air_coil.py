@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from closed_forms import rectangular_coil_field, solenoid_axis_field
 from graded_lines import graded_lines
 from section_grid import section_grid
 
-from field import MU_0, AxisymmetricProblem, PointOutside, rectangular_coil_field, solenoid_axis_field
+from field import MU_0, AxisymmetricProblem, PointOutside
 
 pytestmark = pytest.mark.physics
 

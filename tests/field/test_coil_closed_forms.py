@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from field import loop_field, rectangular_coil_field, solenoid_axis_field
+from closed_forms import loop_field, rectangular_coil_field, solenoid_axis_field
 
 
 @pytest.mark.parametrize(

@@ -45,10 +45,6 @@ def test_kernels_assemble_the_weak_forms(order):
     packed = elements.field_tangent(gradient, B, H / B, slope)
     matrix = FixedPattern(elements.element_dofs, everything, elements.n_dofs).assemble(packed)
     assert np.abs(matrix.toarray() - expected).max() < 1e-12 * np.abs(expected).max()
-    direction = gradient / np.linalg.norm(gradient, axis=1)[:, None]
-    blocks = elements.stiffness_blocks(H / B / elements.radius, (slope - H / B) / elements.radius, direction)
-    again = FixedPattern(elements.element_dofs, everything, elements.n_dofs).matrix(blocks)
-    assert np.abs(again.toarray() - expected).max() < 1e-12 * np.abs(expected).max()
     density = rng.normal(size=len(B))
     J = np.repeat(density[:, None], elements.n_quadrature, axis=1)
     assert np.allclose(elements.load(density), weak_forms.load.assemble(basis, J=J), rtol=1e-11, atol=1e-18)

@@ -5,21 +5,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from closed_forms import rectangular_coil_field
 from graded_lines import graded_lines
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 from section_grid import section_grid
 
-from field import (
-    MU_0,
-    AxisymmetricProblem,
-    GrainLaw,
-    LinearLaw,
-    PointOutside,
-    PowderLaw,
-    material,
-    rectangular_coil_field,
-)
+from field import MU_0, AxisymmetricProblem, GrainLaw, LinearLaw, PointOutside, PowderLaw, material
 from field.coil.coil_circuit import solve_at_flux_linkage
 from field.coil.inductance import FluxLinkageCurve, apparent_inductance, incremental_inductance
 from field.coil.magnetic_circuit import Branch, FilledPowder, FluxTube, MagneticCircuit, clutch_circuit

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from closed_forms import loop_field, rectangular_coil_field
 from half_disc import half_disc, within
 from scipy.special import ellipe, ellipkm1
 from section_grid import section_grid
 
-from field import MU_0, AxisymmetricProblem, GrainLaw, LinearLaw, PowderLaw, material, rectangular_coil_field
-from field.loop import loop_field
+from field import MU_0, AxisymmetricProblem, GrainLaw, LinearLaw, PowderLaw, material
 from field.section.open_boundary import OpenBoundary
 from field.section.section_elements import SectionElements
 from geometry import SectionMesh

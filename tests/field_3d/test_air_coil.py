@@ -6,10 +6,11 @@ import numba
 import numpy as np
 import pytest
 import sector_grid_3d as grid
+from closed_forms import rectangular_coil_field
 from graded_lines import graded_lines
 from section_grid import section_grid
 
-from field import AxisymmetricProblem, rectangular_coil_field
+from field import AxisymmetricProblem
 from field.three_d import FlatCoil, PointOutside3D, Problem3D
 from field.three_d.quadratic_tetrahedron import shape
 

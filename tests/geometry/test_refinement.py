@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from geometry import Clutch, SectionMesh, mesh_clutch
-from geometry.refinement import Circle, carry_fill, refine
+from geometry.refinement import Circle, refine
 
 
 @pytest.fixture(scope="module")
@@ -109,17 +109,6 @@ def test_new_nodes_on_a_circle():
     assert mesh.area("air") == pytest.approx(24 * np.sin(step), rel=1e-12), "48 sectors of a regular polygon"
     with pytest.raises(ValueError, match="no boundary 'rim'"):
         refine(mesh, np.array([0]), {"rim": Circle(0.0, 1.0)})
-
-
-def test_fill_follows_the_elements(clutch_mesh):
-    fill = np.random.default_rng(1).random(clutch_mesh.regions["powder"].size)
-    refined = refine(clutch_mesh, clutch_mesh.regions["powder"][::7])
-    fine = carry_fill(refined, clutch_mesh, "powder", fill)
-    area, coarse_area = refined.mesh.element_area(), clutch_mesh.element_area()
-    assert fine.shape == refined.mesh.regions["powder"].shape
-    assert (fine * area[refined.mesh.regions["powder"]]).sum() == pytest.approx(
-        (fill * coarse_area[clutch_mesh.regions["powder"]]).sum(), rel=1e-12
-    )
 
 
 def test_bad_marks_are_explained(clutch_mesh):

@@ -1,6 +1,7 @@
 """Diagnostics of grains against lattices, counting, and volumes known in closed form."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from emclutch.simulation.structure import structure_summary
 from particles.diagnostics.coordination import contacts_per_grain, coordination, rattlers
 from particles.diagnostics.fabric import fabric
 from particles.diagnostics.force_chains import force_chains, force_distribution, strong_contacts
@@ -288,3 +290,27 @@ def test_numbers_of_dense_flow():
     assert inertial_number(-10.0, 1e-3, 2500.0, 100.0) == pytest.approx(0.05)
     assert friction_coefficient(-30.0, 100.0) == pytest.approx(0.3)
     assert np.isnan(inertial_number(1.0, 1e-3, 2500.0, 0.0)) and np.isnan(friction_coefficient(1.0, -1.0))
+
+
+@dataclass
+class Standing:
+    """Grains as they stand at a run's end."""
+
+    grains: Grains
+    table: ContactTable
+    sector: None = None
+
+    def contacts(self):
+        return self.table
+
+
+def test_a_run_says_how_its_grains_stand():
+    """Six grains in a row, pressed: four have two neighbours, all contacts are parallel, one chain holds them."""
+    x = np.zeros((6, 3))
+    x[:, 0], x[:, 2] = 10.0 * D, D * np.arange(6)
+    pairs = [(k, k + 1) for k in range(5)]
+    found = structure_summary(Standing(Grains.create(x, 0.5 * D, 1000.0), table(x, pairs, 1.0)))
+    assert found["coordination"] == pytest.approx(10 / 6) and found["rattlers"] == pytest.approx(2 / 6)
+    assert found["fabric_anisotropy"] == pytest.approx(1.0) and found["force_anisotropy"] == pytest.approx(1.0)
+    alone = structure_summary(Standing(Grains.create(x, 0.4 * D, 1000.0), table(x, [], 1.0)))
+    assert alone["coordination"] == alone["in_chains"] == 0.0 and alone["fabric_anisotropy"] is None

@@ -18,7 +18,6 @@ from particles.walls.triangle_kernels import (
     FEATURE_ANGLE,
     N_FOUND,
     closest_on_triangle,
-    hand_over,
     push_off_triangles,
     triangle_contacts,
     triangle_overlaps,
@@ -272,28 +271,6 @@ def test_a_centre_on_the_surface_is_pushed_along_the_normal(place):
     _, distance, direction = contacts(rows, (*place, 0.0))
     assert distance.tolist() == [0.0]
     assert direction[0] == pytest.approx([0.0, 0.0, -1.0])
-
-
-def test_a_ball_that_crosses_an_edge_keeps_its_spring():
-    """Slides over the meshed floor of a groove: the spring is always on the slot that counts, at each wall."""
-    rows = np.vstack([strips([(-4, 0), (-1, 0), (0, 0), (1.5, 0), (4, 0)]), strips([(-4, 0.0), (-4, 5.0)])])
-    other = np.arange(len(rows), dtype=np.int32)
-    touching, history = np.zeros(len(rows), dtype=np.uint8), np.zeros((len(rows), 3))
-    found = np.zeros((len(rows), N_FOUND))
-    used = set()
-    for step, x in enumerate(np.linspace(-3.05, 3.0, 200)):
-        count, seen = met(rows, other, 0, len(rows), x, 0.13 + 0.9 * x, 0.99, 1.0, found)
-        hand_over(found, count, seen, touching, history)
-        floor = [int(found[c, 0]) for c in range(count) if found[c, 4] < -0.5]
-        assert len(floor) == 1
-        if step == 0:
-            assert count == 2  # the wall at x = -4 as well
-            history[floor[0]] = [1.0, 2.0, 3.0]
-        touching[:] = 0
-        touching[found[:count, 0].astype(int)] = 1
-        assert history[floor[0]].tolist() == [1.0, 2.0, 3.0]
-        used.add(floor[0])
-    assert len(used) > 4  # one of each strip of the floor at least, and the diagonals between
 
 
 # ---- tables

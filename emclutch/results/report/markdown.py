@@ -60,6 +60,16 @@ def soft_grains(summary: dict[str, Any]) -> str:
     )
 
 
+STRUCTURE = {
+    "coordination": "contacts a grain, walls included",
+    "rattlers": "share of grains with fewer than two contacts",
+    "fabric_anisotropy": "anisotropy of the contacts' directions (0 none, 1 all parallel)",
+    "force_anisotropy": "the same, weighed by normal force",
+    "in_chains": "share of grains in force chains",
+    "longest_chain": "grains in the longest force chain",
+}
+
+
 def report(result: Result, page_folder: Path | None = None) -> str:
     """Markdown of a run: torque with its error, device, numerics, balances, cost.
 
@@ -136,6 +146,11 @@ def summary_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     ):
         if summary.get(key) is not None:
             rows.append((label, f"{summary[key]:.5g} {unit}".strip()))
+    rows += [
+        (f"at the end: {label}", f"{summary['structure'][key]:.3g}")
+        for key, label in STRUCTURE.items()
+        if summary.get("structure", {}).get(key) is not None  # a summary of an earlier version has none
+    ]
     for key, label in (("current", "current"), ("gap_flux_density", "gap field")):
         if note := summary.get(f"{key}_rise_time_note"):
             rows.append((f"{label}'s rise", f"not over: {note}"))
