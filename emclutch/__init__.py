@@ -19,7 +19,8 @@ if TYPE_CHECKING:  # the same names for type checkers and editors, which do not 
     from emclutch.results import OutputError, Result, load_result
     from emclutch.results.study_result import StudyResult, load_study
     from emclutch.scene.study import read_study
-    from emclutch.simulation.plan import Checked, Plan, check, plan
+    from emclutch.simulation.check import Checked, check
+    from emclutch.simulation.plan import Plan, plan
     from emclutch.simulation.run import RunError, run
     from emclutch.simulation.window_state import CallbackError, WindowState
     from emclutch.studies.design_search import DesignResult, design
@@ -64,8 +65,8 @@ __getattr__, __dir__ = lazy_attributes(
         "run": "emclutch.simulation.run:run",
         "WindowState": "emclutch.simulation.window_state:WindowState",
         "CallbackError": "emclutch.simulation.window_state:CallbackError",
-        "check": "emclutch.simulation.plan:check",
-        "Checked": "emclutch.simulation.plan:Checked",
+        "check": "emclutch.simulation.check:check",
+        "Checked": "emclutch.simulation.check:Checked",
         "plan": "emclutch.simulation.plan:plan",
         "Plan": "emclutch.simulation.plan:Plan",
         "field": "emclutch.studies.field_result:field",

@@ -41,7 +41,7 @@ def packings(count: int, share: float | None) -> str:
 
 
 def tell_plan(case: Case, as_json: bool, threads: int | None = None) -> None:
-    from emclutch.simulation.plan import check  # local: it needs the packages of the physics
+    from emclutch.simulation.check import check  # local: it needs the packages of the physics
 
     checked = check(case, threads)
     if as_json:

@@ -8,7 +8,7 @@ from emclutch.device.body_forces import movable_bodies, stress_force
 from emclutch.device.coil_heat import coil_heat_in_words
 from emclutch.device.device import CoilDevice, solved_coil
 from emclutch.scene.case import Case
-from emclutch.simulation.plan import mesh_in_words, paths_in_words
+from emclutch.simulation.plan_in_words import mesh_in_words, paths_in_words
 from field import MagneticField
 
 

@@ -6,7 +6,7 @@ from emclutch.results import Result
 from emclutch.results.left_out import LeftOut
 from emclutch.scene.case import load_case
 from emclutch.scene.errors import SceneError
-from emclutch.simulation.plan import check
+from emclutch.simulation.check import check
 
 
 def left_out_of(result: Result) -> list[LeftOut]:

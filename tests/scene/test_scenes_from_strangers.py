@@ -18,9 +18,10 @@ from emclutch.results.checkpoint import read_checkpoint, write_checkpoint
 from emclutch.results.record import Record
 from emclutch.scene.case import DEEPEST, LARGEST_FILE, case_from, load_case, read_toml
 from emclutch.scene.errors import SceneError
+from emclutch.simulation.check import check
 from emclutch.simulation.forecast import free_disk
 from emclutch.simulation.forecast.cost import disk, memory
-from emclutch.simulation.plan import check, make_plan
+from emclutch.simulation.plan import make_plan
 from emclutch.simulation.run import RunError, run
 from geometry.element_count import expected_triangles
 from geometry.surface_import import SurfaceError, triangle_wall_from_file

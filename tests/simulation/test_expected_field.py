@@ -9,8 +9,8 @@ import pytest
 
 from coupling import magnetised_cluster
 from emclutch.scene.case import load_case
+from emclutch.simulation.check import check
 from emclutch.simulation.forecast.expected_field import CHAIN_FACTOR, powder_in_words
-from emclutch.simulation.plan import check
 from field import GrainLaw
 from geometry.triangle_wall import box_surface
 

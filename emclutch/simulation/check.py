@@ -1,0 +1,107 @@
+"""`emclutch check`: what follows from a right scene, before anything is simulated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from emclutch.device.device import CoilDevice
+from emclutch.scene.case import Case, as_case
+from emclutch.scene.errors import bad_input_for
+from emclutch.scene.grain_smear import moments_are_fed_back
+from emclutch.scene.usual_ranges import FLUX_DENSITY
+from emclutch.simulation.forecast.expected_field import field_in_chains, powder_in_words
+from emclutch.simulation.plan import make_plan
+from emclutch.simulation.plan_in_words import paths_in_words
+from field import MagneticField
+from field.three_d import Field3D
+
+if TYPE_CHECKING:
+    from emclutch.results.left_out import LeftOut
+    from emclutch.simulation.forecast.expected_torque import ExpectedTorque
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """What follows from a right scene, as `emclutch check` says it.
+
+    Attributes
+    ----------
+    title : str
+    effects : tuple of str
+        Names of the effects that the scene has.
+    warnings : tuple of str
+        What is allowed and yet likely not meant.
+    decisions : dict of str to str
+        The plan in words: label -> text.
+    left_out : tuple of LeftOut
+        Of each effect left out the number that says when it matters.
+    expected : ExpectedTorque
+        The torque's order of magnitude.
+    """
+
+    title: str
+    effects: tuple[str, ...]
+    warnings: tuple[str, ...]
+    decisions: dict[str, str]
+    left_out: tuple[LeftOut, ...]
+    expected: ExpectedTorque
+
+
+def check(case: Case | str | Path, threads: int | None = None) -> Checked:
+    """Validate a scene and say what follows from it; `case`, `threads` and what is raised are as of `emclutch.plan`."""
+    case = as_case(case)
+    with bad_input_for(case.path):
+        return _check(case, threads)
+
+
+def _check(case: Case, threads: int | None) -> Checked:
+    from emclutch.device.coil_heat import coil_heat_in_words  # local, as the next two: a run does not need them
+    from emclutch.simulation.forecast.effects_left_out import left_out
+    from emclutch.simulation.forecast.expected_torque import ExpectedTorque, expected_torque
+
+    scene = case.scene
+    if scene.particles is None:
+        from emclutch.simulation.field_plan import field_plan  # local: as the next
+
+        none = ExpectedTorque(None, law="the scene has no grains")
+        return Checked(scene.scene.title, scene.effects.active, case.warnings, field_plan(case), (), none)
+    device, made = make_plan(case, threads=threads)
+    B_max = 0.0
+    if isinstance(made.peak_field, MagneticField) and isinstance(device.coil, CoilDevice):
+        faces, phi = device.shears_faces, device.fill.solid_fraction
+        midline = device.coil.shape.face_midline() if faces else device.coil.shape.gap_midline()
+
+        def largest(field: MagneticField) -> float:
+            return float(np.linalg.norm(field.B_along(midline), axis=1).max())
+
+        B_max = largest(made.peak_field)
+        made.reasons["field"] = (
+            f"at the largest current, {powder_in_words(scene, phi)}: |B| in the {'face' if faces else 'rim'} gap up to "
+            f"{B_max:.3g} T, grains magnetised up to {made.M_max / 1e3:.3g} kA/m"
+        )
+        if moments_are_fed_back(scene) and device.coil.largest_current > 0.0:
+            chains = field_in_chains(device.coil, phi, device.coil.largest_current, made.peak_field)
+            made.reasons["field"] += f"; were they in straight chains, up to {largest(chains):.3g} T"
+    elif isinstance(made.peak_field, Field3D):
+        from emclutch.device.device_3d import CoilDevice3D, gap_flux_density  # local: most scenes need no such field
+
+        assert isinstance(device.coil, CoilDevice3D)
+        B_max = gap_flux_density(device.coil, made.peak_field)
+        made.reasons["field"] = (
+            f"at the largest current, without powder: |B| under the poles {B_max:.3g} T on average, "
+            f"grains magnetised up to {made.M_max / 1e3:.3g} kA/m"
+        )
+    unusual = FLUX_DENSITY.remark("|B|", B_max)
+    if unusual:
+        made.reasons["field"] += f"; WARNING: {unusual}"
+    if device.coil is not None:
+        made.reasons["copper"] = coil_heat_in_words(scene, device.coil, device.coil.shape)
+    expected = expected_torque(scene, device, made.peak_field)
+    made.reasons["expected torque"] = expected.in_words()
+    made.reasons.update(paths_in_words(case))
+    title, effects, missing = scene.scene.title, scene.effects.active, left_out(scene, device, made, expected)
+    return Checked(title, effects, case.warnings, made.reasons, tuple(missing), expected)

@@ -1,0 +1,135 @@
+"""The plan of a run in words: one line for each decision, for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import inf
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from emclutch.device.device import CoilDevice, Device
+from emclutch.results.steady_torque import LEAST_STRAIN
+from emclutch.scene.case import Case
+from emclutch.scene.grain_smear import smear_width
+from emclutch.scene.input_files import paths_elsewhere
+from emclutch.scene.replica_count import replica_count
+from emclutch.scene.surfaces import extent_in_words
+from emclutch.simulation.forecast.expected_speeds import device_extent
+from field import MagneticField
+from field.coil.inductance import apparent_inductance, incremental_inductance
+from field.factorisation import describe_backend
+from geometry import Clutch
+
+if TYPE_CHECKING:
+    from emclutch.device.device_3d import CoilDevice3D
+
+
+def device_in_words(scene, device: Device) -> Iterator[tuple[str, str]]:
+    """Grains, packing, surfaces and the sheared gap: label and text."""
+    particles, fill = scene.grains, device.fill
+    where = particles.region if isinstance(device.shape, Clutch) else "space"
+    where = "rim between the poles" if where == "poles" else where
+    yield (
+        "grains",
+        f"{fill.count} simulated of {fill.count * particles.n_sectors} in the device "
+        f"({fill.mass * 1e3:.3g} g), solid fraction {fill.solid_fraction:.3f} of the {where} filled",
+    )
+    yield "packing", packing_in_words(scene, device)
+    for surface in device.surfaces:
+        text = f"{len(surface.triangles)} triangles, {extent_in_words(*surface.bounds)} mm, on body {surface.body}"
+        if scene.effects.wall_images is not None:
+            text += "; taken as not magnetic: it mirrors no dipoles (effects.wall_images), the field's solve has it not"
+        yield f"surface {surface.name}", text
+    if isinstance(device.shape, Clutch):
+        yield (
+            "sheared gap",
+            f"{'at the faces' if device.shears_faces else 'at the rim'}, {1e3 * device.shear_gap:.3g} mm wide at a "
+            f"mean radius of {1e3 * device.shear_radius:.3g} mm",
+        )
+
+
+def packing_in_words(scene, device: Device) -> str:
+    """How the grains are packed, and to what they settle."""
+    particles, gravity = scene.particles, scene.effects.gravity
+    lattice = f" ({particles.lattice})" if particles.packing == "lattice" else ""
+    if not particles.settles:
+        return f"{particles.packing}{lattice}; time 0 begins with the grains as packed"
+    longest = particles.settle_longest
+    weight = 0.0 if gravity is None else gravity.acceleration
+    if longest is not None:
+        limit = f"{longest:.3g} s as asked"
+    elif weight > 0.0:
+        limit = f"100 falls through the device ({100.0 * np.sqrt(2.0 * device_extent(device).max() / weight):.3g} s)"
+    else:
+        limit = "1e5 steps"
+    energy = "m g d" if weight > 0.0 else "the energy stored in contacts"
+    return (
+        f"{particles.packing}{lattice}; before time 0 the grains settle, shafts held and no magnetic forces, to a "
+        f"kinetic energy of {particles.settle_kinetic:.2g} of {energy}; longest: {limit}, not counted in the cost"
+    )
+
+
+def coil_in_words(scene, coil: CoilDevice, field: MagneticField) -> str:
+    """Resistance, current and, where its circuit is simulated, inductance and time constant of a coil at a voltage."""
+    assert coil.resistance is not None
+    loss = coil.resistance * coil.largest_current**2
+    text = f"{coil.resistance:.3g} ohm: up to {coil.largest_current:.3g} A, {loss:.3g} W of copper loss"
+    if scene.effects.coil_circuit is not None and coil.largest_current > 0.0:
+        inductance = apparent_inductance(field, coil.turns)
+        tau = inductance / coil.resistance
+        text += f"; {inductance:.3g} H at that current (incremental {incremental_inductance(field, coil.turns):.3g} H)"
+        text += f": time constant about {tau:.3g} s"
+        if scene.time.end < 3.0 * tau:
+            text += f"; WARNING: time.end = {scene.time.end:.3g} s is over before the current has risen"
+    return text
+
+
+def feedback_in_words(scene, coil: CoilDevice) -> str:
+    """Over which width moments are fed back, and why."""
+    width, d = smear_width(scene), scene.particles.largest_diameter
+    text = f"moments spread over {1e3 * width:.3g} mm ({width / d:.3g} diameters"
+    if width < scene.effects.dipoles.cutoff * d:
+        text += f": the gap's width, less than effects.dipoles.cutoff = {scene.effects.dipoles.cutoff:g}"
+    return text + f"); {len(coil.problem.powder_elements)} elements of powder and beside it"
+
+
+def end_in_words(scene, device: Device, end: float) -> Iterator[tuple[str, str]]:
+    """Of how many packings the torque will be, when the run ends, and whether it can be known by then."""
+    count, until = replica_count(scene), scene.time.until
+    if count > 1:
+        yield "replicas", f"{count} packings side by side, a process each; the torque and its error are of all"
+    if until is not None:
+        strain = scene.motion.largest_slip * end * device.shear_radius / device.shear_gap if device.shear_gap else inf
+        aim = str(until).removeprefix("torque ")
+        text = f"as soon as half the torque's 95 % interval is {aim}, at the latest at {end:.4g} s"
+        if strain < LEAST_STRAIN:
+            text += (
+                f"; WARNING: until then the gap is sheared by {strain:.2g}, and no torque counts as known below "
+                f"{LEAST_STRAIN:g}: raise time.end to {end * 1.5 * LEAST_STRAIN / max(strain, 1e-9):.2g} s"
+            )
+        yield "end", text
+
+
+def mesh_in_words(coil: CoilDevice | CoilDevice3D) -> str:
+    """What the field is solved on."""
+    if not isinstance(coil, CoilDevice):
+        return (
+            f"in space, for the slots: {len(coil.mesh.tetrahedra)} tetrahedra in 1/{coil.mesh.n_sectors} of the ring, "
+            f"{coil.problem.n_dofs} unknowns; coil of {coil.turns:.0f} turns; {coil.problem.linear_solver}"
+        )
+    text = (
+        f"{len(coil.mesh.triangles)} triangles, {coil.problem.n_dofs} unknowns of order {coil.problem.elements.order}; "
+        f"coil of {coil.turns:.0f} turns; {describe_backend(coil.problem.factorisation_backend)}"
+    )
+    return text if coil.adapted is None else f"{text}; {coil.adapted.summary()}"
+
+
+def paths_in_words(case: Case) -> dict[str, str]:
+    """What of the scene lies outside its folder; nothing where all lies within."""
+    elsewhere = paths_elsewhere(case.scene, case.data, Path() if case.path is None else case.path.parent)
+    if not elsewhere:
+        return {}
+    named = ", ".join(f"{key} = {path}" for key, path in elsewhere.items())
+    return {"paths": f"outside the scene's folder: {named}"}
