@@ -14,36 +14,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from itertools import pairwise
 
-import numpy as np
+from geometry.time_profile import TimeProfile
 
 
 @dataclass(frozen=True, slots=True)
-class PrescribedSpeed:
-    """Speed [rad/s] linear between ``times`` [s], held before the first and after the last."""
-
-    times: tuple[float, ...]
-    speeds: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        times = tuple(float(t) for t in self.times)
-        speeds = tuple(float(w) for w in self.speeds)
-        if not times or len(times) != len(speeds):
-            raise ValueError(f"a speed profile has {len(times)} times but {len(speeds)} speeds; give as many of each")
-        if not all(map(math.isfinite, times + speeds)) or any(b <= a for a, b in pairwise(times)):
-            raise ValueError(f"times of a speed profile must be finite and increase, got {times} s")
-        object.__setattr__(self, "times", times)
-        object.__setattr__(self, "speeds", speeds)
-
-    @classmethod
-    def constant(cls, speed: float) -> PrescribedSpeed:
-        """One speed [rad/s] for ever."""
-        return cls((0.0,), (speed,))
-
-    def at(self, time: float | np.ndarray) -> np.ndarray:
-        """Speed [rad/s] at ``time`` [s]."""
-        return np.asarray(np.interp(time, self.times, self.speeds))
+class PrescribedSpeed(TimeProfile):
+    """A shaft that is driven at a speed [rad/s], whatever torque that takes; the motion of a driven body."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +33,8 @@ class FreeShaft:
         [kg m^2]
     drive_torque : float
         Of the drive at rest [N m].
-    load_torque : float or (times, torques)
-        Brake-like load [N m], constant or linear between times [s].
+    load_torque : float or TimeProfile
+        Brake-like load [N m], constant or in time.
     drive_slope : float
         What the drive loses for each rad/s [N m s]: stall torque over no-load speed of a motor.
     switched_on : float
@@ -66,14 +43,14 @@ class FreeShaft:
 
     inertia: float
     drive_torque: float = 0.0
-    load_torque: float | tuple[tuple[float, ...], tuple[float, ...]] = 0.0
+    load_torque: float | TimeProfile = 0.0
     drive_slope: float = 0.0
     switched_on: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0.0 < self.inertia < math.inf:
             raise ValueError(f"inertia of a free shaft = {self.inertia:g} kg m^2; allowed: more than 0")
-        for load in self._load_points[1]:
+        for load in self.load.values:
             if not 0.0 <= load < math.inf:
                 raise ValueError(
                     f"load torque = {load:g} N m; allowed: 0 or more (it opposes the rotation); "
@@ -83,16 +60,12 @@ class FreeShaft:
             raise ValueError(f"drive torque = {self.drive_torque:g} N m must be finite")
         if not 0.0 <= self.drive_slope < math.inf:
             raise ValueError(f"drive slope = {self.drive_slope:g} N m s; allowed: 0 or more")
-        PrescribedSpeed(*self._load_points)  # times must increase, as many as loads
 
     @property
-    def _load_points(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        load = self.load_torque
-        return load if isinstance(load, tuple) else ((0.0,), (float(load),))
-
-    def load_at(self, time: float | np.ndarray) -> np.ndarray:
-        """Load torque [N m] at ``time`` [s]."""
-        return np.asarray(np.interp(time, *self._load_points))
+    def load(self) -> TimeProfile:
+        """The load torque [N m] in time."""
+        given = self.load_torque
+        return given if isinstance(given, TimeProfile) else TimeProfile.constant(given)
 
 
 @dataclass(slots=True)
@@ -129,4 +102,4 @@ class Body:
     @property
     def can_turn(self) -> bool:
         """Whether it ever turns."""
-        return not isinstance(self.motion, PrescribedSpeed) or any(w != 0.0 for w in self.motion.speeds)
+        return not isinstance(self.motion, PrescribedSpeed) or any(w != 0.0 for w in self.motion.values)

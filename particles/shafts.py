@@ -58,5 +58,5 @@ def drives_at(
             on = times >= motion.switched_on
             drives[:, b, DRIVE] = on * motion.drive_torque + body.external_torque
             drives[:, b, DRIVE_SLOPE] = on * motion.drive_slope
-            drives[:, b, LOAD] = motion.load_at(times)
+            drives[:, b, LOAD] = motion.load.at(times)
     return drives, constants

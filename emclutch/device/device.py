@@ -32,6 +32,7 @@ from geometry.cad_shape import CadShape
 from geometry.centrifugal import CentrifugalClutch
 from geometry.clipping import share_in_boxes
 from geometry.sheared_gap import ShearedGap
+from geometry.time_profile import TimeProfile
 from geometry.triangle_wall import TriangleWall
 from geometry.walls import Wall
 
@@ -53,8 +54,8 @@ class CoilDevice(Excitation):
         What is filled with powder.
     adapted : AdaptiveResult or None
         How the mesh was refined to `field.tolerance`; None: as meshed.
-    volts : tuple of float or None
-        Voltage at `times` [V]; None for a coil at a prescribed current.
+    voltages : TimeProfile or None
+        [V]; None for a coil at a prescribed current.
     resistance : float or None
         Of the coil at its temperature [ohm], where a voltage drives it.
     conductivity : dict of str to float or None
@@ -67,14 +68,14 @@ class CoilDevice(Excitation):
     newton_tolerance: float
     powder_boxes: list[AnnularBox]
     adapted: AdaptiveResult | None = None
-    volts: tuple[float, ...] | None = None
+    voltages: TimeProfile | None = None
     resistance: float | None = None
     conductivity: dict[str, float] | None = None
 
     def voltage(self, time: float) -> float:
         """V [V] at a time [s]."""
-        assert self.volts is not None  # by the checks between sections: only the circuit asks
-        return float(np.interp(time, self.times, self.volts))
+        assert self.voltages is not None  # by the checks between sections: only the circuit asks
+        return float(self.voltages.at(time))
 
     def solve_at_peak(self, fill: np.ndarray | None) -> MagneticField:
         """The field at the largest current for a fill (n powder elements,) [-]."""
@@ -207,7 +208,7 @@ def build_coil_device(scene: Scene) -> CoilDevice:
     boxes = [] if scene.particles is None else boxes_to_fill(shape, scene.particles.region)
     window = shape.coil_area, shape.coil_mean_radius
     winding = coil.winding_in(*window)
-    times, currents = coil.currents_in(*window)
+    currents = TimeProfile(*coil.currents_in(*window))
 
     def problem_on(mesh: SectionMesh) -> AxisymmetricProblem:
         laws, beyond = region_laws(scene, mesh), None
@@ -228,7 +229,7 @@ def build_coil_device(scene: Scene) -> CoilDevice:
 
     mesh = mesh_of(scene)
     adapted = None
-    peak = winding.turns * max(map(abs, currents))
+    peak = winding.turns * currents.largest
     if source.tolerance is not None and peak > 0.0:
         adapted = adapt(
             problem_on,
@@ -244,7 +245,6 @@ def build_coil_device(scene: Scene) -> CoilDevice:
     at_voltage = coil.voltage is not None and coil.is_at_voltage
     return CoilDevice(
         winding,
-        times,
         currents,
         shape,
         mesh,
@@ -252,7 +252,7 @@ def build_coil_device(scene: Scene) -> CoilDevice:
         source.newton_tolerance,
         boxes,
         adapted,
-        volts=points_of(coil.voltage)[1] if coil.voltage is not None and at_voltage else None,
+        voltages=TimeProfile(*points_of(coil.voltage)) if coil.voltage is not None and at_voltage else None,
         resistance=coil.resistance_in(*window) if at_voltage else None,
         conductivity=conductivities(scene, mesh),
     )

@@ -15,6 +15,7 @@ from emclutch.scene.model import Scene
 from field.three_d import Field3D, FlatCoil, Problem3D
 from geometry import AnnularBox, Clutch, Mesh3D, mesh_slotted
 from geometry.cad_shape import CadShape
+from geometry.time_profile import TimeProfile
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,11 +62,9 @@ def build_coil_device_3d(scene: Scene) -> CoilDevice3D:
         centre_z=0.0 if isinstance(shape, Clutch) else 0.5 * float(outer.min() + outer.max()),
     )
     window = shape.coil_area, shape.coil_mean_radius
-    times, currents = coil.currents_in(*window)
     return CoilDevice3D(
         coil.winding_in(*window),
-        times,
-        currents,
+        TimeProfile(*coil.currents_in(*window)),
         shape,
         mesh,
         problem,

@@ -1,28 +1,26 @@
-"""A winding and the course of its current: what every device with a coil has."""
+"""A winding and its current in time: what every device with a coil has."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from field.coil.winding import Winding
+from geometry.time_profile import TimeProfile
 
 
 @dataclass(frozen=True, slots=True)
 class Excitation:
-    """A winding and the course of its current.
+    """A winding and its current in time.
 
     Attributes
     ----------
     winding : Winding
-    times, currents : tuple of float
-        [s] and [A]; linear between, held beyond.
+    currents : TimeProfile
+        [A].
     """
 
     winding: Winding
-    times: tuple[float, ...]
-    currents: tuple[float, ...]
+    currents: TimeProfile
 
     @property
     def turns(self) -> float:
@@ -31,9 +29,9 @@ class Excitation:
 
     def current(self, time: float) -> float:
         """I [A] at a time [s]."""
-        return float(np.interp(time, self.times, self.currents))
+        return float(self.currents.at(time))
 
     @property
     def largest_current(self) -> float:
-        """Largest |I| of the course [A]."""
-        return max(abs(current) for current in self.currents)
+        """Largest |I| at any time [A]."""
+        return self.currents.largest

@@ -46,6 +46,7 @@ from field import AxisymmetricProblem, MagneticField, RadialField
 from field.section.eddy_currents import EddyCurrentProblem, VoltageDrive
 from field.three_d import Field3D
 from geometry import ShearCell
+from geometry.time_profile import TimeProfile
 from particles import DEM, DVI, Body, FreeShaft, GrainMotion, Grains, PrescribedSpeed
 
 log = logging.getLogger(__name__)
@@ -222,7 +223,7 @@ def coil_source(scene: Scene, coil: CoilDevice) -> CoilField:
             current_tolerance=circuit.tolerance,
             voltage=coil.voltage,
             resistance=coil.resistance,
-            breaks=coil.times,
+            breaks=coil.currents.times,
             begin_steady=circuit.begin == "steady",
             largest_current=coil.largest_current,
         )
@@ -237,7 +238,7 @@ def coil_source(scene: Scene, coil: CoilDevice) -> CoilField:
         coil.newton_tolerance,
         eddy=EddyCurrentProblem(coil.problem, coil.conductivity or {}, turns=coil.turns),
         voltage=voltage,
-        breaks=coil.times,
+        breaks=coil.currents.times,
         begin_steady=eddy.begin == "steady",
         change_tolerance=eddy.tolerance,
         largest_current=coil.largest_current,
@@ -260,7 +261,7 @@ def shafts(scene, walls) -> list[Body]:
 
 def free_shaft(section: FreeShaftSection) -> FreeShaft:
     """The shaft of [motion.NAME.free]."""
-    load, motor = points_of(section.load_torque), section.motor
+    load, motor = TimeProfile(*points_of(section.load_torque)), section.motor
     if motor is None:
         return FreeShaft(section.inertia, section.drive_torque, load)
     return FreeShaft(section.inertia, motor.signed_stall_torque, load, motor.slope, motor.switched_on)

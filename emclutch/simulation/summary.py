@@ -63,7 +63,7 @@ def summarise(
             "flux_linkage": float(history["flux_linkage"].iloc[-1]),
             "field_solves": simulation.source.solves,
         }
-        summary |= rise_times(history, device.coil.currents[-1])
+        summary |= rise_times(history, device.coil.currents.values[-1])
         summary["field_error_estimate"] = field_error_estimate(simulation.source.solution)
     zone = None if simulation.magnetised is None else pole_zone(device)
     if zone is not None and torque is not None:

@@ -5,6 +5,7 @@ import pytest
 from dem_laws import DENSITY, EVERYTHING, FLOOR, MASS, RADIUS, SPEED, G, in_order, law, make_dem
 from scipy.spatial import Delaunay
 
+from geometry.time_profile import TimeProfile
 from geometry.triangle_wall import TriangleWall, box_surface, extruded
 from geometry.walls import Plane, annulus, cylinder
 from particles import Body, FreeShaft, Grains, HertzContact, LinearContact, PairLaws, PrescribedSpeed
@@ -242,7 +243,9 @@ def test_a_load_table_brakes_a_shaft_and_holds_it():
     omega(t) = (T/J)(t - t^2) until 1 s, where it is 0; then the load holds it.
     """
     inertia, drive, dt = 1e-3, 2e-3, 1e-3
-    shaft = Body("rotor", FreeShaft(inertia, drive_torque=drive, load_torque=((0.0, 1.0), (0.0, 2.0 * drive))))
+    shaft = Body(
+        "rotor", FreeShaft(inertia, drive_torque=drive, load_torque=TimeProfile((0.0, 1.0), (0.0, 2.0 * drive)))
+    )
     dem = idle(shaft, dt)
     for t in (0.25, 0.5, 0.75):
         dem.run(round(t / dt) - dem.step_count)

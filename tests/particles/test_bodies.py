@@ -27,7 +27,7 @@ def test_profile_is_linear_and_held():
 
 @pytest.mark.parametrize("times, speeds", [((0.0, 1.0), (1.0,)), ((1.0, 0.0), (0.0, 1.0)), ((), ())])
 def test_bad_profile_is_refused(times, speeds):
-    with pytest.raises(ValueError, match="speed profile"):
+    with pytest.raises(ValueError, match="time profile"):
         PrescribedSpeed(times, speeds)
 
 

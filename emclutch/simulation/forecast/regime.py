@@ -152,5 +152,5 @@ def _switching_time(scene, device: Device, coil_time: float | None) -> float | N
         return None
     if scene.effects.coil_circuit is not None:
         return coil_time
-    course = pairwise(zip(device.coil.times, device.coil.currents, strict=True))
+    course = pairwise(zip(device.coil.currents.times, device.coil.currents.values, strict=True))
     return min((later - time for (time, i), (later, j) in course if i != j), default=None)

@@ -1,0 +1,54 @@
+"""A quantity that follows a table in time: a shaft's speed, a load, a coil's current or voltage."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Self
+
+import numpy as np
+
+
+@dataclass(frozen=True, slots=True)
+class TimeProfile:
+    """Linear between ``times`` [s], held before the first and after the last.
+
+    Attributes
+    ----------
+    times : tuple of float
+        Increasing [s].
+    values : tuple of float
+        As many, in SI units.
+
+    Raises
+    ------
+    ValueError
+        Times that do not increase, are as many as no values, or a number that is not finite.
+    """
+
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        times, values = (tuple(float(x) for x in given) for given in (self.times, self.values))
+        if not times or len(times) != len(values):
+            raise ValueError(f"a time profile has {len(times)} times but {len(values)} values; give as many of each")
+        if not all(map(math.isfinite, times + values)) or any(b <= a for a, b in pairwise(times)):
+            raise ValueError(f"times of a time profile must be finite and increase, got {times} s")
+        object.__setattr__(self, "times", times)
+        object.__setattr__(self, "values", values)
+
+    @classmethod
+    def constant(cls, value: float) -> Self:
+        """One value for ever."""
+        return cls((0.0,), (value,))
+
+    def at(self, time: float | np.ndarray) -> np.ndarray:
+        """The value at ``time`` [s]."""
+        return np.asarray(np.interp(time, self.times, self.values))
+
+    @property
+    def largest(self) -> float:
+        """Largest magnitude of all values."""
+        return max(map(abs, self.values))
