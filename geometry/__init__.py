@@ -6,7 +6,7 @@ from geometry.box import Box
 from geometry.centrifugal import CentrifugalClutch, Chamber
 from geometry.clutch import Clutch
 from geometry.drawing import draw_section
-from geometry.fault import Fault, GeometryError
+from geometry.fault import GeometryError, GeometryFault
 from geometry.mesh_3d import Mesh3D
 from geometry.meshing import mesh_clutch
 from geometry.section import SectionMesh
@@ -22,8 +22,8 @@ __all__ = [
     "CentrifugalClutch",
     "Chamber",
     "Clutch",
-    "Fault",
     "GeometryError",
+    "GeometryFault",
     "Mesh3D",
     "Plane",
     "RevolvedWall",

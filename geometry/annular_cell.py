@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from geometry.fault import Fault, millimetres
+from geometry.fault import GeometryFault, millimetres
 from geometry.sheared_gap import ShearedGap
 from geometry.walls import AnnularBox, RevolvedWall, annulus, cylinder
 
@@ -36,10 +36,10 @@ class ShearCell:
         """Those filled parts, of `boxes`, that lie between the shafts, and whether the gap's width is along r."""
         return [(box, True) for box in boxes]
 
-    def faults(self, grain_diameter: float | None = None) -> list[Fault]:
+    def faults(self, grain_diameter: float | None = None) -> list[GeometryFault]:
         """Every inconsistency; with a grain diameter [m], also a cell that no grain fits into."""
         found = [
-            Fault(f"geometry.{name}", millimetres(value), f"{what} must be positive", "more than 0 mm",
+            GeometryFault(f"geometry.{name}", millimetres(value), f"{what} must be positive", "more than 0 mm",
                   f"give `geometry.{name}` a positive length")
             for name, value, what in (
                 ("inner_radius", self.inner_radius, "the inner cylinder's radius"),
@@ -53,7 +53,7 @@ class ShearCell:
         width = self.outer_radius - self.inner_radius
         if width <= 0.0:
             found.append(
-                Fault("geometry.outer_radius", millimetres(self.outer_radius),
+                GeometryFault("geometry.outer_radius", millimetres(self.outer_radius),
                       "the outer cylinder lies inside the inner one",
                       f"more than {millimetres(self.inner_radius)}",
                       "raise `geometry.outer_radius` or lower `geometry.inner_radius`")
@@ -61,7 +61,7 @@ class ShearCell:
         if grain_diameter is not None:
             if 0.0 < width < grain_diameter:
                 found.append(
-                    Fault("geometry.outer_radius", millimetres(self.outer_radius),
+                    GeometryFault("geometry.outer_radius", millimetres(self.outer_radius),
                           f"the annulus of {millimetres(width)} is thinner than one grain "
                           f"({millimetres(grain_diameter)}): no grain fits",
                           f"at least {millimetres(self.inner_radius + grain_diameter)}",
@@ -69,7 +69,7 @@ class ShearCell:
                 )  # fmt: skip
             if self.height < grain_diameter:
                 found.append(
-                    Fault("geometry.height", millimetres(self.height),
+                    GeometryFault("geometry.height", millimetres(self.height),
                           f"the cell is lower than one grain ({millimetres(grain_diameter)}): no grain fits",
                           f"at least {millimetres(grain_diameter)}",
                           "raise `geometry.height` or lower `particles.diameter`")

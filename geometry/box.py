@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geometry.fault import Fault, millimetres
+from geometry.fault import GeometryFault, millimetres
 from geometry.walls import Plane
 
 
@@ -45,7 +45,7 @@ class Box:
         """None: nothing turns."""
         return []
 
-    def faults(self, grain_diameter: float | None = None) -> list[Fault]:
+    def faults(self, grain_diameter: float | None = None) -> list[GeometryFault]:
         """Every inconsistency; with a grain diameter [m], also a side that is shorter than one grain."""
         found = []
         for axis, length in zip("xyz", self.size, strict=True):
@@ -59,7 +59,7 @@ class Box:
                 remedy = "raise `geometry.size` or lower `particles.diameter`"
             else:
                 continue
-            found.append(Fault("geometry.size", millimetres(length), reason, allowed, remedy))
+            found.append(GeometryFault("geometry.size", millimetres(length), reason, allowed, remedy))
         return found
 
     def walls(self) -> list[Plane]:

@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from geometry.cad_meshing import CadSection, OutlineEdge
-from geometry.fault import Fault, millimetres
+from geometry.fault import GeometryFault, millimetres
 from geometry.sheared_gap import ShearedGap, thin_parts
 from geometry.walls import AnnularBox, Pair, RevolvedWall, outline
 
@@ -118,7 +118,7 @@ class CadShape:
         """As `gap_midline`: there is but one of them here."""
         return self.gap_midline(count)
 
-    def faults(self, grain_diameter: float | None = None) -> list[Fault]:
+    def faults(self, grain_diameter: float | None = None) -> list[GeometryFault]:
         """Why grains cannot be put in: no powder's region, one that is no set of rectangles, a gap below a grain."""
         if not self._edges():
             return [_fault("no part of the file is the powder: grains have no space", "a part named powder",
@@ -193,8 +193,8 @@ _Step = tuple[OutlineEdge, Pair, Pair]
 """An edge with its ends in the order of the chain."""
 
 
-def _fault(reason: str, allowed: str, remedy: str) -> Fault:
-    return Fault("geometry.file", "", reason, allowed, remedy)
+def _fault(reason: str, allowed: str, remedy: str) -> GeometryFault:
+    return GeometryFault("geometry.file", "", reason, allowed, remedy)
 
 
 def _chains(edges: Sequence[OutlineEdge]) -> list[tuple[list[_Step], bool]]:

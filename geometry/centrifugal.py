@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geometry.centrifugal_faults import find_faults
-from geometry.fault import Fault
+from geometry.fault import GeometryFault
 from geometry.sheared_gap import ShearedGap
 from geometry.triangle_wall import TriangleWall, extruded
 from geometry.walls import AnnularBox, RevolvedWall, annulus, cylinder
@@ -145,7 +145,7 @@ class CentrifugalClutch:
         """None: shot is thrown, and is sheared in no gap."""
         return []
 
-    def faults(self, grain_diameter: float | None = None) -> list[Fault]:
+    def faults(self, grain_diameter: float | None = None) -> list[GeometryFault]:
         """Every inconsistency; with a grain diameter [m], also a place that no grain fits into, or all escape by."""
         return find_faults(self, grain_diameter)
 

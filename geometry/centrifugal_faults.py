@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from geometry.fault import Fault, millimetres
+from geometry.fault import GeometryFault, millimetres
 
 if TYPE_CHECKING:
     from geometry.centrifugal import CentrifugalClutch
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 _COUNTS = (("vanes", 1, 60), ("slots", 0, 20), ("ribs", 0, 360))
 
 
-def find_faults(clutch: CentrifugalClutch, grain_diameter: float | None = None) -> list[Fault]:
+def find_faults(clutch: CentrifugalClutch, grain_diameter: float | None = None) -> list[GeometryFault]:
     """Every fault of a clutch; relations are judged only between numbers that are right by themselves."""
     found = _numbers(clutch) or _vanes(clutch) + _slots(clutch) + _ribs(clutch)
     if not found and grain_diameter is not None:
@@ -21,13 +21,13 @@ def find_faults(clutch: CentrifugalClutch, grain_diameter: float | None = None) 
     return found
 
 
-def _fault(clutch: CentrifugalClutch, name: str, reason: str, allowed: str, remedy: str) -> Fault:
+def _fault(clutch: CentrifugalClutch, name: str, reason: str, allowed: str, remedy: str) -> GeometryFault:
     value = getattr(clutch, name)
     shown = f"{value:g}" if name in [count for count, _, _ in _COUNTS] else millimetres(value)
-    return Fault(f"geometry.{name}", shown, reason, allowed, remedy)
+    return GeometryFault(f"geometry.{name}", shown, reason, allowed, remedy)
 
 
-def _numbers(clutch: CentrifugalClutch) -> list[Fault]:
+def _numbers(clutch: CentrifugalClutch) -> list[GeometryFault]:
     """Counts that are none, and sizes that are not lengths; those of what there is none of do not matter."""
     found = []
     for name, least, most in _COUNTS:
@@ -45,7 +45,7 @@ def _numbers(clutch: CentrifugalClutch) -> list[Fault]:
     return found
 
 
-def _vanes(clutch: CentrifugalClutch) -> list[Fault]:
+def _vanes(clutch: CentrifugalClutch) -> list[GeometryFault]:
     found = []
     least = clutch.hub_radius + clutch.tip_clearance + (clutch.rib_height if clutch.ribs else 0.0)
     if clutch.drum_radius <= least + clutch.vane_thickness:  # a vane shorter than thick is none
@@ -69,7 +69,7 @@ def _vanes(clutch: CentrifugalClutch) -> list[Fault]:
     return found
 
 
-def _slots(clutch: CentrifugalClutch) -> list[Fault]:
+def _slots(clutch: CentrifugalClutch) -> list[GeometryFault]:
     if not clutch.slots:
         return []
     found = []
@@ -88,7 +88,7 @@ def _slots(clutch: CentrifugalClutch) -> list[Fault]:
     return found
 
 
-def _ribs(clutch: CentrifugalClutch) -> list[Fault]:
+def _ribs(clutch: CentrifugalClutch) -> list[GeometryFault]:
     if not clutch.ribs or clutch.rib_radius <= 0.0:
         return []
     # Flat tops: as wide as the chord of the drum at their height, or as the polygon of all tops has sides.
@@ -104,7 +104,7 @@ def _ribs(clutch: CentrifugalClutch) -> list[Fault]:
     ]  # fmt: skip
 
 
-def _grain(clutch: CentrifugalClutch, d: float) -> list[Fault]:
+def _grain(clutch: CentrifugalClutch, d: float) -> list[GeometryFault]:
     """Where no grain fits, and where all of them would escape the vanes."""
     found, grain = [], millimetres(d)
     ring = clutch.rib_radius - clutch.hub_radius

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geometry.clutch_faults import find_faults
-from geometry.fault import Fault
+from geometry.fault import GeometryFault
 from geometry.sheared_gap import AT_RIM, ShearedGap
 from geometry.slots import Slots
 from geometry.walls import AnnularBox, Pair, RevolvedWall, outline
@@ -231,7 +231,7 @@ class Clutch:
             return "disc"
         return "housing" if region in ("housing", "coil") else "rotor"
 
-    def faults(self, grain_diameter: float | None = None) -> list[Fault]:
+    def faults(self, grain_diameter: float | None = None) -> list[GeometryFault]:
         """Every inconsistency of the sizes; with a grain diameter [m], also gaps that no grain fits into."""
         return find_faults(self, grain_diameter)
 

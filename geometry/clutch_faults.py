@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from geometry.fault import Fault, millimetres
+from geometry.fault import GeometryFault, millimetres
 from geometry.slots import slot_faults
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ _SIZES = (
 )  # fmt: skip
 
 
-def find_faults(clutch: Clutch, grain_diameter: float | None = None) -> list[Fault]:
+def find_faults(clutch: Clutch, grain_diameter: float | None = None) -> list[GeometryFault]:
     """Every fault of a clutch; relations are judged only between sizes that are lengths by themselves."""
     found = _sizes(clutch)
     broken = {fault.key.removeprefix("geometry.") for fault in found}
@@ -39,14 +39,14 @@ def find_faults(clutch: Clutch, grain_diameter: float | None = None) -> list[Fau
     return found
 
 
-def _fault(clutch: Clutch, name: str, reason: str, allowed: str, remedy: str) -> Fault:
+def _fault(clutch: Clutch, name: str, reason: str, allowed: str, remedy: str) -> GeometryFault:
     value = getattr(clutch, name)
     if value is None:  # a default that follows from other sizes
         value = {"housing_width": clutch.housing_length, "coil_radius": clutch.coil_inner_radius}[name]
-    return Fault(f"geometry.{name}", millimetres(value), reason, allowed, remedy)
+    return GeometryFault(f"geometry.{name}", millimetres(value), reason, allowed, remedy)
 
 
-def _sizes(clutch: Clutch) -> list[Fault]:
+def _sizes(clutch: Clutch) -> list[GeometryFault]:
     found = []
     for name in _SIZES:
         value = getattr(clutch, name)
@@ -64,11 +64,13 @@ def _sizes(clutch: Clutch) -> list[Fault]:
     if not low <= clutch.air_factor <= high:
         reason = "the air must enclose the device with some room, and not dwarf it"
         remedy = "3 is a good choice for `geometry.air_factor`"
-        found.append(Fault("geometry.air_factor", f"{clutch.air_factor:g}", reason, f"{low:g} to {high:g}", remedy))
+        found.append(
+            GeometryFault("geometry.air_factor", f"{clutch.air_factor:g}", reason, f"{low:g} to {high:g}", remedy)
+        )
     return found
 
 
-def _chamber(clutch: Clutch, broken: set[str]) -> list[Fault]:
+def _chamber(clutch: Clutch, broken: set[str]) -> list[GeometryFault]:
     found = []
     if not broken & {"seal_radius", "disc_radius"} and clutch.seal_radius >= clutch.disc_radius:
         found.append(_fault(
@@ -91,7 +93,7 @@ def _chamber(clutch: Clutch, broken: set[str]) -> list[Fault]:
     return found
 
 
-def _magnetic_path(clutch: Clutch, broken: set[str]) -> list[Fault]:
+def _magnetic_path(clutch: Clutch, broken: set[str]) -> list[GeometryFault]:
     found = []
     rotor_sizes = {"disc_thickness", "face_gap", "cover_thickness"}
     if not broken & {"ring_width", *rotor_sizes}:
@@ -128,7 +130,7 @@ def _magnetic_path(clutch: Clutch, broken: set[str]) -> list[Fault]:
     return found
 
 
-def _coil_radius(clutch: Clutch, broken: set[str]) -> list[Fault]:
+def _coil_radius(clutch: Clutch, broken: set[str]) -> list[GeometryFault]:
     sizes = {"coil_radius", "disc_radius", "gap", "rotor_wall", "clearance"}
     if clutch.coil_radius is None or broken & sizes:
         return []
@@ -148,7 +150,7 @@ def _coil_radius(clutch: Clutch, broken: set[str]) -> list[Fault]:
     )]  # fmt: skip
 
 
-def _slenderness(clutch: Clutch, broken: set[str]) -> list[Fault]:
+def _slenderness(clutch: Clutch, broken: set[str]) -> list[GeometryFault]:
     found = []
     for name, length, sizes in (
         ("gap", clutch.cavity_length, {"disc_thickness", "face_gap"}),
@@ -164,7 +166,7 @@ def _slenderness(clutch: Clutch, broken: set[str]) -> list[Fault]:
     return found
 
 
-def _slots(clutch: Clutch, broken: set[str]) -> list[Fault]:
+def _slots(clutch: Clutch, broken: set[str]) -> list[GeometryFault]:
     found = []
     if clutch.disc_slots is not None and not broken & {"disc_radius", "shaft_radius"}:
         room = clutch.disc_radius - clutch.shaft_radius
@@ -175,7 +177,7 @@ def _slots(clutch: Clutch, broken: set[str]) -> list[Fault]:
     return found
 
 
-def _grain(clutch: Clutch, broken: set[str], diameter: float) -> list[Fault]:
+def _grain(clutch: Clutch, broken: set[str], diameter: float) -> list[GeometryFault]:
     found = []
     for name in ("gap", "face_gap"):
         if name not in broken and getattr(clutch, name) < diameter:

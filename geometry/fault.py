@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
+class GeometryFault:
     """One inconsistency of a scene's geometry.
 
     Attributes
@@ -38,7 +38,7 @@ class Fault:
 class GeometryError(ValueError):
     """A geometry that cannot be built; ``faults`` lists every reason."""
 
-    def __init__(self, faults: Sequence[Fault]) -> None:
+    def __init__(self, faults: Sequence[GeometryFault]) -> None:
         self.faults = list(faults)
         super().__init__("\n".join(str(fault) for fault in self.faults))
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geometry.fault import Fault, millimetres
+from geometry.fault import GeometryFault, millimetres
 
 # Finer teeth than this are an effective medium, not a geometry to mesh.
 MOST_SLOTS = 500
@@ -66,7 +66,7 @@ class Slots:
         return sides[(sides > start + margin) & (sides < end - margin)]
 
 
-def slot_faults(slots: Slots, key: str, body: str, room: float, limit: str) -> list[Fault]:
+def slot_faults(slots: Slots, key: str, body: str, room: float, limit: str) -> list[GeometryFault]:
     """What is impossible about the slots of a body.
 
     Parameters
@@ -83,29 +83,29 @@ def slot_faults(slots: Slots, key: str, body: str, room: float, limit: str) -> l
     found = []
     if not 2 <= slots.count <= MOST_SLOTS or slots.count != int(slots.count):
         found.append(
-            Fault(f"{key}.count", f"{slots.count:g}", "it is not a number of slots around a body",
+            GeometryFault(f"{key}.count", f"{slots.count:g}", "it is not a number of slots around a body",
                   f"a whole number from 2 to {MOST_SLOTS}", f"correct `{key}.count`, or leave out `{key}`")
         )  # fmt: skip
     if not 0.0 < slots.share < 1.0:
         found.append(
-            Fault(f"{key}.share", f"{slots.share:g}",
+            GeometryFault(f"{key}.share", f"{slots.share:g}",
                   "a slot is wider than the pitch" if slots.share >= 1.0 else "the slot has no width",
                   "more than 0 and less than 1",
                   f"lower `{key}.share`" if slots.share >= 1.0 else f"raise `{key}.share` or leave out `{key}`")
         )  # fmt: skip
     if not 0.0 < slots.depth < math.inf:
         found.append(
-            Fault(f"{key}.depth", millimetres(slots.depth), "it is not a positive length", "more than 0 mm",
+            GeometryFault(f"{key}.depth", millimetres(slots.depth), "it is not a positive length", "more than 0 mm",
                   f"correct `{key}.depth`, or leave out `{key}`")
         )  # fmt: skip
     elif slots.depth >= room:
         found.append(
-            Fault(f"{key}.depth", millimetres(slots.depth), f"the slots cut through {body} down to {limit}",
+            GeometryFault(f"{key}.depth", millimetres(slots.depth), f"the slots cut through {body} down to {limit}",
                   f"less than {millimetres(room)}", f"lower `{key}.depth`")
         )  # fmt: skip
     if not math.isfinite(slots.angle):
         found.append(
-            Fault(f"{key}.angle", f"{slots.angle:g}", "it is not an angle", "any finite angle",
+            GeometryFault(f"{key}.angle", f"{slots.angle:g}", "it is not an angle", "any finite angle",
                   f"correct `{key}.angle`")
         )  # fmt: skip
     return found

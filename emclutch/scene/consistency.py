@@ -36,7 +36,7 @@ from emclutch.scene.sector_checks import (
 from emclutch.scene.surfaces import extent_in_words
 
 if TYPE_CHECKING:
-    from geometry.fault import Fault as ShapeFault
+    from geometry.fault import GeometryFault
 
 GEOMETRY_KIND = "geometry.kind"
 """Stands in `Draft.broken` where of the geometry not even the kind is known."""
@@ -87,7 +87,7 @@ def _shape(draft: Draft) -> Iterator[Fault]:
         yield (told if told.value else Fault(fault.key, fault.value, told.message))  # a default has no entry to show
 
 
-def _faults_of_shape(draft: Draft, diameter: float | None) -> list[ShapeFault]:
+def _faults_of_shape(draft: Draft, diameter: float | None) -> list[GeometryFault]:
     """Of a clutch with faulty sizes, what the others say of each other."""
     if "geometry" not in draft.broken:
         return draft.scene.shape().faults(diameter)
