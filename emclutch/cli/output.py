@@ -19,17 +19,15 @@ if TYPE_CHECKING:
 def torque_line(torque: dict[str, Any] | None) -> str:
     """Say a run's torque with its error, and where it is not converged, why."""
     from emclutch.results.statistics import Estimate  # local: it imports numpy
+    from emclutch.results.torque_in_words import torque_in_words
 
     if not torque or torque.get("mean") is None:
         return "torque on the disc: none" + (f" ({torque['reason']})" if torque else "")
-    error = torque.get("standard_error")
-    text = f"torque on the disc: {torque['mean']:.4g}"
-    text += f" +- {error:.2g} N m" if error is not None else " N m, error unknown"
-    interval = Estimate.from_dict(torque).interval()
-    if interval is not None:
-        behind = packings(torque.get("replicas") or 1, torque.get("packing_share"))
-        text += f" (standard error; 95 %: {interval[0]:.3g} to {interval[1]:.3g}, {behind})"
-    return text if torque.get("converged") else f"{text}; {torque.get('reason')}"
+    found = Estimate.from_dict(torque)
+    text = f"torque on the disc: {torque_in_words(found)}"
+    if found.interval() is not None:
+        text += f", {packings(found.replicas, found.packing_share)}"
+    return text if found.converged else f"{text}; {found.reason}"
 
 
 def packings(count: int, share: float | None) -> str:

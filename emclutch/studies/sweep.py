@@ -186,7 +186,10 @@ class _StudyRun:
             text = f"{self.targets[number].path.name} ({values}): {failure.message}"
             if failure.is_input:
                 raise OutputError(text)
-            raise RunError(f"{text}\n{len(self.done)} of {len(self.points)} points are done; {self._how_to_go_on()}")
+            how = self._how_to_go_on()
+            if RunFolder(self.targets[number].path).read_failure() is not None:
+                how = f"leave it out of the study's values, or change the scene; then {how}"
+            raise RunError(f"{text}\n{len(self.done)} of {len(self.points)} points are done; {how}")
         if self.stopped:
             more = f" --jobs {jobs}" if jobs and jobs > 1 else ""
             raise Interrupted(
@@ -242,7 +245,7 @@ class _StudyRun:
     def _is_done(self, number: int, result: Result, kept: bool = False) -> None:
         torque = disc_torque(result)
         seconds = result.summary["seconds"]["whole_run"]
-        self.table.set_done(number, torque.mean, torque.standard_error, seconds, kept=kept, converged=torque.converged)
+        self.table.set_done(number, torque.mean, torque.interval(), seconds, kept=kept, converged=torque.converged)
         if not kept:
             log.info("%s is done", self.targets[number].path.name)
         self.done[number] = (*self.points[number], result)

@@ -91,7 +91,7 @@ def test_every_effect_is_named_on_or_off(page):
 def test_the_torque_stands_with_its_interval(run, page):
     torque = load_result(run.path).torque
     low, high = torque.interval()
-    assert f"{torque.mean:.4g} N m, 95 % interval {low:.4g} to {high:.4g} N m" in page.text
+    assert f"{torque.mean:.4g} N m (95 %: {low:.4g} to {high:.4g})" in page.text
 
 
 @pytest.mark.parametrize(("off", "mark"), [(1e-4, Mark.GOOD), (0.3, Mark.POOR)])

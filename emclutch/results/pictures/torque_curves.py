@@ -62,7 +62,8 @@ def torque_against_speed_picture(path: str | Path, curves: Sequence[TorqueCurve]
         if law is not None:
             factor, exponent, error = law
             along = np.linspace(0.0, float(speed.max()), 201)[1:]
-            label = f"{factor * (1000.0 / RPM) ** exponent:.3g} N m · (rpm/1000)^({exponent:.2f} ± {error:.2f})"
+            power = f"{exponent:.2f} ± {NORMAL * error:.2f}, 95 %"
+            label = f"{factor * (1000.0 / RPM) ** exponent:.3g} N m · (rpm/1000)^({power})"
             sign = np.sign(np.nansum(curve.torque))
             axis.plot(RPM * along, sign * factor * along**exponent, color=LAW, lw=1.2, label=label)
     axis.set_xlabel("speed of the motor [rpm]")
@@ -78,11 +79,11 @@ def _draw_range(axis: Axes, curve: TorqueCurve, found: LinearRange) -> None:
     end = found.last if found.knee is None else found.knee
     sign = -1.0 if np.nanmean(curve.x) < 0.0 else 1.0
     along = np.array([max(found.offset, 0.0), end])
-    label = f"{found.slope:.3g} ± {found.slope_error:.1g} N m/A"
+    label = f"{found.slope:.3g} ± {NORMAL * found.slope_error:.2g} N m/A"
     if found.knee is not None:
-        label += f", knee at {found.knee:.3g} ± {found.knee_error:.1g} A"
+        label += f", knee at {found.knee:.3g} ± {NORMAL * (found.knee_error or 0.0):.2g} A"
         axis.plot(sign * found.knee, found.slope * (found.knee - found.offset), "|", ms=12, color=LAW)
-    axis.plot(sign * along, found.slope * (along - found.offset), color=LAW, lw=0.9, label=label)
+    axis.plot(sign * along, found.slope * (along - found.offset), color=LAW, lw=0.9, label=f"{label} (95 %)")
 
 
 def _torque_axes(curves: Sequence[TorqueCurve], title: str | None, *, joined: bool) -> tuple[Figure, Axes]:
