@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from emclutch.results import read_history
-from emclutch.results.statistics import Estimate
+from emclutch.results.statistics import Estimate, more_time
 from emclutch.results.steady_torque import SteadyConditions, steady_torque
 from emclutch.scene.torque_target import TorqueTarget
 
@@ -114,11 +114,11 @@ def _why_not(torque: Estimate, target: TorqueTarget, half: float | None, end: fl
             f"there is no torque that differs from 0 ({torque.mean:.2g} +- {half:.2g} N m), so no share of it can be "
             f"reached; give a torque beside it: until = '{target} or 0.01 N m'"
         )
-    longer = end * (half / wanted) ** 2
     more = max(2, round(torque.replicas * (half / wanted) ** 2))
     if (torque.degrees_of_freedom or 0.0) < 2.0 * (torque.replicas - 1):
         return (
             f"packings differ by {torque.packing_share or 0.0:.2g} N m, which no longer run mends; "
             f"raise accuracy.replicas from {torque.replicas} to about {more}"
         )
-    return f"time.end = {end:.3g} s is too early; raise it to about {longer:.2g} s, or take more accuracy.replicas"
+    longer = end + (more_time(torque, end, wanted) or 0.0)
+    return f"time.end = {end:.3g} s is too early; estimate: {longer:.2g} s will do, or more accuracy.replicas"
