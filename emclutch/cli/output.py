@@ -13,6 +13,7 @@ from rich.table import Table
 from emclutch.scene.case import Case
 
 if TYPE_CHECKING:
+    from emclutch.scene.study import Study
     from emclutch.studies.design_search import DesignResult
 
 
@@ -62,6 +63,30 @@ def tell_plan(case: Case, as_json: bool, threads: int | None = None) -> None:
     for line in checked.left_out:
         rows.add_row(line.effect, line.verdict, line.in_words())
     console.print(rows)
+
+
+def tell_study(study: Study, jobs: int, as_json: bool) -> None:
+    from emclutch.studies.forecast import foretell_study, time_in_words  # local: it needs the packages of the physics
+
+    found = foretell_study(study, jobs)
+    if as_json:
+        print_json(found.as_dict())
+        return
+    console = Console()
+    console.print(f"{found.title}: OK", highlight=False, markup=False)
+    rows = Table("point", "steps", "grains", "packings", "takes", "memory", "disk")
+    for point in found.points:
+        rows.add_row(
+            escape(point.label),
+            str(point.steps),
+            str(point.grains),
+            str(point.replicas),
+            time_in_words(point.seconds, point.earliest),
+            f"{point.memory:.0f} MiB",
+            f"{point.disk:.0f} MiB",
+        )
+    console.print(rows)
+    console.print(found.in_words(), highlight=False, markup=False)
 
 
 def tell_design(found: DesignResult, as_json: bool) -> None:

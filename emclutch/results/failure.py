@@ -1,4 +1,4 @@
-"""That a run has failed for its scene, kept in its folder: resumed, it is the same bit for bit and fails there again."""
+"""That a run has failed for its scene, kept in its folder: resumed, it is the same bit for bit and fails again."""
 
 from __future__ import annotations
 

@@ -17,13 +17,15 @@ from typing import TYPE_CHECKING, Any
 
 from emclutch.results import read_history
 from emclutch.results.statistics import Estimate, more_time
-from emclutch.results.steady_torque import SteadyConditions, steady_torque
+from emclutch.results.steady_torque import LEAST_STRAIN, SteadyConditions, steady_torque
 from emclutch.scene.torque_target import TorqueTarget
 
 if TYPE_CHECKING:
     import pandas
 
     from coupling import Simulation
+    from emclutch.device.device import Device
+    from emclutch.scene.model import Scene
     from emclutch.simulation.replicas import Replicas
 
 log = logging.getLogger(__name__)
@@ -38,6 +40,16 @@ def asked_at(end: float) -> list[float]:
     while LATER * times[-1] < end:
         times.append(LATER * times[-1])
     return times
+
+
+def earliest_end(scene: Scene, device: Device, end: float) -> float:
+    """The first time [s] at which the torque can be known of a run that ends at `end` [s] at the latest.
+
+    A steady part that begins with the run, or where it is averaged from, must have sheared the gap by `LEAST_STRAIN`.
+    """
+    strain_rate = scene.motion.largest_slip * device.shear_radius / device.shear_gap if device.shear_gap else 0.0
+    least = (scene.span.average_from or 0.0) + (LEAST_STRAIN / strain_rate if strain_rate else 0.0)
+    return next((at for at in asked_at(end) if at >= least), end)
 
 
 def is_known(torque: Estimate, target: TorqueTarget) -> bool:

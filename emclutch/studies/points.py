@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from emclutch.scene.case import Case
+from emclutch.scene.study import Study
 from emclutch.results import OutputError, RunFolder, read_history
 from emclutch.results.folder_lock import LOCK, has_files, locked_folder
 from emclutch.simulation.resume import differing_keys, flat_scene, may_change, refuse_changed_files
@@ -80,6 +81,14 @@ def folders_of_points(folder: Path, cases: Sequence[Case], fixed: Collection[str
             path, free = folder / f"{POINT}{free:03d}", free + 1
         folders.append(PointFolder(path, done))
     return folders
+
+
+def done_points(study: Study, folder: Path) -> list[int]:
+    """Numbers of a study's points that are done in its folder."""
+    if not folder.is_dir():
+        return []
+    targets = folders_of_points(folder, [case for _, case in study.cases()], fixed=study.values)
+    return [number for number, point in enumerate(targets) if point.is_done]
 
 
 def unclaimed(folder: Path, points: Sequence[PointFolder]) -> list[str]:
