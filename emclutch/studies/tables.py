@@ -57,7 +57,7 @@ def write_torques(folder: Path, study: StudySection, rows: list[dict[str, Any]])
     axis = next((key for key in (CURRENT, VOLTAGE) if key in varied), None)
     if axis is not None and _all_have("current", rows):
         curves = _write_curves(folder / "torque_vs_current.csv", rows, axis, "current", varied)
-        ranges = [linear_range(curve.x, curve.torque, curve.error) for curve in curves]
+        ranges = [linear_range(curve.x, curve.torque, curve.error, curve.converged) for curve in curves]
         found = [
             {"values": curve.values, "linear_range": one.as_dict()} for curve, one in zip(curves, ranges, strict=True)
         ]
