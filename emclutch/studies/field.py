@@ -356,7 +356,7 @@ def _details(case: Case, coil: CoilDevice, solution: MagneticField, phi: float |
         details["flux_linkage_in_chains"] = coil.turns * chains.flux_linkage_per_turn
     estimate = estimate_error(solution, field_goals(coil.mesh))
     details["estimated_relative_error"] = {goal.goal: goal.relative for goal in estimate.goals}
-    forces: dict[str, dict] = {"coil (J x B)": {"lorentz": lorentz_force(solution)}}
+    forces: dict[str, dict] = {"coil (J x B)": {"lorentz": lorentz_force(solution), "error": "not known"}}
     for body, regions in movable_bodies(coil, solution):
         forces[body] = force_on(solution, regions)
     details["axial_force"] = forces
