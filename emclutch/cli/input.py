@@ -13,7 +13,7 @@ from emclutch.scene.errors import Fault, SceneError, shown
 
 if TYPE_CHECKING:
     from emclutch.scene.design import Search
-    from emclutch.scene.study import Study
+    from emclutch.scene.study import StudySection
 
 
 def load(path: Path, sets: list[str] | None = None, trust_scripts: bool = False) -> Case:
@@ -31,7 +31,7 @@ def load(path: Path, sets: list[str] | None = None, trust_scripts: bool = False)
     return case
 
 
-def study_to_check(path: Path, sets: list[str] | None, jobs: int, trust_scripts: bool) -> Study | None:
+def study_to_check(path: Path, sets: list[str] | None, jobs: int, trust_scripts: bool) -> StudySection | None:
     """The study in a file; None where it holds a scene."""
     from emclutch.scene.study import read_study
 

@@ -13,7 +13,7 @@ from rich.table import Table
 from emclutch.scene.case import Case
 
 if TYPE_CHECKING:
-    from emclutch.scene.study import Study
+    from emclutch.scene.study import StudySection
     from emclutch.studies.design_search import DesignResult
 
 
@@ -65,7 +65,7 @@ def tell_plan(case: Case, as_json: bool, threads: int | None = None) -> None:
     console.print(rows)
 
 
-def tell_study(study: Study, jobs: int, as_json: bool) -> None:
+def tell_study(study: StudySection, jobs: int, as_json: bool) -> None:
     from emclutch.studies.forecast import foretell_study, time_in_words  # local: it needs the packages of the physics
 
     found = foretell_study(study, jobs)

@@ -10,7 +10,7 @@ from typing import Any
 from emclutch.scene.case import Case
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import replica_count
-from emclutch.scene.study import Study
+from emclutch.scene.study import StudySection
 from emclutch.simulation.forecast.cost import spoken
 from emclutch.simulation.forecast.free_memory import shortage
 from emclutch.simulation.plan import make_plan
@@ -102,7 +102,7 @@ def time_in_words(seconds: float, earliest: float) -> str:
     return f"about {spoken(seconds)} at the latest, {spoken(earliest)} at the earliest"
 
 
-def foretell_study(study: Study, jobs: int = 1, done: Collection[int] = ()) -> StudyForecast:
+def foretell_study(study: StudySection, jobs: int = 1, done: Collection[int] = ()) -> StudyForecast:
     """Plan every point of a study but the numbers `done`, and say what they cost, `jobs` at a time.
 
     Raises

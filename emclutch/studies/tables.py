@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,7 @@ Done = tuple[dict[str, Any], Case, Result]
 def write_tables(folder: Path, study: StudySection, done: Sequence[Done]) -> None:
     """All tables and pictures of the points that are done, given in the study's order."""
     write_about(folder, study.title, study.values, len(study.points()))
-    write_torques(folder, study, [row_of(values, case, result) for values, case, result in done])
+    write_torques(folder, study, [row_of(values, result) for values, _, result in done])
     courses = {
         label_of(study, values) or result.folder.path.name: result.history
         for values, _, result in done
@@ -90,11 +91,12 @@ def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
     replace_text(path, pandas.DataFrame(list(rows)).to_csv(index=False))
 
 
-def row_of(values: dict[str, Any], case: Case, result: Result) -> dict[str, Any]:
+def row_of(values: dict[str, Any], result: Result) -> dict[str, Any]:
     """A point's row of `study.csv`."""
     torque, summary = disc_torque(result), result.summary
     low, high = torque.interval() or (None, None)
-    row = {**values, "end_time": case.scene.span.end}  # [s]; of points that are kept, too: others are continued
+    end = tomllib.loads(result.folder.read_case())["time"]["end"]  # a point may have been resumed alone to a later one
+    row = {**values, "end_time": end}  # [s]
     if "current" in summary:
         row["current"] = summary["current"]
     row |= {

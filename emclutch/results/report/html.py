@@ -21,7 +21,7 @@ from emclutch.results.grain_profiles import profile_column, read_profiles
 from emclutch.results.left_out import ALWAYS, OFF, LeftOut
 from emclutch.results.report.markdown import PICTURES, summary_rows
 from emclutch.results.report.verdict import Mark, effects_of, verdict
-from emclutch.results.study_folder import StudyFolder, is_study, read_study
+from emclutch.results.study_folder import StudyFolder, is_study, read_study, refresh_in_words
 from emclutch.results.time_unit import time_in_words
 from emclutch.results.torque_in_words import torque_in_words
 from emclutch.scene.effects import EffectsSection
@@ -120,6 +120,8 @@ def study_page(study: StudyFolder, left_out_of: LeftOutOf) -> str:
             for name in EffectsSection.names()
             if 0 < sum(name in each for each in on.values()) < len(on)
         ],
+        failures=study.failures(),
+        outdated=refresh_in_words(study),
         methods=compared.read_text(encoding="utf-8") if compared.is_file() else "",
         pictures=[*_pictures(study.path, STUDY_PICTURES), *_overlay(results)],
         cost=_cost([result.summary for result in results.values() if result.summary]),
