@@ -8,17 +8,16 @@ values can be inserted, removed and put in another order, and what is computed i
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from emclutch.results import OutputError, RunFolder, read_history
+from emclutch.results.folder_lock import has_files
 from emclutch.scene.case import Case
 from emclutch.scene.study import StudySection
-from emclutch.results import OutputError, RunFolder, read_history
-from emclutch.results.folder_lock import LOCK, has_files, locked_folder
 from emclutch.simulation.resume import differing_keys, flat_scene, may_change, refuse_changed_files
 
 POINT = "point-"

@@ -1,8 +1,8 @@
 """A parameter study: every point is a run in a folder of its own; tables and pictures over all of them.
 
-Points are tasks (`emclutch.studies.tasks`) that this process runs one after the other, or hands to an executor. It alone
-writes the study's tables, anew after each point and in the study's order, so that they depend on the points alone: not
-on how many run at a time, nor on which is done first.
+Points are tasks (`emclutch.studies.tasks`) that this process runs one after the other, or hands to an executor. It
+alone writes the study's tables, anew after each point and in the study's order, so that they depend on the points
+alone: not on how many run at a time, nor on which is done first.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
-from emclutch.scene.case import Case
-from emclutch.simulation.missing_pictures import draw_missing
 from emclutch.results import OutputError, Result, RunFolder, load_result
 from emclutch.results.folder_lock import LOCK, has_files, locked_folder
 from emclutch.results.history import last_time
 from emclutch.results.run_folder import logging_to
+from emclutch.results.set_aside import set_aside
 from emclutch.results.study_table import DONE, FAILED, STOPPED, WAITING, StudyTable
-from emclutch.simulation.run import Interrupted, RunError
+from emclutch.scene.case import Case
 from emclutch.scene.replica_count import replica_count
 from emclutch.scene.study import StudySection, read_study
-from emclutch.results.set_aside import set_aside
+from emclutch.simulation.missing_pictures import draw_missing
+from emclutch.simulation.run import Interrupted, RunError
 from emclutch.studies.points import PointFolder, folders_of_points, unclaimed
 from emclutch.studies.tables import Done, disc_torque, label_of, write_tables
 from emclutch.studies.tasks import STOP, PointOutcome, PointTask, run_point

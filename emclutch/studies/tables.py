@@ -7,18 +7,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from emclutch.scene.case import Case
-from emclutch.studies.method_comparison import METHOD, compare_methods, comparison_lines
 from emclutch.results import Result
 from emclutch.results.atomic_file import replace_json, replace_text
 from emclutch.results.linear_range import linear_range
-from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.pictures.speeds import speed_picture, speeds_vary
+from emclutch.results.pictures.torque_curves import torque_against_current_picture, torque_against_speed_picture
+from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.statistics import Estimate
 from emclutch.results.study_folder import write_about
-from emclutch.results.pictures.torque_curves import torque_against_current_picture, torque_against_speed_picture
 from emclutch.results.torque_curves import TorqueCurve, torque_curves
+from emclutch.scene.case import Case
 from emclutch.scene.study import StudySection
+from emclutch.studies.method_comparison import METHOD, compare_methods, comparison_lines
 
 STARTED = 0.01  # of the motor's fastest speed: an output that dry friction holds trembles below it
 SEED, CURRENT, VOLTAGE, SPEED = "scene.seed", "coil.current", "coil.voltage", "motion.rotor.speed"
