@@ -144,7 +144,7 @@ def _foretell(case: Case, label: str, jobs: int) -> PointForecast:
     busy = cost.replicas * cost.threads
     slower = cost.machine.delay(jobs * busy) / cost.machine.delay(busy)
     seconds = earliest = cost.seconds["total"]
-    if case.scene.time.until is not None:
+    if case.scene.span.until is not None:
         first = earliest_end(case.scene, device, plan.end)
         earliest = sum(cost.until(first).values()) + sum(cost.once.values())
     return PointForecast(
