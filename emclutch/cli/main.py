@@ -184,7 +184,8 @@ def sweep(
         from emclutch.studies.sweep import sweep as sweep_study
 
         done = done_points(read, out) if resume and out is not None else []
-        typer.echo(foretell_study(read, jobs, done).in_words(), err=True)
+        if (foretold := foretell_study(read, jobs, done)).points:
+            typer.echo(foretold.in_words(), err=True)
         with StudyTable() as table:
             folder = sweep_study(
                 read, out=out, threads=threads, resume=resume, jobs=jobs, progress=table, insist=insist
