@@ -210,7 +210,8 @@ def table_of(name: str, rows: list[StressOfField]) -> Table:
     table = Table(
         "fill", "H", Column("tau", no_wrap=True), "slope", "power", "Carlson", "mu_r 0", "mu_r", "Carlson", "I",
         title=f"{name}: shear stress across the field; H in kA/m, stresses in kPa",
-        caption="slope: d ln tau/d ln H from the line above; power: tau by what contacts dissipate; mu_r 0: of the "
+        caption="+-: standard error, of few seeds; "
+        "slope: d ln tau/d ln H from the line above; power: tau by what contacts dissipate; mu_r 0: of the "
         "random packing, mu_r: sheared; Carlson: fits for iron in oil (2005); I: inertial number",
         box=SIMPLE, padding=(0, 1, 0, 0),
     )  # fmt: skip

@@ -13,6 +13,7 @@ from emclutch.scene.errors import Fault, SceneError, shown
 
 if TYPE_CHECKING:
     from emclutch.scene.design import Search
+    from emclutch.scene.study import StudySection
 
 
 def load(path: Path, sets: list[str] | None = None, trust_scripts: bool = False) -> Case:
@@ -28,6 +29,19 @@ def load(path: Path, sets: list[str] | None = None, trust_scripts: bool = False)
     for warning in case.warnings:
         typer.echo(f"warning: {warning}", err=True)
     return case
+
+
+def study_to_check(path: Path, sets: list[str] | None, jobs: int, trust_scripts: bool) -> StudySection | None:
+    """The study in a file; None where it holds a scene."""
+    from emclutch.scene.study import read_study
+
+    if "study" not in read_toml(path):
+        if jobs != 1:
+            raise SceneError([Fault("--jobs", str(jobs), "is for studies; leave it away for a scene")], "command line")
+        return None
+    if sets:
+        raise SceneError([Fault("--set", sets[0], "is for scenes; a study has study.set for it")], "command line")
+    return read_study(path, trust_scripts=trust_scripts)
 
 
 def assignments(sets: list[str] | None) -> dict[str, Any]:

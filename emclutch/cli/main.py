@@ -17,12 +17,13 @@ from rich.console import Console
 
 from emclutch import __version__
 from emclutch.cli.errors import FAILED, explained, stop
-from emclutch.cli.input import check_threads, load, run_to_resume, search
+from emclutch.cli.input import check_threads, load, run_to_resume, search, study_to_check
 from emclutch.cli.options import (
     AsHtml,
     AsJson,
     AsMarkdown,
     CaseFile,
+    CheckedFile,
     Chi,
     ColourBy,
     Confirm,
@@ -71,7 +72,7 @@ from emclutch.cli.options import (
     TrustScripts,
     Vary,
 )
-from emclutch.cli.output import print_json, tell_design, tell_plan, torque_line
+from emclutch.cli.output import print_json, tell_design, tell_plan, tell_study, torque_line
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
 
 app = typer.Typer(
@@ -143,9 +144,18 @@ def run(
 
 
 @app.command()
-def check(case: CaseFile, sets: Sets = None, as_json: AsJson = False, trust_scripts: TrustScripts = False) -> None:
-    """Validate a scene, and say what follows from it."""
+def check(
+    case: CheckedFile,
+    sets: Sets = None,
+    jobs: Jobs = 1,
+    as_json: AsJson = False,
+    trust_scripts: TrustScripts = False,
+) -> None:
+    """Validate a scene, and say what follows from it; of a study each point's plan, and the time of all."""
     with explained():
+        if (study := study_to_check(case, sets, jobs, trust_scripts)) is not None:
+            tell_study(study, jobs, as_json)
+            return
         tell_plan(load(case, sets, trust_scripts), as_json)
 
 
@@ -169,8 +179,13 @@ def sweep(
             raise SceneError([Fault("--resume", "", message)], "command line")
         read = read_study(study, trust_scripts=trust_scripts)
         from emclutch.results.study_table import StudyTable
+        from emclutch.studies.forecast import foretell_study
+        from emclutch.studies.points import done_points
         from emclutch.studies.sweep import sweep as sweep_study
 
+        done = done_points(read, out) if resume and out is not None else []
+        if (foretold := foretell_study(read, jobs, done)).points:
+            typer.echo(foretold.in_words(), err=True)
         with StudyTable() as table:
             folder = sweep_study(
                 read, out=out, threads=threads, resume=resume, jobs=jobs, progress=table, insist=insist

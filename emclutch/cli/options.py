@@ -11,6 +11,7 @@ RunSource = Annotated[
     Path, typer.Argument(metavar="CASE", help="scene file (.toml); with --resume the folder of a run")
 ]
 CaseFile = Annotated[Path, typer.Argument(metavar="CASE", help="scene file (.toml)")]
+CheckedFile = Annotated[Path, typer.Argument(metavar="CASE|STUDY", help="file of a scene or of a study (.toml)")]
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="study file (.toml)")]
 RunPath = Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run")]
 ResultPath = Annotated[Path, typer.Argument(metavar="RUN|STUDY", help="folder of a run, or of a study")]

@@ -13,23 +13,22 @@ from rich.table import Table
 from emclutch.scene.case import Case
 
 if TYPE_CHECKING:
+    from emclutch.scene.study import StudySection
     from emclutch.studies.design_search import DesignResult
 
 
 def torque_line(torque: dict[str, Any] | None) -> str:
     """Say a run's torque with its error, and where it is not converged, why."""
     from emclutch.results.statistics import Estimate  # local: it imports numpy
+    from emclutch.results.torque_in_words import torque_in_words
 
     if not torque or torque.get("mean") is None:
         return "torque on the disc: none" + (f" ({torque['reason']})" if torque else "")
-    error = torque.get("standard_error")
-    text = f"torque on the disc: {torque['mean']:.4g}"
-    text += f" +- {error:.2g} N m" if error is not None else " N m, error unknown"
-    interval = Estimate.from_dict(torque).interval()
-    if interval is not None:
-        behind = packings(torque.get("replicas") or 1, torque.get("packing_share"))
-        text += f" (standard error; 95 %: {interval[0]:.3g} to {interval[1]:.3g}, {behind})"
-    return text if torque.get("converged") else f"{text}; {torque.get('reason')}"
+    found = Estimate.from_dict(torque)
+    text = f"torque on the disc: {torque_in_words(found)}"
+    if found.interval() is not None:
+        text += f", {packings(found.replicas, found.packing_share)}"
+    return text if found.converged else f"{text}; {found.reason}"
 
 
 def packings(count: int, share: float | None) -> str:
@@ -64,6 +63,30 @@ def tell_plan(case: Case, as_json: bool, threads: int | None = None) -> None:
     for line in checked.left_out:
         rows.add_row(line.effect, line.verdict, line.in_words())
     console.print(rows)
+
+
+def tell_study(study: StudySection, jobs: int, as_json: bool) -> None:
+    from emclutch.studies.forecast import foretell_study, time_in_words  # local: it needs the packages of the physics
+
+    found = foretell_study(study, jobs)
+    if as_json:
+        print_json(found.as_dict())
+        return
+    console = Console()
+    console.print(f"{found.title}: OK", highlight=False, markup=False)
+    rows = Table("point", "steps", "grains", "packings", "takes", "memory", "disk")
+    for point in found.points:
+        rows.add_row(
+            escape(point.label),
+            str(point.steps),
+            str(point.grains),
+            str(point.replicas),
+            time_in_words(point.seconds, point.earliest),
+            f"{point.memory:.0f} MiB",
+            f"{point.disk:.0f} MiB",
+        )
+    console.print(rows)
+    console.print(found.in_words(), highlight=False, markup=False)
 
 
 def tell_design(found: DesignResult, as_json: bool) -> None:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from emclutch.results import OutputError, Result, load_result
-from emclutch.results.study_folder import is_study, read_study
+from emclutch.results.study_folder import is_study, read_study, refresh_in_words
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.simulation.missing_pictures import draw_missing
 
@@ -55,6 +55,9 @@ def plot_runs(
                 tell(f"{result.folder.path} had no pictures: they are drawn")
         except OutputError as error:  # what was asked for needs them not
             tell(f"{result.folder.path} has no pictures, and they cannot be drawn: {error}")
+    for folder in folders:
+        if is_study(folder) and (old := refresh_in_words(read_study(folder))):
+            tell(f"{folder}: {old}")
     points = None if measured is None else _measured(measured)
     if out is None:
         numbered = (folders[0] / f"{kind}-{number}.png" for number in itertools.count(1))

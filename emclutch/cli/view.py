@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 from emclutch.results import OutputError
+from emclutch.results.time_unit import time_in_words
 from emclutch.results.view.run_files import LOOKS, RunFiles, read_run_files
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.units import Quantity
@@ -37,7 +38,7 @@ def view_run(
     files = read_run_files(folder)
     shown = _one_of("--look", look, list(LOOKS), "gap" if files.colours else "device")
     shade = _one_of("--colour", colour, list(files.colours), next(iter(files.colours), "")) or None
-    moment = None if time is None else _time(time)
+    moment = None if time is None else _moment(time, files.times)
     for option, path, endings in (("--screenshot", screenshot, PICTURES), ("--movie", movie, MOVIES)):
         if path is not None:
             _writable(option, path, endings)
@@ -92,6 +93,16 @@ def _time(text: str) -> float:
         return Quantity("a time", "s", "5 ms").read(text)
     except ValueError as error:
         raise SceneError([Fault("--time", text, str(error))], "command line") from None
+
+
+def _moment(text: str, times: list[float]) -> float:
+    """The time [s] that was asked for, within those that were written."""
+    time = _time(text)
+    if not times[0] * (1.0 - 1e-9) <= time <= times[-1] * (1.0 + 1e-9):
+        first, last = (time_in_words(end) for end in (times[0], times[-1]))
+        message = f"is not in the run, whose moments go from {first} to {last}; leave it away for the last"
+        raise SceneError([Fault("--time", text, message)], "command line")
+    return time
 
 
 def _writable(option: str, path: Path, endings: tuple[str, ...]) -> None:

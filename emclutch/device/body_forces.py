@@ -64,6 +64,19 @@ def force_on(solution: MagneticField, regions: Sequence[str]) -> dict:
     return row
 
 
+def force_in_words(solution: MagneticField, regions: Sequence[str]) -> str:
+    """Axial force on a body with its error, which a solve with elements of the next order tells; empty without one."""
+    force = stress_force(solution, regions)
+    if force is None:
+        return ""
+    try:
+        error = axial_force(solution, regions, yielding=_yielding(solution), next_order=True).error
+    except ConvergenceError:
+        return f"{force:.4g} N along z, error not known"
+    doubt = "; smaller than its error: none is known" if abs(force) <= error else ""
+    return f"{force:.4g} ± {error:.2g} N along z (twice the change to elements of the next order){doubt}"
+
+
 def stress_force(solution: MagneticField, regions: Sequence[str]) -> float | None:
     """Axial force [N] on a body by the Maxwell stress alone; None where none is defined."""
     try:

@@ -26,7 +26,7 @@ in 95 % of 1500 draws with errors of 0.8 % of the largest torque, and in 76 % wi
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -49,8 +49,9 @@ class LinearRange:
     knee, knee_error : current beyond which the torque stays below the line [A]; None where it does not.
     first, last : smallest and largest current of the points in the range [A].
     points : how many these are.
-    is_tested : whether the points' errors told where the line holds.
+    is_tested : whether the points' errors told where the line holds, and can be trusted: all torques are converged.
     reason : what was found, or why nothing was, with the remedy.
+    unconverged : how many of the points in the range have a torque that is not converged.
     """
 
     slope: float | None
@@ -64,13 +65,14 @@ class LinearRange:
     points: int
     is_tested: bool
     reason: str
+    unconverged: int = 0
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
         return asdict(self)
 
 
-def linear_range(current: Any, torque: Any, error: Any) -> LinearRange:
+def linear_range(current: Any, torque: Any, error: Any, converged: Any = None) -> LinearRange:
     """The linear range of a torque curve.
 
     Parameters
@@ -79,6 +81,7 @@ def linear_range(current: Any, torque: Any, error: Any) -> LinearRange:
     torque : (n,) [N m]; nan where a point has none.
     error : (n,) standard errors of the torques [N m]; nan where unknown. Where fewer than four points have one, the
         line goes through all points with equal weights, and nothing tells where it holds.
+    converged : (n,) whether the torques are; default: all. Errors of those that are not are too small as a rule.
     """
     x, y, sigma = (np.asarray(values, dtype=np.float64) for values in (np.abs(current), torque, error))
     order = np.argsort(x, kind="stable")
@@ -91,14 +94,20 @@ def linear_range(current: Any, torque: Any, error: Any) -> LinearRange:
     known = there & np.isfinite(sigma) & (sigma > 0.0)
     if np.unique(x[known]).size < LEAST_POINTS:
         return _unweighted(x[there], y[there], int(np.count_nonzero(known)))
-    x, y, sigma = x[known], y[known], sigma[known]
+    steady = np.ones(x.size, dtype=bool) if converged is None else np.asarray(converged, dtype=bool)[order]
+    x, y, sigma, steady = x[known], y[known], sigma[known], steady[known]
     found = _straightest(x, y, sigma)
     if found is None:
         return _nothing(
             "no linear range: no three neighbouring torques lie on a rising line within their errors; "
             "add currents between them"
         )
-    return _with_knee(x, y, sigma, *found)
+    line = _with_knee(x, y, sigma, *found)
+    unsure = int(np.count_nonzero(~steady[found[0] : found[1] + 1]))
+    if not unsure:
+        return line
+    reason = f"{line.reason}; not tested: {unsure} of these {line.points} torques are not converged; run longer"
+    return replace(line, is_tested=False, reason=reason, unconverged=unsure)
 
 
 def _nothing(reason: str) -> LinearRange:

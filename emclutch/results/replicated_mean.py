@@ -35,7 +35,9 @@ from emclutch.results.statistics import (
     MAX_BATCHES,
     MIN_BATCHES,
     MIN_SAMPLES,
+    TOO_FEW,
     Estimate,
+    batches_needed,
     checked_signal,
     correlation_samples,
     mser_cut,
@@ -92,11 +94,9 @@ def replicated_mean(
     if not steady:
         reason = "not converged: no steady part found, the signal still changes; run longer"
     elif count * batches < MIN_BATCHES or batches < 2:
-        needed = max(2, math.ceil(MIN_BATCHES / count))
-        more = max(needed * BATCH_CORRELATION_TIMES * tau - total, tau)
         reason = (
             f"not converged: {batches} uncorrelated {'batch' if batches == 1 else 'batches'} in each of {count} "
-            f"replicas, {needed} needed; run longer (about {more:.2g} s more)"
+            f"replicas, {batches_needed(count)} {TOO_FEW}"
         )
     elif drift:
         reason = "not converged: the signal drifts; run longer or set a later average_from"

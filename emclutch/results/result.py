@@ -33,9 +33,9 @@ class Result:
 
             self._history = read_history(self.folder.history)
             if not len(self._history):
-                raise OutputError(
-                    f"{self.folder.history} has no window yet; go on with: emclutch run {self.folder.path} --resume"
-                )
+                failed = self.folder.read_failure()
+                how = f"go on with: emclutch run {self.folder.path} --resume" if failed is None else failed.in_words()
+                raise OutputError(f"{self.folder.history} has no window yet; {how}")
         return self._history
 
     @property
@@ -97,9 +97,11 @@ def load_result(folder: str | Path) -> Result:
 
     Raises
     ------
-    OutputError : the folder has no ``history.csv``.
+    OutputError : the folder has no ``history.csv``; of a run that failed before it had one, what it failed of.
     """
     run = RunFolder(folder)
     if not run.history.is_file():
+        if (failed := run.read_failure()) is not None:
+            raise OutputError(f"{folder}: {failed.in_words()}")
         raise OutputError(f"{folder} has no {run.history.name}; name the folder of a run")
     return Result(run)

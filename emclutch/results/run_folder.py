@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from emclutch.results.atomic_file import remove_unfinished, replace_json, replace_text
+from emclutch.results.failure import Failure
 from emclutch.results.folder_lock import has_files
-from emclutch.results.history import whole_rows
+from emclutch.results.history import last_time, whole_rows
 from emclutch.results.output_error import OutputError
 from emclutch.results.provenance import provenance
 
@@ -49,7 +50,8 @@ class RunFolder:
             if resume:
                 folder.has_checkpoint()
             if not resume and folder.path.is_dir() and has_files(folder.path):
-                remedy = "continue it with --resume, or " if folder.is_begun() else ""
+                goes_on = folder.is_begun() and folder.read_failure() is None
+                remedy = "continue it with --resume, or " if goes_on else ""
                 raise OutputError(f"{folder.path} is not empty; {remedy}write elsewhere with --out")
             folder.path.mkdir(parents=True, exist_ok=True)
             for place in (folder.path, *(series.with_suffix("") for series in folder.series())):
@@ -62,6 +64,7 @@ class RunFolder:
                     os.replace(folder.summary, folder.path / f"summary-{number}.json")
                 shutil.copy2(folder.case, older)  # there is a case.toml at every moment
             replace_text(folder.case, case_toml_text)
+            folder.failure.unlink(missing_ok=True)
         except OSError as error:
             raise OutputError(
                 f"cannot write to {folder.path}: {error.strerror or error}; "
@@ -123,6 +126,11 @@ class RunFolder:
     @property
     def summary(self) -> Path:
         return self.path / "summary.json"
+
+    @property
+    def failure(self) -> Path:
+        """Why the run failed for its scene, where it did."""
+        return self.path / "failure.json"
 
     @property
     def plan(self) -> Path:
@@ -236,6 +244,16 @@ class RunFolder:
     def read_summary(self) -> dict[str, Any]:
         """``summary.json``, or an empty dictionary where there is none yet; raises as `read_provenance`."""
         return _read_json(self.summary)
+
+    def write_failure(self, reason: str) -> None:
+        """Note that the run fails for its scene, after the last window that it has; `read_failure` returns it."""
+        with suppress(OSError):  # what it failed of is told all the same
+            replace_json(self.failure, Failure(last_time(self.history), reason).as_dict())
+
+    def read_failure(self) -> Failure | None:
+        """What the run failed of, None where it did not for its scene; raises as `read_provenance`."""
+        found = _read_json(self.failure)
+        return Failure(found.get("time"), str(found.get("reason", ""))) if found else None
 
     @contextmanager
     def logging(self, level: int = logging.INFO) -> Iterator[None]:

@@ -30,7 +30,7 @@ all averages are time averages (rebinned through the running integral, which pre
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -41,6 +41,8 @@ MIN_SAMPLES = 20  # fewer give neither a cut nor a correlation time worth its na
 BATCH_CORRELATION_TIMES = 4.0  # with 2 the error of AR(1) series came out 1.5 times too small where 10 batches just fit
 SOKAL_WINDOW = 5.0
 DRIFT_SIGNIFICANCE = 1e-3
+TOO_FEW = "needed; run longer"
+"""End of a reason that time alone mends."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +99,40 @@ class Estimate:
         """Inverse of `as_dict`; other keys are ignored."""
         known = {name: values.get(name) for name in cls.__slots__}
         return cls(**{**known, "batches": known["batches"] or 0, "replicas": known["replicas"] or 1})  # type: ignore[arg-type]
+
+
+def batches_needed(replicas: int) -> int:
+    """Uncorrelated batches that each of some replicas must have."""
+    return max(2, math.ceil(MIN_BATCHES / replicas)) if replicas > 1 else MIN_BATCHES
+
+
+def more_time(found: Estimate, end: float, wanted: float) -> float | None:
+    """How much longer [s] a signal must go on until half its 95 % interval is `wanted` [unit of the signal]: a guess.
+
+    The error falls with the root of the time averaged, so that time grows with the square of half width over wanted;
+    and it holds the batches that are asked for at the least. A run alone that has fewer now will have them then, and
+    Student's t of them. None: the steady part or the error is unknown, or replicas differ by more than each fluctuates,
+    which no longer run mends.
+
+    Parameters
+    ----------
+    found : Estimate
+    end : time up to which the signal goes [s].
+    wanted : half the interval's width.
+    """
+    start, tau = found.start, found.correlation_time
+    if start is None or tau is None or wanted <= 0.0:
+        return None
+    if found.degrees_of_freedom is not None and found.degrees_of_freedom < 2.0 * (found.replicas - 1):
+        return None
+    if found.degrees_of_freedom is None:
+        found = replace(found, degrees_of_freedom=max(found.batches - 1.0, MIN_BATCHES - 1.0))
+    half = found.half_width()
+    if half is None:
+        return None
+    least = batches_needed(found.replicas) * BATCH_CORRELATION_TIMES * tau
+    averaged = end - start
+    return max(max(averaged * (half / wanted) ** 2, least) - averaged, tau)
 
 
 def steady_mean(
@@ -168,11 +204,7 @@ def steady_mean(
     if not steady:
         reason = "not converged: no steady part found, the signal still changes; run longer"
     elif batches < MIN_BATCHES:
-        more = MIN_BATCHES * BATCH_CORRELATION_TIMES * tau - total
-        reason = (
-            f"not converged: {batches} uncorrelated batches, {MIN_BATCHES} needed; "
-            f"run longer (about {max(more, tau):.2g} s more)"
-        )
+        reason = f"not converged: {batches} uncorrelated batches, {MIN_BATCHES} {TOO_FEW}"
     elif drift:
         reason = "not converged: the signal drifts; run longer or set a later average_from"
     else:

@@ -15,13 +15,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from emclutch.results.replicated_mean import replicated_mean
-from emclutch.results.statistics import Estimate
+from emclutch.results.statistics import TOO_FEW, Estimate, more_time
 
 if TYPE_CHECKING:
     import pandas
 
 LEAST_STRAIN = 5.0  # shear of the gap, slip times radius over width; packings forget their making in a few
 LARGEST_IMBALANCE = 0.05  # of the torque
+USUAL = 0.05  # of the torque: half the 95 % interval for which a time is foretold where a scene asks for none
 HOLDS = 0.01  # of the rotor's fastest speed: shafts whose slip falls below it do not shear the gap
 
 
@@ -39,12 +40,20 @@ class SteadyConditions:
         Mean radius of that gap [m].
     negligible : float
         Torque [N m] below which it need not be known any better, as `time.until` may say; 0: there is none.
+    share : float
+        Half the 95 % interval over the torque that is asked for by `time.until`; 0: it asks for none.
     """
 
     average_from: float | None = None
     shear_gap: float | None = None
     shear_radius: float = 0.0
     negligible: float = 0.0
+    share: float = 0.0
+
+    def wanted(self, mean: float) -> float:
+        """Half the interval's width [N m] that is asked for of a torque [N m]; where nothing is, that of `USUAL`."""
+        share = self.share or (0.0 if self.negligible else USUAL)
+        return max(share * abs(mean), self.negligible)
 
     def as_dict(self) -> dict[str, float | None]:
         """Plain values for JSON."""
@@ -53,8 +62,8 @@ class SteadyConditions:
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> SteadyConditions:
         """Inverse of `as_dict`; what is missing is unknown."""
-        radius, negligible = values.get("shear_radius") or 0.0, values.get("negligible") or 0.0
-        return cls(values.get("average_from"), values.get("shear_gap"), radius, negligible)
+        radius, negligible, share = (values.get(name) or 0.0 for name in ("shear_radius", "negligible", "share"))
+        return cls(values.get("average_from"), values.get("shear_gap"), radius, negligible, share)
 
 
 def mean_torque(
@@ -83,15 +92,16 @@ def steady_torque(
     if _is_negligible((history, *replicas), conditions):
         return _negligible(found, conditions.negligible)
     if not found.converged or found.mean is None or found.start is None:
-        return found
+        return replace(found, reason=found.reason + _how_much_longer(found, history, conditions))
     for each in (history, *replicas):
         duration = _durations(each)
         late = each["time"].to_numpy() - 0.5 * duration > found.start
         error = (found.standard_error or 0.0) * found.replicas**0.5  # of one of them
-        problem = _imbalance(each[late], duration[late], found.mean, error) or _little_shear(
-            each, duration, late, conditions
-        )
+        problem, least = _imbalance(each[late], duration[late], found.mean, error)
+        if not problem:
+            problem, least = _little_shear(each, duration, late, conditions)
         if problem:
+            problem += _how_much_longer(found, history, conditions, least)
             return replace(found, converged=False, reason=f"not converged: {problem}")
     return found
 
@@ -105,7 +115,7 @@ def _is_negligible(histories: Sequence[pandas.DataFrame], conditions: SteadyCond
         late = history["time"].to_numpy() > 0.5 * history["time"].iloc[-1]
         if history["torque_disc"].abs()[late].max() >= conditions.negligible:
             return False
-        if _little_shear(history, duration, late, conditions):
+        if _little_shear(history, duration, late, conditions)[0]:
             return False
     return True
 
@@ -121,46 +131,60 @@ def _negligible(found: Estimate, bound: float) -> Estimate:
     return replace(found, converged=True, reason=f"converged: below {bound:g} N m in every window of the later half")
 
 
-def _imbalance(late: pandas.DataFrame, duration: np.ndarray, mean: float, error: float) -> str:
-    """What is wrong with the balance of mean torques on all that touches the powder; empty where it holds."""
+def _how_much_longer(
+    found: Estimate, history: pandas.DataFrame, conditions: SteadyConditions, least: float = 0.0
+) -> str:
+    """What running longer is about to take until the torque is known as well as asked for; `least` [s] for more."""
+    if found.mean is None or not (least or found.reason.endswith(TOO_FEW)):
+        return ""
+    half, wanted = found.half_width(), conditions.wanted(found.mean)
+    more = more_time(found, float(history["time"].iloc[-1]), wanted)
+    if more is None or (half is not None and abs(found.mean) <= half and not conditions.negligible):
+        return f" (estimate: about {least:.2g} s more)" if least else ""
+    aim = f"{100.0 * wanted / abs(found.mean):.2g} %" if found.mean else f"{wanted:.2g} N m"
+    return f" (estimate: about {max(more, least):.2g} s more, until it is known to {aim})"
+
+
+def _imbalance(late: pandas.DataFrame, duration: np.ndarray, mean: float, error: float) -> tuple[str, float]:
+    """What is wrong with the balance of mean torques on all that touches the powder; and how much longer [s] helps.
+
+    Empty where it holds.
+    """
     columns = [name for name in ("torque_disc", "torque_rotor", "torque_housing", "torque_field") if name in late]
     if "angular_momentum" in late and len(late) > 1:  # weight may turn the powder too, about a shaft that lies
         kept = late["angular_momentum"].to_numpy()
         left = float((kept[-1] - kept[0]) / duration[1:].sum())
     elif len(columns) == 1:  # a history without the torque on anything else has no balance
-        return ""
+        return "", 0.0
     else:
         left = float(np.average(late[columns].sum(axis=1), weights=duration))
     if abs(left) <= LARGEST_IMBALANCE * abs(mean) + 3.0 * error:
-        return ""
-    end = float(late["time"].iloc[-1])
-    return (
-        f"{left:.2g} N m more goes into the powder than comes out of it, which still speeds up; "
-        f"run longer (about {end:.2g} s more)"
-    )
+        return "", 0.0
+    text = f"{left:.2g} N m more goes into the powder than comes out of it, which still speeds up; run longer"
+    return text, float(late["time"].iloc[-1])
 
 
 def _little_shear(
     history: pandas.DataFrame, duration: np.ndarray, late: np.ndarray, conditions: SteadyConditions
-) -> str:
-    """What is wrong with the shear of the gap while averaging; empty where it suffices or the shafts hold."""
+) -> tuple[str, float]:
+    """What is wrong with the shear of the gap while averaging, and how much longer [s] helps.
+
+    Empty where it suffices or the shafts hold.
+    """
     if "rotor_speed" not in history or "disc_speed" not in history or conditions.shear_gap == 0.0:
-        return ""
+        return "", 0.0
     slip = (history["rotor_speed"] - history["disc_speed"]).abs().to_numpy()
     if slip[late].min() <= HOLDS * max(float(history["rotor_speed"].abs().max()), 1e-300):
-        return ""
+        return "", 0.0
     if conditions.shear_gap is None:
-        return (
-            "the folder does not say how wide the gap is, so its shear is unknown; go on with --resume, which writes it"
-        )
+        text = "the folder does not say how wide the gap is, so its shear is unknown; go on with --resume, which"
+        return f"{text} writes it", 0.0
     strain = float((slip * duration)[late].sum()) * conditions.shear_radius / conditions.shear_gap
     if strain >= LEAST_STRAIN:
-        return ""
+        return "", 0.0
     more = float(history["time"].iloc[-1]) * (LEAST_STRAIN / max(strain, 0.1) - 1.0)
-    return (
-        f"the gap was sheared by {strain:.2g} only while averaging, {LEAST_STRAIN:g} needed; "
-        f"run longer (about {more:.2g} s more)"
-    )
+    text = f"the gap was sheared by {strain:.2g} only while averaging, {LEAST_STRAIN:g} needed; run longer"
+    return text, more
 
 
 def _durations(history: pandas.DataFrame) -> np.ndarray:

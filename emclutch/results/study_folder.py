@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from dataclasses import dataclass
+from math import isclose
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from emclutch.results.atomic_file import replace_json
+from emclutch.results.failure import Failure
 from emclutch.results.output_error import OutputError
 from emclutch.results.result import Result, load_result
+from emclutch.results.run_folder import RunFolder
 
 if TYPE_CHECKING:
     import pandas
@@ -44,6 +48,25 @@ class StudyFolder:
         keys = list(self.table.columns[: list(self.table.columns).index(AFTER_VALUES)])
         return [key for key in keys if self.table[key].astype(str).nunique() > 1]
 
+    def outdated(self) -> list[str]:
+        """Folders of points whose runs are no longer those of the table: resumed alone, or finished since."""
+        names = self.table["folder"].astype(str).tolist()
+        changed = []
+        for name, (_, row) in zip(names, self.table.iterrows(), strict=True):
+            torque = (RunFolder(self.path / name).read_summary().get("torque") or {}).get("mean")
+            written = None if row["torque"] != row["torque"] else float(row["torque"])  # nan: none
+            same = torque == written or (torque is not None and written is not None and isclose(torque, written))
+            if not same or _end_of(self.path / name) not in (None, row[AFTER_VALUES]):
+                changed.append(name)
+        done = {path.parent.name for path in self.path.glob("point-*/summary.json") if path.parent.name[6:].isdigit()}
+        return [*changed, *sorted(done - set(names))]
+
+    def failures(self) -> dict[str, Failure]:
+        """Of points that failed for their scene what they failed of, by their folder."""
+        folders = sorted(path.parent for path in self.path.glob("point-*/failure.json"))
+        found = {path.name: RunFolder(path).read_failure() for path in folders}
+        return {name: failure for name, failure in found.items() if failure is not None}
+
     def labels(self) -> list[str]:
         """Of each point what tells it from the others."""
         texts = [", ".join(f"{key.rpartition('.')[2].replace('_', ' ')} {row[key]}" for key in self.varied)
@@ -55,6 +78,23 @@ class StudyFolder:
         """The points' results by their labels, in the study's order."""
         names = self.table["folder"].astype(str)
         return {label: load_result(self.path / name) for label, name in zip(self.labels(), names, strict=True)}
+
+
+def refresh_in_words(study: StudyFolder) -> str:
+    """That the tables and pictures in a study's folder are older than its points, and how they are renewed."""
+    old = study.outdated()
+    if not old:
+        return ""
+    return (
+        f"the table and the pictures in the study's folder are older than {', '.join(old)}; renew them with: "
+        f"emclutch sweep STUDY.toml --out {study.path} --resume"
+    )
+
+
+def _end_of(folder: Path) -> float | None:
+    """The end [s] that a run's scene has now; None: it does not say."""
+    end = tomllib.loads(RunFolder(folder).read_case()).get("time", {}).get("end")
+    return None if end is None else float(end)
 
 
 def is_study(path: Path) -> bool:

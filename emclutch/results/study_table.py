@@ -10,6 +10,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, TextIO
 
 from emclutch.results.progress import LINE_EVERY_FRACTION, LINE_EVERY_SECONDS, duration_text
+from emclutch.results.torque_in_words import in_words
 
 if TYPE_CHECKING:
     from rich.live import Live
@@ -30,7 +31,7 @@ class PointRow:
     label : its values.
     state : WAITING, RUNNING, DONE, KEPT, FAILED or STOPPED.
     fraction : of it that is done.
-    torque, error, converged : of a point that is done [N m].
+    torque, interval, converged : of a point that is done: mean and ends of its 95 % interval [N m].
     seconds : wall-clock time of the whole run [s].
     began : reading of the clock when it began here [s].
     marched, first : reading of the clock [s] when it was first seen to have done a part, and how much; what goes
@@ -41,7 +42,7 @@ class PointRow:
     state: str = WAITING
     fraction: float = 0.0
     torque: float | None = None
-    error: float | None = None
+    interval: tuple[float, float] | None = None
     converged: bool = True
     seconds: float | None = None
     began: float = 0.0
@@ -112,18 +113,18 @@ class StudyTable:
         self,
         number: int,
         torque: float | None,
-        error: float | None,
+        interval: tuple[float, float] | None,
         seconds: float | None,
         *,
         kept: bool = False,
         converged: bool = True,
     ) -> None:
-        """A point is done, now or before: its torque with its standard error [N m] and its seconds."""
+        """A point is done, now or before: its torque with its 95 % interval [N m] and its seconds."""
         row = self.rows[number]
         if row.marched is None and not kept:  # it was too short to be seen running
             row.marched = self._clock() - (seconds or 0.0)
         row.state, row.fraction = KEPT if kept else DONE, 1.0
-        row.torque, row.error, row.seconds = torque, error, seconds
+        row.torque, row.interval, row.seconds = torque, interval, seconds
         row.converged = converged
         self._text = f"{row.label} is {row.state}: {torque_text(row)}"
         self._tell(at_once=True)
@@ -171,7 +172,7 @@ class StudyTable:
         )
         ahead = "" if left is None or self.fraction >= 1.0 else f", {duration_text(left)} left"
         table = Table(title=f"{100.0 * self.fraction:.0f} % of {len(self.rows)} points: {counts}{ahead}")
-        for name in ("point", "state", "done", "torque [N m]", "time"):
+        for name in ("point", "state", "done", "torque", "time"):
             table.add_column(name, justify="left" if name in ("point", "state") else "right")
         rows = self.rows
         if self._room is not None and len(rows) > self._room:
@@ -184,7 +185,7 @@ class StudyTable:
                 row.label,
                 row.state,
                 "" if row.state == WAITING else f"{100.0 * row.fraction:.0f} %",
-                torque_text(row).removesuffix(" N m"),
+                torque_text(row),
                 "" if seconds is None else duration_text(seconds),
                 style=STYLES.get(row.state),
             )
@@ -209,8 +210,8 @@ class StudyTable:
 
 
 def torque_text(row: PointRow) -> str:
-    """A point's torque with its standard error, or nothing."""
-    if row.torque is None:
-        return "" if row.state in (WAITING, RUNNING, FAILED, STOPPED) else "no torque"
-    text = f"{row.torque:.4g}" + (" N m" if row.error is None else f" ± {row.error:.2g} N m (s.e.)")
+    """A point's torque with its 95 % interval, or nothing."""
+    if row.torque is None and row.state in (WAITING, RUNNING, FAILED, STOPPED):
+        return ""
+    text = in_words(row.torque, row.interval)
     return text if row.converged else f"{text}, not converged"

@@ -13,7 +13,7 @@ from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import bad_input_for
 from emclutch.scene.grain_smear import moments_are_fed_back
 from emclutch.scene.usual_ranges import FLUX_DENSITY
-from emclutch.simulation.forecast.expected_field import field_in_chains, powder_in_words
+from emclutch.simulation.forecast.expected_field import chains_in_words, field_in_chains, powder_in_words
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.plan_in_words import paths_in_words
 from field import MagneticField
@@ -85,7 +85,8 @@ def _check(case: Case, threads: int | None) -> Checked:
         )
         if moments_are_fed_back(scene) and device.coil.largest_current > 0.0:
             chains = field_in_chains(device.coil, phi, device.coil.largest_current, made.peak_field)
-            made.reasons["field"] += f"; were they in straight chains, up to {largest(chains):.3g} T"
+            words = chains_in_words(device.coil, made.peak_field, chains, largest(chains), faces)
+            made.reasons["field"] += f"; {words}"
     elif isinstance(made.peak_field, Field3D):
         from emclutch.device.device_3d import CoilDevice3D, gap_flux_density  # local: most scenes need no such field
 

@@ -82,6 +82,10 @@ class Replicas:
         """Why one of them ended without a result; empty where none has."""
         return next(filter(None, (one.failure() for one in self.processes)), "")
 
+    def failed_for_the_scene(self) -> bool:
+        """Whether one of them failed as it will again when it is resumed."""
+        return any(one.failure() and one.folder.read_failure() is not None for one in self.processes)
+
     def are_running(self) -> bool:
         """Whether one of the processes has not ended."""
         return any(one.process.poll() is None for one in self.processes)

@@ -12,14 +12,15 @@ from typing import Any
 
 from coupling import CoilField, CoilField3D, LayeredField, run_staggered
 from emclutch.results import OutputError, Result, RunFolder, load_result, read_history
+from emclutch.results.failure import CURE
 from emclutch.results.folder_lock import locked_folder
 from emclutch.results.grain_profiles import write_profiles
 from emclutch.results.steady_torque import SteadyConditions
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.simulation.assembly import assemble, simulation_of
-from emclutch.simulation.forecast.free_disk import refuse_full_disk
-from emclutch.simulation.forecast.free_memory import refuse_too_much
+from emclutch.simulation.forecast.free_disk import NotEnoughDisk, refuse_full_disk
+from emclutch.simulation.forecast.free_memory import NotEnoughMemory, refuse_too_much
 from emclutch.simulation.forecast.machine_speed import MachineSpeed, machine_speed
 from emclutch.simulation.heartbeat import Heartbeat
 from emclutch.simulation.interruption import interruptible
@@ -171,6 +172,8 @@ def _entered(case: Case, target: str | Path, resume: bool, progress) -> Iterator
             except (ConvergenceError, ParticleError, PointOutside, ValueError) as error:
                 text = f"{error}{remedy_in_scene(case, error)}"
                 log.error("%s", text)
+                if not isinstance(error, (NotEnoughMemory, NotEnoughDisk)):  # what the machine lacks today
+                    folder.write_failure(text)
                 raise RunError(f"{text}\n(log: {folder.log})") from error
             except OSError as error:
                 text = f"{error.filename or folder.path}: {error.strerror or error}"
@@ -214,8 +217,9 @@ def _run(
         input_files=hashed_input_files(scene),
         grains_from=None if grains is None else grains.as_dict(),
     )
-    negligible = 0.0 if scene.span.until is None else scene.span.until.absolute or 0.0
-    conditions = SteadyConditions(scene.span.average_from, device.shear_gap, device.shear_radius, negligible)
+    until = scene.span.until
+    negligible, share = (0.0, 0.0) if until is None else (until.absolute or 0.0, until.relative or 0.0)
+    conditions = SteadyConditions(scene.span.average_from, device.shear_gap, device.shear_radius, negligible, share)
     folder.write_plan({"contact": plan.contact_data, "steady_torque": conditions.as_dict(), "decisions": plan.reasons})
     _say(progress, 0.0, f"packing {plan.count} grains")
     if goes_on:
@@ -311,7 +315,11 @@ def _run(
         log.info("stopped by the callback at t = %g s", simulation.motion.time)
         replicas.end()
     elif problem := replicas.failure() or replicas.wait(is_stopped, lambda text: _announce(progress, text)):
-        raise RunError(f"{problem}; go on with: emclutch run {folder.path} --resume\n(log: {folder.log})")
+        how = f"go on with: emclutch run {folder.path} --resume"
+        if replicas.failed_for_the_scene():
+            folder.write_failure(problem)
+            how = CURE
+        raise RunError(f"{problem}; {how}\n(log: {folder.log})")
     cut_off = simulation.window < plan.windows and not ends_early()
     if stop.is_set() and (cut_off or replicas.are_running()):
         log.info("stopped by the user at t = %g s", simulation.motion.time)

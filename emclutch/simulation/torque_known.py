@@ -16,14 +16,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from emclutch.results import read_history
-from emclutch.results.statistics import Estimate
-from emclutch.results.steady_torque import SteadyConditions, steady_torque
+from emclutch.results.statistics import Estimate, more_time
+from emclutch.results.steady_torque import LEAST_STRAIN, SteadyConditions, steady_torque
 from emclutch.scene.torque_target import TorqueTarget
 
 if TYPE_CHECKING:
     import pandas
 
     from coupling import Simulation
+    from emclutch.device.device import Device
+    from emclutch.scene.model import Scene
     from emclutch.simulation.replicas import Replicas
 
 log = logging.getLogger(__name__)
@@ -38,6 +40,16 @@ def asked_at(end: float) -> list[float]:
     while LATER * times[-1] < end:
         times.append(LATER * times[-1])
     return times
+
+
+def earliest_end(scene: Scene, device: Device, end: float) -> float:
+    """The first time [s] at which the torque can be known of a run that ends at `end` [s] at the latest.
+
+    A steady part that begins with the run, or where it is averaged from, must have sheared the gap by `LEAST_STRAIN`.
+    """
+    strain_rate = scene.motion.largest_slip * device.shear_radius / device.shear_gap if device.shear_gap else 0.0
+    least = (scene.span.average_from or 0.0) + (LEAST_STRAIN / strain_rate if strain_rate else 0.0)
+    return next((at for at in asked_at(end) if at >= least), end)
 
 
 def is_known(torque: Estimate, target: TorqueTarget) -> bool:
@@ -114,11 +126,11 @@ def _why_not(torque: Estimate, target: TorqueTarget, half: float | None, end: fl
             f"there is no torque that differs from 0 ({torque.mean:.2g} +- {half:.2g} N m), so no share of it can be "
             f"reached; give a torque beside it: until = '{target} or 0.01 N m'"
         )
-    longer = end * (half / wanted) ** 2
     more = max(2, round(torque.replicas * (half / wanted) ** 2))
     if (torque.degrees_of_freedom or 0.0) < 2.0 * (torque.replicas - 1):
         return (
             f"packings differ by {torque.packing_share or 0.0:.2g} N m, which no longer run mends; "
             f"raise accuracy.replicas from {torque.replicas} to about {more}"
         )
-    return f"time.end = {end:.3g} s is too early; raise it to about {longer:.2g} s, or take more accuracy.replicas"
+    longer = end + (more_time(torque, end, wanted) or 0.0)
+    return f"time.end = {end:.3g} s is too early; estimate: {longer:.2g} s will do, or more accuracy.replicas"

@@ -1,10 +1,10 @@
 """Which value of one quantity gives a wanted torque: root finding over the torque that `emclutch check` expects.
 
-The expectation T(x) is the law tau(H, phi) of `emclutch.simulation.forecast.expected_torque`, integrated over the sheared gap in the field
-that is solved anew for each x (`emclutch.simulation.forecast.expected_field`). Brent's method (R. P. Brent, Algorithms for Minimization
-without Derivatives, 1973, chapter 4; `scipy.optimize.brentq`) finds T(x) = T_wanted between two values of x that give
-less and more; T need not be monotone between them, and where the values that were tried show that it is not, there may
-be other answers, and it is said.
+The expectation T(x) is the law tau(H, phi) of `emclutch.simulation.forecast.expected_torque`, integrated over the
+sheared gap in the field that is solved anew for each x (`emclutch.simulation.forecast.expected_field`). Brent's method
+(R. P. Brent, Algorithms for Minimization without Derivatives, 1973, chapter 4; `scipy.optimize.brentq`) finds
+T(x) = T_wanted between two values of x that give less and more; T need not be monotone between them, and where the
+values that were tried show that it is not, there may be other answers, and it is said.
 
 The law holds within a stated factor f: T_wanted/f <= T(x) <= f T_wanted is the range of x in which the answer lies.
 The torque is known by running the scene that was found. That run over its expectation is a ratio, and x of
@@ -22,15 +22,15 @@ from typing import TYPE_CHECKING, Any
 
 from scipy.optimize import brentq
 
-from emclutch.scene.case import Case, as_case, load_case
 from emclutch.device.device import build_device
-from emclutch.simulation.forecast.expected_field import expected_magnetisation
-from emclutch.simulation.forecast.expected_torque import BOUND, ORDER, THREEFOLD, ExpectedTorque, expected_torque
-from emclutch.scene.errors import Fault, SceneError, bad_input_for
 from emclutch.results import OutputError, Result, RunFolder, load_result
 from emclutch.results.atomic_file import replace_json, replace_text
+from emclutch.scene.case import Case, as_case, load_case
 from emclutch.scene.design import Search, search_of
+from emclutch.scene.errors import Fault, SceneError, bad_input_for
 from emclutch.scene.units import in_unit_of
+from emclutch.simulation.forecast.expected_field import expected_magnetisation
+from emclutch.simulation.forecast.expected_torque import BOUND, ORDER, THREEFOLD, ExpectedTorque, expected_torque
 
 if TYPE_CHECKING:
     from emclutch.results import Progress

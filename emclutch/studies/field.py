@@ -20,22 +20,22 @@ from rich.markup import escape
 from rich.table import Table
 
 from emclutch.device.body_forces import MOVABLE, force_on, movable_bodies, stress_force
-from emclutch.scene.case import Case
 from emclutch.device.device import CoilDevice, field_goals, field_is_needed, solved_coil
+from emclutch.device.device_3d import CoilDevice3D
 from emclutch.device.materials import grain_law, region_laws
-from emclutch.simulation.forecast.expected_field import field_in_chains, powder_in_words
-from emclutch.results.vtk.field_arrays import field_arrays
-from emclutch.simulation.observables import pole_flux_density
 from emclutch.results import OutputError, RunFolder
-from emclutch.results.pictures.field import line_picture, saturation_picture
 from emclutch.results.pictures import section_picture
+from emclutch.results.pictures.field import line_picture, saturation_picture
+from emclutch.results.vtk.field_arrays import field_arrays
 from emclutch.results.vtk.series import PvdSeries
+from emclutch.scene.case import Case
 from emclutch.scene.field_source import CoilFieldSection
 from emclutch.scene.fill import fill_of
 from emclutch.scene.grain_smear import moments_are_fed_back
-from emclutch.device.device_3d import CoilDevice3D
-from emclutch.studies.field_3d import field_study_3d
 from emclutch.scene.units import Quantity
+from emclutch.simulation.forecast.expected_field import field_in_chains, powder_in_words
+from emclutch.simulation.observables import pole_flux_density
+from emclutch.studies.field_3d import field_study_3d
 from field import ConvergenceError, MagneticField, PowderLaw
 from field.coil.inductance import apparent_inductance, incremental_inductance
 from field.coil.magnetic_circuit import FilledPowder, clutch_circuit
@@ -356,7 +356,7 @@ def _details(case: Case, coil: CoilDevice, solution: MagneticField, phi: float |
         details["flux_linkage_in_chains"] = coil.turns * chains.flux_linkage_per_turn
     estimate = estimate_error(solution, field_goals(coil.mesh))
     details["estimated_relative_error"] = {goal.goal: goal.relative for goal in estimate.goals}
-    forces: dict[str, dict] = {"coil (J x B)": {"lorentz": lorentz_force(solution)}}
+    forces: dict[str, dict] = {"coil (J x B)": {"lorentz": lorentz_force(solution), "error": "not known"}}
     for body, regions in movable_bodies(coil, solution):
         forces[body] = force_on(solution, regions)
     details["axial_force"] = forces

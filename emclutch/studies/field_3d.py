@@ -10,13 +10,13 @@ from time import perf_counter
 import numpy as np
 import pandas
 
-from emclutch.scene.case import Case
-from emclutch.results.vtk.field_arrays import field_arrays_3d
+from emclutch.device.device_3d import CoilDevice3D, gap_flux_density
+from emclutch.device.gap_map import gap_map
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.pictures.field import gap_map_picture
+from emclutch.results.vtk.field_arrays import field_arrays_3d
 from emclutch.results.vtk.series import PvdSeries
-from emclutch.device.gap_map import gap_map
-from emclutch.device.device_3d import CoilDevice3D, gap_flux_density
+from emclutch.scene.case import Case
 from field.three_d import Field3D
 
 UNITS = {

@@ -11,10 +11,10 @@ from time import perf_counter
 import numpy as np
 
 from coupling import CoilField, MutuallyMagnetisedGrains
-from coupling.window_budget import WindowBudget
 from coupling.staggered import magnetic_forces, refresh_field
-from emclutch.simulation.assembly import simulation_of
+from coupling.window_budget import WindowBudget
 from emclutch.scene.case import Case
+from emclutch.simulation.assembly import simulation_of
 from emclutch.simulation.plan import make_plan
 from particles import Grains
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from emclutch.scene.case import Case, as_case
 from emclutch.device.device import field_is_3d, mesh_of
-from emclutch.scene.errors import Fault, SceneError, bad_input_for
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.folder_lock import locked_folder
+from emclutch.scene.case import Case, as_case
+from emclutch.scene.errors import Fault, SceneError, bad_input_for
 from geometry import Clutch, draw_section
 from geometry.cad_shape import CadShape
 

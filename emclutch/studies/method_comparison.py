@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from emclutch.results import Estimate, Result
+from emclutch.results.torque_in_words import in_words
 
 METHOD = "contact.method"
 
@@ -24,10 +25,11 @@ def compare_methods(points: Sequence[tuple[Mapping[str, Any], Result]]) -> list[
     Returns
     -------
     list of dict
-        The other values; of each method the steady torque on the output [N m] with its standard error and whether it is
-        converged, as every run says it, step [s], wall-clock time [s], largest overlap, lock-up time [s]; the torque's
-        difference relative to DEM and over both error bars (None where one is unknown); the largest difference of the
-        output's speeds over the motor's largest; the share of the DVI's steps that missed their tolerance.
+        The other values; of each method the steady torque on the output [N m] with its standard error, the ends of its
+        95 % interval and whether it is converged, as every run says it, step [s], wall-clock time [s], largest overlap,
+        lock-up time [s]; the torque's difference relative to DEM and over both standard errors (None where one is
+        unknown); the largest difference of the output's speeds over the motor's largest; the share of the DVI's steps
+        that missed their tolerance.
     """
     found: dict[str, dict[str, tuple[dict[str, Any], Result]]] = {}
     for values, result in points:
@@ -45,6 +47,7 @@ def _row(others: dict[str, Any], dem: Result, dvi: Result) -> dict[str, Any]:
         if "torque_disc" in history:
             torque = result.torque
             row[f"torque_{name}"], row[f"torque_error_{name}"] = torque.mean, torque.standard_error
+            row[f"torque_low_{name}"], row[f"torque_high_{name}"] = torque.interval() or (None, None)
             row[f"torque_converged_{name}"] = torque.converged
         row[f"step_{name}"] = summary["dt"]
         row[f"seconds_{name}"] = summary["seconds"]["whole_run"]
@@ -61,7 +64,7 @@ def _row(others: dict[str, Any], dem: Result, dvi: Result) -> dict[str, Any]:
 
 
 def _torques_apart(dem: Estimate, dvi: Estimate) -> dict[str, float | None]:
-    """Difference of two torques, relative to DEM and over both error bars; None where a number is unknown."""
+    """Difference of two torques, relative to DEM and over both standard errors; None where a number is unknown."""
     apart: dict[str, float | None] = {"torque_difference": None, "torque_difference_bars": None}
     if dem.mean is None or dvi.mean is None:
         return apart
@@ -93,7 +96,7 @@ def comparison_lines(rows: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> 
             parts.append("torque " + ", ".join(_torque_in_words(row, method) for method in ("dvi", "dem")))
             if row["torque_difference"] is not None:
                 bars = row["torque_difference_bars"]
-                over = "" if bars is None else f", {bars:.2g} error bars"
+                over = "" if bars is None else f", {bars:.2g} standard errors"
                 parts[-1] += f" ({100.0 * row['torque_difference']:+.2g} %{over})"
         if "lock_up_time_dem" in row:
             times = [row[f"lock_up_time_{name}"] for name in ("dvi", "dem")]
@@ -110,10 +113,7 @@ def comparison_lines(rows: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> 
 
 
 def _torque_in_words(row: Mapping[str, Any], method: str) -> str:
-    """A method's torque with its error, and that it is not converged where it is not."""
-    torque, error = row[f"torque_{method}"], row[f"torque_error_{method}"]
-    if torque is None:
-        return f"none by {method.upper()}"
-    value = f"{torque:.4g} N m, error unknown," if error is None else f"{torque:.4g} +- {error:.2g} N m"
-    doubt = "" if row[f"torque_converged_{method}"] else " (not converged)"
-    return f"{value} by {method.upper()}{doubt}"
+    """A method's torque with its 95 % interval, and that it is not converged where it is not."""
+    torque, low, high = (row[f"{name}_{method}"] for name in ("torque", "torque_low", "torque_high"))
+    doubt = "" if row[f"torque_converged_{method}"] else ", not converged"
+    return f"{in_words(torque, None if low is None else (low, high))} by {method.upper()}{doubt}"

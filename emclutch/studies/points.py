@@ -8,16 +8,16 @@ values can be inserted, removed and put in another order, and what is computed i
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from emclutch.scene.case import Case
 from emclutch.results import OutputError, RunFolder, read_history
-from emclutch.results.folder_lock import LOCK, has_files, locked_folder
+from emclutch.results.folder_lock import has_files
+from emclutch.scene.case import Case
+from emclutch.scene.study import StudySection
 from emclutch.simulation.resume import differing_keys, flat_scene, may_change, refuse_changed_files
 
 POINT = "point-"
@@ -33,7 +33,7 @@ class PointFolder:
     path : Path
         It may not exist yet.
     is_done : bool
-        It holds a finished run of exactly the point's scene.
+        It holds a finished run of exactly the point's scene, or of one with a later end.
     """
 
     path: Path
@@ -56,7 +56,7 @@ def folders_of_points(folder: Path, cases: Sequence[Case], fixed: Collection[str
     Raises
     ------
     OutputError
-        A point has run beyond the end that it is to have now: its statistics cannot be taken back.
+        A point that is not finished has run beyond the end that it is to have now: that cannot be taken back.
     """
     there = _scenes_in(folder)
     wanted = [flat_scene(case.toml()) for case in cases]
@@ -67,7 +67,7 @@ def folders_of_points(folder: Path, cases: Sequence[Case], fixed: Collection[str
                 found[number] = next((p for p, old in there.items() if _is_of(old, scene, exactly, fixed)), None)
                 if (path := found[number]) is not None:
                     _refuse_earlier_end(path, there.pop(path), scene)
-    is_done = [path is not None and _is_done(path, scene) for path, scene in zip(found, wanted, strict=True)]
+    is_done = [path is not None and _is_done(path, scene, fixed) for path, scene in zip(found, wanted, strict=True)]
     used = [
         int(match[1])
         for path in folder.glob(f"{POINT}*")
@@ -80,6 +80,14 @@ def folders_of_points(folder: Path, cases: Sequence[Case], fixed: Collection[str
             path, free = folder / f"{POINT}{free:03d}", free + 1
         folders.append(PointFolder(path, done))
     return folders
+
+
+def done_points(study: StudySection, folder: Path) -> list[int]:
+    """Numbers of a study's points that are done in its folder."""
+    if not folder.is_dir():
+        return []
+    targets = folders_of_points(folder, [case for _, case in study.cases()], fixed=study.values)
+    return [number for number, point in enumerate(targets) if point.is_done]
 
 
 def unclaimed(folder: Path, points: Sequence[PointFolder]) -> list[str]:
@@ -115,14 +123,19 @@ def _is_in(key: str, tables: Collection[str]) -> bool:
     return any(key == table or key.startswith(f"{table}.") for table in tables)
 
 
-def _is_done(path: Path, scene: dict[str, Any]) -> bool:
-    """Whether a folder holds a finished run of exactly this scene."""
-    return RunFolder(path).summary.is_file() and not differing_keys(_scene_in(RunFolder(path).case), scene)
+def _is_done(path: Path, scene: dict[str, Any], fixed: Collection[str]) -> bool:
+    """Whether a folder holds a finished run of exactly this scene, or one that was resumed alone to a later end."""
+    old = _scene_in(RunFolder(path).case)
+    keys = differing_keys(old, scene)
+    longer = keys == ["time.end"] and not _is_in("time.end", fixed) and old["time.end"] > scene["time.end"]
+    return RunFolder(path).summary.is_file() and (not keys or longer)
 
 
 def _refuse_earlier_end(path: Path, old: dict[str, Any], new: dict[str, Any]) -> None:
     run = RunFolder(path)
     if not run.checkpoint.is_file() or not run.history.is_file() or old.get("time.end", 0.0) <= new["time.end"]:
+        return
+    if differing_keys(old, new) == ["time.end"] and run.summary.is_file():  # finished, and known the better for it
         return
     times = read_history(run.history)["time"]
     reached = float(times.iloc[-1]) if len(times) else 0.0

@@ -1,8 +1,8 @@
 """A parameter study: every point is a run in a folder of its own; tables and pictures over all of them.
 
-Points are tasks (`emclutch.studies.tasks`) that this process runs one after the other, or hands to an executor. It alone
-writes the study's tables, anew after each point and in the study's order, so that they depend on the points alone: not
-on how many run at a time, nor on which is done first.
+Points are tasks (`emclutch.studies.tasks`) that this process runs one after the other, or hands to an executor. It
+alone writes the study's tables, anew after each point and in the study's order, so that they depend on the points
+alone: not on how many run at a time, nor on which is done first.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
-from emclutch.scene.case import Case
-from emclutch.simulation.missing_pictures import draw_missing
 from emclutch.results import OutputError, Result, RunFolder, load_result
 from emclutch.results.folder_lock import LOCK, has_files, locked_folder
 from emclutch.results.history import last_time
 from emclutch.results.run_folder import logging_to
+from emclutch.results.set_aside import set_aside
 from emclutch.results.study_table import DONE, FAILED, STOPPED, WAITING, StudyTable
-from emclutch.simulation.run import Interrupted, RunError
+from emclutch.scene.case import Case
 from emclutch.scene.replica_count import replica_count
 from emclutch.scene.study import StudySection, read_study
-from emclutch.results.set_aside import set_aside
+from emclutch.simulation.missing_pictures import draw_missing
+from emclutch.simulation.run import Interrupted, RunError
 from emclutch.studies.points import PointFolder, folders_of_points, unclaimed
 from emclutch.studies.tables import Done, disc_torque, label_of, write_tables
 from emclutch.studies.tasks import STOP, PointOutcome, PointTask, run_point
@@ -186,7 +186,10 @@ class _StudyRun:
             text = f"{self.targets[number].path.name} ({values}): {failure.message}"
             if failure.is_input:
                 raise OutputError(text)
-            raise RunError(f"{text}\n{len(self.done)} of {len(self.points)} points are done; {self._how_to_go_on()}")
+            how = self._how_to_go_on()
+            if RunFolder(self.targets[number].path).read_failure() is not None:
+                how = f"leave it out of the study's values, or change the scene; then {how}"
+            raise RunError(f"{text}\n{len(self.done)} of {len(self.points)} points are done; {how}")
         if self.stopped:
             more = f" --jobs {jobs}" if jobs and jobs > 1 else ""
             raise Interrupted(
@@ -242,7 +245,7 @@ class _StudyRun:
     def _is_done(self, number: int, result: Result, kept: bool = False) -> None:
         torque = disc_torque(result)
         seconds = result.summary["seconds"]["whole_run"]
-        self.table.set_done(number, torque.mean, torque.standard_error, seconds, kept=kept, converged=torque.converged)
+        self.table.set_done(number, torque.mean, torque.interval(), seconds, kept=kept, converged=torque.converged)
         if not kept:
             log.info("%s is done", self.targets[number].path.name)
         self.done[number] = (*self.points[number], result)

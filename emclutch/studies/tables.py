@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from emclutch.scene.case import Case
-from emclutch.studies.method_comparison import METHOD, compare_methods, comparison_lines
 from emclutch.results import Result
 from emclutch.results.atomic_file import replace_json, replace_text
 from emclutch.results.linear_range import linear_range
-from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.pictures.speeds import speed_picture, speeds_vary
+from emclutch.results.pictures.torque_curves import torque_against_current_picture, torque_against_speed_picture
+from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.statistics import Estimate
 from emclutch.results.study_folder import write_about
-from emclutch.results.pictures.torque_curves import torque_against_current_picture, torque_against_speed_picture
 from emclutch.results.torque_curves import TorqueCurve, torque_curves
+from emclutch.scene.case import Case
 from emclutch.scene.study import StudySection
+from emclutch.studies.method_comparison import METHOD, compare_methods, comparison_lines
 
 STARTED = 0.01  # of the motor's fastest speed: an output that dry friction holds trembles below it
 SEED, CURRENT, VOLTAGE, SPEED = "scene.seed", "coil.current", "coil.voltage", "motion.rotor.speed"
@@ -29,7 +30,7 @@ Done = tuple[dict[str, Any], Case, Result]
 def write_tables(folder: Path, study: StudySection, done: Sequence[Done]) -> None:
     """All tables and pictures of the points that are done, given in the study's order."""
     write_about(folder, study.title, study.values, len(study.points()))
-    write_torques(folder, study, [row_of(values, case, result) for values, case, result in done])
+    write_torques(folder, study, [row_of(values, result) for values, _, result in done])
     courses = {
         label_of(study, values) or result.folder.path.name: result.history
         for values, _, result in done
@@ -57,7 +58,7 @@ def write_torques(folder: Path, study: StudySection, rows: list[dict[str, Any]])
     axis = next((key for key in (CURRENT, VOLTAGE) if key in varied), None)
     if axis is not None and _all_have("current", rows):
         curves = _write_curves(folder / "torque_vs_current.csv", rows, axis, "current", varied)
-        ranges = [linear_range(curve.x, curve.torque, curve.error) for curve in curves]
+        ranges = [linear_range(curve.x, curve.torque, curve.error, curve.converged) for curve in curves]
         found = [
             {"values": curve.values, "linear_range": one.as_dict()} for curve, one in zip(curves, ranges, strict=True)
         ]
@@ -90,11 +91,12 @@ def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
     replace_text(path, pandas.DataFrame(list(rows)).to_csv(index=False))
 
 
-def row_of(values: dict[str, Any], case: Case, result: Result) -> dict[str, Any]:
+def row_of(values: dict[str, Any], result: Result) -> dict[str, Any]:
     """A point's row of `study.csv`."""
     torque, summary = disc_torque(result), result.summary
     low, high = torque.interval() or (None, None)
-    row = {**values, "end_time": case.scene.span.end}  # [s]; of points that are kept, too: others are continued
+    end = tomllib.loads(result.folder.read_case())["time"]["end"]  # a point may have been resumed alone to a later one
+    row = {**values, "end_time": end}  # [s]
     if "current" in summary:
         row["current"] = summary["current"]
     row |= {

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from emclutch.scene.case import case_from
-from emclutch.scene.errors import SceneError
 from emclutch.results import OutputError
 from emclutch.results.study_table import DONE, FAILED, STOPPED
+from emclutch.scene.case import case_from
+from emclutch.scene.errors import SceneError
 from emclutch.simulation.run import Interrupted, RunError, run
 
 STOP = "stop-asked"
@@ -28,8 +28,8 @@ class PointTask:
 
     Attributes
     ----------
-    data, path, trust_scripts : of its case, see `emclutch.scene.case.Case`; paths are absolute, for workers that stand in
-        another folder.
+    data, path, trust_scripts : of its case, see `emclutch.scene.case.Case`; paths are absolute, for workers that stand
+        in another folder.
     folder : of the point, inside the study's.
     threads : of the kernels; None: ``OMP_NUM_THREADS``, or all cores.
     resume : go on from the checkpoint in `folder`.

@@ -15,22 +15,22 @@ from typing import Protocol
 
 import numpy as np
 
-from emclutch.simulation.assembly import deposition_of
-from emclutch.scene.case import Case
 from emclutch.device.device import build_coil_device, field_is_needed
-from emclutch.scene.errors import Fault, SceneError, shown
-from emclutch.studies.frozen_state import frozen_state
-from emclutch.simulation.observables import pole_flux_density
-from emclutch.simulation.initial_packing import packed
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.folder_lock import has_files, locked_folder
 from emclutch.results.pictures.work_precision import work_precision_picture
-from emclutch.simulation.run import run
-from emclutch.simulation.plan import make_plan
-from emclutch.simulation.threads import use_threads
+from emclutch.scene.case import Case
+from emclutch.scene.errors import Fault, SceneError, shown
 from emclutch.scene.field_source import CoilFieldSection
 from emclutch.scene.grain_smear import moments_are_fed_back, narrowest_gap
+from emclutch.simulation.assembly import deposition_of
+from emclutch.simulation.initial_packing import packed
+from emclutch.simulation.observables import pole_flux_density
+from emclutch.simulation.plan import make_plan
+from emclutch.simulation.run import run
+from emclutch.simulation.threads import use_threads
+from emclutch.studies.frozen_state import frozen_state
 
 log = logging.getLogger(__name__)
 WARM_UP_WINDOWS = 0.02  # share of the run that compiles the kernels before anything is timed

@@ -13,9 +13,12 @@ from typer.testing import CliRunner
 
 import emclutch
 from emclutch.cli.main import app
-from emclutch.results import OutputError
+from emclutch.results import OutputError, RunFolder, load_result, read_history
 from emclutch.results.checkpoint import read_checkpoint, write_checkpoint
+from emclutch.results.report.verdict import verdict
 from emclutch.scene.case import case_from
+from emclutch.simulation.run import RunError
+from particles import ParticleError
 
 TOY = {
     "time.end": "60 us", "time.window": "10 us", "accuracy.replicas": 1,
@@ -123,3 +126,24 @@ def test_a_checkpoint_that_is_none_is_bad_input_and_changes_nothing(undisturbed,
     assert done.exit_code == 2 and "Traceback" not in done.output
     assert "checkpoint.h5" in done.output and "--out" in done.output
     assert {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()} == before
+
+
+def test_a_run_that_fails_for_its_scene_says_when_and_why_and_offers_no_resuming(tmp_path):
+    def fail():
+        raise ParticleError("grain 3 has left the device; raise contact.stiffness")
+
+    folder = RunFolder(tmp_path / "run")
+    with pytest.raises(RunError, match="grain 3 has left"):
+        emclutch.run(CASE, out=folder.path, progress=At(0.4, fail))
+    reached = float(read_history(folder.history)["time"].iloc[-1])
+    assert folder.read_failure().time == reached > 0.0
+    first = verdict(load_result(folder.path))[0].text
+    page = CliRunner().invoke(app, ["report", str(folder.path)])
+    assert page.exit_code == 0
+    for text in (first, page.output):
+        assert f"he run failed after {1e6 * reached:.3g} µs: grain 3 has left" in text and "--resume" not in text
+    with pytest.raises(OutputError) as again:
+        emclutch.run(CASE, out=folder.path)
+    assert "--resume" not in str(again.value)
+    emclutch.run(CASE, out=folder.path, resume=True)  # by a program that mends it, say
+    assert folder.read_failure() is None and load_result(folder.path).summary

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 from written_run import written_run, written_study
 
 from emclutch.cli.main import app
-from emclutch.results import OutputError, load_result
+from emclutch.results import OutputError, RunFolder, load_result
 from emclutch.results.report.html import run_page, study_page, write_page
 from emclutch.results.report.verdict import Mark, verdict
 from emclutch.results.study_folder import read_study
@@ -91,7 +91,7 @@ def test_every_effect_is_named_on_or_off(page):
 def test_the_torque_stands_with_its_interval(run, page):
     torque = load_result(run.path).torque
     low, high = torque.interval()
-    assert f"{torque.mean:.4g} N m, 95 % interval {low:.4g} to {high:.4g} N m" in page.text
+    assert f"{torque.mean:.4g} N m (95 %: {low:.4g} to {high:.4g})" in page.text
 
 
 @pytest.mark.parametrize(("off", "mark"), [(1e-4, Mark.GOOD), (0.3, Mark.POOR)])
@@ -126,6 +126,17 @@ def test_a_study_shows_its_points_and_what_is_missing(tmp_path):
     assert set(study.results()) == {"current 1 A", "current 2 A"}
     told = CliRunner().invoke(app, ["report", str(study.path)])
     assert told.exit_code == 2 and "--html" in told.output
+
+
+def test_a_study_says_which_points_are_newer_than_its_table_and_which_have_failed(tmp_path):
+    folder = written_study(tmp_path, [1.0, 2.0])
+    fresh = Page(study_page(read_study(folder), left_out_of)).text
+    assert "older than" not in fresh and "failed" not in fresh
+    written_run(folder / "later", mean=3.0).summary.replace(folder / "point-001" / "summary.json")
+    RunFolder.create(folder / "point-002", "").write_failure("grains overlap; raise contact.stiffness")
+    told = Page(study_page(read_study(folder), left_out_of)).text
+    assert "older than point-001; renew them with: emclutch sweep" in told
+    assert "point-002: the run failed before its first window: grains overlap; raise contact.stiffness" in told
 
 
 def test_nothing_is_overwritten(tmp_path):

@@ -71,3 +71,17 @@ def test_torques_of_unknown_error_give_a_line_but_no_range():
     plain, covariance = np.polyfit(CURRENT, SLOPE * (CURRENT - OFFSET) + noise, 1, cov=True)
     assert found.slope == pytest.approx(plain[0]) and found.slope_error == pytest.approx(covariance[0, 0] ** 0.5)
     assert found.knee is None and "0 of them have an error" in found.reason
+
+
+def test_a_range_with_torques_that_are_not_converged_is_not_tested():
+    converged = np.ones(11, dtype=bool)
+    converged[[0, 4, 10]] = False  # the first and the last lie outside the range from 0.4 to 1.2 A
+    error = np.full(11, 1e-3)
+    found, sure = (
+        linear_range(CURRENT, torque(CURRENT), error, converged),
+        linear_range(CURRENT, torque(CURRENT), error),
+    )
+    assert not found.is_tested and found.unconverged == 1 and "1 of these 5 torques" in found.reason
+    assert sure.is_tested and sure.unconverged == 0 and (found.slope, found.knee) == (sure.slope, sure.knee)
+    backwards = linear_range(CURRENT[::-1], torque(CURRENT)[::-1], error, converged[::-1])
+    assert backwards == found

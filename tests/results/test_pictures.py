@@ -117,6 +117,9 @@ def test_a_linear_range_is_drawn_up_to_its_knee():
     assert line.get_xydata() == pytest.approx(np.array([[0.0, 0.0], [1.25, 1.25]]), abs=0.02)
     _draw_range(axis, of, linear_range(of.x, of.torque, np.full(11, np.nan)))  # of unknown range
     assert axis.get_lines()[-1] is line
+    _draw_range(axis, of, linear_range(of.x, of.torque, of.error, np.arange(11) != 3))
+    unsure = axis.get_lines()[-1]
+    assert unsure.get_linestyle() == "--" and "1 of 7 points not converged" in unsure.get_label()
 
 
 def test_an_unknown_error_is_no_bar():
@@ -131,6 +134,18 @@ def test_an_unknown_error_is_no_bar():
     assert not axis.containers
 
 
+def test_the_torques_picture_has_the_interval_and_no_standard_error(tmp_path, monkeypatch):
+    labels = []
+    monkeypatch.setattr("matplotlib.axes.Axes.legend", lambda self, **_: labels.extend(
+        self.get_legend_handles_labels()[1]))  # fmt: skip
+    time = np.arange(1.0, 101.0)
+    history = {"time": time, "torque_disc": 0.5 + 0.1 * np.random.default_rng(1).standard_normal(100)}
+    found = steady_mean(time, history["torque_disc"])
+    pictures.torque_picture(tmp_path / "t.png", history, found)
+    low, high = found.interval()
+    assert f"disc: {found.mean:.4g} N m (95 %: {low:.4g} to {high:.4g})" in labels
+
+
 def test_a_torque_of_unknown_error_says_so(tmp_path, monkeypatch):
     labels = []
     monkeypatch.setattr("matplotlib.axes.Axes.legend", lambda self, **_: labels.extend(
@@ -138,7 +153,7 @@ def test_a_torque_of_unknown_error_says_so(tmp_path, monkeypatch):
     time = np.arange(1.0, 101.0)
     history = {"time": time, "torque_disc": np.full(100, 0.5)}
     pictures.torque_picture(tmp_path / "t.png", history, steady_mean(time, history["torque_disc"]))
-    assert "disc 0.500 N m, error unknown (not converged)" in labels
+    assert "disc: 0.5 N m, error unknown, not converged" in labels
 
 
 def test_work_precision(tmp_path):

@@ -118,7 +118,7 @@ def test_a_torque_is_known_by_half_its_interval():
     ("torque", "words"),
     [
         (estimate(1e-6, 1e-5), "no torque that differs from 0.*or 0.01 N m"),
-        (estimate(1.0, 0.1), r"raise it to about .* s, or take more accuracy.replicas"),
+        (estimate(1.0, 0.1), r"estimate: .* s will do, or more accuracy.replicas"),
         (estimate(1.0, 0.1, degrees_of_freedom=1.2, packing_share=0.2), "packings differ by 0.2 N m.*raise"),
         (estimate(1.0, 0.1, converged=False, reason="the gap was sheared by 2 only"), "sheared by 2 only"),
     ],

@@ -1,9 +1,11 @@
 """The error bar of a mean: correct coverage, and refusal where the data do not carry it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from emclutch.results.statistics import Estimate, correlation_samples, steady_mean
+from emclutch.results.statistics import Estimate, correlation_samples, more_time, steady_mean
 
 
 def autoregressive(phi, count, seeds, level=10.0):
@@ -80,6 +82,27 @@ def test_too_few_uncorrelated_batches_are_counted():
     estimate = steady_mean(np.arange(1.0, 401.0), y, average_from=0.0)
     assert not estimate.converged
     assert f"{estimate.batches} uncorrelated batches, 10 needed; run longer" in estimate.reason
+
+
+def test_a_run_that_goes_on_as_long_as_foretold_is_known_as_well_as_wanted():
+    """Wanted is what 4444 samples have, told from 400; their batches alone are there after some 360."""
+    series = autoregressive(0.8, 8000, 20, level=100.0)
+    time = np.arange(1.0, 8001.0)
+    wanted = 0.3 * 2.0 / ((1.0 - 0.8) * np.sqrt(400))
+    reached = []
+    for y in series:
+        short = steady_mean(time[:400], y[:400], average_from=0.0)
+        end = 400 + int(more_time(short, 400.0, wanted))
+        reached.append(steady_mean(time[:end], y[:end], average_from=0.0).half_width() / wanted)
+    assert np.median(reached) == pytest.approx(1.0, abs=0.25)
+
+
+def test_more_time_holds_the_batches_and_is_not_said_where_none_helps():
+    y = autoregressive(0.98, 400, 1, level=1e4)[0]
+    few = steady_mean(np.arange(1.0, 401.0), y, average_from=0.0)
+    assert few.batches < 10 and more_time(few, 400.0, 1e4) == pytest.approx(40.0 * few.correlation_time - 400.0)
+    packings = replace(few, replicas=3, degrees_of_freedom=2.1)  # they differ by more than each fluctuates
+    assert more_time(packings, 400.0, 1.0) is None
 
 
 def test_unequal_windows_give_the_time_average():

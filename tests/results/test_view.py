@@ -104,6 +104,9 @@ def test_what_cannot_be_shown_is_told(run, tmp_path):
         view_run(run, movie=tmp_path / "a.avi")
     with pytest.raises(SceneError, match="5 ms"):
         view_run(run, time="5 mm", screenshot=tmp_path / "a.png")
+    for beyond in ("2 ms", "-1 us"):
+        with pytest.raises(SceneError, match=r"--time.*moments go from 0 s to 1 ms"):
+            view_run(run, time=beyond, screenshot=tmp_path / "a.png")
     with pytest.raises(OutputError, match="no series"):
         view_run(tmp_path)
     (tmp_path / "a.png").touch()
@@ -111,25 +114,41 @@ def test_what_cannot_be_shown_is_told(run, tmp_path):
         view_run(run, screenshot=tmp_path / "a.png")
 
 
+def test_steel_without_flux_is_seen_before_white_and_has_one_colour_in_both_programs(run):
+    """Contrast against white by relative luminance (WCAG 2): 1.5 at the least, where it was 1.02."""
+    from emclutch.results.view.pyvista_view import BESIDE, FIELD_COLOURS
+
+    script = constants(run / NAME)
+    assert script["FIELD_COLOURS"] == FIELD_COLOURS and script["BESIDE"] == BESIDE
+    linear = [((c + 0.055) / 1.055) ** 2.4 for c in FIELD_COLOURS[0]]
+    assert 1.05 / (np.dot(linear, (0.2126, 0.7152, 0.0722)) + 0.05) > 1.5
+
+
 PICTURES = """
 import sys
 from pathlib import Path
 import numpy as np
 from PIL import Image
-from emclutch.results.view.pyvista_view import RunView, movie, screenshot
+from emclutch.results.view.pyvista_view import BESIDE, RunView, movie, screenshot
 from emclutch.results.view.run_files import LOOKS, read_run_files
 
 run, lone, out = map(Path, sys.argv[1:])
 files = read_run_files(run)
 for look in LOOKS:
-    path = screenshot(RunView(files, look, "moment", window=False, size=(300, 220)), out / f"{look}.png", None)
+    view = RunView(files, look, "moment", window=False, size=(300, 220))
+    view.draw(1e-3)
+    renderer = view.plotter.renderer
+    renderer.SetWorldPoint(*view.plotter.actors["device" if look == "device" else "grains"].center, 1.0)
+    renderer.WorldToView()
+    assert abs(renderer.GetViewPoint()[0] + 2.0 * BESIDE) < 1e-3, f"{look} does not give way to its bars"
+    path = screenshot(view, out / f"{look}.png", None)
     colours = np.unique(np.asarray(Image.open(path).convert("RGB")).reshape(-1, 3), axis=0)
     assert len(colours) > 50, f"{look} is blank"
 with Image.open(movie(RunView(files, "chains", "speed", window=False, size=(200, 150)), out / "m.gif")) as moving:
     assert moving.n_frames == 2
 
 view = RunView(read_run_files(lone), "gap", "diameter", window=False, size=(300, 300))
-picture = np.asarray(Image.open(screenshot(view, out / "lone.png", None)).convert("RGB"))[60:240, 60:240]
+picture = np.asarray(Image.open(screenshot(view, out / "lone.png", None)).convert("RGB"))[60:240, 30:240]
 radius = 150.0 * 1e-4 / view.plotter.camera.parallel_scale
 assert abs((picture.min(axis=2) < 230).sum() / (np.pi * radius**2) - 1.0) < 0.05, "a sphere has not its size"
 """

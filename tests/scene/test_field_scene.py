@@ -60,6 +60,14 @@ def test_check_field_and_mesh_take_it(alone, tmp_path):
     row = pandas.read_csv(tmp_path / "field" / "field.csv").iloc[-1]
     summary = json.loads((tmp_path / "field" / "field.json").read_text())
     force = summary["at_last_current"]["axial_force"]["disc"]["maxwell_stress"]
+    for body in ("disc", "rotor"):  # check tells the error that field finds
+        found = summary["at_last_current"]["axial_force"][body]
+        assert plan[f"force on the {body}"].startswith(
+            f"{found['maxwell_stress']:.4g} ± {found['error_estimate']:.2g} N"
+        )
+        smaller = abs(found["maxwell_stress"]) <= found["error_estimate"]
+        assert smaller == ("smaller than its error" in plan[f"force on the {body}"])
+    assert summary["at_last_current"]["axial_force"]["coil (J x B)"]["error"] == "not known"
     assert row["axial_force_disc"] == pytest.approx(force, rel=1e-9) and summary["units"]["axial_force_disc"] == "N"
 
 

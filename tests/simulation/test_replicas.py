@@ -1,6 +1,7 @@
 """Replicas of a run: whole runs with other packings, beside it; their torques together; an end once it is known."""
 
 import errno
+import io
 import os
 import re
 import signal
@@ -132,6 +133,18 @@ def test_a_replica_that_dies_ends_the_run_with_its_name(tmp_path):
     with pytest.raises(RunError, match=r"replicas/01 failed: it was killed"):
         emclutch.run(case_from(CELL), out=tmp_path / "run", progress=Kill())
     assert (tmp_path / "run" / "checkpoint.h5").exists()
+
+
+def test_a_replica_that_fails_for_its_scene_is_told_from_one_that_was_killed(tmp_path):
+    class Ended:
+        def poll(self):
+            return 1
+
+    folder = RunFolder(tmp_path)
+    group = replicas.Replicas(processes=[replicas.ReplicaProcess(folder, Ended(), io.StringIO("grains overlap"))])
+    assert "grains overlap" in group.failure() and not group.failed_for_the_scene()
+    folder.write_failure("grains overlap")
+    assert group.failed_for_the_scene()
 
 
 def test_a_replica_of_a_killed_run_is_waited_for(tmp_path, monkeypatch):

@@ -51,7 +51,8 @@ def test_only_points_run_by_both_methods_are_compared():
     assert row["speed_difference"] == pytest.approx(5.0 / 50.0)
     assert row["missed_steps_dvi"] == pytest.approx(0.1)
     (line,) = comparison_lines(rows, ["particles.count"])
-    assert line.startswith("particles.count = 200: torque 2.")
+    low, high = dvi.torque.interval()
+    assert line.startswith("particles.count = 200: torque 2.") and f"(95 %: {low:.4g} to {high:.4g}) by DVI" in line
     assert "locks not at all by DVI, at 0.4 s by DEM" in line and "10 % of the steps by DVI missed" in line
 
 
@@ -61,7 +62,7 @@ def test_runs_of_different_lengths_are_compared_while_both_go():
     (row,) = compare_methods([({"contact.method": "dem"}, dem), ({"contact.method": "dvi"}, dvi)])
     assert row["speed_difference"] == pytest.approx(0.0, abs=1e-12)
     assert row["torque_difference_bars"] is None  # neither changes, so both errors are unknown
-    assert comparison_lines([row], [])[0].startswith("torque 1 N m, error unknown, by DVI (not converged), 1 N m")
+    assert comparison_lines([row], [])[0].startswith("torque 1 N m, error unknown by DVI, not converged, 1 N m")
 
 
 def test_a_point_has_one_colour_by_both_methods():

@@ -99,6 +99,18 @@ def test_where_a_point_fails_those_that_run_end_and_no_other_begins(tmp_path, ru
     assert 0.1 not in {asked[0] for asked in runs.asked[before:]}  # what was done stays
 
 
+def test_a_point_that_fails_for_its_scene_is_not_only_to_be_resumed(tmp_path, runs):
+    study = study_of(tmp_path, {FRICTION: [0.1, 0.2]})
+
+    def fail(progress):
+        RunFolder(tmp_path / "out" / "point-000").write_failure("the grains are gone")
+        raise RunError("the grains are gone")
+
+    runs.acts = {0.1: fail}
+    with pytest.raises(RunError, match=r"leave it out of the study's values, or change the scene; then go on with"):
+        sweep(study, out=tmp_path / "out")
+
+
 def test_ctrl_c_asks_every_running_point_to_stop(tmp_path, runs, threads):
     both = threading.Barrier(2, timeout=WAIT)
 

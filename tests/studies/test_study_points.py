@@ -6,9 +6,11 @@ from pathlib import Path
 import pandas
 import pytest
 
+from emclutch.cli.plot import plot_runs
 from emclutch.results import HistoryWriter, OutputError, RunFolder, load_result
 from emclutch.results.checkpoint import write_checkpoint
 from emclutch.results.folder_lock import locked_folder
+from emclutch.results.study_folder import read_study as read_folder
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.scene.study import read_study
 from emclutch.simulation.run import Interrupted
@@ -85,8 +87,29 @@ def test_a_later_end_continues_every_point_and_is_in_the_table(tmp_path, runs):
     assert runs.asked == [("point-000", True, 5e-3), ("point-001", True, 5e-3)]
     assert (out / "point-000" / "summary-1.json").is_file()  # that of the former end
     assert table(out)["end_time"].tolist() == [5e-3, 5e-3]
+    (out / "point-000" / "summary.json").unlink()
     with pytest.raises(OutputError, match=r"point-000 has run to 0\.005 s.*ends at 0\.004 s.*--out"):
         sweep(study_of(tmp_path, values, **{"time.end": "4 ms"}), out=out, resume=True)
+
+
+def test_a_point_resumed_alone_makes_the_table_old_and_sweep_renews_it(tmp_path, runs, monkeypatch):
+    study = study_of(tmp_path, {FRICTION: [0.1, 0.3]}, **{"time.end": "4 ms"})
+    out = sweep(study, out=tmp_path / "out")
+    assert read_folder(out).outdated() == []
+    (_, case), _ = study.cases()
+    alone = {"out": out / "point-000", "threads": 1, "progress": None, "resume": True, "start": None, "insist": False}
+    monkeypatch.setitem(TORQUE, "mean", 1.5)
+    runs(case.with_values({"time.end": "5 ms"}), **alone)
+    assert read_folder(out).outdated() == ["point-000"]
+    told = []
+    plot_runs([out], out=tmp_path / "picture.png", tell=told.append)
+    assert any("older than point-000" in text and "--resume" in text for text in told)
+    runs.asked.clear()
+    sweep(study, out=out, resume=True)
+    assert not runs.asked and read_folder(out).outdated() == []
+    assert table(out)[["end_time", "torque"]].to_numpy().tolist() == [[5e-3, 1.5], [4e-3, 1.0]]
+    sweep(study, out=out, resume=True)
+    assert not runs.asked
 
 
 def test_torque_against_current_has_the_end_time(tmp_path, monkeypatch):

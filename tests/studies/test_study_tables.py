@@ -102,7 +102,7 @@ def test_the_live_table_has_a_row_a_point_and_the_time_left():
         table.set_fraction(number, 1e-9)
     assert table.seconds_left() is None
     now[0] = 100.0
-    table.set_done(0, 1.234, 0.056, 100.0)
+    table.set_done(0, 1.234, (1.178, 1.29), 100.0)
     table.set_done(1, 2.0, None, 100.0)
     assert table.seconds_left() == pytest.approx(100.0)
     for number in (2, 3):
@@ -117,7 +117,7 @@ def test_the_live_table_has_a_row_a_point_and_the_time_left():
     Console(file=page, width=100).print(table.table())
     for words in (
         "current 1 A",
-        "1.234 ± 0.056",
+        "1.234 N m (95 %: 1.178 to 1.29)",
         "failed",
         "running",
         "10 %",
@@ -140,10 +140,10 @@ def test_on_a_small_terminal_the_points_that_are_not_done_are_seen(monkeypatch):
     with StudyTable(stream=Terminal()) as table:
         table.begin([f"current {k} A" for k in range(9)])
         for number in range(5):
-            table.set_done(number, 1.0, 0.1, 1.0)
+            table.set_done(number, 1.0, (0.8, 1.2), 1.0)
         assert list(table.table().columns[0].cells) == ["current 5 A", "current 6 A", "current 7 A"]
         for number in range(5, 9):
-            table.set_done(number, 1.0, 0.1, 1.0)
+            table.set_done(number, 1.0, (0.8, 1.2), 1.0)
         assert list(table.table().columns[0].cells) == ["current 6 A", "current 7 A", "current 8 A"]
     assert "current 0 A" in table.stream.getvalue()
 
@@ -152,9 +152,9 @@ def test_without_a_terminal_the_table_is_lines():
     stream = io.StringIO()
     with StudyTable(stream=stream) as table:
         table.begin(["friction 0.1", "friction 0.2"])
-        table.set_done(0, 1.0, 0.1, 3.0, kept=True)
+        table.set_done(0, 1.0, (0.8, 1.2), 3.0, kept=True)
         table.set_running(1)
         table.set_done(1, None, None, 3.0)
     lines = stream.getvalue().splitlines()
-    assert lines[0] == " 50 %  1 of 2 points  friction 0.1 is kept: 1 ± 0.1 N m (s.e.)"
+    assert lines[0] == " 50 %  1 of 2 points  friction 0.1 is kept: 1 N m (95 %: 0.8 to 1.2)"
     assert lines[1] == "100 %  2 of 2 points  friction 0.2 is done: no torque"

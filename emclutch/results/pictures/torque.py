@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ from emclutch.results.pictures.figure_title import legend_beside
 from emclutch.results.pictures.picture_file import save_picture
 from emclutch.results.statistics import Estimate
 from emclutch.results.time_unit import time_unit
+from emclutch.results.torque_in_words import torque_in_words
 
 COLOURS = {"disc": "#0b5fa5", "rotor": "#c4540a", "housing": "#6a6a6a"}
 RPM = 60.0 / (2.0 * np.pi)
@@ -26,8 +26,8 @@ def torque_picture(
     ----------
     path : PNG to write.
     history : table with the columns of `history.COLUMNS` (pandas, or a dictionary of arrays).
-    estimate : of the disc's torque; its steady part is shaded and its mean drawn ± standard error; an unknown one is
-        said, and no band is drawn.
+    estimate : of the disc's torque; its steady part is shaded and its mean drawn with its 95 % interval; an unknown one
+        is said, and no band is drawn.
     others : histories of the other replicas: their torque on the disc is drawn thin, as the mean is of all of them.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -60,27 +60,14 @@ def torque_picture(
     if estimate is not None and estimate.mean is not None and estimate.start is not None:
         start = time_factor * estimate.start
         axis.axvspan(start, time[-1], color="#0b5fa5", alpha=0.07, lw=0, label="averaged part")
-        mean, error = factor * estimate.mean, estimate.standard_error
-        digits = max(0, 1 - math.floor(math.log10(factor * error))) if error else 3
-        label = f"disc{f', {estimate.replicas} packings:' if estimate.replicas > 1 else ''} {mean:.{digits}f}"
-        if error is not None:
-            label += f" ± {factor * error:.{digits}f} (standard error)"
-            half, limits = factor * (estimate.half_width() or error), axis.get_ylim()
-            axis.fill_between(
-                [start, time[-1]], mean - half, mean + half, color="#0b5fa5", alpha=0.15, lw=0, label="95 % interval"
-            )
+        mean = factor * estimate.mean
+        if (interval := estimate.interval()) is not None:
+            limits = axis.get_ylim()
+            low, high = (factor * end for end in interval)
+            axis.fill_between([start, time[-1]], low, high, color="#0b5fa5", alpha=0.25, lw=0, label="95 % interval")
             axis.set_ylim(limits)  # of few packings it is wider than the picture
-            axis.fill_between(
-                [start, time[-1]],
-                mean - factor * error,
-                mean + factor * error,
-                color="#0b5fa5",
-                alpha=0.35,
-                lw=0,
-                zorder=3,
-            )
-        label += f" {unit}" + (", error unknown" if error is None else "")
-        label += "" if estimate.converged else " (not converged)"
+        label = f"disc{f', {estimate.replicas} packings' if estimate.replicas > 1 else ''}: "
+        label += torque_in_words(estimate, unit, factor) + ("" if estimate.converged else ", not converged")
         axis.plot([start, time[-1]], [mean, mean], color="black", lw=1.4, ls="--", label=label, zorder=4)
         if not estimate.converged:
             figure.supxlabel(estimate.reason, x=0.01, ha="left", fontsize=8, color="crimson", parse_math=False)

@@ -36,7 +36,8 @@ def torque_against_current_picture(
     path : PNG to write.
     curves : over the current [A]; points that are not converged are drawn hollow, those of unknown error as hollow
         diamonds without a bar.
-    ranges : of each curve; a thin line is drawn through a linear range, with a mark at its knee.
+    ranges : of each curve; a thin line is drawn through a linear range, with a mark at its knee; dashed where some of
+        its torques are not converged.
     """
     figure, axis = _torque_axes(curves, title, joined=True)
     for curve, found in zip(curves, ranges, strict=False):
@@ -62,7 +63,8 @@ def torque_against_speed_picture(path: str | Path, curves: Sequence[TorqueCurve]
         if law is not None:
             factor, exponent, error = law
             along = np.linspace(0.0, float(speed.max()), 201)[1:]
-            label = f"{factor * (1000.0 / RPM) ** exponent:.3g} N m · (rpm/1000)^({exponent:.2f} ± {error:.2f})"
+            power = f"{exponent:.2f} ± {NORMAL * error:.2f}, 95 %"
+            label = f"{factor * (1000.0 / RPM) ** exponent:.3g} N m · (rpm/1000)^({power})"
             sign = np.sign(np.nansum(curve.torque))
             axis.plot(RPM * along, sign * factor * along**exponent, color=LAW, lw=1.2, label=label)
     axis.set_xlabel("speed of the motor [rpm]")
@@ -72,17 +74,22 @@ def torque_against_speed_picture(path: str | Path, curves: Sequence[TorqueCurve]
 
 
 def _draw_range(axis: Axes, curve: TorqueCurve, found: LinearRange) -> None:
-    """The line over its range and to its offset; of a range that nothing tells, no line."""
-    if found.slope is None or found.offset is None or found.slope_error is None or not found.is_tested:
+    """The line over its range and to its offset, dashed with torques not converged; of an untold range, no line."""
+    told = found.is_tested or found.unconverged > 0
+    if found.slope is None or found.offset is None or found.slope_error is None or not told:
         return
     end = found.last if found.knee is None else found.knee
     sign = -1.0 if np.nanmean(curve.x) < 0.0 else 1.0
     along = np.array([max(found.offset, 0.0), end])
-    label = f"{found.slope:.3g} ± {found.slope_error:.1g} N m/A"
+    label = f"{found.slope:.3g} ± {NORMAL * found.slope_error:.2g} N m/A"
     if found.knee is not None:
-        label += f", knee at {found.knee:.3g} ± {found.knee_error:.1g} A"
+        label += f", knee at {found.knee:.3g} ± {NORMAL * (found.knee_error or 0.0):.2g} A"
         axis.plot(sign * found.knee, found.slope * (found.knee - found.offset), "|", ms=12, color=LAW)
-    axis.plot(sign * along, found.slope * (along - found.offset), color=LAW, lw=0.9, label=label)
+    label += " (95 %)"
+    line = "-"
+    if found.unconverged:
+        line, label = "--", f"{label}, {found.unconverged} of {found.points} points not converged"
+    axis.plot(sign * along, found.slope * (along - found.offset), color=LAW, lw=0.9, ls=line, label=label)
 
 
 def _torque_axes(curves: Sequence[TorqueCurve], title: str | None, *, joined: bool) -> tuple[Figure, Axes]:

@@ -13,6 +13,7 @@ from emclutch.results.pictures.figure_title import legend_beside
 from emclutch.results.pictures.picture_file import save_picture
 from emclutch.results.pictures.torque import torque_unit
 from emclutch.results.time_unit import time_unit
+from emclutch.results.torque_in_words import torque_in_words
 
 if TYPE_CHECKING:
     from emclutch.results.result import Result
@@ -49,8 +50,7 @@ def torque_overlay_picture(path: str | Path, runs: Mapping[str, Result], *, titl
             steady = [in_unit * estimate.start, in_unit * float(times[name][-1])]
             half = estimate.half_width()
             mean = factor * estimate.mean
-            error = "error unknown" if half is None else f"± {factor * half:.2g} (95 %)"
-            label = f"{name}: {mean:.4g} {error} {unit}"
+            label = f"{name}: {torque_in_words(estimate, unit, factor)}"
             if half is not None:
                 axis.fill_between(steady, mean - factor * half, mean + factor * half, color=colour, alpha=0.2, lw=0)
             label += "" if estimate.converged else ", not converged"

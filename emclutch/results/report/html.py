@@ -20,9 +20,10 @@ from emclutch.results import COLUMNS, OutputError, Result, load_result
 from emclutch.results.grain_profiles import profile_column, read_profiles
 from emclutch.results.left_out import ALWAYS, OFF, LeftOut
 from emclutch.results.report.markdown import PICTURES, summary_rows
-from emclutch.results.report.verdict import Mark, effects_of, torque_in_words, verdict
-from emclutch.results.study_folder import StudyFolder, is_study, read_study
+from emclutch.results.report.verdict import Mark, effects_of, verdict
+from emclutch.results.study_folder import StudyFolder, is_study, read_study, refresh_in_words
 from emclutch.results.time_unit import time_in_words
+from emclutch.results.torque_in_words import torque_in_words
 from emclutch.scene.effects import EffectsSection
 
 LeftOutOf = Callable[[Result], Sequence[LeftOut]]
@@ -73,7 +74,7 @@ def run_page(result: Result, left_out_of: LeftOutOf) -> str:
         **_frame(summary.get("title") or folder.path.resolve().name, [folder.path]),
         verdict=verdict(result),
         matters=_that_matter(left_out, on),
-        torque=torque_in_words(result) if "torque_disc" in result.history else None,
+        torque=torque_in_words(result.torque) if "torque_disc" in result.history else None,
         scene=[*folder.read_plan().get("decisions", {}).items()],
         case=folder.read_case() if folder.case.is_file() else "",
         effects=_effects(on, left_out),
@@ -100,7 +101,7 @@ def study_page(study: StudyFolder, left_out_of: LeftOutOf) -> str:
             "result": result,
             "row": row,
             "verdict": verdict(result),
-            "torque": torque_in_words(result) if "torque_disc" in result.history else None,
+            "torque": torque_in_words(result.torque) if "torque_disc" in result.history else None,
         }
         for (label, result), (_, row) in zip(results.items(), study.table.iterrows(), strict=True)
     ]
@@ -119,6 +120,8 @@ def study_page(study: StudyFolder, left_out_of: LeftOutOf) -> str:
             for name in EffectsSection.names()
             if 0 < sum(name in each for each in on.values()) < len(on)
         ],
+        failures=study.failures(),
+        outdated=refresh_in_words(study),
         methods=compared.read_text(encoding="utf-8") if compared.is_file() else "",
         pictures=[*_pictures(study.path, STUDY_PICTURES), *_overlay(results)],
         cost=_cost([result.summary for result in results.values() if result.summary]),
@@ -209,8 +212,6 @@ def _torques(result: Result) -> list[tuple[str, str]]:
         return []
     torque = result.torque
     rows = [("mean over the steady part", "none" if torque.mean is None else f"{torque.mean:.5g} N m")]
-    if torque.standard_error is not None:
-        rows.append(("standard error", f"{torque.standard_error:.2g} N m"))
     if (interval := torque.interval()) is not None:
         rows.append(("95 % interval", f"{interval[0]:.5g} to {interval[1]:.5g} N m"))
     rows.append(("packings", str(torque.replicas)))

@@ -9,7 +9,9 @@ from typing import Any
 from urllib.parse import quote
 
 from emclutch.results import COLUMNS, OutputError, Result
+from emclutch.results.failure import Failure
 from emclutch.results.grain_profiles import profile_column, read_profiles
+from emclutch.results.torque_in_words import torque_in_words
 from particles.dem.overlap_limits import SOFT
 
 RPM = 30.0 / math.pi
@@ -76,6 +78,8 @@ def report(result: Result, page_folder: Path | None = None) -> str:
     `page_folder` is where the page will lie, from which its links count; default: the run's folder.
     """
     summary = result.summary
+    if not summary and (failed := result.folder.read_failure()) is not None:
+        return _failed_page(result, failed)
     if not summary:
         raise OutputError(
             f"{result.folder.path} has no summary.json: the run is not finished; continue it with --resume"
@@ -83,16 +87,11 @@ def report(result: Result, page_folder: Path | None = None) -> str:
     lines = [f"# {summary['title']}", ""]
     if "torque_disc" in result.history:
         torque = result.torque
-        error = "unknown" if torque.standard_error is None else f"{torque.standard_error:.2g} N m"
-        mean = "none" if torque.mean is None else f"{torque.mean:.4g} N m"
-        lines += [f"**Torque on the disc: {mean}, standard error {error}** ({torque.reason}).", ""]
-        if (interval := torque.interval()) is not None:
+        lines += [f"**Torque on the disc: {torque_in_words(torque)}**; {torque.reason}.", ""]
+        if torque.mean is not None:
             share = "unknown" if torque.packing_share is None else f"{torque.packing_share:.2g} N m"
-            lines += [
-                f"95 % interval {interval[0]:.4g} to {interval[1]:.4g} N m, of {torque.replicas} "
-                f"{'packing' if torque.replicas == 1 else 'packings'}; what packings differ by: {share}.",
-                "",
-            ]
+            packings = "packing" if torque.replicas == 1 else "packings"
+            lines += [f"Of {torque.replicas} {packings}; what packings differ by: {share}.", ""]
     lines += [f"**{line[:1].upper()}{line[1:]}.**\n" for line in closing_lines(result)]
     rows = [("effects", ", ".join(summary["effects"]) or "none"), *summary_rows(summary)]
     for part, value in summary["seconds"].items():
@@ -118,6 +117,16 @@ def report(result: Result, page_folder: Path | None = None) -> str:
         lines += ["", "## Columns of profiles.csv", ""]
         lines += [f"- `{name}` [{profile_column(name)[0]}]: {profile_column(name)[1]}" for name in columns]
     return "\n".join(lines) + "\n"
+
+
+def _failed_page(result: Result, failed: Failure) -> str:
+    """Markdown of a run that failed for its scene: when, why, and the torque until then."""
+    text = failed.in_words()
+    lines = [f"# {result.folder.path.resolve().name}", "", f"**{text[:1].upper()}{text[1:]}.**", ""]
+    if "torque_disc" in result.history:
+        torque = result.torque
+        lines += [f"Torque on the disc until then: {torque_in_words(torque)}; {torque.reason}.", ""]
+    return "\n".join(lines)
 
 
 def summary_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:

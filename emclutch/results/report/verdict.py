@@ -14,6 +14,7 @@ from emclutch.results import OutputError, Result
 from emclutch.results.missing_pictures import pictures_are_missing
 from emclutch.results.report.markdown import closing_lines, soft_grains
 from emclutch.results.time_unit import time_in_words
+from emclutch.results.torque_in_words import torque_in_words
 
 CLOSES = 0.01
 """A balance that is off by less, of the torque or of the energy that goes through, says nothing of the results: the
@@ -44,28 +45,19 @@ def verdict(result: Result) -> list[Statement]:
     """The statements on a run, finished or not; the torque first."""
     summary = result.summary
     found = list(_of_the_end(result, summary))
+    failed = not summary and result.folder.read_failure() is not None
     if "torque_disc" in result.history:
-        found[:0] = _of_the_torque(result, summary)
+        place = len(found) if failed else 0  # that it failed comes before the torque until then
+        found[place:place] = _of_the_torque(result, summary)
     found += _of_the_balances(result, summary)
     found += [Statement(Mark.POOR, text) for text in _cautions(summary)]
     return found + list(_of_what_is_missing(result, summary))
 
 
-def torque_in_words(result: Result) -> str:
-    """A run's torque with its 95 % interval."""
-    torque = result.torque
-    if torque.mean is None:
-        return "no torque"
-    interval = torque.interval()
-    if interval is None:
-        return f"{torque.mean:.4g} N m, error unknown"
-    return f"{torque.mean:.4g} N m, 95 % interval {interval[0]:.4g} to {interval[1]:.4g} N m"
-
-
 def _of_the_torque(result: Result, summary: dict[str, Any]) -> Iterator[Statement]:
     torque = result.torque
     half = torque.half_width()
-    words = torque_in_words(result)
+    words = torque_in_words(torque)
     if not torque.converged:
         yield Statement(Mark.POOR, f"The torque on the disc is not known: {words}; {torque.reason}.")
     elif half is None or not torque.mean:
@@ -88,7 +80,10 @@ def _of_the_torque(result: Result, summary: dict[str, Any]) -> Iterator[Statemen
 
 
 def _of_the_end(result: Result, summary: dict[str, Any]) -> Iterator[Statement]:
-    if not summary:
+    if not summary and (failed := result.folder.read_failure()) is not None:
+        text = failed.in_words()
+        yield Statement(Mark.POOR, f"{text[:1].upper()}{text[1:]}.")
+    elif not summary:
         reached = time_in_words(float(result.history["time"].iloc[-1]))
         how = f"go on with: emclutch run {result.folder.path} --resume"
         yield Statement(Mark.POOR, f"The run is not finished: it has come to {reached}; {how}")

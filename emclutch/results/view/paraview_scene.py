@@ -23,6 +23,7 @@ GRAIN_OPACITY = 0.15  # beside force chains, which lie inside the grains
 WALL_OPACITY = 0.3
 CHAIN_WIDTH = 0.6  # radius of the tube of the largest force, in radii of a grain
 PICTURE = (1400, 1000)  # pixels
+BESIDE = 0.07  # of the picture's width, by which what is shown moves away from the bars
 
 # --- What the run's files hold ---------------------------------------------------------------------------------------
 RUN = "."  # where this script was written: for ParaView's window, which does not tell a script its place
@@ -34,9 +35,9 @@ BODIES = ()  # names that the numbers of the walls' array `body` stand for
 WHERE = "POINTS"  # B and H stand at the section's points; "CELLS": at its cells
 # What grains can be coloured by: an array (vectors count by their magnitude) and a label with its unit.
 QUANTITIES = {}
-# Light where there is little, so that what lies before it is seen: Brewer's OrRd and BuPu.
+# Light where there is little, so that what lies before it is seen; steel without flux grey, to be seen before white.
 FORCE_COLOURS = ((0.9, 0.86, 0.8), (0.99, 0.83, 0.62), (0.99, 0.55, 0.35), (0.84, 0.19, 0.12), (0.5, 0.0, 0.0))
-FIELD_COLOURS = ((0.97, 0.99, 0.99), (0.75, 0.83, 0.9), (0.55, 0.59, 0.78), (0.53, 0.25, 0.62), (0.3, 0.0, 0.29))
+FIELD_COLOURS = ((0.74, 0.75, 0.76), (0.6, 0.71, 0.84), (0.46, 0.5, 0.79), (0.53, 0.25, 0.62), (0.3, 0.0, 0.29))
 FLUX_DENSITY = ("flux_density", "flux density B [T]", FIELD_COLOURS, (0.88, 0.06))
 
 import argparse
@@ -75,7 +76,7 @@ def main():
         if name in series and part in built:
             build(view, series[name], part in shown, options)
     caption(view, series)
-    aim(view, series, options.look)
+    aim(view, series, options)
     pv.Render(view)
     if options.screenshot:
         pv.SaveScreenshot(options.screenshot, view, ImageResolution=options.size)
@@ -103,6 +104,8 @@ def show_time(series, time):
     scene.UpdateAnimationUsingDataTimeSteps()
     times = series.get("particles", next(iter(series.values()))).TimestepValues
     moments = [times] if isinstance(times, float) else list(times)
+    if time is not None and not moments[0] * (1.0 - 1e-9) <= time <= moments[-1] * (1.0 + 1e-9):
+        sys.exit(f"--time {time:g}: the moments go from {moments[0]:g} to {moments[-1]:g} s")
     scene.AnimationTime = moments[-1] if time is None else min(moments, key=lambda t: abs(t - time))
     for reader in series.values():
         reader.UpdatePipeline(scene.AnimationTime)
@@ -131,6 +134,7 @@ def coloured(display, view, array, label, palette, place, association="POINTS"):
     bar.TitleColor = bar.LabelColor = (0.0, 0.0, 0.0)
     bar.WindowLocation, bar.Position = "Any Location", place
     bar.ScalarBarLength, bar.Orientation = 0.25, "Vertical"
+    bar.DrawBackground, bar.BackgroundColor = 1, (1.0, 1.0, 1.0, 1.0)  # where the device reaches behind it
     bar.TitleFontSize, bar.LabelFontSize = 16, 14
     bar.AutomaticLabelFormat, bar.LabelFormat, bar.RangeLabelFormat = 0, "%.3g", "%.3g"
     display.SetScalarBarVisibility(view, bool(display.Visibility))
@@ -232,7 +236,7 @@ def device(view, field, visible, options):
         body = pv.RotationalExtrusion(registrationName="device", Input=body, Angle=-SWEEP, Resolution=90, Capping=1)
     display = pv.Show(body, view)
     display.Visibility = visible
-    display.Ambient, display.Diffuse = 0.7, 0.35
+    display.Ambient, display.Diffuse = 0.65, 0.45
     display.Opacity = 1.0 if FIELD == "section" else 0.4
     coloured(display, view, *FLUX_DENSITY, WHERE)
 
@@ -257,10 +261,11 @@ def caption(view, series):
         display.Color, display.FontSize = (0.0, 0.0, 0.0), 18
 
 
-def aim(view, series, look):
+def aim(view, series, options):
     """Turn the camera: r up and z to the right, as in section.png; on a full circle along its axis."""
+    look = options.look
     if look == "device":
-        towards, up, margin = (0.5, 1.0, 0.5), (1.0, 0.0, 0.0), 0.48
+        towards, up, margin = (0.5, 1.0, 0.5), (1.0, 0.0, 0.0), 0.56
     elif SECTOR is not None:
         towards, up, margin = (0.3, 1.0, 0.12), (1.0, 0.0, 0.0), 0.47
     else:
@@ -272,7 +277,9 @@ def aim(view, series, look):
         box = series.get("particles", next(iter(series.values()))).GetDataInformation().GetBounds()
     length = math.hypot(*towards)
     reach = math.hypot(box[1] - box[0], box[3] - box[2], box[5] - box[4])
-    middle = [0.5 * (box[2 * k] + box[2 * k + 1]) for k in range(3)]
+    right = [up[k - 2] * towards[k - 1] - up[k - 1] * towards[k - 2] for k in range(3)]
+    beside = BESIDE * 2.0 * margin * reach * options.size[0] / options.size[1] / math.hypot(*right)
+    middle = [0.5 * (box[2 * k] + box[2 * k + 1]) + beside * right[k] for k in range(3)]
     view.CameraFocalPoint = middle
     view.CameraPosition = [m + 2.0 * reach * t / length for m, t in zip(middle, towards, strict=True)]
     view.CameraViewUp = up

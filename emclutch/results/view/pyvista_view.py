@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pyvista
+from matplotlib.colors import LinearSegmentedColormap
 
 from emclutch.results.view.frame_meshes import frame_meshes
 from emclutch.results.view.run_files import LOOKS, RunFiles
@@ -15,13 +16,17 @@ from emclutch.scene.errors import Fault, SceneError
 SIZE = (1400, 1000)  # pixels
 FRAMES_A_SECOND = 10
 BARS = {"grains": 0.68, "chains": 0.37, "field": 0.06}  # bottom of each colour bar, in heights of the picture
+BESIDE = 0.07  # of the picture's width, by which what is shown moves away from the bars
+# Steel without flux is grey, or it would not be seen before white; light enough for what lies before it.
+FIELD_COLOURS = ((0.74, 0.75, 0.76), (0.6, 0.71, 0.84), (0.46, 0.5, 0.79), (0.53, 0.25, 0.62), (0.3, 0.0, 0.29))
+FIELD_MAP = LinearSegmentedColormap.from_list("field", FIELD_COLOURS)
 SHOWN_AS: dict[str, dict[str, Any]] = {
     "grains": {"cmap": "viridis"},
     "chains": {"cmap": "OrRd"},
     "walls": {"rgb": True, "opacity": 0.3},
-    "section": {"cmap": "BuPu", "lighting": False},
+    "section": {"cmap": FIELD_MAP, "lighting": False},
     "lines": {"color": (0.25, 0.25, 0.25), "line_width": 2.0},
-    "device": {"cmap": "BuPu", "ambient": 0.7, "diffuse": 0.35},
+    "device": {"cmap": FIELD_MAP, "ambient": 0.65, "diffuse": 0.45},
 }
 
 
@@ -87,11 +92,13 @@ class RunView:
             options["scalar_bar_args"] = {
                 "title": self._label(bar),
                 "vertical": True,
-                "position_x": 0.89,
+                "position_x": 0.865,
                 "position_y": BARS[bar],
                 "height": 0.25,
-                "width": 0.06,
+                "width": 0.12,
                 "color": "black",
+                "fill": True,
+                "background_color": "white",
                 "title_font_size": 18,
                 "label_font_size": 16,
                 "fmt": "%.3g",
@@ -100,7 +107,9 @@ class RunView:
             }
         self.plotter.add_mesh(mesh, **options)
         if bar in BARS:
-            self.plotter.scalar_bars[self._label(bar)].SetVerticalTitleSeparation(12)
+            drawn = self.plotter.scalar_bars[self._label(bar)]
+            drawn.SetVerticalTitleSeparation(2)
+            drawn.SetBarRatio(0.18)  # of the white box, which the title too lies in
 
     def _label(self, bar: str) -> str:
         if bar == "grains":
@@ -112,13 +121,15 @@ class RunView:
         """Turn the camera: r up and z to the right, as in section.png; on a full circle along its axis."""
         target = meshes.get("device" if self.look == "device" else "grains", next(iter(meshes.values())))
         if self.look == "device":
-            towards, up, margin = (0.5, 1.0, 0.5), (1.0, 0.0, 0.0), 0.48
+            towards, up, margin = (0.5, 1.0, 0.5), (1.0, 0.0, 0.0), 0.56
         elif self.files.sector is not None:
             towards, up, margin = (0.3, 1.0, 0.12), (1.0, 0.0, 0.0), 0.47
         else:
             towards, up, margin = (0.35, 0.5, 1.0), (0.0, 1.0, 0.0), 0.45
         reach = target.length  # diagonal of the box around it
-        middle = np.array(target.center)
+        right = np.cross(up, towards)
+        width = 2.0 * margin * reach * self.plotter.window_size[0] / self.plotter.window_size[1]
+        middle = np.array(target.center) + BESIDE * width * right / np.linalg.norm(right)
         camera = self.plotter.camera
         camera.focal_point = middle
         camera.position = middle + 2.0 * reach * np.array(towards) / np.linalg.norm(towards)

@@ -19,9 +19,10 @@ from emclutch.device.device import CoilDevice, Device
 from emclutch.device.materials import grain_law
 from emclutch.scene.case import Case
 from emclutch.scene.grain_smear import moments_are_fed_back
+from emclutch.simulation.observables import pole_flux_density
 from field import MagneticField, PowderState
 from field.three_d import Field3D
-from geometry import AnnularBox, ShearCell
+from geometry import AnnularBox, Clutch, ShearCell
 
 CHAIN_FACTOR = 1.0 / 3.0 - 1.2020569 / 6.0
 """N of grains in straight chains."""
@@ -63,6 +64,15 @@ def powder_in_words(scene, phi: float | None) -> str:
     if not moments_are_fed_back(scene):
         return f"{even} (so has the run, with the fill of its grains)"
     return f"{even} (the run feeds back their own moments, which chains make larger)"
+
+
+def chains_in_words(coil: CoilDevice, even: MagneticField, chains: MagneticField, B_max: float, faces: bool) -> str:
+    """The gap's field with grains in chains, what to compare a run's mean with, and that neither of both bounds it."""
+    text = f"in straight chains up to {B_max:.3g} T"
+    if isinstance(coil.shape, Clutch):
+        means = [pole_flux_density(coil.shape, field, faces=faces) for field in (even, chains)]
+        text += f". Mean under the poles: {means[0]:.3g} T so, {means[1]:.3g} T in chains"
+    return f"{text}; estimates for an even fill, no bounds: runs gather powder there and had up to 15 % more"
 
 
 def _corners(device: Device) -> np.ndarray:

@@ -1,0 +1,173 @@
+"""What a study will cost before its first point runs: each point's plan, and all of them so many at a time."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Collection, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from emclutch.scene.case import Case
+from emclutch.scene.errors import Fault, SceneError
+from emclutch.scene.replica_count import replica_count
+from emclutch.scene.study import StudySection
+from emclutch.simulation.forecast.cost import spoken
+from emclutch.simulation.forecast.free_memory import shortage
+from emclutch.simulation.plan import make_plan
+from emclutch.simulation.resume import flat_scene
+from emclutch.simulation.torque_known import earliest_end
+from emclutch.studies.workers import threads_of_a_worker
+
+SEED = "scene.seed"
+"""Points that differ in it alone cost the same."""
+
+
+@dataclass(frozen=True, slots=True)
+class PointForecast:
+    """What one point is foretold.
+
+    Attributes
+    ----------
+    label : its values.
+    steps, grains : of one replica.
+    replicas : runs side by side.
+    seconds : wall-clock time to the scene's end [s], beside the other points that run at the same time.
+    earliest : the same where `time.until` ends it as early as shear of the gap allows [s]; `seconds` without an aim.
+    memory, disk : of all its replicas at most, and of its folder in the end [MiB].
+    """
+
+    label: str
+    steps: int
+    grains: int
+    replicas: int
+    seconds: float
+    earliest: float
+    memory: float
+    disk: float
+
+
+@dataclass(frozen=True, slots=True)
+class StudyForecast:
+    """What a study is foretold.
+
+    Attributes
+    ----------
+    title : str
+    points : tuple of PointForecast
+        Those that are still to run.
+    done : int
+        Points that are done already.
+    jobs : int
+        Points at a time.
+    seconds, earliest : wall-clock time of all [s], as those of a point.
+    """
+
+    title: str
+    points: tuple[PointForecast, ...]
+    done: int
+    jobs: int
+    seconds: float
+    earliest: float
+
+    @property
+    def memory(self) -> float:
+        """Memory [MiB] of the largest points that may run at a time."""
+        return sum(sorted((point.memory for point in self.points), reverse=True)[: self.jobs])
+
+    @property
+    def disk(self) -> float:
+        """Disk [MiB] of all points."""
+        return sum(point.disk for point in self.points)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return asdict(self) | {"memory": self.memory, "disk": self.disk}
+
+    def in_words(self) -> str:
+        """One line: the sum, and what stands against it."""
+        kept = f" ({self.done} more are done)" if self.done else ""
+        text = (
+            f"{len(self.points)} {'point' if len(self.points) == 1 else 'points'}{kept}, {self.jobs} at a time: "
+            f"{time_in_words(self.seconds, self.earliest)}, up to {self.memory:.0f} MiB of memory, "
+            f"{self.disk:.0f} MiB on disk; foretold, without compiling"
+        )
+        warning = shortage(self.memory)
+        return f"{text}; WARNING: {warning}; or take fewer --jobs" if warning else text
+
+
+def time_in_words(seconds: float, earliest: float) -> str:
+    """About how long something takes; where it may end earlier, at the latest and at the earliest."""
+    if spoken(earliest) == spoken(seconds):
+        return f"about {spoken(seconds)}"
+    return f"about {spoken(seconds)} at the latest, {spoken(earliest)} at the earliest"
+
+
+def foretell_study(study: StudySection, jobs: int = 1, done: Collection[int] = ()) -> StudyForecast:
+    """Plan every point of a study but the numbers `done`, and say what they cost, `jobs` at a time.
+
+    Raises
+    ------
+    SceneError
+        Points cannot be planned: all of them at once, each with its values.
+    """
+    points: dict[int, PointForecast] = {}
+    planned: dict[str, PointForecast] = {}
+    faults = []
+    for number, (values, case) in enumerate(study.cases()):
+        if number in done:
+            continue
+        label = ", ".join(f"{key} = {value}" for key, value in values.items())
+        alike = repr({key: value for key, value in flat_scene(case.toml()).items() if key != SEED})
+        try:
+            if alike not in planned:
+                planned[alike] = _foretell(case, label, jobs)
+        except ValueError as error:
+            faults.append(Fault("", "", f"{error} (at {label})"))
+            continue
+        points[number] = replace(planned[alike], label=label)
+    if faults:
+        raise SceneError(faults, str(study.path))
+    before = study.predecessors()
+    latest, earliest = (
+        total_seconds({number: getattr(point, name) for number, point in points.items()}, before, jobs)
+        for name in ("seconds", "earliest")
+    )
+    return StudyForecast(
+        study.title or study.path.stem, tuple(points.values()), len(done), jobs, latest, min(earliest, latest)
+    )
+
+
+def _foretell(case: Case, label: str, jobs: int) -> PointForecast:
+    replicas = replica_count(case.scene)
+    device, plan = make_plan(case, threads=threads_of_a_worker(jobs * replicas) if jobs > 1 else None)
+    cost = plan.cost
+    busy = cost.replicas * cost.threads
+    slower = cost.machine.delay(jobs * busy) / cost.machine.delay(busy)
+    seconds = earliest = cost.seconds["total"]
+    if case.scene.span.until is not None:
+        first = earliest_end(case.scene, device, plan.end)
+        earliest = sum(cost.until(first).values()) + sum(cost.once.values())
+    return PointForecast(
+        label, cost.steps, cost.grains, replicas, slower * seconds, slower * earliest, replicas * cost.memory, cost.disk
+    )
+
+
+def total_seconds(seconds: dict[int, float], before: Sequence[int | None], jobs: int) -> float:
+    """Wall-clock time [s] of points that begin in their order as soon as one of `jobs` places is free.
+
+    Parameters
+    ----------
+    seconds : of each point that is to run, by its number [s].
+    before : of each point the number of the one that it waits for, or None.
+    """
+    free = [0.0] * jobs
+    ended: dict[int, float] = {}
+    waiting = sorted(seconds)
+    while waiting:
+        now = heapq.heappop(free)
+        ready = {n: ended.get(before[n], 0.0) for n in waiting if before[n] not in waiting}  # type: ignore[arg-type]
+        number = min(ready, key=lambda n: (max(ready[n], now), n))
+        waiting.remove(number)
+        ended[number] = max(now, ready[number]) + seconds[number]
+        heapq.heappush(free, ended[number])
+    return max(ended.values(), default=0.0)

@@ -1,0 +1,105 @@
+"""A study is foretold before it runs: each point, so many at a time, and all faults of its points at once."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from emclutch.cli.main import app
+from emclutch.device.device import build_device
+from emclutch.scene.case import case_from
+from emclutch.simulation.torque_known import asked_at, earliest_end
+from emclutch.studies.forecast import total_seconds
+
+CELL = """
+[scene]
+title = "sheared annulus"
+[geometry]
+kind = "shear_cell"
+inner_radius = "10 mm"
+outer_radius = "11.2 mm"
+height = "1 mm"
+[particles]
+diameter = "0.3 mm"
+solid_fraction = 0.45
+sector = "20 deg"
+[motion.rotor]
+speed = "600 rpm"
+[contact]
+stiffness = "50 kN/m"
+[time]
+end = "60 ms"
+[accuracy]
+replicas = 1
+"""
+
+
+@pytest.fixture
+def study(tmp_path):
+    (tmp_path / "cell.toml").write_text(CELL, encoding="utf-8")
+
+    def written(values: str) -> Path:
+        path = tmp_path / "study.toml"
+        path.write_text(f'[study]\ncase = "cell.toml"\n[study.values]\n{values}\n', encoding="utf-8")
+        return path
+
+    return written
+
+
+def foretold(*arguments):
+    told = CliRunner().invoke(app, ["check", *map(str, arguments), "--json"])
+    assert told.exit_code == 0, told.output
+    return json.loads(told.output)
+
+
+def test_every_point_is_foretold_and_seeds_cost_the_same(study):
+    found = foretold(study('"scene.seed" = [1, 2]\n"time.end" = ["60 ms", "120 ms"]'))
+    short, long, *others = found["points"]
+    assert others[0] == short | {"label": others[0]["label"]} and others[0]["label"] != short["label"]
+    assert long["steps"] == pytest.approx(2 * short["steps"], rel=0.01) and long["seconds"] > short["seconds"]
+    assert found["seconds"] == pytest.approx(sum(point["seconds"] for point in found["points"]))
+    assert found["memory"] == pytest.approx(max(point["memory"] for point in found["points"]))
+    assert found["disk"] == pytest.approx(sum(point["disk"] for point in found["points"]))
+
+
+def test_a_target_may_end_points_early_and_the_words_say_so(study):
+    path = study('"time.until" = ["none", "torque 5 %"]')
+    plain, aimed = foretold(path)["points"]
+    assert plain["earliest"] == plain["seconds"] and 0.0 < aimed["earliest"] < aimed["seconds"]
+    told = CliRunner().invoke(app, ["check", str(path)], env={"COLUMNS": "200"})
+    assert "at the latest" in told.output and "2 points, 1 at a time" in told.output
+
+
+def test_the_earliest_end_has_sheared_the_gap_enough():
+    """600 rpm over a radius of 10.6 mm and a gap of 1.2 mm: a strain of 5 takes 9 ms."""
+    import tomllib
+
+    case = case_from(tomllib.loads(CELL))
+    device = build_device(case.scene)
+    least = 5.0 * device.shear_gap / (device.shear_radius * 62.831853)
+    found = earliest_end(case.scene, device, 0.06)
+    assert found == next(at for at in asked_at(0.06) if at >= least) and 0.0 < least <= found <= 1.25 * least
+    late = case.with_values({"time.average_from": "30 ms"}).scene
+    assert 0.03 + least <= earliest_end(late, device, 0.06) <= 0.06
+
+
+@pytest.mark.parametrize(
+    ("before", "jobs", "total"),
+    [((None,) * 4, 1, 10.0), ((None,) * 4, 2, 6.0), ((None,) * 4, 9, 4.0), ((None, 0, 1, 2), 4, 10.0)],
+)
+def test_points_fill_the_places_that_are_free_and_chains_wait(before, jobs, total):
+    assert total_seconds({0: 1.0, 1: 2.0, 2: 3.0, 3: 4.0}, before, jobs) == pytest.approx(total)
+    assert total_seconds({}, before, jobs) == 0.0
+
+
+def test_faults_of_all_plans_come_together_and_options_are_for_their_files(study, tmp_path):
+    refused = CliRunner().invoke(app, ["check", str(study('"time.step" = ["auto", "1 ms", "2 ms"]'))])
+    assert refused.exit_code == 2 and "2 faults" in refused.output
+    assert "time.step = 1 ms)" in refused.output and "time.step = 2 ms)" in refused.output
+    alone = CliRunner().invoke(app, ["check", str(tmp_path / "cell.toml"), "--jobs", "2"])
+    assert alone.exit_code == 2 and "--jobs = 2 is for studies" in alone.output
+    fixed = CliRunner().invoke(app, ["check", str(tmp_path / "study.toml"), "--set", "time.end='1 ms'"])
+    assert fixed.exit_code == 2 and "study.set" in fixed.output
