@@ -1,1 +1,1 @@
-"""What is done over several runs, or without one: sweeps, accuracy against time, design search, the field or the mesh alone."""
+"""Several runs, or none: sweeps, accuracy against time, design search, the field or the mesh alone."""

@@ -13,7 +13,11 @@ from emclutch.results.steady_torque import SteadyConditions, steady_torque
 from emclutch.scene.case import case_from
 from emclutch.simulation.summary import summarise
 from emclutch.studies.method_comparison import compare_methods
+from particles.grains import Grains
+from particles.neighbours.contact_table import ContactTable
 
+ONE = Grains.create(np.array([[1e-2, 0.0, 0.0]]), 1e-3, 1000.0)
+NOTHING_TOUCHES = ContactTable(*np.zeros((4, 0), dtype=np.int64), *np.zeros((2, 0, 3)), np.zeros(0))
 CASE = case_from(
     {
         "scene": {"title": "A cell"},
@@ -59,7 +63,10 @@ def three_ways(path, rows, conditions):
             writer.append(row)
     cut_off = load_result(path).torque
     simulation = SimpleNamespace(
-        motion=SimpleNamespace(bodies=[], tolerance=1e-6), magnetised=None, source=None, n_sectors=1
+        motion=SimpleNamespace(bodies=[], tolerance=1e-6, grains=ONE, sector=None, contacts=lambda: NOTHING_TOUCHES),
+        magnetised=None,
+        source=None,
+        n_sectors=1,
     )
     plan = SimpleNamespace(count=10, dt=1e-3, contact_data={}, reasons={}, cost=SimpleNamespace(seconds={"total": 1.0}))
     summarise(CASE, folder, None, plan, simulation, conditions, {"whole_run": 1.0})
