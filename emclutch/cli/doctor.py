@@ -29,7 +29,7 @@ NEEDED = {
 
 OPTIONAL = (
     ("cvxopt", "fast", "sparse factorisation 5 times as fast"),
-    ("pyamg", "solid", "multigrid for the field in space"),
+    ("pyamg", "solid", "multigrid for the field in 3D"),
 )
 """Distribution, the extra that it belongs to, what it is for."""
 

@@ -286,7 +286,7 @@ def view(
     movie: Movie = None,
     paraview: ParaViewAsked = False,
 ) -> None:
-    """Show a run in space: in a window, as a picture or a movie, or in ParaView."""
+    """Show a run in 3D: in a window, as a picture or a movie, or in ParaView."""
     with explained():
         from emclutch.cli import view as viewed
 

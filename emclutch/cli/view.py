@@ -1,4 +1,4 @@
-"""`emclutch view`: a run in space, in a window of pyvista, as picture, as movie, or as a script for ParaView."""
+"""`emclutch view`: a run in 3D, in a window of pyvista, as picture, as movie, or as a script for ParaView."""
 
 from __future__ import annotations
 

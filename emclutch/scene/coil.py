@@ -46,7 +46,7 @@ class CoilSection(Section):
             return self
         if isinstance(self.voltage, TimeTable):
             raise refuse(
-                "is a course in time beside coil.current; drive the coil by one of them and remove the other",
+                "is a time profile beside coil.current; drive the coil by one of them and remove the other",
                 key="voltage",
             )
         if not self.voltage > 0.0:

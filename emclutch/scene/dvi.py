@@ -23,7 +23,7 @@ class DviSection(Section):
     )
     springs: StrictBool = Field(
         default=True,
-        description="contacts give way with the scene's stiffness, taken implicitly: jams have finite forces, and "
+        description="contacts are compliant, with the scene's stiffness taken implicitly: jams have finite forces, and "
         "those of packings are unique; false: perfectly rigid",
     )
     tolerance: Annotated[LinearSpeed | None, Automatic()] = Field(

@@ -123,7 +123,7 @@ class RollingFrictionSection(Section):
     """Resistance of rough, angular grains to rolling; perfect spheres roll on smooth walls like a bearing."""
 
     coefficient: Annotated[float, number("0.2", 0.0, 10.0)] = Field(
-        default=0.2, description="couple over (effective radius times normal force), between grains"
+        default=0.2, description="torque over (effective radius times normal force), between grains"
     )
     wall_coefficient: Annotated[float, number("0.2", 0.0, 10.0)] | None = Field(
         default=None, description="at walls; default: as between grains"
@@ -134,7 +134,7 @@ class TwistingFrictionSection(Section):
     """Resistance of rough, flattened contacts to the spin of two grains about their common normal."""
 
     coefficient: Annotated[float, number("0.05", 0.0, 10.0)] = Field(
-        default=0.05, description="couple over (effective radius times normal force), between grains"
+        default=0.05, description="torque over (effective radius times normal force), between grains"
     )
     wall_coefficient: Annotated[float, number("0.05", 0.0, 10.0)] | None = Field(
         default=None, description="at walls; default: as between grains"

@@ -51,7 +51,7 @@ class DrumMaterials(ClutchMaterials):
 class SlotsSection(Section):
     """Equal axial slots around a body, open towards the rim gap, filled flush with a non-magnetic material.
 
-    Grains meet smooth walls; the field is solved in space instead of in the section.
+    Grains meet smooth walls; the field is solved in 3D instead of in the section.
     """
 
     count: Annotated[int, Whole(2, 500, "24")] = Field(description="slots around the body")
@@ -183,7 +183,7 @@ class CadGeometry(Section):
     `part3`. `coil` and `powder` are the winding and the space of the grains. Parts named disc and shaft_out turn with
     the disc, housing, yoke and coil stand still, all others turn with the rotor.
 
-    With `three_dimensional` the file holds solids of any shape, and the field is solved in space. `powder` and
+    With `three_dimensional` the file holds solids of any shape, and the field is solved in 3D. `powder` and
     `coil` are of revolution about z even then, the coil a ring of rectangular section whose current flows around z;
     all parts that are not belong to one body, with which the field turns. Walls are those of the half-plane y = 0,
     x > 0.
@@ -209,9 +209,7 @@ class CadGeometry(Section):
     air_factor: Annotated[float, number("3", 1.5, 20.0)] = Field(
         default=3.0, description="air box / device size; a mesh has its air with it"
     )
-    three_dimensional: bool = Field(
-        default=False, description="solve in space: solids of any shape, see the text above"
-    )
+    three_dimensional: bool = Field(default=False, description="solve in 3D: solids of any shape, see the text above")
     _trust_scripts: bool = PrivateAttr(default=False)  # the caller's word: no scene may give it to itself
 
     @field_validator("file")

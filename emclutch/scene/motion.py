@@ -15,7 +15,7 @@ _StallTorque = Annotated[float, Quantity("a torque", "N*m", "1500 N m", 0.0, 1e7
 
 
 class LoadTable(TimeTable):
-    """Course of a load torque [N m] in time [s]."""
+    """Load torque [N m] against time [s]."""
 
     values: tuple[LoadTorque, ...] = Field(min_length=1, description="load torque at each instant")
 

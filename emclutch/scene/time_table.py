@@ -15,7 +15,7 @@ SignedVoltage = Annotated[float, Quantity("a voltage", "V", "24 V", -1e6, 1e6)]
 
 
 class TimeTable(Section):
-    """Points of a piecewise linear course; its first and last value are held before and after."""
+    """Points of a piecewise linear time profile; its first and last value are held before and after."""
 
     times: tuple[Instant, ...] = Field(min_length=1, description="increasing instants")
     values: tuple[float, ...] = Field(min_length=1, description="value at each instant")
@@ -32,19 +32,19 @@ class TimeTable(Section):
 
 
 class CurrentTable(TimeTable):
-    """Course of the coil current [A] in time [s]."""
+    """Coil current [A] against time [s]."""
 
     values: tuple[Current, ...] = Field(min_length=1, description="current at each instant")
 
 
 class VoltageTable(TimeTable):
-    """Course of the coil's voltage [V] in time [s]."""
+    """Voltage of the coil [V] against time [s]."""
 
     values: tuple[SignedVoltage, ...] = Field(min_length=1, description="voltage at each instant")
 
 
 class SpeedTable(TimeTable):
-    """Course of a shaft's speed [rad/s] in time [s]."""
+    """Speed of a shaft [rad/s] against time [s]."""
 
     values: tuple[Speed, ...] = Field(min_length=1, description="speed at each instant")
 
@@ -64,13 +64,13 @@ SpeedProfile = Annotated[
 ]
 
 
-def points_of(course: float | TimeTable) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the times [s] and the values [SI] of a course; a constant is one point at 0 s."""
-    if isinstance(course, TimeTable):
-        return course.times, course.values
-    return (0.0,), (course,)
+def points_of(profile: float | TimeTable) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the times [s] and the values [SI] of a time profile; a constant is one point at 0 s."""
+    if isinstance(profile, TimeTable):
+        return profile.times, profile.values
+    return (0.0,), (profile,)
 
 
-def largest(course: float | TimeTable) -> float:
-    """Return the largest magnitude that a course reaches."""
-    return max(abs(value) for value in points_of(course)[1])
+def largest(profile: float | TimeTable) -> float:
+    """Return the largest magnitude that a time profile reaches."""
+    return max(abs(value) for value in points_of(profile)[1])

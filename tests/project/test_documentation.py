@@ -32,6 +32,7 @@ ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", *(page for page in sorted(DOCS.rglob("*.md")) if "_build" not in page.parts)]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+PROJECT_FOLDERS = ("geometry", "field", "particles", "coupling", "emclutch", "tests", "cases", "docs")
 COMMANDS = get_command(app).commands
 IN_ORDER = ["tutorial/first_torque.md", "tutorial/reading_results.md", "tutorial/own_device.md"]
 IN_ORDER += [f"how_to/{page.name}" for page in sorted((DOCS / "how_to").glob("*.md"))]
@@ -118,6 +119,43 @@ def test_every_page_is_in_the_table_of_contents():
     pages = {name_of(page).removesuffix(".md") for page in PAGES if DOCS in page.parents} - {"index"}
     left_out = {page for page in pages if not any(fnmatch.fnmatch(page, entry) for entry in listed)}
     assert not left_out, f"in no table of contents: {sorted(left_out)}"
+
+
+WRITTEN_BY_RUNS = {"paraview.py"}
+
+
+def files_named(page: Path) -> set[str]:
+    """What a page's text has between backticks and looks like a file or folder of the tree; `*` stands for any."""
+    words = {word.rstrip(".,;:") for code in prose(page) for word in code.split()}
+    tops = {*PROJECT_FOLDERS, *(folder.name for folder in (ROOT / "cases").iterdir() if folder.is_dir())}
+    paths = {word for word in words if re.fullmatch(r"[\w.*-]+(/[\w.*-]+)*/?", word)}
+    return {path for path in paths if ("/" in path and path.split("/")[0] in tops) or path.endswith(".py")}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_files_that_the_text_names_are_in_the_tree(page):
+    """Beside those of links: `particles/laws/springs.py`, `thesis/centrifugal.toml` of `cases`, or a `module.py`."""
+    for path in files_named(page) - WRITTEN_BY_RUNS:
+        found = [*ROOT.glob(path), *(ROOT / "cases").glob(path)]
+        if "/" not in path:
+            found = [file for folder in PROJECT_FOLDERS for file in (ROOT / folder).rglob(path)]
+        assert found or [*(ROOT / "cases").glob(f"{path}.toml")], f"{name_of(page)}: `{path}` is not in the tree"
+
+
+def test_the_tree_that_the_readme_draws_is_there():
+    """A line begins with its folder, which lies in the one above that is indented less, and names folders in it."""
+    drawn = next(block for block in blocks(ROOT / "README.md") if not block.language)
+    outer, drawn_folders = "", set()
+    for line in drawn.text.splitlines():
+        first, *inner = re.findall(r"(?<![\w/])(\w+)/", line)
+        if line.startswith(" "):
+            first = f"{outer}/{first}"
+        else:
+            outer = first
+        drawn_folders |= {first, *(f"{first}/{name}" for name in inner)}
+    assert {folder for folder in drawn_folders if not (ROOT / folder).is_dir()} == set()
+    rooms = {f"emclutch/{path.name}" for path in (ROOT / "emclutch").iterdir() if path.is_dir()}
+    assert {*PROJECT_FOLDERS, *rooms} - {"docs", "emclutch/__pycache__"} <= drawn_folders
 
 
 SCENES = [*sorted((ROOT / "cases").glob("*.toml")), *sorted((ROOT / "cases" / "thesis").glob("*.toml"))]
