@@ -1,4 +1,4 @@
-"""The coil's field in space, of a device with slots or teeth in one of its bodies.
+"""The coil's field in 3D, of a device with slots or teeth in one of its bodies.
 
 The slotted body is the only part that is not a body of revolution: seen from it, the field stands still while the
 rest turns.  So one solve a current is enough; grains sample it in the frame that turns with that body.  The torque
@@ -45,7 +45,7 @@ class TurningSampler:
 
 @dataclass(slots=True)
 class CoilField3D:
-    """The coil's field in space, solved again when the current has moved beyond its tolerance.
+    """The coil's field in 3D, solved again when the current has moved beyond its tolerance.
 
     Attributes
     ----------

@@ -1,6 +1,6 @@
 """Magnetostatics: B-H laws, the axisymmetric nonlinear solve, its quantities and transients, and H at grains.
 
-The field in space, for devices with slots or teeth, is the sub-package `field.three_d`.
+The field in 3D, for devices with slots or teeth, is the sub-package `field.three_d`.
 """
 
 import geometry.kernel_cache  # noqa: F401 (before the first kernel is defined)

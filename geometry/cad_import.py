@@ -5,7 +5,7 @@ What may be in the file (STEP, IGES, BREP, or gmsh's own .geo with the OpenCASCA
 - **faces** in one plane, the half section: x is the radius, and y or z the axis, whichever plane they lie in;
 - **solids of revolution** about z (or the axis that is named): they are cut by the half-plane, and a part whose
   volume is not that of its section turned (Pappus) is refused, because a slot would be lost without a word, or told to
-  a caller who solves the field in space.
+  a caller who solves the field in 3D.
 
 A part's region is its name in the file (`geometry.cad_parts`); a BREP file has none, and its parts are ``part1``,
 ``part2`` and so on in the order of the file.  Air need not be drawn: what no part fills is air, out to a half disc
@@ -264,7 +264,7 @@ def _cut(
         wrong = ", ".join(f"{own_name(label)!r} ({100.0 * ratio:.2f} %)" for label, ratio in odd.items())
         raise CadError(
             f"{path}: no solids of revolution about {axis}: {wrong} of the volume of the section turned; give the "
-            "right `axis`, fill slots and holes, or solve the field in space (`three_dimensional`)"
+            "right `axis`, fill slots and holes, or solve the field in 3D (`three_dimensional`)"
         )
     return faces, list(odd)
 

@@ -1,4 +1,4 @@
-"""A device in space from CAD: named solids and the air around them as second-order tetrahedra.
+"""A device in 3D from CAD: named solids and the air around them as second-order tetrahedra.
 
 Neighbouring solids share their faces after one fragmentation.  The element size of a part follows from its thickness
 and grows in proportion to the distance from it: of a body of revolution, whose section the caller knows, the shorter
@@ -46,7 +46,7 @@ def read_cad_solids(path: str | Path, **options: Any) -> list[CadSolid]:
 
 
 def check_device_3d(path: str | Path, section: CadSection) -> None:
-    """Refuse what a field in space cannot carry: a coil that is no ring of rectangular section, a powder not round.
+    """Refuse what a field in 3D cannot carry: a coil that is no ring of rectangular section, a powder not round.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def check_device_3d(path: str | Path, section: CadSection) -> None:
     full = [(part.r1 - part.r0) * (part.z1 - part.z0) for part in coil]
     if len(coil) != 1 or coil[0].area < (1.0 - _RECTANGLE) * full[0]:
         raise CadError(
-            f"{path}: the coil of a field in space is one ring of rectangular section about z; found "
+            f"{path}: the coil of a field in 3D is one ring of rectangular section about z; found "
             f"{len(coil)} part(s) of other sections; draw it as one hollow cylinder\n{list_of(section.parts)}"
         )
     if section.odd and any(edge.region == "air" for edge in section.powder_outline):

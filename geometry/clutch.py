@@ -12,7 +12,7 @@ covers would short the gap. The shaft stubs are regions of their own, as a clutc
 non-magnetic ones.
 
 Disc and rotor may have slots around their rim and bore (`geometry.slots`), filled flush and non-magnetic:
-they belong to the field in space alone; walls, chamber and cross-section are those of the unslotted bodies.
+they belong to the field in 3D alone; walls, chamber and cross-section are those of the unslotted bodies.
 """
 
 from __future__ import annotations

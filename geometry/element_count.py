@@ -17,7 +17,7 @@ from collections.abc import Iterable
 MOST_TRIANGLES = 3e5
 """Of a section; of order 2 their field takes 2.4 GB."""
 MOST_TETRAHEDRA = 1e6
-"""Of a sector in space; of order 2 their field takes some 7 GB."""
+"""Of a sector in 3D; of order 2 their field takes some 7 GB."""
 
 _TRIANGLE = math.sqrt(3.0) / 4.0  # area over the side squared
 

@@ -1,4 +1,4 @@
-"""A device, or one periodic sector of it, meshed in space by tetrahedra with flat or curved faces.
+"""A device, or one periodic sector of it, meshed in 3D by tetrahedra with flat or curved faces.
 
 Regions and boundaries are addressed by name, as in `geometry.section`. A curved tetrahedron is the image of
 the reference one under the quadratic map x(xi) = sum of N_i(xi) x_i over its ten nodes; its Jacobian is a

@@ -1,9 +1,9 @@
-"""Mesh in space of a clutch with slots: triangles of its cross-section, swept around the axis layer by layer.
+"""3D mesh of a clutch with slots: triangles of its cross-section, swept around the axis layer by layer.
 
 Everything but the slots is a body of revolution, and the slots begin and end at fixed angles: the section is
 meshed once, by gmsh, and each triangle sweeps a prism from one angle of a list to the next, cut into three
 tetrahedra (at the axis, where prisms are pyramids and less, two or one).  The place of the slots is `slots` in one
-layer and the steel of its body in the next.  Nothing crosses in space, so that thin gaps are as safe as in the
+layer and the steel of its body in the next.  Nothing crosses in 3D, so that thin gaps are as safe as in the
 section, and the two sides of the sector match of themselves.
 
 The field varies across the gap and around the steel's corners, where the field strength is singular like

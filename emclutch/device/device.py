@@ -167,7 +167,7 @@ def field_is_needed(scene: Scene) -> bool:
 
 
 def field_is_3d(scene: Scene) -> bool:
-    """Whether the coil's field is solved in space: slots in a clutch, or solids of any shape from CAD."""
+    """Whether the coil's field is solved in 3D: slots in a clutch, or solids of any shape from CAD."""
     shape = scene.shape()
     if isinstance(scene.geometry, CadGeometry):
         return scene.geometry.three_dimensional
@@ -193,7 +193,7 @@ def solved_coil(scene: Scene) -> CoilDevice | CoilDevice3D:
     space.
     """
     if field_is_3d(scene):
-        from emclutch.device.device_3d import build_coil_device_3d  # local: most scenes need no field in space
+        from emclutch.device.device_3d import build_coil_device_3d  # local: most scenes need no field in 3D
 
         return build_coil_device_3d(scene)
     return build_coil_device(scene)

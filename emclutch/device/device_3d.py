@@ -1,4 +1,4 @@
-"""A clutch with slots or teeth, or solids from CAD: the mesh in space, its materials and its coil."""
+"""A clutch with slots or teeth, or solids from CAD: the mesh in 3D, its materials and its coil."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from geometry.time_profile import TimeProfile
 
 @dataclass(frozen=True, slots=True)
 class CoilDevice3D(Excitation):
-    """A device whose field is solved in space.
+    """A device whose field is solved in 3D.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""The field along the gap of a device in space, as a map over angle and z."""
+"""The field along the gap of a device in 3D, as a map over angle and z."""
 
 from __future__ import annotations
 

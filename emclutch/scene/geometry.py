@@ -296,7 +296,7 @@ class CadGeometry(Section):
         )
 
     def mesh_3d(self, gap_layers: int, size_factor: float, order: int) -> Mesh3D:
-        """Mesh the device in space; see `geometry.cad_solid.mesh_cad_solids`."""
+        """Mesh the device in 3D; see `geometry.cad_solid.mesh_cad_solids`."""
         from geometry.cad_solid import mesh_cad_solids
 
         options = {key: entry for key, entry in self.options().items() if key != "axis"}

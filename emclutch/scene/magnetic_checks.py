@@ -21,7 +21,7 @@ from emclutch.scene.section import did_you_mean
 _MISSING_IN_SPACE = {
     "back_reaction": "neither fill nor moments of the grains are spread over tetrahedra",
     "coil_circuit": "a circuit is solved together with the field of a section only",
-    "eddy_currents": "they need a vector potential, and the field in space is that of a scalar one",
+    "eddy_currents": "they need a vector potential, and the field in 3D is that of a scalar one",
 }
 LEAST_SIZE_IN_SPACE = 0.2  # `geometry.mesh_slotted`
 _NEAR_REACH = 1.8  # diameters: two radii and the farthest gap of a near pair, 1.2 radii, where dipoles are whole
@@ -234,7 +234,7 @@ def _materials_in_use(draft: Draft) -> set[str]:
 
 
 def field_is_3d(draft: Draft) -> Iterator[Fault]:
-    """What a field in space, of slots or of solids from CAD, cannot do, or not yet."""
+    """What a field in 3D, of slots or of solids from CAD, cannot do, or not yet."""
     geometry, source, effects = draft.scene.geometry, draft.scene.field, draft.scene.effects
     if not isinstance(source, CoilFieldSection):
         return
@@ -250,16 +250,16 @@ def field_is_3d(draft: Draft) -> Iterator[Fault]:
             yield Fault(
                 f"effects.{name}",
                 "",
-                f"is not there for a field in space, which {key} asks for: {missing}; remove one of them",
+                f"is not there for a field in 3D, which {key} asks for: {missing}; remove one of them",
             )
     if source.tolerance is not None:
         yield draft.fault(
-            "field.tolerance", f"refines the mesh of a section, but {key} asks for a field in space; remove it, and "
+            "field.tolerance", f"refines the mesh of a section, but {key} asks for a field in 3D; remove it, and "
             "set the mesh by field.size_factor"
         )  # fmt: skip
     if source.size_factor < LEAST_SIZE_IN_SPACE:
         yield draft.fault(
-            "field.size_factor", f"is too fine for a field in space, which {key} asks for; allowed: at least "
+            "field.size_factor", f"is too fine for a field in 3D, which {key} asks for; allowed: at least "
             f"{LEAST_SIZE_IN_SPACE:g}"
         )  # fmt: skip
 

@@ -116,7 +116,7 @@ def mesh_in_words(coil: CoilDevice | CoilDevice3D) -> str:
     """What the field is solved on."""
     if not isinstance(coil, CoilDevice):
         return (
-            f"in space, for the slots: {len(coil.mesh.tetrahedra)} tetrahedra in 1/{coil.mesh.n_sectors} of the ring, "
+            f"in 3D, for the slots: {len(coil.mesh.tetrahedra)} tetrahedra in 1/{coil.mesh.n_sectors} of the ring, "
             f"{coil.problem.n_dofs} unknowns; coil of {coil.turns:.0f} turns; {coil.problem.linear_solver}"
         )
     text = (

@@ -168,7 +168,7 @@ def solver_summary(history, tolerance: float) -> dict[str, float | str]:
 
 
 def field_error_estimate(solution) -> dict[str, float] | None:
-    """Estimated relative errors of the last field's discretisation; None without current, and for one in space."""
+    """Estimated relative errors of the last field's discretisation; None without current, and for one in 3D."""
     if not isinstance(solution, MagneticField) or solution.ampere_turns == 0.0:
         return None
     estimate = estimate_error(solution, (FluxLinkage(), MeanFluxDensity("powder")))

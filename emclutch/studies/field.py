@@ -110,7 +110,7 @@ def field_study(
     currents : sequence of float or None
         [A]; None: the largest current of the scene.
     lines : sequence of (r0, z0, r1, z1)
-        Straight lines [m] along which B and H are written, at the last current; of a field in space also
+        Straight lines [m] along which B and H are written, at the last current; of a field in 3D also
         (x0, y0, z0, x1, y1, z1).
     out : str, Path or None
         New folder; None: the next runs/<case>-field-<nnn>.
@@ -141,7 +141,7 @@ def field_study(
         return field_study_3d(case, coil, currents, lines, out)
     for line in lines:
         if len(line) != 4:
-            raise ValueError(f"the line {line} m lies in space, and this field in a section; write r0, z0, r1, z1")
+            raise ValueError(f"the line {line} m lies in 3D, and this field in a section; write r0, z0, r1, z1")
         ends = np.array([line[:2], line[2:]])
         if np.any(coil.problem.locator.find(ends)[0] < 0):
             raise ValueError(
@@ -262,11 +262,11 @@ def read_currents(text: str) -> list[float]:
 
 
 def read_line(text: str) -> tuple[float, ...]:
-    """Ends of a line [m], of ``44 mm, 0 mm, 46 mm, 0 mm`` or in space; ValueError with what was expected."""
+    """Ends of a line [m], of ``44 mm, 0 mm, 46 mm, 0 mm`` or in 3D; ValueError with what was expected."""
     parts = text.split(",")
     if len(parts) not in (4, 6):
         raise ValueError(
-            f"{text!r} is no line; write r0, z0, r1, z1, e.g. '44 mm, 0 mm, 46 mm, 0 mm' (a field in space: also "
+            f"{text!r} is no line; write r0, z0, r1, z1, e.g. '44 mm, 0 mm, 46 mm, 0 mm' (a field in 3D: also "
             "x0, y0, z0, x1, y1, z1)"
         )
     return tuple(_quantity(part, "m") for part in parts)

@@ -1,4 +1,4 @@
-"""`emclutch field` of a field in space (slots, or solids from CAD): along a sweep of currents, without powder."""
+"""`emclutch field` of a field in 3D (slots, or solids from CAD): along a sweep of currents, without powder."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def field_study_3d(
         along_line(solution, points).to_csv(folder / f"line-{number}.csv", index=False)
     gap_map_picture(folder / "gap.png", *gap_map(device, solution), title=case.scene.scene.title)
     details = {
-        "powder": "left out: a field in space is solved without it",
+        "powder": "left out: a field in 3D is solved without it",
         "tetrahedra": len(device.mesh.tetrahedra),
         "unknowns": device.problem.n_dofs,
         "part_of_the_ring": f"1/{device.mesh.n_sectors}",

@@ -70,7 +70,7 @@ def field(
     case : Case, or the path of a scene file, with a coil
     currents : one or several [A]; default: the largest of the scene.
     lines : straight lines (r0, z0, r1, z1) [m] along which B and H are wanted at the last current; of a device that is
-        solved in space (x0, y0, z0, x1, y1, z1).
+        solved in 3D (x0, y0, z0, x1, y1, z1).
     out : new folder; default: the next runs/<case>-field-<nnn>.
 
     Raises

@@ -57,7 +57,7 @@ def mesh(case: Case | str | Path, out: str | Path | None = None) -> MeshedScene:
         fault = Fault("geometry.kind", repr(case.scene.geometry.kind), message)
         raise SceneError([fault], "scene" if case.path is None else str(case.path))
     if isinstance(shape, CadShape) and field_is_3d(case.scene):
-        message = "makes the mesh one in space; `emclutch field` writes it with its field.pvd"
+        message = "makes the mesh a 3D one; `emclutch field` writes it with its field.pvd"
         fault = Fault("geometry.three_dimensional", "true", message)
         raise SceneError([fault], "scene" if case.path is None else str(case.path))
     folder = Path(out) if out is not None else RunFolder.next_path(f"{case.name}-mesh")

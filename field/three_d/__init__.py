@@ -1,4 +1,4 @@
-"""Magnetostatics in space, for devices with slots or teeth: scalar potential, forces, H and grad H at grains."""
+"""Magnetostatics in 3D, for devices with slots or teeth: scalar potential, forces, H and grad H at grains."""
 
 from .body_force import BodyForce
 from .current_source import FlatCoil, Source, UniformSource

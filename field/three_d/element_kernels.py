@@ -15,7 +15,7 @@ from geometry.inner_functions import inner
 
 
 class Tetrahedra(NamedTuple):
-    """Nodes in space and by element.
+    """Nodes in 3D and by element.
 
     Attributes
     ----------

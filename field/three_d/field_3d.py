@@ -1,4 +1,4 @@
-"""The solved field in space: H and B at points, energies, flux linkage, force and torque, and the sampler."""
+"""The solved 3D field: H and B at points, energies, flux linkage, force and torque, and the sampler."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from numba import njit
 
 from field.factorisation import SymmetricSolver, describe_backend
 
-# Above this many unknowns conjugate gradients are faster than a factorisation in space.
+# Above this many unknowns conjugate gradients are faster than a factorisation in 3D.
 DIRECT_UNKNOWNS = 6_000
 # Without pyamg: the largest linear system whose factors are still cheap in time and memory.
 DIRECT_CORNERS = 40_000

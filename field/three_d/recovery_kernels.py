@@ -1,4 +1,4 @@
-"""Compiled kernels of the recovery in space: least-squares fits of polynomials on stencils, and their derivatives.
+"""Compiled kernels of the recovery in 3D: least-squares fits of polynomials on stencils, and their derivatives.
 
 They share `_monomials` and `_power` and stand in one file because a cached kernel does not notice a change of a callee
 in another.

@@ -1,4 +1,4 @@
-"""H and grad H of a solved field in space inside one region, interpolated between recovered nodal values."""
+"""H and grad H of a solved 3D field inside one region, interpolated between recovered nodal values."""
 
 from __future__ import annotations
 

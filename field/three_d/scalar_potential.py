@@ -1,4 +1,4 @@
-"""Nonlinear magnetostatics in space by the reduced scalar potential, H = T0 - grad phi with curl T0 = J.
+"""Nonlinear magnetostatics in 3D by the reduced scalar potential, H = T0 - grad phi with curl T0 = J.
 
     integral B(T0 - grad phi) . grad v = 0     for all v,
 

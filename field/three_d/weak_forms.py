@@ -1,4 +1,4 @@
-"""The weak forms of the field in space in scikit-fem's notation: what `solid_elements` computes, as on the board.
+"""The weak forms of the field in 3D in scikit-fem's notation: what `elements_3d` computes, as on the board.
 
 With H = T0 - grad phi and a law B(H), find phi such that for all v that vanish where phi is held
 

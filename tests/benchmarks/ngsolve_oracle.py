@@ -6,7 +6,7 @@ step with the chord H/B at 1 T, then the tangent; Armijo's rule on the energy; t
 the source). What is independent is all below that: shape functions, quadrature, assembly, factorisation.
 
 The laws enter as cubic B-splines that are exactly the cubics of `HSpline`, energy and slope by NGSolve's
-own integration and differentiation of the spline. The same in space: `ngsolve_solid`.
+own integration and differentiation of the spline. The same in 3D: `ngsolve_solid`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""NGSolve in space: edge elements for the vector potential on our `Mesh3D`, the oracle of the scalar potential.
+"""NGSolve in 3D: edge elements for the vector potential on our `Mesh3D`, the oracle of the scalar potential.
 
 Vector and scalar potential err in opposite directions (the energy of B = curl A from above, the co-energy of
 H = T0 - grad phi from above), so that two answers on one mesh also bracket the truth. Laws, damping and
@@ -118,7 +118,7 @@ def solve_3d(
     linear_tolerance: float = 1e-4,
     max_iterations: int = 40,
 ) -> dict[str, Any]:
-    """The nonlinear field in space by NGSolve's edge elements, B = curl A.
+    """The nonlinear field in 3D by NGSolve's edge elements, B = curl A.
 
     Conjugate gradients with the BDDC preconditioner; instead of a gauge A gets a small mass, `regularisation`
     nu_0 [1/m^2].

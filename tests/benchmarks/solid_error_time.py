@@ -104,7 +104,7 @@ def draw(path, rows):
         axis.loglog(recover, gradient, ":o", color=colour, ms=4, label=f"P{order}, grad H recovered")
     axis.set_xlabel("wall-clock [s]")
     axis.set_ylabel("relative RMS error at 4 000 points")
-    axis.set_title("A coil in air, in space", loc="left", fontsize=10)
+    axis.set_title("A coil in air, in 3D", loc="left", fontsize=10)
     axis.grid(alpha=0.25, which="both")
     axis.legend(frameon=False, fontsize=8)
     figure.savefig(path, dpi=150)

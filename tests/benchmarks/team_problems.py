@@ -1,4 +1,4 @@
-"""TEAM workshop problems 20 and 13: two measured magnets with saturated steel, in space.
+"""TEAM workshop problems 20 and 13: two measured magnets with saturated steel, in 3D.
 
 **Problem 20** (Nakata, Takahashi and Morishige, COMPEL 14 (1995) 57; IEEE Trans. Magn. 30 (1994) 3483): a pole of
 25 x 10 mm stands 1.5 mm above the floor of a yoke, inside a coil of 1000 turns; the force that pulls it down is

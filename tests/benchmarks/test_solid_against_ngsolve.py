@@ -1,4 +1,4 @@
-"""The field in space against NGSolve: sections, a slotted clutch, and the force of TEAM problem 20.
+"""The field in 3D against NGSolve: sections, a slotted clutch, and the force of TEAM problem 20.
 
 A scalar potential errs towards too much flux, a vector potential towards too little: on one mesh the truth
 lies between, and the two are as close as the mesh is fine. Run: ``pytest tests/benchmarks -k ngsolve -s``.

@@ -1,7 +1,7 @@
-"""A clutch whose slots vanish: the field in space must be that of the section, mesh by mesh.
+"""A clutch whose slots vanish: the field in 3D must be that of the section, mesh by mesh.
 
 A scalar potential has too much energy, a vector potential too little (Hammond and Penman 1976): the section's
-P2 answer and that in space enclose the truth, and their mean is closer to it than either.
+P2 answer and that in 3D enclose the truth, and their mean is closer to it than either.
 Run with -s for the table.
 """
 

@@ -232,7 +232,7 @@ def test_a_wrong_axis_is_told(tmp_path):
         read_cad(write_step(tmp_path / "b.step", aside))
 
 
-# --- solids in space ---------------------------------------------------------------------------------------
+# --- solids in 3D ---------------------------------------------------------------------------------------
 
 
 def test_solids_fill_their_volumes_and_curved_elements_converge(tmp_path):

@@ -1,4 +1,4 @@
-"""The mesh in space: volumes of flat and curved elements, quality, partition, periodic pairs, hash."""
+"""The mesh in 3D: volumes of flat and curved elements, quality, partition, periodic pairs, hash."""
 
 import numpy as np
 import pytest

@@ -81,7 +81,7 @@ SCENES = [
           "hard/mutual_and_dense.toml", COARSE | {"time.end": "6 us"}),
     Scene("free output", "necks, free shaft, pictures", 6,
           "hard/light_output.toml", COARSE | {"time.end": "15 us", "output.pictures": True}),
-    Scene("slots", "field in space", 4, "hard/slots.toml", {"field.size_factor": 4, "time.end": "8 us"}),
+    Scene("slots", "field in 3D", 4, "hard/slots.toml", {"field.size_factor": 4, "time.end": "8 us"}),
     Scene("profiles", "profiles, free shaft, gravity, Walton-Braun", 5,
           "hard/dense_walton_braun.toml", {"time.end": "3 ms", "output.profiles": True}),
     Scene("rigid", "rigid grains (DVI), free shafts, weight", 6,

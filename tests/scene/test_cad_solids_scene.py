@@ -165,8 +165,8 @@ REFUSED = {
         "of parts that are no bodies of revolution are several: bar (rotor), disc (disc), resin (disc), rotor (rotor)"),
     "no slots in a section": ({"geometry": {**SLOTTED, "three_dimensional": False}},
                               "part 'resin' does not meet the half-plane"),
-    "oblique coil": ({"geometry": {"file": "oblique.step"}}, "the coil of a field in space is one ring of rectangular"),
-    "feedback": ({"effects": {"back_reaction": {}}}, "effects.back_reaction is not there for a field in space, which "
+    "oblique coil": ({"geometry": {"file": "oblique.step"}}, "the coil of a field in 3D is one ring of rectangular"),
+    "feedback": ({"effects": {"back_reaction": {}}}, "effects.back_reaction is not there for a field in 3D, which "
                  "geometry.three_dimensional asks for: neither fill nor moments"),
     "tolerance": ({"field": {"tolerance": 1e-3}}, "field.tolerance = 0.001 refines the mesh of a section"),
     "sector": ({"particles": {"sector": "60 deg"}}, "particles.sector = '60 deg' needs a field that repeats"),

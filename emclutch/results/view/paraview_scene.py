@@ -230,7 +230,7 @@ def arrows(view, field, visible, options):
 
 
 def device(view, field, visible, options):
-    """The section swept round the axis; a field in space as it is, translucent: the grains are inside."""
+    """The section swept round the axis; a field in 3D as it is, translucent: the grains are inside."""
     body = pv.ExtractSurface(registrationName="device", Input=cropped(field))
     if FIELD == "section":
         body = pv.RotationalExtrusion(registrationName="device", Input=body, Angle=-SWEEP, Resolution=90, Capping=1)

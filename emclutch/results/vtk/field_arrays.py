@@ -92,7 +92,7 @@ def _split_by_region(triangles: np.ndarray, region: np.ndarray) -> tuple[np.ndar
 
 
 def field_arrays_3d(solution: Field3D) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    """Corner points (n, 3), tetrahedra (k, 4) and cell arrays of a field in space, at the tetrahedra's centroids."""
+    """Corner points (n, 3), tetrahedra (k, 4) and cell arrays of a field in 3D, at the tetrahedra's centroids."""
     mesh = solution.problem.mesh
     element = solution.problem.elements.element_of_quadrature
     weight = solution.problem.elements.weight

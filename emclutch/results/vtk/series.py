@@ -104,7 +104,7 @@ class PvdSeries:
         turned: float = 0.0,
         region_names: Sequence[str] = (),
     ) -> Path:
-        """A field in space: points (n, 3) [m], tetrahedra (k, 4), arrays (k,) or (k, 3) by name.
+        """A field in 3D: points (n, 3) [m], tetrahedra (k, 4), arrays (k,) or (k, 3) by name.
 
         `turned` is the angle [rad] of the body that carries the field: points and vectors are turned by it.
         """

@@ -48,7 +48,7 @@ FILL_S = 1e-7  # the same of the fill alone
 ITERATION_S = {"cholmod": 2.4e-6, "superlu": 1.2e-5}  # an unknown and Newton iteration in the section
 ITERATIONS = 3.0  # quickstart, powder_clutch: 2.3 to 3.5
 EDDY = 1.8  # times, where eddy currents are solved for: switch_on
-SOLID_S = 2.6e-4  # an unknown of the field in space, the whole solve: slotted_disc, with pyamg
+SOLID_S = 2.6e-4  # an unknown of the field in 3D, the whole solve: slotted_disc, with pyamg
 # Of the output, and once
 WINDOW_S = 2e-3  # balances, the history's row, what is said
 START_S = 3.0  # imports, reading the scene
