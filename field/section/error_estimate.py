@@ -26,8 +26,9 @@ import scipy.sparse as sp
 
 from field.factorisation import SymmetricSolver
 from field.newton import norm
+from field.sampling.locate import PointOutside
 from field.section.axisymmetric import AxisymmetricProblem
-from field.section.interpolation import interpolation
+from field.section.interpolation import interpolation, slopes_at
 from field.section.magnetic_field import MagneticField
 from field.section.powder_state import PowderState
 from field.section.section_elements import QUADRATURE_ORDER
@@ -117,6 +118,46 @@ class MeanFluxDensity:
     def _parts(self, space: EnrichedSpace, psi: np.ndarray) -> tuple[np.ndarray, float]:
         region, elements = self._region(space), space.elements
         return elements.gradient(psi)[region], float((elements.radius * elements.weight)[region].sum())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LargestFluxDensity:
+    """Largest |B| at the points (r, z) [m] of a line, shape (k, 2), off the axis and the steel's corners [T].
+
+    Its error is that of B where it is worst on the line; refined is for the mean of |B| along it, because the
+    adjoint of a value at one point is singular there.
+    """
+
+    points: np.ndarray
+    name: str = "largest B on the line"
+
+    def value(self, space: EnrichedSpace, psi: np.ndarray) -> float:
+        """See `Goal.value`."""
+        gradient = self._operator(space) @ psi
+        return float(np.hypot(*gradient.reshape(2, -1)).max())
+
+    def slope(self, space: EnrichedSpace, psi: np.ndarray) -> np.ndarray:
+        """See `Goal.slope`."""
+        operator = self._operator(space)
+        B = (operator @ psi).reshape(2, -1)
+        length = np.hypot(*B)
+        return operator.T @ (B / (np.where(length > 0.0, length, 1.0) * length.size)).ravel()
+
+    def distance(self, space: EnrichedSpace, psi: np.ndarray, other: np.ndarray) -> float:
+        """See `Goal.distance`."""
+        return float(np.hypot(*(self._operator(space) @ (psi - other)).reshape(2, -1)).max())
+
+    def _operator(self, space: EnrichedSpace) -> sp.csr_matrix:
+        """(1/r) grad psi at the points: all r components, then all z."""
+        points = np.ascontiguousarray(self.points, dtype=float)
+        element, _ = space.problem.locator.find(points)
+        if np.any(element < 0):
+            raise PointOutside(points[element < 0], "the mesh")
+        slopes = slopes_at(space.elements, element, points) / points[:, 0]  # (2, n_basis, k)
+        row = np.broadcast_to(np.arange(2 * len(points)).reshape(2, 1, -1), slopes.shape)
+        column = np.broadcast_to(space.elements.element_dofs[element].T, slopes.shape)
+        shape = (2 * len(points), space.elements.n_dofs)
+        return sp.csr_matrix((slopes.ravel(), (row.ravel(), column.ravel())), shape)
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,7 +42,7 @@ def test_a_run_that_is_killed_four_times_ends_as_an_undisturbed_one(undisturbed,
     """While it plans, in its first window, with a checkpoint half moved, and just after it began to write a record."""
     whole, alone = undisturbed
     run = KilledRun(alone.source, tmp_path / "run")
-    for death in (Death(5), Death(14), Death(40), Death(36, 1e-3)):
+    for death in (Death(6), Death(14), Death(40), Death(36, 1e-3)):
         assert run.live(death) is None
     assert run.live() is not None
     assert run.moments["mesh, packing"] >= 1 and sum(run.moments.values()) == 4

@@ -9,8 +9,8 @@ from emclutch.results import OutputError, RunFolder
 from emclutch.results.checkpoint import write_checkpoint
 from emclutch.scene.case import load_case
 from emclutch.scene.input_files import hashed_input_files
-from emclutch.simulation.plan import _parts
 from emclutch.simulation.resume import refuse_changed_files, refuse_other_scene, run_checkpoint
+from emclutch.simulation.windows import parts_of
 
 GOOD = Path(__file__).parents[1] / "scene" / "broken" / "good.toml"
 CORNER = "v 35 0 {}\nv 36 0 0\nv 35 1 0\nf 1 2 3\n"
@@ -101,5 +101,5 @@ def test_a_run_has_as_many_windows_whether_it_is_resumed_or_not():
     """The end over the window is a whole number but for round-off, from which no window may come."""
     for window in (5e-5, 2e-3, 1e-6 / 3.0, 61 * 4.7e-8):
         for count in (1, 10, 501, 99_999):
-            assert _parts(count * window, window) == count
-            assert _parts((count + 0.01) * window, window) == count + 1
+            assert parts_of(count * window, window) == count
+            assert parts_of((count + 0.01) * window, window) == count + 1
