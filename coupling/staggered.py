@@ -1,9 +1,10 @@
 """The staggered loop: coil -> field -> moments -> forces -> grains -> fill -> field, window by window.
 
 A coupling window holds the field; inside it the magnetic forces are evaluated every `steps_per_update` steps of the
-grains and held between (a window is `updates` such sub-cycles). What couples back is the fill: it goes into the
-permeability of the next window's field, inside the same Newton iteration, so that the loop is stable for any
-susceptibility of the powder (an explicit magnetisation source would diverge above chi of about 1.3).
+grains and held between (a window is `updates` such sub-cycles). What couples back are the grains' moments,
+spread into the field solve (`coupling.powder_feedback`), or, with fixed dipoles, the fill alone as a permeability
+(`coupling.effects.back_reaction`); both answer inside the same Newton iteration, so that the loop is stable for any
+susceptibility of the powder (an explicit magnetisation source alone would diverge above chi of about 1.3).
 """
 
 from __future__ import annotations

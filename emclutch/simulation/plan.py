@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from emclutch.device.device import CoilDevice, Device, build_device
 from emclutch.scene.case import Case, as_case
@@ -28,9 +27,6 @@ from emclutch.simulation.windows import coupling_windows, parts_of
 from field import MagneticField
 from field.three_d import Field3D
 from particles import CyclicSector, PairLaws
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True, slots=True)
