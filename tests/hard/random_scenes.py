@@ -206,7 +206,7 @@ def times(known: bool) -> st.SearchStrategy[Table]:
 output = some(
     snapshots=st.integers(0, 3),
     formats=st.sampled_from(([], ["vtk"], ["hdf5"], ["vtk", "hdf5"])),
-    energies=st.sampled_from((True, True, True, False)),
+    energy_budget=st.sampled_from((True, True, True, False)),
     profiles=st.booleans(),
     checkpoint=st.booleans(),
 )

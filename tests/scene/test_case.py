@@ -228,6 +228,9 @@ def test_a_former_key_is_read_with_a_warning_and_written_by_its_name_of_now(form
     read = case_from(nested)
     assert read.scene == case.scene and name not in read.toml()
     assert [w for w in read.warnings if former in w and now in w]
-    table[now.rpartition(".")[2]] = value
+    table[name] = "perhaps"
+    with pytest.raises(SceneError, match=f"{former} = 'perhaps' .*now called {now}"):
+        case_from(nested)
+    table[now.rpartition(".")[2]] = table[name] = value
     with pytest.raises(SceneError, match=f"{former}.* former name of {now}.* remove it"):
         case_from(nested)
