@@ -1,4 +1,8 @@
-"""Whatever a scene says, the program answers as it promises: 50 random scenes here, 1 000 in `make stability`."""
+"""Whatever a scene says, the program answers as it promises: 50 random scenes here, 1 000 in `make stability`.
+
+Which scenes a seed draws differs from one version of hypothesis, or of the project, to the next: hypothesis mixes in
+constants that it finds in the sources. So scenes are drawn until some of each kind were among them.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +18,16 @@ from scene_verdict import judge
 @pytest.mark.filterwarnings("ignore:Glyph")  # of a title in letters that matplotlib's font lacks
 def test_promises_are_kept_whatever_a_scene_says(tmp_path):
     became: Counter[str] = Counter()
-    for number, scene in enumerate(drawn(50, 1)):
+    for number, scene in enumerate(drawn(500, 1)):
+        if number >= 50 and became["ran"] >= 5 and became["refused"] >= 10:
+            break
         folder = tmp_path / str(number)
         folder.mkdir()
         verdict = judge(scene, folder)
         assert not verdict.broken, f"{verdict.broken}\n{scene.breaks}\n{scene.data}"
         became[verdict.outcome] += 1
-    assert became["ran"] >= 5 and became["refused"] >= 10  # scenes of all kinds
+    else:
+        pytest.fail(f"of 500 scenes hardly any ran, or was refused: {became}")
 
 
 ONE_SHAFT = {
