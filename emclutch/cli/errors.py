@@ -9,6 +9,7 @@ from typing import NoReturn
 import typer
 
 from emclutch.scene.errors import SceneError
+from emclutch.simulation.run_error import Interrupted
 
 FAILED, BAD_INPUT, STOPPED = 1, 2, 130  # 130: 128 + SIGINT, as shells count it
 _PACKAGES = ("emclutch", "geometry", "field", "particles", "coupling")
@@ -35,8 +36,6 @@ def explained() -> Iterator[None]:
         # Errors that the packages define say what to do: RunError, ConvergenceError, PackingError, ...
         if type(error).__module__.partition(".")[0] not in _PACKAGES:
             raise
-        from emclutch.simulation.run import Interrupted  # local: it needs the packages of the physics
-
         if isinstance(error, Interrupted):
             stop(str(error), STOPPED)
         stop(f"the run failed: {error}", FAILED)

@@ -13,7 +13,8 @@ from emclutch.scene.case import Case, load_case
 from emclutch.simulation.pictures import draw_run
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.resume import refuse_changed_files, run_checkpoint
-from emclutch.simulation.run import profile_average, restore
+from emclutch.simulation.run_observers import profile_average
+from emclutch.simulation.started_run import restored
 
 
 def draw_missing(folder: RunFolder, case: Case | None = None, *, trust_scripts: bool = False) -> bool:
@@ -37,7 +38,7 @@ def draw_missing(folder: RunFolder, case: Case | None = None, *, trust_scripts: 
         state = run_checkpoint(folder.checkpoint)
         device, plan = make_plan(case)
         plan = plan.continued(state["steps_per_update"], state["updates"], case.scene.span.end)
-        simulation, _ = restore(case, device, plan, state)
+        simulation = restored(case, device, plan, state)
         profiles = profile_average(case.scene, device)
         if profiles is not None:
             profiles.restore(state.get("profiles"))

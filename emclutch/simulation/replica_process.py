@@ -21,7 +21,8 @@ FAILED, STOPPED = 1, 130
 def run_task(task: dict[str, Any], stop: threading.Event) -> int:
     """Run a task of `emclutch.simulation.replicas`; returns the process's exit code."""
     from emclutch.simulation.replicas import Replicas
-    from emclutch.simulation.run import Interrupted, RunError, run_replica
+    from emclutch.simulation.run import run_replica
+    from emclutch.simulation.run_error import Interrupted, RunError
 
     case = case_from(tomllib.loads(task["case"]), trust_scripts=task["trust_scripts"])
     group = Replicas([Path(path) for path in task["histories"]], task["number"])

@@ -21,7 +21,7 @@ _OF_A_RUN = ("case", "window", "steps_per_update", "updates", "dem", "rows", "so
 
 
 def run_checkpoint(path: str | Path) -> dict[str, Any]:
-    """The checkpoint of a run, see `emclutch.simulation.snapshots.save_checkpoint`.
+    """The checkpoint of a run, see `emclutch.simulation.checkpoints.save_checkpoint`.
 
     Raises
     ------

@@ -1,25 +1,20 @@
-"""What a run writes while it runs: history, record, ParaView series and checkpoints, as callbacks of the loop."""
+"""What a run shows while it runs: history, record and ParaView series, as callbacks of the loop."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from coupling import CoilField, CoilField3D, LayeredField, Simulation
+from coupling import CoilField, CoilField3D, Simulation
 from emclutch.results import HistoryWriter, RunFolder
-from emclutch.results.checkpoint import write_checkpoint
 from emclutch.results.record import Record
 from emclutch.results.view.paraview_script import write_script
 from emclutch.results.view.run_files import read_run_files
 from emclutch.results.vtk.field_arrays import field_arrays, field_arrays_3d
 from emclutch.results.vtk.series import PvdSeries
 from particles import GrainMotion
-
-if TYPE_CHECKING:
-    from emclutch.simulation.profile_average import ProfileAverage
 
 
 class Snapshots:
@@ -192,22 +187,3 @@ class History:
     def close(self) -> None:
         """Close the file."""
         self._writer.close()
-
-
-def save_checkpoint(path: Path, simulation: Simulation, case_text: str, profiles: ProfileAverage | None = None) -> None:
-    """Everything that a bit-exact continuation needs."""
-    state = {
-        "case": case_text,
-        "window": simulation.window,
-        "steps_per_update": simulation.steps_per_update,
-        "updates": simulation.updates,
-        "dem": simulation.motion.state(),
-        "rows": simulation.rows_state(),
-        "source": None,
-    }
-    source = simulation.source
-    if isinstance(source, (CoilField, CoilField3D, LayeredField)):
-        state["source"] = source.state()
-    if profiles is not None:
-        state["profiles"] = profiles.state()
-    write_checkpoint(path, state)

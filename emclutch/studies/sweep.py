@@ -27,7 +27,7 @@ from emclutch.scene.case import Case
 from emclutch.scene.replica_count import replica_count
 from emclutch.scene.study import StudySection, read_study
 from emclutch.simulation.missing_pictures import draw_missing
-from emclutch.simulation.run import Interrupted, RunError
+from emclutch.simulation.run_error import Interrupted, RunError
 from emclutch.studies.points import PointFolder, folders_of_points, unclaimed
 from emclutch.studies.tables import Done, disc_torque, label_of, write_tables
 from emclutch.studies.tasks import STOP, PointOutcome, PointTask, run_point

@@ -16,7 +16,8 @@ from emclutch.results import OutputError
 from emclutch.results.study_table import DONE, FAILED, STOPPED
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
-from emclutch.simulation.run import Interrupted, RunError, run
+from emclutch.simulation.run import run
+from emclutch.simulation.run_error import Interrupted, RunError
 
 STOP = "stop-asked"
 LOOK_SECONDS = 0.2  # between two looks for the file: windows may be shorter, and file systems far away

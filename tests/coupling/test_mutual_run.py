@@ -13,7 +13,7 @@ from emclutch.device.device import build_device
 from emclutch.results.checkpoint import read_checkpoint
 from emclutch.scene.case import SceneError, case_from
 from emclutch.simulation.assembly import field_source
-from emclutch.simulation.run import RunError
+from emclutch.simulation.run_error import RunError
 
 pytestmark = pytest.mark.physics
 

@@ -12,7 +12,7 @@ from emclutch.results.checkpoint import read_checkpoint
 from emclutch.scene.case import load_case
 from emclutch.simulation.assembly import assemble
 from emclutch.simulation.plan import make_plan
-from emclutch.simulation.run import Interrupted
+from emclutch.simulation.run_error import Interrupted
 from field import MU_0, UniformField
 from particles import Body
 

@@ -16,7 +16,7 @@ import emclutch
 from emclutch.scene.case import Case
 from emclutch.scene.errors import SceneError
 from emclutch.simulation.plan import make_plan
-from emclutch.simulation.run import RunError
+from emclutch.simulation.run_error import RunError
 
 FOLDER = Path(__file__).resolve().parents[2] / "cases" / "hard"
 TABLE = FOLDER / "invariants.toml"

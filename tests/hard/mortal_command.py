@@ -51,9 +51,9 @@ def main() -> None:
     death = Death(folder, int(number), float(delay))
     sys.addaudithook(death)
     from emclutch.cli import main as command_line
-    from emclutch.simulation import run as run_case
+    from emclutch.simulation import checkpoints
 
-    run_case.CHECKPOINT_SECONDS = 0.0
+    checkpoints.CHECKPOINT_SECONDS = 0.0
     sys.argv = ["emclutch", *command]
     try:
         command_line.main()

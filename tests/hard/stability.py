@@ -18,7 +18,7 @@ import pandas
 from hard_scene import HardScene, hard_scenes
 
 from emclutch.scene.errors import SceneError
-from emclutch.simulation.run import RunError
+from emclutch.simulation.run_error import RunError
 
 NO_EXPLANATION = "no explanation"
 

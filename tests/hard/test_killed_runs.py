@@ -17,7 +17,7 @@ from emclutch.results import OutputError, RunFolder, load_result, read_history
 from emclutch.results.checkpoint import read_checkpoint, write_checkpoint
 from emclutch.results.report.verdict import verdict
 from emclutch.scene.case import case_from
-from emclutch.simulation.run import RunError
+from emclutch.simulation.run_error import RunError
 from particles import ParticleError
 
 TOY = {

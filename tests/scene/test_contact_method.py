@@ -11,7 +11,7 @@ import emclutch
 from emclutch.results.checkpoint import read_checkpoint
 from emclutch.scene.case import case_from
 from emclutch.simulation.missed_steps import MissedSteps
-from emclutch.simulation.run import Interrupted, RunError
+from emclutch.simulation.run_error import Interrupted, RunError
 from particles import ParticleError
 
 SCENE = {

@@ -22,7 +22,8 @@ from emclutch.simulation.check import check
 from emclutch.simulation.forecast import free_disk
 from emclutch.simulation.forecast.cost import disk, memory
 from emclutch.simulation.plan import make_plan
-from emclutch.simulation.run import RunError, run
+from emclutch.simulation.run import run
+from emclutch.simulation.run_error import RunError
 from geometry.element_count import expected_triangles
 from geometry.surface_import import SurfaceError, triangle_wall_from_file
 from particles.packing import file_packing

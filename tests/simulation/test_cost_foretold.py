@@ -17,7 +17,8 @@ from emclutch.simulation.forecast.expected_counts import SKIN, counts_at, neighb
 from emclutch.simulation.forecast.machine_speed import MachineSpeed
 from emclutch.simulation.pace import RunPace
 from emclutch.simulation.plan import make_plan
-from emclutch.simulation.run import RunError, run
+from emclutch.simulation.run import run
+from emclutch.simulation.run_error import RunError
 
 CELL = {
     "scene": {"title": "sheared annulus", "seed": 3},
@@ -171,7 +172,7 @@ def test_the_command_line_hands_on_that_one_insists(command, monkeypatch, tmp_pa
 
     def stand_in(*_, **given):
         asked.update(given)
-        raise emclutch.simulation.run.RunError("seen")
+        raise RunError("seen")
 
     monkeypatch.setattr(emclutch.simulation.run, "run", stand_in)
     monkeypatch.setattr(emclutch.studies.tasks, "run", stand_in)

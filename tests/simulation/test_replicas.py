@@ -20,7 +20,7 @@ from emclutch.scene.replica_count import automatic_count, replica_seed
 from emclutch.scene.torque_target import TorqueTarget
 from emclutch.simulation import replicas
 from emclutch.simulation import run as run_case
-from emclutch.simulation.run import Interrupted, RunError
+from emclutch.simulation.run_error import Interrupted, RunError
 
 CELL = {
     "scene": {"title": "sheared annulus", "seed": 3},

@@ -16,7 +16,7 @@ import pytest
 from emclutch.results import HistoryWriter, OutputError, RunFolder, load_result
 from emclutch.results.checkpoint import write_checkpoint
 from emclutch.scene.study import read_study
-from emclutch.simulation.run import Interrupted, RunError
+from emclutch.simulation.run_error import Interrupted, RunError
 from emclutch.studies import tasks as study_tasks
 from emclutch.studies.sweep import sweep
 

@@ -13,7 +13,7 @@ from emclutch.results.folder_lock import locked_folder
 from emclutch.results.study_folder import read_study as read_folder
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.scene.study import read_study
-from emclutch.simulation.run import Interrupted
+from emclutch.simulation.run_error import Interrupted
 from emclutch.studies import sweep as run_study
 from emclutch.studies import tables as study_tables
 from emclutch.studies import tasks as study_tasks

@@ -1,0 +1,102 @@
+"""The last stage of a run: the other replicas are waited for, and what came of it is summed up and drawn."""
+
+from __future__ import annotations
+
+import logging
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+from emclutch.results import Result, load_result
+from emclutch.results.failure import CURE
+from emclutch.results.grain_profiles import write_profiles
+from emclutch.simulation.replicas import tell_packing_share
+from emclutch.simulation.run_error import Interrupted, RunError
+from emclutch.simulation.run_observers import RunObservers
+from emclutch.simulation.run_request import RunRequest
+from emclutch.simulation.started_run import StartedRun
+from emclutch.simulation.summary import summarise
+from geometry.kernel_cache import specialisations
+
+if TYPE_CHECKING:
+    from particles.diagnostics.profiles import Profile
+
+log = logging.getLogger(__name__)
+
+
+def concluded(request: RunRequest, started: StartedRun, observers: RunObservers) -> Result:
+    """The result of a run that has marched; RunError where another replica failed, `Interrupted` where it was cut off.
+
+    The summary is written before the pictures: a run that has one is done.
+    """
+    case, folder, device = request.case, request.folder, started.planned.device
+    compiled, replicas, early = request.opened.compiled, request.replicas, observers.early
+    log.info(
+        "kernels: %d specialisations, %d of them compiled in %.1f s",
+        len(specialisations()),
+        compiled.count,
+        compiled.seconds,
+    )
+    end_replicas(request, started, observers)
+    refuse_cut_off(request, started, observers)
+    across = written_profiles(request, observers)
+    others = replicas.other_histories() if replicas.number == 0 else []
+    seconds = {"whole_run": perf_counter() - request.opened.begin, "compiling": compiled.seconds}
+    summarise(
+        case,
+        folder,
+        device,
+        started.plan,
+        started.simulation,
+        started.planned.conditions,
+        seconds,
+        others,
+        stopped=early.is_by_callback,
+    )
+    if others:
+        tell_packing_share(folder, load_result(folder.path).torque.packing_share)
+    if case.scene.output.pictures:
+        request.progress.say(1.0, "pictures")
+        from emclutch.simulation.pictures import draw_run  # local: the libraries that draw are heavy
+
+        draw_run(case, folder, device, started.simulation, across)
+    return load_result(folder.path)
+
+
+def end_replicas(request: RunRequest, started: StartedRun, observers: RunObservers) -> None:
+    """Wait for the other replicas, or end them where the callback wants no more; RunError where one has failed."""
+    time, replicas, early = started.simulation.motion.time, request.replicas, observers.early
+    if early.torque_is_known:
+        log.info("the torque is known at t = %g s", time)
+    if early.is_by_callback and not replicas.failure():
+        log.info("stopped by the callback at t = %g s", time)
+        replicas.end()
+    elif problem := replicas.failure() or replicas.wait(request.is_stopped, request.progress.announce):
+        how = request.how_to_go_on
+        if replicas.failed_for_the_scene():
+            request.folder.write_failure(problem)
+            how = CURE
+        raise RunError(f"{problem}; {how}\n(log: {request.folder.log})")
+
+
+def refuse_cut_off(request: RunRequest, started: StartedRun, observers: RunObservers) -> None:
+    """`Interrupted` where the user has stopped the run, or one of its replicas, before its end."""
+    cut_off = started.simulation.window < started.plan.windows and not observers.early.has_come
+    if request.stop.is_set() and (cut_off or request.replicas.are_running()):
+        time, has_checkpoint = started.simulation.motion.time, request.case.scene.output.checkpoint
+        log.info("stopped by the user at t = %g s", time)
+        how = request.how_to_go_on if has_checkpoint else "no checkpoint was written (output.checkpoint = false)"
+        raise Interrupted(f"stopped at t = {time:.4g} s; {how}")
+
+
+def written_profiles(request: RunRequest, observers: RunObservers) -> list[Profile]:
+    """The profiles across the gap, in the run's folder too; none where they are not asked for."""
+    if observers.profiles is None:
+        return []
+    across = observers.profiles.profiles()
+    if across:
+        write_profiles(request.folder.path, across)
+    else:
+        log.warning(
+            "no profiles: the run ended before their averaging began; set time.average_from to an earlier time"
+        )
+    return across

@@ -1,0 +1,94 @@
+"""A run's folder while the run is at work in it: held, logging, and telling what goes wrong."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+from emclutch.results import OutputError, RunFolder
+from emclutch.results.folder_lock import locked_folder
+from emclutch.scene.case import Case
+from emclutch.simulation.forecast.free_disk import NotEnoughDisk
+from emclutch.simulation.forecast.free_memory import NotEnoughMemory
+from emclutch.simulation.kernel_compilation import Compiled, compilation_told
+from emclutch.simulation.resume import may_go_on
+from emclutch.simulation.run_error import RunError
+from emclutch.simulation.run_progress import RunProgress
+from field import ConvergenceError, PointOutside
+from particles import DemError, DemErrorKind, ParticleError
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class OpenFolder:
+    """A run's folder, held.
+
+    Attributes
+    ----------
+    folder : RunFolder
+    goes_on : bool
+        Whether the run goes on from a checkpoint in it.
+    compiled : Compiled
+        What has been compiled since it was opened.
+    begin : float
+        Reading of the wall clock when it was opened [s].
+    """
+
+    folder: RunFolder
+    goes_on: bool
+    compiled: Compiled
+    begin: float
+
+
+@contextmanager
+def open_folder(case: Case, target: str | Path, resume: bool, progress: RunProgress) -> Iterator[OpenFolder]:
+    """Hold a run's folder, fit to go on in; what fails in the block is told as a RunError or OutputError."""
+    begin = perf_counter()
+    if resume:  # before the lock makes a folder
+        RunFolder(target).has_checkpoint()
+    with locked_folder(target):
+        goes_on = resume and may_go_on(case, RunFolder(target))  # compared before anything in the folder is touched
+        folder = RunFolder.create(target, case.toml(), resume=resume)
+        with folder.logging(), compilation_told(progress.announce) as compiled:
+            if resume and not goes_on:
+                progress.announce(f"{folder.path} has no checkpoint yet: the run starts anew")
+            with failures_told(case, folder):
+                yield OpenFolder(folder, goes_on, compiled, begin)
+
+
+@contextmanager
+def failures_told(case: Case, folder: RunFolder) -> Iterator[None]:
+    """Log what fails and raise it as a RunError, or as an OutputError where it is the disk's."""
+    try:
+        yield
+    except (ConvergenceError, ParticleError, PointOutside, ValueError) as error:
+        text = f"{error}{remedy_in_scene(case, error)}"
+        log.error("%s", text)
+        if not isinstance(error, (NotEnoughMemory, NotEnoughDisk)):  # what the machine lacks today
+            folder.write_failure(text)
+        raise RunError(f"{text}\n(log: {folder.log})") from error
+    except OSError as error:
+        text = f"{error.filename or folder.path}: {error.strerror or error}"
+        log.error("%s", text)
+        how = f"go on with: emclutch run {folder.path} --resume" if folder.is_begun() else "start anew"
+        raise OutputError(f"{text}; see to the path, its room and its permissions, then {how}") from error
+
+
+def remedy_in_scene(case: Case, error: Exception) -> str:
+    """Which keys of the scene mend grains that were pressed in too far; empty for other errors."""
+    contact = case.scene.contact
+    if contact.method != "dem" or not isinstance(error, DemError) or error.kind is not DemErrorKind.OVERLAP:
+        return ""
+    key = contact.stiffness_key.partition(",")[0]
+    softer = getattr(contact, key.removeprefix("contact."))
+    if softer is None:
+        change = f"lower contact.max_overlap = {contact.max_overlap:g} to a quarter, or give {contact.stiffness_key}"
+    else:
+        change = f"raise {key} = {softer:g} fourfold, or leave it out: it then follows from contact.max_overlap"
+    step = "; time.step too must then be shorter" if case.scene.span.step is not None else ""
+    return f". In the scene: {change}{step}. A changed contact needs a new run: take another --out, not --resume"

@@ -1,0 +1,59 @@
+"""The first stage of a run: what it starts from is decided, told, and written into its folder."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+
+from emclutch.device.device import Device
+from emclutch.results.steady_torque import SteadyConditions
+from emclutch.scene.input_files import hashed_input_files
+from emclutch.scene.model import Scene
+from emclutch.simulation.forecast.free_disk import refuse_full_disk
+from emclutch.simulation.forecast.free_memory import refuse_too_much
+from emclutch.simulation.plan import Plan, make_plan
+from emclutch.simulation.run_request import RunRequest
+from emclutch.simulation.threads import threading_layer, threads_in_use
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedRun:
+    """The device of a run, its plan, and when its torque counts as steady."""
+
+    device: Device
+    plan: Plan
+    conditions: SteadyConditions
+
+
+def planned(request: RunRequest) -> PlannedRun:
+    """Build the device and decide the run; ValueError where it cannot be, or the machine has too little room for it."""
+    scene, folder, progress = request.case.scene, request.folder, request.progress
+    progress.say(0.0, "mesh and field")
+    device, plan = make_plan(request.case, threads=threads_in_use(), machine=request.machine)
+    for label, reason in plan.reasons.items():
+        log.info("%s: %s", label, reason)
+        if "WARNING" in reason:
+            progress.announce(f"{label}: {reason}")
+    refuse_too_much(len(request.replicas.histories) * plan.cost.memory, insist=request.insist)
+    if not request.opened.goes_on:  # else most of it is there
+        refuse_full_disk(plan.cost.disk, folder.path, insist=request.insist)
+    folder.write_provenance(
+        seed=scene.scene.seed,
+        mesh_hash=None if device.coil is None else device.coil.mesh.hash(),
+        threads=threads_in_use(),
+        threading_layer=threading_layer(),
+        input_files=hashed_input_files(scene),
+        grains_from=None if request.grains is None else request.grains.as_dict(),
+    )
+    conditions = steady_conditions(scene, device)
+    folder.write_plan({"contact": plan.contact_data, "steady_torque": conditions.as_dict(), "decisions": plan.reasons})
+    return PlannedRun(device, plan, conditions)
+
+
+def steady_conditions(scene: Scene, device: Device) -> SteadyConditions:
+    """What the verdict on a run's torque needs of its scene."""
+    until = scene.span.until
+    negligible, share = (0.0, 0.0) if until is None else (until.absolute or 0.0, until.relative or 0.0)
+    return SteadyConditions(scene.span.average_from, device.shear_gap, device.shear_radius, negligible, share)

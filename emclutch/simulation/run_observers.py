@@ -1,0 +1,146 @@
+"""The third stage of a run: whoever looks at it after each window, and the march itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from coupling import Simulation, run_staggered
+from emclutch.device.device import Device
+from emclutch.results import read_history
+from emclutch.scene.model import Scene
+from emclutch.simulation.checkpoints import Checkpoints
+from emclutch.simulation.early_end import EarlyEnd, early_end
+from emclutch.simulation.heartbeat import Heartbeat
+from emclutch.simulation.missed_steps import MissedSteps
+from emclutch.simulation.observables import Observables
+from emclutch.simulation.pace import RunPace
+from emclutch.simulation.run_progress import RunProgress
+from emclutch.simulation.run_request import RunRequest
+from emclutch.simulation.snapshots import History, Snapshots
+from emclutch.simulation.started_run import StartedRun
+from emclutch.simulation.thread_trial import ThreadTrial
+from emclutch.simulation.threads import threads_in_use, use_threads
+
+if TYPE_CHECKING:
+    from emclutch.simulation.profile_average import ProfileAverage
+
+
+@dataclass(frozen=True, slots=True)
+class RunObservers:
+    """Callbacks of a run, and those of them that are asked in the end.
+
+    Attributes
+    ----------
+    callbacks : tuple of callable
+        In the order in which the loop calls them.
+    early : EarlyEnd
+    profiles : ProfileAverage or None
+    alive : Heartbeat
+    history : History
+    snapshots : Snapshots
+    """
+
+    callbacks: tuple[Callable, ...]
+    early: EarlyEnd
+    profiles: ProfileAverage | None
+    alive: Heartbeat
+    history: History
+    snapshots: Snapshots
+
+    def close(self) -> None:
+        """Write what is kept back, and close the files."""
+        self.history.close()
+        self.snapshots.close()
+
+
+def observers_of(request: RunRequest, started: StartedRun) -> RunObservers:
+    """Everything that looks at a run after each of its windows; the frame of t = 0 is written."""
+    scene, folder, progress = request.case.scene, request.folder, request.progress
+    plan, simulation, resume_time = started.plan, started.simulation, started.resume_time
+    history = History(folder.history, resume_time)
+    early = early_end(request, started.planned)
+    snapshots = Snapshots(
+        folder,
+        simulation.motion.walls,
+        plan.windows,
+        scene.output.snapshots,
+        scene.output.formats,
+        request.case.toml(),
+        resume_time,
+        lambda: early.has_come,
+    )
+    if resume_time is None:
+        snapshots.begin(simulation)
+    profiles = profile_average(scene, started.planned.device)
+    if profiles is not None:
+        profiles.restore(started.profiles)
+    alive = Heartbeat(progress.listener, simulation, plan.end)
+
+    def compiled() -> int:
+        return request.opened.compiled.count
+
+    callbacks = (
+        alive.stop,
+        Observables(scene, started.planned.device),
+        history,
+        *missed_steps(request, resume_time),
+        *early.callbacks,
+        snapshots,
+        *(() if profiles is None else (profiles,)),
+        WindowTold(progress, plan.windows),
+        Checkpoints(request, plan.windows, early, snapshots, profiles),
+        RunPace(plan.cost, simulation.motion.time, progress.tell, compiled),
+        *thread_trial(request, compiled),
+    )
+    return RunObservers(callbacks, early, profiles, alive, history, snapshots)
+
+
+def march(started: StartedRun, observers: RunObservers) -> None:
+    """Take the run to its end, unless the torque is known already at the checkpoint that it goes on from."""
+    known = observers.early.known
+    with observers.alive:
+        try:
+            if started.resume_time is None or known is None or not known(started.simulation):
+                run_staggered(started.simulation, started.plan.end, observers.callbacks)
+        finally:
+            observers.close()
+
+
+@dataclass(frozen=True, slots=True)
+class WindowTold:
+    """Callback of the loop that says how far the run is of its `windows`."""
+
+    progress: RunProgress
+    windows: int
+
+    def __call__(self, simulation: Simulation, row: dict) -> None:
+        torque = f"  torque on the disc {row['torque_disc']:.3g} N m" if "torque_disc" in row else ""
+        self.progress.say(simulation.window / self.windows, f"t = {row['time'] * 1e3:.3g} ms{torque}")
+
+
+def profile_average(scene: Scene, device: Device) -> ProfileAverage | None:
+    """The callback that averages profiles over the steady part, or None where none are asked for."""
+    if not scene.output.profiles:
+        return None
+    from emclutch.simulation.profile_average import ProfileAverage  # local: what is off costs nothing
+
+    start = scene.span.average_from
+    return ProfileAverage(device.shape, 0.5 * scene.span.end if start is None else start)
+
+
+def missed_steps(request: RunRequest, resume_time: float | None) -> tuple[MissedSteps, ...]:
+    """The callback that stops rigid grains whose solver fails too often; none for others."""
+    contact = request.case.scene.contact
+    if contact.method != "dvi":
+        return ()
+    before = None if resume_time is None else read_history(request.folder.history)
+    return (MissedSteps(contact.dvi.allowed_misses, before),)
+
+
+def thread_trial(request: RunRequest, compiled: Callable[[], int]) -> tuple[ThreadTrial, ...]:
+    """The callback that finds out how many threads pay; none where there is nothing to choose."""
+    if not request.free or threads_in_use() == 1:
+        return ()
+    return (ThreadTrial(threads_in_use(), use_threads, compiled, request.progress.tell),)

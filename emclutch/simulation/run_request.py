@@ -1,0 +1,70 @@
+"""What one run is given: its scene, its open folder, and what it may do."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from emclutch.scene.case import Case
+from emclutch.simulation.open_folder import OpenFolder
+from emclutch.simulation.replicas import Replicas
+from emclutch.simulation.run_progress import RunProgress
+
+if TYPE_CHECKING:
+    from emclutch.results import RunFolder
+    from emclutch.simulation.forecast.machine_speed import MachineSpeed
+    from emclutch.simulation.warm_start import StartingGrains
+    from emclutch.simulation.window_state import WindowState
+
+
+@dataclass(frozen=True, slots=True)
+class RunRequest:
+    """One replica's run; what the user asks for is explained at `emclutch.run`.
+
+    Attributes
+    ----------
+    case : Case
+    opened : OpenFolder
+    progress : RunProgress
+    replicas : Replicas
+        All of the run, seen from this one.
+    stop : threading.Event
+        Set where the run is to end with a checkpoint.
+    free : bool
+        It may take fewer threads where fewer pay.
+    insist : bool
+    grains : StartingGrains or None
+        None packs its own.
+    machine : MachineSpeed or None
+        That the cost is foretold for; None: the one at hand, measured then.
+    callback : callable or None
+    """
+
+    case: Case
+    opened: OpenFolder
+    progress: RunProgress
+    replicas: Replicas
+    stop: threading.Event
+    free: bool
+    insist: bool
+    grains: StartingGrains | None
+    machine: MachineSpeed | None = None
+    callback: Callable[[WindowState], object] | None = None
+
+    @property
+    def folder(self) -> RunFolder:
+        """Of the run."""
+        return self.opened.folder
+
+    @property
+    def how_to_go_on(self) -> str:
+        """What to type after a run that was stopped or failed beside the scene."""
+        return f"go on with: emclutch run {self.folder.path} --resume"
+
+    def is_stopped(self) -> bool:
+        """Whether the run is to end after its present window, for the user or because another replica has failed."""
+        if self.progress.stop_asked:
+            self.stop.set()
+        return self.stop.is_set() or bool(self.replicas.failure())

@@ -1,0 +1,82 @@
+"""The second stage of a run: its simulation before the first window, packed, warm-started or of a checkpoint."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, replace
+from typing import Any
+
+from coupling import CoilField, CoilField3D, LayeredField, Simulation
+from emclutch.device.device import Device
+from emclutch.scene.case import Case
+from emclutch.simulation.assembly import assemble, simulation_of
+from emclutch.simulation.plan import Plan
+from emclutch.simulation.planned_run import PlannedRun
+from emclutch.simulation.resume import run_checkpoint
+from emclutch.simulation.run_request import RunRequest
+from emclutch.simulation.warm_start import warm_started
+from particles import DEM, Grains
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class StartedRun:
+    """A run that is ready to march.
+
+    Attributes
+    ----------
+    planned : PlannedRun
+        Of a run that goes on, with the windows that it began with.
+    simulation : Simulation
+    resume_time : float or None
+        Of the checkpoint that it goes on from [s]; None: it begins.
+    profiles : dict or None
+        What the checkpoint has of profiles.
+    """
+
+    planned: PlannedRun
+    simulation: Simulation
+    resume_time: float | None = None
+    profiles: dict[str, Any] | None = None
+
+    @property
+    def plan(self) -> Plan:
+        """Of the run."""
+        return self.planned.plan
+
+
+def started_or_resumed(request: RunRequest, planned: PlannedRun) -> StartedRun:
+    """Pack the grains of a run, take them from another one, or go on from its checkpoint."""
+    case, device, plan = request.case, planned.device, planned.plan
+    request.progress.say(0.0, f"packing {plan.count} grains")
+    if not request.opened.goes_on:
+        grains = request.grains
+        simulation = assemble(case, device, plan) if grains is None else warm_started(case, device, plan, grains)
+        log.info("started: %d windows", plan.windows)
+        return StartedRun(planned, simulation)
+    state = run_checkpoint(request.folder.checkpoint)
+    plan = plan.continued(state["steps_per_update"], state["updates"], case.scene.span.end)
+    simulation = restored(case, device, plan, state)
+    resume_time = simulation.motion.time
+    log.info("resumed at t = %g s, window %d of %d", resume_time, simulation.window, plan.windows)
+    if simulation.window < plan.windows:  # of an earlier end: a run that is cut off from here on has no summary
+        request.folder.summary.unlink(missing_ok=True)
+    return StartedRun(replace(planned, plan=plan), simulation, resume_time, state.get("profiles"))
+
+
+def restored(case: Case, device: Device, plan: Plan, state: dict[str, Any]) -> Simulation:
+    """The simulation of a checkpoint."""
+    dem_state = state["dem"]
+    simulation = simulation_of(case, device, plan, Grains.of_records(dem_state))
+    near = getattr(simulation.magnetised, "near", None)
+    if near is not None and isinstance(simulation.motion, DEM):
+        simulation.motion.attraction = near.attraction  # the state's drives belong to it
+    simulation.motion.restore(dem_state)
+    simulation.window = state["window"]
+    simulation.restore_rows(state["rows"])
+    saved = state["source"]
+    source = simulation.source
+    if saved is not None and isinstance(source, (CoilField, CoilField3D, LayeredField)):
+        source.restore(saved)
+    return simulation
