@@ -1,0 +1,140 @@
+"""The commands of the field and of what magnetises in it: field, mesh, materials, calibrate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+from rich.console import Console
+
+from emclutch.cli.errors import explained
+from emclutch.cli.input import load
+from emclutch.cli.options import (
+    AsJson,
+    CaseFile,
+    Chi,
+    Currents,
+    CurvePicture,
+    DipoleModel,
+    FieldList,
+    FillList,
+    FrictionAsked,
+    GrainCount,
+    Lines,
+    MaterialNames,
+    NewPicture,
+    Out,
+    PairForceAsked,
+    PowderName,
+    Saturation,
+    Seeds,
+    Sets,
+    Strain,
+    TrustScripts,
+)
+from emclutch.cli.output import print_json
+from emclutch.scene.errors import Fault, SceneError, bad_input_for
+
+
+def field(
+    case: CaseFile,
+    current: Currents = None,
+    line: Lines = None,
+    out: Out = None,
+    sets: Sets = None,
+    as_json: AsJson = False,
+    trust_scripts: TrustScripts = False,
+) -> None:
+    """Solve the field alone: gap field, inductance, energy, force, error, at one current or along a sweep."""
+    with explained():
+        read = load(case, sets, trust_scripts)
+        from emclutch.studies import field as field_study
+        from emclutch.studies.field_result import field as solve_field
+
+        with bad_input_for(case):
+            currents = None if current is None else field_study.read_currents(current)
+            lines = [field_study.read_line(text) for text in line or ()]
+        found = solve_field(read, currents, lines, out)
+        if as_json:
+            print_json(found.summary)
+        else:
+            Console().print(*field_study.tables_of(found.summary), sep="\n")
+            typer.echo(f"results and pictures: {found.folder}")
+
+
+def mesh(case: CaseFile, out: Out = None, sets: Sets = None, trust_scripts: TrustScripts = False) -> None:
+    """Write the mesh of the cross-section (.msh) and its picture with the regions named."""
+    with explained():
+        read = load(case, sets, trust_scripts)
+        from emclutch.studies.mesh import mesh as mesh_scene
+
+        made = mesh_scene(read, out=out)
+        typer.echo(f"{made.file}\n{made.picture}\n{len(made.mesh.triangles)} triangles")
+
+
+def materials(
+    names: MaterialNames = None,
+    picture: CurvePicture = None,
+    pair_force: PairForceAsked = False,
+    out: NewPicture = None,
+    as_json: AsJson = False,
+) -> None:
+    """List the built-in magnetic materials, draw the curves of some, or the force between two grains of one."""
+    with explained():
+        if pair_force:
+            _tell_pair_force(names or [], picture, out, as_json)
+            return
+        if out is not None:
+            message = "names the picture of --pair-force; that of the curves is named with --plot"
+            raise SceneError([Fault("--out", str(out), message)], "command line")
+        from emclutch.cli import materials as materials_command
+
+        if picture is not None:
+            with bad_input_for(picture):
+                laws = materials_command.laws_of(names or materials_command.material_names())
+                typer.echo(str(materials_command.draw_materials(laws, picture)))
+        elif as_json:
+            print_json(materials_command.materials_as_data(names))
+        else:
+            materials_command.materials_page(names)
+
+
+def calibrate(
+    material: PowderName = None,
+    chi: Chi = None,
+    ms: Saturation = None,
+    fill: FillList = "0.32",
+    field_strength: FieldList = "18 kA/m, 46 kA/m, 80 kA/m, 200 kA/m, 500 kA/m",
+    seeds: Seeds = 2,
+    grains: GrainCount = 600,
+    strain: Strain = 2.5,
+    friction: FrictionAsked = 0.3,
+    model: DipoleModel = "near_field",
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """Shear a powder in a periodic cell: shear stress and permeability against the field; finished points are kept."""
+    with explained():
+        from emclutch.cli import calibrate as command
+
+        name, law = command.grains_of(material, chi, ms)
+        points = command.points_of(
+            law, fill, field_strength, seeds=seeds, grains=grains, strain=strain, friction=friction, model=model
+        )
+        folder, rows = command.calibrate(name, points, out, quiet=as_json)
+        if as_json:
+            print_json(command.as_data(name, folder, rows))
+        else:
+            Console().print(command.table_of(name, rows))
+            typer.echo(f"results and pictures: {folder}")
+
+
+def _tell_pair_force(names: list[str], picture: Path | None, out: Path | None, as_json: bool) -> None:
+    if len(names) != 1 or picture is not None or as_json:
+        message = "takes the name of one powder and --out FILE, and neither --plot nor --json"
+        raise SceneError([Fault("--pair-force", "", message)], "command line")
+    from emclutch.cli.pair_force import pair_force
+
+    path, table = pair_force(names[0], out)
+    Console().print(table)
+    typer.echo(str(path))

@@ -1,0 +1,115 @@
+"""The commands that show what a run or a study has found: plot, view, report, export."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+from emclutch.cli.errors import explained
+from emclutch.cli.options import (
+    AsHtml,
+    ColourBy,
+    ExportFormat,
+    Look,
+    Measured,
+    Moment,
+    Movie,
+    NewFile,
+    NewPicture,
+    Out,
+    ParaViewAsked,
+    ResultPath,
+    RunPath,
+    RunPaths,
+    Screenshot,
+    SpeedsAsked,
+    TorqueSpeedAsked,
+    TrustScripts,
+)
+from emclutch.scene.errors import Fault, SceneError
+
+
+def plot(
+    folders: RunPaths,
+    speeds: SpeedsAsked = False,
+    torque_speed: TorqueSpeedAsked = False,
+    measured: Measured = None,
+    out: NewPicture = None,
+    trust_scripts: TrustScripts = False,
+) -> None:
+    """Draw runs, or a study's points, over one another in a new file: torques with their 95 % bands, or speeds.
+
+    A finished run that was killed before its own pictures gets them.
+    """
+    with explained():
+        from emclutch.cli import plot as drawn
+
+        if speeds and torque_speed:
+            message = "makes another picture than --speeds; ask for one at a time"
+            raise SceneError([Fault("--torque-speed", "", message)], "command line")
+        kind = drawn.SPEEDS if speeds else drawn.TORQUE_SPEED if torque_speed else drawn.TORQUE
+        picture = drawn.plot_runs(
+            folders, kind, measured=measured, out=out, trust_scripts=trust_scripts, tell=typer.echo
+        )
+        typer.echo(str(picture))
+
+
+def view(
+    folder: RunPath,
+    look: Look = None,
+    colour: ColourBy = None,
+    time: Moment = None,
+    screenshot: Screenshot = None,
+    movie: Movie = None,
+    paraview: ParaViewAsked = False,
+) -> None:
+    """Show a run in 3D: in a window, as a picture or a movie, or in ParaView."""
+    with explained():
+        from emclutch.cli import view as viewed
+
+        if paraview:
+            if (look, colour, time, screenshot, movie) != (None,) * 5:
+                message = "has its choices at the head of the script and as options of pvbatch; name the run alone"
+                raise SceneError([Fault("--paraview", "", message)], "command line")
+            typer.echo(viewed.open_in_paraview(folder))
+            return
+        for path in viewed.view_run(folder, look=look, colour=colour, time=time, screenshot=screenshot, movie=movie):
+            typer.echo(str(path))
+
+
+def report(folder: ResultPath, out: NewFile = None, html: AsHtml = False) -> None:
+    """Write a run as a page of Markdown; with --html a run or a study as one page for a browser, pictures inside."""
+    with explained():
+        if html:
+            from emclutch.results.report.html import write_page
+            from emclutch.simulation.left_out_of_run import left_out_of
+
+            typer.echo(str(write_page(folder, left_out_of, out)))
+            return
+        from emclutch.results import load_result
+        from emclutch.results.report.markdown import report as page_of
+        from emclutch.results.study_folder import is_study
+
+        if is_study(folder):
+            message = f"is missing: the report of a study is a page for a browser: emclutch report {folder} --html"
+            raise SceneError([Fault("--html", "", message)], "command line")
+        text = page_of(load_result(folder), Path.cwd() if out is None else out.parent)
+        if out is None:
+            typer.echo(text)
+            return
+        with open(out, "x", encoding="utf-8") as stream:
+            stream.write(text)
+        typer.echo(str(out))
+
+
+def export(folder: ResultPath, to: ExportFormat, out: Out = None) -> None:
+    """Write the history and profiles of a run, or of all points of a study, for other programs."""
+    with explained():
+        from emclutch.cli.export import Format
+        from emclutch.cli.export import export as export_tables
+
+        if to not in list(Format):
+            allowed = ", ".join(Format)
+            raise SceneError([Fault("--to", to, f"is no format; allowed: {allowed}")], "command line")
+        typer.echo(str(export_tables(folder, Format(to), out)))

@@ -1,0 +1,161 @@
+"""The commands that simulate, or say what a simulation would be: run, check, sweep, accuracy, design."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+
+import typer
+
+from emclutch.cli.errors import explained
+from emclutch.cli.input import check_threads, load, run_to_resume, search, study_to_check
+from emclutch.cli.options import (
+    AsJson,
+    CaseFile,
+    CheckedFile,
+    Confirm,
+    DesignSource,
+    DryRun,
+    Insist,
+    Jobs,
+    Like,
+    Out,
+    Resume,
+    RunSource,
+    Sets,
+    StudyFile,
+    Target,
+    Threads,
+    TrustScripts,
+    Vary,
+)
+from emclutch.cli.output import print_json, tell_design, tell_plan, tell_study, torque_line
+from emclutch.scene.errors import Fault, SceneError
+
+
+def run(
+    case: RunSource,
+    out: Out = None,
+    sets: Sets = None,
+    resume: Resume = False,
+    threads: Threads = None,
+    dry_run: DryRun = False,
+    as_json: AsJson = False,
+    trust_scripts: TrustScripts = False,
+    insist: Insist = False,
+) -> None:
+    """Simulate one scene."""
+    with explained():
+        check_threads(threads)
+        if resume and case.is_dir():
+            case, out = run_to_resume(case, out)
+        read = load(case, sets, trust_scripts)
+        if resume and out is None and read.scene.output.folder is None:
+            message = f"needs a run; name the run's folder: emclutch run FOLDER --resume, not the scene {case}"
+            raise SceneError([Fault("--resume", "", message)], "command line")
+        if dry_run:
+            tell_plan(read, as_json, threads)
+            return
+        from emclutch.results import Progress
+        from emclutch.simulation.run import run as run_scene
+
+        with nullcontext() if as_json else Progress() as progress:
+            result = run_scene(read, out=out, threads=threads, resume=resume, progress=progress, insist=insist)
+        if as_json:
+            print_json(result.summary)
+        else:
+            from emclutch.results.report.markdown import closing_lines
+
+            typer.echo(torque_line(result.summary.get("torque")))
+            for line in closing_lines(result):
+                typer.echo(line)
+            typer.echo(f"results and pictures: {result.folder.path}")
+
+
+def check(
+    case: CheckedFile,
+    sets: Sets = None,
+    jobs: Jobs = 1,
+    as_json: AsJson = False,
+    trust_scripts: TrustScripts = False,
+) -> None:
+    """Validate a scene, and say what follows from it; of a study each point's plan, and the time of all."""
+    with explained():
+        if (study := study_to_check(case, sets, jobs, trust_scripts)) is not None:
+            tell_study(study, jobs, as_json)
+            return
+        tell_plan(load(case, sets, trust_scripts), as_json)
+
+
+def sweep(
+    study: StudyFile,
+    out: Out = None,
+    resume: Resume = False,
+    jobs: Jobs = 1,
+    threads: Threads = None,
+    trust_scripts: TrustScripts = False,
+    insist: Insist = False,
+) -> None:
+    """Simulate every point of a parameter study, several at a time with --jobs."""
+    with explained():
+        from emclutch.scene.study import read_study
+
+        check_threads(threads)
+        if resume and out is None:
+            message = "needs a study that was begun; name the study's folder with --out"
+            raise SceneError([Fault("--resume", "", message)], "command line")
+        read = read_study(study, trust_scripts=trust_scripts)
+        from emclutch.results.study_table import StudyTable
+        from emclutch.studies.forecast import foretell_study
+        from emclutch.studies.points import done_points
+        from emclutch.studies.sweep import sweep as sweep_study
+
+        done = done_points(read, out) if resume and out is not None else []
+        if (foretold := foretell_study(read, jobs, done)).points:
+            typer.echo(foretold.in_words(), err=True)
+        with StudyTable() as table:
+            folder = sweep_study(
+                read, out=out, threads=threads, resume=resume, jobs=jobs, progress=table, insist=insist
+            )
+        compared = folder / "methods.txt"
+        if compared.is_file():
+            typer.echo(compared.read_text(encoding="utf-8"), nl=False)
+        typer.echo(f"results and pictures: {folder}")
+
+
+def accuracy(
+    case: CaseFile, out: Out = None, sets: Sets = None, threads: Threads = None, trust_scripts: TrustScripts = False
+) -> None:
+    """Measure what accuracy costs in time."""
+    with explained():
+        check_threads(threads)
+        read = load(case, sets, trust_scripts)
+        from emclutch.results import Progress
+        from emclutch.studies.work_precision import accuracy as measure_accuracy
+
+        with Progress() as progress:
+            folder = measure_accuracy(read, out=out, threads=threads, progress=progress)
+        typer.echo(f"results and pictures: {folder}")
+
+
+def design(
+    file: DesignSource,
+    vary: Vary = None,
+    target: Target = None,
+    like: Like = None,
+    confirm: Confirm = False,
+    out: Out = None,
+    sets: Sets = None,
+    threads: Threads = None,
+    as_json: AsJson = False,
+    trust_scripts: TrustScripts = False,
+) -> None:
+    """Search the value of one key that gives a wanted torque, over the expected torque; a run confirms it."""
+    with explained():
+        check_threads(threads)
+        asked = search(file, vary, target, sets, trust_scripts)
+        from emclutch.results import Progress
+        from emclutch.studies import design_search
+
+        with nullcontext() if as_json or not confirm else Progress() as progress:
+            found = design_search.design(asked, like=like, out=out, confirm=confirm, threads=threads, progress=progress)
+        tell_design(found, as_json)
