@@ -39,7 +39,7 @@ from emclutch.scene.grain_smear import layers_change_the_field, moments_are_fed_
 from emclutch.scene.model import Scene
 from emclutch.scene.motion import FreeShaftSection
 from emclutch.scene.time_table import points_of
-from emclutch.simulation.dvi_plan import DviPlan
+from emclutch.simulation.dvi_plan import RigidContacts
 from emclutch.simulation.initial_packing import grains_of, packed, settled
 from emclutch.simulation.plan import Plan
 from field import AxisymmetricProblem, MagneticField, RadialField
@@ -81,14 +81,14 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
         gravity = np.asarray(effects.gravity.vector, dtype=float)
     bodies = shafts(scene, walls)
     dem: GrainMotion
-    if isinstance(plan.contact, DviPlan):
+    if isinstance(plan.contact, RigidContacts):
         dem = rigid_grains(scene, plan, plan.contact, grains, walls, bodies, gravity)
     else:
         dem = DEM(
             grains,
             walls,
             bodies,
-            plan.contact,
+            plan.contact.laws,
             dt=plan.dt,
             gravity=gravity,
             sector=plan.sector,
@@ -110,7 +110,7 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
     )
 
 
-def rigid_grains(scene: Scene, plan: Plan, rigid: DviPlan, grains: Grains, walls, bodies, gravity) -> DVI:
+def rigid_grains(scene: Scene, plan: Plan, rigid: RigidContacts, grains: Grains, walls, bodies, gravity) -> DVI:
     """The grains of contact.method = 'dvi'."""
     section = scene.contact.dvi
     return DVI(
@@ -125,7 +125,7 @@ def rigid_grains(scene: Scene, plan: Plan, rigid: DviPlan, grains: Grains, walls
         solver=section.solver,
         tolerance=rigid.tolerance,
         max_sweeps=section.max_sweeps,
-        stiffness=rigid.stiffness,
+        stiffness=rigid.springs,
         rolling=rigid.rolling,
         twisting=rigid.twisting,
     )

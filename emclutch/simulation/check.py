@@ -15,7 +15,7 @@ from emclutch.scene.grain_smear import moments_are_fed_back
 from emclutch.scene.usual_ranges import FLUX_DENSITY
 from emclutch.simulation.forecast.expected_field import chains_in_words, field_in_chains, powder_in_words
 from emclutch.simulation.plan import make_plan
-from emclutch.simulation.plan_in_words import paths_in_words
+from emclutch.simulation.plan_in_words import paths_in_words, plan_in_words
 from field import MagneticField
 from field.three_d import Field3D
 
@@ -70,7 +70,7 @@ def _check(case: Case, threads: int | None) -> Checked:
         none = ExpectedTorque(None, law="the scene has no grains")
         return Checked(scene.scene.title, scene.effects.active, case.warnings, field_plan(case), (), none)
     device, made = make_plan(case, threads=threads)
-    B_max = 0.0
+    words, B_max = plan_in_words(scene, device, made), 0.0
     if isinstance(made.peak_field, MagneticField) and isinstance(device.coil, CoilDevice):
         faces, phi = device.shears_faces, device.fill.solid_fraction
         midline = device.coil.shape.face_midline() if faces else device.coil.shape.gap_midline()
@@ -79,30 +79,30 @@ def _check(case: Case, threads: int | None) -> Checked:
             return float(np.linalg.norm(field.B_along(midline), axis=1).max())
 
         B_max = largest(made.peak_field)
-        made.reasons["field"] = (
+        words["field"] = (
             f"at the largest current, {powder_in_words(scene, phi)}: |B| in the {'face' if faces else 'rim'} gap up to "
             f"{B_max:.3g} T, grains magnetised up to {made.M_max / 1e3:.3g} kA/m"
         )
         if moments_are_fed_back(scene) and device.coil.largest_current > 0.0:
             chains = field_in_chains(device.coil, phi, device.coil.largest_current, made.peak_field)
-            words = chains_in_words(device.coil, made.peak_field, chains, largest(chains), faces)
-            made.reasons["field"] += f"; {words}"
+            in_chains = chains_in_words(device.coil, made.peak_field, chains, largest(chains), faces)
+            words["field"] += f"; {in_chains}"
     elif isinstance(made.peak_field, Field3D):
         from emclutch.device.device_3d import CoilDevice3D, gap_flux_density  # local: most scenes need no such field
 
         assert isinstance(device.coil, CoilDevice3D)
         B_max = gap_flux_density(device.coil, made.peak_field)
-        made.reasons["field"] = (
+        words["field"] = (
             f"at the largest current, without powder: |B| under the poles {B_max:.3g} T on average, "
             f"grains magnetised up to {made.M_max / 1e3:.3g} kA/m"
         )
     unusual = FLUX_DENSITY.remark("|B|", B_max)
     if unusual:
-        made.reasons["field"] += f"; WARNING: {unusual}"
+        words["field"] += f"; WARNING: {unusual}"
     if device.coil is not None:
-        made.reasons["copper"] = coil_heat_in_words(scene, device.coil, device.coil.shape)
+        words["copper"] = coil_heat_in_words(scene, device.coil, device.coil.shape)
     expected = expected_torque(scene, device, made.peak_field)
-    made.reasons["expected torque"] = expected.in_words()
-    made.reasons.update(paths_in_words(case))
+    words["expected torque"] = expected.in_words()
+    words |= paths_in_words(case)
     title, effects, missing = scene.scene.title, scene.effects.active, left_out(scene, device, made, expected)
-    return Checked(title, effects, case.warnings, made.reasons, tuple(missing), expected)
+    return Checked(title, effects, case.warnings, words, tuple(missing), expected)

@@ -28,7 +28,7 @@ def concluded(request: RunRequest, started: StartedRun, observers: RunObservers)
 
     The summary is written before the pictures: a run that has one is done.
     """
-    case, folder, device = request.case, request.folder, started.planned.device
+    case, folder = request.case, request.folder
     compiled, replicas, early = request.opened.compiled, request.replicas, observers.early
     log.info(
         "kernels: %d specialisations, %d of them compiled in %.1f s",
@@ -41,24 +41,14 @@ def concluded(request: RunRequest, started: StartedRun, observers: RunObservers)
     across = written_profiles(request, observers)
     others = replicas.other_histories() if replicas.number == 0 else []
     seconds = {"whole_run": perf_counter() - request.opened.begin, "compiling": compiled.seconds}
-    summarise(
-        case,
-        folder,
-        device,
-        started.plan,
-        started.simulation,
-        started.planned.conditions,
-        seconds,
-        others,
-        stopped=early.is_by_callback,
-    )
+    summarise(case, folder, started.planned, started.simulation, seconds, others, stopped=early.is_by_callback)
     if others:
         tell_packing_share(folder, load_result(folder.path).torque.packing_share)
     if case.scene.output.pictures:
         request.progress.say(1.0, "pictures")
         from emclutch.simulation.pictures import draw_run  # local: the libraries that draw are heavy
 
-        draw_run(case, folder, device, started.simulation, across)
+        draw_run(case, folder, started.planned.device, started.simulation, across)
     return load_result(folder.path)
 
 
@@ -96,7 +86,5 @@ def written_profiles(request: RunRequest, observers: RunObservers) -> list[Profi
     if across:
         write_profiles(request.folder.path, across)
     else:
-        log.warning(
-            "no profiles: the run ended before their averaging began; set time.average_from to an earlier time"
-        )
+        log.warning("no profiles: the run ended before their averaging began; set time.average_from to an earlier time")
     return across

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from math import pi
+from typing import ClassVar
 
 import numpy as np
 
@@ -11,127 +13,147 @@ from coupling import chain_magnetisation, magnetic_load, neck_load, neck_stiffne
 from emclutch.device.device import Device
 from emclutch.device.materials import grain_law
 from emclutch.scene.contact import ContactSection
+from emclutch.simulation.contacts_in_words import load_in_words
 from emclutch.simulation.forecast.expected_speeds import impact_speed
+from emclutch.simulation.stiffness import NECK_MARGIN, Load, LoadKind, Stiffness
 from geometry import Box
 from particles import PairLaws, RollingFriction, TwistingFriction, choose_time_step
 from particles.dem.overlap_limits import SOFT, STOPS
+from particles.dem.time_step import TimeStep
 
-NECK_MARGIN = 10.0  # of a contact's stiffness over the negative one of its neck
+
+@dataclass(frozen=True, slots=True)
+class ElasticContacts:
+    """Contacts of grains that press in, by DEM.
+
+    Attributes
+    ----------
+    laws : PairLaws
+    step : TimeStep
+    stiffness : Stiffness
+    """
+
+    laws: PairLaws
+    step: TimeStep
+    stiffness: Stiffness
+    method: ClassVar[str] = "dem"
+
+    @property
+    def normal_stiffness(self) -> float:
+        """Between grains [N/m]."""
+        return self.stiffness.value
 
 
-def elastic_contacts(
-    scene, device: Device, M_max: float, speed: float, reasons: dict[str, str]
-) -> tuple[PairLaws, float, float]:
-    """The laws of all contacts, the step [s] by DEM, and the stiffness between grains [N/m]."""
+def elastic_contacts(scene, device: Device, M_max: float, speed: float) -> ElasticContacts:
+    """The laws of all contacts and the step by DEM; largest magnetisation [A/m] and speed [m/s] to be expected."""
     particles = scene.particles
-    contact, load, stiffness = _contact(scene, device, M_max, impact_speed(scene, device, speed), reasons)
+    laws, stiffness = contacts_under_load(scene, device, M_max, impact_speed(scene, device, speed))
     lightest = particles.density * pi / 6.0 * particles.smallest_diameter**3
     try:
         step = choose_time_step(
-            contact,
+            laws,
             lightest,
             0.5 * particles.smallest_diameter,
             speed=speed,
-            load=load,
+            load=stiffness.load.force,
             rolling=scene.effects.rolling_friction is not None,
             steps_per_contact=scene.span.steps_per_contact,
             dt=scene.span.step,
         )
     except ValueError as error:
         raise ValueError(str(error).replace("dt =", "time.step =", 1)) from None
-    reasons["time step"] = step.reason
-    return contact, step.dt, stiffness
+    return ElasticContacts(laws, step, stiffness)
 
 
-def dvi_springs(scene, device: Device, M_max: float, speed: float, reasons: dict[str, str]) -> np.ndarray | None:
-    """[[k_n, k_t] between grains, [k_n, k_t] at walls] [N/m] of rigid grains that give way, None for rigid ones.
+def dvi_springs(scene, device: Device, M_max: float, speed: float) -> tuple[np.ndarray, Stiffness] | None:
+    """Springs of rigid grains that give way, and what they follow from; None for grains without.
 
-    Of a law that is not linear, the stiffness at the largest overlap to be expected.
+    The springs are [[k_n, k_t] between grains, [k_n, k_t] at walls] [N/m]; of a law that is not linear, the stiffness
+    at the largest overlap to be expected.
     """
     if not scene.contact.dvi.springs:
         return None
     if scene.contact.tangential_ratio == 0.0:
         raise ValueError("contact.tangential_ratio = 0; with contact.dvi.springs it must be more than 0")
     hit = impact_speed(scene, device, speed)
-    pairs, force, _ = _contact(scene, device, M_max, hit, reasons)
+    pairs, stiffness = contacts_under_load(scene, device, M_max, hit)
     d = scene.particles.largest_diameter
     mass = scene.particles.density * pi / 6.0 * d**3
     ratio = 2.0 / 7.0 if scene.contact.tangential_ratio is None else scene.contact.tangential_ratio
-    stiffness = np.empty((2, 2))
-    for row, law, m_eff, r_eff in zip(stiffness, pairs.laws, (0.5 * mass, mass), (0.25 * d, 0.5 * d), strict=True):
-        k = law.stiffness_at(law.overlap_under(force, m_eff, hit, r_eff), r_eff)
+    springs = np.empty((2, 2))
+    for row, law, m_eff, r_eff in zip(springs, pairs.laws, (0.5 * mass, mass), (0.25 * d, 0.5 * d), strict=True):
+        k = law.stiffness_at(law.overlap_under(stiffness.load.force, m_eff, hit, r_eff), r_eff)
         row[:] = k, ratio * k
-    return stiffness
+    return springs, stiffness
 
 
-def _contact(
-    scene, device: Device, M_max: float, speed: float, reasons: dict[str, str]
-) -> tuple[PairLaws, float, float]:
-    """The laws of all contacts, the largest force on one that is to be expected [N], and the stiffness then [N/m]."""
-    particles, contact = scene.particles, scene.contact
+def contacts_under_load(scene, device: Device, M_max: float, speed: float) -> tuple[PairLaws, Stiffness]:
+    """The laws of all contacts, and their stiffness; magnetisation [A/m] and speed of impacts [m/s] to be expected.
+
+    ValueError where nothing says how stiff they are, or they are so soft that a run would stop.
+    """
+    particles, contact, effects = scene.particles, scene.contact, scene.effects
     d = particles.largest_diameter  # overlap / diameter grows with the size under every load
     mass = particles.density * pi / 6.0 * d**3
-    model = None if scene.effects.dipoles is None else scene.effects.dipoles.model
-    chained = chain_magnetisation(grain_law(scene), M_max) if model == "mutual" and M_max > 0.0 else M_max
-    loads = {f"grains magnetised to {chained / 1e3:.3g} kA/m": magnetic_load(chained, d)}
-    neck = 0.0
-    if model == "near_field":
-        grains = grain_law(scene)
-        neck = neck_stiffness(grains, d, at_walls=scene.effects.wall_images is not None)
-        loads[f"necks between grains magnetised to {M_max / 1e3:.3g} kA/m"] = neck_load(
-            grains, M_max, d, scene.effects.dipoles.surface_gap
-        )
-        if contact.needs_a_load:  # so stiff that no neck pulls a contact in by itself
-            least = NECK_MARGIN * neck * contact.max_overlap * d
-            loads[f"{NECK_MARGIN:g} times the stiffness of saturated necks, {neck:.3g} N/m,"] = least
-    if scene.effects.gravity is not None:
-        height = device.shape.size[2] if isinstance(device.shape, Box) else 2.0 * device.largest_radius
-        loads["the weight of the bed"] = weight_load(particles.density, scene.effects.gravity.acceleration, height, d)
-    if scene.effects.cohesion is not None:
-        pull = scene.effects.cohesion.law().table()
-        loads["cohesion"] = float(max(pull[0] @ (1.0, 0.25 * d), pull[1] @ (1.0, 0.5 * d)))
-    cause, force = max(loads.items(), key=lambda item: item[1])
-    loaded = f"{force:.3g} N from {cause}" if force > 0.0 else ""
-    hit = f"impacts at {speed:.3g} m/s" if speed > 0.0 else ""
-    why = " and ".join(filter(None, (loaded, hit)))
-    effects = scene.effects
-    if not why and contact.needs_a_load:
+    chained, neck = _in_chains(scene, M_max), _necks(scene)
+    load = max(_loads(scene, device, M_max, chained, neck), key=lambda load: load.force)
+    if contact.needs_a_load and load.force <= 0.0 and speed <= 0.0:
         raise ValueError(
             "nothing loads the contacts (no weight, no magnetism, no motion), so no stiffness follows; "
             f"give {contact.stiffness_key}"
         )
-    between, at_walls = contact.laws(mass=mass, diameter=d, force=force, speed=speed)
+    between, at_walls = contact.laws(mass=mass, diameter=d, force=load.force, speed=speed)
 
     def deepest_of(chosen: ContactSection) -> float:
-        inner, outer = chosen.laws(mass=mass, diameter=d, force=force, speed=speed)
+        inner, outer = chosen.laws(mass=mass, diameter=d, force=load.force, speed=speed)
         return max(
-            inner.overlap_under(force, 0.5 * mass, speed, 0.25 * d), outer.overlap_under(force, mass, speed, 0.5 * d)
+            inner.overlap_under(load.force, 0.5 * mass, speed, 0.25 * d),
+            outer.overlap_under(load.force, mass, speed, 0.5 * d),
         )
 
     deepest = deepest_of(contact)
     if deepest > STOPS * d:
-        raise ValueError(_too_soft(contact, lambda chosen: deepest_of(chosen) / d, why))
-    stiffness = between.stiffness_at(deepest, 0.25 * d)
-    overlap = f"overlap {100 * deepest / d:.2g} % of the diameter" + (f" under {why}" if why else "")
-    asked = "" if contact.needs_a_load else " as asked"
-    kind = "" if contact.law == "linear" else f"law {contact.law}, at that overlap "
-    reasons["stiffness"] = f"{kind}k_n = {stiffness:.3g} N/m{asked}: {overlap}"
-    if M_max > 0.0:
-        snap = snap_in_overlap(chained, d, stiffness)
-        reasons["stiffness"] += f"; grains that snap together from afar press in by {100 * snap:.2g} % for an instant"
-    if stiffness < 0.999 * NECK_MARGIN * neck:
-        reasons["stiffness"] += (
-            f"; WARNING: less than {NECK_MARGIN:g} times the negative stiffness of saturated necks, {neck:.3g} N/m: "
-            "contacts close by more than their overlap says"
-        )
-    if deepest > SOFT * d:
-        reasons["stiffness"] += f"; WARNING: above {100 * SOFT:g} % grains are too soft for peaks of the torque"
+        raise ValueError(_too_soft(contact, lambda chosen: deepest_of(chosen) / d, load_in_words(load, speed)))
+    value = between.stiffness_at(deepest, 0.25 * d)
+    snap = snap_in_overlap(chained, d, value) if M_max > 0.0 else None
+    stiffness = Stiffness(value, not contact.needs_a_load, contact.law, deepest / d, load, speed, snap, neck)
     rolls, twists = effects.rolling_friction, effects.twisting_friction
     rolling = None if rolls is None else RollingFriction(rolls.coefficient, rolls.wall_coefficient)
     twisting = None if twists is None else TwistingFriction(twists.coefficient, twists.wall_coefficient)
     cohesion = None if effects.cohesion is None else effects.cohesion.law()
     laws = PairLaws.of_one(between, at_walls=at_walls, rolling=rolling, twisting=twisting, cohesion=cohesion)
-    return laws, force, stiffness
+    return laws, stiffness
+
+
+def _in_chains(scene, M_max: float) -> float:
+    """Magnetisation of grains that magnetise one another in chains [A/m]."""
+    mutual = scene.effects.dipoles is not None and scene.effects.dipoles.model == "mutual"
+    return chain_magnetisation(grain_law(scene), M_max) if mutual and M_max > 0.0 else M_max
+
+
+def _necks(scene) -> float:
+    """Negative stiffness of saturated necks between near grains [N/m]; 0 where they are not simulated."""
+    if scene.effects.dipoles is None or scene.effects.dipoles.model != "near_field":
+        return 0.0
+    at_walls = scene.effects.wall_images is not None
+    return neck_stiffness(grain_law(scene), scene.particles.largest_diameter, at_walls=at_walls)
+
+
+def _loads(scene, device: Device, M_max: float, chained: float, neck: float) -> Iterator[Load]:
+    """Everything that presses grains together, each at its largest."""
+    particles, contact, effects = scene.particles, scene.contact, scene.effects
+    d = particles.largest_diameter
+    yield Load(LoadKind.MAGNETISM, magnetic_load(chained, d), chained)
+    if effects.dipoles is not None and effects.dipoles.model == "near_field":
+        yield Load(LoadKind.NECKS, neck_load(grain_law(scene), M_max, d, effects.dipoles.surface_gap), M_max)
+        if contact.needs_a_load:
+            yield Load(LoadKind.NECK_STIFFNESS, NECK_MARGIN * neck * contact.max_overlap * d, neck)
+    if effects.gravity is not None:
+        height = device.shape.size[2] if isinstance(device.shape, Box) else 2.0 * device.largest_radius
+        yield Load(LoadKind.WEIGHT, weight_load(particles.density, effects.gravity.acceleration, height, d))
+    if effects.cohesion is not None:
+        pull = effects.cohesion.law().table()
+        yield Load(LoadKind.COHESION, float(max(pull[0] @ (1.0, 0.25 * d), pull[1] @ (1.0, 0.5 * d))))
 
 
 def _too_soft(contact: ContactSection, overlap: Callable[[ContactSection], float], why: str) -> str:

@@ -1,15 +1,18 @@
-"""What a scene of rigid grains (contact.method = 'dvi') starts from: contact, step and solver, each with its reason."""
+"""What a scene of rigid grains (contact.method = 'dvi') starts from: contact, step and solver."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi
+from typing import ClassVar
 
 import numpy as np
 
 from coupling import pair_attraction
 from emclutch.scene.model import Scene
+from emclutch.simulation.stiffness import Stiffness
 from particles import DviContact, RollingFriction, TwistingFriction, choose_dvi_step
+from particles.dem.time_step import TimeStep
 
 TOLERANCE = 1e-4  # of the largest speed to be expected
 LEAST_TOLERANCE = 1e-7  # [m/s]
@@ -17,8 +20,8 @@ LEAST_THRESHOLD = 1e-3  # [m/s], of restitution
 
 
 @dataclass(frozen=True, slots=True)
-class DviPlan:
-    """Contact and solver of rigid grains.
+class RigidContacts:
+    """Contacts of rigid grains, by DVI, and their solver.
 
     Attributes
     ----------
@@ -27,21 +30,32 @@ class DviPlan:
     twisting : TwistingFriction or None
     tolerance : float
         On the natural map [m/s].
-    stiffness : ndarray, shape (2, 2), or None
+    step : TimeStep
+    springs : ndarray, shape (2, 2), or None
         [[k_n, k_t] between grains, [k_n, k_t] at walls] [N/m] of contacts that give way.
+    stiffness : Stiffness or None
+        What the springs follow from.
     """
 
     contact: DviContact
     rolling: RollingFriction | None
     twisting: TwistingFriction | None
     tolerance: float
-    stiffness: np.ndarray | None
+    step: TimeStep
+    springs: np.ndarray | None = None
+    stiffness: Stiffness | None = None
+    method: ClassVar[str] = "dvi"
+
+    @property
+    def normal_stiffness(self) -> float | None:
+        """Between grains [N/m]; None of those that do not give way."""
+        return None if self.springs is None else float(self.springs[0, 0])
 
 
-def plan_dvi(
-    scene: Scene, M_max: float, speed: float, stiffness: np.ndarray | None, reasons: dict[str, str]
-) -> tuple[DviPlan, float]:
-    """Decide contact and solver of the scene, and the step [s].
+def rigid_contacts(
+    scene: Scene, M_max: float, speed: float, springs: tuple[np.ndarray, Stiffness] | None
+) -> RigidContacts:
+    """Decide contact, step and solver of the scene.
 
     Parameters
     ----------
@@ -49,10 +63,8 @@ def plan_dvi(
         Largest magnetisation of a grain to be expected [A/m].
     speed : float
         Largest speed to be expected [m/s].
-    stiffness : ndarray, shape (2, 2), or None
-        Of contacts that give way [N/m].
-    reasons : dict
-        Gets a line for each decision.
+    springs : tuple, or None
+        Of contacts that give way, see `emclutch.simulation.contact_plan.dvi_springs`.
 
     Raises
     ------
@@ -75,20 +87,6 @@ def plan_dvi(
         pull = 0.0 if gravity is None else float(np.linalg.norm(gravity.vector))
         threshold = max(2.0 * step.dt * pull, LEAST_THRESHOLD)
     tolerance = max(TOLERANCE * speed, LEAST_TOLERANCE) if section.tolerance is None else section.tolerance
-    law = {"coulomb": "exact Coulomb friction", "convex": "the convex cone"}[section.friction_law]
-    reasons["contact"] = f"rigid grains, {law}; " + (
-        "stiffness and contact law are not used"
-        if stiffness is None
-        else f"contacts give way by springs of {stiffness[0, 0]:.3g} N/m"
-        + ("" if stiffness[0, 0] == stiffness[1, 0] else f", {stiffness[1, 0]:.3g} N/m at walls")
-        + ", taken implicitly"
-    )
-    reasons["time step"] = step.reason
-    reasons["solver"] = (
-        f"{section.solver}: to {tolerance:.3g} m/s on the natural map"
-        + ("" if section.tolerance is not None else f", {TOLERANCE:g} of the speed expected")
-        + f", at most {section.max_sweeps} sweeps a step; nothing rebounds below {threshold:.3g} m/s"
-    )
     rigid = DviContact(
         contact.friction,
         contact.restitution,
@@ -99,4 +97,5 @@ def plan_dvi(
     rolls, twists = scene.effects.rolling_friction, scene.effects.twisting_friction
     rolling = None if rolls is None else RollingFriction(rolls.coefficient, rolls.wall_coefficient)
     twisting = None if twists is None else TwistingFriction(twists.coefficient, twists.wall_coefficient)
-    return DviPlan(rigid, rolling, twisting, tolerance, stiffness), step.dt
+    given, stiffness = (None, None) if springs is None else springs
+    return RigidContacts(rigid, rolling, twisting, tolerance, step, given, stiffness)

@@ -1,32 +1,24 @@
-"""The plan of a run: everything that is decided before the first step, with its reason; `emclutch check` prints it."""
+"""The plan of a run: everything that is decided before the first step; `emclutch check` says it in words."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from emclutch.device.device import CoilDevice, Device, build_device
+from emclutch.device.device import Device, build_device
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import bad_input_for
-from emclutch.scene.grain_smear import moments_are_fed_back
 from emclutch.scene.replica_count import replica_count
-from emclutch.simulation.contact_plan import dvi_springs, elastic_contacts
-from emclutch.simulation.dvi_plan import DviPlan, plan_dvi
+from emclutch.simulation.contact_plan import ElasticContacts, dvi_springs, elastic_contacts
+from emclutch.simulation.dvi_plan import RigidContacts, rigid_contacts
 from emclutch.simulation.forecast.cost import Cost, foretell
 from emclutch.simulation.forecast.expected_field import expected_magnetisation
 from emclutch.simulation.forecast.expected_speeds import fall_speed, largest_speed, layer_speed
 from emclutch.simulation.forecast.machine_speed import MachineSpeed, threads_at_hand
-from emclutch.simulation.plan_in_words import (
-    coil_in_words,
-    device_in_words,
-    end_in_words,
-    feedback_in_words,
-    mesh_in_words,
-)
-from emclutch.simulation.windows import coupling_windows, parts_of
+from emclutch.simulation.windows import Windows, coupling_windows, parts_of
 from field import MagneticField
 from field.three_d import Field3D
-from particles import CyclicSector, PairLaws
+from particles import CyclicSector
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,36 +30,55 @@ class Plan:
     count : int
         Grains that are simulated (those of the sector).
     sector : CyclicSector or None
-    contact : PairLaws or DviPlan
-        By DEM, or by DVI.
-    dt : float
-        Step of the grains [s].
-    steps_per_update, updates, windows : int
-        Steps between evaluations of the magnetic forces; evaluations a window; windows of the run.
+    contact : ElasticContacts or RigidContacts
+        By DEM, or by DVI; with the step of the grains.
+    division : Windows
+        How the run is divided into windows.
     peak_field : MagneticField, Field3D or None
         Solution at the largest current with the powder spread evenly.
     M_max : float
         Largest magnetisation of a grain to be expected [A/m].
-    stiffness : float or None
-        Normal stiffness of a contact between grains, at the largest overlap to be expected [N/m]; None: rigid.
-    reasons : dict of str to str
-        One line for each decision, for people: what decides is in the other attributes.
     cost : Cost
         Of the run on this machine.
     """
 
     count: int
     sector: CyclicSector | None
-    contact: PairLaws | DviPlan
-    dt: float
-    steps_per_update: int
-    updates: int
-    windows: int
+    contact: ElasticContacts | RigidContacts
+    division: Windows
     peak_field: MagneticField | Field3D | None
     M_max: float
-    stiffness: float | None
-    reasons: dict[str, str]
     cost: Cost
+
+    @property
+    def dt(self) -> float:
+        """Step of the grains [s]."""
+        return self.division.dt
+
+    @property
+    def steps_per_update(self) -> int:
+        """Steps between evaluations of the magnetic forces."""
+        return self.division.steps_per_update
+
+    @property
+    def updates(self) -> int:
+        """Evaluations in a window."""
+        return self.division.updates
+
+    @property
+    def windows(self) -> int:
+        """Of the run."""
+        return self.division.count
+
+    @property
+    def end(self) -> float:
+        """Time at the end of the last window [s]."""
+        return self.division.end
+
+    @property
+    def stiffness(self) -> float | None:
+        """Normal stiffness of a contact between grains, at the largest overlap to be expected [N/m]; None: rigid."""
+        return self.contact.normal_stiffness
 
     @property
     def contact_data(self) -> dict[str, str | bool | float | None]:
@@ -75,18 +86,14 @@ class Plan:
 
         By DEM they always do; by DVI where the scene gives them springs.
         """
-        method = "dem" if isinstance(self.contact, PairLaws) else "dvi"
+        method = self.contact.method
         return {"method": method, "compliant": self.stiffness is not None, "stiffness": self.stiffness}
 
     def continued(self, steps_per_update: int, updates: int, end: float) -> Plan:
         """The plan of a run that goes on with the windows it began with, to the time `end` [s]."""
         windows = parts_of(end, steps_per_update * updates * self.dt)
-        return replace(self, steps_per_update=steps_per_update, updates=updates, windows=windows)
-
-    @property
-    def end(self) -> float:
-        """Time at the end of the last window [s]."""
-        return self.windows * self.updates * self.steps_per_update * self.dt
+        division = replace(self.division, steps_per_update=steps_per_update, updates=updates, count=windows)
+        return replace(self, division=division)
 
 
 def make_plan(
@@ -101,33 +108,19 @@ def make_plan(
     """
     scene = case.scene
     device = device or build_device(scene)
-    particles = scene.grains
-    sector = None if particles.sector is None else CyclicSector(particles.sector)
-    fill, reasons = device.fill, dict(device_in_words(scene, device))
+    sector = None if scene.grains.sector is None else CyclicSector(scene.grains.sector)
     field, M_max = expected_magnetisation(case, device)
-    if isinstance(field, MagneticField) and isinstance(device.coil, CoilDevice) and device.coil.resistance is not None:
-        reasons["coil"] = coil_in_words(scene, device.coil, field)
     speed = largest_speed(scene, device)
-    contact: PairLaws | DviPlan
+    contact: ElasticContacts | RigidContacts
     if scene.contact.method == "dvi":
-        springs = dvi_springs(scene, device, M_max, speed, reasons)
-        contact, dt = plan_dvi(scene, M_max, speed, springs, reasons)
-        stiffness = None if springs is None else float(springs[0, 0])
+        contact = rigid_contacts(scene, M_max, speed, dvi_springs(scene, device, M_max, speed))
     else:
-        contact, dt, stiffness = elastic_contacts(scene, device, M_max, speed, reasons)
+        contact = elastic_contacts(scene, device, M_max, speed)
     layers = max(fall_speed(scene, device), layer_speed(scene, device, speed))
-    per_update, updates, windows = coupling_windows(scene, dt, speed, layers, M_max > 0.0 or field is not None, reasons)
-    if moments_are_fed_back(scene) and isinstance(device.coil, CoilDevice):
-        reasons["feedback"] = feedback_in_words(scene, device.coil)
-    if device.coil is not None:
-        reasons["mesh"] = mesh_in_words(device.coil)
-    threads = threads or _threads_of_a_replica(scene)
-    cost = foretell(scene, device, dt, (per_update, updates, windows), threads, machine)
-    reasons |= dict(end_in_words(scene, device, windows * updates * per_update * dt))
-    reasons["cost"] = cost.in_words()
-    return device, Plan(
-        fill.count, sector, contact, dt, per_update, updates, windows, field, M_max, stiffness, reasons, cost
-    )
+    division = coupling_windows(scene, contact.step.dt, speed, layers, M_max > 0.0 or field is not None)
+    rhythm = division.steps_per_update, division.updates, division.count
+    cost = foretell(scene, device, division.dt, rhythm, threads or _threads_of_a_replica(scene), machine)
+    return device, Plan(device.fill.count, sector, contact, division, field, M_max, cost)
 
 
 def _threads_of_a_replica(scene) -> int:

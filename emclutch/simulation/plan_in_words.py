@@ -12,11 +12,13 @@ import numpy as np
 from emclutch.device.device import CoilDevice, Device
 from emclutch.results.steady_torque import LEAST_STRAIN
 from emclutch.scene.case import Case
-from emclutch.scene.grain_smear import smear_width
+from emclutch.scene.grain_smear import moments_are_fed_back, smear_width
 from emclutch.scene.input_files import paths_elsewhere
 from emclutch.scene.replica_count import replica_count
 from emclutch.scene.surfaces import extent_in_words
+from emclutch.simulation.contacts_in_words import contacts_in_words
 from emclutch.simulation.forecast.expected_speeds import device_extent
+from emclutch.simulation.windows import UpdateRule, Windows
 from field import MagneticField
 from field.coil.inductance import apparent_inductance, incremental_inductance
 from field.factorisation import describe_backend
@@ -24,6 +26,32 @@ from geometry import Clutch
 
 if TYPE_CHECKING:
     from emclutch.device.device_3d import CoilDevice3D
+    from emclutch.scene.model import Scene
+    from emclutch.simulation.plan import Plan
+
+UPDATE_RULES = {
+    UpdateRule.ASKED: " as asked",
+    UpdateRule.EVERY_STEP: "",
+    UpdateRule.CONTACT: ": half a contact, 1 % of a diameter of travel",
+    UpdateRule.NEIGHBOURS: ", near pulls every step: at most two contacts, neighbours 1 % of a diameter further",
+}
+
+
+def plan_in_words(scene: Scene, device: Device, plan: Plan) -> dict[str, str]:
+    """What was decided for a run, and why: label -> text, in the order in which `emclutch check` says it."""
+    words = dict(device_in_words(scene, device))
+    coil, field = device.coil, plan.peak_field
+    if isinstance(field, MagneticField) and isinstance(coil, CoilDevice) and coil.resistance is not None:
+        words["coil"] = coil_in_words(scene, coil, field)
+    words |= dict(contacts_in_words(scene, plan.contact))
+    words |= dict(windows_in_words(plan.division))
+    if moments_are_fed_back(scene) and isinstance(coil, CoilDevice):
+        words["feedback"] = feedback_in_words(scene, coil)
+    if coil is not None:
+        words["mesh"] = mesh_in_words(coil)
+    words |= dict(end_in_words(scene, device, plan.end))
+    words["cost"] = plan.cost.in_words()
+    return words
 
 
 def device_in_words(scene, device: Device) -> Iterator[tuple[str, str]]:
@@ -84,6 +112,19 @@ def coil_in_words(scene, coil: CoilDevice, field: MagneticField) -> str:
         if scene.time.end < 3.0 * tau:
             text += f"; WARNING: time.end = {scene.time.end:.3g} s is over before the current has risen"
     return text
+
+
+def windows_in_words(division: Windows) -> Iterator[tuple[str, str]]:
+    """How often magnetic forces are evaluated, why, and the windows: label and text."""
+    if division.rule is not None:
+        steps = division.steps_per_update
+        every = f"every {steps} steps" if steps > 1 else "every step"
+        yield "magnetic forces", f"evaluated {every}{UPDATE_RULES[division.rule]}"
+    yield (
+        "coupling window",
+        f"{division.steps} steps = {division.steps * division.dt:.3g} s, "
+        f"{division.count} windows to t = {division.end:.4g} s",
+    )
 
 
 def feedback_in_words(scene, coil: CoilDevice) -> str:

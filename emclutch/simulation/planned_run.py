@@ -12,6 +12,7 @@ from emclutch.scene.model import Scene
 from emclutch.simulation.forecast.free_disk import refuse_full_disk
 from emclutch.simulation.forecast.free_memory import refuse_too_much
 from emclutch.simulation.plan import Plan, make_plan
+from emclutch.simulation.plan_in_words import plan_in_words
 from emclutch.simulation.run_request import RunRequest
 from emclutch.simulation.threads import threading_layer, threads_in_use
 
@@ -20,11 +21,22 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class PlannedRun:
-    """The device of a run, its plan, and when its torque counts as steady."""
+    """What a run starts from.
+
+    Attributes
+    ----------
+    device : Device
+    plan : Plan
+    conditions : SteadyConditions
+        When its torque counts as steady.
+    decisions : dict of str to str
+        The plan in words, as it was when this process took the run up.
+    """
 
     device: Device
     plan: Plan
     conditions: SteadyConditions
+    decisions: dict[str, str]
 
 
 def planned(request: RunRequest) -> PlannedRun:
@@ -32,7 +44,8 @@ def planned(request: RunRequest) -> PlannedRun:
     scene, folder, progress = request.case.scene, request.folder, request.progress
     progress.say(0.0, "mesh and field")
     device, plan = make_plan(request.case, threads=threads_in_use(), machine=request.machine)
-    for label, reason in plan.reasons.items():
+    decisions = plan_in_words(scene, device, plan)
+    for label, reason in decisions.items():
         log.info("%s: %s", label, reason)
         if "WARNING" in reason:
             progress.announce(f"{label}: {reason}")
@@ -48,8 +61,8 @@ def planned(request: RunRequest) -> PlannedRun:
         grains_from=None if request.grains is None else request.grains.as_dict(),
     )
     conditions = steady_conditions(scene, device)
-    folder.write_plan({"contact": plan.contact_data, "steady_torque": conditions.as_dict(), "decisions": plan.reasons})
-    return PlannedRun(device, plan, conditions)
+    folder.write_plan({"contact": plan.contact_data, "steady_torque": conditions.as_dict(), "decisions": decisions})
+    return PlannedRun(device, plan, conditions, decisions)
 
 
 def steady_conditions(scene: Scene, device: Device) -> SteadyConditions:

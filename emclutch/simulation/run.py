@@ -84,9 +84,7 @@ def run(
             step_compiled_beside(case.scene, telling.announce),
             other_replicas(case, folder, count, threads=threads, free=free, resume=resume, start=start) as replicas,
         ):
-            return _run(
-                RunRequest(case, opened, telling, replicas, stop, free, insist, grains, machine, callback)
-            )
+            return _run(RunRequest(case, opened, telling, replicas, stop, free, insist, grains, machine, callback))
 
 
 def run_replica(
@@ -107,9 +105,7 @@ def run_replica(
     grains = None if start is None or resume else starting_grains(case, start)
     with open_folder(case, target, resume, RunProgress()) as opened:
         use_threads(threads)
-        return _run(
-            RunRequest(case, opened, RunProgress(), replicas, stop, free=free, insist=True, grains=grains)
-        )
+        return _run(RunRequest(case, opened, RunProgress(), replicas, stop, free=free, insist=True, grains=grains))
 
 
 def _run(request: RunRequest) -> Result:

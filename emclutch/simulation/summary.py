@@ -10,8 +10,9 @@ from coupling import CoilField, CoilField3D
 from emclutch.device.pole_zone import PoleZone, pole_zone
 from emclutch.results import Estimate, RunFolder, read_history
 from emclutch.results.rise_time import rise_times
-from emclutch.results.steady_torque import SteadyConditions, mean_torque, steady_torque
+from emclutch.results.steady_torque import mean_torque, steady_torque
 from emclutch.scene.replica_count import replica_seed
+from emclutch.simulation.planned_run import PlannedRun
 from emclutch.simulation.structure import structure_summary
 from emclutch.simulation.torque_known import how_it_ended
 from field import FluxLinkage, MagneticField, MeanFluxDensity, estimate_error
@@ -23,10 +24,8 @@ JAM = 1e3  # tolerances of the solver of rigid contacts, beyond which a step cou
 def summarise(
     case,
     folder: RunFolder,
-    device,
-    plan,
+    planned: PlannedRun,
     simulation,
-    conditions: SteadyConditions,
     seconds: dict[str, float],
     others=(),
     stopped: bool = False,
@@ -37,6 +36,7 @@ def summarise(
     windows contain as well. `others` are the histories of the other replicas: their torques count, all else is of this
     run. `stopped`: the user's callback has ended it.
     """
+    device, plan, conditions = planned.device, planned.plan, planned.conditions
     history = read_history(folder.history)
     summary: dict = {"title": case.scene.scene.title, "effects": list(case.scene.effects.active)}
     for body in ("rotor", "field"):
@@ -103,7 +103,7 @@ def summarise(
         }
         | {**seconds, "foretold": plan.cost.seconds},
         "contact": plan.contact_data,
-        "plan": plan.reasons,
+        "plan": planned.decisions,
     }
     folder.write_summary(summary)
 

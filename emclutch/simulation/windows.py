@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from enum import Enum, auto
 from math import ceil, floor
 
 import numpy as np
@@ -10,51 +12,87 @@ MOST_STEPS = 1e12
 """Of a run: one grain alone takes a week for them."""
 
 
+class UpdateRule(Enum):
+    """What decides how often magnetic forces are evaluated."""
+
+    ASKED = auto()
+    EVERY_STEP = auto()  # the step of rigid grains follows the forces themselves
+    CONTACT = auto()  # half a contact, or 1 % of a diameter of travel
+    NEIGHBOURS = auto()  # near pulls follow every step; two contacts, or neighbours 1 % of a diameter further
+
+
+@dataclass(frozen=True, slots=True)
+class Windows:
+    """The parts of a run.
+
+    Attributes
+    ----------
+    dt : float
+        Step of the grains [s].
+    steps_per_update : int
+        Steps between evaluations of the magnetic forces.
+    updates : int
+        Evaluations in a window.
+    count : int
+        Windows of the run.
+    rule : UpdateRule or None
+        What decides the steps an update; None without magnetic forces.
+    """
+
+    dt: float
+    steps_per_update: int
+    updates: int
+    count: int
+    rule: UpdateRule | None
+
+    @property
+    def steps(self) -> int:
+        """Of a window."""
+        return self.steps_per_update * self.updates
+
+    @property
+    def end(self) -> float:
+        """Time at the end of the last one [s]."""
+        return self.count * self.updates * self.steps_per_update * self.dt
+
+
 def parts_of(duration: float, part: float) -> int:
     """How many parts [s] reach the end of a duration [s]; round-off of their quotient adds none."""
     return max(1, ceil(duration / part - 1e-9))
 
 
-def coupling_windows(
-    scene, dt: float, speed: float, between_layers: float, magnetic: bool, reasons: dict[str, str]
-) -> tuple[int, int, int]:
-    """Steps a force update, updates a window and windows of the run; speeds of the walls and of layers [m/s]."""
-    d = scene.particles.smallest_diameter
+def coupling_windows(scene, dt: float, speed: float, between_layers: float, magnetic: bool) -> Windows:
+    """The windows of a scene with a step [s]; largest speeds of the walls, and between layers of grains [m/s]."""
     if scene.time.end / dt > MOST_STEPS:
         raise ValueError(
             f"time.end = {scene.time.end:.3g} s is {scene.time.end / dt:.2g} steps of {dt:.2g} s; allowed: at most "
             f"{MOST_STEPS:.0e}, which take months; lower it, raise particles.diameter or contact.max_overlap, or check "
             "the units of what the step follows from"
         )
-    end_steps = parts_of(scene.time.end, dt)
-    per_update = 1
-    if magnetic:
-        asked = scene.effects.dipoles.update_every if scene.effects.dipoles is not None else None
-        rigid = scene.contact.method == "dvi"  # its step follows the forces themselves
-        # near pulls follow every step (`coupling.near_attraction`): what is held then changes with the places of layers
-        followed = scene.effects.dipoles is not None and scene.effects.dipoles.model == "near_field" and not rigid
-        moved, contacts = (between_layers, 2.0) if followed else (speed, 0.5)
-        travel = 0.01 * d / (moved * dt) if moved > 0.0 else np.inf
-        per_update = asked or (1 if rigid else max(1, floor(min(travel, contacts * scene.time.steps_per_contact))))
-        every = f"evaluated every {per_update} steps" if per_update > 1 else "evaluated every step"
-        why = ": half a contact, 1 % of a diameter of travel"
-        if followed:
-            why = ", near pulls every step: at most two contacts, neighbours 1 % of a diameter further"
-        why = "" if rigid else why
-        reasons["magnetic forces"] = every + (" as asked" if asked else why)
     if scene.time.window is not None:
         steps = max(1, round(scene.time.window / dt))
     else:
         # a quarter of a diameter of shear, but enough windows for a mean with an error bar
-        travel = 0.25 * d / (speed * dt) if speed > 0.0 else np.inf
-        steps = max(1, floor(min(travel, end_steps / 200, 5000)))
-    if not magnetic:
-        per_update, updates = steps, 1
-    else:
+        travel = 0.25 * scene.particles.smallest_diameter / (speed * dt) if speed > 0.0 else np.inf
+        steps = max(1, floor(min(travel, parts_of(scene.time.end, dt) / 200, 5000)))
+    if magnetic:
+        per_update, rule = _steps_per_update(scene, dt, speed, between_layers)
         updates = max(1, round(steps / per_update))
-    windows = parts_of(scene.time.end, per_update * updates * dt)
-    reasons["coupling window"] = (
-        f"{per_update * updates} steps = {per_update * updates * dt:.3g} s, "
-        f"{windows} windows to t = {windows * per_update * updates * dt:.4g} s"
-    )
-    return per_update, updates, windows
+    else:
+        per_update, updates, rule = steps, 1, None
+    return Windows(dt, per_update, updates, parts_of(scene.time.end, per_update * updates * dt), rule)
+
+
+def _steps_per_update(scene, dt: float, speed: float, between_layers: float) -> tuple[int, UpdateRule]:
+    """Steps between evaluations of the magnetic forces, and what decides them."""
+    dipoles = scene.effects.dipoles
+    if dipoles is not None and dipoles.update_every:
+        return dipoles.update_every, UpdateRule.ASKED
+    if scene.contact.method == "dvi":
+        return 1, UpdateRule.EVERY_STEP
+    # near pulls follow every step (`coupling.near_attraction`): what is held then changes with the places of layers
+    followed = dipoles is not None and dipoles.model == "near_field"
+    moved, contacts = (between_layers, 2.0) if followed else (speed, 0.5)
+    travel = 0.01 * scene.particles.smallest_diameter / (moved * dt) if moved > 0.0 else np.inf
+    steps = max(1, floor(min(travel, contacts * scene.time.steps_per_contact)))
+    return steps, UpdateRule.NEIGHBOURS if followed else UpdateRule.CONTACT

@@ -22,8 +22,8 @@ from emclutch.results import OutputError
 from emclutch.results.report.markdown import closing_lines, soft_grains
 from emclutch.scene.case import load_case
 from emclutch.scene.reference import scene_reference
-from emclutch.simulation.resume import refuse_other_scene
 from emclutch.simulation.open_folder import remedy_in_scene
+from emclutch.simulation.resume import refuse_other_scene
 from emclutch.simulation.run_error import Interrupted
 from particles import DemError, DemErrorKind
 

@@ -30,6 +30,7 @@ from emclutch.scene.model import Scene
 from emclutch.scene.study import read_study
 from emclutch.simulation.kernel_warm_up import kind_of
 from emclutch.simulation.plan import make_plan
+from emclutch.simulation.plan_in_words import plan_in_words
 
 KEYS = {*_all_keys(Scene), "study", "study.case"}
 UNDEFINED = ("inertial_number",)  # of a history: without a torque there is none
@@ -102,7 +103,9 @@ def _study(scene: RandomScene, folder: Path) -> Verdict:
     file = folder / "study.toml"
     try:
         cases = [case for _, case in read_study(file).cases()]
-        why_not = next(filter(None, (_not_run(case, make_plan(case)[1].reasons) for case in cases)), "")
+        why_not = next(
+            filter(None, (_not_run(case, plan_in_words(case.scene, *make_plan(case))) for case in cases)), ""
+        )
     except (SceneError, ValueError):  # of a plan: ValueError
         why_not = ""
     if why_not:

@@ -11,6 +11,7 @@ import pytest
 from emclutch.results import Estimate, HistoryWriter, RunFolder, load_result
 from emclutch.results.steady_torque import SteadyConditions, steady_torque
 from emclutch.scene.case import case_from
+from emclutch.simulation.planned_run import PlannedRun
 from emclutch.simulation.summary import summarise
 from emclutch.studies.method_comparison import compare_methods
 from particles.grains import Grains
@@ -68,8 +69,8 @@ def three_ways(path, rows, conditions):
         source=None,
         n_sectors=1,
     )
-    plan = SimpleNamespace(count=10, dt=1e-3, contact_data={}, reasons={}, cost=SimpleNamespace(seconds={"total": 1.0}))
-    summarise(CASE, folder, None, plan, simulation, conditions, {"whole_run": 1.0})
+    plan = SimpleNamespace(count=10, dt=1e-3, contact_data={}, cost=SimpleNamespace(seconds={"total": 1.0}))
+    summarise(CASE, folder, PlannedRun(None, plan, conditions, {}), simulation, {"whole_run": 1.0})
     written = Estimate.from_dict(folder.read_summary()["torque"])
     result = load_result(path)
     (row,) = compare_methods([({"contact.method": method}, result) for method in ("dem", "dvi")])

@@ -1,0 +1,82 @@
+"""The contacts of a plan in words: their stiffness and what it follows from, the step, the solver of rigid grains."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from emclutch.simulation.dvi_plan import TOLERANCE, RigidContacts
+from emclutch.simulation.stiffness import NECK_MARGIN, Load, LoadKind, Stiffness
+from particles.dem.overlap_limits import SOFT
+
+if TYPE_CHECKING:
+    from emclutch.scene.dvi import DviSection
+    from emclutch.scene.model import Scene
+    from emclutch.simulation.contact_plan import ElasticContacts
+
+FRICTION = {"coulomb": "exact Coulomb friction", "convex": "the convex cone"}
+
+
+def contacts_in_words(scene: Scene, contacts: ElasticContacts | RigidContacts) -> Iterator[tuple[str, str]]:
+    """Stiffness, kind of contact, step and solver: label and text."""
+    if contacts.stiffness is not None:
+        yield "stiffness", stiffness_in_words(contacts.stiffness)
+    if not isinstance(contacts, RigidContacts):
+        yield "time step", contacts.step.reason
+        return
+    yield "contact", rigidity_in_words(scene.contact.dvi, contacts)
+    yield "time step", contacts.step.reason
+    yield "solver", solver_in_words(scene.contact.dvi, contacts)
+
+
+def stiffness_in_words(stiffness: Stiffness) -> str:
+    """How stiff contacts between grains are, why, and what speaks against it."""
+    why = load_in_words(stiffness.load, stiffness.speed)
+    kind = "" if stiffness.law == "linear" else f"law {stiffness.law}, at that overlap "
+    text = (
+        f"{kind}k_n = {stiffness.value:.3g} N/m{' as asked' if stiffness.asked else ''}: "
+        f"overlap {100 * stiffness.overlap:.2g} % of the diameter" + (f" under {why}" if why else "")
+    )
+    if stiffness.snap is not None:
+        text += f"; grains that snap together from afar press in by {100 * stiffness.snap:.2g} % for an instant"
+    if stiffness.is_below_necks:
+        text += (
+            f"; WARNING: less than {NECK_MARGIN:g} times the negative stiffness of saturated necks, "
+            f"{stiffness.neck:.3g} N/m: contacts close by more than their overlap says"
+        )
+    if stiffness.is_soft:
+        text += f"; WARNING: above {100 * SOFT:g} % grains are too soft for peaks of the torque"
+    return text
+
+
+def load_in_words(load: Load, speed: float) -> str:
+    """What presses grains in, a load and impacts at a speed [m/s]; empty where nothing does."""
+    causes = {
+        LoadKind.MAGNETISM: f"grains magnetised to {load.cause / 1e3:.3g} kA/m",
+        LoadKind.NECKS: f"necks between grains magnetised to {load.cause / 1e3:.3g} kA/m",
+        LoadKind.NECK_STIFFNESS: f"{NECK_MARGIN:g} times the stiffness of saturated necks, {load.cause:.3g} N/m,",
+        LoadKind.WEIGHT: "the weight of the bed",
+        LoadKind.COHESION: "cohesion",
+    }
+    loaded = f"{load.force:.3g} N from {causes[load.kind]}" if load.force > 0.0 else ""
+    hit = f"impacts at {speed:.3g} m/s" if speed > 0.0 else ""
+    return " and ".join(filter(None, (loaded, hit)))
+
+
+def rigidity_in_words(section: DviSection, contacts: RigidContacts) -> str:
+    """The friction of rigid grains, and whether they give way."""
+    text = f"rigid grains, {FRICTION[section.friction_law]}; "
+    if contacts.springs is None:
+        return f"{text}stiffness and contact law are not used"
+    between, at_walls = contacts.springs[:, 0]
+    walls = "" if between == at_walls else f", {at_walls:.3g} N/m at walls"
+    return f"{text}contacts give way by springs of {between:.3g} N/m{walls}, taken implicitly"
+
+
+def solver_in_words(section: DviSection, contacts: RigidContacts) -> str:
+    """How exactly the contacts of rigid grains are solved, and which of them rebound."""
+    share = "" if section.tolerance is not None else f", {TOLERANCE:g} of the speed expected"
+    return (
+        f"{section.solver}: to {contacts.tolerance:.3g} m/s on the natural map{share}, at most {section.max_sweeps} "
+        f"sweeps a step; nothing rebounds below {contacts.contact.threshold:.3g} m/s"
+    )

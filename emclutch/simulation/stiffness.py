@@ -1,0 +1,83 @@
+"""How stiff the contacts of a run are, and what loads them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from particles.dem.overlap_limits import SOFT
+
+NECK_MARGIN = 10.0  # of a contact's stiffness over the negative one of its neck
+
+
+class LoadKind(Enum):
+    """What presses grains together."""
+
+    MAGNETISM = auto()
+    NECKS = auto()
+    NECK_STIFFNESS = auto()  # so stiff that no neck pulls a contact in by itself
+    WEIGHT = auto()
+    COHESION = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """The largest force on a contact that is to be expected of one kind.
+
+    Attributes
+    ----------
+    kind : LoadKind
+    force : float
+        [N]
+    cause : float
+        What it follows from: the grains' magnetisation [A/m] of magnetism and necks, the necks' negative stiffness
+        [N/m]; 0 of others.
+    """
+
+    kind: LoadKind
+    force: float
+    cause: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Stiffness:
+    """The normal stiffness of contacts between grains, at the largest overlap that is to be expected.
+
+    Attributes
+    ----------
+    value : float
+        [N/m]
+    asked : bool
+        Whether the scene gives it; else it follows from the load.
+    law : str
+        Of the contact, as `contact.law`.
+    overlap : float
+        The largest to be expected, over the diameter.
+    load : Load
+        The largest.
+    speed : float
+        Of impacts [m/s].
+    snap : float or None
+        Overlap over the diameter of grains that snap together from afar, for an instant; None without magnetism.
+    neck : float
+        Negative stiffness of saturated necks between near grains [N/m]; 0 where there are none.
+    """
+
+    value: float
+    asked: bool
+    law: str
+    overlap: float
+    load: Load
+    speed: float
+    snap: float | None
+    neck: float
+
+    @property
+    def is_below_necks(self) -> bool:
+        """Whether it is less than `NECK_MARGIN` times that of necks; round-off of what follows from it is not."""
+        return self.value < 0.999 * NECK_MARGIN * self.neck
+
+    @property
+    def is_soft(self) -> bool:
+        """Whether grains press in so far that peaks of the torque mean little."""
+        return self.overlap > SOFT
