@@ -11,7 +11,7 @@ import numpy as np
 from coupling.smear_region import elements_within, magnetic_regions
 from emclutch.device.excitation import Excitation
 from emclutch.device.materials import conductivities, grain_law, region_laws
-from emclutch.scene.field_source import CoilFieldSection, UniformFieldSection
+from emclutch.scene.field_source import UniformFieldSection
 from emclutch.scene.fill import Fill, boxes_to_fill, fill_of
 from emclutch.scene.geometry import CadGeometry
 from emclutch.scene.grain_smear import element_layers, moments_are_fed_back, smear_width
@@ -168,10 +168,7 @@ def field_is_needed(scene: Scene) -> bool:
 
 def field_is_3d(scene: Scene) -> bool:
     """Whether the coil's field is solved in 3D: slots in a clutch, or solids of any shape from CAD."""
-    shape = scene.shape()
-    if isinstance(scene.geometry, CadGeometry):
-        return scene.geometry.three_dimensional
-    return isinstance(shape, Clutch) and not shape.axisymmetric
+    return scene.geometry.is_solved_in_3d
 
 
 def build_device(scene: Scene) -> Device:
@@ -183,8 +180,8 @@ def build_device(scene: Scene) -> Device:
     device = Device(shape, boxes, fill, surfaces=surfaces, region=particles.region)
     if not field_is_needed(scene):
         return device
-    if isinstance(scene.field, UniformFieldSection):
-        return replace(device, imposed=imposed_field(scene.field, shape))
+    if scene.prescribed_field is not None:
+        return replace(device, imposed=imposed_field(scene.prescribed_field, shape))
     return replace(device, coil=solved_coil(scene))
 
 
@@ -201,9 +198,9 @@ def solved_coil(scene: Scene) -> CoilDevice | CoilDevice3D:
 
 def build_coil_device(scene: Scene) -> CoilDevice:
     """Mesh, materials and coil of a clutch, or of a device from CAD."""
-    shape, source, coil = scene.shape(), scene.field, scene.coil
+    shape, source, coil = scene.shape(), scene.coil_field, scene.coil
     assert not isinstance(shape, (Box, ShearCell, CentrifugalClutch))  # by the schema, as the next line
-    assert isinstance(source, CoilFieldSection) and coil is not None
+    assert source is not None and coil is not None
     powder = PowderLaw(grain_law(scene)) if scene.effects.back_reaction is not None else None
     boxes = [] if scene.particles is None else boxes_to_fill(shape, scene.particles.region)
     window = shape.coil_area, shape.coil_mean_radius
@@ -270,8 +267,8 @@ def even_fill(mesh: SectionMesh, boxes: list[AnnularBox], phi: float) -> np.ndar
 
 def mesh_of(scene: Scene, path: Path | None = None) -> SectionMesh:
     """Mesh the section of a clutch or of a CAD file, and write the mesh to `path` as well (.msh)."""
-    source = scene.field
-    layers, size = (source.gap_layers, source.size_factor) if isinstance(source, CoilFieldSection) else (4, 1.0)
+    source = scene.coil_field
+    layers, size = (4, 1.0) if source is None else (source.gap_layers, source.size_factor)
     if isinstance(scene.geometry, CadGeometry):
         return scene.geometry.mesh(gap_layers=element_layers(scene, layers), size_factor=size, path=path)
     shape = scene.shape()

@@ -49,8 +49,8 @@ class CoilDevice3D(Excitation):
 
 def build_coil_device_3d(scene: Scene) -> CoilDevice3D:
     """Mesh, materials and coil of a clutch of which one body has slots, or of solids from CAD."""
-    shape, source, coil = scene.shape(), scene.field, scene.coil
-    assert isinstance(shape, (Clutch, CadShape)) and isinstance(source, CoilFieldSection) and coil is not None
+    shape, source, coil = scene.shape(), scene.coil_field, scene.coil
+    assert isinstance(shape, (Clutch, CadShape)) and source is not None and coil is not None
     mesh, winding, carrier = _parts_of(scene, shape, source)
     outer = mesh.points[mesh.boundaries["outer"]][..., 2]
     problem = Problem3D(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from emclutch.scene.geometry import CadGeometry, ClutchGeometry
 from emclutch.scene.model import Scene
 from field import GrainLaw, ThesisLaw, material
 from field.laws.conductivity import conductivity
@@ -23,12 +22,7 @@ def region_laws(scene: Scene, mesh: SectionMesh | Mesh3D) -> dict:
 
 def region_materials(scene: Scene, mesh: SectionMesh | Mesh3D) -> dict[str, str]:
     """Name of the material of each region of the mesh that has one."""
-    if isinstance(scene.geometry, CadGeometry):
-        return dict(scene.geometry.materials)
-    assert isinstance(scene.geometry, ClutchGeometry)  # nothing else has a mesh
-    names = scene.geometry.materials.model_dump()
-    names["shaft_in"] = names["shaft_out"] = names.pop("shaft")
-    return {region: names[region] for region in mesh.regions if region in names}
+    return scene.geometry.region_materials(mesh.regions)
 
 
 def conductivities(scene: Scene, mesh: SectionMesh) -> dict[str, float] | None:

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 
 from emclutch.scene.draft import Draft, size_key
 from emclutch.scene.errors import Fault
-from emclutch.scene.field_source import CoilFieldSection
 from emclutch.scene.fill import fill_of
-from emclutch.scene.geometry import BoxGeometry, CadGeometry, ClutchGeometry
+from emclutch.scene.geometry import ClutchGeometry
 from emclutch.scene.grains import MOST_GRAINS
 from emclutch.scene.magnetic_checks import (
     coil_transients,
@@ -65,7 +64,7 @@ def _field_alone(draft: Draft) -> Iterator[Fault]:
             f"is missing beside {names or '[effects]'}; add the section [particles], or, for the field alone, remove "
             "the tables of the effects",
         )
-    elif not isinstance(scene.field, CoilFieldSection) and "field" not in draft.broken:
+    elif scene.coil_field is None and "field" not in draft.broken:
         yield Fault(
             "particles",
             "",
@@ -76,7 +75,7 @@ def _field_alone(draft: Draft) -> Iterator[Fault]:
 
 def _shape(draft: Draft) -> Iterator[Fault]:
     """The shape itself, and that a grain fits into it; a drawing without grains may be any."""
-    if draft.is_of_the_field_alone and isinstance(draft.scene.geometry, CadGeometry):
+    if draft.is_of_the_field_alone and draft.scene.geometry.is_from_file:
         return
     particles = draft.scene.particles
     for fault in _faults_of_shape(draft, None if particles is None else particles.largest_diameter):
@@ -102,7 +101,7 @@ def _faults_of_shape(draft: Draft, diameter: float | None) -> list[GeometryFault
 
 def _region(draft: Draft) -> Iterator[Fault]:
     particles, geometry = draft.scene.particles, draft.scene.geometry
-    if particles.region != "cavity" and not isinstance(geometry, ClutchGeometry):
+    if particles.region != "cavity" and not geometry.has_regions:
         yield draft.fault(
             "particles.region",
             f"exists in a clutch or drum only; remove it: a {geometry.kind} is filled as a whole",
@@ -112,10 +111,10 @@ def _region(draft: Draft) -> Iterator[Fault]:
 def _surfaces(draft: Draft) -> Iterator[Fault]:
     """A surface that no grain can reach, wherever its body turns to."""
     geometry, shape = draft.scene.geometry, draft.scene.shape()
-    if isinstance(geometry, CadGeometry) or shape.faults(None):
+    if geometry.is_from_file or shape.faults(None):
         return  # only the boxes that a CAD device is filled in are known, not all of its cavity; the latter is told
     inner = 0.0
-    if isinstance(geometry, BoxGeometry):
+    if not geometry.has_axis:
         lower, upper = shape.lower, shape.upper
     else:
         boxes = shape.fill_boxes().values()
@@ -193,7 +192,7 @@ def _pour(draft: Draft) -> Iterator[Fault]:
 
 
 def _motion(draft: Draft) -> Iterator[Fault]:
-    if isinstance(draft.scene.geometry, BoxGeometry):
+    if not draft.scene.geometry.has_axis:
         with_surfaces = {surface.body for surface in draft.scene.surfaces.values()}
         for shaft in ("rotor", "disc"):
             # a resolved scene has its defaults written out: a held shaft is no motion
@@ -219,7 +218,7 @@ def _replicas(draft: Draft) -> Iterator[Fault]:
             f"asks for several packings, and particles.packing = '{scene.particles.packing}' packs all of them alike; "
             "take a random packing, or one replica",
         )
-    if scene.time.until is not None and scene.geometry.kind == "box":
+    if scene.time.until is not None and not scene.geometry.has_axis:
         yield draft.fault("time.until", "has no disc whose torque could be known; remove it, a box ends at time.end")
 
 

@@ -39,5 +39,10 @@ class UniformFieldSection(Section):
         "cell (direction radial, effect wall_images) layers of grains change it",
     )
 
+    @property
+    def is_macroscopic(self) -> bool:
+        """Whether it is the mean field of an even powder, and not that without grains."""
+        return self.means == "macroscopic"
+
 
 FieldSource = Annotated[CoilFieldSection | UniformFieldSection, Field(discriminator="source")]

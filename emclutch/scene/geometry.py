@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from pathlib import Path
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
+from emclutch.scene.geometry_section import NO_MATERIALS, GeometrySection
 from emclutch.scene.magnetic_regions import magnetic_regions
 from emclutch.scene.section import Choice, Section, Whole, refuse
 from emclutch.scene.units import Length, LengthOrNone, number
@@ -24,9 +24,6 @@ if TYPE_CHECKING:
     from geometry.clutch import Clutch
     from geometry.mesh_3d import Mesh3D
     from geometry.section import SectionMesh
-
-
-NO_MATERIALS: Mapping[str, Material] = MappingProxyType({})
 
 
 class ClutchMaterials(Section):
@@ -61,8 +58,11 @@ class SlotsSection(Section):
     depth: Length = Field(description="radial depth")
 
 
-class ClutchGeometry(Section):
+class ClutchGeometry(GeometrySection):
     """A disc in a rotor's cavity, in a housing with a coil; steel covers lead the flux to the faces."""
+
+    has_coil: ClassVar[bool] = True
+    has_regions: ClassVar[bool] = True
 
     kind: Literal["clutch"]
     disc_radius: Length = Field(description="outer radius of the disc")
@@ -87,6 +87,23 @@ class ClutchGeometry(Section):
     rotor_slots: SlotsSection | None = Field(default=None, description="slots in the rotor's poles")
     materials: ClutchMaterials = ClutchMaterials()
 
+    @property
+    def slotted(self) -> dict[str, Any]:
+        """Slots of the disc and of the rotor, where they have some."""
+        both = {"disc_slots": self.disc_slots, "rotor_slots": self.rotor_slots}
+        return {key: slots for key, slots in both.items() if slots is not None}
+
+    @property
+    def is_solved_in_3d(self) -> bool:
+        """With slots it is no device of revolution."""
+        return bool(self.slotted)
+
+    def region_materials(self, regions: Iterable[str]) -> dict[str, str]:
+        """Name of the material of each of the mesh's regions that has one."""
+        names = self.materials.model_dump()
+        names["shaft_in"] = names["shaft_out"] = names.pop("shaft")
+        return {region: names[region] for region in regions if region in names}
+
     def shape(self, own: Mapping[str, Material] = NO_MATERIALS) -> Clutch:
         """Return the shape for meshing, walls and volumes; `own`: the scene's own materials by name."""
         from geometry.clutch import Clutch  # local: the schema itself needs no shapes
@@ -108,8 +125,10 @@ class DrumGeometry(ClutchGeometry):
     materials: DrumMaterials = DrumMaterials()
 
 
-class ShearCellGeometry(Section):
+class ShearCellGeometry(GeometrySection):
     """The annulus between two cylinders: body `disc` inside, `rotor` outside, floor and ceiling at rest."""
+
+    is_annulus: ClassVar[bool] = True
 
     kind: Literal["shear_cell"]
     inner_radius: Length = Field(description="radius of the inner cylinder")
@@ -117,18 +136,28 @@ class ShearCellGeometry(Section):
     height: Length = Field(description="axial height")
     steel: bool = Field(default=False, description="the cylinders are of steel: grains see their images in them")
 
-    def shape(self) -> ShearCell:
+    @property
+    def may_have_steel_faces(self) -> bool:
+        """Whether its cylinders are of steel."""
+        return self.steel
+
+    def shape(self, own: Mapping[str, Material] = NO_MATERIALS) -> ShearCell:
         """Return the shape for walls and volumes."""
         from geometry.annular_cell import ShearCell
 
         return ShearCell(self.inner_radius, self.outer_radius, self.height, self.steel)
 
 
-class CentrifugalGeometry(Section):
+class CentrifugalGeometry(GeometrySection):
     """A shot clutch: vanes on the input (body `rotor`) throw the grains against the ribbed drum of the output (`disc`).
 
     Its axis is z; gravity across it, e.g. direction = [0, -1, 0], makes it a horizontal shaft.
     """
+
+    why_no_sector: ClassVar[str] = (
+        "cannot stand in a centrifugal clutch: its vanes and ribs do not repeat from sector to sector as one turns "
+        "past the other; remove it (the full ring is simulated)"
+    )
 
     kind: Literal["centrifugal"]
     drum_radius: Length = Field(description="inner radius of the drum")
@@ -147,20 +176,23 @@ class CentrifugalGeometry(Section):
     rib_height: LengthOrNone = Field(default=0.0, description="radial height of a rib")
     rib_width: LengthOrNone = Field(default=0.0, description="tangential width of a rib")
 
-    def shape(self) -> CentrifugalClutch:
+    def shape(self, own: Mapping[str, Material] = NO_MATERIALS) -> CentrifugalClutch:
         """Return the shape for walls and volumes."""
         from geometry.centrifugal import CentrifugalClutch
 
         return CentrifugalClutch(**self.model_dump(exclude={"kind"}))
 
 
-class BoxGeometry(Section):
+class BoxGeometry(GeometrySection):
     """A closed box at rest, x and y centred on the axis, its floor at z = 0."""
+
+    has_axis: ClassVar[bool] = False
+    why_no_sector: ClassVar[str] = "needs a shape with an axis; remove it, or take another geometry.kind than 'box'"
 
     kind: Literal["box"]
     size: tuple[Length, Length, Length] = Field(description="lengths along x, y and z")
 
-    def shape(self) -> Box:
+    def shape(self, own: Mapping[str, Material] = NO_MATERIALS) -> Box:
         """Return the shape for walls and volumes."""
         from geometry.box import Box
 
@@ -174,7 +206,7 @@ _UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "inch": 25.4e-3}
 _UNIT_OF_SHAPES = "mm"
 
 
-class CadGeometry(Section):
+class CadGeometry(GeometrySection):
     """A device of revolution from a CAD file or a finished mesh, its regions by the names of the parts.
 
     A CAD file holds the faces of the half section (x is the radius, y or z the axis), or solids of revolution; what no
@@ -188,6 +220,9 @@ class CadGeometry(Section):
     all parts that are not belong to one body, with which the field turns. Walls are those of the half-plane y = 0,
     x > 0.
     """
+
+    has_coil: ClassVar[bool] = True
+    is_from_file: ClassVar[bool] = True
 
     kind: Literal["cad"]
     file: str = Field(
@@ -238,6 +273,20 @@ class CadGeometry(Section):
         from geometry.mesh_blocks import MESH_SUFFIXES
 
         return Path(self.file).suffix.lower() in MESH_SUFFIXES
+
+    @property
+    def is_solved_in_3d(self) -> bool:
+        """Solids of any shape are."""
+        return self.three_dimensional
+
+    @property
+    def files(self) -> dict[str, Path]:
+        """The drawing or mesh."""
+        return {"geometry.file": Path(self.file)}
+
+    def region_materials(self, regions: Iterable[str]) -> dict[str, str]:
+        """Name of the material of each part; the mesh's regions are those of the file."""
+        return dict(self.materials)
 
     def _refuse_what_the_file_says(self) -> None:
         """Refuse keys that a file of this kind leaves nothing to say about."""

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from emclutch.scene.field_source import UniformFieldSection
-from emclutch.scene.geometry import ShearCellGeometry
-
 if TYPE_CHECKING:
     from emclutch.scene.model import Scene
 
@@ -25,12 +22,13 @@ def moments_are_fed_back(scene: Scene) -> bool:
 
 def layers_change_the_field(scene: Scene) -> bool:
     """Whether the field is the mean one of even powder between steel faces, across which layers of grains change it."""
-    source, geometry = scene.field, scene.geometry
+    field, geometry = scene.prescribed_field, scene.geometry
     return (
-        isinstance(source, UniformFieldSection)
-        and (source.means, source.direction) == ("macroscopic", "radial")
-        and isinstance(geometry, ShearCellGeometry)
-        and geometry.steel
+        field is not None
+        and field.is_macroscopic
+        and field.direction == "radial"
+        and geometry.is_annulus
+        and geometry.may_have_steel_faces
         and scene.effects.wall_images is not None
     )
 

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from emclutch.scene.geometry import CadGeometry
 from emclutch.scene.model import Scene
 from emclutch.scene.sizes import DiametersOfFile
 
@@ -18,8 +17,7 @@ from emclutch.scene.sizes import DiametersOfFile
 def input_files(scene: Scene) -> dict[str, Path]:
     """Files by the keys that name them."""
     files = {f"surfaces.{name}.file": Path(surface.file) for name, surface in scene.surfaces.items()}
-    if isinstance(scene.geometry, CadGeometry):
-        files["geometry.file"] = Path(scene.geometry.file)
+    files |= scene.geometry.files
     particles = scene.particles
     if particles is not None and particles.packing_file is not None:
         files["particles.packing_file"] = Path(particles.packing_file)

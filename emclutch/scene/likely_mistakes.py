@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from emclutch.scene.field_source import CoilFieldSection, UniformFieldSection
-from emclutch.scene.geometry import CadGeometry, ClutchGeometry, ShearCellGeometry
 from emclutch.scene.grain_smear import layers_change_the_field
 from emclutch.scene.materials import TableMaterial
 from emclutch.scene.time_table import largest
@@ -24,10 +22,10 @@ def warnings_of(scene: Any) -> Iterator[str]:
         )
     if magnetic and effects.saturation is None:
         yield "[effects.saturation] is missing: the grains are linear and magnetise without limit"
-    if scene.coil is not None and not isinstance(scene.geometry, (ClutchGeometry, CadGeometry)):
+    if scene.coil is not None and not scene.geometry.has_coil:
         kind = scene.geometry.kind
         yield f"[coil] is not used: a device of geometry.kind = '{kind}' has none; remove the table"
-    elif scene.coil is not None and not isinstance(scene.field, CoilFieldSection):
+    elif scene.coil is not None and scene.coil_field is None:
         yield "[coil] is not used: that needs [field] with source = 'coil'"
     if scene.particles is None:
         idle = [name for name in ("surfaces", "contact", "motion", "time") if _is_told(scene, name)]
@@ -36,24 +34,23 @@ def warnings_of(scene: Any) -> Iterator[str]:
             yield f"without [particles] the scene is of the field alone, which does not use {names}"
     elif scene.field is not None and not magnetic:
         yield "[field] moves no grain: that needs [effects.dipoles] or [effects.magnetic_force]"
-    slotted = [name for name in ("disc_slots", "rotor_slots") if getattr(scene.geometry, name, None) is not None]
+    slotted = next(iter(scene.geometry.slotted), "")
     if effects.wall_images is not None and slotted:
-        yield f"[effects.wall_images] mirrors dipoles in the slots of geometry.{slotted[0]} too, as if they were steel"
-    if effects.wall_images is not None and isinstance(scene.geometry, CadGeometry) and scene.shape().carriers:
+        yield f"[effects.wall_images] mirrors dipoles in the slots of geometry.{slotted} too, as if they were steel"
+    if effects.wall_images is not None and scene.geometry.is_from_file and scene.shape().carriers:
         yield (
             "[effects.wall_images] mirrors dipoles all around in what is steel in the half-plane y = 0, x > 0: in the "
             "slots of the other parts too"
         )
-    if slotted and not isinstance(scene.field, CoilFieldSection):
-        yield f"geometry.{slotted[0]} has no effect: only the field of a coil sees slots, grains meet smooth walls"
-    steel = isinstance(scene.geometry, ShearCellGeometry) and scene.geometry.steel
-    if effects.wall_images is not None and not (isinstance(scene.geometry, (ClutchGeometry, CadGeometry)) or steel):
+    if slotted and scene.coil_field is None:
+        yield f"geometry.{slotted} has no effect: only the field of a coil sees slots, grains meet smooth walls"
+    if effects.wall_images is not None and not scene.geometry.may_have_steel_faces:
         kind = scene.geometry.kind
         yield f"[effects.wall_images] has no effect: geometry.kind = '{kind}' has no steel faces"
     elif effects.wall_images is not None and not any(wall.magnetic for wall in scene.shape().walls()):
         yield "[effects.wall_images] has no effect: no wall is of a magnetic material"
-    source = scene.field
-    macroscopic = isinstance(source, UniformFieldSection) and source.means == "macroscopic"
+    prescribed = scene.prescribed_field
+    macroscopic = prescribed is not None and prescribed.is_macroscopic
     if effects.wall_images is not None and macroscopic and not layers_change_the_field(scene):
         yield (
             "[effects.wall_images] beside field.means = 'macroscopic': the mean field is taken as even up to the "
@@ -64,7 +61,7 @@ def warnings_of(scene: Any) -> Iterator[str]:
         if isinstance(own, TableMaterial) and own.caution:
             yield f"materials.{name}: {own.caution}"
     coil = scene.coil
-    window = scene.shape() if isinstance(scene.geometry, (ClutchGeometry, CadGeometry)) else None
+    window = scene.shape() if scene.geometry.has_coil else None
     if coil is not None and coil.current is not None and coil.voltage is not None and window is not None:
         drop = largest(coil.current) * coil.resistance_in(window.coil_area, window.coil_mean_radius)
         if drop > 1.01 * coil.voltage:  # rounded data of a type plate agree within a percent

@@ -6,9 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from emclutch.scene.draft import Draft, size_key
 from emclutch.scene.errors import Fault
-from emclutch.scene.field_source import CoilFieldSection, UniformFieldSection
 from emclutch.scene.fill import fill_of
-from emclutch.scene.geometry import CadGeometry, ClutchGeometry, ShearCellGeometry
 from emclutch.scene.grain_smear import (
     LEAST_WIDTH,
     layers_change_the_field,
@@ -35,7 +33,7 @@ def materials(draft: Draft) -> Iterator[Fault]:
     for name in own:
         if canonical_name(name) is not None:
             yield draft.fault(f"materials.{name}", "has the name of a built-in material; choose another name")
-    if isinstance(draft.scene.geometry, (ClutchGeometry, CadGeometry)):
+    if draft.scene.geometry.has_coil:
         for region, name in dict(draft.scene.geometry.materials or {}).items():
             if canonical_name(name) is None and name not in own:
                 yield draft.fault(
@@ -48,20 +46,16 @@ def materials(draft: Draft) -> Iterator[Fault]:
 
 def field_source(draft: Draft) -> Iterator[Fault]:
     """A field has the source that its geometry can have."""
-    field, geometry = draft.scene.field, draft.scene.geometry
-    if isinstance(field, CoilFieldSection) and not isinstance(geometry, (ClutchGeometry, CadGeometry)):
+    coil_field, prescribed, geometry = draft.scene.coil_field, draft.scene.prescribed_field, draft.scene.geometry
+    if coil_field is not None and not geometry.has_coil:
         yield draft.fault(
             "field.source",
             f"needs a device with a coil, but geometry.kind = '{geometry.kind}'; "
             "take geometry.kind = 'clutch', 'drum' or 'cad', or field.source = 'uniform'",
         )
-    elif isinstance(field, CoilFieldSection) and draft.scene.coil is None and "coil" not in draft.broken:
+    elif coil_field is not None and draft.scene.coil is None and "coil" not in draft.broken:
         yield Fault("coil", "", "is missing, but field.source = 'coil'; add [coil] with its current and turns")
-    if (
-        isinstance(field, UniformFieldSection)
-        and field.direction == "radial"
-        and not isinstance(geometry, ShearCellGeometry)
-    ):
+    if prescribed is not None and prescribed.direction == "radial" and not geometry.is_annulus:
         yield draft.fault(
             "field.direction",
             "needs geometry.kind = 'shear_cell', whose mid radius is that of "
@@ -82,7 +76,7 @@ def needs_of_effects(draft: Draft) -> Iterator[Fault]:
                 "",
                 "needs a field; add [field] with source = 'coil' or 'uniform', or remove the effect's table",
             )
-    prescribed = isinstance(draft.scene.field, UniformFieldSection)
+    prescribed = draft.scene.prescribed_field is not None
     for name in ("saturation",) if prescribed else ("saturation", "back_reaction"):  # of the latter: told below
         if getattr(effects, name) is not None and not magnetic:
             yield Fault(
@@ -107,8 +101,8 @@ def needs_of_moments(draft: Draft) -> Iterator[Fault]:
     effects, particles = draft.scene.effects, draft.scene.particles
     if effects.dipoles is None:
         return
-    model, source = effects.dipoles.model, draft.scene.field
-    macroscopic = isinstance(source, UniformFieldSection) and source.means == "macroscopic"
+    model, prescribed = effects.dipoles.model, draft.scene.prescribed_field
+    macroscopic = prescribed is not None and prescribed.is_macroscopic
     if model == "fixed":
         if macroscopic:
             yield draft.fault(
@@ -159,10 +153,10 @@ def room_for_the_layers(draft: Draft) -> Iterator[Fault]:
 def room_for_the_smear(draft: Draft) -> Iterator[Fault]:
     """What spreading the grains' moments over the section needs: a gap of two diameters, and room about the axis."""
     scene = draft.scene
-    if not (moments_are_fed_back(scene) and isinstance(scene.geometry, (ClutchGeometry, CadGeometry))):
+    if not (moments_are_fed_back(scene) and scene.geometry.has_coil):
         return
     shape = scene.shape()
-    if shape.faults(None) or isinstance(scene.field, UniformFieldSection):
+    if shape.faults(None) or scene.prescribed_field is not None:
         return
     assert scene.effects.dipoles is not None  # without it nothing is fed back
     largest, gap = scene.particles.largest_diameter, narrowest_gap(scene)
@@ -194,7 +188,7 @@ def coil_transients(draft: Draft) -> Iterator[Fault]:
     """What a coil's circuit and eddy currents need."""
     effects = draft.scene.effects
     magnetic = effects.magnetic_force is not None or effects.dipoles is not None
-    coil, solved = draft.scene.coil, isinstance(draft.scene.field, CoilFieldSection)
+    coil, solved = draft.scene.coil, draft.scene.coil_field is not None
     for name in ("coil_circuit", "eddy_currents"):
         if getattr(effects, name) is not None and not (solved and magnetic) and not draft.is_of_the_field_alone:
             yield Fault(
@@ -235,13 +229,8 @@ def _materials_in_use(draft: Draft) -> set[str]:
 
 def field_is_3d(draft: Draft) -> Iterator[Fault]:
     """What a field in 3D, of slots or of solids from CAD, cannot do, or not yet."""
-    geometry, source, effects = draft.scene.geometry, draft.scene.field, draft.scene.effects
-    if not isinstance(source, CoilFieldSection):
-        return
-    slotted = {
-        name: slots for name in ("disc_slots", "rotor_slots") if (slots := getattr(geometry, name, None)) is not None
-    }
-    if not slotted and not getattr(geometry, "three_dimensional", False):
+    source, effects, slotted = draft.scene.coil_field, draft.scene.effects, draft.scene.geometry.slotted
+    if source is None or not draft.scene.geometry.is_solved_in_3d:
         return
     key = f"geometry.{next(iter(slotted), 'three_dimensional')}"
     yield from _one_carrier(draft, slotted)

@@ -8,8 +8,6 @@ import numpy as np
 
 from emclutch.scene.draft import Draft
 from emclutch.scene.errors import Fault
-from emclutch.scene.field_source import CoilFieldSection
-from emclutch.scene.geometry import CadGeometry
 from emclutch.scene.grain_smear import ELEMENTS_A_WIDTH, moments_are_fed_back, smear_width
 
 # Of the rows that are meshed here across the width: triangles of another mesher are not all equilateral.
@@ -18,8 +16,8 @@ _ENOUGH = 0.75
 
 def finished_mesh(draft: Draft) -> Iterator[Fault]:
     """Keys that size a mesh, beside one that is taken as it is, and whether its air can be continued."""
-    geometry, source = draft.scene.geometry, draft.scene.field
-    if not (isinstance(geometry, CadGeometry) and geometry.is_meshed and isinstance(source, CoilFieldSection)):
+    geometry, source = draft.scene.geometry, draft.scene.coil_field
+    if not geometry.is_meshed or source is None:
         return
     for key in ("gap_layers", "size_factor"):
         if getattr(source, key) != type(source).model_fields[key].default:
@@ -41,12 +39,12 @@ def finished_mesh(draft: Draft) -> Iterator[Fault]:
 def fine_enough_for_moments(draft: Draft) -> Iterator[Fault]:
     """Rows of triangles across the width over which back_reaction spreads a grain."""
     scene = draft.scene
-    geometry = scene.geometry
-    if not (isinstance(geometry, CadGeometry) and geometry.is_meshed and isinstance(scene.field, CoilFieldSection)):
+    geometry, source = scene.geometry, scene.coil_field
+    if not geometry.is_meshed or source is None:
         return
     if not moments_are_fed_back(scene) or scene.shape().faults(None):
         return
-    mesh = geometry.mesh(scene.field.gap_layers, scene.field.size_factor)
+    mesh = geometry.mesh(source.gap_layers, source.size_factor)
     # of an equilateral triangle of the same area: its height is 3^(1/4) sqrt(A)
     row = 3.0**0.25 * float(np.sqrt(np.median(mesh.element_area()[mesh.regions["powder"]])))
     width = smear_width(scene)

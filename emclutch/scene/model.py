@@ -11,8 +11,8 @@ from emclutch.scene.coil import CoilSection
 from emclutch.scene.contact import ContactSection
 from emclutch.scene.effects import EffectsSection
 from emclutch.scene.errors import Fault, SceneError
-from emclutch.scene.field_source import FieldSource
-from emclutch.scene.geometry import CadGeometry, ClutchGeometry, Geometry
+from emclutch.scene.field_source import CoilFieldSection, FieldSource, UniformFieldSection
+from emclutch.scene.geometry import Geometry
 from emclutch.scene.grains import ParticlesSection
 from emclutch.scene.materials import Material
 from emclutch.scene.motion import MotionSection
@@ -89,6 +89,14 @@ class Scene(Section):
 
     def shape(self) -> Clutch | CadShape | ShearCell | CentrifugalClutch | Box:
         """Return the device's shape, for meshing, walls and volumes."""
-        if isinstance(self.geometry, (ClutchGeometry, CadGeometry)):
-            return self.geometry.shape(self.materials)
-        return self.geometry.shape()
+        return self.geometry.shape(self.materials)
+
+    @property
+    def coil_field(self) -> CoilFieldSection | None:
+        """[field] where the field of the coil is solved; None where it is prescribed, or there is none."""
+        return self.field if isinstance(self.field, CoilFieldSection) else None
+
+    @property
+    def prescribed_field(self) -> UniformFieldSection | None:
+        """[field] where it is prescribed; None where it is solved, or there is none."""
+        return self.field if isinstance(self.field, UniformFieldSection) else None

@@ -29,7 +29,7 @@ def has_steady_torque(scene: Scene) -> bool:
     coil = scene.coil
     drive = None if coil is None else coil.voltage if coil.current is None else coil.current
     return (
-        scene.geometry.kind != "box"
+        scene.geometry.has_axis
         and all(shaft.free is None and not isinstance(shaft.speed, TimeTable) for shaft in shafts)
         and scene.effects.coil_circuit is None
         and not isinstance(drive, TimeTable)

@@ -7,9 +7,6 @@ from collections.abc import Iterator
 
 from emclutch.scene.draft import Draft, size_key
 from emclutch.scene.errors import Fault, shown
-from emclutch.scene.field_source import CoilFieldSection, UniformFieldSection
-from emclutch.scene.fill import fill_of
-from emclutch.scene.geometry import BoxGeometry, CadGeometry, CentrifugalGeometry, ClutchGeometry
 from emclutch.scene.grain_smear import moments_are_fed_back, smear_width
 
 # Reach of a contact in grain diameters: the Verlet list holds pairs that may touch before it is built anew.
@@ -20,17 +17,8 @@ def sector_in_geometry(draft: Draft) -> Iterator[Fault]:
     """A sector needs an axis, and walls that repeat from sector to sector."""
     if draft.scene.particles.sector is None:
         return
-    if isinstance(draft.scene.geometry, BoxGeometry):
-        yield draft.fault(
-            "particles.sector",
-            "needs a shape with an axis; remove it, or take another geometry.kind than 'box'",
-        )
-    if isinstance(draft.scene.geometry, CentrifugalGeometry):
-        yield draft.fault(
-            "particles.sector",
-            "cannot stand in a centrifugal clutch: its vanes and ribs do not repeat from sector to sector as one turns "
-            "past the other; remove it (the full ring is simulated)",
-        )
+    if draft.scene.geometry.why_no_sector:
+        yield draft.fault("particles.sector", draft.scene.geometry.why_no_sector)
 
 
 def sector_in_surfaces(draft: Draft) -> Iterator[Fault]:
@@ -56,12 +44,8 @@ def sector_in_gravity(draft: Draft) -> Iterator[Fault]:
 
 def sector_in_field(draft: Draft) -> Iterator[Fault]:
     """A uniform field across the axis differs from sector to sector."""
-    field = draft.scene.field
-    if (
-        draft.scene.particles.sector is not None
-        and isinstance(field, UniformFieldSection)
-        and field.direction in ("x", "y")
-    ):
+    field = draft.scene.prescribed_field
+    if draft.scene.particles.sector is not None and field is not None and field.direction in ("x", "y"):
         yield draft.fault(
             "field.direction",
             "turns from sector to sector; with particles.sector take 'axial' or 'radial', or remove particles.sector",
@@ -71,21 +55,18 @@ def sector_in_field(draft: Draft) -> Iterator[Fault]:
 def sector_3d(draft: Draft) -> Iterator[Fault]:
     """The field of a body with slots repeats every pitch only, that of solids of any shape nobody knows where."""
     geometry, sector = draft.scene.geometry, draft.scene.particles.sector
-    if sector is None or not isinstance(draft.scene.field, CoilFieldSection):
+    if sector is None or draft.scene.coil_field is None:
         return
-    if isinstance(geometry, CadGeometry) and geometry.three_dimensional:
+    if geometry.is_from_file and geometry.is_solved_in_3d:
         yield draft.fault(
             "particles.sector",
             "needs a field that repeats from sector to sector, which of the solids of geometry.three_dimensional "
             "nobody knows; "
             "remove it: the full ring is simulated",
         )
-    if not isinstance(geometry, ClutchGeometry):
+    if len(geometry.slotted) != 1:
         return
-    slotted = {key: s for key in ("disc_slots", "rotor_slots") if (s := getattr(geometry, key)) is not None}
-    if len(slotted) != 1:
-        return
-    ((key, slots),) = slotted.items()
+    ((key, slots),) = geometry.slotted.items()
     pitches = sector * slots.count / (2.0 * math.pi)
     if abs(pitches - round(pitches)) > 1e-6 or round(pitches) < 1:
         yield draft.fault(
@@ -97,22 +78,20 @@ def sector_3d(draft: Draft) -> Iterator[Fault]:
 
 def _innermost_radius(draft: Draft) -> float:
     """Smallest radius [m] of a wall that grains come to: from the rim they wander into the face gaps of a clutch."""
-    particles, geometry = draft.scene.particles, draft.scene.geometry
-    inner = fill_of(draft.scene.shape(), particles).inner_radius
-    return min(inner, geometry.seal_radius) if isinstance(geometry, ClutchGeometry) else inner
+    return min(box.r0 for box in draft.scene.shape().fill_boxes().values())
 
 
 def sector_width(draft: Draft) -> Iterator[Fault]:
     """Neither its own image nor one partner through both faces may be in a grain's reach."""
     particles, shape = draft.scene.particles, draft.scene.shape()
-    if particles.sector is None or isinstance(draft.scene.geometry, (BoxGeometry, CentrifugalGeometry)):
+    if particles.sector is None or draft.scene.geometry.why_no_sector:
         return
     largest = particles.largest_diameter
     if shape.faults(None):
         return
     dipoles = draft.scene.effects.dipoles
     reach = largest * (_CONTACT_REACH if dipoles is None else max(dipoles.cutoff, _CONTACT_REACH))
-    if moments_are_fed_back(draft.scene) and isinstance(draft.scene.geometry, (ClutchGeometry, CadGeometry)):
+    if moments_are_fed_back(draft.scene) and draft.scene.geometry.has_coil:
         reach = max(smear_width(draft.scene), largest * _CONTACT_REACH)  # in a narrow gap the shorter of the two
     radius = _innermost_radius(draft) + 0.5 * largest
     chord = 2.0 * radius * math.sin(0.5 * particles.sector)

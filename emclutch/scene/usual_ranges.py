@@ -10,9 +10,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from emclutch.scene.field_source import UniformFieldSection
-from emclutch.scene.geometry import BoxGeometry, CadGeometry, ClutchGeometry
-
 _MU_0 = 4e-7 * math.pi  # [H/m]; the field's own constant would load the field
 
 
@@ -84,18 +81,17 @@ def unusual_entries(scene: Any) -> Iterator[str]:
             (ROLLING, f"effects.rolling_friction.{key}", getattr(effects.rolling_friction, key))
             for key in ("coefficient", "wall_coefficient")
         ]
-    if isinstance(scene.field, UniformFieldSection):
-        entries.append((FLUX_DENSITY, "mu_0 field.field_strength", abs(_MU_0 * scene.field.field_strength)))
+    if (prescribed := scene.prescribed_field) is not None:
+        entries.append((FLUX_DENSITY, "mu_0 field.field_strength", abs(_MU_0 * prescribed.field_strength)))
     yield from (told for usual, key, value in entries if value is not None and (told := usual.remark(key, value)))
     yield from _of_the_shafts(scene)
     yield from _of_the_winding(scene)
 
 
 def _of_the_shafts(scene: Any) -> Iterator[str]:
-    if isinstance(scene.geometry, BoxGeometry):
+    if not scene.geometry.has_axis:
         return
-    shape = scene.shape()
-    radius = shape.bore_radius if isinstance(scene.geometry, (ClutchGeometry, CadGeometry)) else shape.outer_radius
+    radius = scene.shape().largest_radius
     for shaft in ("rotor", "disc"):
         speed = getattr(scene.motion, shaft).largest_speed
         told = SPEED.remark(f"motion.{shaft}: the speed at r = {1e3 * radius:.3g} mm", speed * radius)
@@ -104,7 +100,7 @@ def _of_the_shafts(scene: Any) -> Iterator[str]:
 
 
 def _of_the_winding(scene: Any) -> Iterator[str]:
-    if scene.coil is None or not isinstance(scene.geometry, (ClutchGeometry, CadGeometry)):
+    if scene.coil is None or not scene.geometry.has_coil:
         return
     shape = scene.shape()
     window = shape.coil_area, shape.coil_mean_radius

@@ -34,7 +34,6 @@ from coupling import (
 from emclutch.device.device import CoilDevice, Device
 from emclutch.device.materials import grain_law
 from emclutch.scene.case import Case
-from emclutch.scene.field_source import UniformFieldSection
 from emclutch.scene.grain_smear import layers_change_the_field, moments_are_fed_back, smear_width
 from emclutch.scene.model import Scene
 from emclutch.scene.motion import FreeShaftSection
@@ -159,7 +158,7 @@ def magnetised_grains(scene: Scene, sampler, fill_at, walls, dem: GrainMotion) -
         grain_table(law, dipoles.model),
         near=dipoles.model == "near_field",
         reach=smear_width(scene) if spread else dipoles.cutoff * scene.grains.largest_diameter,
-        smear=fed_back or (isinstance(scene.field, UniformFieldSection) and scene.field.means == "macroscopic"),
+        smear=fed_back or (scene.prescribed_field is not None and scene.prescribed_field.is_macroscopic),
         smallest_gap=dipoles.surface_gap,
     )
     mirrors = walls if scene.effects.wall_images is not None else None

@@ -29,7 +29,6 @@ from emclutch.results.pictures.field import line_picture, saturation_picture
 from emclutch.results.vtk.field_arrays import field_arrays
 from emclutch.results.vtk.series import PvdSeries
 from emclutch.scene.case import Case
-from emclutch.scene.field_source import CoilFieldSection
 from emclutch.scene.fill import fill_of
 from emclutch.scene.grain_smear import moments_are_fed_back
 from emclutch.scene.units import Quantity
@@ -131,7 +130,7 @@ def field_study(
         The folder is there already.
     """
     scene = case.scene
-    if not isinstance(scene.field, CoilFieldSection) or not (scene.particles is None or field_is_needed(scene)):
+    if scene.coil_field is None or not (scene.particles is None or field_is_needed(scene)):
         raise ValueError(
             "the scene has no coil's field to solve: it needs field.source = 'coil' and an effect that samples it, "
             "magnetic_force or dipoles"

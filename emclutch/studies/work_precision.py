@@ -22,7 +22,6 @@ from emclutch.results.folder_lock import has_files, locked_folder
 from emclutch.results.pictures.work_precision import work_precision_picture
 from emclutch.scene.case import Case
 from emclutch.scene.errors import Fault, SceneError, shown
-from emclutch.scene.field_source import CoilFieldSection
 from emclutch.scene.grain_smear import moments_are_fed_back, narrowest_gap
 from emclutch.simulation.assembly import deposition_of
 from emclutch.simulation.initial_packing import packed
@@ -140,7 +139,7 @@ KNOBS: tuple[Knob, ...] = (FieldMesh(), SmearWidth(), MomentRefresh(), ContactSt
 
 def has_solved_field(case: Case) -> bool:
     """Whether the case solves for the field of a coil."""
-    return isinstance(case.scene.field, CoilFieldSection) and field_is_needed(case.scene)
+    return case.scene.coil_field is not None and field_is_needed(case.scene)
 
 
 def field_at(case: Case, points: np.ndarray) -> tuple[dict[str, float | np.ndarray], float]:
