@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -29,10 +29,22 @@ class ImposedField:
     """A field that nothing in the scene changes; `sampler` has sample(position) -> H, grad H."""
 
     sampler: FieldSampler
+    solution: ClassVar[None] = None
 
     def refresh(self, time: float, fill: np.ndarray | None = None) -> bool:
         """Nothing to solve."""
         return False
+
+    def window_row(self, time: float) -> dict[str, float]:
+        """Nothing changes."""
+        return {}
+
+    def state(self) -> dict[str, Any] | None:
+        """Nothing to keep."""
+        return None
+
+    def restore(self, saved: dict[str, Any]) -> None:
+        """Nothing was kept."""
 
 
 @dataclass(slots=True)

@@ -26,7 +26,7 @@ Left out: what changes along the faces, and steel that is less than ideal.
 from __future__ import annotations
 
 from math import ceil
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -61,6 +61,8 @@ class LayeredField:
     magnetisation : (k,) float64
         M_r there of the moments last taken [A/m].
     """
+
+    solution: ClassVar[None] = None
 
     def __init__(self, imposed: RadialField, cell: ShearCell, angle: float, width: float) -> None:
         inner, outer = cell.inner_radius, cell.outer_radius
@@ -127,6 +129,10 @@ class LayeredField:
         self._take(answer * (flux - rest))
         size = self._share @ self._h**2
         return float(np.sqrt(self._share @ (self._h - before) ** 2 / size)) if size > 0.0 else 0.0
+
+    def window_row(self, time: float) -> dict[str, float]:
+        """Nothing is solved."""
+        return {}
 
     def state(self) -> dict[str, Any]:
         """What a bit-exact continuation needs."""

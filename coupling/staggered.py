@@ -11,21 +11,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from coupling.coil_field import CoilField, ImposedField
+from coupling.coil_field import CoilField
 from coupling.effects.effect import Effect
-from coupling.layered_field import LayeredField
+from coupling.field_source import FieldSource
 from coupling.magnetised_grains import MagnetisedGrains
 from coupling.neighbour_rows import NeighbourRows, neighbour_rows
 from coupling.powder_feedback import FeedbackError
 from coupling.window_budget import WindowBudget
 from particles import Body, GrainMotion
-
-if TYPE_CHECKING:
-    from coupling.coil_field_3d import CoilField3D
 
 MOST_SOLVES = 30
 """Of one window: beyond it field and moments do not agree, and the run stops."""
@@ -43,7 +39,7 @@ class Simulation:
         Exactly those of the scene, in the order in which they act.
     magnetised : MagnetisedGrains or None
         None when no effect needs the field.
-    source : CoilField, CoilField3D, ImposedField, LayeredField or None
+    source : FieldSource or None
     steps_per_update, updates : int
         Grain steps between evaluations of the magnetic forces; such sub-cycles a window.
     """
@@ -51,7 +47,7 @@ class Simulation:
     motion: GrainMotion
     effects: list[Effect]
     magnetised: MagnetisedGrains | None
-    source: CoilField | CoilField3D | ImposedField | LayeredField | None
+    source: FieldSource | None
     steps_per_update: int
     updates: int
     n_sectors: int = 1

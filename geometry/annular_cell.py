@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from geometry.annular_spaces import AnnularSpaces
 from geometry.fault import GeometryFault, millimetres
 from geometry.sheared_gap import ShearedGap
 from geometry.walls import AnnularBox, RevolvedWall, annulus, cylinder
 
 
 @dataclass(frozen=True, slots=True)
-class ShearCell:
+class ShearCell(AnnularSpaces):
     """Annulus inner_radius < r < outer_radius, |z| < height/2 [m].
 
     The inner cylinder belongs to body ``disc``, the outer one to ``rotor``, floor and ceiling to ``housing``; the

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geometry.fault import GeometryFault, millimetres
-from geometry.walls import Plane
+from geometry.walls import AnnularBox, Plane
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +36,14 @@ class Box:
     def largest_radius(self) -> float:
         """0: a box has no axis."""
         return 0.0
+
+    def boxes_to_fill(self, region: str = "cavity") -> list[AnnularBox]:
+        """None: it is filled as a whole."""
+        return []
+
+    def volume_to_fill(self, region: str = "cavity") -> float:
+        """Volume [m^3]."""
+        return self.volume
 
     def sheared_gap(self, region: str = "cavity") -> None:
         """None: nothing turns."""

@@ -14,6 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from geometry.annular_spaces import AnnularSpaces
 from geometry.cad_meshing import CadSection, OutlineEdge
 from geometry.fault import GeometryFault, millimetres
 from geometry.sheared_gap import ShearedGap, thin_parts
@@ -33,7 +34,7 @@ _CLOSE = 1e-8  # m; ends of edges that are one corner
 
 
 @dataclass(frozen=True, slots=True)
-class CadShape:
+class CadShape(AnnularSpaces):
     """Walls and boxes of a device from CAD.
 
     Parameters

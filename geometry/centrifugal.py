@@ -22,6 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geometry.annular_spaces import AnnularSpaces
 from geometry.centrifugal_faults import find_faults
 from geometry.fault import GeometryFault
 from geometry.sheared_gap import ShearedGap
@@ -43,7 +44,7 @@ class Chamber(AnnularBox):
 
 
 @dataclass(frozen=True, slots=True)
-class CentrifugalClutch:
+class CentrifugalClutch(AnnularSpaces):
     """Sizes [m] and counts of a shot clutch, symmetric about z = 0; the defaults are those of `cases/thesis`.
 
     Attributes

@@ -23,15 +23,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geometry.annular_spaces import AnnularSpaces
 from geometry.clutch_faults import find_faults
 from geometry.fault import GeometryFault
 from geometry.sheared_gap import AT_RIM, ShearedGap
 from geometry.slots import Slots
 from geometry.walls import AnnularBox, Pair, RevolvedWall, outline
 
+REGIONS = {
+    "cavity": ("rim", "face_left", "face_right"),
+    "rim": ("rim",),
+    "poles": ("pole_left", "pole_right"),
+    "faces": ("face_left", "face_right"),
+}
+"""Boxes of the parts of the chamber that may be filled."""
+
 
 @dataclass(frozen=True, slots=True)
-class Clutch:
+class Clutch(AnnularSpaces):
     """Sizes of a clutch [m]; the defaults are a drum form of the 12 N·m class. Symmetric about z = 0.
 
     Attributes
@@ -275,6 +284,12 @@ class Clutch:
             "pole_left": AnnularBox(self.disc_radius, self.bore_radius, -end, -start),
             "pole_right": AnnularBox(self.disc_radius, self.bore_radius, start, end),
         }
+
+    def boxes_to_fill(self, region: str = "cavity") -> list[AnnularBox]:
+        """The boxes of a region: ``cavity``, ``rim``, ``poles`` or ``faces``."""
+        boxes = self.fill_boxes() | self.pole_boxes()
+        # without poles that region is refused, but still counted
+        return [boxes[name] for name in REGIONS["rim" if region == "poles" and self.pole_length == 0.0 else region]]
 
     def section_polygons(self) -> dict[str, list[np.ndarray]]:
         """Every region but ``air``: disjoint polygons (r, z) [m], shape (n, 2), counter-clockwise."""

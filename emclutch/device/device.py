@@ -12,7 +12,7 @@ from coupling.smear_region import elements_within, magnetic_regions
 from emclutch.device.excitation import Excitation
 from emclutch.device.materials import conductivities, grain_law, region_laws
 from emclutch.scene.field_source import UniformFieldSection
-from emclutch.scene.fill import Fill, boxes_to_fill, fill_of
+from emclutch.scene.fill import Fill, fill_of
 from emclutch.scene.geometry import CadGeometry
 from emclutch.scene.grain_smear import element_layers, moments_are_fed_back, smear_width
 from emclutch.scene.model import Scene
@@ -25,6 +25,7 @@ from field import (
     RadialField,
     UniformField,
 )
+from field.factorisation import describe_backend
 from field.section.adaptive import AdaptiveResult, adapt
 from field.section.error_estimate import FluxLinkage, MeanFluxDensity
 from geometry import AnnularBox, Box, Clutch, SectionMesh, ShearCell, mesh_clutch
@@ -81,6 +82,24 @@ class CoilDevice(Excitation):
         """The field at the largest current for a fill (n powder elements,) [-]."""
         return self.problem.solve(self.turns * self.largest_current, fill=fill, tolerance=self.newton_tolerance)
 
+    def pole_line(self, *, faces: bool = False) -> np.ndarray:
+        """Points (r, z) [m] on the middle of the rim gap under the two pole faces, or of the face gap, shape (k, 2).
+
+        Of the face gap where `faces` says so, and where the disc is so thin that its rim lies within the ring.
+        """
+        midline = self.shape.gap_midline(201)
+        under = midline[np.abs(midline[:, 1]) > 0.5 * self.shape.ring_width]
+        return self.shape.face_midline(201) if faces or len(under) < 10 else under
+
+    def mesh_in_words(self) -> str:
+        """What the field is solved on."""
+        text = (
+            f"{len(self.mesh.triangles)} triangles, {self.problem.n_dofs} unknowns of order "
+            f"{self.problem.elements.order}; coil of {self.turns:.0f} turns; "
+            f"{describe_backend(self.problem.factorisation_backend)}"
+        )
+        return text if self.adapted is None else f"{text}; {self.adapted.summary()}"
+
     def uniform_fill(self, phi: float) -> np.ndarray:
         """Solid fraction `phi` on the powder's elements inside the filled boxes, 0 outside; (n powder elements,)."""
         fill = even_fill(self.mesh, self.powder_boxes, phi)
@@ -116,9 +135,24 @@ class Device:
     surfaces: tuple[TriangleWall, ...] = ()
     region: str = "cavity"
 
+    @property
+    def section_coil(self) -> CoilDevice | None:
+        """The coil whose field is solved in the section; None where it is solved in 3D, or no field is."""
+        return self.coil if isinstance(self.coil, CoilDevice) else None
+
+    @property
+    def box(self) -> Box | None:
+        """The shape where it is a plain box; None of a device with an axis."""
+        return self.shape if isinstance(self.shape, Box) else None
+
     def walls(self) -> list[Wall]:
         """Everything that grains touch: the shape's own walls and the surfaces from files."""
         return [*self.shape.walls(), *self.surfaces]
+
+    @property
+    def filled_boxes(self) -> list[AnnularBox]:
+        """The rings where the powder is filled in; none in a plain box."""
+        return self.shape.boxes_to_fill(self.region)
 
     @property
     def sheared_gap(self) -> ShearedGap | None:
@@ -151,8 +185,8 @@ class Device:
         """Width [m] of the narrowest space that is filled, in which layers of grains go past each other fastest."""
         gap = self.sheared_gap
         if gap is None:
-            assert isinstance(self.shape, Box)  # all others shear their powder
-            return min(self.shape.size)
+            assert self.box is not None  # all others shear their powder
+            return min(self.box.size)
         return gap.narrowest
 
     @property
@@ -174,7 +208,7 @@ def field_is_3d(scene: Scene) -> bool:
 def build_device(scene: Scene) -> Device:
     """Shape, mesh and materials of a scene with grains; no mesh is made when no effect needs the field."""
     shape, particles = scene.shape(), scene.grains
-    boxes = shape if isinstance(shape, Box) else boxes_to_fill(shape, particles.region)
+    boxes = shape if isinstance(shape, Box) else shape.boxes_to_fill(particles.region)
     fill = fill_of(shape, particles, scene.scene.seed)
     surfaces = tuple(surface_walls(scene.surfaces))
     device = Device(shape, boxes, fill, surfaces=surfaces, region=particles.region)
@@ -202,7 +236,7 @@ def build_coil_device(scene: Scene) -> CoilDevice:
     assert not isinstance(shape, (Box, ShearCell, CentrifugalClutch))  # by the schema, as the next line
     assert source is not None and coil is not None
     powder = PowderLaw(grain_law(scene)) if scene.effects.back_reaction is not None else None
-    boxes = [] if scene.particles is None else boxes_to_fill(shape, scene.particles.region)
+    boxes = [] if scene.particles is None else shape.boxes_to_fill(scene.particles.region)
     window = shape.coil_area, shape.coil_mean_radius
     winding = coil.winding_in(*window)
     currents = TimeProfile(*coil.currents_in(*window))

@@ -9,13 +9,15 @@ import numpy as np
 from emclutch.device.excitation import Excitation
 from emclutch.device.materials import region_laws
 from emclutch.scene.field_source import CoilFieldSection
-from emclutch.scene.fill import boxes_to_fill
 from emclutch.scene.geometry import CadGeometry
 from emclutch.scene.model import Scene
 from field.three_d import Field3D, FlatCoil, Problem3D
 from geometry import AnnularBox, Clutch, Mesh3D, mesh_slotted
 from geometry.cad_shape import CadShape
 from geometry.time_profile import TimeProfile
+
+ALONG = 61
+"""Points of the line on which the gap's field is averaged."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +48,24 @@ class CoilDevice3D(Excitation):
         assert fill is None  # by the checks between sections
         return self.problem.solve(self.turns * self.largest_current, tolerance=self.newton_tolerance)
 
+    def pole_line(self, *, faces: bool = False) -> np.ndarray:
+        """Points (r, z) [m] on the middle of the rim gap under the poles, or of a face gap where it alone is filled.
+
+        What is filled says so, whatever `faces` is; shape (k, 2).
+        """
+        shape, boxes = self.shape, self.powder_boxes
+        if isinstance(shape, Clutch) and boxes and all(box.r1 <= shape.disc_radius for box in boxes):
+            return shape.face_midline(ALONG)
+        line = shape.gap_midline(ALONG)
+        return line[np.abs(line[:, 1]) > 0.5 * shape.ring_width]
+
+    def mesh_in_words(self) -> str:
+        """What the field is solved on."""
+        return (
+            f"in 3D, for the slots: {len(self.mesh.tetrahedra)} tetrahedra in 1/{self.mesh.n_sectors} of the ring, "
+            f"{self.problem.n_dofs} unknowns; coil of {self.turns:.0f} turns; {self.problem.linear_solver}"
+        )
+
 
 def build_coil_device_3d(scene: Scene) -> CoilDevice3D:
     """Mesh, materials and coil of a clutch of which one body has slots, or of solids from CAD."""
@@ -69,7 +89,7 @@ def build_coil_device_3d(scene: Scene) -> CoilDevice3D:
         mesh,
         problem,
         source.newton_tolerance,
-        [] if scene.particles is None else boxes_to_fill(shape, scene.particles.region),
+        [] if scene.particles is None else shape.boxes_to_fill(scene.particles.region),
         carrier,
     )
 
@@ -87,24 +107,3 @@ def _parts_of(scene: Scene, shape: Clutch | CadShape, source: CoilFieldSection) 
     (part,) = (part for part in shape.section.parts if part.region == "coil")  # by `check_device_3d`
     winding = FlatCoil.ring((part.r0, part.r1), (part.z0, part.z1))
     return scene.geometry.mesh_3d(**sizes), winding, next(iter(shape.carriers), "housing")
-
-
-def gap_flux_density(device: CoilDevice3D, solution: Field3D, count: int = 61) -> float:
-    """Mean |B| [T] on the middle of the rim gap under the pole faces, over a sector's angle.
-
-    Where only the face gaps are filled, on the middle of one of them.
-    """
-    shape = device.shape
-    boxes = device.powder_boxes
-    if isinstance(shape, Clutch) and boxes and all(box.r1 <= shape.disc_radius for box in boxes):
-        line = shape.face_midline(count)
-    else:
-        line = shape.gap_midline(count)
-        line = line[np.abs(line[:, 1]) > 0.5 * shape.ring_width]
-    fold = solution.problem.fold
-    angle = fold.first + fold.angle * (np.arange(count) + 0.5) / count
-    r, z = line.T
-    points = np.stack(
-        [np.outer(np.cos(angle), r), np.outer(np.sin(angle), r), np.broadcast_to(z, (count, len(r)))], axis=-1
-    ).reshape(-1, 3)
-    return float(np.linalg.norm(solution.flux_density(points), axis=1).mean())

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from field.coil.winding import Winding
+from field.solved_field import SolvedField
 from geometry.time_profile import TimeProfile
 
 
@@ -26,6 +29,18 @@ class Excitation:
     def turns(self) -> float:
         """Turns of the coil."""
         return self.winding.turns
+
+    def pole_line(self, *, faces: bool = False) -> np.ndarray:
+        """Points (r, z) [m] in the gap under the poles, at the rim or at the faces, shape (k, 2)."""
+        raise NotImplementedError
+
+    def gap_flux_density(self, solution: SolvedField, *, faces: bool = False) -> float:
+        """Mean |B| [T] of a solution in the gap under the poles, of that at the faces where `faces` says so."""
+        return solution.mean_flux_density(self.pole_line(faces=faces))
+
+    def mesh_in_words(self) -> str:
+        """What the field is solved on."""
+        raise NotImplementedError
 
     def current(self, time: float) -> float:
         """I [A] at a time [s]."""

@@ -15,16 +15,7 @@ import numpy as np
 from emclutch.scene.grains import ParticlesSection
 
 if TYPE_CHECKING:
-    from geometry import AnnularBox, Box, Clutch, ShearCell
-    from geometry.cad_shape import CadShape
-    from geometry.centrifugal import CentrifugalClutch
-
-_REGIONS = {
-    "cavity": ("rim", "face_left", "face_right"),
-    "rim": ("rim",),
-    "poles": ("pole_left", "pole_right"),
-    "faces": ("face_left", "face_right"),
-}
+    from geometry.device_shape import DeviceShape
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,32 +38,12 @@ class Fill:
     inner_radius: float
 
 
-def boxes_to_fill(shape: Clutch | CadShape | ShearCell | CentrifugalClutch | Box, region: str) -> list[AnnularBox]:
-    """Return the annular boxes of a region; none for a plain box, which is filled as a whole."""
-    from geometry import Box, Clutch
-
-    if isinstance(shape, Box):
-        return []
-    boxes = shape.fill_boxes()
-    if not isinstance(shape, Clutch):
-        return list(boxes.values())
-    poles = shape.pole_boxes()
-    names = _REGIONS["rim" if region == "poles" and not poles else region]  # without poles: refused, but still counted
-    boxes |= poles
-    return [boxes[name] for name in names]
-
-
-def fill_of(
-    shape: Clutch | CadShape | ShearCell | CentrifugalClutch | Box, particles: ParticlesSection, seed: int | None = None
-) -> Fill:
+def fill_of(shape: DeviceShape, particles: ParticlesSection, seed: int | None = None) -> Fill:
     """Work out the amount of powder; the count is whole, mass and fraction follow from it."""
-    from geometry import Box
-
-    boxes = boxes_to_fill(shape, particles.region)
-    volume = shape.volume if isinstance(shape, Box) else sum(box.volume() for box in boxes)
+    volume = shape.volume_to_fill(particles.region)
     count, simulated = _simulated(particles, volume, seed)
     grains_volume = simulated * particles.n_sectors
-    inner_radius = min((box.r0 for box in boxes), default=0.0)
+    inner_radius = min((box.r0 for box in shape.boxes_to_fill(particles.region)), default=0.0)
     return Fill(volume, count, grains_volume * particles.density, grains_volume / volume, inner_radius)
 
 

@@ -44,7 +44,7 @@ from emclutch.simulation.plan import Plan
 from field import AxisymmetricProblem, MagneticField, RadialField
 from field.section.eddy_currents import EddyCurrentProblem, VoltageDrive
 from field.three_d import Field3D
-from geometry import ShearCell
+from geometry import SectionMesh, ShearCell
 from geometry.time_profile import TimeProfile
 from particles import DEM, DVI, Body, FreeShaft, GrainMotion, Grains, PrescribedSpeed
 
@@ -96,12 +96,13 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
     source = field_source(scene, device, dem.bodies, plan.peak_field)
     deposition = None
     fill_at = None
-    if moments_are_fed_back(scene) and isinstance(source, CoilField):
-        source.feedback = feedback_of(scene, source.problem, walls)
-    elif effects.back_reaction is not None and isinstance(device.coil, CoilDevice) and isinstance(source, CoilField):
-        deposition = deposition_of(scene, device.coil)
-        source.element_volume = deposition.volume
-        fill_at = partial(_fill_at, deposition, source)
+    if effects.back_reaction is not None and isinstance(source, CoilField):
+        if moments_are_fed_back(scene):
+            source.feedback = feedback_of(scene, source.problem, walls)
+        else:
+            deposition = deposition_of(scene, source.problem.mesh)
+            source.element_volume = deposition.volume
+            fill_at = partial(_fill_at, deposition, source)
     magnetised = None if source is None else magnetised_grains(scene, source.sampler, fill_at, walls, dem)
     n_sectors = 1 if plan.sector is None else plan.sector.n_sectors
     return Simulation(
@@ -173,9 +174,9 @@ def feedback_of(scene: Scene, problem: AxisymmetricProblem, walls) -> PowderFeed
     return PowderFeedback(problem, grain_law(scene), smear_width(scene), scene.grains.sector or 2 * pi, walls)
 
 
-def deposition_of(scene: Scene, coil: CoilDevice) -> FillDeposition:
-    """Deposition of the scene's grains on the powder's elements."""
-    return FillDeposition(coil.mesh, scene.grains.largest_diameter, scene.grains.sector or 2 * pi)
+def deposition_of(scene: Scene, mesh: SectionMesh) -> FillDeposition:
+    """Deposition of the scene's grains on the powder's elements of a mesh."""
+    return FillDeposition(mesh, scene.grains.largest_diameter, scene.grains.sector or 2 * pi)
 
 
 def _fill_at(deposition: FillDeposition, source: CoilField, position: np.ndarray) -> np.ndarray:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from emclutch.device.device import CoilDevice
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import bad_input_for
 from emclutch.scene.grain_smear import moments_are_fed_back
@@ -17,7 +16,6 @@ from emclutch.simulation.forecast.expected_field import chains_in_words, field_i
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.plan_in_words import paths_in_words, plan_in_words
 from field import MagneticField
-from field.three_d import Field3D
 
 if TYPE_CHECKING:
     from emclutch.results.left_out import LeftOut
@@ -71,27 +69,25 @@ def _check(case: Case, threads: int | None) -> Checked:
         return Checked(scene.scene.title, scene.effects.active, case.warnings, field_plan(case), (), none)
     device, made = make_plan(case, threads=threads)
     words, B_max = plan_in_words(scene, device, made), 0.0
-    if isinstance(made.peak_field, MagneticField) and isinstance(device.coil, CoilDevice):
+    coil, even = device.section_coil, made.peak_section
+    if coil is not None and even is not None:
         faces, phi = device.shears_faces, device.fill.solid_fraction
-        midline = device.coil.shape.face_midline() if faces else device.coil.shape.gap_midline()
+        midline = coil.shape.face_midline() if faces else coil.shape.gap_midline()
 
         def largest(field: MagneticField) -> float:
             return float(np.linalg.norm(field.B_along(midline), axis=1).max())
 
-        B_max = largest(made.peak_field)
+        B_max = largest(even)
         words["field"] = (
             f"at the largest current, {powder_in_words(scene, phi)}: |B| in the {'face' if faces else 'rim'} gap up to "
             f"{B_max:.3g} T, grains magnetised up to {made.M_max / 1e3:.3g} kA/m"
         )
-        if moments_are_fed_back(scene) and device.coil.largest_current > 0.0:
-            chains = field_in_chains(device.coil, phi, device.coil.largest_current, made.peak_field)
-            in_chains = chains_in_words(device.coil, made.peak_field, chains, largest(chains), faces)
+        if moments_are_fed_back(scene) and coil.largest_current > 0.0:
+            chains = field_in_chains(coil, phi, coil.largest_current, even)
+            in_chains = chains_in_words(coil, even, chains, largest(chains), faces)
             words["field"] += f"; {in_chains}"
-    elif isinstance(made.peak_field, Field3D):
-        from emclutch.device.device_3d import CoilDevice3D, gap_flux_density  # local: most scenes need no such field
-
-        assert isinstance(device.coil, CoilDevice3D)
-        B_max = gap_flux_density(device.coil, made.peak_field)
+    elif device.coil is not None and made.peak_field is not None:
+        B_max = device.coil.gap_flux_density(made.peak_field)
         words["field"] = (
             f"at the largest current, without powder: |B| under the poles {B_max:.3g} T on average, "
             f"grains magnetised up to {made.M_max / 1e3:.3g} kA/m"

@@ -6,7 +6,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from coupling import CoilField, CoilField3D, LayeredField, Simulation
+from coupling import Simulation
 from emclutch.results.checkpoint import write_checkpoint
 from emclutch.simulation.early_end import EarlyEnd
 from emclutch.simulation.run_request import RunRequest
@@ -67,11 +67,8 @@ def save_checkpoint(path: Path, simulation: Simulation, case_text: str, profiles
         "updates": simulation.updates,
         "dem": simulation.motion.state(),
         "rows": simulation.rows_state(),
-        "source": None,
+        "source": None if simulation.source is None else simulation.source.state(),
     }
-    source = simulation.source
-    if isinstance(source, (CoilField, CoilField3D, LayeredField)):
-        state["source"] = source.state()
     if profiles is not None:
         state["profiles"] = profiles.state()
     write_checkpoint(path, state)

@@ -16,7 +16,6 @@ from emclutch.scene.contact import ContactSection
 from emclutch.simulation.contacts_in_words import load_in_words
 from emclutch.simulation.forecast.expected_speeds import impact_speed
 from emclutch.simulation.stiffness import NECK_MARGIN, Load, LoadKind, Stiffness
-from geometry import Box
 from particles import PairLaws, RollingFriction, TwistingFriction, choose_time_step
 from particles.dem.overlap_limits import SOFT, STOPS
 from particles.dem.time_step import TimeStep
@@ -149,7 +148,7 @@ def _loads(scene, device: Device, M_max: float, chained: float, neck: float) -> 
         if contact.needs_a_load:
             yield Load(LoadKind.NECK_STIFFNESS, NECK_MARGIN * neck * contact.max_overlap * d, neck)
     if effects.gravity is not None:
-        height = device.shape.size[2] if isinstance(device.shape, Box) else 2.0 * device.largest_radius
+        height = 2.0 * device.largest_radius if device.box is None else device.box.size[2]
         yield Load(LoadKind.WEIGHT, weight_load(particles.density, effects.gravity.acceleration, height, d))
     if effects.cohesion is not None:
         pull = effects.cohesion.law().table()

@@ -8,7 +8,7 @@ from emclutch.device.body_forces import force_in_words, movable_bodies
 from emclutch.device.coil_heat import coil_heat_in_words
 from emclutch.device.device import CoilDevice, solved_coil
 from emclutch.scene.case import Case
-from emclutch.simulation.plan_in_words import mesh_in_words, paths_in_words
+from emclutch.simulation.plan_in_words import paths_in_words
 from field import MagneticField
 
 
@@ -19,7 +19,7 @@ def field_plan(case: Case) -> dict[str, str]:
     reasons = {
         "grains": "none: without [particles] the scene is of the field alone, for the commands field and mesh; run "
         "refuses it",
-        "mesh": mesh_in_words(coil),
+        "mesh": coil.mesh_in_words(),
         "copper": coil_heat_in_words(scene, coil, coil.shape),
     }
     if coil.largest_current > 0.0 and isinstance(coil, CoilDevice):

@@ -11,13 +11,11 @@ from math import pi, sqrt
 
 import numpy as np
 
-from coupling import CoilField, CoilField3D, Simulation
+from coupling import Simulation
 from emclutch.device.device import Device, field_is_needed
 from emclutch.device.pole_zone import pole_zone
-from field import MagneticField
-from field.three_d import Field3D
+from field.solved_field import SolvedField
 from geometry import AnnularBox, Clutch, ShearCell
-from geometry.cad_shape import CadShape
 
 
 class Observables:
@@ -32,11 +30,11 @@ class Observables:
 
     def __call__(self, simulation: Simulation, row: dict) -> None:
         source = simulation.source
-        if isinstance(source, (CoilField, CoilField3D)):
+        if source is not None:
             row.update(source.window_row(row["time"]))
             if source.solution is not None and source.solution is not self._seen_solution:
                 self._seen_solution = source.solution
-                self._field_row = self._field_quantities(source, source.solution)
+                self._field_row = self._field_quantities(source.solution)
                 if self._zone is not None and source.sampler is not None:
                     self._field_row["field_strength_powder"] = self._zone.field_strength(source.sampler)
             row.update(self._field_row)
@@ -87,35 +85,13 @@ class Observables:
         (box,) = self._sheared_boxes()
         return 2 * pi * radius**2 * (box.z1 - box.z0)
 
-    def _field_quantities(self, source: CoilField | CoilField3D, solution: MagneticField | Field3D) -> dict[str, float]:
-        shape, coil = self._device.shape, self._device.coil
-        assert isinstance(shape, (Clutch, CadShape)) and coil is not None
-        if isinstance(solution, MagneticField):
-            in_gap = pole_flux_density(shape, solution, faces=self._device.shears_faces)
-        else:
-            from emclutch.device.device_3d import (  # local: most scenes need no such field
-                CoilDevice3D,
-                gap_flux_density,
-            )
-
-            assert isinstance(coil, CoilDevice3D)
-            in_gap = gap_flux_density(coil, solution)
+    def _field_quantities(self, solution: SolvedField) -> dict[str, float]:
+        coil = self._device.coil
+        assert coil is not None  # nothing else solves
         return {
-            "flux_linkage": source.turns * solution.flux_linkage_per_turn,
+            "flux_linkage": coil.turns * solution.flux_linkage_per_turn,
             "field_energy": solution.energy,
-            "gap_flux_density": in_gap,
+            "gap_flux_density": coil.gap_flux_density(solution, faces=self._device.shears_faces),
             "field_iterations": len(solution.newton) - 1,
             "field_residual": solution.newton[-1][0],
         }
-
-
-def pole_flux_density(shape: Clutch | CadShape, solution: MagneticField, *, faces: bool = False) -> float:
-    """Mean |B| [T] on the middle of the rim gap under the two pole faces, or of the face gap.
-
-    Of the face gap where `faces` says so, and where the disc is so thin that its rim lies within the ring.
-    """
-    midline = shape.gap_midline(201)
-    under = midline[np.abs(midline[:, 1]) > 0.5 * shape.ring_width]
-    if faces or len(under) < 10:
-        under = shape.face_midline(201)
-    return float(np.linalg.norm(solution.B_along(under), axis=1).mean())

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from coupling import CoilField, CoilField3D
 from emclutch.device.gap_map import gap_map
 from emclutch.results import RunFolder, load_result
 from emclutch.results.pictures import (
@@ -20,6 +19,7 @@ from emclutch.results.pictures.speeds import speeds_vary
 from emclutch.results.pictures.torque import varies
 from emclutch.results.time_unit import time_in_words
 from emclutch.simulation.snapshots import contact_lines
+from field import MagneticField
 from field.section.smooth_field import SmoothField
 from geometry.centrifugal import CentrifugalClutch
 
@@ -33,22 +33,22 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
     title = case.scene.scene.title
     result = load_result(folder.path)
     grains, dem = simulation.motion.grains, simulation.motion
-    source = simulation.source
+    solution = None if simulation.source is None else simulation.source.solution
     at = moment_in_words(result.history, dem.time)
-    if isinstance(source, CoilField) and source.solution is not None:
+    if isinstance(solution, MagneticField):
         x = grains.position
         r, theta = np.hypot(x[:, 0], x[:, 1]), np.arctan2(x[:, 1], x[:, 0])
         middle = 0.0 if dem.sector is None else 0.5 * dem.sector.angle
         slice_ = np.abs(r * (theta - middle)) < grains.radius  # one layer of grains around a half-plane
         section_picture(
             folder.section_picture,
-            SmoothField(source.problem.elements, source.solution.psi),
+            SmoothField(solution.problem.elements, solution.psi),
             title=f"{title}\n{at}; grains that the half-plane at {np.degrees(middle):.3g}° cuts",
             grains=np.column_stack([r, x[:, 2], grains.radius])[slice_],
             filled=device.coil.powder_boxes,
         )
-    elif isinstance(source, CoilField3D) and source.solution is not None:
-        gap_map_picture(folder.path / "gap.png", *gap_map(device.coil, source.solution), title=f"{title}\n{at}")
+    elif solution is not None:
+        gap_map_picture(folder.path / "gap.png", *gap_map(device.coil, solution), title=f"{title}\n{at}")
     if "torque_disc" in result.history:  # a box has no disc
         current = steady_current(result.history)
         torque_title = title if current is None else f"{title}\n{current:.4g} A"

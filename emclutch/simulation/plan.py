@@ -51,6 +51,11 @@ class Plan:
     cost: Cost
 
     @property
+    def peak_section(self) -> MagneticField | None:
+        """`peak_field` where it was solved in the section."""
+        return self.peak_field if isinstance(self.peak_field, MagneticField) else None
+
+    @property
     def dt(self) -> float:
         """Step of the grains [s]."""
         return self.division.dt

@@ -21,11 +21,9 @@ from emclutch.simulation.forecast.expected_speeds import device_extent
 from emclutch.simulation.windows import UpdateRule, Windows
 from field import MagneticField
 from field.coil.inductance import apparent_inductance, incremental_inductance
-from field.factorisation import describe_backend
 from geometry import Clutch
 
 if TYPE_CHECKING:
-    from emclutch.device.device_3d import CoilDevice3D
     from emclutch.scene.model import Scene
     from emclutch.simulation.plan import Plan
 
@@ -40,15 +38,15 @@ UPDATE_RULES = {
 def plan_in_words(scene: Scene, device: Device, plan: Plan) -> dict[str, str]:
     """What was decided for a run, and why: label -> text, in the order in which `emclutch check` says it."""
     words = dict(device_in_words(scene, device))
-    coil, field = device.coil, plan.peak_field
-    if isinstance(field, MagneticField) and isinstance(coil, CoilDevice) and coil.resistance is not None:
-        words["coil"] = coil_in_words(scene, coil, field)
+    coil, in_section, field = device.coil, device.section_coil, plan.peak_section
+    if in_section is not None and in_section.resistance is not None and field is not None:
+        words["coil"] = coil_in_words(scene, in_section, field)
     words |= dict(contacts_in_words(scene, plan.contact))
     words |= dict(windows_in_words(plan.division))
-    if moments_are_fed_back(scene) and isinstance(coil, CoilDevice):
-        words["feedback"] = feedback_in_words(scene, coil)
+    if moments_are_fed_back(scene) and in_section is not None:
+        words["feedback"] = feedback_in_words(scene, in_section)
     if coil is not None:
-        words["mesh"] = mesh_in_words(coil)
+        words["mesh"] = coil.mesh_in_words()
     words |= dict(end_in_words(scene, device, plan.end))
     words["cost"] = plan.cost.in_words()
     return words
@@ -151,20 +149,6 @@ def end_in_words(scene, device: Device, end: float) -> Iterator[tuple[str, str]]
                 f"{LEAST_STRAIN:g}: raise time.end to {end * 1.5 * LEAST_STRAIN / max(strain, 1e-9):.2g} s"
             )
         yield "end", text
-
-
-def mesh_in_words(coil: CoilDevice | CoilDevice3D) -> str:
-    """What the field is solved on."""
-    if not isinstance(coil, CoilDevice):
-        return (
-            f"in 3D, for the slots: {len(coil.mesh.tetrahedra)} tetrahedra in 1/{coil.mesh.n_sectors} of the ring, "
-            f"{coil.problem.n_dofs} unknowns; coil of {coil.turns:.0f} turns; {coil.problem.linear_solver}"
-        )
-    text = (
-        f"{len(coil.mesh.triangles)} triangles, {coil.problem.n_dofs} unknowns of order {coil.problem.elements.order}; "
-        f"coil of {coil.turns:.0f} turns; {describe_backend(coil.problem.factorisation_backend)}"
-    )
-    return text if coil.adapted is None else f"{text}; {coil.adapted.summary()}"
 
 
 def paths_in_words(case: Case) -> dict[str, str]:

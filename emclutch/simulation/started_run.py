@@ -6,7 +6,7 @@ import logging
 from dataclasses import dataclass, replace
 from typing import Any
 
-from coupling import CoilField, CoilField3D, LayeredField, Simulation
+from coupling import Simulation
 from emclutch.device.device import Device
 from emclutch.scene.case import Case
 from emclutch.simulation.assembly import assemble, simulation_of
@@ -75,8 +75,6 @@ def restored(case: Case, device: Device, plan: Plan, state: dict[str, Any]) -> S
     simulation.motion.restore(dem_state)
     simulation.window = state["window"]
     simulation.restore_rows(state["rows"])
-    saved = state["source"]
-    source = simulation.source
-    if saved is not None and isinstance(source, (CoilField, CoilField3D, LayeredField)):
-        source.restore(saved)
+    if simulation.source is not None and state["source"] is not None:
+        simulation.source.restore(state["source"])
     return simulation

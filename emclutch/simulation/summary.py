@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from coupling import CoilField, CoilField3D
 from emclutch.device.pole_zone import PoleZone, pole_zone
 from emclutch.results import Estimate, RunFolder, read_history
 from emclutch.results.rise_time import rise_times
@@ -15,7 +14,6 @@ from emclutch.scene.replica_count import replica_seed
 from emclutch.simulation.planned_run import PlannedRun
 from emclutch.simulation.structure import structure_summary
 from emclutch.simulation.torque_known import how_it_ended
-from field import FluxLinkage, MagneticField, MeanFluxDensity, estimate_error
 from particles import DEM, contact_share, depth_warning
 
 JAM = 1e3  # tolerances of the solver of rigid contacts, beyond which a step counts as jammed
@@ -55,16 +53,16 @@ def summarise(
     shafts = {body.name for body in simulation.motion.bodies}  # walls of a box may be on one alone
     if {"rotor", "disc"} <= shafts and any(body.is_free for body in simulation.motion.bodies):
         summary["lock_up_time"] = lock_up_time(history)
-    if isinstance(simulation.source, (CoilField, CoilField3D)):
+    if device.coil is not None and simulation.source.solution is not None:
         summary |= {
             "current": float(history["current"].iloc[-1]),
-            "turns": simulation.source.turns,
+            "turns": device.coil.turns,
             "gap_flux_density": float(history["gap_flux_density"].iloc[-1]),
             "flux_linkage": float(history["flux_linkage"].iloc[-1]),
             "field_solves": simulation.source.solves,
         }
         summary |= rise_times(history, device.coil.currents.values[-1])
-        summary["field_error_estimate"] = field_error_estimate(simulation.source.solution)
+        summary["field_error_estimate"] = simulation.source.solution.estimated_errors()
     zone = None if simulation.magnetised is None else pole_zone(device)
     if zone is not None and torque is not None:
         summary |= zone_summary(zone, (history, *others), torque)
@@ -165,14 +163,6 @@ def solver_summary(history, tolerance: float) -> dict[str, float | str]:
             "that push, where no finite force may exist; torques near that time are not to be trusted"
         )
     return summary
-
-
-def field_error_estimate(solution) -> dict[str, float] | None:
-    """Estimated relative errors of the last field's discretisation; None without current, and for one in 3D."""
-    if not isinstance(solution, MagneticField) or solution.ampere_turns == 0.0:
-        return None
-    estimate = estimate_error(solution, (FluxLinkage(), MeanFluxDensity("powder")))
-    return {goal.goal: goal.relative for goal in estimate.goals}
 
 
 def lock_up_time(history) -> float | None:

@@ -33,7 +33,6 @@ from emclutch.scene.fill import fill_of
 from emclutch.scene.grain_smear import moments_are_fed_back
 from emclutch.scene.units import Quantity
 from emclutch.simulation.forecast.expected_field import field_in_chains, powder_in_words
-from emclutch.simulation.observables import pole_flux_density
 from emclutch.studies.field_3d import field_study_3d
 from field import ConvergenceError, MagneticField, PowderLaw
 from field.coil.inductance import apparent_inductance, incremental_inductance
@@ -309,7 +308,7 @@ def _row(
     forces = {body: stress_force(solution, regions) for body, regions in movable_bodies(coil, solution)}
     row |= {f"axial_force_{body}": force for body, force in forces.items() if force is not None}
     if isinstance(coil.shape, Clutch):
-        row["gap_flux_density"] = pole_flux_density(coil.shape, solution, faces=_at_the_faces(case, coil.shape))
+        row["gap_flux_density"] = coil.gap_flux_density(solution, faces=_at_the_faces(case, coil.shape))
         laws = region_laws(case.scene, coil.mesh)
         powder = {} if phi is None else {"powder": FilledPowder(PowderLaw(grain_law(case.scene)), phi)}
         circuit = clutch_circuit(coil.shape, laws, **powder).solve(solution.ampere_turns)
@@ -350,7 +349,7 @@ def _details(case: Case, coil: CoilDevice, solution: MagneticField, phi: float |
     if phi is not None and moments_are_fed_back(case.scene):
         chains = field_in_chains(coil, phi, solution.ampere_turns / coil.turns, solution)
         if isinstance(coil.shape, Clutch):
-            B = pole_flux_density(coil.shape, chains, faces=_at_the_faces(case, coil.shape))
+            B = coil.gap_flux_density(chains, faces=_at_the_faces(case, coil.shape))
             details["gap_flux_density_in_chains"] = B
         details["flux_linkage_in_chains"] = coil.turns * chains.flux_linkage_per_turn
     estimate = estimate_error(solution, field_goals(coil.mesh))

@@ -10,7 +10,7 @@ from time import perf_counter
 import numpy as np
 import pandas
 
-from emclutch.device.device_3d import CoilDevice3D, gap_flux_density
+from emclutch.device.device_3d import CoilDevice3D
 from emclutch.device.gap_map import gap_map
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.pictures.field import gap_map_picture
@@ -69,7 +69,7 @@ def field_study_3d(
             {
                 "current": current,
                 "ampere_turns": solution.ampere_turns,
-                "gap_flux_density": gap_flux_density(device, solution),
+                "gap_flux_density": device.gap_flux_density(solution),
                 "flux_linkage": linkage,
                 "apparent_inductance": linkage / current if current != 0.0 else None,
                 "energy": solution.energy,

@@ -25,7 +25,6 @@ from emclutch.scene.errors import Fault, SceneError, shown
 from emclutch.scene.grain_smear import moments_are_fed_back, narrowest_gap
 from emclutch.simulation.assembly import deposition_of
 from emclutch.simulation.initial_packing import packed
-from emclutch.simulation.observables import pole_flux_density
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.run import run
 from emclutch.simulation.threads import use_threads
@@ -149,11 +148,11 @@ def field_at(case: Case, points: np.ndarray) -> tuple[dict[str, float | np.ndarr
     coil = build_coil_device(scene)
     fill = None
     if scene.effects.back_reaction is not None:
-        fill = deposition_of(scene, coil).fill(points, np.full(len(points), scene.grains.grain_volume))
+        fill = deposition_of(scene, coil.mesh).fill(points, np.full(len(points), scene.grains.grain_volume))
     solution = coil.solve_at_peak(fill)
     H, grad_H = solution.sampler("powder").sample(points)
     seconds = perf_counter() - begin
-    return {"gap B": pole_flux_density(coil.shape, solution), "H at grains": H, "grad H at grains": grad_H}, seconds
+    return {"gap B": coil.gap_flux_density(solution), "H at grains": H, "grad H at grains": grad_H}, seconds
 
 
 def standing_grains(case: Case, points: np.ndarray) -> Measurement:

@@ -137,6 +137,19 @@ class MagneticField:
         """B_r, B_z [T], shape (k, 2), at the points (r, z) [m] of a polyline, shape (k, 2)."""
         return self.flux_density(points)
 
+    def mean_flux_density(self, line: np.ndarray) -> float:
+        """Mean |B| [T] at the points (r, z) [m] of a line, shape (k, 2)."""
+        return float(np.linalg.norm(self.B_along(line), axis=1).mean())
+
+    def estimated_errors(self) -> dict[str, float] | None:
+        """Relative errors of flux linkage and of the powder's field, `field.estimate_error`; None without current."""
+        from field.section.error_estimate import FluxLinkage, MeanFluxDensity, estimate_error
+
+        if self.ampere_turns == 0.0:
+            return None
+        estimate = estimate_error(self, (FluxLinkage(), MeanFluxDensity("powder")))
+        return {goal.goal: goal.relative for goal in estimate.goals}
+
     def corner_flux_density(self) -> np.ndarray:
         """B_r, B_z [T] of each element at its corners in `triangles`' order, shape (n_elements, 3, 2)."""
         mesh = self.problem.mesh

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from .sampler_3d import Sampler3D
     from .scalar_potential import Problem3D
 
+AROUND = 61
+"""Angles at which a mean around the axis is taken."""
+
 
 class Field3D:
     """One solution phi of a `Problem3D`.  Integrals are those of the whole machine.
@@ -102,6 +105,20 @@ class Field3D:
     def flux_density(self, points: np.ndarray | None = None) -> np.ndarray:
         """B [T] of the finite element solution itself, see `field_strength`."""
         return self._at(points)[1]
+
+    def mean_flux_density(self, line: np.ndarray) -> float:
+        """Mean |B| [T] at the points (r, z) [m] of a line, shape (k, 2), over the angle of the mesh's sector."""
+        fold = self.problem.fold
+        angle = fold.first + fold.angle * (np.arange(AROUND) + 0.5) / AROUND
+        r, z = line.T
+        points = np.stack(
+            [np.outer(np.cos(angle), r), np.outer(np.sin(angle), r), np.broadcast_to(z, (AROUND, len(r)))], axis=-1
+        ).reshape(-1, 3)
+        return float(np.linalg.norm(self.flux_density(points), axis=1).mean())
+
+    def estimated_errors(self) -> dict[str, float] | None:
+        """Not estimated."""
+        return None
 
     def _at(self, points: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
         elements = self.problem.elements

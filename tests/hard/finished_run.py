@@ -11,7 +11,6 @@ import pandas
 from emclutch.results import load_result
 from emclutch.results.checkpoint import read_checkpoint
 from emclutch.scene.case import Case
-from emclutch.scene.fill import boxes_to_fill
 from geometry.box import Box
 from geometry.triangle_wall import TriangleWall
 from particles import CyclicSector
@@ -72,7 +71,7 @@ class FinishedRun:
         """How deep each grain stands in the walls that do not turn or are of revolution, over its radius, (n,)."""
         scene = self.case.scene
         shape = scene.shape()
-        boxes = shape if isinstance(shape, Box) else boxes_to_fill(shape, scene.particles.region)
+        boxes = shape if isinstance(shape, Box) else shape.boxes_to_fill(scene.particles.region)
         walls = [wall for wall in shape.walls() if not isinstance(wall, TriangleWall)]
         sector = None if scene.particles.sector is None else CyclicSector(scene.particles.sector)
         return Space.of(boxes, walls, sector).wall_overlap(self.position, self.radius) / self.radius

@@ -70,7 +70,9 @@ def three_ways(path, rows, conditions):
         n_sectors=1,
     )
     plan = SimpleNamespace(count=10, dt=1e-3, contact_data={}, cost=SimpleNamespace(seconds={"total": 1.0}))
-    summarise(CASE, folder, PlannedRun(None, plan, conditions, {}), simulation, {"whole_run": 1.0})
+    summarise(
+        CASE, folder, PlannedRun(SimpleNamespace(coil=None), plan, conditions, {}), simulation, {"whole_run": 1.0}
+    )
     written = Estimate.from_dict(folder.read_summary()["torque"])
     result = load_result(path)
     (row,) = compare_methods([({"contact.method": method}, result) for method in ("dem", "dvi")])

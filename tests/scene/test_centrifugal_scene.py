@@ -12,7 +12,7 @@ import pytest
 import emclutch
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
-from emclutch.scene.fill import boxes_to_fill, fill_of
+from emclutch.scene.fill import fill_of
 from emclutch.scene.time_table import points_of
 from emclutch.simulation.forecast.shot_clutch import engagement_speed, shot_clutch_torque, shot_ring_radius
 from geometry.centrifugal import CentrifugalClutch
@@ -54,7 +54,7 @@ def test_a_thousand_spheres_fill_about_half_of_the_device(case):
     assert fill.mass == pytest.approx(1000 * 7800 * math.pi / 6 * mean_cube)
     settled = fill.count * particles.grain_volume / 0.6  # solid fraction of settled shot
     assert 1 / 3 < settled / shape.volume < 0.52
-    assert len(boxes_to_fill(shape, particles.region)) == shape.vanes
+    assert len(shape.boxes_to_fill(particles.region)) == shape.vanes
 
 
 def test_the_motor_waits_for_the_filling_and_the_load_holds_below_half_its_speed(case):

@@ -8,7 +8,7 @@ import pytest
 
 from emclutch.scene.case import case_from, load_case
 from emclutch.scene.errors import SceneError
-from emclutch.scene.fill import boxes_to_fill, diameters_of, fill_of
+from emclutch.scene.fill import diameters_of, fill_of
 from emclutch.simulation.initial_packing import packed
 from particles import CyclicSector
 
@@ -98,7 +98,7 @@ def test_a_sector_is_packed():
     scene, shape = case.scene, case.scene.shape()
     fill = fill_of(shape, scene.particles, scene.scene.seed)
     sector = CyclicSector(scene.particles.sector)
-    made = packed(scene, boxes_to_fill(shape, "cavity"), shape.walls(), fill.count, sector)
+    made = packed(scene, shape.boxes_to_fill("cavity"), shape.walls(), fill.count, sector)
     assert not sector.wraps(made.position).any() and len(np.unique(made.radius)) == fill.count
 
 

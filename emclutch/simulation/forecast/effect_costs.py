@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from emclutch.device.device import CoilDevice
 from emclutch.scene.grain_smear import moments_are_fed_back
 from emclutch.simulation.forecast.expected_counts import Counts
 from field.factorisation import available_backends
@@ -87,11 +86,9 @@ def update_seconds(scene: Scene, grains: int, counts: Counts) -> float:
 
 def field_seconds(scene: Scene, device: Device, counts: Counts) -> float:
     """Seconds of a window's field: deposit, solves, and the moments that are found anew after each."""
-    coil = device.coil
+    coil = device.section_coil
     if coil is None:
-        return 0.0
-    if not isinstance(coil, CoilDevice):
-        return counts.solves * SOLID_S * coil.problem.n_dofs
+        return 0.0 if device.coil is None else counts.solves * SOLID_S * device.coil.problem.n_dofs
     deposit = anew = 0.0
     if scene.effects.back_reaction is not None:
         fed_back = moments_are_fed_back(scene)
@@ -123,4 +120,4 @@ def is_near(scene: Scene) -> bool:
 
 def is_of_revolution(device: Device) -> bool:
     """Whether the field, where there is one, is solved in the section."""
-    return device.coil is None or isinstance(device.coil, CoilDevice)
+    return device.coil is None or device.section_coil is not None

@@ -19,7 +19,6 @@ from emclutch.device.device import CoilDevice, Device
 from emclutch.device.materials import grain_law
 from emclutch.scene.case import Case
 from emclutch.scene.grain_smear import moments_are_fed_back
-from emclutch.simulation.observables import pole_flux_density
 from field import MagneticField, PowderState
 from field.three_d import Field3D
 from geometry import AnnularBox, Clutch, ShearCell
@@ -40,7 +39,7 @@ def expected_magnetisation(case: Case, device: Device) -> tuple[MagneticField | 
         return None, 0.0
     phi = device.fill.solid_fraction
     coupled = scene.effects.back_reaction is not None
-    fill = device.coil.uniform_fill(phi) if coupled and isinstance(device.coil, CoilDevice) else None
+    fill = device.section_coil.uniform_fill(phi) if coupled and device.section_coil is not None else None
     field = device.coil.solve_at_peak(fill)
     points = _sample_points(device.coil.powder_boxes, scene.grains.largest_diameter)
     strength = np.linalg.norm(field.sampler("powder").sample(points)[0], axis=1)
@@ -70,7 +69,7 @@ def chains_in_words(coil: CoilDevice, even: MagneticField, chains: MagneticField
     """The gap's field with grains in chains, what to compare a run's mean with, and that neither of both bounds it."""
     text = f"in straight chains up to {B_max:.3g} T"
     if isinstance(coil.shape, Clutch):
-        means = [pole_flux_density(coil.shape, field, faces=faces) for field in (even, chains)]
+        means = [coil.gap_flux_density(field, faces=faces) for field in (even, chains)]
         text += f". Mean under the poles: {means[0]:.3g} T so, {means[1]:.3g} T in chains"
     return f"{text}; estimates for an even fill, no bounds: runs gather powder there and had up to 15 % more"
 

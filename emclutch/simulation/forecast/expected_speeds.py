@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from emclutch.device.device import Device
-from geometry import Box
 from geometry.centrifugal import CentrifugalClutch
 
 HEAP = 0.6  # solid fraction of grains at rest
@@ -29,7 +28,7 @@ def fall_speed(scene, device: Device) -> float:
     whole = float(along @ device_extent(device)) / float(np.linalg.norm(along))
     if scene.particles.packing == "pour":
         height = whole
-    elif isinstance(device.shape, Box):
+    elif device.box is not None:
         height = max(whole * (1.0 - device.fill.solid_fraction / HEAP), scene.particles.largest_diameter)
     else:
         height = device.shear_gap
@@ -38,9 +37,9 @@ def fall_speed(scene, device: Device) -> float:
 
 def device_extent(device: Device) -> np.ndarray:
     """Extent [m] of what is filled with grains along x, y, z."""
-    if isinstance(device.boxes, Box):
-        return np.asarray(device.boxes.size)
-    low, high = min(box.z0 for box in device.boxes), max(box.z1 for box in device.boxes)
+    if device.box is not None:
+        return np.asarray(device.box.size)
+    low, high = min(box.z0 for box in device.filled_boxes), max(box.z1 for box in device.filled_boxes)
     return np.array([2.0 * device.largest_radius, 2.0 * device.largest_radius, high - low])
 
 

@@ -35,7 +35,6 @@ from emclutch.simulation.forecast.calibration import carlson_stress
 from emclutch.simulation.forecast.shot_clutch import shot_clutch_torque, shot_ring_radius
 from field import MU_0, MagneticField
 from field.three_d import Field3D
-from geometry import Box
 from geometry.centrifugal import CentrifugalClutch
 
 IRON = 1.7e6
@@ -96,9 +95,7 @@ def sheared_zone(device: Device, angles: np.ndarray | None = None) -> ShearedZon
 
     `angles` [rad] are those at which points are taken, for a field that changes with them.
     """
-    if isinstance(device.boxes, Box):
-        return None
-    gaps = device.shape.gap_parts(device.boxes)
+    gaps = device.shape.gap_parts(device.filled_boxes)
     if not gaps:
         return None
     angles = np.zeros(1) if angles is None else angles
@@ -225,7 +222,7 @@ def _friction(scene, device: Device) -> ExpectedTorque:
     friction, mass, radius = scene.contact.friction_at_walls, fill.mass, device.shear_radius
     speed = max(scene.motion.rotor.largest_speed, scene.motion.disc.largest_speed)
     weight = 0.0 if gravity is None else mass * gravity.acceleration
-    if isinstance(shape, Box):
+    if device.box is not None:
         return ExpectedTorque(None, law="a box has no shaft")
     if isinstance(shape, CentrifugalClutch):
         bulk = BULK_FILL * scene.particles.density

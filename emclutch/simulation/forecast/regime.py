@@ -22,10 +22,9 @@ from math import pi, sqrt
 from typing import TYPE_CHECKING
 
 from coupling.expected_load import pair_attraction
-from emclutch.device.device import CoilDevice, Device
+from emclutch.device.device import Device
 from emclutch.device.materials import conductivity_of, region_materials
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque
-from field import MagneticField
 from field.section.diffusion_time import diffusion_time
 
 if TYPE_CHECKING:
@@ -137,13 +136,12 @@ def _coil_time(scene, device: Device, plan: Plan) -> float | None:
 
 
 def _diffusion_time(scene, device: Device, plan: Plan) -> float | None:
-    if not (isinstance(device.coil, CoilDevice) and isinstance(plan.peak_field, MagneticField)):
+    coil, field = device.section_coil, plan.peak_section
+    if coil is None or field is None or coil.largest_current == 0.0:
         return None
-    if device.coil.largest_current == 0.0:
-        return None
-    materials = region_materials(scene, device.coil.mesh)
+    materials = region_materials(scene, coil.mesh)
     sigma = {name: conductivity_of(scene, of) for name, of in materials.items() if name != "coil"}
-    return diffusion_time(plan.peak_field, sigma)
+    return diffusion_time(field, sigma)
 
 
 def _switching_time(scene, device: Device, coil_time: float | None) -> float | None:

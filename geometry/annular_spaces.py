@@ -1,0 +1,23 @@
+"""What a device of rings is filled with: all of its spaces, unless it has regions to choose from."""
+
+from __future__ import annotations
+
+from geometry.walls import AnnularBox
+
+
+class AnnularSpaces:
+    """Mix-in of a shape whose spaces for grains, `fill_boxes`, are rings."""
+
+    __slots__ = ()
+
+    def fill_boxes(self) -> dict[str, AnnularBox]:
+        """Its disjoint spaces by name."""
+        raise NotImplementedError
+
+    def boxes_to_fill(self, region: str = "cavity") -> list[AnnularBox]:
+        """The spaces that a region of it is filled in."""
+        return list(self.fill_boxes().values())
+
+    def volume_to_fill(self, region: str = "cavity") -> float:
+        """Volume of a region [m^3]."""
+        return sum(box.volume() for box in self.boxes_to_fill(region))
