@@ -40,8 +40,8 @@ class ShearCell(AnnularSpaces):
     def faults(self, grain_diameter: float | None = None) -> list[GeometryFault]:
         """Every inconsistency; with a grain diameter [m], also a cell that no grain fits into."""
         found = [
-            GeometryFault(f"geometry.{name}", millimetres(value), f"{what} must be positive", "more than 0 mm",
-                  f"give `geometry.{name}` a positive length")
+            GeometryFault(name, millimetres(value), f"{what} must be positive", "more than 0 mm",
+                  f"give `{name}` a positive length")
             for name, value, what in (
                 ("inner_radius", self.inner_radius, "the inner cylinder's radius"),
                 ("outer_radius", self.outer_radius, "the outer cylinder's radius"),
@@ -54,26 +54,26 @@ class ShearCell(AnnularSpaces):
         width = self.outer_radius - self.inner_radius
         if width <= 0.0:
             found.append(
-                GeometryFault("geometry.outer_radius", millimetres(self.outer_radius),
+                GeometryFault("outer_radius", millimetres(self.outer_radius),
                       "the outer cylinder lies inside the inner one",
                       f"more than {millimetres(self.inner_radius)}",
-                      "raise `geometry.outer_radius` or lower `geometry.inner_radius`")
+                      "raise `outer_radius` or lower `inner_radius`")
             )  # fmt: skip
         if grain_diameter is not None:
             if 0.0 < width < grain_diameter:
                 found.append(
-                    GeometryFault("geometry.outer_radius", millimetres(self.outer_radius),
+                    GeometryFault("outer_radius", millimetres(self.outer_radius),
                           f"the annulus of {millimetres(width)} is thinner than one grain "
                           f"({millimetres(grain_diameter)}): no grain fits",
                           f"at least {millimetres(self.inner_radius + grain_diameter)}",
-                          "raise `geometry.outer_radius` or lower `particles.diameter`")
+                          "raise `outer_radius` or lower `grain_diameter`")
                 )  # fmt: skip
             if self.height < grain_diameter:
                 found.append(
-                    GeometryFault("geometry.height", millimetres(self.height),
+                    GeometryFault("height", millimetres(self.height),
                           f"the cell is lower than one grain ({millimetres(grain_diameter)}): no grain fits",
                           f"at least {millimetres(grain_diameter)}",
-                          "raise `geometry.height` or lower `particles.diameter`")
+                          "raise `height` or lower `grain_diameter`")
                 )  # fmt: skip
         return found
 

@@ -59,15 +59,15 @@ class Box:
         for axis, length in zip("xyz", self.size, strict=True):
             if not 0.0 < length < math.inf:
                 reason, allowed = f"the {axis} side must be positive", "more than 0 mm"
-                remedy = "give `geometry.size` three positive lengths"
+                remedy = "give `size` three positive lengths"
             elif grain_diameter is not None and length < grain_diameter:
                 grain = millimetres(grain_diameter)
                 reason = f"the {axis} side is shorter than one grain ({grain}): no grain fits"
                 allowed = f"at least {millimetres(grain_diameter)}"
-                remedy = "raise `geometry.size` or lower `particles.diameter`"
+                remedy = "raise `size` or lower `grain_diameter`"
             else:
                 continue
-            found.append(GeometryFault("geometry.size", millimetres(length), reason, allowed, remedy))
+            found.append(GeometryFault("size", millimetres(length), reason, allowed, remedy))
         return found
 
     def walls(self) -> list[Plane]:

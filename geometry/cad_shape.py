@@ -134,7 +134,7 @@ class CadShape(AnnularSpaces):
         if grain_diameter is not None and self.gap < grain_diameter:
             grain = millimetres(grain_diameter)
             reason = f"the powder's gap of {millimetres(self.gap)} is smaller than one grain ({grain}): no grain fits"
-            found.append(_fault(reason, f"at least {grain}", "widen it, or lower particles.diameter"))
+            found.append(_fault(reason, f"at least {grain}", "widen it, or lower `grain_diameter`"))
         return found
 
     def walls(self) -> list[RevolvedWall]:
@@ -195,7 +195,7 @@ _Step = tuple[OutlineEdge, Pair, Pair]
 
 
 def _fault(reason: str, allowed: str, remedy: str) -> GeometryFault:
-    return GeometryFault("geometry.file", "", reason, allowed, remedy)
+    return GeometryFault("file", "", reason, allowed, remedy)
 
 
 def _chains(edges: Sequence[OutlineEdge]) -> list[tuple[list[_Step], bool]]:

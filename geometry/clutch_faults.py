@@ -31,7 +31,7 @@ _SIZES = (
 def find_faults(clutch: Clutch, grain_diameter: float | None = None) -> list[GeometryFault]:
     """Every fault of a clutch; relations are judged only between sizes that are lengths by themselves."""
     found = _sizes(clutch)
-    broken = {fault.key.removeprefix("geometry.") for fault in found}
+    broken = {fault.what for fault in found}
     for check in (_chamber, _magnetic_path, _coil_radius, _slenderness, _slots):
         found += check(clutch, broken)
     if grain_diameter is not None:
@@ -43,7 +43,7 @@ def _fault(clutch: Clutch, name: str, reason: str, allowed: str, remedy: str) ->
     value = getattr(clutch, name)
     if value is None:  # a default that follows from other sizes
         value = {"housing_width": clutch.housing_length, "coil_radius": clutch.coil_inner_radius}[name]
-    return GeometryFault(f"geometry.{name}", millimetres(value), reason, allowed, remedy)
+    return GeometryFault(name, millimetres(value), reason, allowed, remedy)
 
 
 def _sizes(clutch: Clutch) -> list[GeometryFault]:
@@ -53,20 +53,18 @@ def _sizes(clutch: Clutch) -> list[GeometryFault]:
         if value is None or 0.0 < value < math.inf or (name == "ring_width" and value == 0.0):
             continue
         allowed = "0 mm (no ring) or more" if name == "ring_width" else "more than 0 mm"
-        found.append(_fault(clutch, name, "it is not a positive length", allowed, f"correct `geometry.{name}`"))
+        found.append(_fault(clutch, name, "it is not a positive length", allowed, f"correct `{name}`"))
     for name in ("gap", "face_gap", "clearance"):
         value = getattr(clutch, name)
         if 0.0 < clutch.disc_radius <= value < math.inf:
             reason = "a gap is wider than the disc's radius; a bare number is in metres"
-            remedy = f"write it with its unit, as in `geometry.{name}` = '1 mm'"
+            remedy = f"write it with its unit, as in `{name}` = '1 mm'"
             found.append(_fault(clutch, name, reason, f"less than {millimetres(clutch.disc_radius)}", remedy))
     low, high = AIR_FACTORS
     if not low <= clutch.air_factor <= high:
         reason = "the air must enclose the device with some room, and not dwarf it"
-        remedy = "3 is a good choice for `geometry.air_factor`"
-        found.append(
-            GeometryFault("geometry.air_factor", f"{clutch.air_factor:g}", reason, f"{low:g} to {high:g}", remedy)
-        )
+        remedy = "3 is a good choice for `air_factor`"
+        found.append(GeometryFault("air_factor", f"{clutch.air_factor:g}", reason, f"{low:g} to {high:g}", remedy))
     return found
 
 
@@ -75,20 +73,20 @@ def _chamber(clutch: Clutch, broken: set[str]) -> list[GeometryFault]:
     if not broken & {"seal_radius", "disc_radius"} and clutch.seal_radius >= clutch.disc_radius:
         found.append(_fault(
             clutch, "seal_radius", "the seal covers the whole face of the disc, no powder reaches it",
-            f"less than `geometry.disc_radius` ({millimetres(clutch.disc_radius)})",
-            "lower `geometry.seal_radius` or raise `geometry.disc_radius`",
+            f"less than `disc_radius` ({millimetres(clutch.disc_radius)})",
+            "lower `seal_radius` or raise `disc_radius`",
         ))  # fmt: skip
     if not broken & {"seal_radius", "shaft_radius"} and clutch.seal_radius <= clutch.shaft_radius:
         found.append(_fault(
             clutch, "seal_radius", "the seal lies inside the shaft",
-            f"more than `geometry.shaft_radius` ({millimetres(clutch.shaft_radius)})",
-            "raise `geometry.seal_radius` or lower `geometry.shaft_radius`",
+            f"more than `shaft_radius` ({millimetres(clutch.shaft_radius)})",
+            "raise `seal_radius` or lower `shaft_radius`",
         ))  # fmt: skip
     if not broken & {"disc_radius", "shaft_radius"} and clutch.shaft_radius >= clutch.disc_radius:
         found.append(_fault(
             clutch, "shaft_radius", "the shaft is as thick as the disc",
-            f"less than `geometry.disc_radius` ({millimetres(clutch.disc_radius)})",
-            "lower `geometry.shaft_radius` or raise `geometry.disc_radius`",
+            f"less than `disc_radius` ({millimetres(clutch.disc_radius)})",
+            "lower `shaft_radius` or raise `disc_radius`",
         ))  # fmt: skip
     return found
 
@@ -104,7 +102,7 @@ def _magnetic_path(clutch: Clutch, broken: set[str]) -> list[GeometryFault]:
             found.append(_fault(
                 clutch, "ring_width", f"the non-magnetic ring is as wide as the {what} and leaves no pole",
                 f"0 mm to less than {millimetres(limit)}",
-                "lower `geometry.ring_width` or raise `geometry.disc_thickness`",
+                "lower `ring_width` or raise `disc_thickness`",
             ))  # fmt: skip
     if broken & {"coil_width", "housing_width", *rotor_sizes}:
         return found
@@ -113,19 +111,19 @@ def _magnetic_path(clutch: Clutch, broken: set[str]) -> list[GeometryFault]:
             clutch, "coil_width", f"the coil cuts through the side walls of the housing, "
             f"which is {millimetres(clutch.housing_length)} wide",
             f"less than {millimetres(clutch.housing_length)}",
-            "lower `geometry.coil_width` or raise `geometry.housing_width`",
+            "lower `coil_width` or raise `housing_width`",
         ))  # fmt: skip
     elif clutch.coil_width >= clutch.rotor_length:
         found.append(_fault(
             clutch, "coil_width", "the coil is as wide as the rotor: the housing's poles face no rotor",
             f"less than {millimetres(clutch.rotor_length)}",
-            "lower `geometry.coil_width` or raise `geometry.disc_thickness`",
+            "lower `coil_width` or raise `disc_thickness`",
         ))  # fmt: skip
     if "ring_width" not in broken and clutch.housing_length <= clutch.ring_width:
         found.append(_fault(
             clutch, "housing_width", "the housing is no wider than the ring: its poles face no steel",
-            f"more than `geometry.ring_width` ({millimetres(clutch.ring_width)})",
-            "raise `geometry.housing_width` or lower `geometry.ring_width`",
+            f"more than `ring_width` ({millimetres(clutch.ring_width)})",
+            "raise `housing_width` or lower `ring_width`",
         ))  # fmt: skip
     return found
 
@@ -146,7 +144,7 @@ def _coil_radius(clutch: Clutch, broken: set[str]) -> list[GeometryFault]:
     return [_fault(
         clutch, "coil_radius", f"the coil cuts {part}, which reaches to r = {millimetres(limit)}",
         f"at least {millimetres(clutch.housing_bore)}",
-        "raise `geometry.coil_radius`, or leave it out and the coil lies right outside the rotor",
+        "raise `coil_radius`, or leave it out and the coil lies right outside the rotor",
     )]  # fmt: skip
 
 
@@ -161,7 +159,7 @@ def _slenderness(clutch: Clutch, broken: set[str]) -> list[GeometryFault]:
             found.append(_fault(
                 clutch, name, f"it is {millimetres(length)} long: too slender for a mesh",
                 f"at least {millimetres(length / SLENDEREST)}",
-                f"raise `geometry.{name}`, and check the units of the sizes",
+                f"raise `{name}`, and check the units of the sizes",
             ))  # fmt: skip
     return found
 
@@ -170,10 +168,10 @@ def _slots(clutch: Clutch, broken: set[str]) -> list[GeometryFault]:
     found = []
     if clutch.disc_slots is not None and not broken & {"disc_radius", "shaft_radius"}:
         room = clutch.disc_radius - clutch.shaft_radius
-        found += slot_faults(clutch.disc_slots, "geometry.disc_slots", "the disc", room, "the shaft")
+        found += slot_faults(clutch.disc_slots, "disc_slots", "the disc", room, "the shaft")
     if clutch.rotor_slots is not None and "rotor_wall" not in broken:
         room = clutch.rotor_wall
-        found += slot_faults(clutch.rotor_slots, "geometry.rotor_slots", "the rotor's shell", room, "the clearance")
+        found += slot_faults(clutch.rotor_slots, "rotor_slots", "the rotor's shell", room, "the clearance")
     return found
 
 
@@ -184,12 +182,12 @@ def _grain(clutch: Clutch, broken: set[str], diameter: float) -> list[GeometryFa
             found.append(_fault(
                 clutch, name, f"it is thinner than one grain ({millimetres(diameter)}): no grain fits",
                 f"at least {millimetres(diameter)}",
-                f"raise `geometry.{name}` or lower `particles.diameter`",
+                f"raise `{name}` or lower `grain_diameter`",
             ))  # fmt: skip
     if not broken & {"seal_radius", "disc_radius"} and 0.0 < clutch.disc_radius - clutch.seal_radius < diameter:
         found.append(_fault(
             clutch, "seal_radius", f"the chamber is lower than one grain ({millimetres(diameter)})",
             f"at most {millimetres(clutch.disc_radius - diameter)}",
-            "lower `geometry.seal_radius` or `particles.diameter`",
+            "lower `seal_radius` or `grain_diameter`",
         ))  # fmt: skip
     return found

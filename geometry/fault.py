@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+
+from geometry.named_entries import with_keys
 
 
 @dataclass(frozen=True, slots=True)
 class GeometryFault:
-    """One inconsistency of a scene's geometry.
+    """One inconsistency of a shape.
 
     Attributes
     ----------
-    key : str
-        The scene's key that is at fault, such as ``"geometry.gap"``.
+    what : str
+        The size that is at fault, as the shape calls it: ``"gap"``, ``"disc_slots.depth"``.
     value : str
         Its value with unit, such as ``"0.05 mm"``.
     reason, allowed, remedy : str
-        Why it cannot be, the range that can, and what to change.
+        Why it cannot be, the range that can, and what to change; sizes are named between backticks, and a grain's as
+        ``grain_diameter``.
     """
 
-    key: str
+    what: str
     value: str
     reason: str
     allowed: str
@@ -28,11 +31,15 @@ class GeometryFault:
 
     @property
     def message(self) -> str:
-        """Reason, allowed range and remedy in one line (key and value are left to the caller)."""
+        """Reason, allowed range and remedy in one line (size and value are left to the caller)."""
         return f"{self.reason}; allowed: {self.allowed}; {self.remedy}"
 
+    def told(self, key_of: Callable[[str], str]) -> str:
+        """The message with the caller's keys of the sizes in it."""
+        return with_keys(self.message, key_of)
+
     def __str__(self) -> str:
-        return f"`{self.key}` = {self.value}: {self.message}"
+        return f"`{self.what}` = {self.value}: {self.message}"
 
 
 class GeometryError(ValueError):

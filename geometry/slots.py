@@ -72,7 +72,7 @@ def slot_faults(slots: Slots, key: str, body: str, room: float, limit: str) -> l
     Parameters
     ----------
     key : str
-        The scene's key, such as ``"geometry.disc_slots"``.
+        What they are called, such as ``"disc_slots"``.
     body : str
         The body in words.
     room : float

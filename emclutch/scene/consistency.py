@@ -78,12 +78,13 @@ def _shape(draft: Draft) -> Iterator[Fault]:
     if draft.is_of_the_field_alone and draft.scene.geometry.is_from_file:
         return
     particles = draft.scene.particles
+
+    def key_of(name: str) -> str:
+        return f"particles.{size_key(particles)}" if name == "grain_diameter" else f"geometry.{name}"
+
     for fault in _faults_of_shape(draft, None if particles is None else particles.largest_diameter):
-        message = f"cannot be: {fault.message}".replace("`", "")
-        if particles is not None:
-            message = message.replace("particles.diameter", f"particles.{size_key(particles)}")
-        told = draft.fault(fault.key, message)
-        yield (told if told.value else Fault(fault.key, fault.value, told.message))  # a default has no entry to show
+        told = draft.fault(key_of(fault.what), f"cannot be: {fault.told(key_of)}")
+        yield (told if told.value else Fault(told.key, fault.value, told.message))  # a default has no entry to show
 
 
 def _faults_of_shape(draft: Draft, diameter: float | None) -> list[GeometryFault]:
@@ -96,7 +97,7 @@ def _faults_of_shape(draft: Draft, diameter: float | None) -> list[GeometryFault
     lengths = unknown & set(type(draft.scene.geometry).model_fields) - {"materials", "disc_slots", "rotor_slots"}
     # not a number: whatever is compared with it is judged neither right nor wrong, but for itself, told already
     shape = draft.scene.geometry.model_copy(update=dict.fromkeys(lengths, math.nan)).shape(draft.scene.materials or {})
-    return [fault for fault in shape.faults(diameter) if fault.key.split(".")[1] not in unknown]
+    return [fault for fault in shape.faults(diameter) if fault.what.split(".")[0] not in unknown]
 
 
 def _region(draft: Draft) -> Iterator[Fault]:

@@ -261,9 +261,11 @@ class CadGeometry(GeometrySection):
         try:
             self._section()
         except (ValueError, OSError) as error:
+            from geometry.named_entries import with_keys
+
             reason = str(error).removeprefix(self.file).lstrip(": ")
-            for key in ("axis", "names", "scale", "unit"):
-                reason = reason.replace(f"`{key}`", f"geometry.{key}")
+            keys = type(self).model_fields
+            reason = with_keys(reason, lambda name: f"geometry.{name}" if name in keys else f"`{name}`")
             raise refuse(reason, key="file") from None
         return self
 

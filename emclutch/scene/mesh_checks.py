@@ -12,6 +12,7 @@ from emclutch.scene.grain_smear import ELEMENTS_A_WIDTH, moments_are_fed_back, s
 
 # Of the rows that are meshed here across the width: triangles of another mesher are not all equilateral.
 _ENOUGH = 0.75
+_KEYS = {"open_boundary": "field.open_boundary", "air_factor": "geometry.air_factor"}
 
 
 def finished_mesh(draft: Draft) -> Iterator[Fault]:
@@ -28,11 +29,12 @@ def finished_mesh(draft: Draft) -> Iterator[Fault]:
             )
     if source.open_boundary:
         from field.section.open_boundary import check_reach  # local: the schema itself needs no field
+        from geometry.named_entries import with_keys
 
         try:
             check_reach(geometry.mesh(source.gap_layers, source.size_factor))
         except ValueError as error:
-            reason = str(error).replace("the flux wall", "field.open_boundary = false")
+            reason = with_keys(str(error), lambda name: _KEYS.get(name, f"`{name}`"))
             yield draft.fault("geometry.file", f"has too little air, or air of a wrong outline: {reason}")
 
 

@@ -206,7 +206,7 @@ def _outline(mesh: SectionMesh) -> tuple[np.ndarray, float]:
         where = "from the axis to the axis" if mirror is None else "from the plane 'mirror' to the axis"
         raise ValueError(
             f"the open boundary needs `outer` to be one line {where}; it has "
-            f"{ends.size} ends; mesh the whole half-plane section, or take the flux wall"
+            f"{ends.size} ends; mesh the whole half-plane section, or take `open_boundary` = false"
         )
     centre = float(mesh.points[ends if mirror is None else ends[on_mirror], 1].mean())
     theta = _angle(mesh.points[edges], centre)
@@ -215,7 +215,7 @@ def _outline(mesh: SectionMesh) -> tuple[np.ndarray, float]:
     if np.any(edges[1:, 0] != edges[:-1, 1]) or np.any(theta[:, 0] == theta[:, 1]):
         raise ValueError(
             f"the open boundary needs an `outer` that every ray from (r, z) = (0, {centre:g} m) meets once; "
-            "give the air a half-disc or a rectangle, or take the flux wall"
+            "give the air a half-disc or a rectangle, or take `open_boundary` = false"
         )
     return edges, centre
 
@@ -239,7 +239,7 @@ def _reach(mesh: SectionMesh, centre: float, radius: float) -> float:
             raise ValueError(
                 f"region {name!r} reaches {1e3 * reach:.4g} mm from (r, z) = (0, {1e3 * centre:.4g} mm), the open "
                 f"boundary is {1e3 * radius:.4g} mm away; it allows at most {_LARGEST_REACH:g} of that: "
-                "enlarge the air (`geometry.air_factor`, or in a finished mesh), or take the flux wall"
+                "enlarge the air (`air_factor`, or in a finished mesh), or take `open_boundary` = false"
             )
         largest = max(largest, reach / radius)
     return largest

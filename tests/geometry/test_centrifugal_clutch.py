@@ -193,7 +193,7 @@ FAULTS = {
 def test_faults_name_the_size_and_the_range(name):
     changes, key, allowed = FAULTS[name]
     faults = replace(CLUTCH, **changes).faults(12.5 * MM)
-    assert [fault.key for fault in faults] == [f"geometry.{key}"]
+    assert [fault.what for fault in faults] == [key]
     assert allowed in faults[0].allowed
     assert faults[0].remedy
 

@@ -109,17 +109,22 @@ def test_each_edge_circle_of_the_disc_is_owned_exactly_once():
     ],
 )
 def test_bad_sizes_are_refused_with_key_value_range_and_remedy(changes, key, reason):
-    faults = {fault.key: fault for fault in Clutch(**changes).faults(0.2e-3)}
-    fault = faults[f"geometry.{key}"]
+    faults = {fault.what: fault for fault in Clutch(**changes).faults(0.2e-3)}
+    fault = faults[key]
     assert reason in fault.message
     assert fault.value and fault.allowed and fault.remedy
 
 
 def test_all_faults_are_reported_at_once_and_before_meshing():
     broken = replace(Clutch(), gap=-1e-3, coil_width=50e-3, seal_radius=5e-3)
-    assert {fault.key for fault in broken.faults()} == {f"geometry.{k}" for k in ("gap", "coil_width", "seal_radius")}
-    with pytest.raises(GeometryError, match=r"(?s)geometry.gap.*geometry.seal_radius.*geometry.coil_width"):
+    assert {fault.what for fault in broken.faults()} == {"gap", "coil_width", "seal_radius"}
+    with pytest.raises(GeometryError, match=r"(?s)`gap`.*`seal_radius`.*`coil_width`"):
         mesh_clutch(broken)
+
+
+def test_a_fault_is_told_with_the_callers_keys():
+    fault = next(fault for fault in Clutch(gap=0.1e-3).faults(0.2e-3) if fault.what == "gap")
+    assert "raise <gap> or lower <grain_diameter>" in fault.told(lambda name: f"<{name}>")
 
 
 def test_a_coil_radius_equal_to_the_bore_but_for_rounding_is_the_bore():

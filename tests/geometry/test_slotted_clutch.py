@@ -191,7 +191,7 @@ def test_slots_know_what_they_cut():
 def test_impossible_slots_are_refused_with_key_value_range_and_remedy(body, changes, key, reason):
     clutch = Clutch(**{body: replace(DISC_SLOTS if body == "disc_slots" else ROTOR_SLOTS, **changes)})
     (fault,) = clutch.faults()
-    assert fault.key == f"geometry.{body}.{key}"
+    assert fault.what == f"{body}.{key}"
     assert reason in fault.message and fault.value and fault.allowed and fault.remedy
     with pytest.raises(GeometryError, match=body):
         mesh_slotted(clutch)
