@@ -200,11 +200,6 @@ def field_is_needed(scene: Scene) -> bool:
     return scene.effects.magnetic_force is not None or scene.effects.dipoles is not None
 
 
-def field_is_3d(scene: Scene) -> bool:
-    """Whether the coil's field is solved in 3D: slots in a clutch, or solids of any shape from CAD."""
-    return scene.geometry.is_solved_in_3d
-
-
 def build_device(scene: Scene) -> Device:
     """Shape, mesh and materials of a scene with grains; no mesh is made when no effect needs the field."""
     shape, particles = scene.shape(), scene.grains
@@ -223,7 +218,7 @@ def solved_coil(scene: Scene) -> CoilDevice | CoilDevice3D:
     """Mesh, materials and coil of a device whose field is solved, with grains in it or without, in its section or in
     space.
     """
-    if field_is_3d(scene):
+    if scene.geometry.is_solved_in_3d:
         from emclutch.device.device_3d import build_coil_device_3d  # local: most scenes need no field in 3D
 
         return build_coil_device_3d(scene)

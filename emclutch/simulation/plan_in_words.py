@@ -21,7 +21,6 @@ from emclutch.simulation.forecast.expected_speeds import device_extent
 from emclutch.simulation.windows import UpdateRule, Windows
 from field import MagneticField
 from field.coil.inductance import apparent_inductance, incremental_inductance
-from geometry import Clutch
 
 if TYPE_CHECKING:
     from emclutch.scene.model import Scene
@@ -55,7 +54,7 @@ def plan_in_words(scene: Scene, device: Device, plan: Plan) -> dict[str, str]:
 def device_in_words(scene, device: Device) -> Iterator[tuple[str, str]]:
     """Grains, packing, surfaces and the sheared gap: label and text."""
     particles, fill = scene.grains, device.fill
-    where = particles.region if isinstance(device.shape, Clutch) else "space"
+    where = particles.region if scene.geometry.has_regions else "space"
     where = "rim between the poles" if where == "poles" else where
     yield (
         "grains",
@@ -68,7 +67,7 @@ def device_in_words(scene, device: Device) -> Iterator[tuple[str, str]]:
         if scene.effects.wall_images is not None:
             text += "; taken as not magnetic: it mirrors no dipoles (effects.wall_images), the field's solve has it not"
         yield f"surface {surface.name}", text
-    if isinstance(device.shape, Clutch):
+    if scene.geometry.has_regions:
         yield (
             "sheared gap",
             f"{'at the faces' if device.shears_faces else 'at the rim'}, {1e3 * device.shear_gap:.3g} mm wide at a "

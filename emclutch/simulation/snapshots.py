@@ -7,13 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from coupling import CoilField, CoilField3D, Simulation
+from coupling import Simulation
 from emclutch.results import HistoryWriter, RunFolder
 from emclutch.results.record import Record
 from emclutch.results.view.paraview_script import write_script
 from emclutch.results.view.run_files import read_run_files
 from emclutch.results.vtk.field_arrays import field_arrays, field_arrays_3d
 from emclutch.results.vtk.series import PvdSeries
+from field import MagneticField
+from field.three_d import Field3D
 from particles import GrainMotion
 
 
@@ -123,13 +125,12 @@ class Snapshots:
         self._series["contacts"].write_contacts(dem.time, *lines)
 
     def _write_field(self, simulation: Simulation, time: float) -> None:
-        source = simulation.source
+        solution = None if simulation.source is None else simulation.source.solution
         if not self._series:
             return
         series = self._series["field"]
-        if isinstance(source, CoilField):
-            assert source.solution is not None
-            section = field_arrays(source.solution)
+        if isinstance(solution, MagneticField):
+            section = field_arrays(solution)
             series.write_field(
                 time,
                 section.points,
@@ -138,12 +139,13 @@ class Snapshots:
                 point_arrays=section.point_arrays,
                 region_names=section.region_names,
             )
-        elif isinstance(source, CoilField3D) and source.solution is not None:
+        elif isinstance(solution, Field3D):
+            carrier = simulation.field_carrier
             series.write_field_3d(
                 time,
-                *field_arrays_3d(source.solution),
-                turned=source.carrier.angle if time > 0.0 else 0.0,
-                region_names=sorted(source.solution.problem.mesh.regions),
+                *field_arrays_3d(solution),
+                turned=carrier.angle if carrier is not None and time > 0.0 else 0.0,
+                region_names=sorted(solution.problem.mesh.regions),
             )
 
     def flush(self) -> None:

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from emclutch.device.device import field_is_3d, mesh_of
+from emclutch.device.device import mesh_of
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.folder_lock import locked_folder
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
-from geometry import Clutch, draw_section
-from geometry.cad_shape import CadShape
+from geometry import draw_section
 
 if TYPE_CHECKING:
     from geometry.section import SectionMesh
@@ -51,12 +50,12 @@ def mesh(case: Case | str | Path, out: str | Path | None = None) -> MeshedScene:
         The scene has faults, or a geometry that has no mesh (box, shear cell).
     """
     case = as_case(case)
-    shape = case.scene.shape()
-    if not isinstance(shape, (Clutch, CadShape)):
+    geometry = case.scene.geometry
+    if not geometry.has_coil:
         message = "has no field and so no mesh; clutch and drum have one, and a section from cad"
-        fault = Fault("geometry.kind", repr(case.scene.geometry.kind), message)
+        fault = Fault("geometry.kind", repr(geometry.kind), message)
         raise SceneError([fault], "scene" if case.path is None else str(case.path))
-    if isinstance(shape, CadShape) and field_is_3d(case.scene):
+    if geometry.is_from_file and geometry.is_solved_in_3d:
         message = "makes the mesh a 3D one; `emclutch field` writes it with its field.pvd"
         fault = Fault("geometry.three_dimensional", "true", message)
         raise SceneError([fault], "scene" if case.path is None else str(case.path))

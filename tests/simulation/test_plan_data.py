@@ -1,0 +1,90 @@
+"""A plan holds what was decided and why as data; its words are made from them."""
+
+import tomllib
+
+import pytest
+
+from emclutch import plan
+from emclutch.device.device import build_device
+from emclutch.scene.case import case_from
+from emclutch.simulation.plan_in_words import plan_in_words
+from emclutch.simulation.stiffness import LoadKind
+from emclutch.simulation.windows import UpdateRule
+
+CELL = """
+[scene]
+title = "sheared annulus"
+[geometry]
+kind = "shear_cell"
+inner_radius = "10 mm"
+outer_radius = "11.2 mm"
+height = "1 mm"
+[particles]
+diameter = "0.3 mm"
+solid_fraction = 0.3
+sector = "20 deg"
+[effects.gravity]
+direction = [0.0, 0.0, -1.0]
+[time]
+end = "10 ms"
+[accuracy]
+replicas = 1
+"""
+FIELD = {
+    "field.source": "uniform",
+    "field.field_strength": "50 kA/m",
+    "field.direction": "radial",
+    "effects.magnetic_force": {},
+    "effects.saturation": {},
+    "effects.dipoles": {"model": "fixed"},
+}
+
+
+def planned(changes=()):
+    case = case_from(tomllib.loads(CELL), dict(changes))
+    made = plan(case, threads=1)
+    return made, plan_in_words(case.scene, build_device(case.scene), made)
+
+
+@pytest.mark.parametrize(
+    ("changes", "kind", "cause"),
+    [({}, LoadKind.WEIGHT, "the weight of the bed"), (FIELD, LoadKind.MAGNETISM, "grains magnetised to")],
+)
+def test_the_largest_load_sets_the_stiffness(changes, kind, cause):
+    made, words = planned(changes)
+    stiffness = made.contact.stiffness
+    assert stiffness.load.kind is kind and cause in words["stiffness"]
+    assert stiffness.value == made.stiffness and not stiffness.asked
+    # k_n delta carries at least the load, at an overlap no larger than the one that the scene allows
+    assert stiffness.load.force <= made.stiffness * stiffness.overlap * 0.3e-3 * 1.001
+    assert stiffness.overlap <= case_from(tomllib.loads(CELL)).scene.contact.max_overlap * 1.001
+    assert not stiffness.is_soft and "too soft" not in words["stiffness"]
+
+
+def test_a_stiffness_that_is_asked_for_may_be_soft_and_is_told_so():
+    follows, _ = planned()
+    # under a load overlaps go as 1/k, in impacts as 1/sqrt(k): about 5 % of the diameter under both
+    softer = follows.stiffness * (follows.contact.stiffness.overlap / 0.05) ** 1.4
+    made, words = planned({"contact.stiffness": softer})
+    assert made.contact.stiffness.asked and made.stiffness == pytest.approx(softer)
+    assert made.contact.stiffness.is_soft and "as asked" in words["stiffness"] and "too soft" in words["stiffness"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "rule"),
+    [
+        ({}, None),
+        (FIELD, UpdateRule.CONTACT),
+        (FIELD | {"effects.dipoles": {"model": "fixed", "update_every": 7}}, UpdateRule.ASKED),
+        (FIELD | {"contact.method": "dvi", "particles.sector": None}, UpdateRule.EVERY_STEP),
+    ],
+)
+def test_windows_reach_the_end_and_no_more(changes, rule):
+    made, words = planned(changes)
+    window = made.division.steps * made.dt
+    assert made.division.rule is rule and ("magnetic forces" in words) == (rule is not None)
+    assert made.end - window < 10e-3 * (1.0 + 1e-9) and made.end >= 10e-3 * (1.0 - 1e-9)
+    assert f"{made.windows} windows" in words["coupling window"]
+    if rule is UpdateRule.ASKED:
+        assert made.steps_per_update == 7 and "as asked" in words["magnetic forces"]
+    assert made.contact_data["method"] == ("dvi" if rule is UpdateRule.EVERY_STEP else "dem")
