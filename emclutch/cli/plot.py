@@ -48,6 +48,8 @@ def plot_runs(
     if measured is not None and kind != SPEEDS:
         raise SceneError([Fault("--measured", str(measured), "lies over speeds only; add --speeds")], "command line")
     runs = runs_of(folders)
+    if not runs:
+        raise OutputError(f"no point of the study in {folders[0]} is done: there is nothing to draw")
     results = list(runs.values())
     for result in results:
         try:

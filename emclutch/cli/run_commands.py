@@ -106,11 +106,11 @@ def sweep(
         read = read_study(study, trust_scripts=trust_scripts)
         from emclutch.results.study_table import StudyTable
         from emclutch.studies.forecast import foretell_study
-        from emclutch.studies.points import done_points
+        from emclutch.studies.points import points_in
         from emclutch.studies.sweep import sweep as sweep_study
 
-        done = done_points(read, out) if resume and out is not None else []
-        if (foretold := foretell_study(read, jobs, done)).points:
+        begun = points_in(read, out) if resume and out is not None else []
+        if (foretold := foretell_study(read, jobs, begun)).points:
             typer.echo(foretold.in_words(), err=True)
         with StudyTable() as table:
             folder = sweep_study(

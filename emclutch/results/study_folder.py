@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import tomllib
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import isclose
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from emclutch.results.atomic_file import replace_json
+from emclutch.results.atomic_file import replace_json, replace_text
 from emclutch.results.failure import Failure
 from emclutch.results.output_error import OutputError
 from emclutch.results.result import Result, load_result
@@ -98,13 +99,18 @@ def _end_of(folder: Path) -> float | None:
 
 
 def is_study(path: Path) -> bool:
-    """Whether a folder is that of a study with at least one point that is done."""
+    """Whether a folder is that of a study with a point that is done, or one that has failed."""
     return (path / TABLE).is_file()
 
 
 def write_about(folder: Path, title: str, values: dict[str, Any], points: int) -> None:
     """``study.json``: title, values and number of points, which the tables do not say."""
     replace_json(folder / ABOUT, {"title": title, "values": values, "points": points})
+
+
+def write_empty_table(folder: Path, values: Iterable[str]) -> None:
+    """``study.csv`` of a study over these keys of which no point is done, so that it can be read as any other."""
+    replace_text(folder / TABLE, ",".join((*values, AFTER_VALUES, "torque", "folder")) + "\n")
 
 
 def read_study(path: Path) -> StudyFolder:

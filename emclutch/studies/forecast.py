@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -16,6 +16,7 @@ from emclutch.simulation.forecast.free_memory import shortage
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.resume import flat_scene
 from emclutch.simulation.torque_known import earliest_end
+from emclutch.studies.points import PointFolder
 from emclutch.studies.workers import threads_of_a_worker
 
 SEED = "scene.seed"
@@ -102,8 +103,10 @@ def time_in_words(seconds: float, earliest: float) -> str:
     return f"about {spoken(seconds)} at the latest, {spoken(earliest)} at the earliest"
 
 
-def foretell_study(study: StudySection, jobs: int = 1, done: Collection[int] = ()) -> StudyForecast:
-    """Plan every point of a study but the numbers `done`, and say what they cost, `jobs` at a time.
+def foretell_study(study: StudySection, jobs: int = 1, folders: Sequence[PointFolder] = ()) -> StudyForecast:
+    """Plan every point of a study that is not done, and say what they cost, `jobs` at a time.
+
+    `folders` are those of all points where the study goes on: of a point that has begun the rest is foretold.
 
     Raises
     ------
@@ -114,13 +117,14 @@ def foretell_study(study: StudySection, jobs: int = 1, done: Collection[int] = (
     planned: dict[str, PointForecast] = {}
     faults = []
     for number, (values, case) in enumerate(study.cases()):
-        if number in done:
+        if folders and folders[number].is_done:
             continue
+        reached = folders[number].reached if folders else 0.0
         label = ", ".join(f"{key} = {value}" for key, value in values.items())
-        alike = repr({key: value for key, value in flat_scene(case.toml()).items() if key != SEED})
+        alike = repr((reached, {key: value for key, value in flat_scene(case.toml()).items() if key != SEED}))
         try:
             if alike not in planned:
-                planned[alike] = _foretell(case, label, jobs)
+                planned[alike] = _foretell(case, label, jobs, reached)
         except ValueError as error:
             faults.append(Fault("", "", f"{error} (at {label})"))
             continue
@@ -133,20 +137,27 @@ def foretell_study(study: StudySection, jobs: int = 1, done: Collection[int] = (
         for name in ("seconds", "earliest")
     )
     return StudyForecast(
-        study.title or study.path.stem, tuple(points.values()), len(done), jobs, latest, min(earliest, latest)
+        study.title or study.path.stem,
+        tuple(points.values()),
+        sum(one.is_done for one in folders),
+        jobs,
+        latest,
+        min(earliest, latest),
     )
 
 
-def _foretell(case: Case, label: str, jobs: int) -> PointForecast:
+def _foretell(case: Case, label: str, jobs: int, reached: float) -> PointForecast:
+    """One point, which goes on from the simulated time `reached` [s]."""
     replicas = replica_count(case.scene)
     device, plan = make_plan(case, threads=threads_of_a_worker(jobs * replicas) if jobs > 1 else None)
     cost = plan.cost
     busy = cost.replicas * cost.threads
     slower = cost.machine.delay(jobs * busy) / cost.machine.delay(busy)
-    seconds = earliest = cost.seconds["total"]
+    spent = sum(cost.until(reached).values())
+    seconds = earliest = cost.seconds["total"] - spent
     if case.scene.span.until is not None:
         first = earliest_end(case.scene, device, plan.end)
-        earliest = sum(cost.until(first).values()) + sum(cost.once.values())
+        earliest = max(0.0, sum(cost.until(first).values()) - spent) + sum(cost.once.values())
     return PointForecast(
         label, cost.steps, cost.grains, replicas, slower * seconds, slower * earliest, replicas * cost.memory, cost.disk
     )

@@ -16,6 +16,7 @@ from typing import Any
 
 from emclutch.results import OutputError, RunFolder, read_history
 from emclutch.results.folder_lock import has_files
+from emclutch.results.history import last_time
 from emclutch.scene.case import Case
 from emclutch.scene.study import StudySection
 from emclutch.simulation.resume import differing_keys, flat_scene, may_change, refuse_changed_files
@@ -38,6 +39,12 @@ class PointFolder:
 
     path: Path
     is_done: bool = False
+
+    @property
+    def reached(self) -> float:
+        """Simulated time [s] from which a run that is resumed goes on, to a minute of its work; 0: it begins anew."""
+        folder = RunFolder(self.path)
+        return (last_time(folder.history) or 0.0) if folder.checkpoint.is_file() else 0.0
 
     def refuse_changed_files(self, case: Case) -> None:
         """OutputError where the run that is to be kept was one of other input files."""
@@ -82,12 +89,11 @@ def folders_of_points(folder: Path, cases: Sequence[Case], fixed: Collection[str
     return folders
 
 
-def done_points(study: StudySection, folder: Path) -> list[int]:
-    """Numbers of a study's points that are done in its folder."""
+def points_in(study: StudySection, folder: Path) -> list[PointFolder]:
+    """The folders of a study's points, in its order; none where the study has no folder."""
     if not folder.is_dir():
         return []
-    targets = folders_of_points(folder, [case for _, case in study.cases()], fixed=study.values)
-    return [number for number, point in enumerate(targets) if point.is_done]
+    return folders_of_points(folder, [case for _, case in study.cases()], fixed=study.values)
 
 
 def unclaimed(folder: Path, points: Sequence[PointFolder]) -> list[str]:

@@ -22,6 +22,7 @@ from emclutch.results.folder_lock import LOCK, has_files, locked_folder
 from emclutch.results.history import last_time
 from emclutch.results.run_folder import logging_to
 from emclutch.results.set_aside import set_aside
+from emclutch.results.study_folder import is_study
 from emclutch.results.study_table import DONE, FAILED, STOPPED, WAITING, StudyTable
 from emclutch.scene.case import Case
 from emclutch.scene.replica_count import replica_count
@@ -241,6 +242,8 @@ class _StudyRun:
             log.error("%s has failed: %s", self.targets[number].path.name, outcome.message)
             self.failures[number] = outcome
             self.table.set_ended(number, FAILED)
+            if not is_study(self.folder):
+                write_tables(self.folder, self.study, [])
 
     def _is_done(self, number: int, result: Result, kept: bool = False) -> None:
         torque = disc_torque(result)

@@ -14,7 +14,7 @@ from emclutch.results.pictures.speeds import speed_picture, speeds_vary
 from emclutch.results.pictures.torque_curves import torque_against_current_picture, torque_against_speed_picture
 from emclutch.results.seed_average import averaged_over_seeds
 from emclutch.results.statistics import Estimate
-from emclutch.results.study_folder import write_about
+from emclutch.results.study_folder import write_about, write_empty_table
 from emclutch.results.torque_curves import TorqueCurve, torque_curves
 from emclutch.scene.case import Case
 from emclutch.scene.study import StudySection
@@ -28,8 +28,11 @@ Done = tuple[dict[str, Any], Case, Result]
 
 
 def write_tables(folder: Path, study: StudySection, done: Sequence[Done]) -> None:
-    """All tables and pictures of the points that are done, given in the study's order."""
+    """All tables and pictures of the points that are done, given in the study's order; of none the table's head."""
     write_about(folder, study.title, study.values, len(study.points()))
+    if not done:
+        write_empty_table(folder, study.values)
+        return
     write_torques(folder, study, [row_of(values, result) for values, _, result in done])
     courses = {
         label_of(study, values) or result.folder.path.name: result.history

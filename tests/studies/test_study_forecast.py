@@ -10,9 +10,14 @@ from typer.testing import CliRunner
 
 from emclutch.cli.main import app
 from emclutch.device.device import build_device
+from emclutch.results import RunFolder
 from emclutch.scene.case import case_from
+from emclutch.scene.study import read_study
+from emclutch.simulation.forecast import cost
+from emclutch.simulation.forecast.machine_speed import MachineSpeed
 from emclutch.simulation.torque_known import asked_at, earliest_end
-from emclutch.studies.forecast import total_seconds
+from emclutch.studies.forecast import foretell_study, total_seconds
+from emclutch.studies.points import PointFolder
 
 CELL = """
 [scene]
@@ -71,6 +76,22 @@ def test_a_target_may_end_points_early_and_the_words_say_so(study):
     assert plain["earliest"] == plain["seconds"] and 0.0 < aimed["earliest"] < aimed["seconds"]
     told = CliRunner().invoke(app, ["check", str(path)], env={"COLUMNS": "200"})
     assert "at the latest" in told.output and "2 points, 1 at a time" in told.output
+
+
+def test_of_a_point_that_has_begun_the_rest_is_foretold(study, tmp_path, monkeypatch):
+    """Half of a run at constant speed is half the work of its loop; what is done at its end is still to come."""
+    monkeypatch.setattr(cost, "machine_speed", lambda: MachineSpeed(1.0, 1.0, 2, 0.0))
+    folders = [PointFolder(tmp_path / f"point-{number:03d}") for number in range(3)]
+    for folder, time in zip(folders, ("0.0", "0.03", "0.06"), strict=True):
+        run = RunFolder(folder.path)
+        folder.path.mkdir()
+        run.checkpoint.touch()
+        run.history.write_text(f"time\n{time}\n")
+    found = foretell_study(read_study(study('"scene.seed" = [1, 2, 3]')), folders=folders)
+    whole, half, none = (point.seconds for point in found.points)
+    assert 0.0 < none < half < whole and half - none == pytest.approx(0.5 * (whole - none), rel=0.01)
+    RunFolder(folders[1].path).checkpoint.unlink()  # it begins anew
+    assert foretell_study(read_study(study('"scene.seed" = [1, 2, 3]')), folders=folders).points[1].seconds == whole
 
 
 def test_the_earliest_end_has_sheared_the_gap_enough():

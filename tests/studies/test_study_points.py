@@ -10,10 +10,11 @@ from emclutch.cli.plot import plot_runs
 from emclutch.results import HistoryWriter, OutputError, RunFolder, load_result
 from emclutch.results.checkpoint import write_checkpoint
 from emclutch.results.folder_lock import locked_folder
+from emclutch.results.report.html import study_page
 from emclutch.results.study_folder import read_study as read_folder
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.scene.study import read_study
-from emclutch.simulation.run_error import Interrupted
+from emclutch.simulation.run_error import Interrupted, RunError
 from emclutch.studies import sweep as run_study
 from emclutch.studies import tables as study_tables
 from emclutch.studies import tasks as study_tasks
@@ -63,6 +64,31 @@ def table(folder):
 
 
 FRICTION = "contact.friction"
+
+
+def test_a_study_whose_first_point_fails_says_so(tmp_path, monkeypatch, runs):
+    """It has a table without rows, which a report reads, and a later failure takes no rows away."""
+
+    def fails(case, *, out, resume, **_):
+        RunFolder.create(out, case.toml(), resume=resume).write_failure("grains overlap; raise contact.stiffness")
+        raise RunError("grains overlap; raise contact.stiffness")
+
+    study, out = study_of(tmp_path, {FRICTION: [0.1, 0.3]}), tmp_path / "out"
+    with monkeypatch.context() as patched, pytest.raises(RunError, match="0 of 2 points are done"):
+        patched.setattr(study_tasks, "run", fails)
+        sweep(study, out=out)
+    found = read_folder(out)
+    assert len(found.table) == 0 and found.varied == [] and found.points == 2
+    page = study_page(found, lambda result: ())
+    assert "0 of 2 points are done" in page and "point-000: the run failed before its first window" in page
+    with pytest.raises(OutputError, match="no point of the study"):
+        plot_runs([out], out=tmp_path / "picture.png", tell=print)
+    sweep(study, out=out, resume=True)
+    (out / "point-000" / "summary.json").unlink()
+    with monkeypatch.context() as patched, pytest.raises(RunError, match="point-000"):
+        patched.setattr(study_tasks, "run", fails)
+        sweep(study, out=out, resume=True)
+    assert len(table(out)) == 2
 
 
 def test_values_may_be_inserted_removed_and_put_in_another_order(tmp_path, runs):

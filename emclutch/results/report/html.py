@@ -16,7 +16,7 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from emclutch import __version__
-from emclutch.results import COLUMNS, OutputError, Result, load_result
+from emclutch.results import COLUMNS, OutputError, Result, RunFolder, load_result
 from emclutch.results.grain_profiles import profile_column, read_profiles
 from emclutch.results.left_out import ALWAYS, OFF, LeftOut
 from emclutch.results.report.markdown import PICTURES, summary_rows
@@ -75,15 +75,13 @@ def run_page(result: Result, left_out_of: LeftOutOf) -> str:
         verdict=verdict(result),
         matters=_that_matter(left_out, on),
         torque=torque_in_words(result.torque) if "torque_disc" in result.history else None,
-        scene=[*folder.read_plan().get("decisions", {}).items()],
-        case=folder.read_case() if folder.case.is_file() else "",
         effects=_effects(on, left_out),
         pictures=[*_pictures(folder.path, PICTURES), *_own_torque_picture(result)],
         numbers=summary_rows(summary) if summary else [],
         torques=_torques(result),
         balances=_balances(result),
         cost=_cost([summary]) if summary else [],
-        provenance=_flat(folder.read_provenance()),
+        **_of_the_run(folder),
         columns=[(name, *COLUMNS[name]) for name in result.history.columns],
         profile_columns=_profile_columns(folder.path),
     )
@@ -93,8 +91,8 @@ def study_page(study: StudyFolder, left_out_of: LeftOutOf) -> str:
     """The page of a study: the points that are done; `left_out_of` as for `write_page`."""
     results = study.results()
     on = {label: effects_of(result) for label, result in results.items()}
-    first = next(iter(results.values()))
-    left_out = left_out_of(first)
+    first = next(iter(results.values()), None)
+    left_out = () if first is None else left_out_of(first)
     points = [
         {
             "label": label,
@@ -113,7 +111,7 @@ def study_page(study: StudyFolder, left_out_of: LeftOutOf) -> str:
         known=sum(bool(result.torque.converged) for result in results.values() if "torque_disc" in result.history),
         worst=_worst(results.values()),
         poor=_grouped([(p["label"], s.text) for p in points for s in p["verdict"] if s.mark is Mark.POOR], len(points)),
-        matters=_that_matter(left_out, on[next(iter(on))]),
+        matters=_that_matter(left_out, next(iter(on.values()), ())),
         effects=_effects(list(dict.fromkeys(itertools.chain(*on.values()))), left_out),
         differing=[
             (name, [label for label in on if name in on[label]])
@@ -125,10 +123,17 @@ def study_page(study: StudyFolder, left_out_of: LeftOutOf) -> str:
         methods=compared.read_text(encoding="utf-8") if compared.is_file() else "",
         pictures=[*_pictures(study.path, STUDY_PICTURES), *_overlay(results)],
         cost=_cost([result.summary for result in results.values() if result.summary]),
-        scene=[*first.folder.read_plan().get("decisions", {}).items()],
-        case=first.folder.read_case() if first.folder.case.is_file() else "",
-        provenance=_flat(first.folder.read_provenance()),
+        **({} if first is None else _of_the_run(first.folder)),
     )
+
+
+def _of_the_run(folder: RunFolder) -> dict[str, Any]:
+    """The plan of a run, its scene, and where it was made."""
+    return {
+        "scene": [*folder.read_plan().get("decisions", {}).items()],
+        "case": folder.read_case() if folder.case.is_file() else "",
+        "provenance": _flat(folder.read_provenance()),
+    }
 
 
 def _template(name: str) -> Any:
@@ -198,7 +203,7 @@ def _own_torque_picture(result: Result) -> Iterator[dict[str, str]]:
 
 def _overlay(results: dict[str, Result]) -> Iterator[dict[str, str]]:
     """The torques of a study's points over one another."""
-    if not all("torque_disc" in result.history for result in results.values()):
+    if not results or not all("torque_disc" in result.history for result in results.values()):
         return
     from emclutch.results.pictures.torque_overlay import torque_overlay_picture
 
