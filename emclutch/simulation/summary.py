@@ -54,15 +54,7 @@ def summarise(
     if {"rotor", "disc"} <= shafts and any(body.is_free for body in simulation.motion.bodies):
         summary["lock_up_time"] = lock_up_time(history)
     if device.coil is not None and simulation.source.solution is not None:
-        summary |= {
-            "current": float(history["current"].iloc[-1]),
-            "turns": device.coil.turns,
-            "gap_flux_density": float(history["gap_flux_density"].iloc[-1]),
-            "flux_linkage": float(history["flux_linkage"].iloc[-1]),
-            "field_solves": simulation.source.solves,
-        }
-        summary |= rise_times(history, device.coil.currents.values[-1])
-        summary["field_error_estimate"] = simulation.source.solution.estimated_errors()
+        summary |= coil_summary(device.coil, simulation.source, history)
     zone = None if simulation.magnetised is None else pole_zone(device)
     if zone is not None and torque is not None:
         summary |= zone_summary(zone, (history, *others), torque)
@@ -79,13 +71,33 @@ def summarise(
         late = history["inertial_number"].iloc[len(history) // 2 :].dropna()
         summary["inertial_number"] = float(late.median()) if len(late) else None
     summary["structure"] = structure_summary(simulation.motion)
+    summary |= {"grains": plan.count, "sectors": simulation.n_sectors, "dt": plan.dt} | numerics_summary(history)
+    measured = {part: f"wall_{part}" for part in ("field", "magnetic", "contact", "total")}
+    summary["seconds"] = {part: float(history[name].sum()) for part, name in measured.items() if name in history}
+    summary["seconds"] |= {**seconds, "foretold": plan.cost.seconds}
+    summary |= {"contact": plan.contact_data, "plan": planned.decisions}
+    folder.write_summary(summary)
+
+
+def coil_summary(coil, source, history) -> dict[str, Any]:
+    """What the coil's field was at the run's end, how it rose, and how exactly it was solved."""
+    return {
+        "current": float(history["current"].iloc[-1]),
+        "turns": coil.turns,
+        "gap_flux_density": float(history["gap_flux_density"].iloc[-1]),
+        "flux_linkage": float(history["flux_linkage"].iloc[-1]),
+        "field_solves": source.solves,
+        **rise_times(history, coil.currents.values[-1]),
+        "field_error_estimate": source.solution.estimated_errors(),
+    }
+
+
+def numerics_summary(history) -> dict[str, float | str | None]:
+    """Steps, overlaps and residuals of a run."""
     throughput = 0.0
     if "dissipated" in history:
         throughput = float((history["work_walls"].abs() + history["dissipated"]).sum())
-    summary |= {
-        "grains": plan.count,
-        "sectors": simulation.n_sectors,
-        "dt": plan.dt,
+    return {
         "time": float(history["time"].iloc[-1]),
         "steps": int(history["steps"].sum()),
         "max_overlap": float(history["max_overlap"].max()),
@@ -94,16 +106,7 @@ def summarise(
         "energy_residual_relative": float(history["energy_residual"].sum() / throughput) if throughput else None,
         "discretisation_error": None,
         "discretisation_error_note": "not measured in a single run; emclutch accuracy measures it",
-        "seconds": {
-            part: float(history[f"wall_{part}"].sum())
-            for part in ("field", "magnetic", "contact", "total")
-            if f"wall_{part}" in history
-        }
-        | {**seconds, "foretold": plan.cost.seconds},
-        "contact": plan.contact_data,
-        "plan": planned.decisions,
     }
-    folder.write_summary(summary)
 
 
 def zone_summary(zone: PoleZone, histories, torque: Estimate) -> dict[str, float | None]:
