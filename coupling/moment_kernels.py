@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from coupling.contact_table import FARTHEST_GAP, excess_moment, moment_at, near_excess, sphere_ratio
+from coupling.grain_law_table import FARTHEST_GAP, excess_moment, moment_at, near_excess, sphere_ratio
 from coupling.influence_kernels import MEAN, MUTUAL, NX, NY, NZ, PER_R, PLACE, slope_along
 from coupling.mirror import FACES_NO_WALL, AtWall, height_over, image_force, normal_at, pushed
 from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, pair_force
@@ -103,7 +103,7 @@ def magnetise(table, model, grains, rows, walls, known, damping, share, contrast
 
     Near pairs are those of `near_pairs` (with ``near``).
     ``share`` (n,) [-]: the part of the plain sum of its pairs' excesses that a grain takes; ``contrast`` (n,) [-]: what
-    saturation leaves of its answer across (`coupling.contact_table`). ``missed``, ``size`` (n,):
+    saturation leaves of its answer across (`coupling.grain_law_table`). ``missed``, ``size`` (n,):
     squares of the undamped step and of the magnetisation [A^2/m^2].
     """
     position, radius, volume, moment = grains.position, grains.radius, grains.volume, grains.moment

@@ -6,7 +6,8 @@ import numba
 import numpy as np
 import pytest
 
-from coupling.mutual_moments import MutualMoments, grain_table
+from coupling.grain_law_table import grain_table
+from coupling.mutual_moments import MutualMoments
 from coupling.neighbour_rows import neighbour_rows
 from coupling.sheared_cell import CellTooDense, Shear, ShearParameters
 from coupling.sheared_cell import step_kernel as column
