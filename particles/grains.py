@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
+RECORDS = ("where", "motion", "mass", "particle_id")
+"""The arrays of `Grains` that are always there."""
+
 
 class Grains:
     """Spheres, in the order in which they lie in memory.
@@ -47,7 +50,7 @@ class Grains:
 
     @classmethod
     def of_records(cls, records: dict[str, np.ndarray]) -> Grains:
-        """Grains of ``where``, ``motion``, ``mass`` and ``particle_id``, all of them copied (a checkpoint's state)."""
+        """Grains of the RECORDS of a checkpoint's state, all of them copied."""
         where, motion = records["where"], records["motion"]
         return cls(
             where[:, :3], motion[:, :3], motion[:, 3:6], where[:, 3],
@@ -160,7 +163,7 @@ class Grains:
 
     def permute(self, order: np.ndarray) -> None:
         """Put grain ``order[k]`` into place k in every array."""
-        for name in ("where", "motion", "mass", "particle_id"):
+        for name in RECORDS:
             setattr(self, name, getattr(self, name)[order])
         if self.magnetic_moment is not None:
             self.magnetic_moment = self.magnetic_moment[order]

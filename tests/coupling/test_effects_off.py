@@ -77,7 +77,7 @@ def test_no_pair_reads_what_an_effect_that_is_off_would_need(off, on):
     np.testing.assert_array_equal(poisoned_motion, motion)
     # a spring, and in the energy budget the last forces, of what is on; nothing of what is off
     springs = 3 + 3 * ("rolling" in on) + ("twisting" in on)
-    assert dem._list.history.shape[1] == springs + (8 if "twisting" in on else 7 if "rolling" in on else 4)
+    assert dem._list.pair_memory.history.shape[1] == springs + (8 if "twisting" in on else 7 if "rolling" in on else 4)
 
 
 @pytest.mark.parametrize(
