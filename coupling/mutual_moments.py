@@ -12,7 +12,7 @@ nearly touch (`field.spheres.pair_table`), whose flux gathers in their neck:
   because plain adding overshoots by 50 to 100 % in chains; |M| stays below saturation;
 - they attract with dF(g, |h|) a^2 (a = 2 a_i a_j/(a_i + a_j)) beside the force of their dipoles, and repel each other
   less where the field lies across (`field.spheres.transverse_pair`);
-- their near moments, which lie along n and not along S, make the couple r x F = mu_0 (V_i D_ij x S_i + V_j D_ji x S_j).
+- their near moments, which lie along n and not along S, make the torque r x F = mu_0 (V_i D_ij x S_i + V_j D_ji x S_j).
   So sum r x F = sum V M x B_applied at the fixed point, to round-off.
 
 Gaps are counted between surfaces, in radii, and never below `smallest_gap`: oxide and roughness of the grains, a stated

@@ -312,7 +312,7 @@ class DEM(ListedGrains):
             self._columns.resistance,
             self._columns.energy_column,
             None if self.attraction is None else self.attraction.held(c, g.count, driven),
-            GrainState(g.where, g.motion, g.mass, species, gravity, external, c.reference, self._net),
+            GrainState(g.position_radius, g.velocity_force, g.mass, species, gravity, external, c.reference, self._net),
             PairSlots(
                 c.pairs.start, c.pairs.other, shift, self._turn, self.laws.pair, *c.pair_memory, none
             ),
@@ -334,7 +334,9 @@ class DEM(ListedGrains):
         given = self._arguments(1, True, angle, speed, totals, body_totals, driven=False)
         g, contacts = given.grains, self._list
         return given._replace(
-            grains=g._replace(where=g.where.copy(), motion=g.motion.copy(), net=g.net.copy()),
+            grains=g._replace(
+                position_radius=g.position_radius.copy(), velocity_force=g.velocity_force.copy(), net=g.net.copy()
+            ),
             pairs=given.pairs._replace(**contacts.pair_memory.copied()._asdict(), record=pair_force),
             slots=given.slots._replace(**contacts.wall_memory.copied()._asdict(), record=wall_force),
             chunks=given.chunks._replace(reaction=given.chunks.reaction.copy()),

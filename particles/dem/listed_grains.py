@@ -174,8 +174,9 @@ class ListedGrains:
     def _fresh_list(self) -> ContactList:
         angles = [body.angle for body in self.bodies]
         return ContactList.make(
-            self.grains.where, self.skin, self._device, angles, self.sector, self._columns.total, self._near_gap
-        )
+            self.grains.position_radius, self.skin, self._device, angles, self.sector, self._columns.total,
+            self._near_gap,
+        )  # fmt: skip
 
     @property
     def _near_gap(self) -> float:

@@ -17,9 +17,9 @@ from particles.dvi import gauss_seidel as gs
 from particles.dvi import step_kernel as kernel
 from particles.dvi.accelerated import ANDERSON, GAUSS_SEIDEL
 from particles.dvi.compliance import spring_table
-from particles.dvi.contact_torques import N_COUPLE, N_SPRING_COUPLE, no_contact_torques
+from particles.dvi.contact_torques import N_TORQUE, N_SPRING_TORQUE, no_contact_torques
 from particles.dvi.dvi_contact import DviContact
-from particles.dvi.dvi_totals import DviTotals, dvi_totals, rigid_books
+from particles.dvi.dvi_totals import DviTotals, dvi_totals, rigid_energy_budget
 from particles.dvi.impulse_list import ImpulseList
 from particles.dvi.kernel_state import (
     Call,
@@ -234,7 +234,7 @@ class DVI:
                     answer, totals, self.grains, self.dt, self.overlap_limit, self.tolerance, self.time
                 )
             run_faults.refuse_shot_off(totals[end_of_step.MAX_SPEED], self.grains, self.dt, self.tolerance, self.time)
-        energy = rigid_books(
+        energy = rigid_energy_budget(
             self.bodies, totals, body_totals, self._resist,
             (kinetic, self.grains.kinetic_energy()), (elastic, float(self._springs.sum())),
         )  # fmt: skip
@@ -358,7 +358,7 @@ class DVI:
         self._pair, self._wall = np.zeros((p, gs.N_PAIR + memory)), np.zeros((s, gs.N_WALL_CONTACT + memory))
         self._contact_torques = no_contact_torques()
         if self._resist.any():
-            columns = N_COUPLE if self._compliance is None else N_SPRING_COUPLE
+            columns = N_TORQUE if self._compliance is None else N_SPRING_TORQUE
             self._contact_torques = Torques(self._resist, np.zeros((p, columns)), np.zeros((s, columns)))
         self._chunks = make_chunks(
             self._list.pairs.start, self._list.pairs.other, self._list.wall_start,

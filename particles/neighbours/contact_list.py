@@ -138,7 +138,7 @@ class ContactList:
     @classmethod
     def make(
         cls,
-        where: np.ndarray,
+        position_radius: np.ndarray,
         skin: float,
         walls: DeviceWalls,
         angles: Sequence[float],
@@ -146,11 +146,11 @@ class ContactList:
         columns: int,
         gap: float = 0.0,
     ) -> ContactList:
-        """The list at centres and radii ``where`` (n, 4) [m] with ``skin`` [m] and bodies at ``angles`` [rad].
+        """The list at ``position_radius`` (n, 4) [m] with ``skin`` [m] and bodies at ``angles`` [rad].
 
         A contact has ``columns`` numbers to remember. Surfaces count as touching up to a ``gap`` [radii].
         """
-        position, radius = where[:, :3], where[:, 3]
+        position, radius = position_radius[:, :3], position_radius[:, 3]
         reach, cutoff = reaches(radius, skin, gap)
         pairs = find_pairs(position, cutoff, sector, reach)
         start, other = walls.near(position, reach, skin, angles)

@@ -171,11 +171,11 @@ def test_a_jammed_bed_under_a_turning_lid(name):
     put_in = lost = 0.0
     for _ in range(5):
         totals = dem.run(int(0.01 / dem.dt))
-        books = totals.energy_budget
+        budget = totals.energy_budget
         assert totals.torque_on("lid") < 0.0 < totals.torque_on("cup")
-        assert totals.max_overlap < 0.15 and 0.0 < books.kinetic_energy < 0.2 * books.elastic_energy  # jammed
-        assert abs(books.integration_error) < 0.01 * books.wall_work["lid"]
-        put_in, lost = put_in + books.wall_work["lid"], lost + books.dissipated
+        assert totals.max_overlap < 0.15 and 0.0 < budget.kinetic_energy < 0.2 * budget.elastic_energy  # jammed
+        assert abs(budget.integration_error) < 0.01 * budget.wall_work["lid"]
+        put_in, lost = put_in + budget.wall_work["lid"], lost + budget.dissipated
     assert totals.torque_on("cup") == pytest.approx(-totals.torque_on("lid"), rel=0.05)
     assert lost == pytest.approx(put_in, rel=0.2)  # the rest is stored
 

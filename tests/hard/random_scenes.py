@@ -105,11 +105,11 @@ dipoles = some(
     tolerance=numbers(1e-6, 0.01),
     surface_gap=numbers(1e-3, 0.1),
 )
-couples = some(coefficient=numbers(0.0, 1.0), wall_coefficient=numbers(0.0, 1.0))
+resistance = some(coefficient=numbers(0.0, 1.0), wall_coefficient=numbers(0.0, 1.0))
 cohesion = st.fixed_dictionaries({"force": quantities(0.0, 1e-2, "mN", 1e3)}) | st.fixed_dictionaries(
     {"model": st.sampled_from(("dmt", "jkr")), "work_of_adhesion": quantities(0.0, 0.1, "J/m^2")}
 )
-PLAIN = {"gravity": gravity, "rolling_friction": couples, "twisting_friction": couples, "cohesion": cohesion}
+PLAIN = {"gravity": gravity, "rolling_friction": resistance, "twisting_friction": resistance, "cohesion": cohesion}
 MAGNETIC = {"dipoles": dipoles, "magnetic_force": st.just({}), "saturation": st.just({}), "wall_images": st.just({})}
 OF_A_COIL = {
     "back_reaction": some(tolerance=numbers(0.01, 0.5) | st.just("auto")),
