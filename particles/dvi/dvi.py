@@ -17,7 +17,7 @@ from particles.dvi import gauss_seidel as gs
 from particles.dvi import step_kernel as kernel
 from particles.dvi.accelerated import ANDERSON, GAUSS_SEIDEL
 from particles.dvi.compliance import spring_table
-from particles.dvi.contact_torques import N_TORQUE, N_SPRING_TORQUE, no_contact_torques
+from particles.dvi.contact_torques import N_SPRING_TORQUE, N_TORQUE, no_contact_torques
 from particles.dvi.dvi_contact import DviContact
 from particles.dvi.dvi_totals import DviTotals, dvi_totals, rigid_energy_budget
 from particles.dvi.impulse_list import ImpulseList
@@ -34,7 +34,7 @@ from particles.dvi.kernel_state import (
     WallSlots,
     WallState,
 )
-from particles.dvi.loaded_contacts import loaded_contacts, pressed_in
+from particles.dvi.loaded_contacts import loaded_contacts, net_impulses, pressed_in
 from particles.dvi.partition import make_chunks
 from particles.dvi.triangle_contacts import N_TURN
 from particles.grain_motion import Gravity, gravity_at, held_force
@@ -193,12 +193,7 @@ class DVI:
     @property
     def contact_force(self) -> np.ndarray:
         """Sum of the contact forces on each grain, mean over the last step [N], shape (n, 3)."""
-        c = self._list
-        net = np.zeros((self.grains.count, 3))
-        np.add.at(net, c.pairs.rows(), c.pair_impulse[:, :3])
-        np.subtract.at(net, c.pairs.other, c.pair_impulse[:, :3])
-        np.add.at(net, c.wall_rows(), c.wall_impulse[:, :3])
-        return net / self.dt
+        return net_impulses(self._list) / self.dt
 
     @property
     def _list(self) -> ImpulseList:
