@@ -1,6 +1,7 @@
 """The staggered loop between field and grains, and the effects that live in it."""
 
 from coupling.circuit_coil_field import CircuitCoilField
+from coupling.cluster import Cluster, magnetised_cluster
 from coupling.coil_field import CoilField, ImposedField
 from coupling.coil_field_3d import CoilField3D
 from coupling.deposition import FillDeposition
@@ -15,9 +16,10 @@ from coupling.expected_load import (
     snap_in_overlap,
     weight_load,
 )
+from coupling.grain_law_table import grain_table
 from coupling.layered_field import LayeredField
 from coupling.magnetised_grains import MagnetisedGrains, moments
-from coupling.mutual_moments import Cluster, MutualMoments, grain_table, magnetised_cluster
+from coupling.mutual_moments import MutualMoments
 from coupling.mutually_magnetised_grains import MutuallyMagnetisedGrains
 from coupling.near_attraction import NearAttraction
 from coupling.powder_feedback import FeedbackError, PowderFeedback

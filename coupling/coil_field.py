@@ -58,13 +58,16 @@ class CoilField:
     current : callable t [s] -> I [A]
     current_tolerance : float
         Change of the current, relative to the largest so far, that calls for a new solve.
-    fill_tolerance : float
-        Change of the fill, sqrt(sum V (phi - phi_0)^2/sum V phi_0^2), that calls for a new solve.
+    powder_tolerance : float
+        `powder_change` that calls for a new solve.
     element_volume : (e,) float64 or None
         V of the powder's elements [m^3], needed when fills are given.
     feedback : PowderFeedback or None
         Where it is not the fill but the moments of the grains that couple back: what the powder's state comes from, and
         what decides, in place of the fill, whether the field is still theirs.
+    powder_change : float
+        How far the powder has left the state that the present field was solved with: sqrt(sum V (phi - phi_0)^2/sum V
+        phi_0^2) of the fill phi; with a feedback the residual of the moments (`PowderFeedback.residual`).
     """
 
     problem: AxisymmetricProblem
@@ -72,7 +75,7 @@ class CoilField:
     current: Callable[[float], float]
     newton_tolerance: float = 1e-8
     current_tolerance: float = 0.01
-    fill_tolerance: float = 0.05
+    powder_tolerance: float = 0.05
     element_volume: np.ndarray | None = None
     feedback: PowderFeedback | None = None
     solution: MagneticField | None = None
@@ -80,7 +83,7 @@ class CoilField:
     fill: np.ndarray | None = None
     solved_current: float = np.nan
     largest_current: float = 0.0
-    fill_change: float = 0.0
+    powder_change: float = 0.0
     solves: int = 0
     seconds: float = 0.0
 
@@ -112,16 +115,16 @@ class CoilField:
             stale = True
         if not stale and (current == 0.0) != (self.solved_current == 0.0):
             stale = True  # switched off is exactly off
-        self.fill_change = 0.0
+        self.powder_change = 0.0
         if self.feedback is not None and self.solution is not None:
-            self.fill_change = self.feedback.residual.total
-            stale = stale or (current != 0.0 and self.fill_change > self.fill_tolerance)
+            self.powder_change = self.feedback.residual.total
+            stale = stale or (current != 0.0 and self.powder_change > self.powder_tolerance)
         elif fill is not None and self.fill is not None:
             volume = self.element_volume
             change = (volume * (fill - self.fill) ** 2).sum() / max((volume * self.fill**2).sum(), 1e-300)
-            self.fill_change = float(np.sqrt(change))
+            self.powder_change = float(np.sqrt(change))
             # without current there is no field that the fill could change
-            if current != 0.0 and self.fill_change > self.fill_tolerance:
+            if current != 0.0 and self.powder_change > self.powder_tolerance:
                 stale = True
         return stale
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from coupling.contact_table import ContactTable
+from coupling.grain_law_table import GrainLawTable
 from coupling.influence_kernels import PLACE, influences, near_pairs
 from coupling.kernel_state import Influence, MagneticGrains, PairModel, Rows
 
 
 def find_influence(
-    table: ContactTable,
+    table: GrainLawTable,
     model: PairModel,
     grains: MagneticGrains,
     rows: Rows,

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from coupling.contact_table import FARTHEST_GAP, gap_place
+from coupling.grain_law_table import FARTHEST_GAP, gap_place
 from coupling.mirror import FACES_NO_WALL, normal_at, pushed
 from coupling.pair_fields import OVER_4PI, field_factors
 from geometry.inner_functions import inner

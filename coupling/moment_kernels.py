@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from coupling.contact_table import FARTHEST_GAP, excess_moment, moment_at, near_excess, sphere_ratio
+from coupling.grain_law_table import FARTHEST_GAP, excess_moment, moment_at, near_excess, sphere_ratio
 from coupling.influence_kernels import MEAN, MUTUAL, NX, NY, NZ, PER_R, PLACE, slope_along
 from coupling.mirror import FACES_NO_WALL, AtWall, height_over, image_force, normal_at, pushed
 from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, pair_force
@@ -103,7 +103,7 @@ def magnetise(table, model, grains, rows, walls, known, damping, share, contrast
 
     Near pairs are those of `near_pairs` (with ``near``).
     ``share`` (n,) [-]: the part of the plain sum of its pairs' excesses that a grain takes; ``contrast`` (n,) [-]: what
-    saturation leaves of its answer across (`coupling.contact_table`). ``missed``, ``size`` (n,):
+    saturation leaves of its answer across (`coupling.grain_law_table`). ``missed``, ``size`` (n,):
     squares of the undamped step and of the magnetisation [A^2/m^2].
     """
     position, radius, volume, moment = grains.position, grains.radius, grains.volume, grains.moment
@@ -161,7 +161,7 @@ def magnetise(table, model, grains, rows, walls, known, damping, share, contrast
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
 def contact_forces(table, model, grains, rows, walls, attraction, velocity, ahead, force, torque, wall_torque):
-    """Forces (n, 3) [N], added: of the dipoles, of the near excess (if ``attraction``) and of its couple.
+    """Forces (n, 3) [N], added: of the dipoles, of the near excess (if ``attraction``) and of its torque.
 
     With ``ahead`` > 0 [s] the near excess is its mean over that time at the present ``velocity`` (n, 3) [m/s]: a step
     of rigid grains is longer than its range. Images in the walls (w, 6) included. For the balance, z-components [N m]:
@@ -190,7 +190,7 @@ def contact_forces(table, model, grains, rows, walls, attraction, velocity, ahea
             gx, gy, gz = pair_force(
                 moment[i, 0], moment[i, 1], moment[i, 2], bx, by, bz, nx, ny, nz, r, reach, smear
             )  # fmt: skip
-            if true_r < r:  # grains that overlap: dipoles at touching, and their couple at the true distance
+            if true_r < r:  # grains that overlap: dipoles at touching, and their torque at the true distance
                 along = gx * nx + gy * ny + gz * nz
                 lever = r / true_r
                 gx = along * nx + lever * (gx - along * nx)
@@ -228,7 +228,7 @@ def contact_forces(table, model, grains, rows, walls, attraction, velocity, ahea
                 h_t2 = hx * hx + hy * hy + hz * hz - along * along
                 pull = MU_0 * a * a * (pull + np.sqrt(contrast[i] * contrast[j]) * h_t2 * across)
                 fx, fy, fz = fx - pull * nx, fy - pull * ny, fz - pull * nz
-            # the near moments lie along n: the field's torque on them is a couple of the pair, T/r on each
+            # the near moments lie along n: the field's torque on them acts as opposite forces T/r on the pair
             u, w = MU_0 * v * volume[i] * share[i], MU_0 * v * volume[j] * share[j]
             ex, ey, ez = u * field[i, 0] + w * ex, u * field[i, 1] + w * ey, u * field[i, 2] + w * ez
             along = ex * nx + ey * ny + ez * nz

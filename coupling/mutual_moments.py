@@ -12,7 +12,7 @@ nearly touch (`field.spheres.pair_table`), whose flux gathers in their neck:
   because plain adding overshoots by 50 to 100 % in chains; |M| stays below saturation;
 - they attract with dF(g, |h|) a^2 (a = 2 a_i a_j/(a_i + a_j)) beside the force of their dipoles, and repel each other
   less where the field lies across (`field.spheres.transverse_pair`);
-- their near moments, which lie along n and not along S, make the couple r x F = mu_0 (V_i D_ij x S_i + V_j D_ji x S_j).
+- their near moments, which lie along n and not along S, make the torque r x F = mu_0 (V_i D_ij x S_i + V_j D_ji x S_j).
   So sum r x F = sum V M x B_applied at the fixed point, to round-off.
 
 Gaps are counted between surfaces, in radii, and never below `smallest_gap`: oxide and roughness of the grains, a stated
@@ -31,25 +31,19 @@ updates all grains from the same state, so no bit depends on the threads.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
-from coupling.contact_table import ContactTable, contact_table
+from coupling.grain_law_table import GrainLawTable
 from coupling.influence import find_influence
 from coupling.kernel_state import MagneticGrains, PairModel
 from coupling.moment_kernels import contact_forces, gather_fields, magnetise, wall_heights
-from coupling.neighbour_rows import NeighbourRows, neighbour_rows
+from coupling.neighbour_rows import NeighbourRows
 from coupling.pair_fields import smeared_at_itself
-from field.laws.powder_law import GrainLaw, ThesisLaw
-from field.laws.reluctivity import Law
-from field.spheres.lone_sphere import saturation, sphere_magnetisation
-from field.spheres.pair_table import pair_table
 
 SMALLEST_GAP = 3e-3
 """Default of the gap between surfaces that touch [radii]."""
 
-MODELS = ("mutual", "near_field")
 # Of an undamped step: where sweeps of this share do not shrink the residual it is lowered.
 FIRST_DAMPING, LEAST_DAMPING = 0.5, 0.05
 # Moments so many times those of lone grains are of an earlier field: begin anew.
@@ -99,8 +93,8 @@ class MutualMoments:
 
     Parameters
     ----------
-    table : ContactTable
-        Of `grain_table`.
+    table : GrainLawTable
+        Of `coupling.grain_law_table.grain_table`.
     near : bool
         Model near_field; False: mutual.
     reach : float
@@ -115,7 +109,7 @@ class MutualMoments:
 
     def __init__(
         self,
-        table: ContactTable,
+        table: GrainLawTable,
         *,
         near: bool,
         reach: float,
@@ -290,115 +284,3 @@ def field_slope(position: np.ndarray, gradient: np.ndarray) -> np.ndarray:
     hoop = np.einsum("na,nab,nb->n", e_phi, gradient, e_phi)
     mixed = ((gradient[:, 2, :] + gradient[:, :, 2]) * e_r).sum(axis=1)
     return np.column_stack((radial, hoop, gradient[:, 2, 2], mixed))
-
-
-def grain_table(law: Law | GrainLaw, model: str) -> ContactTable:
-    """The table that the kernels read for a grain's law: bulk law, or `GrainLaw`; the near pairs' with near_field.
-
-    Raises
-    ------
-    ValueError
-        An unknown model, the law of the thesis, near_field with a law that does not saturate.
-    """
-    try:
-        return _kept_table(law, model)  # type: ignore[arg-type]
-    except TypeError:  # a law of points cannot be hashed
-        return _made_table(law, model)
-
-
-def _made_table(law: Law | GrainLaw, model: str) -> ContactTable:
-    if model not in MODELS:
-        raise ValueError(f"model = {model!r}; allowed: {', '.join(MODELS)} ('fixed' has no mutual moments)")
-    if isinstance(law, ThesisLaw):
-        raise ValueError("the law of the thesis, M = chi H, has no material behind it: it stays with model 'fixed'")
-
-    def sphere(h):
-        return sphere_magnetisation(law, h)
-
-    try:
-        Ms = saturation(law)
-    except ValueError:
-        if model == "near_field":
-            raise
-        return contact_table(sphere, None)
-    excess = None
-    if model == "near_field":
-        pair = pair_table(law)
-        excess = (pair.excess_force, pair.excess_moment)
-    return contact_table(sphere, Ms, excess)
-
-
-_kept_table = lru_cache(maxsize=8)(_made_table)
-
-
-@dataclass(frozen=True, slots=True)
-class Cluster:
-    """A finite cluster of magnetised spheres: moments (n, 3) [A m^2], forces (n, 3) [N], residual [-], sweeps."""
-
-    moment: np.ndarray
-    magnetisation: np.ndarray
-    force: np.ndarray
-    residual: float
-    sweeps: int
-
-
-def magnetised_cluster(
-    centre: np.ndarray,
-    radius: np.ndarray | float,
-    law: Law | GrainLaw,
-    field: np.ndarray,
-    *,
-    model: str = "near_field",
-    smallest_gap: float = SMALLEST_GAP,
-    tolerance: float = 1e-12,
-    most_sweeps: int = 2000,
-) -> Cluster:
-    """Moments and forces of spheres in a uniform applied field, every pair counted whole.
-
-    Parameters
-    ----------
-    centre : array_like (n, 3)
-        [m].
-    radius : float or array_like (n,)
-        [m].
-    law : Law or GrainLaw
-        Of the grains' material, e.g. ``GrainLaw(chi=999.0, Ms=1.7e6)``.
-    field : array_like (3,) or (n, 3)
-        Applied field without the spheres [A/m].
-    model : 'near_field' or 'mutual'
-    smallest_gap : float
-        Gap between surfaces that touch [radii].
-    tolerance, most_sweeps : float, int
-        Of the moments' residual.
-
-    Returns
-    -------
-    Cluster
-        With `magnetisation` (n, 3) = moment over volume [A/m].
-
-    Raises
-    ------
-    ValueError
-        Shapes that do not fit, radii not above 0, numbers that are not finite, see also `grain_table`.
-    RuntimeError
-        The moments did not converge.
-    """
-    x = np.array(centre, dtype=float).reshape(-1, 3)
-    a = np.array(np.broadcast_to(np.asarray(radius, dtype=float), (len(x),)))
-    H = np.array(np.broadcast_to(np.asarray(field, dtype=float), x.shape))
-    if not (np.all(np.isfinite(x)) and np.all(np.isfinite(H)) and np.all(np.isfinite(a) & (a > 0.0))):
-        raise ValueError("`centre`, `radius` and `field` must be finite numbers, radii above 0 [m]")
-    # twice beyond the farthest pair: no pair comes near the switch
-    span = float(np.linalg.norm(np.ptp(x, axis=0))) if len(x) > 1 else 0.0
-    reach = 2.0 * span + 8.0 * float(a.max(initial=1.0))
-    solver = MutualMoments(grain_table(law, model), near=model == "near_field", reach=reach, smallest_gap=smallest_gap)
-    rows = neighbour_rows(x, reach)
-    found = solver.solve(x, a, H, rows, tolerance=tolerance, most_sweeps=most_sweeps)
-    if found.residual > tolerance:
-        raise RuntimeError(
-            f"the moments of {len(x)} spheres did not converge: residual {found.residual:.2g} after {found.sweeps} "
-            f"sweeps, asked for {tolerance:g}; raise `tolerance` or `most_sweeps`"
-        )
-    force, _, _ = solver.forces(x, a, rows, found)
-    volume = 4.0 / 3.0 * np.pi * a**3
-    return Cluster(found.moment, found.moment / volume[:, None], force, found.residual, found.sweeps)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from coupling.contact_table import place_in, read
+from coupling.grain_law_table import place_in, read
 from coupling.mirror import FACES_NO_WALL, normal_at, pushed
 from coupling.moment_kernels import MU_0, drive_at_wall, drive_of_pair
 from coupling.pair_fields import OVER_4PI

@@ -152,7 +152,7 @@ def refresh_field(simulation: Simulation) -> None:
     for solves in range(MOST_SOLVES + 1):
         feedback.deposit(grains.position, grains.volume, grains.magnetic_moment, source.solution)
         if solves == MOST_SOLVES and source.is_stale(source.solved_current, None):
-            raise FeedbackError(feedback.residual.total, solves, source.fill_tolerance)
+            raise FeedbackError(feedback.residual.total, solves, source.powder_tolerance)
         if not source.refresh(simulation.motion.time, None):
             return
         magnetised.sampler = source.sampler

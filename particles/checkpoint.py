@@ -7,9 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from particles.bodies import Body
-from particles.grains import Grains
+from particles.grains import RECORDS, Grains
 
-OF_GRAINS = ("where", "motion", "mass", "particle_id")
 OF_THE_LIST = "list_"  # before the names of the list's arrays
 
 
@@ -17,7 +16,7 @@ def taken(
     grains: Grains, bodies: Sequence[Body], contacts: Mapping[str, np.ndarray], **held: np.ndarray | None
 ) -> dict[str, np.ndarray]:
     """Copies of all of it, of the list by its ``contacts`` and of what is ``held`` by its name, unless it is None."""
-    arrays = {name: getattr(grains, name).copy() for name in OF_GRAINS}
+    arrays = {name: getattr(grains, name).copy() for name in RECORDS}
     for name, value in ({"magnetic_moment": grains.magnetic_moment} | held).items():
         if value is not None:
             arrays[name] = value.copy()
@@ -28,7 +27,7 @@ def taken(
 
 def put_grains(state: Mapping[str, np.ndarray], grains: Grains) -> None:
     """Give grains the arrays of a state."""
-    for name in OF_GRAINS:
+    for name in RECORDS:
         setattr(grains, name, state[name].copy())
     grains.magnetic_moment = held_in(state, "magnetic_moment")
 

@@ -8,15 +8,18 @@ from __future__ import annotations
 
 import numpy as np
 
+RECORDS = ("position_radius", "velocity_force", "mass", "particle_id")
+"""The arrays of `Grains` that are always there."""
+
 
 class Grains:
     """Spheres, in the order in which they lie in memory.
 
     Attributes
     ----------
-    where : ndarray, shape (n, 4)
+    position_radius : ndarray, shape (n, 4)
         Centre and radius [m], side by side: what a neighbour reads first.
-    motion : ndarray, shape (n, 12)
+    velocity_force : ndarray, shape (n, 12)
         Velocity [m/s], spin [rad/s], and the places where a step gathers force [N] and torque [N m].
     mass : ndarray, shape (n,)
         [kg]; the inertia is that of a solid sphere, 2/5 m R^2.
@@ -26,7 +29,7 @@ class Grains:
         Dipole moment [A m^2]; None in a scene without magnetism.
     """
 
-    __slots__ = ("magnetic_moment", "mass", "motion", "particle_id", "where")
+    __slots__ = ("magnetic_moment", "mass", "particle_id", "position_radius", "velocity_force")
 
     def __init__(
         self,
@@ -39,56 +42,56 @@ class Grains:
         magnetic_moment: np.ndarray | None = None,
     ) -> None:
         """From arrays of shapes (n, 3), (n, 3), (n, 3), (n,), (n,), (n,), (n, 3); `create` checks them."""
-        self.where = np.empty((len(radius), 4))
-        self.where[:, :3], self.where[:, 3] = position, radius
-        self.motion = np.zeros((len(radius), 12))
-        self.motion[:, :3], self.motion[:, 3:6] = velocity, angular_velocity
+        self.position_radius = np.empty((len(radius), 4))
+        self.position_radius[:, :3], self.position_radius[:, 3] = position, radius
+        self.velocity_force = np.zeros((len(radius), 12))
+        self.velocity_force[:, :3], self.velocity_force[:, 3:6] = velocity, angular_velocity
         self.mass, self.particle_id, self.magnetic_moment = mass, particle_id, magnetic_moment
 
     @classmethod
     def of_records(cls, records: dict[str, np.ndarray]) -> Grains:
-        """Grains of ``where``, ``motion``, ``mass`` and ``particle_id``, all of them copied (a checkpoint's state)."""
-        where, motion = records["where"], records["motion"]
+        """Grains of the RECORDS of a checkpoint's state, all of them copied."""
+        position_radius, velocity_force = records["position_radius"], records["velocity_force"]
         return cls(
-            where[:, :3], motion[:, :3], motion[:, 3:6], where[:, 3],
+            position_radius[:, :3], velocity_force[:, :3], velocity_force[:, 3:6], position_radius[:, 3],
             records["mass"].copy(), records["particle_id"].copy(),
         )  # fmt: skip
 
     @property
     def position(self) -> np.ndarray:
-        """Centres [m], Cartesian, z along the shaft: a view of `where`, shape (n, 3)."""
-        return self.where[:, :3]
+        """Centres [m], Cartesian, z along the shaft: a view of `position_radius`, shape (n, 3)."""
+        return self.position_radius[:, :3]
 
     @position.setter
     def position(self, value: np.ndarray) -> None:
-        self.where[:, :3] = value
+        self.position_radius[:, :3] = value
 
     @property
     def radius(self) -> np.ndarray:
-        """Radii [m]: a view of `where`, shape (n,)."""
-        return self.where[:, 3]
+        """Radii [m]: a view of `position_radius`, shape (n,)."""
+        return self.position_radius[:, 3]
 
     @radius.setter
     def radius(self, value: np.ndarray) -> None:
-        self.where[:, 3] = value
+        self.position_radius[:, 3] = value
 
     @property
     def velocity(self) -> np.ndarray:
-        """Velocities of the centres [m/s]: a view of `motion`, shape (n, 3)."""
-        return self.motion[:, :3]
+        """Velocities of the centres [m/s]: a view of `velocity_force`, shape (n, 3)."""
+        return self.velocity_force[:, :3]
 
     @velocity.setter
     def velocity(self, value: np.ndarray) -> None:
-        self.motion[:, :3] = value
+        self.velocity_force[:, :3] = value
 
     @property
     def angular_velocity(self) -> np.ndarray:
-        """Spins [rad/s]: a view of `motion`, shape (n, 3)."""
-        return self.motion[:, 3:6]
+        """Spins [rad/s]: a view of `velocity_force`, shape (n, 3)."""
+        return self.velocity_force[:, 3:6]
 
     @angular_velocity.setter
     def angular_velocity(self, value: np.ndarray) -> None:
-        self.motion[:, 3:6] = value
+        self.velocity_force[:, 3:6] = value
 
     @classmethod
     def create(
@@ -108,8 +111,8 @@ class Grains:
             For a shape that does not fit, a value that is not finite, or a radius or density that is not
             positive.
         """
-        where = np.array(position, dtype=np.float64, order="C").reshape(-1, 3)
-        count = len(where)
+        x = np.array(position, dtype=np.float64, order="C").reshape(-1, 3)
+        count = len(x)
         if count == 0:
             raise ValueError("no grain was given: position is empty; raise the number of grains to 1 or more")
         r = np.array(np.broadcast_to(np.asarray(radius, dtype=np.float64), (count,)))
@@ -122,11 +125,11 @@ class Grains:
             np.zeros((count, 3)) if given is None else np.array(given, dtype=np.float64, order="C").reshape(count, 3)
             for given in (velocity, angular_velocity)
         )
-        for name, value in (("position", where), ("velocity", v), ("angular_velocity", w)):
+        for name, value in (("position", x), ("velocity", v), ("angular_velocity", w)):
             if not np.isfinite(value).all():
                 k = int(np.flatnonzero(~np.isfinite(value).all(axis=1))[0])
                 raise ValueError(f"{name} of grain {k} is not finite: {value[k]}")
-        return cls(where, v, w, r, rho * (4.0 / 3.0 * np.pi) * r**3, np.arange(count, dtype=np.int64))
+        return cls(x, v, w, r, rho * (4.0 / 3.0 * np.pi) * r**3, np.arange(count, dtype=np.int64))
 
     @property
     def count(self) -> int:
@@ -160,7 +163,7 @@ class Grains:
 
     def permute(self, order: np.ndarray) -> None:
         """Put grain ``order[k]`` into place k in every array."""
-        for name in ("where", "motion", "mass", "particle_id"):
+        for name in RECORDS:
             setattr(self, name, getattr(self, name)[order])
         if self.magnetic_moment is not None:
             self.magnetic_moment = self.magnetic_moment[order]

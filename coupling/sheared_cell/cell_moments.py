@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from coupling.contact_table import ContactTable
+from coupling.grain_law_table import GrainLawTable
 from coupling.influence import find_influence
 from coupling.kernel_state import MagneticGrains, PairModel
 from coupling.moment_kernels import gather_fields, magnetise
@@ -31,8 +31,8 @@ class CellMoments:
 
     Parameters
     ----------
-    table : ContactTable
-        Of the grains' law, see `coupling.mutual_moments.grain_table`.
+    table : GrainLawTable
+        Of the grains' law, see `coupling.grain_law_table.grain_table`.
     near : bool
         Model near_field; False: mutual.
     reach : float
@@ -44,7 +44,7 @@ class CellMoments:
     def __init__(
         self,
         box: SquareBox,
-        table: ContactTable,
+        table: GrainLawTable,
         *,
         near: bool,
         reach: float,

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from coupling.contact_table import excess_moment
+from coupling.grain_law_table import excess_moment
 from coupling.kernel_state import PairModel
 from coupling.moment_kernels import MU_0, drive_of_pair
 from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, pair_force

@@ -1,8 +1,8 @@
 """The attraction of a near pair beyond its dipoles, from the gap of every step and a drive that is held.
 
-dF(g, h) a^2 + (mu_0 a^2 h_t^2) across(g), see `coupling.contact_table`. All that depends on the drive is found once for
-many steps: its place in the table, and beyond `FOLLOWED` radii, where the range of the force is many steps long, value
-and slope at the gap itself.
+dF(g, h) a^2 + (mu_0 a^2 h_t^2) across(g), see `coupling.grain_law_table`. All that depends on the drive is found once
+for many steps: its place in the table, and beyond `FOLLOWED` radii, where the range of the force is many steps long,
+value and slope at the gap itself.
 """
 
 from __future__ import annotations

@@ -34,7 +34,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from coupling.mutual_moments import SMALLEST_GAP, grain_table
+from coupling.grain_law_table import grain_table
+from coupling.mutual_moments import SMALLEST_GAP
 from coupling.sheared_cell import step_kernel as column
 from coupling.sheared_cell.cell import CellPairs, cell_pairs
 from coupling.sheared_cell.cell_moments import CellMoments

@@ -4,7 +4,7 @@ Leapfrog as in `particles.dem.step_kernel`, with velocities half a step behind p
 energy budget are the same functions. Everything runs in the order of the pairs on one thread, so no bit depends on
 threads.
 
-Stress counts r_a F_b with F on the grain at r from its partner, over the pairs; the energy budget follow the
+Stress counts r_a F_b with F on the grain at r from its partner, over the pairs; the energy budget follows the
 trapezoidal rule by drifts (`particles.dem.contact_kernel`).
 """
 
@@ -24,7 +24,7 @@ LOST_NORMAL, LOST_TANGENTIAL, LOST_SLIDING = 7, 8, 9
 ELASTIC, KINETIC, DEEPEST, FASTEST = 10, 11, 12, 13  # the last two steps' energies; largest of all steps
 N_SUMS = 14
 N_HISTORY = 7  # spring (3), last dashpot, last tangential force (3)
-BOOKS = 3
+ENERGY_COLUMN = 3  # of a history: the first of the last forces
 
 
 class Flow(NamedTuple):
@@ -84,7 +84,7 @@ def shear_steps(n_steps, dt, flow, grains, pairs, law, attraction, sums):
     first, second, image, history, touching, grip = pairs
     table, near, smallest_gap = attraction
     n = position.shape[0]
-    force, couple = np.empty((n, 3)), np.empty((n, 3))
+    force, torque = np.empty((n, 3)), np.empty((n, 3))
     reach2 = 4.0 * radius * radius
     most = 2.0 * radius + 1.2 * radius
     jump = rate * lengths[2]
@@ -96,7 +96,7 @@ def shear_steps(n_steps, dt, flow, grains, pairs, law, attraction, sums):
         elastic = kinetic = 0.0
         for i in range(n):
             for a in range(3):
-                force[i, a], couple[i, a] = held[i, a], 0.0
+                force[i, a], torque[i, a] = held[i, a], 0.0
         for k in range(first.shape[0]):
             i, j = first[k], second[k]
             sx, sy, sz = image[k, 0], image[k, 1], image[k, 2]
@@ -137,15 +137,15 @@ def shear_steps(n_steps, dt, flow, grains, pairs, law, attraction, sums):
                     (hx, hy, hz),
                     0.5 * ((wx + qx) * nx + (wy + qy) * ny + (wz + qz) * nz),
                 )
-                contact = contact_force(law, 0, BOOKS, 0.5 * mass, 0.5 * radius, dt, touch, history, k)
+                contact = contact_force(law, 0, ENERGY_COLUMN, 0.5 * mass, 0.5 * radius, dt, touch, history, k)
                 gx, gy, gz = contact.x, contact.y, contact.z
                 mx, my, mz = arm * (ny * gz - nz * gy), arm * (nz * gx - nx * gz), arm * (nx * gy - ny * gx)
-                couple[i, 0] += mx
-                couple[i, 1] += my
-                couple[i, 2] += mz
-                couple[j, 0] += mx
-                couple[j, 1] += my
-                couple[j, 2] += mz
+                torque[i, 0] += mx
+                torque[i, 1] += my
+                torque[i, 2] += mz
+                torque[j, 0] += mx
+                torque[j, 1] += my
+                torque[j, 2] += mz
                 contact_zx -= dz * gx
                 contact_xz -= dx * gz
                 contact_all -= dx * gx + dy * gy + dz * gz
@@ -159,7 +159,9 @@ def shear_steps(n_steps, dt, flow, grains, pairs, law, attraction, sums):
             elif touching[k] != 0:
                 touching[k] = 0
                 closing = (vx - ux) * nx + (vy - uy) * ny + (vz - uz) * nz
-                lost_n, lost_s, _, _ = left_in_springs(law, 0, None, BOOKS, 0.5 * radius, closing * dt, history, k)
+                lost_n, lost_s, _, _ = left_in_springs(
+                    law, 0, None, ENERGY_COLUMN, 0.5 * radius, closing * dt, history, k
+                )
                 lost_normal += lost_n
                 lost_sliding += lost_s
                 for a in range(history.shape[1]):
@@ -174,7 +176,7 @@ def shear_steps(n_steps, dt, flow, grains, pairs, law, attraction, sums):
             vx, vy, vz = velocity[i, 0], velocity[i, 1], velocity[i, 2]
             bx, by, bz = vx + kick * force[i, 0], vy + kick * force[i, 1], vz + kick * force[i, 2]
             wx, wy, wz = spin[i, 0], spin[i, 1], spin[i, 2]
-            ox, oy, oz = wx + turn * couple[i, 0], wy + turn * couple[i, 1], wz + turn * couple[i, 2]
+            ox, oy, oz = wx + turn * torque[i, 0], wy + turn * torque[i, 1], wz + turn * torque[i, 2]
             z = position[i, 2]
             # energies at the time of the positions, less the flow rate z: a wrap does not change them
             px, qx = vx - rate * (z - 0.5 * dt * vz), bx - rate * (z + 0.5 * dt * bz)

@@ -104,7 +104,7 @@ def points_of(
     model: str,
 ) -> list[ShearParameters]:
     """Every fill with every field with every seed; SceneError where one cannot be read or is out of range."""
-    from coupling.mutual_moments import MODELS
+    from coupling.grain_law_table import MODELS
     from coupling.sheared_cell import ShearParameters
 
     if model not in MODELS:

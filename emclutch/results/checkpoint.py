@@ -21,7 +21,7 @@ from emclutch.results.atomic_file import replace_bytes
 from emclutch.results.closed_file import refuse_links
 from emclutch.results.output_error import OutputError
 
-VERSION = 1
+VERSION = 2  # of the layout: 1 had other names of the grains' arrays
 DAMAGED = (KeyError, ValueError, TypeError, AttributeError, RuntimeError)
 """What h5py and numpy raise, beside OSError, on a file of other groups and types than ours, or with damaged ones."""
 

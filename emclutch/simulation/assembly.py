@@ -205,7 +205,7 @@ def field_source(
     if scene.effects.back_reaction is not None:
         asked = scene.effects.back_reaction.tolerance
         default = MOMENTS_TOLERANCE if moments_are_fed_back(scene) else FILL_TOLERANCE
-        source.fill_tolerance = default if asked is None else asked
+        source.powder_tolerance = default if asked is None else asked
     return source
 
 

@@ -60,7 +60,7 @@ def summarise(
         summary |= zone_summary(zone, (history, *others), torque)
     if "feedback_residual" in history:
         summary["feedback"] = {
-            "tolerance": simulation.source.fill_tolerance,
+            "tolerance": simulation.source.powder_tolerance,
             "worst_residual": float(history["feedback_residual"].max()),
         } | {part: float(history[f"feedback_{part}"].iloc[-1]) for part in ("across", "clipped", "lagged")}
     if "moment_residual" in history:

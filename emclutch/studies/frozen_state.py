@@ -62,7 +62,7 @@ def frozen_state(case: Case, position: np.ndarray, diameter: np.ndarray | float 
     if isinstance(magnetised, MutuallyMagnetisedGrains):
         magnetised.tolerance = MOMENTS_TOLERANCE
     if isinstance(source, CoilField) and source.feedback is not None:
-        source.fill_tolerance = FEEDBACK_TOLERANCE
+        source.powder_tolerance = FEEDBACK_TOLERANCE
     for effect in simulation.effects:
         effect.begin_window(simulation)
     begin = perf_counter()

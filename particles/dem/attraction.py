@@ -19,8 +19,8 @@ keeps these arrays in the present order.
 **Each pair once.** Pairs that the list does not hold are the caller's, as held forces. A list made anew inside a run
 holds others than the last one: `drives` may then set `DEM.external_force`, it is read afterwards.
 
-**Books.** Pulls are no contact forces: friction is limited by the contact's repulsion alone, which they raise by
-pressing the grains together. Their work is booked as external work. Action and reaction are equal, bit for bit, and
+**Energy budget.** Pulls are no contact forces: friction is limited by the contact's repulsion alone, which they raise
+by pressing the grains together. Their work is booked as external work. Action and reaction are equal, bit for bit, and
 central, so momentum and angular momentum are conserved to round-off. A wall's body gets nothing: a pull along the
 normal of a coaxial wall, or of a plane that cannot swing, has no torque about the axis and does no work on a turning
 body; the force along the axis is not told.

@@ -206,7 +206,7 @@ def contact_force(law, kind, energy_column, m_eff, r_eff, dt, touch, history, sl
 def rolling_torque(law, kind, energy_column, arm, inertia, dt, force, touch, p, history, slot, first):
     """Rolling resistance on grain i (`particles.laws.rolling_friction`); p is its spin relative to the partner's.
 
-    ``history[slot, first:]`` is the rolling angle [rad], updated. Returns the couple (3) [N m], the stored energy [J]
+    ``history[slot, first:]`` is the rolling angle [rad], updated. Returns the torque (3) [N m], the stored energy [J]
     and the energy lost in this step [J].
     """
     k_t, last, phi = force.k_t, force.last_k_t, touch.spin * dt
@@ -253,7 +253,7 @@ def rolling_torque(law, kind, energy_column, arm, inertia, dt, force, touch, p, 
 def twisting_torque(law, kind, energy_column, arm, inertia, dt, force, spin, history, slot, first):
     """Twisting resistance about the normal on grain i (`particles.laws.twisting_friction`).
 
-    ``spin`` is its spin about n relative to the partner's. Returns the couple along n [N m], the stored energy [J] and
+    ``spin`` is its spin about n relative to the partner's. Returns the torque along n [N m], the stored energy [J] and
     the energy lost in this step [J].
     """
     k_t, last, damping = force.k_t, force.last_k_t, law.rows[kind, DAMPING_ROLLING]
@@ -266,21 +266,21 @@ def twisting_torque(law, kind, energy_column, arm, inertia, dt, force, spin, his
         share = last / k_t
         angle *= share
         lost = last * (1.0 - share) * held
-    couple = k * angle + (k + rate) * step
+    torque = k * angle + (k + rate) * step
     limit = law.rows[kind, MU_TWISTING] * arm * force.repulsion
     slip = 0.0
-    if abs(couple) > limit:
-        capped = limit if couple > 0.0 else -limit
-        slip = (couple - capped) / (k + rate)
-        couple = capped
+    if abs(torque) > limit:
+        capped = limit if torque > 0.0 else -limit
+        slip = (torque - capped) / (k + rate)
+        torque = capped
         step -= slip
     if energy_column is not None:
         before = history[slot, energy_column + LAST_TWISTING]
-        lost += 0.5 * ((before - k * angle + rate * step) * step + (before + couple) * slip)
-        history[slot, energy_column + LAST_TWISTING] = couple
+        lost += 0.5 * ((before - k * angle + rate * step) * step + (before + torque) * slip)
+        history[slot, energy_column + LAST_TWISTING] = torque
     angle += step
     history[slot, first] = angle
-    return -couple, 0.5 * k * angle * angle, lost
+    return -torque, 0.5 * k * angle * angle, lost
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})

@@ -1,25 +1,20 @@
 """Discrete element method: grains, walls on turning bodies, contact laws; the loop around the compiled step.
 
-The step itself is `particles.dem.step_kernel`. Here the Verlet list is renewed (sort by cells, wrap through the
-sector, carry the history), and the state is taken and put back: both handle every array that a grain or a contact has,
-and stand in one file so that a new one is forgotten in neither. Sums become `StepTotals` in `run_summary`, and what
-went wrong is explained in `run_faults`.
+The step itself is `particles.dem.step_kernel`; grains, lists and checkpoints are `particles.dem.listed_grains`. Sums
+become `StepTotals` in `particles.dem.run_summary`, and what went wrong is explained in `particles.dem.run_faults`.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from geometry.walls import Wall
-from particles import checkpoint
 from particles.bodies import Body
 from particles.dem import run_faults, run_summary, total_columns
 from particles.dem import step_kernel as kernel
 from particles.dem.attraction import PREFIX as ATTRACTION
-from particles.dem.attraction import Attraction
 from particles.dem.contact_columns import contact_columns
 from particles.dem.kernel_state import (
     Call,
@@ -30,6 +25,7 @@ from particles.dem.kernel_state import (
     WallSlots,
     WallState,
 )
+from particles.dem.listed_grains import ListedGrains
 from particles.dem.step_totals import StepTotals
 from particles.dem.stored_energy import law_table, stored_at_rest
 from particles.dem.time_step import choose_time_step
@@ -40,16 +36,12 @@ from particles.laws.contact_law import ContactLaw
 from particles.laws.pair_table import PairLaws, species_of, wall_rows
 from particles.laws.rolling_friction import RollingFriction
 from particles.laws.twisting_friction import TwistingFriction
-from particles.neighbours.contact_list import ContactList, ListedWalls, reaches
+from particles.neighbours.contact_list import ContactList
 from particles.neighbours.contact_table import ContactTable, contact_table, geometric_overlaps
-from particles.neighbours.neighbour_list import PairList, cell_order, finest_cell
-from particles.neighbours.skin import USUAL, WIDEST, next_skin
 from particles.sector import CyclicSector
 from particles.shafts import Shafts, drives_at
 from particles.threads import threads_for
-from particles.walls.device_walls import DeviceWalls
 from particles.walls.triangle_kernels import N_FOUND
-from particles.walls.wall_table import outside
 
 STEPS_PER_CALL = 512  # bounds the tables in time (speeds, torques, gravity)
 WALL_SKIN = 0.5  # of the skin: how far triangles may turn before the list is made anew
@@ -57,7 +49,7 @@ WALL_SKIN = 0.5  # of the skin: how far triangles may turn before the list is ma
 FASTEST = 1.0  # radii of the smallest grain in a step: beyond it a grain may pass through another
 
 
-class DEM:
+class DEM(ListedGrains):
     """Grains moving between walls.
 
     Parameters
@@ -136,38 +128,21 @@ class DEM:
         else:
             laws = PairLaws.of_one(contact, rolling=rolling, twisting=twisting, cohesion=cohesion)
         choose_time_step(laws, grains.mass, grains.radius, dt=dt)
-        self.grains, self.walls, self.bodies, self.laws = grains, list(walls), list(bodies), laws
-        self.dt, self.sector, self.overlap_limit, self.energy_budget = float(dt), sector, overlap_limit, energy_budget
+        of_grains = species_of(laws, grains.count, species)
+        self._table = law_table(laws, grains, one_species=of_grains is None)
+        columns = contact_columns(laws.rows, self._table, energy_budget)
+        super().__init__(grains, walls, bodies, columns, dt=dt, sector=sector, skin=skin, species=of_grains)
+        self.laws, self.overlap_limit, self.energy_budget = laws, overlap_limit, energy_budget
         self.gravity = gravity if gravity is None or callable(gravity) else np.array(gravity, dtype=float).reshape(3)
         if sector is not None and isinstance(self.gravity, np.ndarray) and self.gravity[:2].any():
             raise ValueError(
                 f"gravity = {self.gravity} m/s^2 turns from sector to sector; allowed beside a sector: along z only"
             )
-        self._mean_radius = math.fsum(grains.radius) / grains.count  # to the bit, in whatever order they stand
         self._fastest = FASTEST * float(np.min(grains.radius)) / self.dt
-        self._own_skin = skin is None
-        self.skin = USUAL * self._mean_radius if skin is None else float(skin)
-        if not 0.0 < self.skin < np.inf:
-            raise ValueError(f"skin = {self.skin * 1e3:g} mm; allowed: more than 0 (a quarter of a diameter is usual)")
-        self.external_force: np.ndarray | None = None
-        self.attraction: Attraction | None = None
-        self.step_count = self.order_version = self.list_version = 0
-        n, n_bodies = grains.count, len(self.bodies)
-        self._device = DeviceWalls(self.walls, self.bodies)
-        self._species = species_of(laws, n, species)
         self._wall_row = wall_rows(laws, len(self.walls), wall_material, self._device.wall)
-        self._table = law_table(laws, grains, one_species=self._species is None)
-        self._columns = contact_columns(laws.rows, self._table, energy_budget)
         self._turn = None if sector is None else np.array([np.cos(sector.angle), np.sin(sector.angle)])
-        # a device that does not hold its grains at the start (a bare disc, a belt) cannot lose them either
-        self._encloses = not outside(grains.position, self.walls, 0.0).any()
-        self._net = np.zeros((n, 3))
         self._later = np.zeros(3)
-        self._last_torque = np.zeros(n_bodies)
-        self._stale = True
-        self._list_step = 0
-        self._contacts: ContactList | None = None
-        self._rebuild()
+        self._last_torque = np.zeros(len(self.bodies))
         self._elastic = self._stored_at_rest() if energy_budget else 0.0
         self._kinetic = grains.kinetic_energy() if energy_budget else 0.0
 
@@ -177,49 +152,10 @@ class DEM:
         return self.laws.laws[int(self.laws.pair[0, 0])]
 
     @property
-    def time(self) -> float:
-        """Time [s] of the positions; velocities lag by half a step."""
-        return self.step_count * self.dt
-
-    @property
     def gravity_now(self) -> np.ndarray | None:
         """Acceleration of gravity [m/s^2] at this time, shape (3,)."""
         pull = gravity_at(self.gravity, np.array([self.time]))
         return pull[0] if len(pull) else None
-
-    @property
-    def list_skin(self) -> float:
-        """How much further than touching the present list reaches [m]."""
-        return self.skin
-
-    @property
-    def listed_pairs(self) -> PairList:
-        """Pairs of the present list; see `renew_list`, and `Attraction.near_gap` for how far they reach.
-
-        Of row i: the partners ``other`` at R(shift*angle) x_other, all in the present order of the grains.
-        """
-        return self._list.pairs
-
-    @property
-    def listed_walls(self) -> ListedWalls:
-        """Walls near each grain in the present list."""
-        number = self._list.wall_other
-        return ListedWalls(self._list.wall_start, self._device.wall[number], number < len(self._device.rows))
-
-    @property
-    def n_sectors(self) -> int:
-        """Sectors in the full ring (1 without a sector)."""
-        return 1 if self.sector is None else self.sector.n_sectors
-
-    @property
-    def contact_force(self) -> np.ndarray:
-        """Sum of the contact forces on each grain at the last step [N], shape (n, 3)."""
-        return self._net.copy()
-
-    @property
-    def _list(self) -> ContactList:
-        assert self._contacts is not None
-        return self._contacts
 
     def run(self, n_steps: int) -> StepTotals:
         """Advance by ``n_steps`` steps.
@@ -281,49 +217,25 @@ class DEM:
         if self._stale:  # a list of its own, in the present order; the run will make another one when it goes on
             self._contacts = self._fresh_list()
             self._contacts.take(kept.memory(), np.arange(self.grains.count), None, self.sector, self._columns.vectors)
-            self._fit_scratch()
         try:
             return self._contacts_of(self._list)
         finally:
-            if self._contacts is not kept:
-                self._contacts = kept
-                self._fit_scratch()
+            self._contacts = kept
 
     def _contacts_of(self, contacts: ContactList) -> ContactTable:
         pair_force, wall_force = np.zeros((contacts.pairs.count, 3)), np.zeros((len(contacts.wall_other), 7))
-        touching, wall_touching = contacts.touching.copy(), contacts.wall_touching.copy()
+        probe = self._probe(pair_force, wall_force)
         with threads_for(self.grains.count):
-            kernel.run_steps(*self._probe(pair_force, wall_force, touching, wall_touching))
+            kernel.run_steps(*probe)
         return contact_table(
-            self.grains, contacts, self._device.wall, self.sector, touching, wall_touching, pair_force, wall_force
-        )
-
-    def invalidate(self) -> None:
-        """Say that positions were changed from outside: the list is renewed before the next step."""
-        self._stale = True
-
-    def renew_list(self) -> bool:
-        """Make the neighbour list anew if it is outdated, as `run` would; whether it was.
-
-        For who needs to know, before a run, which pairs its list holds. Grains may be sorted and wrapped.
-        """
-        if not self._outdated:
-            return False
-        self._rebuild()
-        return True
+            self.grains, contacts, self._device.wall, self.sector, probe.pairs.touching, probe.slots.touching,
+            pair_force, wall_force,
+        )  # fmt: skip
 
     def state(self) -> dict[str, np.ndarray]:
         """Everything that `restore` needs to go on bit for bit."""
-        arrays = checkpoint.taken(
-            self.grains, self.bodies, self._list.arrays(), external_force=self.external_force, species=self._species
-        )
-        if self.attraction is not None:
-            arrays |= self.attraction.state()
-        arrays["net"] = self._net.copy()
+        arrays = super().state()
         arrays["last_torque"], arrays["later"] = self._last_torque.copy(), self._later.copy()
-        arrays["counters"] = np.array(
-            [self.step_count, self.order_version, self._stale, self.list_version, self._list_step], dtype=np.int64
-        )
         arrays["scalars"] = np.array([self._elastic, self._kinetic, self.dt, self.skin])
         return arrays
 
@@ -335,26 +247,9 @@ class DEM:
         ValueError
             If the state has another number of grains or bodies, or an attraction whose table this DEM does not have.
         """
-        checkpoint.refuse_another_scene("DEM", state, self.grains, self.bodies)
-        attracts = any(name.startswith(ATTRACTION) for name in state)
-        if attracts and self.attraction is None:
-            raise ValueError("the state's grains attract each other; give this DEM the same `attraction` first")
-        checkpoint.put_grains(state, self.grains)
-        self.external_force, self._species = (checkpoint.held_in(state, name) for name in ("external_force", "species"))
-        if self.attraction is not None and attracts:
-            self.attraction.restore(state)
-        else:
-            self.attraction = None
-        self._contacts = ContactList.from_arrays(checkpoint.list_of(state))
-        self._net = state["net"].copy()
+        super().restore(state)
         self._last_torque, self._later = state["last_torque"].copy(), state["later"].copy()
-        checkpoint.put_bodies(state, self.bodies)
-        self.step_count, self.order_version, stale, self.list_version, self._list_step = (
-            int(v) for v in state["counters"]
-        )
-        self._stale = bool(stale)
         self._elastic, self._kinetic, self.dt, self.skin = (float(v) for v in state["scalars"])
-        self._fit_scratch()
         if self.attraction is not None and self.attraction.pair_drive is not None:
             self.attraction.fetch(self)  # the drives are known: how strong they are can be asked before the next step
 
@@ -390,16 +285,6 @@ class DEM:
     # -- inside: what the kernel is given
     # ---------------------------------------------------------------------------------------------------
 
-    def _fit_scratch(self) -> None:
-        """Work arrays whose sizes follow from the list."""
-        contacts, n_bodies = self._list, len(self.bodies)
-        n_chunks = len(contacts.chunks.start) - 1
-        most = int(np.diff(contacts.wall_start).max(initial=1))
-        self._scratch = np.zeros((n_chunks, most, N_FOUND))
-        self._chunk_sums = np.zeros((n_chunks, total_columns.N_SUMS))
-        self._body_chunks = np.zeros((n_chunks, n_bodies, total_columns.N_CHUNK_BODY))
-        self._body_turn = np.zeros((n_bodies, 2))
-
     def _arguments(
         self,
         n_steps: int,
@@ -410,7 +295,8 @@ class DEM:
         body_totals: np.ndarray,
         driven: bool = True,
     ) -> StepArguments:
-        g, c = self.grains, self._list
+        g, c, n_bodies = self.grains, self._list, len(self.bodies)
+        n_chunks, most_walls = len(c.chunks.start) - 1, int(np.diff(c.wall_start).max(initial=1))
         none = np.zeros((0, 3))
         times = (self.step_count + np.arange(n_steps)) * self.dt
         external, gravity = held_force(self.external_force, g.count), gravity_at(self.gravity, times)
@@ -426,28 +312,33 @@ class DEM:
             self._columns.resistance,
             self._columns.energy_column,
             None if self.attraction is None else self.attraction.held(c, g.count, driven),
-            GrainState(g.where, g.motion, g.mass, species, gravity, external, c.reference, self._net),
+            GrainState(g.position_radius, g.velocity_force, g.mass, species, gravity, external, c.reference, self._net),
             PairSlots(
-                c.pairs.start, c.pairs.other, shift, self._turn, self.laws.pair, c.touching, c.history, none
+                c.pairs.start, c.pairs.other, shift, self._turn, self.laws.pair, *c.pair_memory, none
             ),
-            WallSlots(c.wall_start, c.wall_other, c.wall_touching, c.wall_history, none, self._scratch),
-            WallState(walls.rows, walls.triangles, self._wall_row, walls.body, speed, self._body_turn),
+            WallSlots(c.wall_start, c.wall_other, *c.wall_memory, none, np.zeros((n_chunks, most_walls, N_FOUND))),
+            WallState(walls.rows, walls.triangles, self._wall_row, walls.body, speed, np.zeros((n_bodies, 2))),
             Shafts(drives, constants, angle, speed, walls.reach, c.angles, float(self.n_sectors)),
             c.chunks,
-            Totals(totals, body_totals, self._chunk_sums, self._body_chunks),
+            Totals(
+                totals, body_totals, np.zeros((n_chunks, total_columns.N_SUMS)),
+                np.zeros((n_chunks, n_bodies, total_columns.N_CHUNK_BODY)),
+            ),
         )  # fmt: skip
 
-    def _probe(self, pair_force, wall_force, touching, wall_touching, totals=None) -> StepArguments:
+    def _probe(self, pair_force: np.ndarray, wall_force: np.ndarray, totals: np.ndarray | None = None) -> StepArguments:
         """Arguments of one step on copies of everything that it changes; it leaves its forces in the first two."""
         angle, speed = (np.array([getattr(b, name) for b in self.bodies]) for name in ("angle", "speed"))
         totals = np.zeros(total_columns.N_SUMS) if totals is None else totals
         body_totals = np.zeros((len(self.bodies), total_columns.N_BODY_SUMS))
         given = self._arguments(1, True, angle, speed, totals, body_totals, driven=False)
-        g, p, w = given.grains, given.pairs, given.slots
+        g, contacts = given.grains, self._list
         return given._replace(
-            grains=g._replace(where=g.where.copy(), motion=g.motion.copy(), net=g.net.copy()),
-            pairs=p._replace(touching=touching, history=p.history.copy(), record=pair_force),
-            slots=w._replace(touching=wall_touching, history=w.history.copy(), record=wall_force),
+            grains=g._replace(
+                position_radius=g.position_radius.copy(), velocity_force=g.velocity_force.copy(), net=g.net.copy()
+            ),
+            pairs=given.pairs._replace(**contacts.pair_memory.copied()._asdict(), record=pair_force),
+            slots=given.slots._replace(**contacts.wall_memory.copied()._asdict(), record=wall_force),
             chunks=given.chunks._replace(reaction=given.chunks.reaction.copy()),
         )
 
@@ -456,7 +347,7 @@ class DEM:
         c, totals = self._list, np.zeros(total_columns.N_SUMS)
         records = np.zeros((c.pairs.count, 3)), np.zeros((len(c.wall_other), 7))
         with threads_for(self.grains.count):
-            kernel.run_steps(*self._probe(*records, c.touching.copy(), c.wall_touching.copy(), totals))
+            kernel.run_steps(*self._probe(*records, totals))
         return float(totals[total_columns.ELASTIC])
 
     def _stored_at_rest(self) -> float:
@@ -464,65 +355,3 @@ class DEM:
         angles = [body.angle for body in self.bodies]
         overlaps = geometric_overlaps(self.grains, self._list, self._device, angles, self.sector)
         return stored_at_rest(self._table, self.laws, self._wall_row, self._species, self.grains, self._list, overlaps)
-
-    def _fresh_list(self) -> ContactList:
-        angles = [body.angle for body in self.bodies]
-        return ContactList.make(
-            self.grains.where, self.skin, self._device, angles, self.sector, self._columns.total, self._near_gap
-        )
-
-    @property
-    def _near_gap(self) -> float:
-        """Gap [radii] up to which a list made now holds every pair at every step."""
-        return 0.0 if self.attraction is None else self.attraction.near_gap
-
-    @property
-    def _outdated(self) -> bool:
-        return self._stale or (self.attraction is not None and not self.attraction.listed)
-
-    def _rebuild(self) -> None:
-        """Wrap, sort by cells, list the neighbours anew, and carry the history into it."""
-        g = self.grains
-        if self._encloses and len(gone := np.flatnonzero(outside(g.position, self.walls, 2.0 * float(g.radius.max())))):
-            raise run_faults.escaped(g, gone, self.time)
-        wraps = None
-        if self.sector is not None:
-            wraps = self.sector.wraps(g.position)
-            gone = np.flatnonzero(wraps)
-            for array in (g.position, g.velocity, g.angular_velocity, g.magnetic_moment, self.external_force):
-                if array is not None:
-                    array[gone] = self.sector.turn(array[gone], wraps[gone])
-            if self.attraction is not None:
-                self.attraction.wrapped(gone, wraps[gone], self.sector)
-        memory = None
-        if self._contacts is not None:
-            memory = self._contacts.memory()
-            if self._own_skin:
-                extra = (self._contacts.pairs.count - len(memory.other)) / g.count
-                widest = WIDEST if self.sector is None else USUAL  # a sector is checked for the usual one
-                steps = self.step_count - self._list_step
-                self.skin = next_skin(self.skin, steps, extra, self._mean_radius, widest)
-            self._contacts = None  # before the next one: two lists are the most memory that grains ever need
-        reach, cutoff = reaches(g.radius, self.skin, self._near_gap)
-        order = cell_order(g.position, finest_cell(reach, cutoff))
-        if np.any(order[1:] < order[:-1]):
-            g.permute(order)
-            self._net = self._net[order]
-            if self._species is not None:
-                self._species = self._species[order]
-            if self.external_force is not None:
-                self.external_force = np.ascontiguousarray(self.external_force[order])
-            if self.attraction is not None:
-                self.attraction.sorted_as(order)
-            self.order_version += 1
-        made = self._fresh_list()
-        if memory is not None:
-            made.take(memory, order, wraps, self.sector, self._columns.vectors)
-        self._contacts = made
-        self._fit_scratch()
-        self._list_step = self.step_count
-        self.list_version += 1
-        self._stale = False
-        if self.attraction is not None:
-            self.attraction.renew()
-            self.attraction.listed = True

@@ -58,7 +58,7 @@ class GrainState(NamedTuple):
 
     Attributes
     ----------
-    where, motion, mass : ndarray, shapes (n, 4), (n, 12), (n,)
+    position_radius, velocity_force, mass : ndarray, shapes (n, 4), (n, 12), (n,)
         As in `particles.grains.Grains`.
     species : ndarray of int64, shape (n,) or (0,)
         Material of each grain; empty where there is one.
@@ -72,8 +72,8 @@ class GrainState(NamedTuple):
         Contact force on each grain in the last step of the run [N].
     """
 
-    where: np.ndarray
-    motion: np.ndarray
+    position_radius: np.ndarray
+    velocity_force: np.ndarray
     mass: np.ndarray
     species: np.ndarray
     gravity: np.ndarray

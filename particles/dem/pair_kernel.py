@@ -86,11 +86,12 @@ def pair_forces(i, end, place, dt, law, resistance, energy_column, attraction, g
     ``place`` is the last place used in the buffer. Returns it, force [N], torque [N m] and pull [N] on the grain (3
     each), and the tally.
     """
-    where, motion, mass, species = grains.where, grains.motion, grains.mass, grains.species
+    position_radius, velocity_force = grains.position_radius, grains.velocity_force
+    mass, species = grains.mass, grains.species
     touching, history, record, cross = pairs.touching, pairs.history, pairs.record, chunks.reaction
-    x, y, z, ri = where[i, 0], where[i, 1], where[i, 2], where[i, 3]
-    vx, vy, vz = motion[i, 0], motion[i, 1], motion[i, 2]
-    wx, wy, wz = motion[i, 3], motion[i, 4], motion[i, 5]
+    x, y, z, ri = position_radius[i, 0], position_radius[i, 1], position_radius[i, 2], position_radius[i, 3]
+    vx, vy, vz = velocity_force[i, 0], velocity_force[i, 1], velocity_force[i, 2]
+    wx, wy, wz = velocity_force[i, 3], velocity_force[i, 4], velocity_force[i, 5]
     mi = mass_of(law, mass, i)
     fx = fy = fz = tx = ty = tz = 0.0
     pulled = (0.0, 0.0, 0.0)
@@ -100,9 +101,9 @@ def pair_forces(i, end, place, dt, law, resistance, energy_column, attraction, g
         crossing = j >= end
         if crossing:
             place += 1
-        jx, jy = through_face(pairs.turn, pairs.shift, k, where[j, 0], where[j, 1])
-        rj = where[j, 3]
-        dx, dy, dz = jx - x, jy - y, where[j, 2] - z
+        jx, jy = through_face(pairs.turn, pairs.shift, k, position_radius[j, 0], position_radius[j, 1])
+        rj = position_radius[j, 3]
+        dx, dy, dz = jx - x, jy - y, position_radius[j, 2] - z
         d2 = dx * dx + dy * dy + dz * dz
         reach = ri + rj
         pulled = pull_of_pair(attraction, pairs, k, j, place, crossing, (dx, dy, dz), (ri, rj), pulled)
@@ -113,8 +114,8 @@ def pair_forces(i, end, place, dt, law, resistance, energy_column, attraction, g
                 if energy_column is not None:
                     if species.shape[0] > 0:
                         kind = pairs.law_row[species[i], species[j]]
-                    ux, uy = through_face(pairs.turn, pairs.shift, k, motion[j, 0], motion[j, 1])
-                    closing = ((vx - ux) * dx + (vy - uy) * dy + (vz - motion[j, 2]) * dz) / np.sqrt(d2)
+                    ux, uy = through_face(pairs.turn, pairs.shift, k, velocity_force[j, 0], velocity_force[j, 1])
+                    closing = ((vx - ux) * dx + (vy - uy) * dy + (vz - velocity_force[j, 2]) * dz) / np.sqrt(d2)
                     lost = left_in_springs(
                         law, kind, resistance, energy_column, ri * rj / reach, closing * dt, history, k
                     )  # fmt: skip
@@ -131,9 +132,9 @@ def pair_forces(i, end, place, dt, law, resistance, energy_column, attraction, g
         d = np.sqrt(d2)
         inverse = d * (1.0 / d2) if d2 > 0.0 else 0.0  # beside the root, not after it
         nx, ny, nz = dx * inverse, dy * inverse, dz * inverse
-        ux, uy = through_face(pairs.turn, pairs.shift, k, motion[j, 0], motion[j, 1])
-        qx, qy = through_face(pairs.turn, pairs.shift, k, motion[j, 3], motion[j, 4])
-        uz, qz = motion[j, 2], motion[j, 5]
+        ux, uy = through_face(pairs.turn, pairs.shift, k, velocity_force[j, 0], velocity_force[j, 1])
+        qx, qy = through_face(pairs.turn, pairs.shift, k, velocity_force[j, 3], velocity_force[j, 4])
+        uz, qz = velocity_force[j, 2], velocity_force[j, 5]
         if equal(law):
             mj = mi
             li, r_eff, m_eff = 0.5 * d, 0.5 * ri, 0.5 * mi
@@ -192,13 +193,13 @@ def pair_forces(i, end, place, dt, law, resistance, energy_column, attraction, g
                 mx, my, mz = mx - hx, my - hy, mz - hz
             if resistance.twisting >= 0:
                 spin = (wx - qx) * nx + (wy - qy) * ny + (wz - qz) * nz
-                couple, e, lost_1 = twisting_torque(
+                torque, e, lost_1 = twisting_torque(
                     law, kind, energy_column, r_eff, inertia, dt, force, spin, history, k, resistance.twisting
                 )
                 elastic += e
                 lost_w += lost_1
-                tx, ty, tz = tx + couple * nx, ty + couple * ny, tz + couple * nz
-                mx, my, mz = mx - couple * nx, my - couple * ny, mz - couple * nz
+                tx, ty, tz = tx + torque * nx, ty + torque * ny, tz + torque * nz
+                mx, my, mz = mx - torque * nx, my - torque * ny, mz - torque * nz
         if record.shape[0] > 0:
             record[k, 0], record[k, 1], record[k, 2] = gx, gy, gz
         gx, gy = back_through_face(pairs.turn, pairs.shift, k, gx, gy)
@@ -207,11 +208,11 @@ def pair_forces(i, end, place, dt, law, resistance, energy_column, attraction, g
             cross[place, 0], cross[place, 1], cross[place, 2] = gx, gy, gz
             cross[place, 3], cross[place, 4], cross[place, 5] = mx, my, mz
         else:
-            motion[j, 6] -= gx
-            motion[j, 7] -= gy
-            motion[j, 8] -= gz
-            motion[j, 9] += mx
-            motion[j, 10] += my
-            motion[j, 11] += mz
+            velocity_force[j, 6] -= gx
+            velocity_force[j, 7] -= gy
+            velocity_force[j, 8] -= gz
+            velocity_force[j, 9] += mx
+            velocity_force[j, 10] += my
+            velocity_force[j, 11] += mz
     tally = Tally(contacts, elastic, lost_n, lost_t, lost_s, lost_r, lost_w, left, deepest, deepest_at)
     return place, (fx, fy, fz), (tx, ty, tz), pulled, tally

@@ -27,13 +27,14 @@ def drift(i, m, force, torque, pulled, now, energy_column, attraction, grains, r
 
     Adds works to the chunk's sums ``row``; returns squared travel from ``reference`` [m^2] and squared speed.
     """
-    where, motion, gravity, external = grains.where, grains.motion, grains.gravity, grains.external
+    position_radius, velocity_force = grains.position_radius, grains.velocity_force
+    gravity, external = grains.gravity, grains.external
     fx, fy, fz = force
     tx, ty, tz = torque
     px, py, pz = pulled
     dt = now.dt
     kick = dt / m
-    radius = where[i, 3]
+    radius = position_radius[i, 3]
     turn = kick / (0.4 * radius * radius)
     ax, ay, az = fx, fy, fz
     if gravity.shape[0] > 0:
@@ -44,14 +45,14 @@ def drift(i, m, force, torque, pulled, now, energy_column, attraction, grains, r
     if attraction is not None:
         ax, ay, az = ax + px, ay + py, az + pz
         attraction.drawn[i, 0], attraction.drawn[i, 1], attraction.drawn[i, 2] = 0.0, 0.0, 0.0
-    vx, vy, vz = motion[i, 0], motion[i, 1], motion[i, 2]
-    wx, wy, wz = motion[i, 3], motion[i, 4], motion[i, 5]
+    vx, vy, vz = velocity_force[i, 0], velocity_force[i, 1], velocity_force[i, 2]
+    wx, wy, wz = velocity_force[i, 3], velocity_force[i, 4], velocity_force[i, 5]
     bx, by, bz = vx + kick * ax, vy + kick * ay, vz + kick * az
     ox, oy, oz = wx + turn * tx, wy + turn * ty, wz + turn * tz
-    motion[i, 0], motion[i, 1], motion[i, 2] = bx, by, bz
-    motion[i, 3], motion[i, 4], motion[i, 5] = ox, oy, oz
-    motion[i, 6], motion[i, 7], motion[i, 8] = 0.0, 0.0, 0.0
-    motion[i, 9], motion[i, 10], motion[i, 11] = 0.0, 0.0, 0.0
+    velocity_force[i, 0], velocity_force[i, 1], velocity_force[i, 2] = bx, by, bz
+    velocity_force[i, 3], velocity_force[i, 4], velocity_force[i, 5] = ox, oy, oz
+    velocity_force[i, 6], velocity_force[i, 7], velocity_force[i, 8] = 0.0, 0.0, 0.0
+    velocity_force[i, 9], velocity_force[i, 10], velocity_force[i, 11] = 0.0, 0.0, 0.0
     if energy_column is not None:
         # half a kick with the velocities of the drift before it, half with those of the drift after it: the mean closes
         # the balance of kinetic energy exactly, and by drifts it is the trapezoidal rule
@@ -72,8 +73,8 @@ def drift(i, m, force, torque, pulled, now, energy_column, attraction, grains, r
             row[column.KINETIC] += (
                 0.5 * m * (vx * bx + vy * by + vz * bz + 0.4 * radius * radius * (wx * ox + wy * oy + wz * oz))
             )
-    x, y, z = where[i, 0] + dt * bx, where[i, 1] + dt * by, where[i, 2] + dt * bz
-    where[i, 0], where[i, 1], where[i, 2] = x, y, z
+    x, y, z = position_radius[i, 0] + dt * bx, position_radius[i, 1] + dt * by, position_radius[i, 2] + dt * bz
+    position_radius[i, 0], position_radius[i, 1], position_radius[i, 2] = x, y, z
     if now.last:
         grains.net[i, 0], grains.net[i, 1], grains.net[i, 2] = fx, fy, fz
     reference = grains.reference
@@ -83,10 +84,10 @@ def drift(i, m, force, torque, pulled, now, energy_column, attraction, grains, r
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def add_waiting(i, force, torque, pulled, attraction, motion):
+def add_waiting(i, force, torque, pulled, attraction, velocity_force):
     """Force, torque and pull of grain i (3 each) with what earlier rows have left at its place."""
-    force = (force[0] + motion[i, 6], force[1] + motion[i, 7], force[2] + motion[i, 8])
-    torque = (torque[0] + motion[i, 9], torque[1] + motion[i, 10], torque[2] + motion[i, 11])
+    force = (force[0] + velocity_force[i, 6], force[1] + velocity_force[i, 7], force[2] + velocity_force[i, 8])
+    torque = (torque[0] + velocity_force[i, 9], torque[1] + velocity_force[i, 10], torque[2] + velocity_force[i, 11])
     if attraction is not None:
         drawn = attraction.drawn
         pulled = (pulled[0] + drawn[i, 0], pulled[1] + drawn[i, 1], pulled[2] + drawn[i, 2])
@@ -94,10 +95,10 @@ def add_waiting(i, force, torque, pulled, attraction, motion):
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def keep_waiting(i, force, torque, pulled, attraction, motion):
+def keep_waiting(i, force, torque, pulled, attraction, velocity_force):
     """Leave force, torque and pull of the late grain i at its place."""
-    motion[i, 6], motion[i, 7], motion[i, 8] = force
-    motion[i, 9], motion[i, 10], motion[i, 11] = torque
+    velocity_force[i, 6], velocity_force[i, 7], velocity_force[i, 8] = force
+    velocity_force[i, 9], velocity_force[i, 10], velocity_force[i, 11] = torque
     if attraction is not None:
         attraction.drawn[i, 0], attraction.drawn[i, 1], attraction.drawn[i, 2] = pulled
 
@@ -110,7 +111,7 @@ def sweep_rows(chunk, now, law, resistance, energy_column, attraction, grains, p
             totals.chunk_bodies[chunk, b, a] = 0.0
     row = totals.chunk[chunk]
     row[:] = 0.0
-    late, motion = chunks.late, grains.motion
+    late, velocity_force = chunks.late, grains.velocity_force
     tally = Tally(0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0), 0.0, -1)
     travel = fastest = 0.0
     place = chunks.cross_start[chunk] - 1
@@ -123,16 +124,16 @@ def sweep_rows(chunk, now, law, resistance, energy_column, attraction, grains, p
         force, torque, tally = wall_forces(
             i, chunk, now.dt, law, resistance, energy_column, grains, slots, walls, totals, (force, torque), tally
         )
-        force, torque, pulled = add_waiting(i, force, torque, pulled, attraction, motion)
+        force, torque, pulled = add_waiting(i, force, torque, pulled, attraction, velocity_force)
         if late[i] != 0:
-            keep_waiting(i, force, torque, pulled, attraction, motion)
+            keep_waiting(i, force, torque, pulled, attraction, velocity_force)
             continue
         m = mass_of(law, grains.mass, i)
         d2, speed2 = drift(i, m, force, torque, pulled, now, energy_column, attraction, grains, row)
         if not d2 <= travel:
             travel = d2 if d2 == d2 else np.inf
         fastest = max(fastest, speed2)
-    deepest = tally.deepest / (2.0 * grains.where[0, 3]) if equal(law) else tally.deepest
+    deepest = tally.deepest / (2.0 * grains.position_radius[0, 3]) if equal(law) else tally.deepest
     left = tally.left
     row[column.CONTACTS], row[column.ELASTIC] = tally.contacts, tally.elastic
     row[column.NORMAL_DAMPING], row[column.TANGENTIAL_DAMPING] = tally.normal + left[0], tally.tangential
@@ -145,13 +146,13 @@ def sweep_rows(chunk, now, law, resistance, energy_column, attraction, grains, p
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def finish_rows(chunk, now, law, energy_column, attraction, grains, chunks, totals):
     """The late grains of a chunk: reactions from earlier chunks, then kick and drift."""
-    row, motion, cross, in_slot = totals.chunk[chunk], grains.motion, chunks.reaction, chunks.in_slot
+    row, velocity_force, cross, in_slot = totals.chunk[chunk], grains.velocity_force, chunks.reaction, chunks.in_slot
     travel, fastest = row[column.MAX_TRAVEL], row[column.MAX_SPEED]
     for a in range(chunks.late_start[chunk], chunks.late_start[chunk + 1]):
         i = np.int64(chunks.late_grain[a])
         m = mass_of(law, grains.mass, i)
-        fx, fy, fz = motion[i, 6], motion[i, 7], motion[i, 8]
-        tx, ty, tz = motion[i, 9], motion[i, 10], motion[i, 11]
+        fx, fy, fz = velocity_force[i, 6], velocity_force[i, 7], velocity_force[i, 8]
+        tx, ty, tz = velocity_force[i, 9], velocity_force[i, 10], velocity_force[i, 11]
         for p in range(chunks.in_start[a], chunks.in_start[a + 1]):
             q = in_slot[p]
             fx, fy, fz = fx - cross[q, 0], fy - cross[q, 1], fz - cross[q, 2]

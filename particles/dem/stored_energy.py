@@ -56,14 +56,14 @@ def stored_at_rest(
         stored = spring(table, row, pairs[k], m_eff, r_eff, 0.0)[4]
         energy += stored - _pull(laws, row, r_eff) * pairs[k]
         if remembers(table):
-            c.history[k, LAST_STORED], c.touching[k] = stored, 1
+            c.pair_memory.history[k, LAST_STORED], c.pair_memory.touching[k] = stored, 1
     for k in np.flatnonzero(walls > 0.0):
         i = int(np.searchsorted(c.wall_start, k, side="right") - 1)
         row = int(wall_row[kind[i], c.wall_other[k]])
         stored = spring(table, row, walls[k], mass[i], radius[i], 0.0)[4]
         energy += stored - _pull(laws, row, radius[i]) * walls[k]
         if remembers(table):
-            c.wall_history[k, LAST_STORED], c.wall_touching[k] = stored, 1
+            c.wall_memory.history[k, LAST_STORED], c.wall_memory.touching[k] = stored, 1
     return energy
 
 

@@ -27,9 +27,9 @@ def touching_walls(i, kind_row, law, resistance, energy_column, grains, slots, w
     A grain that rolls from one face of a body onto the next keeps its springs: they are handed to the new slot.
     Returns the number of rows, and ``left`` (4) [J] with what those that parted have lost.
     """
-    where, other, touching, history = grains.where, slots.other, slots.touching, slots.history
+    position_radius, other, touching, history = grains.position_radius, slots.other, slots.touching, slots.history
     wall, body_of, law_row = walls.smooth, walls.body, walls.law_row
-    x, y, z, radius = where[i, 0], where[i, 1], where[i, 2], where[i, 3]
+    x, y, z, radius = position_radius[i, 0], position_radius[i, 1], position_radius[i, 2], position_radius[i, 3]
     first, end = slots.start[i], slots.start[i + 1]
     n_walls = wall.shape[0]
     if end == first + 1 and other[first] < n_walls:  # most grains that have a wall have one
@@ -113,8 +113,8 @@ def pull_of_walls(i, attraction, grains, slots, walls, pulled):
     """Add the pulls of the walls near grain i to ``pulled`` (3) [N]."""
     if attraction is None:
         return pulled
-    where = grains.where
-    x, y, z, radius = where[i, 0], where[i, 1], where[i, 2], where[i, 3]
+    position_radius = grains.position_radius
+    x, y, z, radius = position_radius[i, 0], position_radius[i, 1], position_radius[i, 2], position_radius[i, 3]
     px, py, pz = pulled
     for k in range(slots.start[i], slots.start[i + 1]):
         if attraction.wall[k, AMPLITUDE] != 0.0:
@@ -159,10 +159,11 @@ def wall_forces(i, chunk, dt, law, resistance, energy_column, grains, slots, wal
     """
     if slots.start[i + 1] == slots.start[i]:
         return gathered[0], gathered[1], tally
-    where, motion, found, record = grains.where, grains.motion, slots.found[chunk], slots.record
-    x, y, radius = where[i, 0], where[i, 1], where[i, 3]
-    vx, vy, vz = motion[i, 0], motion[i, 1], motion[i, 2]
-    wx, wy, wz = motion[i, 3], motion[i, 4], motion[i, 5]
+    position_radius, velocity_force = grains.position_radius, grains.velocity_force
+    found, record = slots.found[chunk], slots.record
+    x, y, radius = position_radius[i, 0], position_radius[i, 1], position_radius[i, 3]
+    vx, vy, vz = velocity_force[i, 0], velocity_force[i, 1], velocity_force[i, 2]
+    wx, wy, wz = velocity_force[i, 3], velocity_force[i, 4], velocity_force[i, 5]
     mass = mass_of(law, grains.mass, i)
     (fx, fy, fz), (tx, ty, tz) = gathered
     contacts, elastic, lost_n, lost_t, lost_s, lost_r, lost_w, left, deepest, deepest_at = tally
@@ -216,13 +217,13 @@ def wall_forces(i, chunk, dt, law, resistance, energy_column, grains, slots, wal
                 row[column.TORQUE_T] -= hz
             if resistance.twisting >= 0:
                 spin = wx * nx + wy * ny + (wz - omega) * nz
-                couple, e, lost = twisting_torque(
+                torque, e, lost = twisting_torque(
                     law, kind, energy_column, radius, inertia, dt, force, spin, slots.history, k, resistance.twisting
                 )
                 elastic += e
                 lost_w += lost
-                tx, ty, tz = tx + couple * nx, ty + couple * ny, tz + couple * nz
-                row[column.TORQUE_T] -= couple * nz
+                tx, ty, tz = tx + torque * nx, ty + torque * ny, tz + torque * nz
+                row[column.TORQUE_T] -= torque * nz
         add_load(row, force, touch, (px, py))
         if record.shape[0] > 0:
             record[k, 0], record[k, 1], record[k, 2], record[k, 3] = gx, gy, gz, delta

@@ -52,13 +52,13 @@ from particles.dvi.triangle_contacts import COS_STEP, SIN_STEP
 # columns of a torque: c, R_eff/R_i, R_eff/R_j (at a wall R_i itself), 1/W (the largest W), mu_r, mu_w; with springs
 # also c_t and the offset of w
 CX, CY, CZ, QI, QJ, IW, ROLL, TWIST, GIVE, OX, OY, OZ = range(12)
-N_COUPLE = 8
-N_SPRING_COUPLE = 12
+N_TORQUE = 8
+N_SPRING_TORQUE = 12
 
 
 def no_contact_torques() -> Torques:
     """The torques of contacts that resist neither rolling nor twisting: no rows, for which nothing is done."""
-    return Torques(np.zeros((0, 2)), np.zeros((0, N_COUPLE)), np.zeros((0, N_COUPLE)))
+    return Torques(np.zeros((0, 2)), np.zeros((0, N_TORQUE)), np.zeros((0, N_TORQUE)))
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})

@@ -17,9 +17,9 @@ from particles.dvi import gauss_seidel as gs
 from particles.dvi import step_kernel as kernel
 from particles.dvi.accelerated import ANDERSON, GAUSS_SEIDEL
 from particles.dvi.compliance import spring_table
-from particles.dvi.contact_torques import N_COUPLE, N_SPRING_COUPLE, no_contact_torques
+from particles.dvi.contact_torques import N_SPRING_TORQUE, N_TORQUE, no_contact_torques
 from particles.dvi.dvi_contact import DviContact
-from particles.dvi.dvi_totals import DviTotals, dvi_totals, rigid_books
+from particles.dvi.dvi_totals import DviTotals, dvi_totals, rigid_energy_budget
 from particles.dvi.impulse_list import ImpulseList
 from particles.dvi.kernel_state import (
     Call,
@@ -34,7 +34,7 @@ from particles.dvi.kernel_state import (
     WallSlots,
     WallState,
 )
-from particles.dvi.loaded_contacts import loaded_contacts, pressed_in
+from particles.dvi.loaded_contacts import loaded_contacts, net_impulses, pressed_in
 from particles.dvi.partition import make_chunks
 from particles.dvi.triangle_contacts import N_TURN
 from particles.grain_motion import Gravity, gravity_at, held_force
@@ -193,12 +193,7 @@ class DVI:
     @property
     def contact_force(self) -> np.ndarray:
         """Sum of the contact forces on each grain, mean over the last step [N], shape (n, 3)."""
-        c = self._list
-        net = np.zeros((self.grains.count, 3))
-        np.add.at(net, c.pairs.rows(), c.pair_impulse[:, :3])
-        np.subtract.at(net, c.pairs.other, c.pair_impulse[:, :3])
-        np.add.at(net, c.wall_rows(), c.wall_impulse[:, :3])
-        return net / self.dt
+        return net_impulses(self._list) / self.dt
 
     @property
     def _list(self) -> ImpulseList:
@@ -234,7 +229,7 @@ class DVI:
                     answer, totals, self.grains, self.dt, self.overlap_limit, self.tolerance, self.time
                 )
             run_faults.refuse_shot_off(totals[end_of_step.MAX_SPEED], self.grains, self.dt, self.tolerance, self.time)
-        energy = rigid_books(
+        energy = rigid_energy_budget(
             self.bodies, totals, body_totals, self._resist,
             (kinetic, self.grains.kinetic_energy()), (elastic, float(self._springs.sum())),
         )  # fmt: skip
@@ -358,7 +353,7 @@ class DVI:
         self._pair, self._wall = np.zeros((p, gs.N_PAIR + memory)), np.zeros((s, gs.N_WALL_CONTACT + memory))
         self._contact_torques = no_contact_torques()
         if self._resist.any():
-            columns = N_COUPLE if self._compliance is None else N_SPRING_COUPLE
+            columns = N_TORQUE if self._compliance is None else N_SPRING_TORQUE
             self._contact_torques = Torques(self._resist, np.zeros((p, columns)), np.zeros((s, columns)))
         self._chunks = make_chunks(
             self._list.pairs.start, self._list.pairs.other, self._list.wall_start,

@@ -104,7 +104,7 @@ def dvi_totals(
     )
 
 
-def rigid_books(
+def rigid_energy_budget(
     bodies: Sequence[Body],
     totals: np.ndarray,
     of_bodies: np.ndarray,

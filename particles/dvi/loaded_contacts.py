@@ -41,6 +41,15 @@ def loaded_contacts(
     )  # fmt: skip
 
 
+def net_impulses(listed: ImpulseList) -> np.ndarray:
+    """Sum of the impulses on each grain in the last step [N s], shape (n, 3)."""
+    net = np.zeros((len(listed.reference), 3))
+    np.add.at(net, listed.pairs.rows(), listed.pair_impulse[:, :3])
+    np.subtract.at(net, listed.pairs.other, listed.pair_impulse[:, :3])
+    np.add.at(net, listed.wall_rows(), listed.wall_impulse[:, :3])
+    return net
+
+
 def wall_depths(
     grains: Grains, device: DeviceWalls, bodies: Sequence[Body], row: np.ndarray, wall: np.ndarray
 ) -> np.ndarray:

@@ -18,8 +18,8 @@ YOUNG, SHEAR = STIFFNESS_N, STIFFNESS_T
 UNLOADING = DAMPING_N
 
 MU = 6  # Coulomb friction [-]
-MU_ROLLING = 7  # couple / (r_eff |F_n|) [-]
-MU_TWISTING = 8  # couple / (r_eff |F_n|) [-]
+MU_ROLLING = 7  # torque / (r_eff |F_n|) [-]
+MU_TWISTING = 8  # torque / (r_eff |F_n|) [-]
 COHESION_0 = 9  # pull [N]
 COHESION_1 = 10  # pull / r_eff [N/m]
 DAMPING_ROLLING = 11  # share of critical damping of rolling and twisting [-]

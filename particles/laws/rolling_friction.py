@@ -8,7 +8,7 @@ A spring and a dashpot for the rolling angle theta, in series with a slider (Iwa
 
 w the tangential part of omega_i - omega_j, 1/R_eff = 1/R_i + 1/R_j (R_i at a wall), I_eff the reduced inertia. theta
 turns with the pair and yields by the return mapping of the tangential spring (`particles.laws.linear`), so that a
-loaded grain rests, whatever the time step, and the couple only ever takes energy; the two cancel: angular momentum is
+loaded grain rests, whatever the time step, and the torque only ever takes energy; the two cancel: angular momentum is
 conserved. Spheres on smooth walls roll like balls in a bearing and let a clutch slip; ground powder is rough and
 angular: values of 0.1 to 0.3 are usual for irregular grains (Wensrich & Katterfeld, Powder Technology 217 (2012) 409).
 """

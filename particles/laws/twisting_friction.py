@@ -8,7 +8,7 @@ Perfect spheres touch in a point and twist freely; a contact of finite size resi
     k_w = k_t r_eff^2,    gamma_w = 2 zeta sqrt(k_w I_eff),
 
 on i, and its opposite on j: angular momentum is conserved, and by the return mapping of the tangential spring the
-couple only ever takes energy. A Hertzian contact of radius a yields at (2/3) mu a |F_n| at most (Marshall, J. Comput.
+torque only ever takes energy. A Hertzian contact of radius a yields at (2/3) mu a |F_n| at most (Marshall, J. Comput.
 Phys. 228 (2009) 1541, full slip of a uniform traction): mu_w = (2/3) mu a/r_eff, a few hundredths for hard grains;
 more stands for roughness and flats.
 """

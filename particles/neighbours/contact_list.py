@@ -42,6 +42,42 @@ class ListedWalls(NamedTuple):
     smooth: np.ndarray
 
 
+class SlotMemory(NamedTuple):
+    """What the slots of a list remember, a row a slot: the one place that names these arrays.
+
+    A new list makes them by `empty`, the step takes them in this order (`particles.dem.kernel_state`), a checkpoint has
+    them by these names.
+
+    Attributes
+    ----------
+    touching : ndarray of uint8, shape (p,)
+        Whether grain and partner touched in the last step.
+    history : ndarray, shape (p, columns)
+        What the contact remembers (`particles.dem.contact_kernel`), in the frame of the first grain.
+    """
+
+    touching: np.ndarray
+    history: np.ndarray
+
+    @classmethod
+    def empty(cls, count: int, columns: int) -> SlotMemory:
+        """Of so many slots that touch nothing."""
+        return cls(np.zeros(count, dtype=np.uint8), np.zeros((count, columns)))
+
+    def copied(self) -> SlotMemory:
+        """The same in arrays of its own."""
+        return SlotMemory(*(array.copy() for array in self))
+
+    def arrays(self, kind: str) -> dict[str, np.ndarray]:
+        """Of slots of a ``kind``, by their names in a checkpoint."""
+        return {f"{kind}_{name}": array for name, array in self._asdict().items()}
+
+    @classmethod
+    def from_arrays(cls, kind: str, state: dict[str, np.ndarray]) -> SlotMemory:
+        """The inverse of `arrays`, copied."""
+        return cls(*(state[f"{kind}_{name}"].copy() for name in cls._fields))
+
+
 class ContactMemory(NamedTuple):
     """The touching contacts alone, row by row as in the list that they are taken from."""
 
@@ -74,12 +110,10 @@ class ContactList:
         Half list.
     chunks : Chunks
         How its rows are shared among threads.
-    touching, history : ndarray, shapes (p,) uint8, (p, columns)
-        Whether the pair touches, and what it remembers (`particles.dem.contact_kernel`), in the frame of i.
     wall_start, wall_other : ndarray, shapes (n + 1,), (s,) int32
         Walls near each grain; triangles count on after the smooth walls.
-    wall_touching, wall_history : ndarray, shapes (s,) uint8, (s, columns)
-        The same for walls.
+    pair_memory, wall_memory : SlotMemory
+        Of p pairs and of s wall slots.
     reference : ndarray, shape (n, 3)
         Positions [m] at which the list was made.
     angles : ndarray, shape (n_bodies,)
@@ -93,22 +127,18 @@ class ContactList:
     angles: np.ndarray
     columns: int = 3
     chunks: Chunks = field(init=False)
-    touching: np.ndarray = field(init=False)
-    history: np.ndarray = field(init=False)
-    wall_touching: np.ndarray = field(init=False)
-    wall_history: np.ndarray = field(init=False)
+    pair_memory: SlotMemory = field(init=False)
+    wall_memory: SlotMemory = field(init=False)
 
     def __post_init__(self) -> None:
         self.chunks = make_chunks(self.pairs.start, self.pairs.other, self.wall_start)
-        self.touching = np.zeros(self.pairs.count, dtype=np.uint8)
-        self.history = np.zeros((self.pairs.count, self.columns))
-        self.wall_touching = np.zeros(len(self.wall_other), dtype=np.uint8)
-        self.wall_history = np.zeros((len(self.wall_other), self.columns))
+        self.pair_memory = SlotMemory.empty(self.pairs.count, self.columns)
+        self.wall_memory = SlotMemory.empty(len(self.wall_other), self.columns)
 
     @classmethod
     def make(
         cls,
-        where: np.ndarray,
+        position_radius: np.ndarray,
         skin: float,
         walls: DeviceWalls,
         angles: Sequence[float],
@@ -116,11 +146,11 @@ class ContactList:
         columns: int,
         gap: float = 0.0,
     ) -> ContactList:
-        """The list at centres and radii ``where`` (n, 4) [m] with ``skin`` [m] and bodies at ``angles`` [rad].
+        """The list at ``position_radius`` (n, 4) [m] with ``skin`` [m] and bodies at ``angles`` [rad].
 
         A contact has ``columns`` numbers to remember. Surfaces count as touching up to a ``gap`` [radii].
         """
-        position, radius = where[:, :3], where[:, 3]
+        position, radius = position_radius[:, :3], position_radius[:, 3]
         reach, cutoff = reaches(radius, skin, gap)
         pairs = find_pairs(position, cutoff, sector, reach)
         start, other = walls.near(position, reach, skin, angles)
@@ -132,9 +162,9 @@ class ContactList:
 
     def memory(self) -> ContactMemory:
         """What the touching contacts remember; the list itself can be dropped then."""
-        pairs = _touching_rows(self.pairs.start, self.pairs.other, self.pairs.shift, self.touching, self.history)
+        pairs = _touching_rows(self.pairs.start, self.pairs.other, self.pairs.shift, *self.pair_memory)
         no_shift = np.zeros(len(self.wall_other), dtype=np.int8)
-        walls = _touching_rows(self.wall_start, self.wall_other, no_shift, self.wall_touching, self.wall_history)
+        walls = _touching_rows(self.wall_start, self.wall_other, no_shift, *self.wall_memory)
         start, other, shift, history = pairs
         return ContactMemory(start, other, shift, history, walls[0], walls[1], walls[3])
 
@@ -157,21 +187,21 @@ class ContactList:
         turned = np.zeros(n, dtype=np.int64) if wraps is None else wraps
         parts = 1 if sector is None else sector.n_sectors
         angle = 0.0 if sector is None else sector.angle
-        to = _PairSlots(self.pairs.start, self.pairs.other, self.pairs.shift, self.touching, self.history)
+        to = _PairSlots(self.pairs.start, self.pairs.other, self.pairs.shift, *self.pair_memory)
         _carry_pairs(vectors, rank, turned, parts, angle, memory, to)
         _carry_walls(
             vectors, rank, turned, angle, memory.wall_start, memory.wall_other, memory.wall_history,
-            self.wall_start, self.wall_other, self.wall_touching, self.wall_history,
+            self.wall_start, self.wall_other, *self.wall_memory,
         )  # fmt: skip
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Everything that a restart needs; the chunks follow from it."""
-        return {
+        places = {
             "pair_start": self.pairs.start, "pair_other": self.pairs.other, "pair_shift": self.pairs.shift,
-            "pair_touching": self.touching, "pair_history": self.history,
-            "wall_start": self.wall_start, "wall_other": self.wall_other, "wall_touching": self.wall_touching,
-            "wall_history": self.wall_history, "reference": self.reference, "angles": self.angles,
+            "wall_start": self.wall_start, "wall_other": self.wall_other,
+            "reference": self.reference, "angles": self.angles,
         }  # fmt: skip
+        return places | self.pair_memory.arrays("pair") | self.wall_memory.arrays("wall")
 
     @classmethod
     def from_arrays(cls, state: dict[str, np.ndarray]) -> ContactList:
@@ -181,8 +211,7 @@ class ContactList:
             state[name].copy() for name in ("wall_start", "wall_other", "reference", "angles")
         )
         made = cls(pairs, start, other, reference, angles, state["pair_history"].shape[1])
-        made.touching, made.history = state["pair_touching"].copy(), state["pair_history"].copy()
-        made.wall_touching, made.wall_history = state["wall_touching"].copy(), state["wall_history"].copy()
+        made.pair_memory, made.wall_memory = (SlotMemory.from_arrays(kind, state) for kind in ("pair", "wall"))
         return made
 
 

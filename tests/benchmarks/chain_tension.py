@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from coupling.cluster import magnetised_cluster
 from coupling.dipoles import add_dipole_forces
-from coupling.mutual_moments import magnetised_cluster
 from coupling.neighbour_rows import neighbour_rows
 from field import MU_0, GrainLaw
 

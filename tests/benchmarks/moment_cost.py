@@ -21,7 +21,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 
 from coupling.dipoles import add_dipole_forces
-from coupling.mutual_moments import MutualMoments, grain_table
+from coupling.grain_law_table import grain_table
+from coupling.mutual_moments import MutualMoments
 from coupling.neighbour_rows import neighbour_rows
 from field import GrainLaw
 from particles.neighbours.neighbour_list import cell_order

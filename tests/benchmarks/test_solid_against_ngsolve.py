@@ -13,7 +13,8 @@ pytest.importorskip("ngsolve")
 
 from ngsolve_oracle import law_spline, solve_section
 from ngsolve_solid import mesh_3d, solve_3d
-from team_problems import Team20, team20_mesh
+from team_devices import Team20
+from team_problems import team20_mesh
 
 from field.laws.materials import material
 from field.section.axisymmetric import AxisymmetricProblem

@@ -51,7 +51,9 @@ def test_a_run_that_a_callback_stopped_goes_on_to_the_bits_of_an_undisturbed_one
     resumed = run(tmp_path / "stopped", resume=True)
     assert resumed.stopped is None and len(resumed.history) == len(whole.history)
     ends = grains(tmp_path / "whole"), grains(tmp_path / "stopped")
-    assert all(np.array_equal(ends[0][name], ends[1][name]) for name in ("where", "motion", "particle_id"))
+    assert all(
+        np.array_equal(ends[0][name], ends[1][name]) for name in ("position_radius", "velocity_force", "particle_id")
+    )
 
 
 def test_a_callback_sees_the_run_as_it_is_written_and_cannot_change_it(tmp_path):

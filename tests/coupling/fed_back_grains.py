@@ -6,7 +6,8 @@ import numpy as np
 from half_disc import half_disc
 
 from coupling.effects import gradient_force
-from coupling.mutual_moments import Magnetisation, MutualMoments, grain_table
+from coupling.grain_law_table import grain_table
+from coupling.mutual_moments import Magnetisation, MutualMoments
 from coupling.neighbour_rows import NeighbourRows, neighbour_rows
 from coupling.powder_feedback import PowderFeedback
 from coupling.smear_region import elements_within, magnetic_regions

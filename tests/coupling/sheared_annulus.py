@@ -30,4 +30,4 @@ def state(folder, name):
 
 def same(a, b):
     """Whether two of these states are one, bit for bit."""
-    return all(np.array_equal(a[key], b[key]) for key in ("where", "motion", "particle_id"))
+    return all(np.array_equal(a[key], b[key]) for key in ("position_radius", "velocity_force", "particle_id"))

@@ -37,7 +37,7 @@ def problem():
 def circuit_source(problem, **more):
     more = {"voltage": lambda t: V, "resistance": R, "largest_current": V / R, "current_tolerance": 0.02, **more}
     volume = np.ones(problem.powder_elements.size)
-    return CircuitCoilField(problem, N, fill_tolerance=0.05, element_volume=volume, **more)
+    return CircuitCoilField(problem, N, powder_tolerance=0.05, element_volume=volume, **more)
 
 
 def eddy_source(problem, sigma=5e6, **more):

@@ -62,7 +62,7 @@ def moved(effects, poison=None):
         dem.laws.rows[:, COLUMNS[poison]] = np.nan
     totals = dem.run(300)
     assert totals.n_contacts > 10
-    return dem.grains.where.copy(), dem.grains.motion[:, :6].copy(), dem
+    return dem.grains.position_radius.copy(), dem.grains.velocity_force[:, :6].copy(), dem
 
 
 @pytest.mark.parametrize(
@@ -77,7 +77,7 @@ def test_no_pair_reads_what_an_effect_that_is_off_would_need(off, on):
     np.testing.assert_array_equal(poisoned_motion, motion)
     # a spring, and in the energy budget the last forces, of what is on; nothing of what is off
     springs = 3 + 3 * ("rolling" in on) + ("twisting" in on)
-    assert dem._list.history.shape[1] == springs + (8 if "twisting" in on else 7 if "rolling" in on else 4)
+    assert dem._list.pair_memory.history.shape[1] == springs + (8 if "twisting" in on else 7 if "rolling" in on else 4)
 
 
 @pytest.mark.parametrize(
@@ -115,8 +115,8 @@ def test_gravity_and_held_forces_that_are_off_have_no_rows(engine):
 
     off, on = run(None, False), run((0.0, 0.0, 0.0), True)
     assert off.external_force is None and off.gravity_now is None and off.grains.magnetic_moment is None
-    np.testing.assert_array_equal(off.grains.where, on.grains.where)
-    np.testing.assert_array_equal(off.grains.motion[:, :6], on.grains.motion[:, :6])
+    np.testing.assert_array_equal(off.grains.position_radius, on.grains.position_radius)
+    np.testing.assert_array_equal(off.grains.velocity_force[:, :6], on.grains.velocity_force[:, :6])
 
 
 def test_an_attraction_that_is_off_is_no_argument_of_the_step():

@@ -131,7 +131,7 @@ def test_one_grain_in_an_empty_gap(tmp_path):
     assert len(moments(tmp_path, "run")) == 1
     assert sound(history)
     case = emclutch.load_case(QUICKSTART)
-    device, where = build_device(case.scene), state(tmp_path, "run")["where"][:, :3]
+    device, where = build_device(case.scene), state(tmp_path, "run")["position_radius"][:, :3]
     bare = device.coil.problem.solve(500.0)
     H = np.linalg.norm(bare.sampler("powder").sample(where)[0])
     M = np.linalg.norm(moments(tmp_path, "run")) / (np.pi / 6.0 * 0.25e-3**3)

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from numba import njit
 
-from coupling.contact_table import excess_force
-from coupling.mutual_moments import MutualMoments, grain_table, magnetised_cluster, secant_mixed
+from coupling.cluster import magnetised_cluster
+from coupling.grain_law_table import excess_force, grain_table
+from coupling.mutual_moments import MutualMoments, secant_mixed
 from coupling.neighbour_rows import neighbour_rows
 from field import MU_0, GrainLaw, LangevinLaw
 from field.spheres.lone_sphere import sphere_magnetisation

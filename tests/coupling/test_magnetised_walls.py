@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from coupling.grain_law_table import grain_table
 from coupling.influence import find_influence
 from coupling.kernel_state import MagneticGrains, PairModel
 from coupling.moment_kernels import contact_forces, gather_fields, wall_heights
-from coupling.mutual_moments import MutualMoments, grain_table
+from coupling.mutual_moments import MutualMoments
 from coupling.neighbour_rows import neighbour_rows
 from field import MU_0, GrainLaw
 

@@ -79,7 +79,7 @@ def test_layers_between_steel_faces_change_the_mean_field(tmp_path):
     layers.restore({"h": found["whole"]["h"]})
     before = layers.strength
     dem = found["whole"]
-    layers.follow(np.ascontiguousarray(dem["where"][:, :3]), dem["magnetic_moment"])
+    layers.follow(np.ascontiguousarray(dem["position_radius"][:, :3]), dem["magnetic_moment"])
     flux = layers.radius * (before + layers.magnetisation)
     assert np.ptp(flux) < 0.05 * np.ptp(layers.radius * layers.magnetisation)
     assert before[0] > 1.1 * before.min() < before[-1] / 1.1
@@ -111,7 +111,7 @@ def test_the_pull_of_every_step_is_the_held_one_where_that_is_renewed_at_every_s
                     patch.setattr("emclutch.simulation.assembly.NearAttraction", lambda solver, walls: None)
                 run(tmp_path, f"{every}-{own}", NEAR | steel | {"effects.dipoles.update_every": every})
             dem = state(tmp_path, f"{every}-{own}")
-            ends[every, own] = dem["motion"][np.argsort(dem["particle_id"])][:, :3]
+            ends[every, own] = dem["velocity_force"][np.argsort(dem["particle_id"])][:, :3]
     speed = np.sqrt((ends[1, True] ** 2).mean())
     assert np.abs(ends[1, True] - ends[1, False]).max() < 1e-6 * speed
     late = [np.sqrt(((ends[10, own] - ends[1, True]) ** 2).mean()) / speed for own in (True, False)]

@@ -5,7 +5,7 @@ import pytest
 from fed_back_grains import IRON, A, D, all_pairs, fed_back, in_air, powder_problem, random_grains, ring_of
 from half_disc import half_disc
 
-from coupling.mutual_moments import magnetised_cluster
+from coupling.cluster import magnetised_cluster
 from field import MU_0, PowderState
 from particles import CyclicSector
 

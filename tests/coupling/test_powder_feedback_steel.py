@@ -10,7 +10,7 @@ from half_disc import half_disc
 from steel_gap import SteelGap
 
 import emclutch
-from coupling.mutual_moments import magnetised_cluster
+from coupling.cluster import magnetised_cluster
 from coupling.smear_region import mirror_points_in_steel
 from coupling.smeared_grains import ring_smear
 from coupling.wall_reflection import steel_walls

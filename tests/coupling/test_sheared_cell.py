@@ -6,7 +6,8 @@ import numba
 import numpy as np
 import pytest
 
-from coupling.mutual_moments import MutualMoments, grain_table
+from coupling.grain_law_table import grain_table
+from coupling.mutual_moments import MutualMoments
 from coupling.neighbour_rows import neighbour_rows
 from coupling.sheared_cell import CellTooDense, Shear, ShearParameters
 from coupling.sheared_cell import step_kernel as column
@@ -155,14 +156,14 @@ def test_forces_are_those_of_the_clutch():
 
 
 def test_the_stresses_differ_by_the_torque_of_the_field():
-    """sum (r_z F_x - r_x F_z) = sum (r x F)_y = sum mu_0 (m x H)_y, couples of near pairs included."""
+    """sum (r_z F_x - r_x F_z) = sum (r x F)_y = sum mu_0 (m x H)_y, torques of near pairs included."""
     position = Shear(POWDER).position
     shear = placed(POWDER, position, strain=0.3)
     stress = shear.moments.stress
-    couple = MU_0 * np.cross(shear.moments.moment, [0.0, 0.0, POWDER.H]).sum(axis=0)
+    torque = MU_0 * np.cross(shear.moments.moment, [0.0, 0.0, POWDER.H]).sum(axis=0)
     assert shear.moments.residual < 1e-12
     turned = [stress[1, 2] - stress[2, 1], stress[2, 0] - stress[0, 2], stress[0, 1] - stress[1, 0]]
-    assert np.abs(turned - couple).max() < 1e-9 * np.abs(stress).max()
+    assert np.abs(turned - torque).max() < 1e-9 * np.abs(stress).max()
 
 
 def test_lorentz_field_of_a_cubic_lattice():

@@ -120,7 +120,7 @@ def test_it_resumes_bit_for_bit(tmp_path):
         emclutch.run(slotted(short), out=tmp_path / "parts", progress=InterruptAtHalf())
     parts = emclutch.run(slotted(short), out=tmp_path / "parts", resume=True)
     states = [read_checkpoint(tmp_path / name / "checkpoint.h5")["dem"] for name in ("whole", "parts")]
-    for key in ("where", "motion", "particle_id"):
+    for key in ("position_radius", "velocity_force", "particle_id"):
         assert np.array_equal(states[0][key], states[1][key])
     assert whole.summary["torque_rotor"] == parts.summary["torque_rotor"]
 

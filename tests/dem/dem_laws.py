@@ -130,3 +130,8 @@ def in_order(grains):
     """The grains as they were given, whatever their order now: position, velocity, spin, each (n, 3)."""
     order = np.argsort(grains.particle_id)
     return grains.position[order], grains.velocity[order], grains.angular_velocity[order]
+
+
+def energy(totals):
+    """Kinetic energy and that of the springs [J] at the end of a run."""
+    return totals.energy_budget.kinetic_energy + totals.energy_budget.elastic_energy

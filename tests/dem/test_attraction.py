@@ -1,4 +1,4 @@
-"""A tabulated attraction of near grains, from the gap of every step: forces, books, symmetry, bits.
+"""A tabulated attraction of near grains, from the gap of every step: forces, energy budget, symmetry, bits.
 
 Two compiled steps for all of it: grains of unequal sizes with the energy budget, in a ring and in a sector.
 """
@@ -212,9 +212,9 @@ def fall(steps):
     energy, external, met = [], 0.0, np.inf
     for _ in range(round(2e-3 / dt)):
         gap = (np.linalg.norm(np.diff(dem.grains.position, axis=0)) - 1.9 * RADIUS) / a
-        books = dem.run(1).energy_budget
-        external += books.external_work
-        energy.append(books.kinetic_energy + books.elastic_energy + well(gap))
+        budget = dem.run(1).energy_budget
+        external += budget.external_work
+        energy.append(budget.kinetic_energy + budget.elastic_energy + well(gap))
         met = min(met, gap)
     assert met < 0.0
     depth = -well(0.0)
@@ -241,10 +241,10 @@ def test_momentum_and_angular_momentum_are_conserved_to_round_off_and_all_work_i
     assert totals.rebuilds > 2 and totals.n_contacts > 100 and dem.order_version > 0
     speed = math.sqrt(2.0 * totals.energy_budget.kinetic_energy / g.mass.sum())
     assert momenta() == pytest.approx(before, abs=1e-13 * speed)
-    books = totals.energy_budget
-    assert abs(books.external_work) > 0.1 * abs(books.contact_work)
-    assert books.kinetic_change == pytest.approx(books.contact_work + books.external_work, rel=1e-10)
-    assert sum(books.dissipation.values()) == pytest.approx(books.dissipated, rel=0.02)
+    budget = totals.energy_budget
+    assert abs(budget.external_work) > 0.1 * abs(budget.contact_work)
+    assert budget.kinetic_change == pytest.approx(budget.contact_work + budget.external_work, rel=1e-10)
+    assert sum(budget.dissipation.values()) == pytest.approx(budget.dissipated, rel=0.02)
 
 
 # ---- bits

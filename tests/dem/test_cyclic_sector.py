@@ -117,10 +117,11 @@ def test_history_is_carried_through_a_face_in_either_orientation():
 def _springs(dem):
     """{ids of the pair: (|xi|, xi_z as seen from the lower id)} of the touching pairs."""
     contacts, ids = dem._list, dem.grains.particle_id
+    touching, history = contacts.pair_memory
     found = {}
     rows = contacts.pairs.rows()
-    for k in np.flatnonzero(contacts.touching):
+    for k in np.flatnonzero(touching):
         i, j = int(ids[rows[k]]), int(ids[contacts.pairs.other[k]])
         sign = 1.0 if i < j else -1.0
-        found[min(i, j), max(i, j)] = np.linalg.norm(contacts.history[k]), sign * contacts.history[k, 2]
+        found[min(i, j), max(i, j)] = np.linalg.norm(history[k]), sign * history[k, 2]
     return found

@@ -104,11 +104,11 @@ def test_a_wound_spring_gives_back_no_more_when_its_contact_closes(name, axis):
         grains = Grains.create([[0.0, 0.0, 0.99 * RADIUS]], RADIUS, DENSITY, velocity=[[0.0, 0.0, -0.03]])
         grains.angular_velocity[0, axis] = speed
         dem = make_dem(grains, [FLOOR], [Body("housing")], laws, steps=100.0, species=np.zeros(1, dtype=int))
-        books = dem.run(1).energy_budget
-        kinetic, first = books.kinetic_energy, books.kinetic_energy + books.elastic_energy
+        budget = dem.run(1).energy_budget
+        kinetic, first = budget.kinetic_energy, budget.kinetic_energy + budget.elastic_energy
         for _ in range(100):
-            books = dem.run(40).energy_budget
-            assert books.kinetic_energy + books.elastic_energy <= first + 1e-4 * kinetic  # leapfrog: (pi/100)^2/8
+            budget = dem.run(40).energy_budget
+            assert budget.kinetic_energy + budget.elastic_energy <= first + 1e-4 * kinetic  # leapfrog: (pi/100)^2/8
         assert dem.contacts().i.size == 1
 
 
@@ -126,8 +126,8 @@ def thrown(name, everything, steps):
     return totals
 
 
-def throughput(books):
-    return books.dissipated + sum(abs(work) for work in books.wall_work.values())
+def throughput(budget):
+    return budget.dissipated + sum(abs(work) for work in budget.wall_work.values())
 
 
 @pytest.mark.parametrize("name, everything", EVERYTHING)
@@ -141,11 +141,11 @@ def test_losses_by_mechanism_close_to_a_millionth_of_the_throughput(name, everyt
     errors = []
     for steps in (coarse, fine):
         totals = thrown(name, everything, steps)
-        books = totals.energy_budget
-        errors.append(abs(books.integration_error) / throughput(books))
-        assert books.kinetic_change == pytest.approx(books.contact_work, abs=1e-12 * throughput(books))
-        assert all(lost > 0.0 for lost in books.dissipation.values())
-        assert len(books.dissipation) == (5 if everything else 3)
+        budget = totals.energy_budget
+        errors.append(abs(budget.integration_error) / throughput(budget))
+        assert budget.kinetic_change == pytest.approx(budget.contact_work, abs=1e-12 * throughput(budget))
+        assert all(lost > 0.0 for lost in budget.dissipation.values())
+        assert len(budget.dissipation) == (5 if everything else 3)
     assert errors[0] < 1e-3 and errors[1] < 1e-6
 
 
@@ -184,13 +184,13 @@ def test_books_of_a_device_close(name, everything):
         dem = device(name, everything, steps)
         before = dem.bodies[0].speed
         totals = dem.run(int(1e-3 / dem.dt))
-        books, shaft = totals.energy_budget, totals.shaft_work["drum"]
-        scale = throughput(books)
-        assert books.kinetic_change == pytest.approx(books.contact_work + books.gravity_work, abs=1e-12 * scale)
+        budget, shaft = totals.energy_budget, totals.shaft_work["drum"]
+        scale = throughput(budget)
+        assert budget.kinetic_change == pytest.approx(budget.contact_work + budget.gravity_work, abs=1e-12 * scale)
         kinetic = 0.5 * SHAFT_INERTIA * (dem.bodies[0].speed ** 2 - before**2)
         assert kinetic == pytest.approx(shaft["drive"] - shaft["load"] + shaft["contact"], abs=1e-12 * scale)
-        assert shaft["contact"] == pytest.approx(-books.wall_work["drum"], abs=1e-5 * scale)
-        assert books.elastic_energy != 0.0 and abs(books.wall_work["disc"]) > 1e-3 * scale
-        errors.append(abs(books.integration_error) / scale)
+        assert shaft["contact"] == pytest.approx(-budget.wall_work["drum"], abs=1e-5 * scale)
+        assert budget.elastic_energy != 0.0 and abs(budget.wall_work["disc"]) > 1e-3 * scale
+        errors.append(abs(budget.integration_error) / scale)
     assert errors[0] < 5e-4
     assert errors[1] < 3e-5

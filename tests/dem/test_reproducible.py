@@ -99,10 +99,10 @@ def test_energy_is_balanced_from_the_first_step_on_under_a_stiffer_law():
     dt = choose_time_step(stiffer, first.grains.mass, first.grains.radius).dt
     fresh = DEM(Grains.of_records(first.state()), first.walls, [Body("housing")], stiffer, dt=dt, gravity=(0, 0, -9.81))
     fresh.begin_with(first.state())
-    books = fresh.run(20).energy_budget
-    lost = sum(books.dissipation.values())
-    left = books.gravity_work - lost - books.kinetic_change - books.elastic_change
-    assert abs(left) < 0.02 * (lost + abs(books.elastic_change))
+    budget = fresh.run(20).energy_budget
+    lost = sum(budget.dissipation.values())
+    left = budget.gravity_work - lost - budget.kinetic_change - budget.elastic_change
+    assert abs(left) < 0.02 * (lost + abs(budget.elastic_change))
 
 
 def test_grains_whose_contacts_remember_something_else_are_refused():

@@ -50,7 +50,7 @@ def test_a_rolling_ball_is_stopped_and_loses_its_energy_to_rolling():
     assert free.grains.velocity[0, 0] == pytest.approx(0.02, rel=1e-3)
     stopped = ball(RollingFriction(0.05), velocity=0.02, duration=0.2)
     assert abs(stopped.grains.velocity[0, 0]) < 1e-5
-    # distance of a constant couple: (7/10) m v^2 = mu_r F_n s
+    # distance of a constant torque: (7/10) m v^2 = mu_r F_n s
     assert stopped.grains.position[0, 0] == pytest.approx(0.7 * MASS * 0.02**2 / (0.05 * 4e-3), rel=0.05)
 
 

@@ -19,7 +19,7 @@ from particles.laws.springs import OF_TABLE, SPRINGS, Spring, spring
 from particles.laws.thesis import ThesisContact
 from particles.laws.walton_braun import WaltonBraun
 
-BOOKS = 6  # first column of the last forces, after spring and memory
+ENERGY_COLUMN = 6  # first column of the last forces, after spring and memory
 
 
 class Contact:
@@ -30,12 +30,12 @@ class Contact:
         self.table = SPRINGS[law.kernel].table(self.row)
         self.row[0, COHESION_0], self.row[0, COHESIVE] = pull, 1.0
         self.mass, self.radius, self.dt = mass, radius, dt
-        self.history = np.zeros((1, BOOKS + 8))
+        self.history = np.zeros((1, ENERGY_COLUMN + 8))
 
     def force(self, delta, n, u, spin_n=0.0):
         """(force (3), f_rep, dashpot, pull, k_t, stored, lost normal, tangential, sliding)."""
         touch = Touch(delta, tuple(map(float, n)), tuple(map(float, u)), None, spin_n)
-        out = contact_force(self.table, 0, BOOKS, self.mass, self.radius, self.dt, touch, self.history, 0)
+        out = contact_force(self.table, 0, ENERGY_COLUMN, self.mass, self.radius, self.dt, touch, self.history, 0)
         return np.array(out[:3]), *out[3:-1]  # the last stiffness is for rolling and twisting alone
 
     @property
@@ -215,7 +215,9 @@ def test_a_new_law_is_a_table_a_spring_and_a_line(monkeypatch):
     rows = np.zeros((1, N_LAW))
     rows[0, [0, MU]] = 2e-3, 0.3
     touch = Touch(1e-6, (0.0, 0.0, 1.0), (0.0, 0.0, 0.5), None, 0.0)
-    found = contact_force(ConstantTable(rows), 0, BOOKS, MASS, RADIUS, 1e-6, touch, np.zeros((1, BOOKS + 8)), 0)
+    found = contact_force(
+        ConstantTable(rows), 0, ENERGY_COLUMN, MASS, RADIUS, 1e-6, touch, np.zeros((1, ENERGY_COLUMN + 8)), 0
+    )
     assert (found.x, found.y, found.z, found.stored) == pytest.approx((0.0, 0.0, -2e-3, 2e-9))
 
 
@@ -225,7 +227,7 @@ def test_equal_grains_have_the_same_force_with_constant_dashpots():
     dashpots = np.array([spring(table, 0, 1e-6, MASS, RADIUS, 0.0)[2:4]])
     touch = Touch(2e-6, (0.0, 0.6, 0.8), (0.2, -0.3, 0.4), None, 5.0)
     one, other = (
-        contact_force(given, 0, BOOKS, MASS, RADIUS, 1e-6, touch, np.zeros((1, BOOKS + 8)), 0)
+        contact_force(given, 0, ENERGY_COLUMN, MASS, RADIUS, 1e-6, touch, np.zeros((1, ENERGY_COLUMN + 8)), 0)
         for given in (table, EqualLinearTable(table.rows, dashpots))
     )
     assert other == pytest.approx(one, rel=1e-12)

@@ -82,7 +82,7 @@ def test_energy_never_grows_without_rebound():
 
 
 def test_balances_of_a_driven_drum():
-    """Torque on the shell = change of the grains' angular momentum (gravity along the axis); energy books close."""
+    """Torque on the shell = change of the grains' angular momentum (gravity along the axis); energies balance."""
     n = 80
     box, where = _cloud(n, 0.35)
     side = box.size[0]

@@ -48,7 +48,7 @@ def test_a_rolling_ball_stops_after_the_known_distance(h, theta):
     totals = dvi.run(round(1.8 / h))
     late = (theta - 0.5) * v * h
     assert dvi.grains.position[0, 0] == pytest.approx(rolled(v, mu_r) - late, abs=5.0 / 7.0 * mu_r * G * h * h)
-    assert np.abs(dvi.grains.motion).max() < 1e-7
+    assert np.abs(dvi.grains.velocity_force).max() < 1e-7
     assert totals.energy.dissipation["rolling"] == pytest.approx(energy, rel=1e-6)
     assert set(totals.energy.dissipation) == {"impact", "sliding", "rolling"}
 
@@ -64,7 +64,7 @@ def test_a_twisting_ball_stops_at_the_known_time(h):
     assert dvi.grains.angular_velocity[0, 2] == pytest.approx(spin - rate * dvi.time, rel=1e-9)
     left = dvi.grains.kinetic_energy()
     totals = dvi.run(int(0.2 * spin / rate / h))
-    assert np.abs(dvi.grains.motion).max() < 1e-8
+    assert np.abs(dvi.grains.velocity_force).max() < 1e-8
     assert totals.energy.dissipation["twisting"] == pytest.approx(left, rel=1e-6)
     assert left < energy
 
@@ -295,7 +295,7 @@ def test_a_restart_goes_on_bit_for_bit():
     second = bed(speed=6.0)
     second.restore(state)
     second.run(70)
-    for name in ("where", "motion", "particle_id"):
+    for name in ("position_radius", "velocity_force", "particle_id"):
         assert np.array_equal(getattr(whole.grains, name), getattr(second.grains, name))
 
 
@@ -322,8 +322,8 @@ def test_coefficients_of_zero_are_none():
         totals = dvi.run(60)
         assert set(totals.energy.dissipation) == {"impact", "sliding"}
         assert dvi.state()["list_pair_impulse"].shape[1] == 3
-    assert np.array_equal(without.grains.where, zero.grains.where)
-    assert np.array_equal(without.grains.motion, zero.grains.motion)
+    assert np.array_equal(without.grains.position_radius, zero.grains.position_radius)
+    assert np.array_equal(without.grains.velocity_force, zero.grains.velocity_force)
 
 
 def test_a_state_with_couples_is_refused_where_there_are_none():
@@ -370,7 +370,7 @@ def test_a_ball_on_springs_winds_them_up_on_a_slope_and_rests():
     along = np.array([-np.cos(slope), 0.0, -np.sin(slope)])
     pull = float(dvi.grains.mass[0]) * G * np.sin(slope)
     assert dvi.grains.position[0] @ along == pytest.approx(2.0 * pull / k_t, rel=1e-3)
-    assert np.abs(dvi.grains.motion).max() < 1e-6
+    assert np.abs(dvi.grains.velocity_force).max() < 1e-6
     # the lever of the weight is shorter than R by the overlap, 0.08 %
     assert dvi._springs[[1, 2]] == pytest.approx([0.5 * pull * pull / k_t] * 2, rel=3e-3)
     energy_budget = totals.energy
@@ -391,4 +391,4 @@ def test_the_books_of_a_bed_on_springs_close():
     dvi.run(40)
     other.restore(state)
     other.run(40)
-    assert np.array_equal(dvi.grains.motion, other.grains.motion)
+    assert np.array_equal(dvi.grains.velocity_force, other.grains.velocity_force)

@@ -45,8 +45,8 @@ def test_a_flat_mesh_is_a_plane(slope, height, restitution, theta):
         made.append((dvi, totals))
     (smooth, a), (mesh, b) = made
     order = [np.argsort(dvi.grains.particle_id) for dvi in (smooth, mesh)]
-    assert mesh.grains.where[order[1]] == pytest.approx(smooth.grains.where[order[0]], abs=1e-9)
-    assert mesh.grains.motion[order[1]] == pytest.approx(smooth.grains.motion[order[0]], abs=1e-9)
+    assert mesh.grains.position_radius[order[1]] == pytest.approx(smooth.grains.position_radius[order[0]], abs=1e-9)
+    assert mesh.grains.velocity_force[order[1]] == pytest.approx(smooth.grains.velocity_force[order[0]], abs=1e-9)
     assert mesh.contact_force[order[1]] == pytest.approx(smooth.contact_force[order[0]], abs=1e-9)
     assert b.force["housing"] == pytest.approx(a.force["housing"], abs=1e-9)
     assert b.warm_hits == pytest.approx(a.warm_hits, abs=1e-12)  # no impulse is lost where the triangle changes

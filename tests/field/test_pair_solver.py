@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from coupling.mutual_moments import grain_table
+from coupling.grain_law_table import grain_table
 from field import MU_0, NU_0, AxisymmetricProblem, FroehlichLaw, GrainLaw, LinearLaw
 from field.spheres.pair_mesh import pair_mesh
 from field.spheres.pair_solver import SpherePair, linear_pair, solve_pair

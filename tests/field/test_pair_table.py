@@ -6,7 +6,7 @@ import warnings
 import numpy as np
 import pytest
 
-from coupling.mutual_moments import grain_table
+from coupling.grain_law_table import grain_table
 from field import FroehlichLaw, GrainLaw, LangevinLaw, LinearLaw, ThesisLaw
 from field.spheres import pair_table as module
 from field.spheres.neck_estimate import neck_potential, two_zone_force

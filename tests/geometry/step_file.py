@@ -58,3 +58,17 @@ def write_polygons(path: Path, polygons: dict[str, list[np.ndarray]], plane: str
 def rectangle(r0: float, r1: float, z0: float, z1: float) -> np.ndarray:
     """Corners of a rectangle, shape (4, 2)."""
     return np.array([(r0, z0), (r1, z0), (r1, z1), (r0, z1)])
+
+
+def area_of(polygon):
+    """Area [m^2] of a polygon (n, 2) [m]."""
+    r, z = polygon.T
+    return 0.5 * abs(np.dot(r, np.roll(z, -1)) - np.dot(z, np.roll(r, -1)))
+
+
+def solids_of_revolution(occ):
+    """A stepped core and a tube about z."""
+    core = occ.addCylinder(0, 0, -10, 0, 0, 20, 20)
+    tube = occ.cut([(3, occ.addCylinder(0, 0, -10, 0, 0, 20, 30))], [(3, core)], removeTool=False)[0][0][1]
+    assert tube == 2
+    return ["core", "coil"]

@@ -51,11 +51,11 @@ class FinishedRun:
         result = load_result(folder)
         state = read_checkpoint(folder / "checkpoint.h5")["dem"]
         order = np.argsort(state["particle_id"])
-        where, moment = state["where"][order], state.get("magnetic_moment")
+        where, moment = state["position_radius"][order], state.get("magnetic_moment")
         moments = np.zeros((len(order), 3)) if moment is None or len(moment) != len(order) else moment[order]
         return cls(
-            case, result.history, result.summary, where[:, :3].copy(), state["motion"][order, :3].copy(), moments,
-            where[:, 3].copy(), state["particle_id"][order],
+            case, result.history, result.summary, where[:, :3].copy(), state["velocity_force"][order, :3].copy(),
+            moments, where[:, 3].copy(), state["particle_id"][order],
         )  # fmt: skip
 
     def sum_of(self, *columns: str) -> np.ndarray:

@@ -248,7 +248,7 @@ def _stored(run: FinishedRun) -> np.ndarray:
 
 
 def _stored_at_start(run: FinishedRun) -> float:
-    """Before the first window, from its books."""
+    """Before the first window, from its energy budget."""
     change = (_work(run) - run.sum_of("dissipated", "energy_residual"))[0]
     return max(float(_stored(run)[0] - change), 0.0)
 

@@ -16,7 +16,8 @@ from typing import Any
 
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
-from random_scenes import MAGNETIC, OF_A_COIL, PLAIN, RandomScene, Table, scenes, studies
+from random_scenes import MAGNETIC, OF_A_COIL, PLAIN, RandomScene, scenes, studies
+from random_values import Table
 
 _BLOCK = 9
 Path = tuple[str | int, ...]

@@ -101,9 +101,9 @@ def test_a_grain_at_rest_bears_its_weight(made):
 def test_the_books_close(made):
     """What gravity puts in and contacts lose is what the grains have; nothing else works on them here."""
     motion = made(**scattered())
-    books = motion.run(round(0.01 / motion.dt)).energy_budget
-    assert sum(books.dissipation.values()) > 0.0
-    assert books.kinetic_change == pytest.approx(books.contact_work + books.gravity_work, rel=1e-9)
+    budget = motion.run(round(0.01 / motion.dt)).energy_budget
+    assert sum(budget.dissipation.values()) > 0.0
+    assert budget.kinetic_change == pytest.approx(budget.contact_work + budget.gravity_work, rel=1e-9)
 
 
 def test_a_restored_state_goes_on_bit_for_bit(made):

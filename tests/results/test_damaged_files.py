@@ -34,8 +34,8 @@ def test_a_checkpoint_of_a_newer_version_is_told(tmp_path):
     path = tmp_path / "checkpoint.h5"
     write_checkpoint(path, {"a": 1})
     with h5py.File(path, "r+") as file:
-        file.attrs["version"] = 2
-    with pytest.raises(OutputError, match="has layout 2, this program reads 1; resume with the program that wrote it"):
+        file.attrs["version"] = 3
+    with pytest.raises(OutputError, match="has layout 3, this program reads 2; resume with the program that wrote it"):
         read_checkpoint(path)
 
 

@@ -248,7 +248,7 @@ def test_files_that_are_no_checkpoint_are_told(tmp_path):
             read_checkpoint(path)
     for state in ({"kind": "dict"}, {"kind": "int"}, {}):  # a layout like ours, with something else in it
         with h5py.File(path, "w") as file:
-            file.attrs["version"] = 1
+            file.attrs["version"] = 2
             file.create_group("state").attrs.update(state)
             file["state"].create_dataset("a", data=b"no number")
         with pytest.raises(OutputError, match=r"checkpoint\.h5.*without --resume"):

@@ -45,7 +45,9 @@ def test_both_methods_agree_on_momentum_and_load(runs):
         steps = np.diff(history["disc_speed"], prepend=0.0) * 2e-4 / np.diff(history["time"], prepend=0.0)
         np.testing.assert_allclose(history["torque_disc"], steps, atol=1e-9)
     assert runs["dvi"].summary["dt"] > 10.0 * runs["dem"].summary["dt"]
-    height = [read_checkpoint(runs[m].folder.path / "checkpoint.h5")["dem"]["where"][:, 2].mean() for m in runs]
+    height = [
+        read_checkpoint(runs[m].folder.path / "checkpoint.h5")["dem"]["position_radius"][:, 2].mean() for m in runs
+    ]
     assert height[1] == pytest.approx(height[0], abs=0.1 * 6e-3)
 
 
@@ -102,7 +104,7 @@ def test_it_resumes_bit_for_bit(tmp_path, runs):
     whole, parts = (
         read_checkpoint(folder / "checkpoint.h5")["dem"] for folder in (runs["dvi"].folder.path, tmp_path / "parts")
     )
-    for key in ("where", "motion", "particle_id", "bodies"):
+    for key in ("position_radius", "velocity_force", "particle_id", "bodies"):
         assert np.array_equal(whole[key], parts[key])
 
 
@@ -151,8 +153,8 @@ def test_magnetic_forces_move_rigid_grains_as_elastic_ones(tmp_path):
         result = emclutch.run(emclutch.load_case(case, short | {"contact.method": method}), out=tmp_path / method)
         state = read_checkpoint(result.folder.path / "checkpoint.h5")["dem"]
         order = np.argsort(state["particle_id"])
-        where[method] = state["where"][order, :3], state["motion"][order, :3], result.summary["time"]
-        fraction = {"dem": 1e-2, "dvi": 1e-12}[method]  # DEM's books hold the integrator's error
+        where[method] = state["position_radius"][order, :3], state["velocity_force"][order, :3], result.summary["time"]
+        fraction = {"dem": 1e-2, "dvi": 1e-12}[method]  # DEM's budget holds the integrator's error
         assert abs(result.history["energy_residual"]).max() < fraction * abs(result.history["work_magnetic"]).max()
     begun = np.linalg.norm(where["dem"][1], axis=1) > 1e-2  # moved by the field
     assert begun.sum() > 20

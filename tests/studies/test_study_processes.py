@@ -38,7 +38,7 @@ def test_processes_change_nothing(studied, tmp_path):
         assert first.equals(second), name
     for number in range(4):  # bit for bit
         first, second = (read_checkpoint(path / f"point-{number:03d}" / "checkpoint.h5") for path in (alone, folder))
-        assert (first["dem"]["where"] == second["dem"]["where"]).all()
+        assert (first["dem"]["position_radius"] == second["dem"]["position_radius"]).all()
 
 
 def test_grains_go_on_where_the_point_before_has_left_them(studied):

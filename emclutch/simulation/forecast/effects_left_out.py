@@ -45,7 +45,7 @@ def _of_grains(at: Regime) -> Iterator[LeftOut]:
     yield LeftOut("cohesion", OFF, "van der Waals force of rough grains over pull and weight", at.bond, 0.1)
     doubled = "0 for smooth shot; 0.2 for rough grains doubled the torque of the shipped clutches"
     yield LeftOut("rolling_friction", OFF, "the shape of the grains decides", note=doubled)
-    yield LeftOut("twisting_friction", OFF, "couple of a contact's twist over that of its sliding", at.twist, 0.1)
+    yield LeftOut("twisting_friction", OFF, "torque of a contact's twist over that of its sliding", at.twist, 0.1)
 
 
 def _of_magnetism(at: Regime) -> Iterator[LeftOut]:

@@ -9,7 +9,7 @@ Sources, each with what is compared:
 - Stokes number, rate rho d^2/(18 eta): the time in which air of eta = 18 uPa s slows a grain over that of a unit shear;
 - van der Waals force A r/(12 z^2) = 5 nN of asperities r = 0.1 um at z = 0.4 nm, A = 1e-19 J (A. Castellanos, Adv.
   Phys. 54 (2005) 263): the granular Bond number is that force over the largest of pull, weight and centrifugal force;
-- twist of a contact of radius a: couple (2/3) mu F a over mu F d/2, with a^2 = d delta/4 at the allowed overlap;
+- twist of a contact of radius a: torque (2/3) mu F a over mu F d/2, with a^2 = d delta/4 at the allowed overlap;
 - diffusion time: `field.section.diffusion_time`; time constant of the coil: apparent L over R at the largest current;
 - slip heat, T omega_slip into the powder's mass at 450 J/(kg K), that of iron, with nothing carried off.
 """

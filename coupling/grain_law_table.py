@@ -12,20 +12,27 @@ and by tangent: within 6 % of the multipoles from a permeability of 4 on, and no
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from field.spheres.pair_table import FADE_TO, fade
+from field.laws.powder_law import GrainLaw, ThesisLaw
+from field.laws.reluctivity import Law
+from field.spheres.lone_sphere import saturation, sphere_magnetisation
+from field.spheres.pair_table import FADE_TO, fade, pair_table
 from field.spheres.transverse_pair import transverse_excess
 from geometry.inner_functions import inner
 
 GAUSS_PLACES = (0.2386191860831969, 0.6612093864662645, 0.9324695142031521)  # of six points on -1 .. 1
 GAUSS_WEIGHTS = (0.46791393457269104, 0.3607615730481386, 0.17132449237917036)
 FARTHEST_GAP = FADE_TO  # radii: beyond it two spheres are mutual dipoles
+# first, last and number of the excess' grid: gaps in radii, fields in the saturation
+GAPS, FIELDS = (3e-4, FARTHEST_GAP, 97), (3e-4, 3.0, 201)
+MODELS = ("mutual", "near_field")
 
 
-class ContactTable(NamedTuple):
+class GrainLawTable(NamedTuple):
     """Arrays for the kernels; see the module. `sphere_*` over ln h, `pair_*` over (ln g, ln h)."""
 
     scale: float  # A/m
@@ -42,43 +49,38 @@ class ContactTable(NamedTuple):
     across: np.ndarray  # (g,) weakening of the repulsion across, over h_t^2, for spheres of high permeability
 
 
-def contact_table(
+def _tabulated(
     magnetisation: Callable[[np.ndarray], np.ndarray],
-    saturation: float | None,
+    Ms: float | None,
     excess: tuple[Callable, Callable] | None = None,
-    *,
-    gaps: tuple[float, float, int] = (3e-4, FARTHEST_GAP, 97),
-    fields: tuple[float, float, int] = (3e-4, 3.0, 201),
-) -> ContactTable:
-    """Tabulate a grain's law.
+) -> GrainLawTable:
+    """Put a grain's law on the grids.
 
     Parameters
     ----------
     magnetisation : callable h [A/m] -> M [A/m]
         Of a lone sphere in a uniform field.
-    saturation : float or None
-        [A/m]; None: linear.
+    Ms : float or None
+        Saturation [A/m]; None: linear.
     excess : (force, moment), optional
-        Functions of (g, h), g in radii and h in `saturation`, of `PairTable`; None: mutual dipoles only.
-    gaps, fields : (first, last, number)
-        Grid of the excess.
+        Functions of (g, h), g in radii and h in ``Ms``, of `PairTable`; None: mutual dipoles only.
     """
-    if saturation is None and excess is not None:
+    if Ms is None and excess is not None:
         raise ValueError("a linear material has no table of pairs; give the grains a saturation, or model 'mutual'")
-    scale = np.inf if saturation is None else float(saturation)  # every field is weak to a linear one
+    scale = np.inf if Ms is None else float(Ms)  # every field is weak to a linear one
     h = np.exp(np.linspace(np.log(1e-6), np.log(1e3), 801))
-    H = h if saturation is None else scale * h
+    H = h if Ms is None else scale * h
     ratio = magnetisation(H) / H
     slope = np.gradient(ratio, edge_order=2)
     slope[2:-2] = (8.0 * (ratio[3:-1] - ratio[1:-3]) - (ratio[4:] - ratio[:-4])) / 12.0
-    x, y = (np.linspace(np.log(first), np.log(last), number) for first, last, number in (gaps, fields))
+    x, y = (np.linspace(np.log(first), np.log(last), number) for first, last, number in (GAPS, FIELDS))
     force = moment = np.zeros((2, 2))
     across = np.zeros(2)
     if excess is not None:
         across = np.array([transverse_excess(np.inf, gap) for gap in np.exp(x)]) * fade(np.exp(x))
         g, k = np.meshgrid(np.exp(x), np.exp(y), indexing="ij")
         force, moment = excess[0](g, k) / k**2, excess[1](g, k) / k
-    return ContactTable(
+    return GrainLawTable(
         scale,
         float(np.log(h[0])),
         float(np.log(h[1] / h[0])),
@@ -92,6 +94,45 @@ def contact_table(
         np.ascontiguousarray(moment),
         across,
     )
+
+
+def grain_table(law: Law | GrainLaw, model: str) -> GrainLawTable:
+    """The table that the kernels read for a grain's law: bulk law, or `GrainLaw`; the near pairs' with near_field.
+
+    Raises
+    ------
+    ValueError
+        An unknown model, the law of the thesis, near_field with a law that does not saturate.
+    """
+    try:
+        return _kept_table(law, model)  # type: ignore[arg-type]
+    except TypeError:  # a law of points cannot be hashed
+        return _made_table(law, model)
+
+
+def _made_table(law: Law | GrainLaw, model: str) -> GrainLawTable:
+    if model not in MODELS:
+        raise ValueError(f"model = {model!r}; allowed: {', '.join(MODELS)} ('fixed' has no mutual moments)")
+    if isinstance(law, ThesisLaw):
+        raise ValueError("the law of the thesis, M = chi H, has no material behind it: it stays with model 'fixed'")
+
+    def sphere(h):
+        return sphere_magnetisation(law, h)
+
+    try:
+        Ms = saturation(law)
+    except ValueError:
+        if model == "near_field":
+            raise
+        return _tabulated(sphere, None)
+    excess = None
+    if model == "near_field":
+        pair = pair_table(law)
+        excess = (pair.excess_force, pair.excess_moment)
+    return _tabulated(sphere, Ms, excess)
+
+
+_kept_table = lru_cache(maxsize=8)(_made_table)
 
 
 @inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
