@@ -20,6 +20,8 @@ from field.factorisation import NotPositiveDefinite
 _ARMIJO = 1e-4
 _MAX_HALVINGS = 30
 _MAX_FALSE_POSITIONS = 8
+# Of the residual: what a step with an old factor, a fifth of the price of a new one, may leave.
+_SECANT_SHARE = 0.2
 
 
 def scalar_product(a: np.ndarray, b: np.ndarray) -> float:
@@ -56,6 +58,10 @@ class ConvergenceError(RuntimeError):
 class LinearSolver(Protocol):
     """Solves with symmetric positive definite matrices of one sparsity pattern, one after the other."""
 
+    @property
+    def again_is_cheap(self) -> bool:
+        """Whether `solve_again` costs little beside `solve`: a factor does that, iterations do not."""
+
     def solve(self, matrix: sp.csc_matrix, right: np.ndarray) -> np.ndarray:
         """Solve with a new matrix."""
 
@@ -80,14 +86,42 @@ class Energy(Protocol):
         """Second derivative at x, where `gradient` was called last."""
 
 
-def _chord_will_do(history: list[tuple[float, float]], tolerance: float) -> bool:
-    """Whether a step with the tangent of the iterate before is likely to reach the tolerance.
+def _secant_steps(
+    energy: Energy, x: np.ndarray, residual: np.ndarray, solver: LinearSolver, goal: float
+) -> tuple[np.ndarray, np.ndarray, list[float]]:
+    """Steps with the matrix that was factorised last, corrected by what each step taught of the curvature (BFGS).
 
-    A quadratic iteration divides the residual by 1/(C r); one with the tangent of the iterate before contracts
-    by about the same factor as the step that has just been made.
+    They go on while each leaves at most a fifth of the residual: such a step costs that share of a Newton step.
+
+    Source: Matthies and Strang, Int. J. Numer. Methods Eng. 14, 1979; Nocedal and Wright, 2006, algorithm 7.4.
+
+    Returns
+    -------
+    x, residual : ndarray (n,)
+        The last point that a step led to, and its gradient.
+    sizes : list of float
+        Norms of the gradient after each step that counted.
     """
-    before, (last, length) = history[-2][0], history[-1]
-    return length == 1.0 and last * last / before <= 0.3 * tolerance
+    pairs: list[tuple[np.ndarray, np.ndarray, float]] = []
+    size, sizes = norm(residual), []
+    while size > goal:
+        right, along = -residual, []
+        for step, change, scale in reversed(pairs):
+            along.append(scalar_product(step, right) / scale)
+            right = right - along[-1] * change
+        step = solver.solve_again(right)
+        for (before, change, scale), share in zip(pairs, reversed(along), strict=True):
+            step = step + (share - scalar_product(change, step) / scale) * before
+        trial = x + step
+        new = energy.gradient(trial)
+        new_size = norm(new)
+        change, scale = new - residual, scalar_product(step, new - residual)
+        if not (new_size <= _SECANT_SHARE * size and scale > 0.0):
+            break
+        pairs.append((step, change, scale))
+        x, residual, size = trial, new, new_size
+        sizes.append(size)
+    return x, residual, sizes
 
 
 def _length_to_level(energy: Energy, x: np.ndarray, step: np.ndarray, slope: float, share: float) -> float:
@@ -124,11 +158,13 @@ def minimise(
     tolerance: float,
     max_iterations: int,
     first_matrix: Callable[[], sp.csc_matrix] | None = None,
+    factorised: bool = False,
     level: float | None = None,
 ) -> tuple[np.ndarray, list[tuple[float, float]]]:
     """Newton with an Armijo line search on the energy.
 
-    The last step may be one with the factor of the iterate before (a chord step), where that is expected to do.
+    Where a step has brought the residual down well, secant steps with its factor follow for as long as they do too, if
+    the solver's second solve is cheap.
 
     Parameters
     ----------
@@ -142,6 +178,8 @@ def minimise(
     first_matrix : callable or None
         Replaces the tangent in the first step (any symmetric positive definite matrix will do): a cold
         start at psi = 0 would take the steel for as soft as it is at B = 0 and overshoot far.
+    factorised : bool
+        Whether `solver` holds the factor of a matrix near the tangent at the start.
     level : float or None
         Shorten a step until the slope along it is within this share of that at its beginning: where a gradient costs
         little beside a linear solve. None: halve it only until the energy falls.
@@ -162,13 +200,13 @@ def minimise(
     for iteration in range(max_iterations):
         if history[-1][0] <= tolerance:
             return x, history
-        if iteration > 1 and _chord_will_do(history, tolerance):
-            # The old factor costs a tenth of a new one, and here its step is expected to be the last.
-            trial = x + solver.solve_again(-residual)
-            trial_residual = energy.gradient(trial)
-            if norm(trial_residual) / scale <= tolerance:
-                return trial, [*history, (norm(trial_residual) / scale, 1.0)]
+        if factorised:
+            x, residual, sizes = _secant_steps(energy, x, residual, solver, tolerance * scale)
+            history += [(size / scale, 1.0) for size in sizes]
+            if history[-1][0] <= tolerance:
+                return x, history
             residual = energy.gradient(x)
+            value, magnitude = energy.value(x)
         use_first = iteration == 0 and first_matrix is not None
         if use_first and first_matrix is not None:
             matrix = first_matrix()
@@ -204,6 +242,8 @@ def minimise(
         x, value = trial, new_value
         residual = energy.gradient(x)
         history.append((norm(residual) / scale, length))
+        well = length == 1.0 and history[-1][0] <= _SECANT_SHARE * history[-2][0]
+        factorised = well and not use_first and solver.again_is_cheap
     if history[-1][0] <= tolerance:
         return x, history
     raise ConvergenceError(

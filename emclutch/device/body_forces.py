@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from emclutch.device.device import CoilDevice
 from field import ConvergenceError, MagneticField
-from field.section.maxwell_force import UndefinedForce, axial_force, gives_way
+from field.section.error_estimate import next_order_field
+from field.section.maxwell_force import (
+    UndefinedForce,
+    axial_force,
+    force_by_virtual_work,
+    force_of_weight,
+    gives_way,
+)
 
 MOVABLE = ("disc", "rotor")
 
@@ -35,46 +42,58 @@ def regions_of_body(coil: CoilDevice, solution: MagneticField, body: str) -> lis
     return chosen
 
 
-def force_on(solution: MagneticField, regions: Sequence[str]) -> dict:
-    """Axial force [N] on a body through air and powder, and what of it is not to be had, with the reason."""
-    yielding = _yielding(solution)
+def forces_on(solution: MagneticField, bodies: Iterable[tuple[str, Sequence[str]]]) -> dict[str, dict]:
+    """Axial force [N] on each body, (name, regions), through air and powder; what is not to be had, with the reason."""
+    richer, failure = _next_order(solution)
+    return {name: _force_on(solution, regions, richer, failure) for name, regions in bodies}
+
+
+def _force_on(solution: MagneticField, regions: Sequence[str], richer: MagneticField | None, failure: str) -> dict:
     try:
-        force = axial_force(solution, regions, yielding=yielding)
+        force = axial_force(solution, regions, yielding=_yielding(solution))
     except UndefinedForce as error:
         return {"regions": list(regions), "not_defined": f"because {error.reason}"}
-    missing = {}
-    # One by one: where the displaced device does not converge, the error estimate may, and the reverse.
-    for part, asked in (("virtual_work", {"virtual_work": True}), ("next_order", {"next_order": True})):
-        try:
-            found = axial_force(solution, regions, yielding=yielding, **asked)
-        except ConvergenceError as error:
-            missing[part] = str(error)
-        else:
-            force = replace(force, **{part: getattr(found, part)})
-    row: dict = {
-        "regions": list(regions),
-        "maxwell_stress": force.maxwell_stress,
-        "virtual_work": force.virtual_work,
-        "error_estimate": force.error,
-    }
-    if "virtual_work" in missing:
-        row["no_virtual_work"] = f"because a displaced solve failed: {missing['virtual_work']}"
-    if "next_order" in missing:
-        row["error_estimate_of_two_shells"] = f"because the solve of the next order failed: {missing['next_order']}"
-    return row
-
-
-def force_in_words(solution: MagneticField, regions: Sequence[str]) -> str:
-    """Axial force on a body with its error, which a solve with elements of the next order tells; empty without one."""
-    force = stress_force(solution, regions)
-    if force is None:
-        return ""
+    row: dict = {"regions": list(regions), "maxwell_stress": force.maxwell_stress}
     try:
-        error = axial_force(solution, regions, yielding=_yielding(solution), next_order=True).error
-    except ConvergenceError:
-        return f"{force:.4g} N along z, error not known"
-    doubt = "; smaller than its error: none is known" if abs(force) <= error else ""
-    return f"{force:.4g} ± {error:.2g} N along z (twice the change to elements of the next order){doubt}"
+        row["virtual_work"] = force_by_virtual_work(solution, force.weight)
+    except ConvergenceError as error:
+        row |= {"virtual_work": None, "no_virtual_work": f"because a displaced solve failed: {error}"}
+    if richer is None:
+        row["error_estimate_of_two_shells"] = f"because the solve of the next order failed: {failure}"
+    else:
+        force = replace(force, next_order=force_of_weight(richer, force.weight))
+    return row | {"error_estimate": force.error}
+
+
+def forces_in_words(
+    solution: MagneticField, bodies: Iterable[tuple[str, Sequence[str]]]
+) -> Iterator[tuple[str, Sequence[str], str]]:
+    """Each body with its regions and the axial force on it and its error; none on which no force is defined.
+
+    The error is told by a solve with elements of the next order.
+    """
+    richer, _ = _next_order(solution)
+    for name, regions in bodies:
+        try:
+            force = axial_force(solution, regions, yielding=_yielding(solution))
+        except UndefinedForce:
+            continue
+        stress = force.maxwell_stress + 0.0  # no -0
+        if richer is None:
+            yield name, regions, f"{stress:.4g} N along z, error not known"
+            continue
+        error = replace(force, next_order=force_of_weight(richer, force.weight)).error
+        doubt = "; smaller than its error: none is known" if abs(stress) <= error else ""
+        told = f"{stress:.4g} ± {error:.2g} N along z (twice the change to elements of the next order){doubt}"
+        yield name, regions, told
+
+
+def _next_order(solution: MagneticField) -> tuple[MagneticField | None, str]:
+    """The field of elements of the next order, or why there is none."""
+    try:
+        return next_order_field(solution), ""
+    except ConvergenceError as error:
+        return None, str(error)
 
 
 def stress_force(solution: MagneticField, regions: Sequence[str]) -> float | None:

@@ -10,6 +10,9 @@ if TYPE_CHECKING:
 LEAST_WIDTH = 2.0
 """Grain diameters: below it the field would follow single grains."""
 
+TRUE_WIDTH = 2.5
+"""Grain diameters: from it on a ring of grains that touch is as good as even, and its forces are right to 1 %."""
+
 ELEMENTS_A_WIDTH = 4.0
 """Rows of elements across the width: in sheared powder the sum of moments and the magnetic pull are then within 1 %."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from emclutch.device.body_forces import force_in_words, movable_bodies
+from emclutch.device.body_forces import forces_in_words, movable_bodies
 from emclutch.device.coil_heat import coil_heat_in_words
 from emclutch.device.device import CoilDevice, solved_coil
 from emclutch.scene.case import Case
@@ -25,9 +25,8 @@ def field_plan(case: Case) -> dict[str, str]:
     if coil.largest_current > 0.0 and isinstance(coil, CoilDevice):
         solution = coil.solve_at_peak(None)
         reasons["field"] = _field_in_words(coil, solution)
-        for body, regions in movable_bodies(coil, solution):
-            if force := force_in_words(solution, regions):
-                reasons[f"force on the {body}"] = f"{force}, on {', '.join(regions)}"
+        for body, regions, force in forces_in_words(solution, movable_bodies(coil, solution)):
+            reasons[f"force on the {body}"] = f"{force}, on {', '.join(regions)}"
     return reasons | paths_in_words(case)
 
 

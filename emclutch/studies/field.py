@@ -19,7 +19,7 @@ from pydantic import TypeAdapter, ValidationError
 from rich.markup import escape
 from rich.table import Table
 
-from emclutch.device.body_forces import MOVABLE, force_on, movable_bodies, stress_force
+from emclutch.device.body_forces import MOVABLE, forces_on, movable_bodies, stress_force
 from emclutch.device.device import CoilDevice, field_goals, field_is_needed, solved_coil
 from emclutch.device.device_3d import CoilDevice3D
 from emclutch.device.materials import grain_law, region_laws
@@ -354,8 +354,6 @@ def _details(case: Case, coil: CoilDevice, solution: MagneticField, phi: float |
         details["flux_linkage_in_chains"] = coil.turns * chains.flux_linkage_per_turn
     estimate = estimate_error(solution, field_goals(coil.mesh))
     details["estimated_relative_error"] = {goal.goal: goal.relative for goal in estimate.goals}
-    forces: dict[str, dict] = {"coil (J x B)": {"lorentz": lorentz_force(solution), "error": "not known"}}
-    for body, regions in movable_bodies(coil, solution):
-        forces[body] = force_on(solution, regions)
-    details["axial_force"] = forces
+    coil_alone = {"coil (J x B)": {"lorentz": lorentz_force(solution), "error": "not known"}}
+    details["axial_force"] = coil_alone | forces_on(solution, movable_bodies(coil, solution))
     return details

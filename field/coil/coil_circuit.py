@@ -30,9 +30,10 @@ from field.coil.inductance import incremental_inductance
 from field.newton import minimise, norm, scalar_product
 
 if TYPE_CHECKING:
-    from field.section.axisymmetric import AxisymmetricProblem, SectionEnergy
+    from field.section.axisymmetric import AxisymmetricProblem
     from field.section.magnetic_field import MagneticField
     from field.section.powder_state import Powder
+    from field.section.section_energy import SectionEnergy
 
 # Gauss-Legendre points for the energies of a step; steps are at most half a time constant, where this is exact
 # to round-off.
@@ -63,8 +64,8 @@ def solve_at_flux_linkage(
         No coil, or a linkage that is not finite.
     ConvergenceError
     """
-    from field.section.axisymmetric import SectionEnergy
     from field.section.magnetic_field import MagneticField
+    from field.section.section_energy import SectionEnergy
 
     if problem.coil_area == 0.0 or not math.isfinite(linkage_per_turn):
         raise ValueError(

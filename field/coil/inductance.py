@@ -25,16 +25,9 @@ if TYPE_CHECKING:
 
 def psi_per_ampere_turn(solution: MagneticField) -> np.ndarray:
     """d psi/d(N I) at constant fill, (n_dofs,) [Wb/(rad A)]: one linear solve with the tangent."""
-    from field.section.axisymmetric import SectionEnergy
-
     problem = solution.problem
-    boundary = np.zeros(problem.n_dofs)
-    boundary[problem._fixed] = solution.psi[problem._fixed]
-    energy = SectionEnergy(problem, solution.powder, solution.ampere_turns * problem.coil_load, boundary)
-    x = solution.psi[problem._free]
-    energy.gradient(x)
     change = np.zeros(problem.n_dofs)
-    change[problem._free] = problem._solver.solve(energy.hessian(x), problem.coil_load[problem._free])
+    change[problem._free] = problem.factorise_tangent(solution).solve_again(problem.coil_load[problem._free])
     return change
 
 

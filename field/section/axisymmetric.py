@@ -11,21 +11,23 @@ Neglected: eddy currents, hysteresis, displacement current.
 
 from __future__ import annotations
 
+import copy
+import dataclasses
 from collections.abc import Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
 
 from field.factorisation import Backend, SymmetricSolver
 from field.laws.powder_law import PowderLaw
 from field.laws.region_laws import complete_laws
 from field.laws.reluctivity import Law
-from field.newton import minimise, norm, scalar_product
+from field.newton import minimise, norm
 from field.section.magnetic_field import MagneticField
 from field.section.powder_state import Powder, PowderState
 from field.section.section_elements import SectionElements
+from field.section.section_energy import SectionEnergy
 from field.section.sparse_pattern import FixedPattern
 from geometry.section import SectionMesh
 
@@ -33,9 +35,6 @@ if TYPE_CHECKING:
     from field.sampling.locate import TriangleLocator
     from field.sampling.recovery import RegionRecovery
     from field.section.open_boundary import OpenBoundary
-
-# A cold start takes each material's chord H/B at this flux density, a loaded iron circuit's.
-_START_B = 1.0
 
 
 class AxisymmetricProblem:
@@ -99,16 +98,32 @@ class AxisymmetricProblem:
             clique=None if self.exterior is None else self.exterior.dofs,
         )
         self._solver = SymmetricSolver()
-        in_coil = np.zeros(len(mesh.triangles))
-        if coil_region in mesh.regions:
-            in_coil[mesh.regions[coil_region]] = 1.0
+        self._spread_current()
+        self._by_law = self._elements_by_law()
+        self._recoveries: dict[str, RegionRecovery] = {}
+
+    def _spread_current(self) -> None:
+        in_coil = np.zeros(len(self.mesh.triangles))
+        if self.coil_region in self.mesh.regions:
+            in_coil[self.mesh.regions[self.coil_region]] = 1.0
         self.coil_area = float((self.elements.weight.sum(axis=1) * in_coil).sum())
         # integral of v over the coil per area: load of one ampere-turn, and mean of psi over the coil
         self.coil_load = (
             self.elements.load(in_coil / self.coil_area) if self.coil_area > 0.0 else (np.zeros(self.elements.n_dofs))
         )
-        self._by_law = self._elements_by_law()
-        self._recoveries: dict[str, RegionRecovery] = {}
+
+    def displaced(self, points: np.ndarray) -> AxisymmetricProblem:
+        """The same problem with the mesh's points elsewhere, (n_points, 2) [m]; those on `outer` must stay.
+
+        It shares the unknowns, the pattern of the matrix and the last factorisation with this one.
+        """
+        other = copy.copy(self)
+        other.__dict__.pop("locator", None)
+        other._recoveries = {}
+        other.mesh = dataclasses.replace(self.mesh, points=points)
+        other.elements = self.elements.moved(other.mesh)
+        other._spread_current()
+        return other
 
     @property
     def n_dofs(self) -> int:
@@ -160,6 +175,7 @@ class AxisymmetricProblem:
         tolerance: float = 1e-8,
         max_iterations: int = 100,
         boundary_field: float = 0.0,
+        factorised: bool = False,
     ) -> MagneticField:
         """The field of a coil current and a powder fill.
 
@@ -177,6 +193,8 @@ class AxisymmetricProblem:
         boundary_field : float
             Uniform axial flux density [T] of sources far away: with an open boundary the field that would be
             there without the device, otherwise imposed on `outer`, psi = B r^2/2 there.
+        factorised : bool
+            Whether the last factorisation, `factorise_tangent`'s say, was of a tangent near that at the guess.
 
         Raises
         ------
@@ -226,8 +244,21 @@ class AxisymmetricProblem:
             tolerance=tolerance,
             max_iterations=max_iterations,
             first_matrix=first,
+            factorised=factorised,
         )
         return MagneticField(self, energy.whole(x), float(ampere_turns), powder, history, float(boundary_field))
+
+    def factorise_tangent(self, solution: MagneticField) -> SymmetricSolver:
+        """The solver of the free unknowns, holding the tangent at a solution."""
+        boundary = np.zeros(self.n_dofs)
+        boundary[self._fixed] = solution.psi[self._fixed]
+        energy = SectionEnergy(
+            self, solution.powder, boundary, boundary
+        )  # whatever the source, the tangent is the same
+        x = solution.psi[self._free]
+        energy.gradient(x)
+        self._solver.factorise(energy.hessian(x))
+        return self._solver
 
     def checked_powder(self, powder: Powder) -> PowderState | None:
         """The state that a solve takes; raises ValueError, see `solve`."""
@@ -291,82 +322,6 @@ class AxisymmetricProblem:
             else:
                 w[elements] = law.energy_density(B[elements])
         return w
-
-
-class SectionEnergy:
-    """W(psi) = integral of r w(|grad psi|/r) - r M . B - J psi over the section, of the free unknowns.
-
-    M is the powder's source, the part of its magnetisation that is no function of B.
-    """
-
-    def __init__(
-        self, problem: AxisymmetricProblem, powder: PowderState | None, source: np.ndarray, boundary: np.ndarray
-    ) -> None:
-        self._problem = problem
-        self._elements = problem.elements
-        self._powder = powder
-        self._boundary = boundary
-        self.source = source
-        if powder is not None and powder.source is not None:
-            self.source = source + problem.magnetisation_load(powder.source)
-        self._point: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
-        self._law: tuple[np.ndarray, np.ndarray] | None = None
-
-    def whole(self, x: np.ndarray) -> np.ndarray:
-        """psi of all unknowns."""
-        psi = self._boundary.copy()
-        psi[self._problem._free] = x
-        return psi
-
-    def _flux(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        # the line search asks for value and gradient at the same point
-        if self._point is None or self._point[0] is not x:
-            self._point = (x, *self._elements.flux(self.whole(x)))
-        return self._point[1:]
-
-    def value(self, x: np.ndarray) -> tuple[float, float]:
-        _, B = self._flux(x)
-        w = self._problem.energy_density(B, self._powder)
-        stored = float((w * self._elements.radius * self._elements.weight).sum())
-        if self._problem.exterior is not None:
-            stored += self._problem.exterior.energy(self.whole(x))
-        work = scalar_product(self.source, self.whole(x))
-        return stored - work, stored + abs(work)
-
-    def gradient(self, x: np.ndarray) -> np.ndarray:
-        gradient, B = self._flux(x)
-        H, slope = self._problem.H_of_B(B, self._powder)
-        here = B > 0.0
-        nu = np.where(here, H / np.where(here, B, 1.0), slope)
-        self._law = (nu, slope)
-        internal = self._elements.field_force(gradient, nu)
-        if (exterior := self._problem.exterior) is not None:
-            internal[exterior.dofs] += exterior.force(self.whole(x))
-        return (internal - self.source)[self._problem._free]
-
-    def hessian(self, x: np.ndarray) -> sp.csc_matrix:
-        assert self._law is not None, "gradient(x) comes first"
-        gradient, B = self._flux(x)
-        return self._matrix(gradient, B, *self._law)
-
-    def cautious_hessian(self, x: np.ndarray) -> sp.csc_matrix:
-        """The tangent with dH/dB of at least half the chord H/B: steel with a long toe (DC01) else takes cut steps."""
-        assert self._law is not None, "gradient(x) comes first"
-        nu, slope = self._law
-        return self._matrix(*self._flux(x), nu, np.maximum(slope, 0.5 * nu))
-
-    def _matrix(self, gradient: np.ndarray, B: np.ndarray, nu: np.ndarray, slope: np.ndarray) -> sp.csc_matrix:
-        exterior = self._problem.exterior
-        dense = None if exterior is None else exterior.matrix
-        return self._problem._pattern.assemble(self._elements.field_tangent(gradient, B, nu, slope), dense)
-
-    def chord_matrix(self) -> sp.csc_matrix:
-        """The matrix with nu = H/B of each material at a typical flux density."""
-        B = np.full_like(self._elements.radius, _START_B)
-        H, _ = self._problem.H_of_B(B, self._powder)
-        nu = H / B
-        gradient = np.zeros((len(B), 2, B.shape[1]))
-        return self._matrix(gradient, 0.0 * B, nu, nu)
 
 
 def _complete_laws(

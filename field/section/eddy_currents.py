@@ -43,7 +43,8 @@ from field.section.magnetic_field import MagneticField
 from field.section.powder_state import Powder, PowderState
 
 if TYPE_CHECKING:
-    from field.section.axisymmetric import AxisymmetricProblem, SectionEnergy
+    from field.section.axisymmetric import AxisymmetricProblem
+    from field.section.section_energy import SectionEnergy
 
 _GAMMA = 1.0 - math.sqrt(0.5)
 Method = Literal["sdirk2", "backward_euler"]
@@ -324,7 +325,7 @@ class EddyCurrentProblem:
         max_iterations: int,
     ) -> tuple[np.ndarray, list[tuple[float, float]]]:
         """psi of K(psi) + M (psi - base)/dt = f(time)."""
-        from field.section.axisymmetric import SectionEnergy
+        from field.section.section_energy import SectionEnergy
 
         problem = self.problem
         per_turn = drive.voltage(time) / drive.resistance if isinstance(drive, VoltageDrive) else drive.current(time)

@@ -39,6 +39,7 @@ import scipy.sparse as sp
 
 from field.factorisation import SymmetricSolver
 from field.laws.reluctivity import NU_0, LinearLaw
+from field.section.error_estimate import next_order_field
 
 if TYPE_CHECKING:
     from field.section.axisymmetric import AxisymmetricProblem
@@ -48,8 +49,8 @@ if TYPE_CHECKING:
 # Virtual work moves nodes by this share of what would flatten the worst element: its own error, the square of
 # that, is then 1e-4 of the force at most, and differences of the energy keep ten digits.
 _SHARE_OF_ELEMENT = 1e-2
-# Of the displaced solves: tighter is below round-off from some ten thousand unknowns on, and W* is stationary.
-_TOLERANCE = 1e-9
+# Of the displaced solves: W* is stationary, what they leave of it is the square.
+_TOLERANCE = 1e-6
 
 
 class UndefinedForce(ValueError):
@@ -82,11 +83,14 @@ class AxialForce:
         From the co-energy of the displaced body [N]; None where it was not asked for.
     next_order : float or None
         Through the smooth shell in the field of elements of the next order [N]; None where it was not asked for.
+    weight : ndarray (n_points,)
+        Of the smooth shell.
     """
 
     body: tuple[str, ...]
     maxwell_stress: float
     thin_shell: float
+    weight: np.ndarray = dataclasses.field(repr=False, compare=False)
     virtual_work: float | None = None
     next_order: float | None = None
 
@@ -119,7 +123,7 @@ def axial_force(
     yielding : sequence of str
         Regions that are no air and give way nevertheless.
     virtual_work : bool
-        Also by two more solves with the body displaced.
+        Also by two more solves with the body displaced; with one more factorisation for both.
     displacement : float or None
         Half the distance between them [m]; None: a hundredth of what would flatten an element.
     next_order : bool
@@ -135,18 +139,20 @@ def axial_force(
     regions = (body,) if isinstance(body, str) else tuple(body)
     smooth = body_weight(solution.problem, regions, solution, yielding=yielding)
     thin = _thin_weight(solution.problem.mesh, regions, smooth)
-    work = None
-    if virtual_work:
-        work = force_by_virtual_work(solution, smooth, displacement)
-    finer = None
-    if next_order:
-        finer = force_of_weight(_resolve(solution, solution.problem.mesh, solution.problem.elements.order + 1), smooth)
-    return AxialForce(regions, force_of_weight(solution, smooth), force_of_weight(solution, thin), work, finer)
+    stress = _corner_forces(solution)
+    work = force_by_virtual_work(solution, smooth, displacement) if virtual_work else None
+    finer = force_of_weight(next_order_field(solution), smooth) if next_order else None
+    through = [_weighed(stress, solution.problem.mesh, weight) for weight in (smooth, thin)]
+    return AxialForce(regions, through[0], through[1], smooth, work, finer)
 
 
 def force_of_weight(solution: MagneticField, weight: np.ndarray) -> float:
     """F_z [N] on what moves with a weight (n_points,) at the mesh's points, linear between."""
-    return float(-2.0 * math.pi * (weight[solution.problem.mesh.triangles] * _corner_forces(solution)).sum())
+    return _weighed(_corner_forces(solution), solution.problem.mesh, weight)
+
+
+def _weighed(corner_forces: np.ndarray, mesh: SectionMesh, weight: np.ndarray) -> float:
+    return float(-2.0 * math.pi * (weight[mesh.triangles] * corner_forces).sum())
 
 
 def nodal_forces(solution: MagneticField) -> np.ndarray:
@@ -264,7 +270,8 @@ def _thin_weight(mesh: SectionMesh, body: Sequence[str], smooth: np.ndarray) -> 
 def force_by_virtual_work(solution: MagneticField, weight: np.ndarray, displacement: float | None = None) -> float:
     """F_z [N] = d W*/dd at constant current, central difference of two solves on the mesh moved by d w.
 
-    W* = N I lambda_turn - W: the co-energy, also where a field is imposed on the outer boundary.
+    W* = N I lambda_turn - W: the co-energy, also where a field is imposed on the outer boundary. Both solves begin at
+    the body's own place with the tangent factorised there.
     """
     mesh = solution.problem.mesh
     if displacement is None:
@@ -272,44 +279,21 @@ def force_by_virtual_work(solution: MagneticField, weight: np.ndarray, displacem
         displacement = _SHARE_OF_ELEMENT / stretch
     if not (math.isfinite(displacement) and displacement > 0.0):
         raise ValueError(f"`displacement` = {displacement} m must be a finite number above 0")
+    solution.problem.factorise_tangent(solution)
     values = []
     for sign in (1.0, -1.0):
         points = mesh.points.copy()
         points[:, 1] += sign * displacement * weight
-        moved = dataclasses.replace(mesh, points=points)
-        values.append(_coenergy(_resolve(solution, moved)))
+        moved = solution.problem.displaced(points).solve(
+            solution.ampere_turns,
+            solution.powder,
+            solution.psi,
+            tolerance=_TOLERANCE,
+            boundary_field=solution.boundary_field,
+            factorised=True,
+        )
+        values.append(solution.ampere_turns * moved.flux_linkage_per_turn - moved.energy)
     return (values[0] - values[1]) / (2.0 * displacement)
-
-
-def _resolve(solution: MagneticField, mesh: SectionMesh, order: int | None = None) -> MagneticField:
-    from field.section.axisymmetric import AxisymmetricProblem
-
-    old = solution.problem
-    laws = {name: law for name, law in old.laws.items() if old.powder_law is None or name != old.powder_region}
-    problem = AxisymmetricProblem(
-        mesh,
-        laws,
-        coil_region=old.coil_region,
-        powder_region=old.powder_region,
-        powder_law=old.powder_law,
-        powder_beyond=old.powder_beyond,
-        order=order or old.elements.order,
-        open_boundary=old.exterior is not None,
-    )
-    powder = solution.powder
-    if powder is not None:
-        powder = powder.on_points(old.elements.reference_points, problem.elements.reference_points)
-    return problem.solve(
-        solution.ampere_turns,
-        powder,
-        guess=solution.psi if order is None else None,
-        tolerance=_TOLERANCE,
-        boundary_field=solution.boundary_field,
-    )
-
-
-def _coenergy(solution: MagneticField) -> float:
-    return solution.ampere_turns * solution.flux_linkage_per_turn - solution.energy
 
 
 def lorentz_force(solution: MagneticField) -> float:

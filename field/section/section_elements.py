@@ -10,6 +10,8 @@ stand in scikit-fem's notation in `field.section.weak_forms`.
 
 from __future__ import annotations
 
+import copy
+import dataclasses
 from functools import cached_property
 
 import numpy as np
@@ -55,24 +57,16 @@ class SectionElements:
         self._dofs = Dofs(self.skfem_mesh, element)
         self.n_dofs = int(self._dofs.N)
         self.element_dofs = np.ascontiguousarray(self._dofs.element_dofs.T.astype(np.int64))
-        corner, second, third = (self.skfem_mesh.p[:, vertex] for vertex in self.skfem_mesh.t)
-        u, v = second - corner, third - corner
-        determinant = u[0] * v[1] - u[1] * v[0]
-        self.inverse = np.ascontiguousarray((np.array([[v[1], -u[1]], [-v[0], u[0]]]) / determinant).transpose(2, 0, 1))
         reference = np.asarray(element.doflocs)
-        self.dof_points = np.empty((self.n_dofs, 2))
-        for i, (x, y) in enumerate(reference):
-            self.dof_points[self.element_dofs[:, i]] = (corner + x * u + y * v).T
         quadrature, weights = skfem.quadrature.get_quadrature(element, QUADRATURE_ORDER[order])
         self.n_quadrature = weights.size
         self.reference_points = np.ascontiguousarray(quadrature.T)
+        self._quadrature_weights = weights
         values = [element.lbasis(quadrature, i) for i in range(len(reference))]
         self.shape = np.array([np.broadcast_to(v[0], weights.shape) for v in values]).T.copy()
         # (n_quadrature, n_basis, 2): gradients on the reference triangle
         self._slope = np.array([np.broadcast_to(v[1], quadrature.shape) for v in values]).transpose(2, 0, 1).copy()
-        self.radius = corner[0][:, None] + np.outer(u[0], quadrature[0]) + np.outer(v[0], quadrature[1])
-        self.height = corner[1][:, None] + np.outer(u[1], quadrature[0]) + np.outer(v[1], quadrature[1])
-        self.weight = np.abs(determinant)[:, None] * weights
+        self._place()
         rows, columns = np.tril_indices(len(reference))
         gx, gy = self._slope[..., 0], self._slope[..., 1]
         # the element matrix is a sum over quadrature points of D_xx P_0 + D_xy P_1 + D_yy P_2, lower triangles
@@ -86,6 +80,29 @@ class SectionElements:
                 axis=1,
             )
         )
+
+    def _place(self) -> None:
+        """What follows from where the points are."""
+        corner, second, third = (self.skfem_mesh.p[:, vertex] for vertex in self.skfem_mesh.t)
+        u, v = second - corner, third - corner
+        determinant = u[0] * v[1] - u[1] * v[0]
+        self.inverse = np.ascontiguousarray((np.array([[v[1], -u[1]], [-v[0], u[0]]]) / determinant).transpose(2, 0, 1))
+        self.dof_points = np.empty((self.n_dofs, 2))
+        for i, (x, y) in enumerate(np.asarray(self._element.doflocs)):
+            self.dof_points[self.element_dofs[:, i]] = (corner + x * u + y * v).T
+        x, y = self.reference_points.T
+        self.radius = corner[0][:, None] + np.outer(u[0], x) + np.outer(v[0], y)
+        self.height = corner[1][:, None] + np.outer(u[1], x) + np.outer(v[1], y)
+        self.weight = np.abs(determinant)[:, None] * self._quadrature_weights
+
+    def moved(self, mesh: SectionMesh) -> SectionElements:
+        """The same unknowns on the same triangles with the points elsewhere."""
+        other = copy.copy(self)
+        other.__dict__.pop("gradients", None)
+        other.mesh = mesh
+        other.skfem_mesh = dataclasses.replace(self.skfem_mesh, doflocs=np.ascontiguousarray(mesh.points.T))
+        other._place()
+        return other
 
     @property
     def n_basis(self) -> int:

@@ -69,6 +69,11 @@ class NodalSolver:
         self.iterations: list[int] = []
         self._last: tuple[sp.csr_matrix, Callable[[np.ndarray], np.ndarray]] | None = None
 
+    @property
+    def again_is_cheap(self) -> bool:
+        """Only a factorisation's second solve is."""
+        return self._direct is not None
+
     def description(self) -> str:
         """One line that says what is in use."""
         if self._direct is not None:

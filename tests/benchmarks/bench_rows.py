@@ -164,6 +164,30 @@ def field_rows(rounds: int) -> Iterator[Row]:
             )
             yield Row(what, problem.n_dofs, 1, "wall", "ms a nonlinear solve", best, f"NGSolve, {threads} thread(s)",
                       1e3 * min(one["seconds_solve"] for one in told[1:]), remark)  # fmt: skip
+    yield axial_force_row(rounds)
+
+
+def axial_force_row(rounds: int) -> Row:
+    """Axial force on an armature by Maxwell stress and by virtual work, beside the solve of the field that it is of."""
+    from validation_devices import drawn_at
+
+    from field.section.maxwell_force import axial_force
+
+    coil = drawn_at("solenoid", 2.5, **{"field.size_factor": 0.25})
+    problem, drive = coil.problem, coil.turns * coil.largest_current
+    solves, forces = [], []
+    for _ in range(2 * rounds + 1):
+        begin = time.process_time()
+        field = problem.solve(drive)
+        solves.append(time.process_time() - begin)
+        begin = time.process_time()
+        force = axial_force(field, "disc", virtual_work=True)
+        forces.append(time.process_time() - begin)
+    assert force.virtual_work is not None
+    solve, both = 1e3 * min(solves[1:]), 1e3 * min(forces[1:])
+    remark = f"{both / solve:.2f} solves; the two differ by {force.virtual_work / force.maxwell_stress - 1.0:.0e}"
+    return Row("axial force, stress and virtual work", problem.n_dofs, 1, "processor", "ms", both, "one solve, cold",
+               solve, remark)  # fmt: skip
 
 
 def moment_rows(rounds: int) -> Iterator[Row]:

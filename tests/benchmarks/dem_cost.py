@@ -34,7 +34,7 @@ STEP = 0.6 * scene_a.TIME_STEP  # every law below takes it
 HERTZIAN = HertzMindlin.from_restitution(Elastic(1.8e6, 0.3), scene_a.RESTITUTION, scene_a.FRICTION)
 PARTS: dict[str, dict] = {
     "linear": {},
-    "linear, energy budget": {"ledger": True},
+    "linear, energy budget": {"energy_budget": True},
     "linear, rolling": {"rolling": RollingFriction(0.1)},
     "linear, rolling and twisting": {"rolling": RollingFriction(0.1), "twisting": TwistingFriction(0.05)},
     "linear, cohesion": {"cohesion": Cohesion.constant(1e-5)},

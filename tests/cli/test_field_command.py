@@ -11,7 +11,7 @@ from step_file import rectangle, write_polygons
 from typer.testing import CliRunner
 
 from emclutch.cli.main import app
-from emclutch.device.body_forces import force_on, regions_of_body
+from emclutch.device.body_forces import forces_on, regions_of_body
 from emclutch.device.device import build_device
 from emclutch.scene.case import load_case, read_toml
 from emclutch.studies.field import read_currents, read_line
@@ -162,7 +162,7 @@ def test_steel_covers_are_pulled_as_one_body_with_their_rotor(thin_disc):
     _, device, solution = thin_disc
     regions = regions_of_body(device.coil, solution, "rotor")
     assert sorted(regions) == ["cover", "rotor"] and regions_of_body(device.coil, solution, "disc") == ["disc"]
-    rotor, disc = force_on(solution, regions), force_on(solution, ["disc"])
+    rotor, disc = forces_on(solution, [("rotor", regions), ("disc", ["disc"])]).values()
     pull = float(pole_pressure(0.5)) * device.shape.face_area  # of one side, in a field of 0.5 T
     for force in (rotor, disc):
         assert abs(force["maxwell_stress"]) < 0.02 * pull
@@ -182,7 +182,7 @@ def test_the_command_gives_the_forces_of_a_thin_disc(thin_disc, tmp_path):
 def test_a_force_that_is_not_defined_is_told_with_its_reason(thin_disc):
     """The rotor without the covers that it touches: a reason for the user, and no key of a call."""
     _, _, solution = thin_disc
-    told = force_on(solution, ["rotor"])
+    told = forces_on(solution, [("rotor", ["rotor"])])["rotor"]
     assert told["regions"] == ["rotor"] and "maxwell_stress" not in told
     assert "touches cover, which cannot give way" in told["not_defined"] and "yielding" not in told["not_defined"]
 
@@ -193,8 +193,8 @@ def test_a_displaced_solve_that_fails_is_told(thin_disc, monkeypatch):
     def fails(*_, **__):
         raise ConvergenceError([(0.5, 1.0)], "take a finer mesh")
 
-    monkeypatch.setattr("field.section.maxwell_force.force_by_virtual_work", fails)
-    told = force_on(thin_disc[2], ["disc"])
+    monkeypatch.setattr("emclutch.device.body_forces.force_by_virtual_work", fails)
+    told = forces_on(thin_disc[2], [("disc", ["disc"])])["disc"]
     assert told["virtual_work"] is None and "did not converge" in told["no_virtual_work"]
     assert told["error_estimate"] > 0.0 and "error_estimate_of_two_shells" not in told
 

@@ -102,8 +102,9 @@ def test_solve_at_a_linkage_finds_the_current(pot):
         cold = solve_at_flux_linkage(pot, field.flux_linkage_per_turn, fill, tolerance=1e-10)
         assert cold.ampere_turns == pytest.approx(ampere_turns, rel=1e-7)
         assert np.allclose(cold.psi, field.psi, rtol=0.0, atol=1e-7 * np.abs(field.psi).max())
+        before = pot._solver.factorisations
         warm = solve_at_flux_linkage(pot, 1.02 * field.flux_linkage_per_turn, fill, guess=field)
-        assert len(warm.newton) <= 6 and abs(warm.ampere_turns) > abs(ampere_turns)
+        assert pot._solver.factorisations - before <= 3 and abs(warm.ampere_turns) > abs(ampere_turns)
     assert not solve_at_flux_linkage(pot, 0.0, fill).psi.any()
     with pytest.raises(ValueError, match="finite"):
         solve_at_flux_linkage(pot, math.nan)

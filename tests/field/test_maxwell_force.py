@@ -1,5 +1,6 @@
 """Axial forces: two coils against elliptic integrals, an ideal gap, balance, virtual work, and their convergence."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -138,6 +139,22 @@ def test_virtual_work_is_the_maxwell_stress(plungers):
     weight = body_weight(field.problem, ["iron"])
     errors = [abs(force_by_virtual_work(field, weight, d) - force.maxwell_stress) for d in (0.4e-3, 0.2e-3, 0.1e-3)]
     assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx(2.0, abs=0.2), errors
+
+
+def test_displaced_solves_share_one_factorisation_and_are_those_of_the_moved_mesh(plungers):
+    """Both forces for one factorisation; unknowns that moved with the body solve the problem built anew there."""
+    field = plungers[1]
+    before = field.problem._solver.factorisations
+    weight = axial_force(field, "iron", virtual_work=True).weight
+    assert field.problem._solver.factorisations == before + 1
+    points = field.problem.mesh.points + 0.2e-3 * np.column_stack((np.zeros_like(weight), weight))
+    moved = field.problem.displaced(points).solve(3000.0, guess=field, factorised=True, tolerance=1e-12)
+    mesh = dataclasses.replace(field.problem.mesh, points=points)
+    anew = AxisymmetricProblem(mesh, {"iron": material("steel_1010")}).solve(3000.0, tolerance=1e-12)
+    assert np.abs(moved.psi - anew.psi).max() < 1e-10 * np.abs(anew.psi).max()
+    assert moved.energy == pytest.approx(anew.energy, rel=1e-12)
+    inside = np.array([[5e-3, 0.0]])
+    assert moved.flux_density(inside) == pytest.approx(anew.flux_density(inside), rel=1e-9)
 
 
 def test_action_is_reaction(plungers):

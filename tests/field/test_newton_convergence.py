@@ -1,4 +1,4 @@
-"""Hard cases of the field: every solve converges, within ten Newton steps, and says what it did.
+"""Hard cases of the field: every solve converges, within ten factorisations, and says what it did.
 
 `make stability` runs every test that is marked hard: these, and those of the grains.
 """
@@ -32,12 +32,14 @@ def clutch():
 @pytest.mark.parametrize("steel", ["steel_1010", "stainless_430", "vacofer_s2", "team_steel", "dc01", "steel_1008"])
 @pytest.mark.parametrize("ampere_turns", [1.0, 1e3, 3e3, 1e5, 1e7])
 def test_cold_start_takes_about_ten_steps_at_most(clutch, steel, ampere_turns):
-    """From a thousandth of the working point over the knee to iron that is saturated through and through."""
-    field = clutch_problem(clutch, material(steel)).solve(ampere_turns)
+    """Factorisations; from a thousandth of the working point over the knee to iron saturated through and through."""
+    case = clutch_problem(clutch, material(steel))
+    field = case.solve(ampere_turns)
     residuals = [r for r, _ in field.newton]
     assert residuals[-1] <= 1e-8
-    # pure iron with its sharp knee needs 12 there, all the others at most 10
-    assert len(residuals) - 1 <= (12 if steel == "vacofer_s2" else 10)
+    # pure iron with its sharp knee needs 10 there; a secant step costs a fifth of what a factorisation does
+    assert case._solver.factorisations <= (10 if steel == "vacofer_s2" else 8)
+    assert len(residuals) - 1 <= 13
     assert np.all(np.isfinite(field.psi))
 
 
@@ -98,8 +100,8 @@ def test_sweep_up_and_down_is_one_curve(clutch):
     assert np.allclose(linkage, linkage[::-1], rtol=1e-6, atol=1e-15)
     assert linkage[0] == 0.0 and linkage[-1] == 0.0
     assert np.all(np.diff(linkage[:33]) > 0.0)
-    # three factorisations a point once it is going; zero current and the turning point need none
-    assert case._solver.factorisations - before <= 3 * 62 + 6
+    # 1.3 a point; zero current and the turning point need none
+    assert case._solver.factorisations - before <= 1.3 * 62
 
 
 def test_a_sweep_through_zero_is_odd(clutch):

@@ -201,7 +201,7 @@ def test_nonlinear_device_does_not_feel_the_size_of_the_air(clutches, ampere_tur
             )
             for factor in (1.3, 2.6)
         ]
-        assert all(len(field.newton) <= 11 for field in fields), "at most 10 iterations, cold"
+        assert all(len(field.newton) <= 13 for field in fields), "at most 12 steps, cold, the cheap ones counted"
         linkage = [field.flux_linkage_per_turn for field in fields]
         H = [field.sampler().sample(np.insert(gap, 1, 0.0, axis=1))[0] for field in fields]
         change[open_boundary] = (

@@ -71,6 +71,22 @@ def test_current_beyond_the_voltage_is_warned_of(good):
     assert "51 V" in warning and "24 V" in warning
 
 
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"effects.dipoles.cutoff": 2.0}, ("over 2 diameters", "raise effects.dipoles.cutoff")),
+        ({"particles.diameter": "0.45 mm", "particles.sector": "9 deg"}, ("over 2.22 diameters", "smaller grains")),
+        ({"effects.dipoles.cutoff": 3.0}, ()),
+        ({"effects.dipoles.cutoff": 2.0, "effects.dipoles.model": "fixed"}, ()),
+    ],
+)
+def test_a_smear_that_knows_single_grains_is_warned_of(values, words):
+    """The quickstart's gap is 1 mm; with fixed dipoles no moment is spread."""
+    quickstart = load_case(Path(__file__).parents[2] / "cases" / "quickstart.toml")
+    told = [text for text in quickstart.with_values(values).warnings if "spreads a grain" in text]
+    assert len(told) == bool(words) and all(word in text for word in words for text in told)
+
+
 def test_turns_follow_from_resistance_and_window(good):
     """R = rho l/a with l = N 2 pi r and a = fill A/N, recomputed from the wire."""
     area, radius, rho = 1e-4, 0.06, 1.72e-8
