@@ -47,22 +47,27 @@ def _dipole_block(dx, dy, dz, least, reach, smear):
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def influences(model, grains, rows, walls, own, block, own_image, near_count):
+def influences(model, grains, rows, twin, walls, own, block, own_image, near):
     """Blocks (p + n, 3, 4) of all pairs of the rows and, behind them, of each grain on itself; 0 beyond reach.
 
-    ``own`` [1/m^3] is a grain's own share, ``own_image`` (n, w, 3) [1/m^2] the part of its own image in its potential,
-    ``near_count`` (n,) how many partners it has for `near_pairs`.
+    ``twin`` (p,) is where the pair of an entry stands in the row of the other grain, or -1: both entries are found at
+    the first of them. The field's part of one is that of the other transposed, because both are derivatives of one
+    energy. ``own`` [1/m^3] is a grain's own share, ``own_image`` (n, w, 3) [1/m^2] the part of its own image in its
+    potential, ``near`` (p,) 1 for partners of `near_pairs`, else 0.
     """
     position, radius, height, reach, smear = grains.position, grains.radius, grains.height, model.reach, model.smear
     start, other, shift, turn_cos, turn_sin = rows
     p = other.shape[0]
     for i in prange(position.shape[0]):
         xi, yi, zi = position[i, 0], position[i, 1], position[i, 2]
-        count = 0
         for q in range(start[i] - 1, start[i + 1]):  # itself first
-            j, b, c, s = np.int64(i), np.int64(p + i), 1.0, 0.0
+            j, b, t, c, s = np.int64(i), np.int64(p + i), np.int64(-1), 1.0, 0.0
             xx = yy = zz = xy = xz = yz = yx = zx = zy = px = py = pz = 0.0  # xy: along x, of a moment along y
+            qx = qy = qz = 0.0  # of the potential of i at j
             if q >= start[i]:
+                t = np.int64(twin[q])
+                if 0 <= t < q:
+                    continue
                 j, b, c, s = np.int64(other[q]), np.int64(q), turn_cos[shift[q]], turn_sin[shift[q]]
             jx, jy, jz = (
                 c * position[j, 0] - s * position[j, 1],
@@ -72,10 +77,10 @@ def influences(model, grains, rows, walls, own, block, own_image, near_count):
             if q >= start[i]:
                 dx, dy, dz = xi - jx, yi - jy, zi - jz
                 both = radius[i] + radius[j]
-                if is_near(dx * dx + dy * dy + dz * dz, both, radius[i], radius[j]):
-                    count += 1
+                near[q] = 1 if is_near(dx * dx + dy * dy + dz * dz, both, radius[i], radius[j]) else 0
                 xx, yy, zz, xy, xz, yz, px, py, pz = _dipole_block(dx, dy, dz, both, reach, smear)
                 yx, zx, zy = xy, xz, yz
+                qx, qy, qz = -px, -py, -pz
             for w in range(walls.shape[0]):
                 if q < start[i]:
                     own_image[i, w, 0] = own_image[i, w, 1] = own_image[i, w, 2] = 0.0
@@ -97,7 +102,7 @@ def influences(model, grains, rows, walls, own, block, own_image, near_count):
                     axz * ux + ayz * uy + azz * uz,
                 )
                 # at the image of i of j: P T
-                bxx, byy, bzz, bxy, bxz, byz, _, _, _ = _dipole_block(
+                bxx, byy, bzz, bxy, bxz, byz, gx, gy, gz = _dipole_block(
                     (xi - 2.0 * hi * wx) - jx, (yi - 2.0 * hi * wy) - jy, (zi - 2.0 * hi * wz) - jz, 0.0, reach, smear
                 )
                 tx, ty, tz = (
@@ -118,6 +123,8 @@ def influences(model, grains, rows, walls, own, block, own_image, near_count):
                 twice = 2.0 * (fx * ux + fy * uy + fz * uz)
                 fx, fy, fz = k * (twice * ux - fx), k * (twice * uy - fy), k * (twice * uz - fz)
                 px, py, pz = px + fx, py + fy, pz + fz
+                twice = 2.0 * (gx * wx + gy * wy + gz * wz)  # seen from j: against the distance vector
+                qx, qy, qz = qx - k * (twice * wx - gx), qy - k * (twice * wy - gy), qz - k * (twice * wz - gz)
                 if q < start[i]:
                     own_image[i, w, 0], own_image[i, w, 1] = OVER_4PI * fx, OVER_4PI * fy
                     own_image[i, w, 2] = OVER_4PI * fz
@@ -127,7 +134,12 @@ def influences(model, grains, rows, walls, own, block, own_image, near_count):
             block[b, 0, 1], block[b, 1, 1], block[b, 2, 1] = c * yx + s * yy, c * yy - s * yx + itself, OVER_4PI * yz
             block[b, 0, 2], block[b, 1, 2], block[b, 2, 2] = c * zx + s * zy, c * zy - s * zx, OVER_4PI * zz + itself
             block[b, 0, 3], block[b, 1, 3], block[b, 2, 3] = c * px + s * py, c * py - s * px, OVER_4PI * pz
-        near_count[i] = count
+            if t >= 0:
+                near[t] = near[q]
+                for a in range(3):
+                    for e in range(3):
+                        block[t, a, e] = block[b, e, a]
+                block[t, 0, 3], block[t, 1, 3], block[t, 2, 3] = OVER_4PI * qx, OVER_4PI * qy, OVER_4PI * qz
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
@@ -144,17 +156,20 @@ def slope_along(i, nx, ny, nz, grains):
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def near_pairs(table, model, grains, rows, near_start, row, near):
-    """Near pairs (k, 7) of each grain, near_start[i] on, and their ``row`` (k,): what gives h_ij in a sweep,
+def near_pairs(table, model, grains, rows, twin, place, row, near):
+    """Near pairs (k, 7), those of an entry q from place[q] to place[q + 1], and their ``row`` (k,): what gives h_ij,
 
-    h = ``MEAN`` - (P_i - P_j) ``PER_R`` + (m_i + m_j).n ``MUTUAL``, at the ``PLACE`` of their gap in the table.
+    h = ``MEAN`` - (P_i - P_j) ``PER_R`` + (m_i + m_j).n ``MUTUAL``, at the ``PLACE`` of their gap in the table. Seen from
+    j both n and h are the opposite.
     """
     position, radius, applied = grains.position, grains.radius, grains.applied
     reach, smear, smallest_gap = model.reach, model.smear, model.smallest_gap
     start, other, shift, turn_cos, turn_sin = rows
     for i in prange(position.shape[0]):
-        k = near_start[i]
         for q in range(start[i], start[i + 1]):
+            k, t = place[q], np.int64(twin[q])
+            if place[q + 1] == k or 0 <= t < q:
+                continue
             j = other[q]
             c, s = turn_cos[shift[q]], turn_sin[shift[q]]
             dx = position[i, 0] - (c * position[j, 0] - s * position[j, 1])
@@ -162,8 +177,6 @@ def near_pairs(table, model, grains, rows, near_start, row, near):
             dz = position[i, 2] - position[j, 2]
             r2 = dx * dx + dy * dy + dz * dz
             both = radius[i] + radius[j]
-            if not is_near(r2, both, radius[i], radius[j]):
-                continue
             true_r = np.sqrt(r2)
             per_r = 1.0 / true_r
             nx, ny, nz = dx * per_r, dy * per_r, dz * per_r
@@ -185,4 +198,9 @@ def near_pairs(table, model, grains, rows, near_start, row, near):
             near[k, MEAN] = mean
             near[k, PLACE] = gap_place(table, gap)
             row[k] = q
-            k += 1
+            if t >= 0:
+                g = place[t]
+                near[g] = near[k]
+                near[g, NX], near[g, NY], near[g, NZ] = -(c * nx + s * ny), s * nx - c * ny, -nz
+                near[g, MEAN] = -mean
+                row[g] = t

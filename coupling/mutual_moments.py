@@ -185,7 +185,9 @@ class MutualMoments:
             position, radius, volume, moment, applied, slope, field, potential, share, contrast, height, own_image
         )  # fmt: skip
         near_by = rows.arrays
-        known = find_influence(self.table, self.model, grains, near_by, self.walls, own=self._own, room=self._room)
+        known = find_influence(
+            self.table, self.model, grains, near_by, self.walls, own=self._own, room=self._room, twin=rows.twin
+        )  # fmt: skip
         self._room = known.block
         damping = 1.0 if start is None else FIRST_DAMPING
         before, last = np.inf, None

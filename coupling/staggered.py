@@ -89,11 +89,12 @@ class Simulation:
             "turn_sin": self._rows.turn_sin,
             "position": self._rows.position,
             "reach": self._rows.reach,
+            "twin": self._rows.twin,
         }
 
     def restore_rows(self, state: dict | None) -> None:
-        """Take the rows of a checkpoint; those that do not say where the grains were are left, and made anew."""
-        if state is not None and "position" in state:
+        """Take the rows of a checkpoint; those of an older version are left, and made anew."""
+        if state is not None and "twin" in state:
             state = dict(state)
             self._rows_key = (state.pop("cutoff"), self.motion.list_version)
             self._rows = NeighbourRows(**state)
