@@ -76,7 +76,7 @@ def parts(wall, x, m):
         )
         known = find_influence(table, model, grains, rows.arrays, walls, own=0.0)
         gather_fields(grains, rows.arrays, known, field, potential, own)
-        contact_forces(table, model, grains, rows.arrays, walls, False, none, 0.0, force, torque, wall_torque)
+        contact_forces(table, model, grains, rows.arrays, walls, known, False, none, 0.0, force, torque, wall_torque)
         found.append((field, force, wall_torque.sum()))
     return found[0][0] - found[1][0], found[0][1] - found[1][1], found[0][2]
 
