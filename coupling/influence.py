@@ -25,8 +25,8 @@ def find_influence(
     Of the grains their places, the applied field and its slope, which drive the near pairs, are read.
 
     ``room`` may be an earlier one, whose largest arrays are written over where they are large enough: to fetch them
-    from the system anew takes as long as to fill them. ``twin`` (p,) is where each entry's pair stands in the row of the
-    other grain: what both see is found once. None: every entry for itself.
+    from the system anew takes as long as to fill them. ``twin`` (p,) is where each entry's pair stands in the row of
+    the other grain: what both see is found once. None: every entry for itself.
     """
     n, p = len(grains.position), len(rows.other)
     twin = np.full(p, -1, dtype=np.int32) if twin is None else twin
@@ -43,8 +43,8 @@ def find_influence(
     near_row, near_twin, near = np.empty(k, dtype=np.int64), np.empty(k, dtype=np.int64), np.empty((k, PLACE + 1))
     near_pairs(table, model, grains, rows, twin, near_place, near_row, near_twin, near)
     return Influence(
-        pair, itself, image_place[rows.start], image_row, image, own_image, near_place[rows.start], near_row, near_twin,
-        near,
+        twin, pair, itself, image_place[rows.start], image_row, image, own_image, near_place[rows.start], near_row,
+        near_twin, near,
     )  # fmt: skip
 
 

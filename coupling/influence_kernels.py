@@ -197,8 +197,8 @@ def slope_along(i, nx, ny, nz, grains):
 def near_pairs(table, model, grains, rows, twin, place, row, near_twin, near):
     """Near pairs (k, 7), those of an entry q from place[q] to place[q + 1], and their ``row`` (k,): what gives h_ij,
 
-    h = ``MEAN`` - (P_i - P_j) ``PER_R`` + (m_i + m_j).n ``MUTUAL``, at the ``PLACE`` of their gap in the table. Seen from
-    j both n and h are the opposite.
+    h = ``MEAN`` - (P_i - P_j) ``PER_R`` + (m_i + m_j).n ``MUTUAL``, at the ``PLACE`` of their gap in the table. Seen
+    from j both n and h are the opposite.
     """
     position, radius, applied = grains.position, grains.radius, grains.applied
     reach, smear, smallest_gap = model.reach, model.smear, model.smallest_gap

@@ -82,6 +82,8 @@ class Influence(NamedTuple):
 
     Attributes
     ----------
+    twin : ndarray of int32, shape (p,)
+        Where the pair of an entry stands in the row of the other grain, or -1.
     pair : ndarray, shape (p or more, 6)
         Of each entry of the rows: n [-], and c1, c2 [1/m^3] and p [1/m^2] of `coupling.pair_fields` over 4 pi.
     itself : ndarray, shape (n, 3, 4)
@@ -97,6 +99,7 @@ class Influence(NamedTuple):
     near_pair : ndarray, shape (k, 7)
     """
 
+    twin: np.ndarray
     pair: np.ndarray
     itself: np.ndarray
     image_start: np.ndarray

@@ -250,35 +250,44 @@ def contact_forces(table, model, grains, rows, walls, known, attraction, velocit
             if g >= 0:
                 excess[g, 0], excess[g, 1], excess[g, 2] = -(c * fx + s * fy), s * fx - c * fy, -fz
                 excess[g, 3] = turning
+    drawn = np.empty((other.shape[0], 4))  # the same of all pairs, as dipoles
     for i in prange(position.shape[0]):
-        fx = fy = fz = tz = 0.0
         for q in range(start[i], start[i + 1]):
+            t = np.int64(known.twin[q])
+            if 0 <= t < q:
+                continue
             j = other[q]
             c, s = turn_cos[shift[q]], turn_sin[shift[q]]
             jx, jy = c * position[j, 0] - s * position[j, 1], s * position[j, 0] + c * position[j, 1]
             dx, dy, dz = position[i, 0] - jx, position[i, 1] - jy, position[i, 2] - position[j, 2]
             r2 = dx * dx + dy * dy + dz * dz
-            if r2 >= reach * reach:
-                continue
-            true_r = np.sqrt(r2)
-            per_r = 1.0 / true_r
-            nx, ny, nz = dx * per_r, dy * per_r, dz * per_r
-            r = max(true_r, radius[i] + radius[j])
-            bx, by, bz = c * moment[j, 0] - s * moment[j, 1], s * moment[j, 0] + c * moment[j, 1], moment[j, 2]
-            gx, gy, gz = pair_force(
-                moment[i, 0], moment[i, 1], moment[i, 2], bx, by, bz, nx, ny, nz, r, reach, smear
-            )  # fmt: skip
-            if true_r < r:  # grains that overlap: dipoles at touching, and their torque at the true distance
-                along = gx * nx + gy * ny + gz * nz
-                lever = r / true_r
-                gx = along * nx + lever * (gx - along * nx)
-                gy = along * ny + lever * (gy - along * ny)
-                gz = along * nz + lever * (gz - along * nz)
-            fx, fy, fz = fx + MU_0_OVER_4PI * gx, fy + MU_0_OVER_4PI * gy, fz + MU_0_OVER_4PI * gz
-            c1, c2, _ = field_factors(r, reach, smear)  # m x B of the neighbour
-            along = bx * nx + by * ny + bz * nz
-            hx, hy = MU_0_OVER_4PI * (c1 * along * nx - c2 * bx), MU_0_OVER_4PI * (c1 * along * ny - c2 * by)
-            tz += moment[i, 0] * hy - moment[i, 1] * hx
+            fx = fy = fz = tz = back = 0.0
+            if r2 < reach * reach:
+                true_r = np.sqrt(r2)
+                per_r = 1.0 / true_r
+                nx, ny, nz = dx * per_r, dy * per_r, dz * per_r
+                r = max(true_r, radius[i] + radius[j])
+                ax, ay, az = moment[i, 0], moment[i, 1], moment[i, 2]
+                bx, by, bz = c * moment[j, 0] - s * moment[j, 1], s * moment[j, 0] + c * moment[j, 1], moment[j, 2]
+                fx, fy, fz = pair_force(ax, ay, az, bx, by, bz, nx, ny, nz, r, reach, smear)
+                if true_r < r:  # grains that overlap: dipoles at touching, and their torque at the true distance
+                    along = fx * nx + fy * ny + fz * nz
+                    lever = r / true_r
+                    fx = along * nx + lever * (fx - along * nx)
+                    fy = along * ny + lever * (fy - along * ny)
+                    fz = along * nz + lever * (fz - along * nz)
+                fx, fy, fz = MU_0_OVER_4PI * fx, MU_0_OVER_4PI * fy, MU_0_OVER_4PI * fz
+                c1, c2, _ = field_factors(r, reach, smear)  # m x B of the neighbour
+                across, c1 = MU_0_OVER_4PI * c2 * (ax * by - ay * bx), MU_0_OVER_4PI * c1
+                tz = c1 * (bx * nx + by * ny + bz * nz) * (ax * ny - ay * nx) - across
+                back = c1 * (ax * nx + ay * ny + az * nz) * (bx * ny - by * nx) + across
+            drawn[q, 0], drawn[q, 1], drawn[q, 2], drawn[q, 3] = fx, fy, fz, tz
+            if t >= 0:
+                drawn[t, 0], drawn[t, 1], drawn[t, 2], drawn[t, 3] = -(c * fx + s * fy), s * fx - c * fy, -fz, back
+    for i in prange(position.shape[0]):
+        fx = fy = fz = tz = 0.0
+        for q in range(start[i], start[i + 1]):
+            fx, fy, fz, tz = fx + drawn[q, 0], fy + drawn[q, 1], fz + drawn[q, 2], tz + drawn[q, 3]
         for k in range(near_start[i], near_start[i + 1]):
             fx, fy, fz, tz = fx + excess[k, 0], fy + excess[k, 1], fz + excess[k, 2], tz + excess[k, 3]
         force[i, 0] += fx

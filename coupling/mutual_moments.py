@@ -251,8 +251,8 @@ class MutualMoments:
             found.potential, found.share, found.contrast, found.height, found.own_image,
         )  # fmt: skip
         contact_forces(
-            self.table, self.model, grains, rows.arrays, self.walls, found.known, attraction, moving, float(ahead), force,
-            torque, wall_torque,
+            self.table, self.model, grains, rows.arrays, self.walls, found.known, attraction, moving, float(ahead),
+            force, torque, wall_torque,
         )  # fmt: skip
         return force, -float(torque.sum()), float(wall_torque.sum())
 

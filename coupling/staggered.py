@@ -93,8 +93,8 @@ class Simulation:
         }
 
     def restore_rows(self, state: dict | None) -> None:
-        """Take the rows of a checkpoint; those of an older version are left, and made anew."""
-        if state is not None and "twin" in state:
+        """Take the rows of a checkpoint; those that do not say where the grains were are left, and made anew."""
+        if state is not None and "position" in state:
             state = dict(state)
             self._rows_key = (state.pop("cutoff"), self.motion.list_version)
             self._rows = NeighbourRows(**state)

@@ -38,7 +38,7 @@ SHEARED = 1e-3  # s
 COPIES = 8
 STARTING = 3  # updates before what is measured
 FAR_END = 1.0  # s: the callbacks stop a run long before
-BARE = 40  # steps: over more the held pull would press the contacts deeper
+BARE = 100  # steps: about as long as a list lasts
 ARRAYS = ("position", "radius", "velocity", "angular_velocity", "magnetic_moment")
 PARTS = ("field", "magnetic", "contact")
 
@@ -74,8 +74,9 @@ class StepCost:
     def in_words(self) -> str:
         """Ratio and parts in nanoseconds a grain."""
         each = ", ".join(f"{name} {1e3 * cost / self.grains:.0f}" for name, cost in self.parts.items())
+        bare = 1e3 * self.bare / self.grains
         return (
-            f"{self.whole / self.bare:.2f} times a bare step; ns a grain: {each}, bare {1e3 * self.bare / self.grains:.0f};"
+            f"{self.whole / self.bare:.2f} times a bare step; ns a grain: {each}, bare {bare:.0f};"
             f" contacts a grain {self.contacts:.2f}, bare {self.bare_contacts:.2f}; {self.sweeps:.1f} sweeps an update"
         )
 
@@ -140,36 +141,36 @@ def step_cost(simulation: Simulation, windows: int = 2) -> StepCost:
     run_staggered(simulation, FAR_END, [lambda simulation, row: True])
     simulation.updates = updates
     rows: list[dict] = []
-
-    def last(simulation, row: dict) -> bool:
-        rows.append(row)
-        return len(rows) == windows
-
-    run_staggered(simulation, FAR_END, [last])
+    bare: list[float] = []
+    for _ in range(windows):
+        run_staggered(simulation, FAR_END, [lambda simulation, row: rows.append(row) or True])
+        seconds, bare_contacts = bare_step(dem)
+        bare.append(seconds)
     steps = sum(row["steps"] for row in rows)
     parts = {name: 1e6 * sum(row[f"wall_{name}"] for row in rows) / steps for name in PARTS}
-    bare, bare_contacts = bare_step(dem)
     n = dem.grains.count
     return StepCost(
-        n, parts, bare, rows[-1]["n_contacts"] / n, bare_contacts / n,
+        n, parts, float(np.mean(bare)), rows[-1]["n_contacts"] / n, bare_contacts / n,
         sum(row["moment_sweeps"] for row in rows) / (windows * updates),
     )  # fmt: skip
 
 
-def bare_step(dem: DEM, repeats: int = 8) -> tuple[float, float]:
-    """Microseconds of a step of the same grains, walls and contacts without magnetism, and its contacts."""
+def bare_step(dem: DEM, repeats: int = 3) -> tuple[float, float]:
+    """Microseconds of a step of the same grains, walls and contacts without magnetism, and its contacts.
+
+    A list is made in each repeat, as often as one is in such a run. The grains stand afterwards where they stood.
+    """
     state, attraction, seconds, contacts = dem.state(), dem.attraction, [], 0
+    assert attraction is not None  # by its first update
     for _ in range(repeats + 1):  # the first compiles
-        dem.attraction = attraction
-        dem.restore(state)
-        if attraction is not None:
-            dem.external_force, dem.attraction = attraction.per_grain["whole"].copy(), None
+        dem.external_force, dem.attraction = attraction.per_grain["whole"].copy(), None
         dem.invalidate()
-        dem.run(1)  # makes the list
         begin = time.process_time()
         totals = dem.run(BARE)
         seconds.append(time.process_time() - begin)
         contacts = totals.n_contacts
+        dem.attraction = attraction
+        dem.restore(state)
     return 1e6 * float(np.median(seconds[1:])) / BARE, float(contacts)
 
 
