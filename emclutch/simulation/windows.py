@@ -18,7 +18,7 @@ class UpdateRule(Enum):
     ASKED = auto()
     EVERY_STEP = auto()  # the step of rigid grains follows the forces themselves
     CONTACT = auto()  # half a contact, or 1 % of a diameter of travel
-    NEIGHBOURS = auto()  # near pulls follow every step; two contacts, or neighbours 1 % of a diameter further
+    NEIGHBOURS = auto()  # near pulls follow every step; 2.5 contacts, or neighbours 1 % of a diameter further
 
 
 @dataclass(frozen=True, slots=True)
