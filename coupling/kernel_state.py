@@ -82,16 +82,31 @@ class Influence(NamedTuple):
 
     Attributes
     ----------
-    block : ndarray, shape (p + n, 3, 4)
-        [1/m^3] and [1/m^2].
-    image_potential : ndarray, shape (n, w, 3)
+    twin : ndarray of int32, shape (p,)
+        Where the pair of an entry stands in the row of the other grain, or -1.
+    pair : ndarray, shape (p or more, 6)
+        Of each entry of the rows: n [-], and c1, c2 [1/m^3] and p [1/m^2] of `coupling.pair_fields` over 4 pi.
+    itself : ndarray, shape (n, 3, 4)
+        A grain's own share and its own images [1/m^3], and their potential [1/m^2].
+    image_start, image_row : ndarray of int64, shapes (n + 1,), (e,)
+        Entries that also see their partner's images.
+    image : ndarray, shape (e or more, 3, 4)
+        Those images, as `itself`.
+    own_image : ndarray, shape (n, w, 3)
         [1/m^2]
-    near_start, near_row : ndarray of int64, shapes (n + 1,), (k,)
+    near_start, near_row, near_twin : ndarray of int64, shapes (n + 1,), (k,), (k,)
+        Near pairs, the entry of each, and where it stands seen from the other grain (-1: nowhere).
     near_pair : ndarray, shape (k, 7)
     """
 
-    block: np.ndarray
-    image_potential: np.ndarray
+    twin: np.ndarray
+    pair: np.ndarray
+    itself: np.ndarray
+    image_start: np.ndarray
+    image_row: np.ndarray
+    image: np.ndarray
+    own_image: np.ndarray
     near_start: np.ndarray
     near_row: np.ndarray
+    near_twin: np.ndarray
     near_pair: np.ndarray

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from coupling.grain_law_table import FARTHEST_GAP, excess_moment, moment_at, near_excess, sphere_ratio
-from coupling.influence_kernels import MEAN, MUTUAL, NX, NY, NZ, PER_R, PLACE, slope_along
+from coupling.grain_law_table import excess_moment, moment_at, near_excess, sphere_ratio
+from coupling.influence_kernels import MEAN, MUTUAL, NX, NY, NZ, PER_R, PLACE, sees_image, slope_along
 from coupling.mirror import FACES_NO_WALL, AtWall, height_over, image_force, normal_at, pushed
 from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, pair_force
 from geometry.inner_functions import inner
@@ -35,24 +35,40 @@ def gather_fields(grains, rows, known, field, potential, own_image):
     Images in the walls included; ``own_image`` (n, w) [A]: the part of the potential that a grain's own image makes.
     """
     moment, applied = grains.moment, grains.applied
-    start, other, block, image_potential = rows.start, rows.other, known.block, known.image_potential
-    p = other.shape[0]
+    start, other, shift, turn_cos, turn_sin = rows
+    pair, itself, image, image_start, image_row = (
+        known.pair, known.itself, known.image, known.image_start, known.image_row,
+    )  # fmt: skip
     for i in prange(moment.shape[0]):
-        sx, sy, sz, total = applied[i, 0], applied[i, 1], applied[i, 2], 0.0
         mx, my, mz = moment[i, 0], moment[i, 1], moment[i, 2]
-        for q in range(start[i] - 1, start[i + 1]):  # itself first
-            j, b = np.int64(i), np.int64(p + i)
-            if q >= start[i]:
-                j, b = np.int64(other[q]), np.int64(q)
+        sx = applied[i, 0] + itself[i, 0, 0] * mx + itself[i, 1, 0] * my + itself[i, 2, 0] * mz
+        sy = applied[i, 1] + itself[i, 0, 1] * mx + itself[i, 1, 1] * my + itself[i, 2, 1] * mz
+        sz = applied[i, 2] + itself[i, 0, 2] * mx + itself[i, 1, 2] * my + itself[i, 2, 2] * mz
+        total = itself[i, 0, 3] * mx + itself[i, 1, 3] * my + itself[i, 2, 3] * mz
+        for q in range(start[i], start[i + 1]):
+            j = np.int64(other[q])
             ax, ay, az = moment[j, 0], moment[j, 1], moment[j, 2]
-            sx += block[b, 0, 0] * ax + block[b, 1, 0] * ay + block[b, 2, 0] * az
-            sy += block[b, 0, 1] * ax + block[b, 1, 1] * ay + block[b, 2, 1] * az
-            sz += block[b, 0, 2] * ax + block[b, 1, 2] * ay + block[b, 2, 2] * az
-            total += block[b, 0, 3] * ax + block[b, 1, 3] * ay + block[b, 2, 3] * az
+            if shift[q] != 0:
+                c, s = turn_cos[shift[q]], turn_sin[shift[q]]
+                ax, ay = c * ax - s * ay, s * ax + c * ay
+            nx, ny, nz, c2 = pair[q, 0], pair[q, 1], pair[q, 2], pair[q, 4]
+            along = nx * ax + ny * ay + nz * az
+            total += pair[q, 5] * along
+            along *= pair[q, 3]
+            sx += along * nx - c2 * ax
+            sy += along * ny - c2 * ay
+            sz += along * nz - c2 * az
+        for b in range(image_start[i], image_start[i + 1]):
+            j = np.int64(other[image_row[b]])
+            ax, ay, az = moment[j, 0], moment[j, 1], moment[j, 2]
+            sx += image[b, 0, 0] * ax + image[b, 1, 0] * ay + image[b, 2, 0] * az
+            sy += image[b, 0, 1] * ax + image[b, 1, 1] * ay + image[b, 2, 1] * az
+            sz += image[b, 0, 2] * ax + image[b, 1, 2] * ay + image[b, 2, 2] * az
+            total += image[b, 0, 3] * ax + image[b, 1, 3] * ay + image[b, 2, 3] * az
         field[i, 0], field[i, 1], field[i, 2], potential[i] = sx, sy, sz, total
         for w in range(own_image.shape[1]):
             own_image[i, w] = (
-                image_potential[i, w, 0] * mx + image_potential[i, w, 1] * my + image_potential[i, w, 2] * mz
+                known.own_image[i, w, 0] * mx + known.own_image[i, w, 1] * my + known.own_image[i, w, 2] * mz
             )
 
 
@@ -109,8 +125,26 @@ def magnetise(table, model, grains, rows, walls, known, damping, share, contrast
     position, radius, volume, moment = grains.position, grains.radius, grains.volume, grains.moment
     field, potential, height = grains.field, grains.potential, grains.height
     other, shift, turn_cos, turn_sin = rows.other, rows.shift, rows.turn_cos, rows.turn_sin
-    near_start, near_row, near_pair = known.near_start, known.near_row, known.near_pair
+    near_start, near_row, near_pair, near_twin = known.near_start, known.near_row, known.near_pair, known.near_twin
     near, smallest_gap = model.near, model.smallest_gap
+    excess = np.empty(near_row.shape[0])  # along n [A/m]
+    for i in prange(position.shape[0]):
+        for k in range(near_start[i], near_start[i + 1]):
+            g = near_twin[k]
+            if 0 <= g < k:
+                continue
+            q = near_row[k]
+            j = other[q]
+            c, s = turn_cos[shift[q]], turn_sin[shift[q]]
+            both_x = moment[i, 0] + c * moment[j, 0] - s * moment[j, 1]
+            both_y = moment[i, 1] + s * moment[j, 0] + c * moment[j, 1]
+            along = both_x * near_pair[k, NX] + both_y * near_pair[k, NY]
+            along += (moment[i, 2] + moment[j, 2]) * near_pair[k, NZ]
+            h = near_pair[k, MEAN] - (potential[i] - potential[j]) * near_pair[k, PER_R] + along * near_pair[k, MUTUAL]
+            v = moment_at(table, near_pair[k, PLACE], h)
+            excess[k] = v
+            if g >= 0:
+                excess[g] = -v
     for i in prange(position.shape[0]):
         strength = np.sqrt(field[i, 0] ** 2 + field[i, 1] ** 2 + field[i, 2] ** 2)
         ratio, steepness = sphere_ratio(table, strength)
@@ -118,15 +152,7 @@ def magnetise(table, model, grains, rows, walls, known, damping, share, contrast
         vx = vy = vz = squares = sum_v = 0.0
         if near:
             for k in range(near_start[i], near_start[i + 1]):
-                q = near_row[k]
-                j = other[q]
-                c, s = turn_cos[shift[q]], turn_sin[shift[q]]
-                nx, ny, nz = near_pair[k, NX], near_pair[k, NY], near_pair[k, NZ]
-                both_x = moment[i, 0] + c * moment[j, 0] - s * moment[j, 1]
-                both_y = moment[i, 1] + s * moment[j, 0] + c * moment[j, 1]
-                h = near_pair[k, MEAN] - (potential[i] - potential[j]) * near_pair[k, PER_R]
-                h += (both_x * nx + both_y * ny + (moment[i, 2] + moment[j, 2]) * nz) * near_pair[k, MUTUAL]
-                v = moment_at(table, near_pair[k, PLACE], h)
+                nx, ny, nz, v = near_pair[k, NX], near_pair[k, NY], near_pair[k, NZ], excess[k]
                 vx, vy, vz = vx + v * nx, vy + v * ny, vz + v * nz
                 squares += v * v
                 sum_v += abs(v)
@@ -160,7 +186,7 @@ def magnetise(table, model, grains, rows, walls, known, damping, share, contrast
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def contact_forces(table, model, grains, rows, walls, attraction, velocity, ahead, force, torque, wall_torque):
+def contact_forces(table, model, grains, rows, walls, known, attraction, velocity, ahead, force, torque, wall_torque):
     """Forces (n, 3) [N], added: of the dipoles, of the near excess (if ``attraction``) and of its torque.
 
     With ``ahead`` > 0 [s] the near excess is its mean over that time at the present ``velocity`` (n, 3) [m/s]: a step
@@ -170,71 +196,100 @@ def contact_forces(table, model, grains, rows, walls, attraction, velocity, ahea
     """
     position, radius, volume, moment = grains.position, grains.radius, grains.volume, grains.moment
     field, share, contrast, height = grains.field, grains.share, grains.contrast, grains.height
+    potential = grains.potential
     start, other, shift, turn_cos, turn_sin = rows
     reach, smear, near, smallest_gap = model
+    near_start, near_row, near_pair, near_twin = known.near_start, known.near_row, known.near_pair, known.near_twin
+    excess = np.empty((near_row.shape[0], 4))  # of near pairs: force [N], torque of the field about z [N m]
     for i in prange(position.shape[0]):
-        fx = fy = fz = tz = 0.0
-        for q in range(start[i], start[i + 1]):
+        for k in range(near_start[i], near_start[i + 1]):
+            g = near_twin[k]
+            if 0 <= g < k:
+                continue
+            q = near_row[k]
             j = other[q]
             c, s = turn_cos[shift[q]], turn_sin[shift[q]]
             jx, jy = c * position[j, 0] - s * position[j, 1], s * position[j, 0] + c * position[j, 1]
             dx, dy, dz = position[i, 0] - jx, position[i, 1] - jy, position[i, 2] - position[j, 2]
-            r2 = dx * dx + dy * dy + dz * dz
-            if r2 >= reach * reach:
-                continue
-            true_r = np.sqrt(r2)
-            per_r = 1.0 / true_r
-            nx, ny, nz = dx * per_r, dy * per_r, dz * per_r
-            r = max(true_r, radius[i] + radius[j])
-            bx, by, bz = c * moment[j, 0] - s * moment[j, 1], s * moment[j, 0] + c * moment[j, 1], moment[j, 2]
-            gx, gy, gz = pair_force(
-                moment[i, 0], moment[i, 1], moment[i, 2], bx, by, bz, nx, ny, nz, r, reach, smear
-            )  # fmt: skip
-            if true_r < r:  # grains that overlap: dipoles at touching, and their torque at the true distance
-                along = gx * nx + gy * ny + gz * nz
-                lever = r / true_r
-                gx = along * nx + lever * (gx - along * nx)
-                gy = along * ny + lever * (gy - along * ny)
-                gz = along * nz + lever * (gz - along * nz)
-            fx, fy, fz = fx + MU_0_OVER_4PI * gx, fy + MU_0_OVER_4PI * gy, fz + MU_0_OVER_4PI * gz
-            c1, c2, _ = field_factors(r, reach, smear)  # m x B of the neighbour
-            along = bx * nx + by * ny + bz * nz
-            hx, hy = MU_0_OVER_4PI * (c1 * along * nx - c2 * bx), MU_0_OVER_4PI * (c1 * along * ny - c2 * by)
-            tz += moment[i, 0] * hy - moment[i, 1] * hx
+            true_r = np.sqrt(dx * dx + dy * dy + dz * dz)
+            nx, ny, nz, per_r = near_pair[k, NX], near_pair[k, NY], near_pair[k, NZ], near_pair[k, PER_R]
+            bx, by = c * moment[j, 0] - s * moment[j, 1], s * moment[j, 0] + c * moment[j, 1]
+            both_x, both_y, both_z = moment[i, 0] + bx, moment[i, 1] + by, moment[i, 2] + moment[j, 2]
+            h = near_pair[k, MEAN] - (potential[i] - potential[j]) * per_r
+            h += (both_x * nx + both_y * ny + both_z * nz) * near_pair[k, MUTUAL]
             both = radius[i] + radius[j]
-            if not near or true_r >= 1.6 * both:
-                continue
             a = 2.0 * radius[i] * radius[j] / both
-            gap = (true_r - both) / a
-            if gap >= FARTHEST_GAP:
-                continue
-            gap = max(gap, smallest_gap)
+            gap = max((true_r - both) / a, smallest_gap)
             end = gap
             if ahead > 0.0:
                 ux, uy = c * velocity[j, 0] - s * velocity[j, 1], s * velocity[j, 0] + c * velocity[j, 1]
                 opening = (velocity[i, 0] - ux) * nx + (velocity[i, 1] - uy) * ny
                 opening += (velocity[i, 2] - velocity[j, 2]) * nz
                 end = max(gap + ahead * opening / a, smallest_gap)
-            h = drive_of_pair(i, j, c, s, nx, ny, nz, r, model, grains)
             pull, v, across = near_excess(table, gap, end, h)
             ex, ey, ez = c * field[j, 0] - s * field[j, 1], s * field[j, 0] + c * field[j, 1], field[j, 2]
+            fx = fy = fz = 0.0
             if attraction:
                 # across: the mean of both fields, less what each makes at the other; at itself each makes nothing
-                w3 = OVER_4PI / (r * r * r)
-                hx = 0.5 * (field[i, 0] + ex + w3 * (moment[i, 0] + bx))
-                hy = 0.5 * (field[i, 1] + ey + w3 * (moment[i, 1] + by))
-                hz = 0.5 * (field[i, 2] + ez + w3 * (moment[i, 2] + bz))
+                w3 = OVER_4PI * per_r * per_r * per_r
+                hx = 0.5 * (field[i, 0] + ex + w3 * both_x)
+                hy = 0.5 * (field[i, 1] + ey + w3 * both_y)
+                hz = 0.5 * (field[i, 2] + ez + w3 * both_z)
                 along = hx * nx + hy * ny + hz * nz
                 h_t2 = hx * hx + hy * hy + hz * hz - along * along
                 pull = MU_0 * a * a * (pull + np.sqrt(contrast[i] * contrast[j]) * h_t2 * across)
-                fx, fy, fz = fx - pull * nx, fy - pull * ny, fz - pull * nz
+                fx, fy, fz = -pull * nx, -pull * ny, -pull * nz
             # the near moments lie along n: the field's torque on them acts as opposite forces T/r on the pair
             u, w = MU_0 * v * volume[i] * share[i], MU_0 * v * volume[j] * share[j]
             ex, ey, ez = u * field[i, 0] + w * ex, u * field[i, 1] + w * ey, u * field[i, 2] + w * ez
             along = ex * nx + ey * ny + ez * nz
             ex, ey, ez = ex - along * nx, ey - along * ny, ez - along * nz
-            fx, fy, fz = fx + ex * per_r, fy + ey * per_r, fz + ez * per_r
-            tz -= 0.5 * (nx * ey - ny * ex)
+            fx, fy, fz = fx + ex / true_r, fy + ey / true_r, fz + ez / true_r
+            turning = -0.5 * (nx * ey - ny * ex)
+            excess[k, 0], excess[k, 1], excess[k, 2], excess[k, 3] = fx, fy, fz, turning
+            if g >= 0:
+                excess[g, 0], excess[g, 1], excess[g, 2] = -(c * fx + s * fy), s * fx - c * fy, -fz
+                excess[g, 3] = turning
+    drawn = np.empty((other.shape[0], 4))  # the same of all pairs, as dipoles
+    for i in prange(position.shape[0]):
+        for q in range(start[i], start[i + 1]):
+            t = np.int64(known.twin[q])
+            if 0 <= t < q:
+                continue
+            j = other[q]
+            c, s = turn_cos[shift[q]], turn_sin[shift[q]]
+            jx, jy = c * position[j, 0] - s * position[j, 1], s * position[j, 0] + c * position[j, 1]
+            dx, dy, dz = position[i, 0] - jx, position[i, 1] - jy, position[i, 2] - position[j, 2]
+            r2 = dx * dx + dy * dy + dz * dz
+            fx = fy = fz = tz = back = 0.0
+            if r2 < reach * reach:
+                true_r = np.sqrt(r2)
+                per_r = 1.0 / true_r
+                nx, ny, nz = dx * per_r, dy * per_r, dz * per_r
+                r = max(true_r, radius[i] + radius[j])
+                ax, ay, az = moment[i, 0], moment[i, 1], moment[i, 2]
+                bx, by, bz = c * moment[j, 0] - s * moment[j, 1], s * moment[j, 0] + c * moment[j, 1], moment[j, 2]
+                fx, fy, fz = pair_force(ax, ay, az, bx, by, bz, nx, ny, nz, r, reach, smear)
+                if true_r < r:  # grains that overlap: dipoles at touching, and their torque at the true distance
+                    along = fx * nx + fy * ny + fz * nz
+                    lever = r / true_r
+                    fx = along * nx + lever * (fx - along * nx)
+                    fy = along * ny + lever * (fy - along * ny)
+                    fz = along * nz + lever * (fz - along * nz)
+                fx, fy, fz = MU_0_OVER_4PI * fx, MU_0_OVER_4PI * fy, MU_0_OVER_4PI * fz
+                c1, c2, _ = field_factors(r, reach, smear)  # m x B of the neighbour
+                across, c1 = MU_0_OVER_4PI * c2 * (ax * by - ay * bx), MU_0_OVER_4PI * c1
+                tz = c1 * (bx * nx + by * ny + bz * nz) * (ax * ny - ay * nx) - across
+                back = c1 * (ax * nx + ay * ny + az * nz) * (bx * ny - by * nx) + across
+            drawn[q, 0], drawn[q, 1], drawn[q, 2], drawn[q, 3] = fx, fy, fz, tz
+            if t >= 0:
+                drawn[t, 0], drawn[t, 1], drawn[t, 2], drawn[t, 3] = -(c * fx + s * fy), s * fx - c * fy, -fz, back
+    for i in prange(position.shape[0]):
+        fx = fy = fz = tz = 0.0
+        for q in range(start[i], start[i + 1]):
+            fx, fy, fz, tz = fx + drawn[q, 0], fy + drawn[q, 1], fz + drawn[q, 2], tz + drawn[q, 3]
+        for k in range(near_start[i], near_start[i + 1]):
+            fx, fy, fz, tz = fx + excess[k, 0], fy + excess[k, 1], fz + excess[k, 2], tz + excess[k, 3]
         force[i, 0] += fx
         force[i, 1] += fy
         force[i, 2] += fz
@@ -247,13 +302,12 @@ def contact_forces(table, model, grains, rows, walls, attraction, velocity, ahea
             hi = pushed(height[i, w], radius[i])
             nx, ny, nz = normal_at(walls, w, xi, yi)
             own = AtWall(xi, yi, zi, hi, nx, ny, nz, moment[i, 0], moment[i, 1], moment[i, 2])
-            for q in range(start[i] - 1, start[i + 1]):
+            for b in range(known.image_start[i] - 1, known.image_start[i + 1]):  # itself first
                 j, c, s = np.int64(i), 1.0, 0.0
-                if q >= start[i]:
+                if b >= known.image_start[i]:
+                    q = known.image_row[b]
                     j, c, s = np.int64(other[q]), turn_cos[shift[q]], turn_sin[shift[q]]
-                if height[j, w] >= FACES_NO_WALL or height[j, w] * hi < 0.0:
-                    continue
-                if abs(hi + pushed(height[j, w], radius[j])) >= reach:  # an image is never nearer than both heights
+                if not sees_image(height, i, j, w, radius, reach):
                     continue
                 jx, jy = c * position[j, 0] - s * position[j, 1], s * position[j, 0] + c * position[j, 1]
                 bx, by = c * moment[j, 0] - s * moment[j, 1], s * moment[j, 0] + c * moment[j, 1]

@@ -36,7 +36,7 @@ import numpy as np
 
 from coupling.grain_law_table import GrainLawTable
 from coupling.influence import find_influence
-from coupling.kernel_state import MagneticGrains, PairModel
+from coupling.kernel_state import Influence, MagneticGrains, PairModel
 from coupling.moment_kernels import contact_forces, gather_fields, magnetise, wall_heights
 from coupling.neighbour_rows import NeighbourRows
 from coupling.pair_fields import smeared_at_itself
@@ -73,6 +73,8 @@ class Magnetisation:
     residual : float
         Root mean square of an undamped step over that of the magnetisation [-].
     sweeps : int
+    known : Influence or None
+        With which they were found, until the next solve; None: without a field, nothing pulls.
     """
 
     moment: np.ndarray
@@ -86,6 +88,7 @@ class Magnetisation:
     contrast: np.ndarray
     residual: float = np.inf
     sweeps: int = 0
+    known: Influence | None = None
 
 
 class MutualMoments:
@@ -128,7 +131,7 @@ class MutualMoments:
         self.walls = np.zeros((0, 6)) if walls is None else np.ascontiguousarray(walls, dtype=float).reshape(-1, 6)
         self.model = PairModel(self.reach, self.smear, self.near, self.smallest_gap)
         self._own = smeared_at_itself(reach, smear)
-        self._room: np.ndarray | None = None
+        self._room: Influence | None = None
 
     def solve(
         self,
@@ -185,8 +188,10 @@ class MutualMoments:
             position, radius, volume, moment, applied, slope, field, potential, share, contrast, height, own_image
         )  # fmt: skip
         near_by = rows.arrays
-        known = find_influence(self.table, self.model, grains, near_by, self.walls, own=self._own, room=self._room)
-        self._room = known.block
+        known = find_influence(
+            self.table, self.model, grains, near_by, self.walls, own=self._own, room=self._room, twin=rows.twin
+        )  # fmt: skip
+        self._room = result.known = known
         damping = 1.0 if start is None else FIRST_DAMPING
         before, last = np.inf, None
         for sweep in range(1, most_sweeps + 1):
@@ -238,14 +243,16 @@ class MutualMoments:
         """
         n = len(position)
         force, torque, wall_torque = np.zeros((n, 3)), np.zeros(n), np.zeros(n)
+        if found.known is None:
+            return force, 0.0, 0.0
         moving = np.zeros((n, 3)) if velocity is None else velocity
         grains = MagneticGrains(
             position, radius, 4.0 / 3.0 * np.pi * radius**3, found.moment, found.applied, found.slope, found.field,
             found.potential, found.share, found.contrast, found.height, found.own_image,
         )  # fmt: skip
         contact_forces(
-            self.table, self.model, grains, rows.arrays, self.walls, attraction, moving, float(ahead), force, torque,
-            wall_torque,
+            self.table, self.model, grains, rows.arrays, self.walls, found.known, attraction, moving, float(ahead),
+            force, torque, wall_torque,
         )  # fmt: skip
         return force, -float(torque.sum()), float(wall_torque.sum())
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from coupling.kernel_state import Rows
 from particles import find_pairs
@@ -22,7 +21,8 @@ class NeighbourRows:
     """CSR rows: grain i sees the grains `other[start[i]:start[i+1]]`, each turned about z by `shift` sectors.
 
     `turn_cos[shift]`, `turn_sin[shift]` hold the turn's cosine and sine for shift 0, 1 and -1.
-    `position` (n, 3) [m] is where the grains were when the rows were made out to `reach` [m].
+    `position` (n, 3) [m] is where the grains were when the rows were made out to `reach` [m]. `twin` is where each
+    entry's pair stands in the other grain's row; None: not every pair does.
     """
 
     start: np.ndarray  # (n+1,) int64
@@ -32,6 +32,7 @@ class NeighbourRows:
     turn_sin: np.ndarray  # (3,) float64
     position: np.ndarray  # (n, 3) float64
     reach: float
+    twin: np.ndarray | None = None  # (p,) int32
 
     @property
     def arrays(self) -> Rows:
@@ -54,23 +55,17 @@ def neighbour_rows(position: np.ndarray, reach: float, sector=None) -> Neighbour
     The order within a row is fixed by the grains' order alone, so that sums over it are reproducible.
     """
     pairs = find_pairs(position, reach, sector)
-    n = len(position)
-    # stored as shift + 2: a sparse transpose moves the values, and none of them is zero
-    half = csr_array((pairs.shift.astype(np.int8) + np.int8(2), pairs.other, pairs.start), shape=(n, n))
-    back = half.T.tocsr()
-    rows = [(half.indptr, half.indices, half.data - np.int8(2)), (back.indptr, back.indices, np.int8(2) - back.data)]
-    count = np.diff(rows[0][0]) + np.diff(rows[1][0])
-    start = np.zeros(n + 1, dtype=np.int64)
-    np.cumsum(count, out=start[1:])
-    other = np.empty(start[-1], dtype=np.int32)
+    incoming, pair = pairs.incoming()
+    own, back = np.diff(pairs.start), np.diff(incoming)
+    start = np.zeros(len(position) + 1, dtype=np.int64)
+    np.cumsum(own + back, out=start[1:])
+    here = np.repeat(start[:-1] - pairs.start[:-1], own) + np.arange(pairs.count)
+    there = np.repeat(start[:-1] + own - incoming[:-1], back) + np.arange(pairs.count)
+    other, twin = np.empty((2, start[-1]), dtype=np.int32)
     shift = np.empty(start[-1], dtype=np.int8)
-    offset = start[:-1].copy()
-    for indptr, indices, data in rows:
-        length = np.diff(indptr)
-        slot = np.repeat(offset - indptr[:-1], length) + np.arange(indptr[-1])
-        other[slot] = indices
-        shift[slot] = data
-        offset = offset + length
+    other[here], other[there] = pairs.other, pairs.rows()[pair]
+    shift[here], shift[there] = pairs.shift, -pairs.shift[pair]
+    twin[there], twin[here[pair]] = here[pair], there
     angle = 0.0 if sector is None else sector.angle
     turn = angle * np.array([0.0, 1.0, -1.0])
-    return NeighbourRows(start, other, shift, np.cos(turn), np.sin(turn), position.copy(), reach)
+    return NeighbourRows(start, other, shift, np.cos(turn), np.sin(turn), position.copy(), reach, twin)

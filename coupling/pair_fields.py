@@ -29,13 +29,13 @@ def smeared_at_itself(reach: float, smear: bool) -> float:
     return 35.0 / (32.0 * np.pi * reach**3) if smear else 0.0
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def field_factors(r, reach, smear):
     """c1, c2 [1/m^3] and p [1/m^2] at distance r < reach."""
     per_r = 1.0 / r
     per_r2 = per_r * per_r
     if smear:
-        x = r / reach
+        x = r * (1.0 / reach)
         x2 = x * x
         left = 1.0 - x2
         kernel = 105.0 / (8.0 * reach * reach * reach) * left * left
@@ -50,17 +50,17 @@ def field_factors(r, reach, smear):
     return 3.0 * c2, c2, switch * per_r2
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def field_slopes(r, reach, smear):
     """dc1/dr and dc2/dr [1/m^4] at distance r < reach."""
     per_r = 1.0 / r
     if smear:
-        x = r / reach
+        x = r * (1.0 / reach)
         left = 1.0 - x * x
         scale = 105.0 / (8.0 * reach * reach * reach)
         _, c2, _ = field_factors(r, reach, smear)
         slope = -(scale * left * left + 3.0 * c2) * per_r
-        return 3.0 * slope - 4.0 * scale * left * x / reach, slope
+        return 3.0 * slope - 4.0 * scale * left * x * (1.0 / reach), slope
     w = per_r * per_r * per_r
     switch, fall = 1.0, 0.0
     if r > SWITCH * reach:
@@ -71,14 +71,14 @@ def field_slopes(r, reach, smear):
     return 3.0 * slope, slope
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def pair_force(ax, ay, az, bx, by, bz, nx, ny, nz, r, reach, smear):
     """Force on moment a [A m^2] from moment b, over mu_0/(4 pi) [A^2]; on b it is the opposite."""
     c1, _, _ = field_factors(r, reach, smear)
     c1_r, c2_r = field_slopes(r, reach, smear)
     an = ax * nx + ay * ny + az * nz
     bn = bx * nx + by * ny + bz * nz
-    turning = c1 / r
+    turning = c1 * (1.0 / r)
     along = (c1_r - 2.0 * turning) * an * bn - c2_r * (ax * bx + ay * by + az * bz)
     u, v = turning * bn, turning * an
     return along * nx + u * ax + v * bx, along * ny + u * ay + v * by, along * nz + u * az + v * bz

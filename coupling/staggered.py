@@ -89,6 +89,7 @@ class Simulation:
             "turn_sin": self._rows.turn_sin,
             "position": self._rows.position,
             "reach": self._rows.reach,
+            "twin": self._rows.twin,
         }
 
     def restore_rows(self, state: dict | None) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from coupling.grain_law_table import GrainLawTable
 from coupling.influence import find_influence
-from coupling.kernel_state import MagneticGrains, PairModel
+from coupling.kernel_state import Influence, MagneticGrains, PairModel
 from coupling.moment_kernels import gather_fields, magnetise
 from coupling.mutual_moments import FIRST_DAMPING, LEAST_DAMPING
 from coupling.pair_fields import smeared_at_itself
@@ -59,7 +59,7 @@ class CellMoments:
         self.applied = np.asarray(field, dtype=float)
         self.volume = 4.0 / 3.0 * np.pi * radius**3
         self.moment = np.zeros((count, 3))
-        self._room: np.ndarray | None = None
+        self._room: Influence | None = None
         self.residual = np.inf
         self.damping = FIRST_DAMPING
         self.held, self.stress = np.zeros((count, 3)), np.zeros((3, 3))
@@ -104,7 +104,7 @@ class CellMoments:
         near_by, grains = rows.arrays, self._grains(self._everywhere)
         own = smeared_at_itself(self.reach, True)
         known = find_influence(self.table, self.model, grains, near_by, NO_WALLS, own=own, room=self._room)
-        self._room = known.block
+        self._room = known
         gather_fields(grains, near_by, known, self._field, self._potential, self._own_image)
         self._field[n:], self._potential[n:] = self._field[whose[n:]], self._potential[whose[n:]]
         magnetise(

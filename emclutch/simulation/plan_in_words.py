@@ -30,7 +30,7 @@ UPDATE_RULES = {
     UpdateRule.ASKED: " as asked",
     UpdateRule.EVERY_STEP: "",
     UpdateRule.CONTACT: ": half a contact, 1 % of a diameter of travel",
-    UpdateRule.NEIGHBOURS: ", near pulls every step: at most two contacts, neighbours 1 % of a diameter further",
+    UpdateRule.NEIGHBOURS: ", near pulls every step: at most 2.5 contacts, neighbours 1 % of a diameter further",
 }
 
 

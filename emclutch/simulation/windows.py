@@ -18,7 +18,7 @@ class UpdateRule(Enum):
     ASKED = auto()
     EVERY_STEP = auto()  # the step of rigid grains follows the forces themselves
     CONTACT = auto()  # half a contact, or 1 % of a diameter of travel
-    NEIGHBOURS = auto()  # near pulls follow every step; two contacts, or neighbours 1 % of a diameter further
+    NEIGHBOURS = auto()  # near pulls follow every step; 2.5 contacts, or neighbours 1 % of a diameter further
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,7 @@ def _steps_per_update(scene, dt: float, speed: float, between_layers: float) -> 
         return 1, UpdateRule.EVERY_STEP
     # near pulls follow every step (`coupling.near_attraction`): what is held then changes with the places of layers
     followed = dipoles is not None and dipoles.model == "near_field"
-    moved, contacts = (between_layers, 2.0) if followed else (speed, 0.5)
+    moved, contacts = (between_layers, 2.5) if followed else (speed, 0.5)
     travel = 0.01 * scene.particles.smallest_diameter / (moved * dt) if moved > 0.0 else np.inf
     steps = max(1, floor(min(travel, contacts * scene.time.steps_per_contact)))
     return steps, UpdateRule.NEIGHBOURS if followed else UpdateRule.CONTACT

@@ -25,6 +25,8 @@ class HeldAttraction(NamedTuple):
     last_gap: float  # radii
     values: np.ndarray  # (ng, nh)
     across: np.ndarray  # (ng,)
+    touching: np.ndarray  # (nh,) the row of values at the smallest gap
+    touching_across: float
     pair: np.ndarray  # (p, 3) column, amplitude [N], amplitude of `across` [N]
     wall: np.ndarray  # (s, 2) column, amplitude [N]
     drawn: np.ndarray
@@ -34,14 +36,17 @@ class HeldAttraction(NamedTuple):
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def pull_at(held, gap, column, amplitude, across_amplitude):
     """Pull [N] at a gap [radii]: linear in ln gap and in the column; constant below the grid, 0 beyond it."""
-    gap = max(gap, held.smallest_gap)
+    j = min(np.int64(column), held.values.shape[1] - 2)
+    y = column - j
+    if gap <= held.smallest_gap:  # most pairs of a list: without a logarithm
+        return amplitude * (held.touching[j] + y * (held.touching[j + 1] - held.touching[j])) + (
+            across_amplitude * held.touching_across
+        )
     if not gap < held.last_gap:
         return 0.0
     x = max((np.log(gap) - held.gap_start) * held.per_gap_step, 0.0)
     i = min(np.int64(x), held.values.shape[0] - 2)
     x -= i
-    j = min(np.int64(column), held.values.shape[1] - 2)
-    y = column - j
     low = held.values[i, j] + y * (held.values[i, j + 1] - held.values[i, j])
     high = held.values[i + 1, j] + y * (held.values[i + 1, j + 1] - held.values[i + 1, j])
     side = held.across[i] + x * (held.across[i + 1] - held.across[i])

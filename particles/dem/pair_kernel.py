@@ -52,13 +52,13 @@ def pull_of_pair(attraction, pairs, k, j, place, crossing, away, radii, pulled):
     """
     if attraction is None:
         return pulled
-    if attraction.pair[k, AMPLITUDE] == 0.0 and attraction.pair[k, ACROSS] == 0.0:
-        return pulled
     dx, dy, dz = away
     ri, rj = radii
     reach = ri + rj
     d2 = dx * dx + dy * dy + dz * dz
-    d = np.sqrt(d2)
+    d, inverse = np.sqrt(d2), 1.0 / d2 if d2 > 0.0 else 0.0  # before any branch: the contact takes them over
+    if attraction.pair[k, AMPLITUDE] == 0.0 and attraction.pair[k, ACROSS] == 0.0:
+        return pulled
     pull = pull_at(
         attraction,
         (d - reach) * (reach / (2.0 * ri * rj)),  # quotients beside the root, not after it
@@ -66,7 +66,7 @@ def pull_of_pair(attraction, pairs, k, j, place, crossing, away, radii, pulled):
         attraction.pair[k, AMPLITUDE],
         attraction.pair[k, ACROSS],
     )
-    pull *= d * (1.0 / d2) if d2 > 0.0 else 0.0
+    pull *= d * inverse
     gx, gy, gz = pull * dx, pull * dy, pull * dz
     drawn = (pulled[0] + gx, pulled[1] + gy, pulled[2] + gz)
     gx, gy = back_through_face(pairs.turn, pairs.shift, k, gx, gy)

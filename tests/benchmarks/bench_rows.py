@@ -202,31 +202,9 @@ def moment_rows(rounds: int) -> Iterator[Row]:
 
 
 def step_rows(rounds: int) -> Iterator[Row]:
-    """A step of the quickstart with all that is magnetic, field included, beside the same grains without."""
-    from coupling import run_staggered
-    from emclutch import load_case
-    from emclutch.simulation.assembly import assemble
-    from emclutch.simulation.plan import make_plan
+    """A step of the powder clutch with all that is magnetic, in its steady part, beside the same contacts without."""
+    from magnetised_step import sheared_simulation, step_cost
 
-    case = load_case(QUICKSTART).with_values({"output.pictures": False})
-    device, plan = make_plan(case)
-    simulation = assemble(case, device, plan)
-    marks: list[float] = []
-
-    def mark(simulation, row: dict) -> bool:
-        marks.append(time.process_time())
-        return simulation.window >= 2 + 4 * rounds
-
-    run_staggered(simulation, plan.end, [mark])
-    dem, steps = simulation.motion, simulation.updates * simulation.steps_per_update
-    dem.external_force = dem.attraction = None
-    dem.invalidate()
-    dem.run(steps)  # compiles
-    bare = []
-    for _ in range(4 * rounds):
-        begin = time.process_time()
-        dem.run(steps)
-        bare.append(time.process_time() - begin)
-    magnetised, alone = (1e6 * float(np.median(each)) / steps for each in (np.diff(marks[1:]), bare))
-    yield Row("step of the quickstart", dem.grains.count, 1, "processor", "us a step", magnetised, "without magnetics",
-              alone, f"{magnetised / alone:.2f} times a bare step")  # fmt: skip
+    cost = step_cost(sheared_simulation(), windows=min(rounds, 2))
+    yield Row("step of the powder clutch", cost.grains, 1, "processor", "us a step", cost.whole, "without magnetics",
+              cost.bare, cost.in_words())  # fmt: skip

@@ -6,7 +6,8 @@ For each knob and setting: root mean square change of the moments, and change of
 pull across the gap, against the reference of the knob (the last setting), mean over the snapshots.
 
 Refresh: the grains move on with held moments for so many steps; by then the moments that the law asks for have changed
-by so much. In the mean over the interval it is half of that.
+by so much, and so does the pull that the grains feel, near pulls at their gaps of that step, differ from the one found
+anew. In the mean over the interval it is half of that.
 """
 
 import os
@@ -23,12 +24,12 @@ from emclutch.results.record import Record
 from emclutch.scene.case import Case
 from emclutch.simulation.assembly import simulation_of
 from emclutch.simulation.plan import make_plan
-from emclutch.studies.frozen_state import MOMENTS_TOLERANCE, FrozenState, frozen_state
-from particles import Grains
+from emclutch.studies.frozen_state import MOMENTS_TOLERANCE, FrozenState, frozen_state, pull_across
+from particles import DEM, Grains
 
 WIDTHS = (2.0, 2.5, 3.0, 3.5)  # diameters
 ROWS = (2.0, 3.0, 4.0, 6.0, 8.0, 12.0)  # of elements, over the width
-REFRESH = (10, 20, 40, 80, 160)  # steps
+REFRESH = (10, 20, 40, 50, 80, 160)  # steps
 
 
 def at_peak(case: Case) -> Case:
@@ -58,8 +59,8 @@ def change(found: FrozenState, reference: FrozenState) -> tuple[float, float, fl
     )
 
 
-def held(case: Case, frame: dict[str, np.ndarray], steps: int) -> float:
-    """Root mean square change of the moments over so many steps in which they are held."""
+def held(case: Case, frame: dict[str, np.ndarray], steps: int) -> tuple[float, float]:
+    """Change of the moments over so many steps in which they are held, root mean square, and of the pull."""
     device, plan = make_plan(case)
     grains = Grains.create(
         frame["position"], frame["radius"], case.scene.particles.density,
@@ -72,10 +73,20 @@ def held(case: Case, frame: dict[str, np.ndarray], steps: int) -> float:
     dem.external_force = magnetic_forces(simulation, magnetised, WindowBudget(simulation))
     magnetised.hold(dem, dem.external_force)
     dem.run(steps)
-    before = np.array(dem.grains.magnetic_moment)
-    magnetised.update(simulation)
+    dem.renew_list()  # from here on the grains keep their order
+    before, where = np.array(dem.grains.magnetic_moment), np.array(dem.grains.position)
+    force = magnetic_forces(simulation, magnetised, WindowBudget(simulation))
     after = dem.grains.magnetic_moment
-    return float(np.sqrt(((before - after) ** 2).sum() / (after**2).sum()))
+    moments = float(np.sqrt(((before - after) ** 2).sum() / (after**2).sum()))
+    felt = force_of_next_step(dem)
+    return moments, pull_across(device.shear_radius, where, felt) / pull_across(device.shear_radius, where, force) - 1.0
+
+
+def force_of_next_step(dem: DEM) -> np.ndarray:
+    """What a step's velocities say of the forces (n, 3) [N] that are none of contact."""
+    velocity = np.array(dem.grains.velocity)
+    dem.run(1)
+    return dem.grains.mass[:, None] * (dem.grains.velocity - velocity) / dem.dt - dem.contact_force
 
 
 def main() -> None:
@@ -112,9 +123,10 @@ def main() -> None:
             print(
                 f"{setting:10g}  {rms:9.2%} {size:9.2%} {pull:9.2%} {off[:, 2].std():10.2%} {seconds:6.2f}", flush=True
             )
-    print(f"{'steps held':>10}  {'moments':>9}")
+    print(f"{'steps held':>10}  {'moments':>9} {'pull':>9}")
     for steps in REFRESH:
-        print(f"{steps:10d}  {np.mean([held(case, frame, steps) for frame in frames[:3]]):9.2%}", flush=True)
+        moments, pull = np.mean([held(case, frame, steps) for frame in frames[:3]], axis=0)
+        print(f"{steps:10d}  {moments:9.2%} {pull:9.3%}", flush=True)
 
 
 if __name__ == "__main__":

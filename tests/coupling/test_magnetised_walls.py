@@ -1,5 +1,7 @@
 """Images of mutual moments in steel walls: one energy, whose derivatives the fields and forces are."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -74,9 +76,9 @@ def parts(wall, x, m):
         grains = MagneticGrains(
             x, radius, radius, m, none, np.zeros((4, 4)), field, potential, np.zeros(4), np.zeros(4), height, own
         )
-        known = find_influence(table, model, grains, rows.arrays, walls, own=0.0)
+        known = find_influence(table, model, grains, rows.arrays, walls, own=0.0, twin=rows.twin)
         gather_fields(grains, rows.arrays, known, field, potential, own)
-        contact_forces(table, model, grains, rows.arrays, walls, False, none, 0.0, force, torque, wall_torque)
+        contact_forces(table, model, grains, rows.arrays, walls, known, False, none, 0.0, force, torque, wall_torque)
         found.append((field, force, wall_torque.sum()))
     return found[0][0] - found[1][0], found[0][1] - found[1][1], found[0][2]
 
@@ -108,19 +110,24 @@ def test_a_wall_of_revolution_turns_nothing_by_itself(wall):
     assert on_grains + on_moments == pytest.approx(0.0, abs=1e-12 * np.abs(force).max() * A)
 
 
-@pytest.mark.parametrize("model", ["mutual", "near_field"])
-def test_grains_between_bores_take_no_torque_from_a_field_of_revolution(model):
-    """Pairs, images, near walls and the hoop force of H = c/r cancel at the fixed point: such iron turns nothing.
-
-    Grains touch the bores and each other, so that near moments along the walls' normals take part.
-    """
+def between_bores():
+    """Grains that touch the bores and each other: places, radii, bores, a field H = c/r and its direction."""
     angle, r = np.array([0.0, 0.21, 0.11, 0.34, 0.25]), np.array([8.02, 8.1, 9.95, 8.6, 10.4]) * A
     z = np.array([0.0, 0.4, 0.3, 1.9, 2.2]) * A
     x = np.column_stack([r * np.cos(angle), r * np.sin(angle), z])
     radius = np.array([1.0, 0.7, 1.0, 0.8, 0.6]) * A
     bores = np.array([[7.0 * A, -1.0, 0.0, 1.0, 2.0, 0.9], [11.0 * A, -1.0, 0.0, 1.0, 2.0, 0.95]])
     e_r = x * [1.0, 1.0, 0.0] / r[:, None]
-    H = 60e3 * 9.0 * A / r[:, None] * e_r
+    return x, radius, bores, 60e3 * 9.0 * A / r[:, None] * e_r, e_r
+
+
+@pytest.mark.parametrize("model", ["mutual", "near_field"])
+def test_grains_between_bores_take_no_torque_from_a_field_of_revolution(model):
+    """Pairs, images, near walls and the hoop force of H = c/r cancel at the fixed point: such iron turns nothing.
+
+    Near moments along the walls' normals take part.
+    """
+    x, radius, bores, H, e_r = between_bores()
     solver = MutualMoments(grain_table(IRON, model), near=model == "near_field", reach=1.0, walls=bores)
     rows = neighbour_rows(x, 1.0)
     found = solver.solve(x, radius, H, rows, tolerance=1e-14, most_sweeps=3000)
@@ -130,6 +137,19 @@ def test_grains_between_bores_take_no_torque_from_a_field_of_revolution(model):
     assert np.cross(x, force)[:, 2].sum() == pytest.approx(pairs + walls, rel=1e-9)
     assert abs(walls) > 1e-3 * abs(hoop)
     assert abs(pairs + walls + hoop) < 1e-10 * abs(hoop)
+
+
+def test_a_pair_that_is_found_once_is_the_same_from_both_sides():
+    """Rows that know each pair's twin, and rows that do not: every entry is then found for itself."""
+    x, radius, bores, H, _ = between_bores()
+    rows, answers = neighbour_rows(x, 1.0), []
+    for own in (rows, replace(rows, twin=None)):
+        solver = MutualMoments(grain_table(IRON, "near_field"), near=True, reach=1.0, walls=bores)
+        found = solver.solve(x, radius, H, own, tolerance=1e-13, most_sweeps=3000)
+        force, pairs, walls = solver.forces(x, radius, own, found)
+        answers.append((found.field, found.potential, found.share, force, pairs, walls))
+    for one, other in zip(*answers, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-11 * np.abs(other).max())
 
 
 def test_a_grain_over_steel_is_half_of_a_pair():

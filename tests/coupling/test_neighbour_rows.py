@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from coupling import Simulation
+from coupling.neighbour_rows import neighbour_rows
 from geometry.walls import annulus, cylinder
 from particles import DVI, Body, CyclicSector, Grains
 from particles.dvi.dvi_contact import DviContact
@@ -103,3 +104,16 @@ def test_a_sector_with_room_for_two_cut_offs_but_not_for_the_skin_too():
     assert rows.reach == pytest.approx(room) and 1.05 * room < 0.95 * room + engine.list_skin
     with pytest.raises(ValueError, match="at least two cut-offs"):
         Simulation(engine, [], None, None, 1, 1).rows(1.01 * room)
+
+
+def test_each_entry_knows_where_its_pair_stands_in_the_other_grains_row():
+    """Also through the faces of a sector, where the turn is the opposite."""
+    sector = CyclicSector(2.0 * np.pi / 12.0)
+    rng = np.random.default_rng(7)
+    r, angle = rng.uniform(20e-3, 24e-3, 200), rng.uniform(0.0, sector.angle, 200)
+    position = np.column_stack((r * np.cos(angle), r * np.sin(angle), rng.uniform(0.0, 4e-3, 200)))
+    rows = neighbour_rows(position, CUTOFF, sector)
+    row = np.repeat(np.arange(200), np.diff(rows.start))
+    assert np.array_equal(row[rows.twin], rows.other) and np.array_equal(rows.other[rows.twin], row)
+    assert np.array_equal(rows.shift[rows.twin], -rows.shift) and rows.shift.any()
+    assert np.array_equal(rows.twin[rows.twin], np.arange(len(row)))
