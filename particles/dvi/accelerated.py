@@ -12,11 +12,6 @@ Norms weigh an impulse by sqrt(w_n): an energy, so that light and heavy grains c
 alike. **Safeguard**: the map has kinks, where contacts open, stick or slip. When |F| exceeds twice the smallest one of
 this history, the history is dropped and the iteration goes on from the best G(r).
 
-Through a light grain of mass m that carries a heavy one of mass M a sweep passes on the share m/M of what is missing:
-the changes of F are m/M of F, and the coefficient that removes this mode is M/m. Where contacts contradict each other
-impulses grow by the same every sweep; what is left of the changes of F then, round-off, fits F badly, and as large a
-coefficient would throw the impulses away. So one beyond FAR must come from a fit that explains F.
-
 **Stalls.** In a bed that shears, a warm start often makes more contacts stick than its motion allows. Each sweep then
 adds the same small change to a pattern of forces that the velocities hardly feel, until a contact at its end slips,
 and so forth from contact to contact: thousands of sweeps, with little to fit in between. So when |F| has not shrunk by
@@ -42,8 +37,7 @@ PLAIN_SWEEPS = 30  # before the acceleration begins: most warm-started steps are
 SWEEPS = 3  # in one application of G: they cost less than an extrapolation
 PATIENCE = 60  # sweeps in which |F| must have found a new minimum; as many without extrapolation follow otherwise
 SLIGHTLY_OVER = 1.3  # over-relaxation within G
-FAR = 1e2  # largest coefficient where much of F is left by the fit, as of contacts that contradict each other
-FURTHEST, UNEXPLAINED = 1e8, 0.1  # largest one where no more than that share of |F|^2 is left; beyond it is round-off
+FURTHEST = 1e2  # largest coefficient: beyond, changes do not shrink, as of contacts that contradict each other
 OVER = 1.6  # over-relaxation of the sweeps after a stall; beyond 1.8 sheared beds do not converge
 
 
@@ -131,7 +125,7 @@ def anderson(convex, compliance, search, cap, records, contact_torques, chunk=No
         first = False
         for q in range(known):
             c[q] = products[HISTORY + q]
-        solved = known > 0 and _solve_gram(gram, c, known) and _is_trusted(c, known, products, norm * norm)
+        solved = known > 0 and _solve_gram(gram, c, known) and _largest(c, known) < FURTHEST
         _extrapolate(g, c, known if solved else none, vectors, records, contact_torques, chunk, alone)
     _sweep(convex, PLAIN, compliance, records, contact_torques, chunk, alone)
     return done, _residual(convex, compliance, records, contact_torques, chunk, alone)
@@ -199,13 +193,11 @@ def _extrapolate(g, c, known, vectors, records, contact_torques, chunk, alone):
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def _is_trusted(c, n, products, square):
-    """Whether n coefficients may be used: none is large, or the fit leaves little of F, whose square is given."""
-    worst, left = 0.0, square
+def _largest(c, n):
+    worst = 0.0
     for q in range(n):
         worst = max(worst, abs(c[q]))
-        left -= c[q] * products[HISTORY + q]
-    return worst < FAR or (worst < FURTHEST and left < UNEXPLAINED * square)
+    return worst
 
 
 @inner(error_model="numpy", fastmath={"contract"})
