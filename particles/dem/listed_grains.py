@@ -28,7 +28,7 @@ from particles.sector import CyclicSector
 from particles.walls.device_walls import DeviceWalls
 from particles.walls.wall_table import outside
 
-PER_GRAIN = {"external_force": True, "_species": False, "_net": False}
+PER_GRAIN = {"external_force": True, "_species": False, "_net": True}
 """Arrays of `ListedGrains` with a row a grain, or None: whether rows are vectors that turn where a grain is wrapped."""
 
 
