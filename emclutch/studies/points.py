@@ -34,7 +34,8 @@ class PointFolder:
     path : Path
         It may not exist yet.
     is_done : bool
-        It holds a finished run of exactly the point's scene, or of one with a later end.
+        It holds a finished run of exactly the point's scene, of one with a later end, or of one with an earlier end
+        before which its torque was known as well as the scene asks for (`time.until`).
     """
 
     path: Path
@@ -130,11 +131,15 @@ def _is_in(key: str, tables: Collection[str]) -> bool:
 
 
 def _is_done(path: Path, scene: dict[str, Any], fixed: Collection[str]) -> bool:
-    """Whether a folder holds a finished run of exactly this scene, or one that was resumed alone to a later end."""
-    old = _scene_in(RunFolder(path).case)
+    """Whether a folder holds a finished run of exactly this scene, or of one with an end that makes no difference."""
+    folder = RunFolder(path)
+    if not folder.summary.is_file():
+        return False
+    old = _scene_in(folder.case)
     keys = differing_keys(old, scene)
-    longer = keys == ["time.end"] and not _is_in("time.end", fixed) and old["time.end"] > scene["time.end"]
-    return RunFolder(path).summary.is_file() and (not keys or longer)
+    if keys != ["time.end"] or _is_in("time.end", fixed):
+        return not keys
+    return old["time.end"] > scene["time.end"] or folder.read_summary().get("until", {}).get("reached", False)
 
 
 def _refuse_earlier_end(path: Path, old: dict[str, Any], new: dict[str, Any]) -> None:

@@ -118,6 +118,17 @@ def test_a_later_end_continues_every_point_and_is_in_the_table(tmp_path, runs):
         sweep(study_of(tmp_path, values, **{"time.end": "4 ms"}), out=out, resume=True)
 
 
+def test_a_torque_that_was_known_before_its_end_stays_as_it_is(tmp_path, runs):
+    values = {FRICTION: [0.1, 0.3]}
+    out = sweep(study_of(tmp_path, values, **{"time.end": "4 ms"}), out=tmp_path / "out")
+    for name, reached in (("point-000", True), ("point-001", False)):
+        folder = RunFolder(out / name)
+        folder.write_summary(folder.read_summary() | {"until": {"reached": reached}})
+    runs.asked.clear()
+    sweep(study_of(tmp_path, values, **{"time.end": "5 ms"}), out=out, resume=True)
+    assert runs.asked == [("point-001", True, 5e-3)]
+
+
 def test_a_point_resumed_alone_makes_the_table_old_and_sweep_renews_it(tmp_path, runs, monkeypatch):
     study = study_of(tmp_path, {FRICTION: [0.1, 0.3]}, **{"time.end": "4 ms"})
     out = sweep(study, out=tmp_path / "out")
