@@ -8,6 +8,7 @@ import pytest
 from all_parts import HERE, PARTS, Part, announcement, expected_seconds, main
 from killed_run import table_of
 from stability import rows_of
+from threads import scene_of, shipped
 
 from emclutch.simulation.forecast.machine_speed import MachineSpeed
 
@@ -46,6 +47,11 @@ def test_no_failure_of_a_table_is_hidden(part, tmp_path):
     table.loc[0, column] = value
     table.to_csv(tmp_path / part.table, index=False)
     assert part.row(tmp_path, True)["failed"] >= 1
+
+
+def test_every_case_whose_threads_are_compared_is_a_scene():
+    scenes = [scene_of(path).scene for path in shipped()]
+    assert len(scenes) >= 15 and all(scene.grains is not None for scene in scenes)
 
 
 def test_what_breaks_down_is_a_failure_and_does_not_keep_the_next_from_its_turn(tmp_path):

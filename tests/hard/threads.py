@@ -32,16 +32,24 @@ QUIET = {"output.pictures": False, "output.snapshots": 1, "accuracy.replicas": 1
 
 
 def shipped() -> list[Path]:
-    """All cases that run but those that are there to break the program, which `stability.py` runs."""
-    return sorted(path for path in CASES.rglob("*.toml") if path.parent.name not in ("hard", "validation"))
+    """All cases that run but those that are there to break the program, which `stability.py` runs.
+
+    A search of a design runs another case of these.
+    """
+    there = (path for path in CASES.rglob("*.toml") if path.parent.name not in ("hard", "validation"))
+    return sorted(path for path in there if "[design]" not in path.read_text(encoding="utf-8"))
+
+
+def scene_of(path: Path) -> Case:
+    """A case; of a study its last point."""
+    if "[study]" in path.read_text(encoding="utf-8"):
+        return list(emclutch.read_study(path).cases())[-1][1]
+    return emclutch.load_case(path)
 
 
 def shortened(path: Path) -> Case:
-    """A case of a few of its own windows; of a study its last point."""
-    if "[study]" in path.read_text(encoding="utf-8"):
-        case = list(emclutch.read_study(path).cases())[-1][1]
-    else:
-        case = emclutch.load_case(path)
+    """A case of a few of its own windows."""
+    case = scene_of(path)
     plan = make_plan(case)[1]
     window = plan.steps_per_update * plan.updates * plan.dt
     return case.with_values({**QUIET, "time.window": window, "time.end": WINDOWS * window, "time.until": None})
