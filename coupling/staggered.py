@@ -1,6 +1,6 @@
 """The staggered loop: coil -> field -> moments -> forces -> grains -> fill -> field, window by window.
 
-A coupling window holds the field; inside it the magnetic forces are evaluated every `steps_per_update` steps of the
+A coupling window holds the field; inside it the effects' forces are evaluated every `steps_per_update` steps of the
 grains and held between (a window is `updates` such sub-cycles). What couples back are the grains' moments,
 spread into the field solve (`coupling.powder_feedback`), or, with fixed dipoles, the fill alone as a permeability
 (`coupling.effects.back_reaction`); both answer inside the same Newton iteration, so that the loop is stable for any
@@ -41,7 +41,7 @@ class Simulation:
         None when no effect needs the field.
     source : FieldSource or None
     steps_per_update, updates : int
-        Grain steps between evaluations of the magnetic forces; such sub-cycles a window.
+        Grain steps between evaluations of the held forces; such sub-cycles a window.
     """
 
     motion: GrainMotion
@@ -60,6 +60,11 @@ class Simulation:
     def field_carrier(self) -> Body | None:
         """The body that carries the field round because it has slots; None: the field is one of revolution."""
         return getattr(self.source, "carrier", None)
+
+    @property
+    def holds_forces(self) -> bool:
+        """Whether anything acts on the grains between contacts and gravity: a field, or another effect."""
+        return self.magnetised is not None or any(effect.holds_forces for effect in self.effects)
 
     def rows(self, cutoff: float) -> NeighbourRows:
         """Neighbour rows out to `cutoff` [m], one list's skin wider where a sector leaves room for it.
@@ -119,9 +124,10 @@ def run_staggered(simulation: Simulation, end: float, callbacks: Iterable[Callab
         for _ in range(simulation.updates):
             # 2. field -> moments -> held forces
             budget.clock("magnetic")
-            if simulation.magnetised is not None:
-                motion.external_force = magnetic_forces(simulation, simulation.magnetised, budget)
-                simulation.magnetised.hold(motion, motion.external_force)
+            if simulation.holds_forces:
+                motion.external_force = force = held_forces(simulation, budget)
+                if simulation.magnetised is not None:
+                    simulation.magnetised.hold(motion, force)
 
             # 3. grains and shafts, many steps
             budget.clock("contact")
@@ -160,10 +166,11 @@ def refresh_field(simulation: Simulation) -> None:
         magnetised.update(simulation)
 
 
-def magnetic_forces(simulation: Simulation, magnetised: MagnetisedGrains, budget: WindowBudget) -> np.ndarray:
-    """Moments and the sum of all magnetic effects' forces (n, 3) [N] at the present positions."""
-    magnetised.update(simulation)
+def held_forces(simulation: Simulation, budget: WindowBudget) -> np.ndarray:
+    """The sum of all effects' forces (n, 3) [N] at the present positions; moments first, where there is a field."""
+    if simulation.magnetised is not None:
+        simulation.magnetised.update(simulation)
     force = np.zeros_like(simulation.motion.grains.position)
     for effect in simulation.effects:
-        budget.record(effect.add_forces(simulation, force))
+        budget.record(effect.add_forces(simulation, force), effect.of_the_field)
     return force

@@ -6,10 +6,11 @@ Torque about z, whole device:  torque on rotor + disc + housing + field + dL/dt 
 - on the field (poles and coil): minus the magnetic torque on the grains, from m and B for the pairs of dipoles
   (-sum m_i x B_j, see `coupling.dipoles`), from x x F for the gradient force and the images; where a slotted body
   carries the field round, the gradient force's part is booked on that body;
+- on what else holds forces (a fluid, say): minus the torque that its effect books, each in its own column;
 - dL/dt: from positions and velocities at the window's ends, spins included;
 - gravity: weight times lever of the centre of mass, mean of the window's ends: the one term that is no exact sum.
 
-Energy of the grains:  work of walls + magnetic forces + gravity - dissipated - d(kinetic + elastic) = residual,
+Energy of the grains:  work of walls + held forces + gravity - dissipated - d(kinetic + elastic) = residual,
 where every mechanism's loss is its own sum over contacts: the residual is the error of the grains' step, second order.
 """
 
@@ -30,23 +31,27 @@ class WindowBudget:
         self._begin = perf_counter()
         self._part: tuple[str, float] | None = None
         self._seconds = dict.fromkeys(("field", "magnetic", "contact"), 0.0)
-        self._recorded: dict[str, list[float]] = {}
+        self._recorded: dict[str, list[float]] = {}  # of the field
+        self._beside: dict[str, list[float]] = {}  # of other effects
+        of_the_field = all(effect.of_the_field for effect in simulation.effects if effect.holds_forces)
+        self._work_held = "work_magnetic" if of_the_field else "work_held"
         self._steps: list = []
         self._momentum = simulation.motion.grains.angular_momentum_z()
         self._weight = _weight_torque(simulation.motion)
         self._solves = getattr(simulation.source, "solves", 0)
 
     def clock(self, part: str | None) -> None:
-        """From now on time counts for `part` ("field", "magnetic", "contact"; None: for nothing)."""
+        """From now on time counts for `part` ("field", "held", "contact"; None: for nothing)."""
         now = perf_counter()
         if self._part is not None:
             self._seconds[self._part[0]] += now - self._part[1]
         self._part = None if part is None else (part, now)
 
-    def record(self, torques: dict[str, float]) -> None:
-        """Magnetic torques on the sector's grains [N m], which hold during the next sub-cycle."""
+    def record(self, torques: dict[str, float], of_the_field: bool) -> None:
+        """Torques of held forces on the sector's grains [N m], which hold during the next sub-cycle."""
+        booked = self._recorded if of_the_field else self._beside
         for name, torque in torques.items():
-            self._recorded.setdefault(name, []).append(torque)
+            booked.setdefault(name, []).append(torque)
 
     def add_steps(self, totals) -> None:
         """Totals of a sub-cycle of the DEM."""
@@ -80,6 +85,9 @@ class WindowBudget:
             row["torque_field"] = -sum(booked.values())
             row |= {f"torque_field_{name}": -value for name, value in booked.items() if len(booked) > 1}
             residual += row["torque_field"]
+        for name, values in self._beside.items():
+            row[f"torque_{name}"] = -n * float(np.mean(values))
+            residual += row[f"torque_{name}"]
         row["angular_momentum"] = n * dem.grains.angular_momentum_z()
         residual += (row["angular_momentum"] - n * self._momentum) / duration
         residual -= 0.5 * n * (self._weight + _weight_torque(dem))
@@ -101,7 +109,9 @@ class WindowBudget:
         row["rebuilds"] = sum(s.rebuilds for s in steps)
         row["steps"] = sum(s.steps for s in steps)
         if simulation.magnetised is not None:
-            row |= {"wall_field": self._seconds["field"], "wall_magnetic": self._seconds["magnetic"]}
+            row["wall_field"] = self._seconds["field"]
+        if simulation.holds_forces:
+            row["wall_magnetic"] = self._seconds["magnetic"]
         row["wall_contact"] = self._seconds["contact"]
         row["wall_total"] = perf_counter() - self._begin
         return row
@@ -111,8 +121,8 @@ class WindowBudget:
         row["kinetic_energy"] = steps[-1].energy_budget.kinetic_energy
         row["elastic_energy"] = steps[-1].energy_budget.elastic_energy
         row["work_walls"] = sum(sum(s.energy_budget.wall_work.values()) for s in steps)
-        if self._simulation.magnetised is not None:
-            row["work_magnetic"] = sum(s.energy_budget.external_work for s in steps)
+        if self._simulation.holds_forces:
+            row[self._work_held] = sum(s.energy_budget.external_work for s in steps)
         if self._simulation.motion.gravity is not None:
             row["work_gravity"] = sum(s.energy_budget.gravity_work for s in steps)
         for kind in steps[-1].energy_budget.dissipation:
@@ -121,7 +131,7 @@ class WindowBudget:
         stored = sum(s.energy_budget.kinetic_change + s.energy_budget.elastic_change for s in steps)
         row["energy_residual"] = (
             row["work_walls"]
-            + row.get("work_magnetic", 0.0)
+            + row.get(self._work_held, 0.0)
             + row.get("work_gravity", 0.0)
             - row["dissipated"]
             - stored

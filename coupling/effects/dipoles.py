@@ -16,6 +16,7 @@ class FixedDipoles(Effect):
     """Pair forces inside `cutoff` [m]; the torque m x B of the pairs is booked as the field's reaction."""
 
     name = "dipoles"
+    of_the_field = True
 
     def __init__(self, cutoff: float):
         self.cutoff = cutoff
@@ -32,6 +33,7 @@ class MutualDipoles(Effect):
     """Forces of moments that `MutuallyMagnetisedGrains` has found, on each other and on their images in steel."""
 
     name = "dipoles"
+    of_the_field = True
 
     def add_forces(self, simulation, force):
         grains, magnetised = simulation.motion.grains, simulation.magnetised

@@ -11,9 +11,23 @@ if TYPE_CHECKING:
 
 
 class Effect:
-    """Base of the effects: both calls do nothing unless an effect overrides them."""
+    """Base of the effects: both calls do nothing unless an effect overrides them.
+
+    Attributes
+    ----------
+    name : str
+    of_the_field : bool
+        Whether its forces are those of a field that the scene then has: their torque is the field's, in `torque_field`.
+        The torque of any other effect is a column of its own, `torque_NAME` of its booking.
+    """
 
     name: str = ""
+    of_the_field: bool = False
+
+    @property
+    def holds_forces(self) -> bool:
+        """Whether it adds to the held forces."""
+        return type(self).add_forces is not Effect.add_forces
 
     def begin_window(self, simulation: Simulation) -> None:
         """Act once at the start of a coupling window."""

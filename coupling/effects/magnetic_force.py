@@ -37,6 +37,7 @@ class MagneticForce(Effect):
     """
 
     name = "magnetic_force"
+    of_the_field = True
 
     def add_forces(self, simulation, force):
         grains = simulation.motion.grains

@@ -10,6 +10,7 @@ class WallImages(Effect):
     """First images in every steel wall inside `cutoff` [m]; `reflection` is (mu_r - 1)/(mu_r + 1) [-]."""
 
     name = "wall_images"
+    of_the_field = True
 
     def __init__(self, cutoff: float, walls, reflection: float = 1.0):
         self.cutoff = cutoff

@@ -73,11 +73,11 @@ def assemble(case: Case, device: Device, plan: Plan) -> Simulation:
 
 def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Simulation:
     """The simulation around given grains (packed, or of a checkpoint)."""
-    scene, effects = case.scene, case.scene.effects
+    scene, chosen = case.scene, case.scene.effects
     walls = device.walls()
     gravity = None
-    if effects.gravity is not None:
-        gravity = np.asarray(effects.gravity.vector, dtype=float)
+    if chosen.gravity is not None:
+        gravity = np.asarray(chosen.gravity.vector, dtype=float)
     bodies = shafts(scene, walls)
     dem: GrainMotion
     if isinstance(plan.contact, RigidContacts):
@@ -96,7 +96,7 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
     source = field_source(scene, device, dem.bodies, plan.peak_field)
     deposition = None
     fill_at = None
-    if effects.back_reaction is not None and isinstance(source, CoilField):
+    if chosen.back_reaction is not None and isinstance(source, CoilField):
         if moments_are_fed_back(scene):
             source.feedback = feedback_of(scene, source.problem, walls)
         else:
@@ -105,9 +105,11 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
             fill_at = partial(_fill_at, deposition, source)
     magnetised = None if source is None else magnetised_grains(scene, source.sampler, fill_at, walls, dem)
     n_sectors = 1 if plan.sector is None else plan.sector.n_sectors
-    return Simulation(
-        dem, effects_of(scene, walls, deposition), magnetised, source, plan.steps_per_update, plan.updates, n_sectors
-    )
+    effects = effects_of(scene, walls, deposition)
+    simulation = Simulation(dem, effects, magnetised, source, plan.steps_per_update, plan.updates, n_sectors)
+    if simulation.holds_forces and plan.division.rule is None:
+        raise AssertionError("effects hold forces, and the plan has one evaluation a window; say so in `make_plan`")
+    return simulation
 
 
 def rigid_grains(scene: Scene, plan: Plan, rigid: RigidContacts, grains: Grains, walls, bodies, gravity) -> DVI:

@@ -39,7 +39,7 @@ def summarise(
     summary: dict = {"title": case.scene.scene.title, "effects": list(case.scene.effects.active)}
     for body in ("rotor", "field"):
         column = f"torque_{body}"
-        if column in history and (body != "field" or simulation.magnetised is not None):
+        if column in history:
             summary[column] = mean_torque(history, column, conditions.average_from, others).as_dict()
     if stopped:
         summary["stopped"] = f"by the callback at t = {history['time'].iloc[-1]:.4g} s of {plan.end:.4g} s"

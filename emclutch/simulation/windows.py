@@ -13,7 +13,7 @@ MOST_STEPS = 1e12
 
 
 class UpdateRule(Enum):
-    """What decides how often magnetic forces are evaluated."""
+    """What decides how often held forces are evaluated."""
 
     ASKED = auto()
     EVERY_STEP = auto()  # the step of rigid grains follows the forces themselves
@@ -30,13 +30,13 @@ class Windows:
     dt : float
         Step of the grains [s].
     steps_per_update : int
-        Steps between evaluations of the magnetic forces.
+        Steps between evaluations of the held forces.
     updates : int
         Evaluations in a window.
     count : int
         Windows of the run.
     rule : UpdateRule or None
-        What decides the steps an update; None without magnetic forces.
+        What decides the steps an update; None without held forces.
     """
 
     dt: float
@@ -61,8 +61,11 @@ def parts_of(duration: float, part: float) -> int:
     return max(1, ceil(duration / part - 1e-9))
 
 
-def coupling_windows(scene, dt: float, speed: float, between_layers: float, magnetic: bool) -> Windows:
-    """The windows of a scene with a step [s]; largest speeds of the walls, and between layers of grains [m/s]."""
+def coupling_windows(scene, dt: float, speed: float, between_layers: float, held: bool) -> Windows:
+    """The windows of a scene with a step [s]; largest speeds of the walls, and between layers of grains [m/s].
+
+    `held`: whether effects hold forces, which are evaluated several times a window.
+    """
     if scene.time.end / dt > MOST_STEPS:
         raise ValueError(
             f"time.end = {scene.time.end:.3g} s is {scene.time.end / dt:.2g} steps of {dt:.2g} s; allowed: at most "
@@ -75,7 +78,7 @@ def coupling_windows(scene, dt: float, speed: float, between_layers: float, magn
         # a quarter of a diameter of shear, but enough windows for a mean with an error bar
         travel = 0.25 * scene.particles.smallest_diameter / (speed * dt) if speed > 0.0 else np.inf
         steps = max(1, floor(min(travel, parts_of(scene.time.end, dt) / 200, 5000)))
-    if magnetic:
+    if held:
         per_update, rule = _steps_per_update(scene, dt, speed, between_layers)
         updates = max(1, round(steps / per_update))
     else:
@@ -84,7 +87,7 @@ def coupling_windows(scene, dt: float, speed: float, between_layers: float, magn
 
 
 def _steps_per_update(scene, dt: float, speed: float, between_layers: float) -> tuple[int, UpdateRule]:
-    """Steps between evaluations of the magnetic forces, and what decides them."""
+    """Steps between evaluations of the held forces, and what decides them."""
     dipoles = scene.effects.dipoles
     if dipoles is not None and dipoles.update_every:
         return dipoles.update_every, UpdateRule.ASKED

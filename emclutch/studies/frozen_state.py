@@ -11,7 +11,7 @@ from time import perf_counter
 import numpy as np
 
 from coupling import CoilField, MutuallyMagnetisedGrains
-from coupling.staggered import magnetic_forces, refresh_field
+from coupling.staggered import held_forces, refresh_field
 from coupling.window_budget import WindowBudget
 from emclutch.scene.case import Case
 from emclutch.simulation.assembly import simulation_of
@@ -67,10 +67,10 @@ def frozen_state(case: Case, position: np.ndarray, diameter: np.ndarray | float 
         effect.begin_window(simulation)
     begin = perf_counter()
     refresh_field(simulation)
-    force = magnetic_forces(simulation, magnetised, WindowBudget(simulation))
+    force = held_forces(simulation, WindowBudget(simulation))
     seconds = perf_counter() - begin
     grains = simulation.motion.grains
-    assert grains.magnetic_moment is not None  # of the update in `magnetic_forces`
+    assert grains.magnetic_moment is not None  # of the update in `held_forces`
     given = np.argsort(grains.particle_id)
     pull = pull_across(device.shear_radius, grains.position, force)
     return FrozenState(

@@ -18,7 +18,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 
 import emclutch
-from coupling.staggered import magnetic_forces, refresh_field
+from coupling.staggered import held_forces, refresh_field
 from coupling.window_budget import WindowBudget
 from emclutch.results.record import Record
 from emclutch.scene.case import Case
@@ -70,12 +70,12 @@ def held(case: Case, frame: dict[str, np.ndarray], steps: int) -> tuple[float, f
     magnetised, dem = simulation.magnetised, simulation.motion
     magnetised.tolerance = MOMENTS_TOLERANCE
     refresh_field(simulation)
-    dem.external_force = magnetic_forces(simulation, magnetised, WindowBudget(simulation))
+    dem.external_force = held_forces(simulation, WindowBudget(simulation))
     magnetised.hold(dem, dem.external_force)
     dem.run(steps)
     dem.renew_list()  # from here on the grains keep their order
     before, where = np.array(dem.grains.magnetic_moment), np.array(dem.grains.position)
-    force = magnetic_forces(simulation, magnetised, WindowBudget(simulation))
+    force = held_forces(simulation, WindowBudget(simulation))
     after = dem.grains.magnetic_moment
     moments = float(np.sqrt(((before - after) ** 2).sum() / (after**2).sum()))
     felt = force_of_next_step(dem)

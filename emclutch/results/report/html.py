@@ -35,7 +35,8 @@ STUDY_PICTURES = {
     "speeds.png": "speeds of the shafts against time",
 }
 PARTS = ("start", "field", "magnetic", "contact", "output")
-ENERGIES = ("coil_supplied", "work_walls", "work_magnetic", "work_gravity", "dissipated", "energy_residual")
+WORKS = ("coil_supplied", "work_walls", "work_magnetic", "work_held", "work_gravity")
+ENERGIES = (*WORKS, "dissipated", "energy_residual")
 
 
 def write_page(folder: Path, left_out_of: LeftOutOf, out: Path | None = None) -> Path:
