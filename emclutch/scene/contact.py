@@ -200,7 +200,9 @@ class ContactSection(Section):
             )  # fmt: skip
         if self.law == "linear":
             return LinearContact.from_restitution(k_n, e, friction, stiffness_t=k_t)
-        return WaltonBraun.from_restitution(k_n, e, friction, stiffness_t=k_t)
+        if self.law == "walton_braun":
+            return WaltonBraun.from_restitution(k_n, e, friction, stiffness_t=k_t)
+        raise AssertionError(f"contact.law = '{self.law}' makes no class")
 
     def _hertzian(self, mass: float, diameter: float, force: float, speed: float) -> float:
         """k of F = k overlap^1.5 [N/m^1.5] for max_overlap, where an impact is deepest: at a wall."""

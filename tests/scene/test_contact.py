@@ -30,6 +30,13 @@ def test_stiffness_follows_from_the_overlap_allowed(law, load):
         assert max(depths) == pytest.approx(0.01, rel=1e-9)
 
 
+def test_a_law_that_makes_no_class_is_no_other_law():
+    """One that is listed and has no branch must not run as another."""
+    unknown = ContactSection().model_copy(update={"law": "square"})
+    with pytest.raises(AssertionError, match="contact.law = 'square' makes no class"):
+        unknown.laws(**GRAIN, force=1e-3)
+
+
 def test_units_of_every_new_quantity():
     assert ContactSection(law="hertz", hertz_stiffness="1e9 N/m^1.5").hertz_stiffness == 1e9
     assert ContactSection(law="hertz", hertz_stiffness="1 kN/mm^1.5").hertz_stiffness == pytest.approx(1e3 / 1e-3**1.5)
