@@ -90,39 +90,40 @@ class Snapshots:
 
     def write(self, simulation: Simulation) -> None:
         """Write a frame of everything now."""
-        dem = simulation.motion
-        self._write_grains(simulation, contacts_per_grain(dem), contact_lines(dem))
-        self._write_field(simulation, dem.time)
+        motion = simulation.motion
+        self._write_grains(simulation, contacts_per_grain(motion), contact_lines(motion))
+        self._write_field(simulation, motion.time)
 
     def _write_grains(self, simulation: Simulation, n_contacts: np.ndarray, lines: tuple[np.ndarray, ...]) -> None:
-        dem, grains = simulation.motion, simulation.motion.grains
+        motion, grains = simulation.motion, simulation.motion.grains
         arrays = {
             "radius": grains.radius,
             "velocity": grains.velocity,
             "angular_velocity": grains.angular_velocity,
             "particle_id": grains.particle_id,
-            "force_contact": dem.contact_force,
+            "force_contact": motion.contact_force,
             "n_contacts": n_contacts,
         }
-        magnetic = {"magnetic_moment": grains.magnetic_moment, "force_magnetic": dem.external_force}
-        for name, values in magnetic.items():
-            if values is None and simulation.magnetised is not None:
-                values = np.zeros_like(grains.position)  # before the first window nothing is magnetised
-            if values is not None:
-                arrays[name] = values
+        held = {}
+        if simulation.magnetised is not None:
+            held = {"magnetic_moment": grains.magnetic_moment, "force_magnetic": motion.external_force}
+        elif simulation.holds_forces:
+            held = {"force_held": motion.external_force}
+        for name, values in held.items():  # before the first window there are none
+            arrays[name] = np.zeros_like(grains.position) if values is None else values
         if self.record is not None:
-            self.record.append_grains(dem.step_count, dem.time, {"position": grains.position, **arrays})
+            self.record.append_grains(motion.step_count, motion.time, {"position": grains.position, **arrays})
         if not self._series:
             return
-        self._series["particles"].write_particles(dem.time, grains.position, arrays)
+        self._series["particles"].write_particles(motion.time, grains.position, arrays)
         self._series["walls"].write_walls(
-            dem.time,
+            motion.time,
             self._walls,
-            angles={b.name: b.angle for b in dem.bodies},
-            speeds={b.name: b.speed for b in dem.bodies},
-            sector_angle=None if dem.sector is None else dem.sector.angle,
+            angles={b.name: b.angle for b in motion.bodies},
+            speeds={b.name: b.speed for b in motion.bodies},
+            sector_angle=None if motion.sector is None else motion.sector.angle,
         )
-        self._series["contacts"].write_contacts(dem.time, *lines)
+        self._series["contacts"].write_contacts(motion.time, *lines)
 
     def _write_field(self, simulation: Simulation, time: float) -> None:
         solution = None if simulation.source is None else simulation.source.solution
@@ -159,20 +160,20 @@ class Snapshots:
             self.record.close()
 
 
-def contacts_per_grain(dem: GrainMotion) -> np.ndarray:
+def contacts_per_grain(motion: GrainMotion) -> np.ndarray:
     """Number of grains and walls that each grain touches, (n,) int64."""
-    table = dem.contacts()
-    return np.bincount(table.i, minlength=dem.grains.count) + np.bincount(
-        table.j[table.j >= 0], minlength=dem.grains.count
+    table = motion.contacts()
+    return np.bincount(table.i, minlength=motion.grains.count) + np.bincount(
+        table.j[table.j >= 0], minlength=motion.grains.count
     )
 
 
-def contact_lines(dem: GrainMotion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def contact_lines(motion: GrainMotion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Force chains: centre of grain i (m, 3), its partner's centre or the point on the wall, and the force [N] on i."""
-    table, x = dem.contacts(), dem.grains.position
+    table, x = motion.contacts(), motion.grains.position
     partner = x[np.maximum(table.j, 0)]
-    if dem.sector is not None:
-        partner = dem.sector.turn(partner, table.shift)
+    if motion.sector is not None:
+        partner = motion.sector.turn(partner, table.shift)
     end = np.where((table.j >= 0)[:, None], partner, table.point)
     return x[table.i], end, table.force
 
