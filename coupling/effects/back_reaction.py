@@ -1,4 +1,7 @@
-"""Effect `back_reaction`: the powder's fill is fed back to the field as its permeability."""
+"""Effect `back_reaction`: the powder's fill is fed back to the field as its permeability.
+
+With model = 'fixed' only; grains' own moments go by `coupling.powder_feedback`, without an effect object.
+"""
 
 from __future__ import annotations
 

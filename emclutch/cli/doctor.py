@@ -28,7 +28,7 @@ NEEDED = {
 """Distributions and the modules that they bring."""
 
 OPTIONAL = (
-    ("cvxopt", "fast", "sparse factorisation 5 times as fast"),
+    ("cvxopt", "fast", "sparse factorisation 5 to 7 times as fast"),
     ("pyamg", "solid", "multigrid for the field in 3D"),
 )
 """Distribution, the extra that it belongs to, what it is for."""

@@ -44,6 +44,6 @@ def doctor() -> None:
     Console().print(table)
     if not good:
         stop(
-            "something is missing; run `make setup`, which installs it; gmsh's shared libraries are in the README",
+            "something is missing; run `make setup`: it installs it, and names the shared libraries that gmsh lacks",
             FAILED,
         )

@@ -9,7 +9,7 @@ from math import ceil, floor
 import numpy as np
 
 MOST_STEPS = 1e12
-"""Of a run: one grain alone takes a week for them."""
+"""Of a run: at 170 ns a step one grain alone takes two days."""
 
 
 class UpdateRule(Enum):
@@ -69,8 +69,8 @@ def coupling_windows(scene, dt: float, speed: float, between_layers: float, held
     if scene.time.end / dt > MOST_STEPS:
         raise ValueError(
             f"time.end = {scene.time.end:.3g} s is {scene.time.end / dt:.2g} steps of {dt:.2g} s; allowed: at most "
-            f"{MOST_STEPS:.0e}, which take months; lower it, raise particles.diameter or contact.max_overlap, or check "
-            "the units of what the step follows from"
+            f"{MOST_STEPS:.0e}, which take days to years; lower it, raise particles.diameter or contact.max_overlap, "
+            "or check the units of what the step follows from"
         )
     if scene.time.window is not None:
         steps = max(1, round(scene.time.window / dt))

@@ -21,7 +21,7 @@ class ContactColumns(NamedTuple):
     resistance : Resistance or None
         Where their springs stand; None: nothing resists.
     energy_column : int or None
-        First column of the energy budget; None: they are not kept.
+        First column of the energy budget; None: it is not kept.
     total : int
         Columns in all.
     vectors : ndarray of int64

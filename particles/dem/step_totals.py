@@ -104,10 +104,10 @@ class StepTotals:
         Raises
         ------
         ValueError
-            Where they were not kept.
+            Where it was not kept.
         """
         if self.energy is None:
-            raise ValueError("the energy budget were not kept; make the DEM with energy_budget=True")
+            raise ValueError("the energy budget was not kept; make the DEM with energy_budget=True")
         return self.energy
 
     def torque_on(self, body: str) -> float:

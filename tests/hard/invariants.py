@@ -61,7 +61,7 @@ def stored_energy(run: FinishedRun, most: float) -> float:
 
 
 def energy_balance(run: FinishedRun, share: float | str) -> float:
-    """What the energy budget leave open, over all that went through them."""
+    """What the energy budget leaves open, over all that went through them."""
     return float(np.abs(np.cumsum(run.sum_of("energy_residual"))).max()) / (_share(run, share) * energy_through(run))
 
 

@@ -31,7 +31,7 @@ from geometry.threads import default_threads
 LOOPS_S, SOLVES_S = 0.0125, 0.026
 LASTS = 86400.0  # s, that a measured speed is believed
 PAIRS, GRAINS, SIDE, REPEATS = 20_000, 2_500, 90, 5
-SERIAL = 0.43  # of a parallel step: two threads make it 1.4 times as fast (1.0 to 1.7 were measured)
+SERIAL = 0.43  # of a parallel step: two threads make it 1.4 times as fast (docs: 1.3 in a step, 1.0 to 1.8 in runs)
 BELIEVED_S = 20.0  # s, that cores found busy or idle are taken to stay so
 _SINCE = time.perf_counter(), time.process_time()
 TELL = 0.5  # cores taken by others, from which on it is said
