@@ -2,7 +2,7 @@
 
 Torque about z, whole device:  torque on rotor + disc + housing + field + dL/dt - gravity = residual
 
-- on the bodies: contact forces times levers, accumulated step by step by the DEM;
+- on the bodies: contact forces times levers, accumulated step by step as the grains move;
 - on the field (poles and coil): minus the magnetic torque on the grains, from m and B for the pairs of dipoles
   (-sum m_i x B_j, see `coupling.dipoles`), from x x F for the gradient force and the images; where a slotted body
   carries the field round, the gradient force's part is booked on that body;
@@ -54,18 +54,18 @@ class WindowBudget:
             booked.setdefault(name, []).append(torque)
 
     def add_steps(self, totals) -> None:
-        """Totals of a sub-cycle of the DEM."""
+        """Totals of a sub-cycle of the grains."""
         self._steps.append(totals)
 
     def close(self) -> dict[str, float]:
         """The window's row: torques [N m], energies [J], counts, wall-clock seconds."""
         self.clock(None)
         simulation = self._simulation
-        dem, n, steps = simulation.motion, simulation.n_sectors, self._steps
+        motion, n, steps = simulation.motion, simulation.n_sectors, self._steps
         duration = sum(s.duration for s in steps)
-        row: dict[str, float] = {"time": dem.time}
+        row: dict[str, float] = {"time": motion.time}
         residual = 0.0
-        for body in dem.bodies:
+        for body in motion.bodies:
             if body.name != "housing":  # it stands
                 row[f"{body.name}_speed"] = body.speed
             parts = {
@@ -88,11 +88,11 @@ class WindowBudget:
         for name, values in self._beside.items():
             row[f"torque_{name}"] = -n * float(np.mean(values))
             residual += row[f"torque_{name}"]
-        row["angular_momentum"] = n * dem.grains.angular_momentum_z()
+        row["angular_momentum"] = n * motion.grains.angular_momentum_z()
         residual += (row["angular_momentum"] - n * self._momentum) / duration
-        residual -= 0.5 * n * (self._weight + _weight_torque(dem))
+        residual -= 0.5 * n * (self._weight + _weight_torque(motion))
         row["torque_residual"] = residual
-        if dem.energy_budget:
+        if motion.energy_budget:
             self._close_energy(row)
         if simulation.magnetised is not None:
             row |= simulation.magnetised.window_row()
@@ -151,10 +151,10 @@ def _solver_row(steps: list) -> dict[str, float]:
     }
 
 
-def _weight_torque(dem) -> float:
+def _weight_torque(motion) -> float:
     """Torque of the grains' weight about z [N m]: sum of m (x g_y - y g_x)."""
-    g = dem.gravity_now
+    g = motion.gravity_now
     if g is None:
         return 0.0
-    moment = dem.grains.mass @ dem.grains.position[:, :2]
+    moment = motion.grains.mass @ motion.grains.position[:, :2]
     return float(moment[0] * g[1] - moment[1] * g[0])

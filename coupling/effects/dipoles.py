@@ -38,10 +38,10 @@ class MutualDipoles(Effect):
     def add_forces(self, simulation, force):
         grains, magnetised = simulation.motion.grains, simulation.magnetised
         solver = magnetised.solver
-        dem = simulation.motion
+        motion = simulation.motion
         if not magnetised.found.moment.any():  # without a current: nothing pulls
             return {"dipoles": 0.0} if magnetised.mirrors is None else {"dipoles": 0.0, "images": 0.0}
-        ahead = dem.dt * simulation.steps_per_update if isinstance(dem, DVI) else 0.0
+        ahead = motion.dt * simulation.steps_per_update if isinstance(motion, DVI) else 0.0
         found, pairs, walls = solver.forces(
             grains.position, grains.radius, simulation.rows(solver.reach), magnetised.found,
             velocity=np.ascontiguousarray(grains.velocity), ahead=ahead,

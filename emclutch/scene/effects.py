@@ -12,6 +12,8 @@ from emclutch.scene.units import Acceleration, Force, Quantity, WorkOfAdhesion, 
 
 if TYPE_CHECKING:
     from particles.laws.cohesion import Cohesion as CohesionLaw
+    from particles.laws.rolling_friction import RollingFriction
+    from particles.laws.twisting_friction import TwistingFriction
 
 PLANNED_EFFECTS = (
     "remanence",
@@ -47,7 +49,7 @@ class GravitySection(Section):
 
 
 class MagneticForceSection(Section):
-    """Force mu_0 V (M . grad) H and torque mu_0 V M x H of the field on each grain."""
+    """Force mu_0 V (M . grad) H of the field on each grain."""
 
 
 class DipolesSection(Section):
@@ -129,6 +131,12 @@ class RollingFrictionSection(Section):
         default=None, description="at walls; default: as between grains"
     )
 
+    def law(self) -> RollingFriction:
+        """Return the resistance for the contacts."""
+        from particles.laws.rolling_friction import RollingFriction  # local: the schema itself needs no particles
+
+        return RollingFriction(self.coefficient, self.wall_coefficient)
+
 
 class TwistingFrictionSection(Section):
     """Resistance of rough, flattened contacts to the spin of two grains about their common normal."""
@@ -139,6 +147,12 @@ class TwistingFrictionSection(Section):
     wall_coefficient: Annotated[float, number("0.05", 0.0, 10.0)] | None = Field(
         default=None, description="at walls; default: as between grains"
     )
+
+    def law(self) -> TwistingFriction:
+        """Return the resistance for the contacts."""
+        from particles.laws.twisting_friction import TwistingFriction  # local: the schema itself needs no particles
+
+        return TwistingFriction(self.coefficient, self.wall_coefficient)
 
 
 class CohesionSection(Section):
@@ -189,7 +203,7 @@ class EffectsSection(Section):
     dipoles: DipolesSection | None = Field(default=None, description="forces between magnetised grains")
     saturation: SaturationSection | None = Field(default=None, description="grains saturate")
     wall_images: WallImagesSection | None = Field(default=None, description="images of the dipoles in steel faces")
-    back_reaction: BackReactionSection | None = Field(default=None, description="the powder's fill changes the field")
+    back_reaction: BackReactionSection | None = Field(default=None, description="the powder changes the field")
     coil_circuit: CoilCircuitSection | None = Field(
         default=None, description="resistance and inductance delay the current"
     )

@@ -79,11 +79,11 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
     if chosen.gravity is not None:
         gravity = np.asarray(chosen.gravity.vector, dtype=float)
     bodies = shafts(scene, walls)
-    dem: GrainMotion
+    motion: GrainMotion
     if isinstance(plan.contact, RigidContacts):
-        dem = rigid_grains(scene, plan, plan.contact, grains, walls, bodies, gravity)
+        motion = rigid_grains(scene, plan, plan.contact, grains, walls, bodies, gravity)
     else:
-        dem = DEM(
+        motion = DEM(
             grains,
             walls,
             bodies,
@@ -93,7 +93,7 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
             sector=plan.sector,
             energy_budget=scene.output.energy_budget,
         )
-    source = field_source(scene, device, dem.bodies, plan.peak_field)
+    source = field_source(scene, device, motion.bodies, plan.peak_field)
     deposition = None
     fill_at = None
     if chosen.back_reaction is not None and isinstance(source, CoilField):
@@ -103,10 +103,10 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
             deposition = deposition_of(scene, source.problem.mesh)
             source.element_volume = deposition.volume
             fill_at = partial(_fill_at, deposition, source)
-    magnetised = None if source is None else magnetised_grains(scene, source.sampler, fill_at, walls, dem)
+    magnetised = None if source is None else magnetised_grains(scene, source.sampler, fill_at, walls, motion)
     n_sectors = 1 if plan.sector is None else plan.sector.n_sectors
     effects = effects_of(scene, walls, deposition)
-    simulation = Simulation(dem, effects, magnetised, source, plan.steps_per_update, plan.updates, n_sectors)
+    simulation = Simulation(motion, effects, magnetised, source, plan.steps_per_update, plan.updates, n_sectors)
     if simulation.holds_forces and plan.division.rule is None:
         raise AssertionError("effects hold forces, and the plan has one evaluation a window; say so in `make_plan`")
     return simulation
@@ -150,7 +150,7 @@ def effects_of(scene: Scene, walls, deposition: FillDeposition | None) -> list[E
     return effects
 
 
-def magnetised_grains(scene: Scene, sampler, fill_at, walls, dem: GrainMotion) -> MagnetisedGrains:
+def magnetised_grains(scene: Scene, sampler, fill_at, walls, motion: GrainMotion) -> MagnetisedGrains:
     """What gives the grains their moments: the field alone, or also the other grains and their images."""
     law, dipoles = grain_law(scene), scene.effects.dipoles
     if dipoles is None or dipoles.model == "fixed":
@@ -165,7 +165,7 @@ def magnetised_grains(scene: Scene, sampler, fill_at, walls, dem: GrainMotion) -
         smallest_gap=dipoles.surface_gap,
     )
     mirrors = walls if scene.effects.wall_images is not None else None
-    near = NearAttraction(solver, walls) if solver.near and isinstance(dem, DEM) else None
+    near = NearAttraction(solver, walls) if solver.near and isinstance(motion, DEM) else None
     return MutuallyMagnetisedGrains(
         sampler, law, solver=solver, tolerance=dipoles.tolerance, mirrors=mirrors, near=near
     )

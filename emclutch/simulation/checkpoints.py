@@ -65,7 +65,7 @@ def save_checkpoint(path: Path, simulation: Simulation, case_text: str, profiles
         "window": simulation.window,
         "steps_per_update": simulation.steps_per_update,
         "updates": simulation.updates,
-        "dem": simulation.motion.state(),
+        "dem": simulation.motion.state(),  # of DEM or DVI
         "rows": simulation.rows_state(),
         "source": None if simulation.source is None else simulation.source.state(),
     }

@@ -16,7 +16,7 @@ from emclutch.scene.contact import ContactSection
 from emclutch.simulation.contacts_in_words import load_in_words
 from emclutch.simulation.forecast.expected_speeds import impact_speed
 from emclutch.simulation.stiffness import NECK_MARGIN, Load, LoadKind, Stiffness
-from particles import PairLaws, RollingFriction, TwistingFriction, choose_time_step
+from particles import PairLaws, choose_time_step
 from particles.dem.overlap_limits import SOFT, STOPS
 from particles.dem.time_step import TimeStep
 
@@ -117,8 +117,8 @@ def contacts_under_load(scene, device: Device, M_max: float, speed: float) -> tu
     snap = snap_in_overlap(chained, d, value) if M_max > 0.0 else None
     stiffness = Stiffness(value, not contact.needs_a_load, contact.law, deepest / d, load, speed, snap, neck)
     rolls, twists = effects.rolling_friction, effects.twisting_friction
-    rolling = None if rolls is None else RollingFriction(rolls.coefficient, rolls.wall_coefficient)
-    twisting = None if twists is None else TwistingFriction(twists.coefficient, twists.wall_coefficient)
+    rolling = None if rolls is None else rolls.law()
+    twisting = None if twists is None else twists.law()
     cohesion = None if effects.cohesion is None else effects.cohesion.law()
     laws = PairLaws.of_one(between, at_walls=at_walls, rolling=rolling, twisting=twisting, cohesion=cohesion)
     return laws, stiffness

@@ -95,7 +95,7 @@ def rigid_contacts(
         threshold=threshold,
     )
     rolls, twists = scene.effects.rolling_friction, scene.effects.twisting_friction
-    rolling = None if rolls is None else RollingFriction(rolls.coefficient, rolls.wall_coefficient)
-    twisting = None if twists is None else TwistingFriction(twists.coefficient, twists.wall_coefficient)
+    rolling = None if rolls is None else rolls.law()
+    twisting = None if twists is None else twists.law()
     given, stiffness = (None, None) if springs is None else springs
     return RigidContacts(rigid, rolling, twisting, tolerance, step, given, stiffness)

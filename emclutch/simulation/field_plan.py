@@ -16,7 +16,7 @@ def field_plan(case: Case) -> dict[str, str]:
     """What is solved, on which mesh, and what comes of it at the largest current: label -> text."""
     scene = case.scene
     coil = solved_coil(scene)
-    reasons = {
+    words = {
         "grains": "none: without [particles] the scene is of the field alone, for the commands field and mesh; run "
         "refuses it",
         "mesh": coil.mesh_in_words(),
@@ -24,10 +24,10 @@ def field_plan(case: Case) -> dict[str, str]:
     }
     if coil.largest_current > 0.0 and isinstance(coil, CoilDevice):
         solution = coil.solve_at_peak(None)
-        reasons["field"] = _field_in_words(coil, solution)
+        words["field"] = _field_in_words(coil, solution)
         for body, regions, force in forces_in_words(solution, movable_bodies(coil, solution)):
-            reasons[f"force on the {body}"] = f"{force}, on {', '.join(regions)}"
-    return reasons | paths_in_words(case)
+            words[f"force on the {body}"] = f"{force}, on {', '.join(regions)}"
+    return words | paths_in_words(case)
 
 
 def _field_in_words(coil: CoilDevice, solution: MagneticField) -> str:

@@ -60,7 +60,7 @@ def grains_of(packing: Packing, density: float) -> Grains:
     )
 
 
-def settled(scene: Scene, dem: GrainMotion) -> Settling | None:
+def settled(scene: Scene, motion: GrainMotion) -> Settling | None:
     """Let the grains come to rest before time 0, shafts held and without magnetic forces; None where not asked for.
 
     Raises
@@ -71,5 +71,5 @@ def settled(scene: Scene, dem: GrainMotion) -> Settling | None:
     particles = scene.grains
     if not particles.settles:
         return None
-    with before_the_start(dem):
-        return settle(dem, kinetic=particles.settle_kinetic, longest=particles.settle_longest, required=True)
+    with before_the_start(motion):
+        return settle(motion, kinetic=particles.settle_kinetic, longest=particles.settle_longest, required=True)

@@ -32,13 +32,13 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
     """
     title = case.scene.scene.title
     result = load_result(folder.path)
-    grains, dem = simulation.motion.grains, simulation.motion
+    grains, motion = simulation.motion.grains, simulation.motion
     solution = None if simulation.source is None else simulation.source.solution
-    at = moment_in_words(result.history, dem.time)
+    at = moment_in_words(result.history, motion.time)
     if isinstance(solution, MagneticField):
         x = grains.position
         r, theta = np.hypot(x[:, 0], x[:, 1]), np.arctan2(x[:, 1], x[:, 0])
-        middle = 0.0 if dem.sector is None else 0.5 * dem.sector.angle
+        middle = 0.0 if motion.sector is None else 0.5 * motion.sector.angle
         slice_ = np.abs(r * (theta - middle)) < grains.radius  # one layer of grains around a half-plane
         section_picture(
             folder.section_picture,
@@ -57,7 +57,7 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
         speed_picture(folder.path / "speeds.png", {title: result.history}, title=title)
     if profiles:
         profile_picture(folder.path / "profiles.png", profiles, title=f"{title}\n{at}")
-    start, ends, force = contact_lines(dem)
+    start, ends, force = contact_lines(motion)
     chains = start, ends, np.linalg.norm(force, axis=1)
     speed = np.linalg.norm(grains.velocity, axis=1)
     if isinstance(device.shape, CentrifugalClutch):
@@ -66,8 +66,8 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
             grains.position,
             grains.radius,
             speed,
-            walls=dem.walls,
-            angles={body.name: body.angle for body in dem.bodies},
+            walls=motion.walls,
+            angles={body.name: body.angle for body in motion.bodies},
             chains=chains,
             title=f"{title}\n{at}",
         )
@@ -77,10 +77,10 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
         grains.position,
         grains.radius,
         speed,
-        walls=dem.walls,
+        walls=motion.walls,
         chains=chains,
         title=f"{title}\n{at}",
-        sector_angle=None if dem.sector is None else dem.sector.angle,
+        sector_angle=None if motion.sector is None else motion.sector.angle,
     )
 
 

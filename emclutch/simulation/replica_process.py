@@ -27,7 +27,7 @@ def run_task(task: dict[str, Any], stop: threading.Event) -> int:
     case = case_from(tomllib.loads(task["case"]), trust_scripts=task["trust_scripts"])
     group = Replicas([Path(path) for path in task["histories"]], task["number"])
     try:
-        settings = {name: task[name] for name in ("threads", "free", "resume", "start")}
+        settings = {name: task[name] for name in ("threads", "threads_are_open", "resume", "start")}
         run_replica(case, task["folder"], group, stop=stop, **settings)
     except Interrupted:
         return STOPPED

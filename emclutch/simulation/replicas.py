@@ -137,7 +137,7 @@ def other_replicas(
     *,
     threads: int,
     resume: bool,
-    free: bool = False,
+    threads_are_open: bool = False,
     start: str | Path | None = None,
 ) -> Iterator[Replicas]:
     """Start replicas 1 to count - 1 of a run beside it; at the end of the block those that still run are ended.
@@ -157,7 +157,7 @@ def other_replicas(
                     "histories": [str(path) for path in group.histories],
                     "number": number,
                     "threads": threads,
-                    "free": free,
+                    "threads_are_open": threads_are_open,
                     "resume": _goes_on(own) if resume else False,
                     "trust_scripts": case.trust_scripts,
                     "start": None if start is None else str(RunFolder(start).replicas / own.path.name),

@@ -78,13 +78,15 @@ def run(
             grains = starting_grains(case, start)
         machine = machine_speed()  # before the other replicas are at work: the cost counts those by itself
         count = count_of_run(case, folder, opened.goes_on)
-        free, threads = threads_are_open(threads), use_threads(threads, count)
+        are_open, threads = threads_are_open(threads), use_threads(threads, count)
         with (
             interruptible(stop),
             step_compiled_beside(case.scene, telling.announce),
-            other_replicas(case, folder, count, threads=threads, free=free, resume=resume, start=start) as replicas,
+            other_replicas(
+                case, folder, count, threads=threads, threads_are_open=are_open, resume=resume, start=start
+            ) as replicas,
         ):
-            return _run(RunRequest(case, opened, telling, replicas, stop, free, insist, grains, machine, callback))
+            return _run(RunRequest(case, opened, telling, replicas, stop, are_open, insist, grains, machine, callback))
 
 
 def run_replica(
@@ -93,19 +95,30 @@ def run_replica(
     replicas: Replicas,
     *,
     threads: int,
-    free: bool,
+    threads_are_open: bool,
     resume: bool,
     stop: threading.Event,
     start: str | Path | None = None,
 ) -> Result:
     """Run one of the other replicas; `stop` ends it with a checkpoint. `start` and what is raised are as of `run`.
 
-    ``free``: it may take fewer threads where fewer pay.
+    ``threads_are_open``: it may take fewer threads where fewer pay.
     """
     grains = None if start is None or resume else starting_grains(case, start)
     with open_folder(case, target, resume, RunProgress()) as opened:
         use_threads(threads)
-        return _run(RunRequest(case, opened, RunProgress(), replicas, stop, free=free, insist=True, grains=grains))
+        return _run(
+            RunRequest(
+                case,
+                opened,
+                RunProgress(),
+                replicas,
+                stop,
+                threads_are_open=threads_are_open,
+                insist=True,
+                grains=grains,
+            )
+        )
 
 
 def _run(request: RunRequest) -> Result:

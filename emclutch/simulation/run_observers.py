@@ -141,6 +141,6 @@ def missed_steps(request: RunRequest, resume_time: float | None) -> tuple[Missed
 
 def thread_trial(request: RunRequest, compiled: Callable[[], int]) -> tuple[ThreadTrial, ...]:
     """The callback that finds out how many threads pay; none where there is nothing to choose."""
-    if not request.free or threads_in_use() == 1:
+    if not request.threads_are_open or threads_in_use() == 1:
         return ()
     return (ThreadTrial(threads_in_use(), use_threads, compiled, request.progress.tell),)

@@ -32,7 +32,7 @@ class RunRequest:
         All of the run, seen from this one.
     stop : threading.Event
         Set where the run is to end with a checkpoint.
-    free : bool
+    threads_are_open : bool
         It may take fewer threads where fewer pay.
     insist : bool
     grains : StartingGrains or None
@@ -47,7 +47,7 @@ class RunRequest:
     progress: RunProgress
     replicas: Replicas
     stop: threading.Event
-    free: bool
+    threads_are_open: bool
     insist: bool
     grains: StartingGrains | None
     machine: MachineSpeed | None = None

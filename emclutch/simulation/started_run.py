@@ -67,12 +67,12 @@ def started_or_resumed(request: RunRequest, planned: PlannedRun) -> StartedRun:
 
 def restored(case: Case, device: Device, plan: Plan, state: dict[str, Any]) -> Simulation:
     """The simulation of a checkpoint."""
-    dem_state = state["dem"]
-    simulation = simulation_of(case, device, plan, Grains.of_records(dem_state))
+    of_the_grains = state["dem"]
+    simulation = simulation_of(case, device, plan, Grains.of_records(of_the_grains))
     near = getattr(simulation.magnetised, "near", None)
     if near is not None and isinstance(simulation.motion, DEM):
         simulation.motion.attraction = near.attraction  # the state's drives belong to it
-    simulation.motion.restore(dem_state)
+    simulation.motion.restore(of_the_grains)
     simulation.window = state["window"]
     simulation.restore_rows(state["rows"])
     if simulation.source is not None and state["source"] is not None:

@@ -133,7 +133,7 @@ def replicas_summary(case, histories, torque: Estimate) -> dict[str, Any]:
     }
 
 
-def moments_summary(dipoles, history, plan, dem) -> dict[str, float | str]:
+def moments_summary(dipoles, history, plan, motion) -> dict[str, float | str]:
     """How the moments of grains that magnetise one another did; a caution where their contacts are too soft for it."""
     summary: dict[str, float | str] = {
         "model": dipoles.model,
@@ -141,10 +141,10 @@ def moments_summary(dipoles, history, plan, dem) -> dict[str, float | str]:
         "worst_residual": float(history["moment_residual"].max()),
         "sweeps_per_update": float(history["moment_sweeps"].sum()) * plan.steps_per_update / history["steps"].sum(),
     }
-    if isinstance(dem, DEM) and dem.attraction is not None:
-        summary["strongest_near_pull"] = dem.attraction.strongest
-        summary["necks_over_contact_stiffness"] = contact_share(dem.attraction, dem.laws, dem.grains.radius)
-        caution = depth_warning(dem.attraction, dem.laws, dem.grains.radius)
+    if isinstance(motion, DEM) and motion.attraction is not None:
+        summary["strongest_near_pull"] = motion.attraction.strongest
+        summary["necks_over_contact_stiffness"] = contact_share(motion.attraction, motion.laws, motion.grains.radius)
+        caution = depth_warning(motion.attraction, motion.laws, motion.grains.radius)
         if caution is not None:
             summary["caution"] = caution
     return summary

@@ -26,6 +26,7 @@ from particles.dem.kernel_state import (
     WallState,
 )
 from particles.dem.listed_grains import ListedGrains
+from particles.dem.overlap_limits import STOPS
 from particles.dem.step_totals import StepTotals
 from particles.dem.stored_energy import law_table, stored_at_rest
 from particles.dem.time_step import choose_time_step
@@ -79,7 +80,7 @@ class DEM(ListedGrains):
     overlap_limit : float
         Overlap, as a share of the diameter, at which the run is stopped.
     energy_budget : bool
-        Keep the energy budget; without them a step is about a fifth cheaper.
+        Keep the energy budget; without it a step is about a fifth cheaper.
 
     Attributes
     ----------
@@ -118,7 +119,7 @@ class DEM(ListedGrains):
         species: np.ndarray | None = None,
         wall_material: Sequence[int] | None = None,
         skin: float | None = None,
-        overlap_limit: float = 0.1,
+        overlap_limit: float = STOPS,
         energy_budget: bool = True,
     ) -> None:
         if isinstance(contact, PairLaws):

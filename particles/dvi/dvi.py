@@ -12,6 +12,7 @@ import numpy as np
 from geometry.walls import Wall
 from particles import checkpoint
 from particles.bodies import Body
+from particles.dem.overlap_limits import STOPS
 from particles.dvi import end_of_step, run_faults
 from particles.dvi import gauss_seidel as gs
 from particles.dvi import step_kernel as kernel
@@ -115,7 +116,7 @@ class DVI:
         tolerance: float = 1e-6,
         max_sweeps: int = 10_000,
         skin: float | None = None,
-        overlap_limit: float = 0.1,
+        overlap_limit: float = STOPS,
         stiffness: np.ndarray | None = None,
         rolling: RollingFriction | None = None,
         twisting: TwistingFriction | None = None,

@@ -28,7 +28,7 @@ class ContactLaw(Protocol):
 
     @property
     def kernel(self) -> str:
-        """Name of the compiled spring: linear, hertz_mindlin, hertz, thesis or walton_braun."""
+        """A key of `SPRINGS`: the compiled spring."""
 
     @property
     def friction(self) -> float:

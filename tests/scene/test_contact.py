@@ -33,7 +33,7 @@ def test_stiffness_follows_from_the_overlap_allowed(law, load):
 def test_a_law_that_makes_no_class_is_no_other_law():
     """One that is listed and has no branch must not run as another."""
     unknown = ContactSection().model_copy(update={"law": "square"})
-    with pytest.raises(AssertionError, match="contact.law = 'square' makes no class"):
+    with pytest.raises(AssertionError, match=r"contact\.law = 'square' makes no class"):
         unknown.laws(**GRAIN, force=1e-3)
 
 
