@@ -1,4 +1,8 @@
-"""What every source of the field offers to the loop, and to those who watch and keep it."""
+"""What every source of the field offers to the loop, and to those who watch and keep it.
+
+Optional, asked for by name: `solves` (how many so far: the column `field_solves`), `carrier` (the body that carries the
+field round), `feedback` (what gives the grains' moments to it).
+"""
 
 from __future__ import annotations
 

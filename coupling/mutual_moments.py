@@ -19,9 +19,8 @@ Gaps are counted between surfaces, in radii, and never below `smallest_gap`: oxi
 property of the powder. The overlap of elastic contacts does not enter.
 
 Source: the excess over dipoles and the rule of adding up are this project's; against finite elements from 18 to 500
-kA/m (`tests/coupling/test_magnetised_contact.py`): pairs along the field within 0.2 %, oblique ones 1.5 %, chains 0.97
-to 1.16 of the force, triangles 22 to 24 % too strong;
-six and more contacts of a grain are not verified.
+kA/m (`tests/coupling/test_magnetised_contact.py`): pairs along the field within 0.2 %, oblique ones 2 %, chains 0.97
+to 1.16 of the force, triangles 22 to 24 % too strong; six and more contacts of a grain are not verified.
 
 The moments are a fixed point of a map that is neither linear nor symmetric. It is approached by damped sweeps that
 start from the last moments, mixed with the sweep before as the secant through both asks (`secant_mixed`); every sweep

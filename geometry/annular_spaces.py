@@ -15,7 +15,7 @@ class AnnularSpaces:
         raise NotImplementedError
 
     def boxes_to_fill(self, region: str = "cavity") -> list[AnnularBox]:
-        """The spaces that a region of it is filled in."""
+        """All of its spaces, whatever the region (ignored: it has none to choose from)."""
         return list(self.fill_boxes().values())
 
     def volume_to_fill(self, region: str = "cavity") -> float:

@@ -1,4 +1,7 @@
-"""What every shape of a device offers, whatever turns in it, or if nothing does."""
+"""What every shape of a device offers, whatever turns in it, or if nothing does.
+
+What a coil needs beside it (`coil_area`, `coil_mean_radius`, `gap_midline`, ...) has `Clutch` and `CadShape` only.
+"""
 
 from __future__ import annotations
 

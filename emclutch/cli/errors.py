@@ -38,7 +38,7 @@ def explained() -> Iterator[None]:
             raise
         if isinstance(error, Interrupted):
             stop(str(error), STOPPED)
-        stop(f"the run failed: {error}", FAILED)
+        stop(f"failed: {error}", FAILED)
 
 
 def stop(message: str, code: int) -> NoReturn:

@@ -109,5 +109,5 @@ Like = Annotated[
     Path | None, typer.Option("--like", metavar="RUN", help="finished run, whose torque corrects the expected ones")
 ]
 Confirm = Annotated[bool, typer.Option("--confirm", help="run the scene that was found, and say both torques")]
-SceneKind = Annotated[str, typer.Option("--kind", help="kind of the device")]
+SceneKind = Annotated[str, typer.Option("--kind", help="clutch, drum, cad, centrifugal, shear_cell, box, or field")]
 NewScene = Annotated[Path, typer.Argument(metavar="FILE", help="new scene file (.toml)")]

@@ -1,4 +1,4 @@
-"""What commands print: a plan, a torque, JSON."""
+"""What commands print: a plan, a torque, a study, a design, JSON."""
 
 from __future__ import annotations
 

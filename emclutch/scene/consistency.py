@@ -14,12 +14,12 @@ from emclutch.scene.grains import MOST_GRAINS
 from emclutch.scene.magnetic_checks import (
     coil_transients,
     field_is_3d,
-    field_source,
     materials,
     needs_of_effects,
     needs_of_moments,
     room_for_the_layers,
     room_for_the_smear,
+    source_fits,
 )
 from emclutch.scene.mesh_checks import fine_enough_for_moments, finished_mesh
 from emclutch.scene.motion import HELD
@@ -228,7 +228,7 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (_field_alone, ()),
     (_shape, (GEOMETRY_KIND,)),
     (materials, (GEOMETRY_KIND, "materials")),
-    (field_source, (GEOMETRY_KIND, "field")),
+    (source_fits, (GEOMETRY_KIND, "field")),
     (finished_mesh, ("geometry", "field")),
     (fine_enough_for_moments, ("geometry", "particles", "effects", "field")),
     (_region, (GEOMETRY_KIND, "particles")),

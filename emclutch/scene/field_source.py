@@ -45,4 +45,4 @@ class UniformFieldSection(Section):
         return self.means == "macroscopic"
 
 
-FieldSource = Annotated[CoilFieldSection | UniformFieldSection, Field(discriminator="source")]
+FieldSection = Annotated[CoilFieldSection | UniformFieldSection, Field(discriminator="source")]

@@ -1,4 +1,7 @@
-"""What every kind of geometry answers to the rest of the scene, so that nobody asks which kind it is."""
+"""What every kind of geometry answers to the rest of the scene, so that few need to ask which kind it is.
+
+What is drawn, meshed or estimated in its own way still asks.
+"""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ def materials(draft: Draft) -> Iterator[Fault]:
                 )
 
 
-def field_source(draft: Draft) -> Iterator[Fault]:
+def source_fits(draft: Draft) -> Iterator[Fault]:
     """A field has the source that its geometry can have."""
     coil_field, prescribed, geometry = draft.scene.coil_field, draft.scene.prescribed_field, draft.scene.geometry
     if coil_field is not None and not geometry.has_coil:

@@ -11,7 +11,7 @@ from emclutch.scene.coil import CoilSection
 from emclutch.scene.contact import ContactSection
 from emclutch.scene.effects import EffectsSection
 from emclutch.scene.errors import Fault, SceneError
-from emclutch.scene.field_source import CoilFieldSection, FieldSource, UniformFieldSection
+from emclutch.scene.field_source import CoilFieldSection, FieldSection, UniformFieldSection
 from emclutch.scene.geometry import Geometry
 from emclutch.scene.grains import ParticlesSection
 from emclutch.scene.materials import Material
@@ -64,7 +64,7 @@ class Scene(Section):
         default={}, description="surfaces from files that grains touch as well"
     )
     coil: CoilSection | None = None
-    field: FieldSource | None = None
+    field: FieldSection | None = None
     particles: ParticlesSection | None = None
     contact: ContactSection = ContactSection()
     motion: MotionSection = MotionSection()

@@ -107,18 +107,8 @@ def run_replica(
     grains = None if start is None or resume else starting_grains(case, start)
     with open_folder(case, target, resume, RunProgress()) as opened:
         use_threads(threads)
-        return _run(
-            RunRequest(
-                case,
-                opened,
-                RunProgress(),
-                replicas,
-                stop,
-                threads_are_open=threads_are_open,
-                insist=True,
-                grains=grains,
-            )
-        )
+        progress = RunProgress()
+        return _run(RunRequest(case, opened, progress, replicas, stop, threads_are_open, insist=True, grains=grains))
 
 
 def _run(request: RunRequest) -> Result:

@@ -33,7 +33,7 @@ class Call(NamedTuple):
     overlap : float
         Share of the diameter.
     speed : float
-        [m/s]
+        Largest allowed [m/s].
     """
 
     n_steps: int

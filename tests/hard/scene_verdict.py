@@ -178,7 +178,7 @@ def _is_compiled(scene: Any) -> bool:
 
 def _in_short(words: str) -> str:
     """Why a run failed, without numbers and paths: what failures have in common."""
-    why = words.partition("the run failed: ")[2].partition("\n(log:")[0]
+    why = words.partition("failed: ")[2].partition("\n(log:")[0]
     return re.sub(r"[-+]?[\d.]+(e[-+]?\d+)?|\S*/\S*", "_", " ".join(why.split()))[:90]
 
 
