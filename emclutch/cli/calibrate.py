@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
 from dataclasses import asdict, fields, replace
 from functools import partial
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from emclutch.results import OutputError, RunFolder
-from emclutch.results.atomic_file import json_values, replace_json, replace_text
+from emclutch.results.atomic_file import json_values, replace_bytes, replace_json, replace_text
 from emclutch.results.progress import Progress
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.units import Quantity
@@ -268,6 +267,4 @@ def _draw(path: Path, name: str, rows: list[StressOfField]) -> None:
     axes.legend(fontsize=8, frameon=False)
     drawn = io.BytesIO()
     figure.savefig(drawn, format="png")
-    beside = path.with_name(path.name + ".new")
-    beside.write_bytes(drawn.getvalue())
-    os.replace(beside, path)
+    replace_bytes(path, drawn.getvalue())

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import io
 import itertools
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from emclutch.results.atomic_file import replace_bytes
 from emclutch.scene.errors import Fault, SceneError
 from field.laws.materials import grain_material
 from field.laws.reluctivity import MU_0
@@ -120,7 +120,5 @@ def _draw(name: str, table: PairTable, path: Path) -> Path:
     figure.legend(title="applied field", loc="outside right upper", fontsize=8, frameon=False)
     drawn = io.BytesIO()
     figure.savefig(drawn, format="png")
-    beside = path.with_name(path.name + ".new")
-    beside.write_bytes(drawn.getvalue())
-    os.replace(beside, path)
+    replace_bytes(path, drawn.getvalue())
     return path
