@@ -28,7 +28,7 @@ SIZES_NS = 25.0  # where grains are of several sizes
 ROLLING_NS = 65.0
 TWISTING_NS = 25.0
 COHESION_NS = 6.0
-NEAR_CONTACT_NS = 120.0  # the pull of a neck from the gap of every step: lock_up, 0 to 2 contacts a grain
+NEAR_CONTACT_NS = 80.0  # the pull of a neck from the gap of every step: powder_clutch, magnetised_step.py
 # Of rigid grains
 DVI_GRAIN_NS = 550.0  # a grain and step: search, energy budget, motion; thesis/centrifugal_methods
 VISIT_NS = 70.0  # a contact in a sweep of the accelerated solver: thesis/centrifugal_methods, electromagnetic_study
@@ -38,9 +38,9 @@ SAMPLE_NS = 800.0
 DIPOLE_NS = 60.0  # thesis/electromagnetic
 IMAGE_NS = 35.0  # of the walls' images, for each row
 WEAK_NS = 30.0  # a row of moments that magnetise one another, without a field: lock_up's first millisecond
-MUTUAL_NS = 140.0  # with one, of fields set up and forces: quickstart, powder_clutch, slotted_disc
-NEAR_PAIR_NS = 60.0  # besides, of near contacts
-SWEEP_NS = 55.0  # a sweep of the moments
+MUTUAL_NS = 100.0  # with one, of fields set up and forces: quickstart, powder_clutch
+NEAR_PAIR_NS = 45.0  # besides, of near contacts
+SWEEP_NS = 42.0  # a sweep of the moments
 # Of the field
 DEPOSIT_S = 3e-6  # an element of powder: smear of the moments (quickstart, powder_clutch)
 FILL_S = 1e-7  # the same of the fill alone
