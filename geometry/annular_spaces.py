@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+
 from geometry.walls import AnnularBox
 
 
-class AnnularSpaces:
+class AnnularSpaces(ABC):
     """Mix-in of a shape whose spaces for grains, `fill_boxes`, are rings."""
 
     __slots__ = ()
 
+    @abstractmethod
     def fill_boxes(self) -> dict[str, AnnularBox]:
         """Its disjoint spaces by name."""
-        raise NotImplementedError
 
     def boxes_to_fill(self, region: str = "cavity") -> list[AnnularBox]:
         """All of its spaces, whatever the region (ignored: it has none to choose from)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ from geometry.time_profile import TimeProfile
 
 
 @dataclass(frozen=True, slots=True)
-class Excitation:
+class Excitation(ABC):
     """A winding and its current in time.
 
     Attributes
@@ -30,17 +31,17 @@ class Excitation:
         """Turns of the coil."""
         return self.winding.turns
 
+    @abstractmethod
     def pole_line(self, *, faces: bool = False) -> np.ndarray:
         """Points (r, z) [m] in the gap under the poles, at the rim or at the faces, shape (k, 2)."""
-        raise NotImplementedError
 
     def gap_flux_density(self, solution: SolvedField, *, faces: bool = False) -> float:
         """Mean |B| [T] of a solution in the gap under the poles, of that at the faces where `faces` says so."""
         return solution.mean_flux_density(self.pole_line(faces=faces))
 
+    @abstractmethod
     def mesh_in_words(self) -> str:
         """What the field is solved on."""
-        raise NotImplementedError
 
     def current(self, time: float) -> float:
         """I [A] at a time [s]."""

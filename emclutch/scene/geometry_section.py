@@ -5,6 +5,7 @@ What is drawn, meshed or estimated in its own way still asks.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -73,6 +74,6 @@ class GeometrySection(Section):
         """Name of the material of each of the mesh's `regions` that has one."""
         return {}
 
+    @abstractmethod
     def shape(self, own: Mapping[str, Material] = NO_MATERIALS) -> Any:
         """Return the shape for walls and volumes, and for meshing; `own`: the scene's own materials by name."""
-        raise NotImplementedError

@@ -60,6 +60,16 @@ def test_twelve_tesla_are_no_field_of_iron():
     assert "12 T is outside the usual range of 0 to 2.5 T" in warning
 
 
+class Wound(Excitation):
+    """A winding alone: its heat needs neither poles nor a mesh."""
+
+    def pole_line(self, *, faces=False):
+        raise AssertionError("heat does not look at the poles")
+
+    def mesh_in_words(self):
+        return ""
+
+
 def test_a_warm_coil_gives_off_what_it_takes():
     """P = R I^2 = alpha S Delta T, on the mantle and the ends of the housing."""
     shape = Clutch()
@@ -68,8 +78,8 @@ def test_a_warm_coil_gives_off_what_it_takes():
     surface = 2.0 * pi * shape.outer_radius * shape.housing_length + 2.0 * pi * shape.outer_radius**2
     assert cooled_surface(shape) == pytest.approx(surface, rel=1e-12)
     rise = 25.5 * 2.0**2 / (COOLING * surface)
-    words = coil_heat_in_words(scene, Excitation(winding, TimeProfile.constant(-2.0)), shape)
+    words = coil_heat_in_words(scene, Wound(winding, TimeProfile.constant(-2.0)), shape)
     assert f"102 W: in the end {float(f'{rise:.2g}'):g} K" in words and "short duty" in words
-    assert "short duty" not in coil_heat_in_words(scene, Excitation(winding, TimeProfile.constant(0.5)), shape)
-    assert "0 A" in coil_heat_in_words(scene, Excitation(winding, TimeProfile.constant(0.0)), shape)
+    assert "short duty" not in coil_heat_in_words(scene, Wound(winding, TimeProfile.constant(0.5)), shape)
+    assert "0 A" in coil_heat_in_words(scene, Wound(winding, TimeProfile.constant(0.0)), shape)
     assert cooled_surface(object()) is None
