@@ -47,6 +47,7 @@ from field.laws.powder_law import GrainLaw
 from field.laws.reluctivity import MU_0, Law
 from field.spheres.lone_sphere import saturation
 from particles import LinearContact
+from particles.laws.columns import DAMPING_N, DAMPING_T
 from particles.laws.linear import EqualLinearTable
 
 SKIN = 0.3  # of the lists, in diameters
@@ -182,8 +183,9 @@ class Shear:
         self.moments: CellMoments | None = None
         self.mu_r_at_rest = 1.0
         gamma = 2.0 * np.sqrt(stiffness * 0.5 * self.mass)
-        dashpots = np.array([[self.contact.damping_n * gamma, self.contact.damping_t * gamma]])
-        self._law = EqualLinearTable(self.contact.row()[None, :], dashpots)
+        row = self.contact.row()
+        row[[DAMPING_N, DAMPING_T]] *= gamma
+        self._law = EqualLinearTable(row[None, :])
         self._touching, self._history = np.zeros(0, dtype=np.int8), np.zeros((0, column.N_HISTORY))
         self._key = np.zeros(0, dtype=np.int64)
         model = p.model if p.law is not None else "mutual"

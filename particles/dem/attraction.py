@@ -211,22 +211,10 @@ class Attraction:
         pair, wall = self.pair_drive, self.wall_drive
         if not driven or pair is None or wall is None:
             pair, wall = np.zeros((contacts.pairs.count, 3)), np.zeros((len(contacts.wall_other), 2))
-        touching, touching_across = self._at_smallest_gap()
         return HeldAttraction(
             float(self.gap_start), 1.0 / self.gap_step, float(self.smallest_gap), self.last_gap, self.values,
-            self.across, touching, touching_across, pair, wall, np.zeros((n, 3)),
-            np.zeros((len(contacts.chunks.reaction), 3)),
+            self.across, pair, wall, np.zeros((n, 3)), np.zeros((len(contacts.chunks.reaction), 3)),
         )  # fmt: skip
-
-    def _at_smallest_gap(self) -> tuple[np.ndarray, float]:
-        """The row of `values` (nh,), and `across`, at the smallest gap; 0 beyond the last one."""
-        if self.smallest_gap >= self.last_gap:
-            return np.zeros(self.values.shape[1]), 0.0
-        x = max((np.log(self.smallest_gap) - self.gap_start) / self.gap_step, 0.0)
-        i = min(int(x), len(self.across) - 2)
-        x -= i
-        row = self.values[i] + x * (self.values[i + 1] - self.values[i])
-        return row, float(self.across[i] + x * (self.across[i + 1] - self.across[i]))
 
     def state(self) -> dict[str, np.ndarray]:
         """Drives and arrays of the grains, for `DEM.state`; the table and the callable are the caller's."""

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from geometry.inner_functions import inner
+from geometry.lane_functions import logarithm
 
 # columns of a slot's drive
 COLUMN, AMPLITUDE, ACROSS = range(3)
@@ -25,8 +26,6 @@ class HeldAttraction(NamedTuple):
     last_gap: float  # radii
     values: np.ndarray  # (ng, nh)
     across: np.ndarray  # (ng,)
-    touching: np.ndarray  # (nh,) the row of values at the smallest gap
-    touching_across: float
     pair: np.ndarray  # (p, 3) column, amplitude [N], amplitude of `across` [N]
     wall: np.ndarray  # (s, 2) column, amplitude [N]
     drawn: np.ndarray
@@ -34,20 +33,20 @@ class HeldAttraction(NamedTuple):
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def pull_at(held, gap, column, amplitude, across_amplitude):
-    """Pull [N] at a gap [radii]: linear in ln gap and in the column; constant below the grid, 0 beyond it."""
+def place_of_gap(held, gap):
+    """Where a gap [radii] lies among the rows of the table, with fraction; without a branch."""
+    return max((logarithm(max(gap, held.smallest_gap)) - held.gap_start) * held.per_gap_step, 0.0)
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def pull_at(held, gap, place, column, amplitude, across_amplitude):
+    """Pull [N] at a gap [radii] in the `place_of_gap`: linear in ln gap and in the column, 0 beyond the grid."""
     j = min(np.int64(column), held.values.shape[1] - 2)
     y = column - j
-    if gap <= held.smallest_gap:  # most pairs of a list: without a logarithm
-        return amplitude * (held.touching[j] + y * (held.touching[j + 1] - held.touching[j])) + (
-            across_amplitude * held.touching_across
-        )
-    if not gap < held.last_gap:
-        return 0.0
-    x = max((np.log(gap) - held.gap_start) * held.per_gap_step, 0.0)
-    i = min(np.int64(x), held.values.shape[0] - 2)
-    x -= i
+    i = max(min(np.int64(place), held.values.shape[0] - 2), 0)  # also of what is not a number
+    x = place - i
     low = held.values[i, j] + y * (held.values[i, j + 1] - held.values[i, j])
     high = held.values[i + 1, j] + y * (held.values[i + 1, j + 1] - held.values[i + 1, j])
     side = held.across[i] + x * (held.across[i + 1] - held.across[i])
-    return amplitude * (low + x * (high - low)) + across_amplitude * side
+    pull = amplitude * (low + x * (high - low)) + across_amplitude * side
+    return pull if gap < held.last_gap else 0.0

@@ -22,9 +22,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from geometry.inner_functions import borrowing, inner
+from geometry.lane_functions import square_root
 from particles.laws.columns import COHESION_0, COHESION_1, COHESIVE, DAMPING_ROLLING, MU, MU_ROLLING, MU_TWISTING
 from particles.laws.springs import remembers, spring, varies
 
@@ -116,7 +115,7 @@ def turned(way, phi, n, history, slot, first):
         x, y, z = x - along * nx, y - along * ny, z - along * nz
         if along * along > 1e-14 * before:  # never on a plane
             after = max(before - along * along, 0.0)
-            scale = np.sqrt(before / after) if after > 0.0 else 0.0
+            scale = square_root(before / after) if after > 0.0 else 0.0
             x, y, z = x * scale, y * scale, z * scale
     square = phi * phi
     cos = 1.0 - square * (0.5 - square * (1.0 / 24.0))
@@ -170,7 +169,7 @@ def contact_force(law, kind, energy_column, m_eff, r_eff, dt, touch, history, sl
     limit = law.rows[kind, MU] * f_rep
     slip_x = slip_y = slip_z = 0.0
     if trial2 > limit * limit:
-        trial = np.sqrt(trial2)
+        trial = square_root(trial2)
         share = limit / trial
         slip = (1.0 - share) / both  # trial > 0 needs k_t + rate > 0
         slip_x, slip_y, slip_z = slip * tx, slip * ty, slip * tz
@@ -202,7 +201,7 @@ def contact_force(law, kind, energy_column, m_eff, r_eff, dt, touch, history, sl
     )  # fmt: skip
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def rolling_torque(law, kind, energy_column, arm, inertia, dt, force, touch, p, history, slot, first):
     """Rolling resistance on grain i (`particles.laws.rolling_friction`); p is its spin relative to the partner's.
 
@@ -214,7 +213,7 @@ def rolling_torque(law, kind, energy_column, arm, inertia, dt, force, touch, p, 
     px, py, pz = p
     damping = law.rows[kind, DAMPING_ROLLING]
     k = k_t * arm * arm
-    rate = 2.0 * damping * np.sqrt(k * inertia) / dt
+    rate = 2.0 * damping * square_root(k * inertia) / dt
     x, y, z = turned(touch.way, phi, touch.normal, history, slot, first)
     # a spring that stiffens while the contact closes keeps its torque, one that softens its angle (module docstring)
     held = 0.5 * arm * arm * (x * x + y * y + z * z)
@@ -227,7 +226,7 @@ def rolling_torque(law, kind, energy_column, arm, inertia, dt, force, touch, p, 
     sx, sy, sz = (px - along * nx) * dt, (py - along * ny) * dt, (pz - along * nz) * dt
     both = k + rate
     tx, ty, tz = k * x + both * sx, k * y + both * sy, k * z + both * sz
-    trial = np.sqrt(tx * tx + ty * ty + tz * tz)
+    trial = square_root(tx * tx + ty * ty + tz * tz)
     limit = law.rows[kind, MU_ROLLING] * arm * force.repulsion
     slip_x = slip_y = slip_z = 0.0
     if trial > limit:
@@ -249,7 +248,7 @@ def rolling_torque(law, kind, energy_column, arm, inertia, dt, force, touch, p, 
     return (-tx, -ty, -tz), 0.5 * k * (x * x + y * y + z * z), lost
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def twisting_torque(law, kind, energy_column, arm, inertia, dt, force, spin, history, slot, first):
     """Twisting resistance about the normal on grain i (`particles.laws.twisting_friction`).
 
@@ -258,7 +257,7 @@ def twisting_torque(law, kind, energy_column, arm, inertia, dt, force, spin, his
     """
     k_t, last, damping = force.k_t, force.last_k_t, law.rows[kind, DAMPING_ROLLING]
     k = k_t * arm * arm
-    rate = 2.0 * damping * np.sqrt(k * inertia) / dt
+    rate = 2.0 * damping * square_root(k * inertia) / dt
     angle, step = history[slot, first], spin * dt
     held = 0.5 * arm * arm * angle * angle
     lost = (last - k_t) * held

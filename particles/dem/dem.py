@@ -16,6 +16,7 @@ from particles.dem import run_faults, run_summary, total_columns
 from particles.dem import step_kernel as kernel
 from particles.dem.attraction import PREFIX as ATTRACTION
 from particles.dem.contact_columns import contact_columns
+from particles.dem.contact_lanes import make_batch
 from particles.dem.kernel_state import (
     Call,
     GrainState,
@@ -315,7 +316,8 @@ class DEM(ListedGrains):
             None if self.attraction is None else self.attraction.held(c, g.count, driven),
             GrainState(g.position_radius, g.velocity_force, g.mass, species, gravity, external, c.reference, self._net),
             PairSlots(
-                c.pairs.start, c.pairs.other, shift, self._turn, self.laws.pair, *c.pair_memory, none
+                c.pairs.start, c.row, c.pairs.other.view(np.uint32), shift, self._turn, self.laws.pair, *c.pair_memory,
+                none, *make_batch(n_chunks),
             ),
             WallSlots(c.wall_start, c.wall_other, *c.wall_memory, none, np.zeros((n_chunks, most_walls, N_FOUND))),
             WallState(walls.rows, walls.triangles, self._wall_row, walls.body, speed, np.zeros((n_bodies, 2))),

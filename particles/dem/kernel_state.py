@@ -87,8 +87,9 @@ class PairSlots(NamedTuple):
 
     Attributes
     ----------
-    start, other : ndarray of int64, shapes (n + 1,), (p,)
-        Grain i has the slots ``start[i]`` up to ``start[i + 1]``.
+    start, row, other : ndarray, shapes (n + 1,) int64, (p,) uint32, (p,) uint32
+        Grain i has the slots ``start[i]`` up to ``start[i + 1]``; ``row`` is i for each. Without a sign, because the
+        compiler looks after numbers below zero wherever they may be.
     shift : ndarray of int8, shape (p,), or None
         The partner is the image R(shift*angle) x_j; None without a sector, and so is
     turn : ndarray, shape (2,), or None
@@ -99,9 +100,12 @@ class PairSlots(NamedTuple):
         Whether the pair touches, and what it remembers (`particles.dem.contact_kernel`).
     record : ndarray, shape (p, 3) or (0, 3)
         Where forces [N] are left, if they are asked for.
+    blocks, noted : ndarray
+        Scratch of each chunk: contacts side by side (`particles.dem.contact_lanes`).
     """
 
     start: np.ndarray
+    row: np.ndarray
     other: np.ndarray
     shift: np.ndarray | None
     turn: np.ndarray | None
@@ -109,6 +113,8 @@ class PairSlots(NamedTuple):
     touching: np.ndarray
     history: np.ndarray
     record: np.ndarray
+    blocks: np.ndarray
+    noted: np.ndarray
 
 
 class WallSlots(NamedTuple):

@@ -1,7 +1,8 @@
 """Compiled sweep over rows of the half list: forces on grain i and its later partners, its walls, its kick and drift.
 
-A grain is complete when its row ends, because every pair stands in the row of its first grain: it is integrated there,
-while it is in the cache. Only a grain that has a partner in an earlier chunk of rows must wait (``late``): that chunk
+Contacts are found, computed and handed to their grains a batch at a time (`particles.dem.contact_lanes`). A grain is
+complete when its row has ended, because every pair stands in the row of its first grain: it is integrated after the
+batch in which that happens, while it is in the cache. Only a grain that has a partner in an earlier chunk of rows must wait (``late``): that chunk
 runs beside this one, so its reactions come through a buffer with a place for every such pair, and `finish_rows` adds
 them in the order of the pairs once all chunks are done. Nothing depends on the number of threads, bit for bit.
 
@@ -15,8 +16,11 @@ import numpy as np
 
 from geometry.inner_functions import inner
 from particles.dem import total_columns as column
+from particles.dem.contact_lanes import forces_by_lane, lane_column
 from particles.dem.kernel_state import Tally
-from particles.dem.pair_kernel import mass_of, pair_forces
+from particles.dem.lane_fields import ROOM
+from particles.dem.lane_transfer import fill_law, gather_contacts, scatter_contacts
+from particles.dem.pair_kernel import find_contacts, mass_of
 from particles.dem.wall_contact_kernel import pull_of_walls, wall_forces
 from particles.laws.springs import equal
 
@@ -114,31 +118,43 @@ def sweep_rows(chunk, now, law, resistance, energy_column, attraction, grains, p
     late, velocity_force = chunks.late, grains.velocity_force
     tally = Tally(0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0), 0.0, -1)
     travel = fastest = 0.0
-    place = chunks.cross_start[chunk] - 1
-    end = chunks.start[chunk + 1]
-    for i in range(chunks.start[chunk], end):
-        place, force, torque, pulled, tally = pair_forces(
-            i, end, place, now.dt, law, resistance, energy_column, attraction, grains, pairs, chunks, tally
+    done, end = chunks.start[chunk], chunks.start[chunk + 1]
+    cursor = pairs.start[done], chunks.cross_start[chunk] - 1
+    none = (0.0, 0.0, 0.0)
+    gone = (0.0, 0.0, 0.0, 0.0)  # what pairs that parted have lost
+    if grains.species.shape[0] == 0:
+        for c in range(ROOM):
+            fill_law(chunk, 0, c, law, pairs.blocks)
+    while done < end:
+        cursor, count, gone = find_contacts(
+            chunk, cursor, now.dt, law, resistance, energy_column, attraction, grains, pairs, chunks, gone
         )
-        pulled = pull_of_walls(i, attraction, grains, slots, walls, pulled)
-        force, torque, tally = wall_forces(
-            i, chunk, now.dt, law, resistance, energy_column, grains, slots, walls, totals, (force, torque), tally
-        )
-        force, torque, pulled = add_waiting(i, force, torque, pulled, attraction, velocity_force)
-        if late[i] != 0:
-            keep_waiting(i, force, torque, pulled, attraction, velocity_force)
-            continue
-        m = mass_of(law, grains.mass, i)
-        d2, speed2 = drift(i, m, force, torque, pulled, now, energy_column, attraction, grains, row)
-        if not d2 <= travel:
-            travel = d2 if d2 == d2 else np.inf
-        fastest = max(fastest, speed2)
+        gather_contacts(chunk, count, law, resistance, energy_column, grains, pairs)
+        alike = grains.position_radius[0, 3], grains.mass[0]
+        forces_by_lane(chunk, count, now.dt, law, resistance, lane_column(energy_column), alike, pairs.blocks)
+        tally = scatter_contacts(chunk, count, law, resistance, energy_column, grains, pairs, chunks, tally)
+        ended = np.int64(pairs.row[cursor[0]]) if cursor[0] < pairs.start[end] else end
+        for i in range(done, ended):  # grains whose rows have ended
+            pulled = pull_of_walls(i, attraction, grains, slots, walls, none)
+            force, torque, tally = wall_forces(
+                i, chunk, now.dt, law, resistance, energy_column, grains, slots, walls, totals, (none, none), tally
+            )
+            force, torque, pulled = add_waiting(i, force, torque, pulled, attraction, velocity_force)
+            if late[i] != 0:
+                keep_waiting(i, force, torque, pulled, attraction, velocity_force)
+                continue
+            m = mass_of(law, grains.mass, i)
+            d2, speed2 = drift(i, m, force, torque, pulled, now, energy_column, attraction, grains, row)
+            if not d2 <= travel:
+                travel = d2 if d2 == d2 else np.inf
+            fastest = max(fastest, speed2)
+        done = ended
     deepest = tally.deepest / (2.0 * grains.position_radius[0, 3]) if equal(law) else tally.deepest
     left = tally.left
     row[column.CONTACTS], row[column.ELASTIC] = tally.contacts, tally.elastic
-    row[column.NORMAL_DAMPING], row[column.TANGENTIAL_DAMPING] = tally.normal + left[0], tally.tangential
-    row[column.SLIDING] = tally.sliding + left[1]
-    row[column.ROLLING], row[column.TWISTING] = tally.rolling + left[2], tally.twisting + left[3]
+    row[column.NORMAL_DAMPING], row[column.TANGENTIAL_DAMPING] = tally.normal + left[0] + gone[0], tally.tangential
+    row[column.SLIDING] = tally.sliding + left[1] + gone[1]
+    row[column.ROLLING], row[column.TWISTING] = tally.rolling + left[2] + gone[2], tally.twisting + left[3] + gone[3]
     row[column.MAX_OVERLAP], row[column.GRAIN] = deepest, tally.deepest_at
     row[column.MAX_TRAVEL], row[column.MAX_SPEED] = travel, fastest
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from particles.dem.contact_kernel import LAST_STORED
 from particles.grains import Grains
-from particles.laws.columns import COHESION_0, COHESION_1
+from particles.laws.columns import COHESION_0, COHESION_1, DAMPING_N, DAMPING_T
 from particles.laws.linear import EqualLinearTable
 from particles.laws.pair_table import PairLaws
 from particles.laws.springs import SPRINGS, remembers, spring
@@ -23,11 +23,11 @@ def law_table(laws: PairLaws, grains: Grains, one_species: bool) -> Any:
         return table
     if np.ptp(grains.radius) > 0.0 or np.ptp(grains.mass) > 0.0:
         return table
-    dashpots = np.zeros((len(rows), 2))
+    equal = rows.copy()
     for row in range(len(rows)):
         m_eff = float(grains.mass[0]) * (1.0 if row in laws.wall else 0.5)
-        dashpots[row] = spring(table, row, 1e-6, m_eff, 1.0, 0.0)[2:4]
-    return EqualLinearTable(rows, dashpots)
+        equal[row, [DAMPING_N, DAMPING_T]] = spring(table, row, 1e-6, m_eff, 1.0, 0.0)[2:4]
+    return EqualLinearTable(equal)
 
 
 def stored_at_rest(

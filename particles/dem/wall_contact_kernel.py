@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from geometry.inner_functions import inner
 from particles.dem import total_columns as column
-from particles.dem.attraction_kernel import AMPLITUDE, COLUMN, pull_at
+from particles.dem.attraction_kernel import AMPLITUDE, COLUMN, place_of_gap, pull_at
 from particles.dem.contact_kernel import Touch, contact_force, left_in_springs, rolling_torque, twisting_torque
 from particles.dem.kernel_state import Tally
 from particles.dem.pair_kernel import mass_of
@@ -121,7 +121,8 @@ def pull_of_walls(i, attraction, grains, slots, walls, pulled):
             distance, nx, ny, nz, owned = _wall_gap(walls.smooth, slots.other[k], x, y, z)
             if owned:
                 gap = 2.0 * (distance - radius) / radius
-                pull = pull_at(attraction, gap, attraction.wall[k, COLUMN], attraction.wall[k, AMPLITUDE], 0.0)
+                place = place_of_gap(attraction, gap)
+                pull = pull_at(attraction, gap, place, attraction.wall[k, COLUMN], attraction.wall[k, AMPLITUDE], 0.0)
                 px, py, pz = px + pull * nx, py + pull * ny, pz + pull * nz
     return px, py, pz
 

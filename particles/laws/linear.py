@@ -33,6 +33,7 @@ from typing import NamedTuple
 import numpy as np
 
 from geometry.inner_functions import borrowing
+from geometry.lane_functions import square_root
 from particles.laws.columns import DAMPING_N, DAMPING_T, STIFFNESS_N, STIFFNESS_T
 from particles.laws.contact_law import check_parameters, law_row
 from particles.laws.restitution import damping_ratio, restitution_of
@@ -48,23 +49,23 @@ class LinearTable(NamedTuple):
 def linear_spring(table, kind, delta, m_eff, r_eff, memory):
     """Spring and dashpots of `LinearContact` (signature: `particles.laws.contact_law`)."""
     f = table.rows[kind, STIFFNESS_N] * delta
-    unit = 2.0 * np.sqrt(table.rows[kind, STIFFNESS_N] * m_eff)
+    unit = 2.0 * square_root(table.rows[kind, STIFFNESS_N] * m_eff)
     gamma_n, gamma_t = table.rows[kind, DAMPING_N] * unit, table.rows[kind, DAMPING_T] * unit
     return f, table.rows[kind, STIFFNESS_T], gamma_n, gamma_t, 0.5 * f * delta, memory
 
 
 class EqualLinearTable(NamedTuple):
-    """What `equal_linear_spring` reads; ``dashpots`` (rows, 2): gamma_n and gamma_t of each row [kg/s]."""
+    """What `equal_linear_spring` reads: as `LinearTable`, but gamma_n and gamma_t [kg/s] in place of their shares."""
 
     rows: np.ndarray
-    dashpots: np.ndarray
 
 
 @borrowing(error_model="numpy", fastmath={"contract"})
 def equal_linear_spring(table, kind, delta, m_eff, r_eff, memory):
     """`linear_spring` between grains of one size and mass: its dashpots are constants."""
-    f = table.rows[kind, STIFFNESS_N] * delta
-    return f, table.rows[kind, STIFFNESS_T], table.dashpots[kind, 0], table.dashpots[kind, 1], 0.5 * f * delta, memory
+    row = table.rows
+    f = row[kind, STIFFNESS_N] * delta
+    return f, row[kind, STIFFNESS_T], row[kind, DAMPING_N], row[kind, DAMPING_T], 0.5 * f * delta, memory
 
 
 @dataclass(frozen=True, slots=True)

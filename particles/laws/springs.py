@@ -1,6 +1,6 @@
 """The compiled springs, a line a law; a kernel takes the one that belongs to the type of its table.
 
-A law's file has its spring (`particles.laws.contact_law` for the signature) and a table: a NamedTuple of the arrays
+A law's file has its spring (`particles.laws.contact_law` for the signature) and a table: a NamedTuple of the array
 that the spring reads, a type of its own. A kernel that is given the table calls `spring(table, ...)`: numba asks for
 the machine code of that type, so only one law is compiled, and nothing else in a kernel knows which.
 """
@@ -29,7 +29,7 @@ class Spring(NamedTuple):
     Attributes
     ----------
     table : type
-        NamedTuple of the arrays that the spring reads; its first field is ``rows`` (rows, N_LAW).
+        NamedTuple with the one field ``rows`` (rows, N_LAW), which the spring reads.
     force : callable
         The compiled function.
     varies : bool
@@ -63,6 +63,11 @@ def spring(table, kind, delta, m_eff, r_eff, memory):
     return OF_TABLE[type(table)].force(table, kind, delta, m_eff, r_eff, memory)
 
 
+def with_rows(table, rows):
+    """A table of the same law that reads other ``rows``; in Python as in a kernel."""
+    return type(table)(rows)
+
+
 def varies(table):
     """Whether the tangential stiffness of a table's spring may change (`Spring`); in a kernel a constant."""
     return OF_TABLE[type(table)].varies
@@ -84,6 +89,16 @@ def _spring(table, kind, delta, m_eff, r_eff, memory):
 
     def of_type(table, kind, delta, m_eff, r_eff, memory):
         return force(table, kind, delta, m_eff, r_eff, memory)
+
+    return of_type
+
+
+@overload(with_rows, jit_options=INTO_CALLER)
+def _with_rows(table, rows):
+    made = table.instance_class
+
+    def of_type(table, rows):
+        return made(rows)
 
     return of_type
 

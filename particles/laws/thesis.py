@@ -27,6 +27,7 @@ from typing import NamedTuple
 import numpy as np
 
 from geometry.inner_functions import borrowing
+from geometry.lane_functions import square_root
 from particles.laws.columns import DAMPING_N, DAMPING_T, DIAMETER, EXPONENT, STIFFNESS_N, STIFFNESS_T
 from particles.laws.contact_law import check_parameters, law_row
 from particles.laws.hertz_impact import impact_time, loaded_depth, tangent_stiffness
@@ -51,7 +52,7 @@ def thesis_spring(table, kind, delta, m_eff, r_eff, memory):
     if table.rows[kind, EXPONENT] == 0.0:
         f, share = 1.0, 0.5
     else:
-        f, share = np.sqrt(delta / table.rows[kind, DIAMETER]), 0.4
+        f, share = square_root(delta / table.rows[kind, DIAMETER]), 0.4
     force = f * table.rows[kind, STIFFNESS_N] * delta
     unit = f * m_eff
     k_t = f * table.rows[kind, STIFFNESS_T]

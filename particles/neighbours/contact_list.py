@@ -108,6 +108,8 @@ class ContactList:
     ----------
     pairs : PairList
         Half list.
+    row : ndarray of uint32, shape (p,)
+        First grain of each pair.
     chunks : Chunks
         How its rows are shared among threads.
     wall_start, wall_other : ndarray, shapes (n + 1,), (s,) int32
@@ -126,11 +128,13 @@ class ContactList:
     reference: np.ndarray
     angles: np.ndarray
     columns: int = 3
+    row: np.ndarray = field(init=False)
     chunks: Chunks = field(init=False)
     pair_memory: SlotMemory = field(init=False)
     wall_memory: SlotMemory = field(init=False)
 
     def __post_init__(self) -> None:
+        self.row = self.pairs.rows().astype(np.uint32)
         self.chunks = make_chunks(self.pairs.start, self.pairs.other, self.wall_start)
         self.pair_memory = SlotMemory.empty(self.pairs.count, self.columns)
         self.wall_memory = SlotMemory.empty(len(self.wall_other), self.columns)

@@ -59,7 +59,7 @@ def moved(effects, poison=None):
     dem = DEM(crowd(), [cylinder("bore", "drum", 3.6 * RADIUS, -1.0, 1.0)], [Body("drum")], law("linear"), dt=2e-6,
               overlap_limit=0.2, **effects)  # fmt: skip
     if poison is not None:
-        dem.laws.rows[:, COLUMNS[poison]] = np.nan
+        dem._table.rows[:, COLUMNS[poison]] = np.nan
     totals = dem.run(300)
     assert totals.n_contacts > 10
     return dem.grains.position_radius.copy(), dem.grains.velocity_force[:, :6].copy(), dem

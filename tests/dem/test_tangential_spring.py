@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from geometry.inner_functions import borrowing
 from particles.dem.contact_kernel import Touch, contact_force, turned
-from particles.laws.columns import COHESION_0, COHESIVE, MU, N_LAW
+from particles.laws.columns import COHESION_0, COHESIVE, DAMPING_N, DAMPING_T, MU, N_LAW
 from particles.laws.elastic import Elastic
 from particles.laws.hertz import HertzContact
 from particles.laws.hertz_mindlin import HertzMindlin
@@ -224,10 +224,11 @@ def test_a_new_law_is_a_table_a_spring_and_a_line(monkeypatch):
 def test_equal_grains_have_the_same_force_with_constant_dashpots():
     law = LinearContact.from_restitution(1e4, 0.6, 0.3)
     table = SPRINGS["linear"].table(law.row()[None])
-    dashpots = np.array([spring(table, 0, 1e-6, MASS, RADIUS, 0.0)[2:4]])
+    rows = table.rows.copy()
+    rows[0, [DAMPING_N, DAMPING_T]] = spring(table, 0, 1e-6, MASS, RADIUS, 0.0)[2:4]
     touch = Touch(2e-6, (0.0, 0.6, 0.8), (0.2, -0.3, 0.4), None, 5.0)
     one, other = (
         contact_force(given, 0, ENERGY_COLUMN, MASS, RADIUS, 1e-6, touch, np.zeros((1, ENERGY_COLUMN + 8)), 0)
-        for given in (table, EqualLinearTable(table.rows, dashpots))
+        for given in (table, EqualLinearTable(rows))
     )
     assert other == pytest.approx(one, rel=1e-12)

@@ -1,0 +1,78 @@
+"""Square root and logarithm for compiled loops that take many numbers at once.
+
+Numba's own call the C library (the root wherever a number may be negative: it must set errno there), and a loop with
+such a call is never compiled to instructions that take many numbers side by side.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic, overload
+
+INTO_CALLER: Any = {"forceinline": True, "no_cfunc_wrapper": True, "_nrt": False}
+EXPONENT_BIAS, MANTISSA, ONE = 1023, (1 << 52) - 1, 1023 << 52  # of the 64 bits of a number
+
+
+def square_root(x):
+    """The square root of a float; in a kernel NaN of what is negative. In Python as in a kernel."""
+    return math.sqrt(x)
+
+
+def logarithm(x):
+    """The natural logarithm of a normal number above 0, to 4e-16 of itself; in Python as in a kernel."""
+    return math.log(x)
+
+
+def _root(typing_context, x):
+    def code(context, builder, signature, arguments):
+        return builder.call(builder.module.declare_intrinsic("llvm.sqrt", [arguments[0].type]), arguments)
+
+    return types.float64(types.float64), code
+
+
+def _bits(typing_context, x):
+    def code(context, builder, signature, arguments):
+        return builder.bitcast(arguments[0], ir.IntType(64))
+
+    return types.int64(types.float64), code
+
+
+def _of_bits(typing_context, x):
+    def code(context, builder, signature, arguments):
+        return builder.bitcast(arguments[0], ir.DoubleType())
+
+    return types.float64(types.int64), code
+
+
+_root_of: Any = intrinsic(_root)
+_bits_of: Any = intrinsic(_bits)
+_float_of: Any = intrinsic(_of_bits)
+
+
+@overload(square_root, jit_options=INTO_CALLER)
+def _square_root(x):
+    return lambda x: _root_of(x)
+
+
+@overload(logarithm, jit_options=INTO_CALLER)
+def _logarithm(x):
+    """ln(2^e m) = e ln 2 + 2 artanh((m - 1)/(m + 1)), with m between sqrt(1/2) and sqrt(2): ten terms of the series."""
+
+    def of_float(x):
+        bits = _bits_of(x)
+        exponent = (bits >> 52) - EXPONENT_BIAS
+        m = _float_of((bits & MANTISSA) | ONE)
+        large = m > 1.4142135623730951
+        m = 0.5 * m if large else m
+        e = float(exponent + 1) if large else float(exponent)
+        s = (m - 1.0) / (m + 1.0)
+        t = s * s
+        series = t * (1.0 / 3.0 + t * (1.0 / 5.0 + t * (1.0 / 7.0 + t * (1.0 / 9.0 + t * (1.0 / 11.0 + t * (
+            1.0 / 13.0 + t * (1.0 / 15.0 + t * (1.0 / 17.0 + t * (1.0 / 19.0)))))))))  # fmt: skip
+        return e * 0.6931471805599453 + 2.0 * (s + s * series)
+
+    return of_float
