@@ -1,4 +1,4 @@
-"""Square root and logarithm for compiled loops that take many numbers at once.
+"""Square root and logarithm for compiled loops that take many numbers at once, and a look ahead into memory.
 
 Numba's own call the C library (the root wherever a number may be negative: it must set errno there), and a loop with
 such a call is never compiled to instructions that take many numbers side by side.
@@ -11,9 +11,12 @@ from typing import Any
 
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic, overload
+from numba.np.arrayobj import make_array
 
 INTO_CALLER: Any = {"forceinline": True, "no_cfunc_wrapper": True, "_nrt": False}
+LINES = 2  # of the cache, 8 numbers each
 EXPONENT_BIAS, MANTISSA, ONE = 1023, (1 << 52) - 1, 1023 << 52  # of the 64 bits of a number
 
 
@@ -48,6 +51,26 @@ def _of_bits(typing_context, x):
     return types.float64(types.int64), code
 
 
+def _prefetch(typing_context, array, row):
+    """Ask for the first two lines of the cache that hold row ``row`` of a float array (n, m); nothing is read yet."""
+
+    def code(context, builder, signature, arguments):
+        source = make_array(signature.args[0])(context, builder, arguments[0])
+        width = builder.extract_value(source.shape, 1)
+        place = builder.gep(source.data, [builder.mul(arguments[1], width)])
+        word, byte = ir.IntType(32), ir.IntType(8).as_pointer()
+        function = cgutils.get_or_insert_function(
+            builder.module, ir.FunctionType(ir.VoidType(), [byte, word, word, word]), "llvm.prefetch.p0"
+        )
+        for line in range(LINES):
+            at = builder.gep(place, [ir.Constant(ir.IntType(64), 8 * line)])
+            builder.call(function, [builder.bitcast(at, byte), *(ir.Constant(word, k) for k in (0, 3, 1))])
+        return context.get_dummy_value()
+
+    return types.void(array, types.int64), code
+
+
+prefetch_row: Any = intrinsic(_prefetch)
 _root_of: Any = intrinsic(_root)
 _bits_of: Any = intrinsic(_bits)
 _float_of: Any = intrinsic(_of_bits)

@@ -65,6 +65,7 @@ def _by_lane(typing_context, blocks, chunk, block, first):
 
 by_lane: Any = intrinsic(_by_lane)
 
+
 def lane_column(energy_column):
     """First column of the last forces in a block's history, or None without an energy budget."""
     return None if energy_column is None else at.ENERGY_COLUMN

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from geometry.inner_functions import inner
-from geometry.lane_functions import square_root
+from geometry.lane_functions import prefetch_row, square_root
 from particles.dem import lane_fields as at
 from particles.dem.attraction_kernel import ACROSS, AMPLITUDE, COLUMN, pull_at
 from particles.dem.contact_kernel import left_in_springs
@@ -125,6 +125,7 @@ def find_contacts(chunk, cursor, dt, law, resistance, energy_column, attraction,
             before, now = touching[q], 1 if d2 < reach2 else 0
             touching[q] = now
             # written in any case, kept by counting it: a branch would often be mispredicted
+            prefetch_row(history, p)  # what the contact remembers is needed soon, and is in no cache of a large scene
             c = np.uint32(count)
             noted[at.SLOT, c], noted[at.PLACE, c] = q, place if crossing else -1
             count += now
