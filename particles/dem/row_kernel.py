@@ -2,9 +2,10 @@
 
 Contacts are found, computed and handed to their grains a batch at a time (`particles.dem.contact_lanes`). A grain is
 complete when its row has ended, because every pair stands in the row of its first grain: it is integrated after the
-batch in which that happens, while it is in the cache. Only a grain that has a partner in an earlier chunk of rows must wait (``late``): that chunk
-runs beside this one, so its reactions come through a buffer with a place for every such pair, and `finish_rows` adds
-them in the order of the pairs once all chunks are done. Nothing depends on the number of threads, bit for bit.
+batch in which that happens, while it is in the cache. Only a grain that has a partner in an earlier chunk of rows must
+wait (``late``): that chunk runs beside this one, so its reactions come through a buffer with a place for every such
+pair, and `finish_rows` adds them in the order of the pairs once all chunks are done. Nothing depends on the number of
+threads, bit for bit.
 
 A held attraction pulls every pair of the list that it drives, touching or not; its sums go the same way, in places of
 their own.
