@@ -230,7 +230,7 @@ class ListedGrains:
         """Put the grains in the order of their cells; which grain of the old order stands in each place, shape (n,)."""
         g = self.grains
         reach, cutoff = reaches(g.radius, self.skin, self._near_gap)
-        order = cell_order(g.position, finest_cell(reach, cutoff))
+        order = cell_order(g.position_radius, finest_cell(reach, cutoff))
         if np.any(order[1:] < order[:-1]):
             g.permute(order)
             for name in PER_GRAIN:

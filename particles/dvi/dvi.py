@@ -369,7 +369,7 @@ class DVI:
         if self._encloses and len(gone := np.flatnonzero(outside(g.position, self.walls, float(g.radius.max())))):
             raise run_faults.escaped(g, gone, self.dt, self.time)
         old_id = g.particle_id
-        order = cell_order(g.position, 2.0 * float(g.radius.max()) + self.skin)
+        order = cell_order(g.position_radius, 2.0 * float(g.radius.max()) + self.skin)
         if np.any(order[1:] < order[:-1]):
             old_id = old_id.copy()
             g.permute(order)
