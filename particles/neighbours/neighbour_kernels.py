@@ -143,15 +143,17 @@ def fill_rows(search, row, stop, start, pairs, begin, room):
                         near[m + k] = lo + k
                     m += length
                 first_b = b0
-        partners = 0
+        kept = np.uint64(0)  # unsigned places are not asked whether they count from the end
         for k in range(m):
-            e = near[k]
+            e = np.uint64(near[k])
             dx, dy, dz = entry[e, 0] - x, entry[e, 1] - y, entry[e, 2] - z
             square = dx * dx + dy * dy + dz * dz
             width = min(limit, r + entry[e, 3])
+            now = code[e]
             # written in any case, kept by counting it: a branch would be mispredicted every other time
-            near[partners], key[partners] = code[e], square
-            partners += 1 if (square < width * width) & (code[e] > last_code) else 0
+            near[kept], key[kept] = now, square
+            kept += np.uint64((square < width * width) & (now > last_code))
+        partners = np.int64(kept)
         start[i + 1] = partners
         found += partners
         if found > room:
