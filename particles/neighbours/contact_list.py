@@ -162,20 +162,19 @@ class ContactList:
     @classmethod
     def make(
         cls,
-        position_radius: np.ndarray,
+        position: np.ndarray,
+        reach: np.ndarray,
+        cutoff: float,
         skin: float,
         walls: DeviceWalls,
         angles: Sequence[float],
         sector: CyclicSector | None,
         columns: int,
-        gap: float = 0.0,
     ) -> ContactList:
-        """The list at ``position_radius`` (n, 4) [m] with ``skin`` [m] and bodies at ``angles`` [rad].
+        """The list at ``position`` (n, 3) [m] with the `reaches` of a ``skin`` [m] and bodies at ``angles`` [rad].
 
-        A contact has ``columns`` numbers to remember. Surfaces count as touching up to a ``gap`` [radii].
+        A contact has ``columns`` numbers to remember.
         """
-        position, radius = position_radius[:, :3], position_radius[:, 3]
-        reach, cutoff = reaches(radius, skin, gap)
         pairs = find_pairs(position, cutoff, sector, reach)
         start, other = walls.near(position, reach, skin, angles)
         return cls(pairs, start, other, np.array(position), np.array(angles), columns)
@@ -238,11 +237,14 @@ class ContactList:
 
 
 def reaches(radius: np.ndarray, skin: float, gap: float) -> tuple[np.ndarray, float]:
-    """How far each grain looks (n,) [m], and the largest distance of a pair [m]; ``gap`` [radii], see `ContactList`."""
-    reach = radius + 0.5 * skin
+    """How far each grain looks (n,) [m], and the largest distance of a pair [m].
+
+    Surfaces count as touching up to a ``gap`` [radii].
+    """
+    reach, largest = radius + 0.5 * skin, float(radius.max())
     if gap > 0.0:
         reach = reach + 0.5 * gap * radius
-    return reach, 2.0 * float(radius.max()) + skin + gap * float(radius.max())
+    return reach, 2.0 * largest + skin + gap * largest
 
 
 @njit(cache=True, error_model="numpy")

@@ -40,11 +40,11 @@ def find(points, ghosts, ghost_code, beside_face, limit, most, start):
         Partners and, with ``beside_face``, their shifts.
     """
     n = points.shape[0]
-    finite, count, own, ordered, grids, lengths, slot, entry, code, table, number = make_search(
+    finite, n_grids, own, ordered, grids, lengths, slot, entry, code, table, number = make_search(
         points, ghosts, ghost_code, limit
     )
     # made here, and flat: numba hands no other tuple to the threads
-    search = Search(limit, beside_face, count, own, ordered, grids, lengths, slot, entry, code, table, number)
+    search = Search(limit, beside_face, n_grids, own, ordered, grids, lengths, slot, entry, code, table, number)
     if not finite:
         return NOT_FINITE, np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int8)
     blocks = 2 * ((n + 2 * most - 1) // (2 * most))  # even: two threads have the same to do
@@ -86,10 +86,10 @@ def fill_rows(search, row, stop, start, pairs, begin, room):
 
     The length of row i goes into ``start[i + 1]``. Rows that find no room are counted only.
     """
-    limit, beside_face, count, own, ordered, grids, lengths, slot, entry, code, table, number = search
+    limit, beside_face, n_grids, own, ordered, grids, lengths, slot, entry, code, table, number = search
     other, shift = pairs
     near, key, rank = np.empty(256, dtype=np.int32), np.empty(256), np.empty(SHORT, dtype=np.int64)
-    found = 0
+    found = np.int64(0)
     after = 0  # first entry of the ordered grid that has a higher number than i
     if ordered >= 0:
         after = _first_from(4 * row, code, grids[ordered, BEGIN], grids[ordered, END])
@@ -97,7 +97,7 @@ def fill_rows(search, row, stop, start, pairs, begin, room):
         me, last_code = slot[i], 4 * i + 3
         x, y, z, r = entry[me, 0], entry[me, 1], entry[me, 2], entry[me, 3]
         m = 0
-        for g in range(count):
+        for g in range(n_grids):
             if g == own and not beside_face[i]:
                 break
             first_entry, end = grids[g, BEGIN], grids[g, END]

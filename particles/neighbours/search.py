@@ -36,7 +36,7 @@ class Search(NamedTuple):
         Largest interaction distance [m].
     beside_face : ndarray of bool, shape (n,) or (0,)
         Which grains stand near a face of the sector: only these see ghosts.
-    count, own : int
+    n_grids, own : int
         Number of grids, and of those with grains in them.
     ordered : int
         The grid by whose cells all grains stand in order; -1 if there is none.
@@ -52,7 +52,7 @@ class Search(NamedTuple):
 
     limit: float
     beside_face: np.ndarray
-    count: int
+    n_grids: int
     own: int
     ordered: int
     grids: np.ndarray
@@ -68,7 +68,7 @@ class Search(NamedTuple):
 def make_search(points, ghosts, ghost_code, limit):
     """Sort grains, and their ghosts beyond the faces, into the cells of their levels.
 
-    Returns whether all coordinates are finite, and what a `Search` has from ``count`` on.
+    Returns whether all coordinates are finite, and what a `Search` has from ``n_grids`` on.
     """
     n, m = points.shape[0], points.shape[0] + ghosts.shape[0]
     grids, lengths = np.empty((2 * LEVELS, N_GRID), dtype=np.int64), np.empty((2 * LEVELS, N_LENGTH))
@@ -77,7 +77,7 @@ def make_search(points, ghosts, ghost_code, limit):
     low, high = np.empty(3), np.empty(3)
     member, first, top = np.empty(n, dtype=np.int32), np.empty(LEVELS + 1, dtype=np.int64), np.empty(LEVELS)
     here, order = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
-    count, own, ordered, begin, finite = 0, 0, -1, 0, True
+    n_grids, own, ordered, begin, finite = 0, 0, -1, 0, True
     for cloud in range(2):
         x = points if cloud == 0 else ghosts
         if x.shape[0] > n:
@@ -91,7 +91,7 @@ def make_search(points, ghosts, ghost_code, limit):
             if x.shape[0] == 0 or inside == 0 or not finite:
                 continue
             mine, places, now = member[first[level] : first[level + 1]], order[:inside], here[:inside]
-            grid, length = grids[count], lengths[count]
+            grid, length = grids[n_grids], lengths[n_grids]
             cells = lay_grid(low, high, min(limit, 2.0 * top[level]), grid, length)
             ascends = number_grains(x, mine, grid, length, now)
             grid[BEGIN], grid[END], grid[TABLE], grid[NUMBER], length[REACH] = begin, begin + inside, -1, -1, top[level]
@@ -113,15 +113,15 @@ def make_search(points, ghosts, ghost_code, limit):
                 for a in range(4):
                     entry[begin + k, a] = x[i, a]
                 code[begin + k] = 4 * i + 1 if cloud == 0 else ghost_code[i]
-            count, begin = count + 1, begin + inside
+            n_grids, begin = n_grids + 1, begin + inside
             # the last level is the finest: do all grains stand in the order of its cells?
-            if cloud == 0 and begin == n and ascends and (count == 1 or number_grains(x, None, grid, length, here)):
-                ordered = count - 1
+            if cloud == 0 and begin == n and ascends and (n_grids == 1 or number_grains(x, None, grid, length, here)):
+                ordered = n_grids - 1
         if cloud == 0:
-            own = count
+            own = n_grids
             for k in range(begin):
                 slot[code[k] >> 2] = k
-    return finite, count, own, ordered, grids, lengths, slot, entry, code, table, number
+    return finite, n_grids, own, ordered, grids, lengths, slot, entry, code, table, number
 
 
 @inner(error_model="numpy")
