@@ -115,40 +115,44 @@ def lay_grid(low, high, size, grid, length):
 
 
 @inner(error_model="numpy")
-def number_grains(points, member, grid, length, number):
-    """Fill in the cell numbers of the points ``member`` (None: all of them); returns whether they never descend."""
+def number_grains(points, begin, end, grid, length, number):
+    """Fill in the cell numbers of the points from ``begin`` to ``end``; returns whether they never descend."""
     fast, middle, slow = grid[AXIS], grid[AXIS + 1], grid[AXIS + 2]
     low0, low1, low2 = length[LOW], length[LOW + 1], length[LOW + 2]
     inverse0, inverse1, inverse2 = length[INVERSE], length[INVERSE + 1], length[INVERSE + 2]
     count0, count1 = grid[COUNT], grid[COUNT + 1]
     before, ascends = 0, True
-    for m in range(points.shape[0] if member is None else member.shape[0]):
-        i = m if member is None else member[m]
+    for i in range(begin, end):
         # never past the last cell: its count came from the same expression at the upper corner
         a = np.int64((points[i, fast] - low0) * inverse0)
         b = np.int64((points[i, middle] - low1) * inverse1)
         c = np.int64((points[i, slow] - low2) * inverse2)
         now = (c * count1 + b) * count0 + a
         ascends &= now >= before
-        number[m] = before = now
+        number[i] = before = now
     return ascends
 
 
 @inner(error_model="numpy")
-def counting_sort(number, start, order):
-    """Stable order of ``number``; ``start`` becomes the first place of each number, and one more."""
-    for c in range(start.shape[0]):
-        start[c] = 0
-    for m in range(number.shape[0]):
-        start[number[m] + 1] += 1
-    for c in range(1, start.shape[0]):
-        start[c] += start[c - 1]
-    for m in range(number.shape[0]):
-        order[start[number[m]]] = m
-        start[number[m]] += 1
-    for c in range(start.shape[0] - 1, 0, -1):  # each has moved on to the start of the next
-        start[c] = start[c - 1]
-    start[0] = 0
+def counting_sort(number, begin, end, table, cells, order):
+    """Stable order of ``number[begin:end]``, in the same places of ``order``.
+
+    The first place of each number, counted from ``begin``, and one more come into the last ``cells`` + 1 places of
+    ``table``.
+    """
+    first = table.shape[0] - cells - 1
+    for c in range(first, first + cells + 1):
+        table[c] = 0
+    for k in range(begin, end):
+        table[first + number[k] + 1] += 1
+    for c in range(first + 1, first + cells + 1):
+        table[c] += table[c - 1]
+    for k in range(begin, end):
+        order[begin + table[first + number[k]]] = k
+        table[first + number[k]] += 1
+    for c in range(first + cells, first, -1):  # each has moved on to the start of the next
+        table[c] = table[c - 1]
+    table[first] = 0
 
 
 @njit(cache=True, error_model="numpy")
@@ -159,11 +163,11 @@ def _sort_by_cells(points, size, number, order):
     if not bounds(points, low, high):
         return NOT_FINITE
     n, cells = points.shape[0], lay_grid(low, high, size, grid, length)
-    if number_grains(points, None, grid, length, number):
+    if number_grains(points, 0, n, grid, length, number):
         for m in range(n):
             order[m] = m
     elif cells > TABLE_PER_GRAIN * n + FIXED_TABLE:
         return SPARSE
     else:
-        counting_sort(number, np.empty(cells + 1, dtype=np.int32), order)
+        counting_sort(number, 0, n, np.empty(cells + 1, dtype=np.int32), cells, order)
     return SORTED

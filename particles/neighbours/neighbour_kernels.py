@@ -9,7 +9,7 @@ from geometry.inner_functions import inner
 from particles.neighbours.cells import AXIS, BEGIN, COUNT, END, INVERSE, LOW, MARGIN, NUMBER, REACH, TABLE
 from particles.neighbours.search import Search, heap_sort, longer, make_search
 
-SAMPLE = 16  # rows that are looked at to know how many pairs a row has
+SAMPLE = 8  # rows of a block that are looked at to know how many pairs a row has
 FEW = 8  # grains on a line of cells: rarely more at two to the cell
 SHORT = 32  # partners up to which all are compared with all to sort them
 NOT_FINITE = -2  # an answer of `find`
@@ -48,36 +48,41 @@ def find(points, ghosts, ghost_code, beside_face, limit, most, start):
     if not finite:
         return NOT_FINITE, np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int8)
     blocks = 2 * ((n + 2 * most - 1) // (2 * most))  # even: two threads have the same to do
-    rows = (n + blocks - 1) // blocks
-    nothing, sample = (np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int8)), 0
-    for k in range(min(SAMPLE, n)):
-        row = k * n // SAMPLE if n > SAMPLE else k
-        sample += fill_rows(search, row, row + 1, start, nothing, 0, 0)
-    room = rows * (3 * sample // (2 * SAMPLE) + 4)
     faces = 1 if beside_face.shape[0] > 0 else 0
-    scratch = np.empty(blocks * room, dtype=np.int32), np.empty(faces * blocks * room, dtype=np.int8)
-    found = np.empty(blocks, dtype=np.int64)
-    for b in prange(blocks):
-        block = np.int64(b)  # numba's own index is unsigned, and everything would be compiled for both
-        row = min(block * rows, n)
-        found[block] = fill_rows(search, row, min(row + rows, n), start, scratch, block * room, room)
-    start[0] = 0
-    for i in range(n):
-        start[i + 1] += start[i]
-    kept = np.empty(start[n], dtype=np.int32), np.empty(faces * start[n], dtype=np.int8)
-    for b in prange(blocks):
-        block = np.int64(b)
-        row = min(block * rows, n)
-        stop, begin = min(row + rows, n), start[row]
-        if found[block] <= room:
-            for k in range(found[block]):
-                kept[0][begin + k] = scratch[0][block * room + k]
-            for k in range(faces * found[block]):
-                kept[1][begin + k] = scratch[1][block * room + k]
-        else:  # there was no room for all: once more, now that it is known
-            lengths = np.empty(n + 1, dtype=np.int64)
-            fill_rows(search, row, stop, lengths, kept, begin, found[block])
-    return ordered, kept[0], kept[1]
+    room = 0  # for the pairs of a block
+    count = np.empty(blocks, dtype=np.int64)
+    scratch = other = np.empty(0, dtype=np.int32)
+    scratch_shift = shift = np.empty(0, dtype=np.int8)
+    for turn in range(3):  # look at a few rows to know how long they are; fill them; put them together
+        if turn == 1:
+            sample = 0
+            for b in range(blocks):
+                sample += count[b]
+            room = (n // blocks + 1) * (3 * sample // (2 * SAMPLE * blocks) + 4)
+            scratch, scratch_shift = np.empty(blocks * room, dtype=np.int32), np.empty(faces * blocks * room, np.int8)
+        elif turn == 2:
+            start[0] = 0
+            for i in range(n):
+                start[i + 1] += start[i]
+            other, shift = np.empty(start[n], dtype=np.int32), np.empty(faces * start[n], dtype=np.int8)
+        for b in prange(blocks):
+            block = np.int64(b)  # numba's own index is unsigned, and everything would be compiled for both
+            row, stop = block * n // blocks, (block + 1) * n // blocks
+            if turn == 2 and count[block] <= room:
+                place = start[row]
+                for k in range(count[block]):
+                    other[place + k] = scratch[block * room + k]
+                for k in range(faces * count[block]):
+                    shift[place + k] = scratch_shift[block * room + k]
+                continue
+            # where there was no room for all: once more, now that it is known
+            again = turn == 2
+            begin, found = (start[row], count[block]) if again else (block * room, room)
+            rows = (other, shift) if again else (scratch, scratch_shift)
+            lengths = np.empty(n + 1, dtype=np.int64) if again else start
+            stop = min(stop, row + SAMPLE) if turn == 0 else stop
+            count[block] = fill_rows(search, row, stop, lengths, rows, begin, found)
+    return ordered, other, shift
 
 
 @inner(error_model="numpy")
@@ -136,13 +141,15 @@ def fill_rows(search, row, stop, start, pairs, begin, room):
                     lo = max(lo, first)
                     length = max(hi - lo, 0)
                     if m + length + FEW > near.shape[0]:
-                        near, key = longer(near, m, 2 * (m + length + FEW)), np.empty(2 * (m + length + FEW))
+                        near = longer(near, 2 * (m + length + FEW))
                     for k in range(FEW):  # mostly enough, and without a branch on the length
                         near[m + k] = lo + k
                     for k in range(FEW, length):
                         near[m + k] = lo + k
                     m += length
                 first_b = b0
+        if key.shape[0] < near.shape[0]:
+            key = np.empty(near.shape[0])
         kept = np.uint64(0)  # unsigned places are not asked whether they count from the end
         for k in range(m):
             e = np.uint64(near[k])

@@ -24,7 +24,7 @@ import numpy as np
 
 from particles.neighbours import neighbour_kernels as kernels
 from particles.neighbours.cells import cell_order, not_finite
-from particles.neighbours.search import finest_level
+from particles.neighbours.search import LEVELS
 from particles.sector import CyclicSector
 from particles.threads import at_most
 
@@ -113,7 +113,12 @@ def find_pairs(
 def finest_cell(reach: np.ndarray, cutoff: float | None = None) -> float:
     """Edge [m] of the finest cells that `find_pairs` makes for these reaches (n,) [m]: what to sort grains by."""
     limit, near = _limits(len(reach), cutoff, reach)
-    return min(limit, 2.0 * finest_level(near))
+    lowest, bound = float(near.min()), float(near.max())
+    for _ in range(LEVELS - 1):
+        if lowest > 0.5 * bound:
+            break
+        bound *= 0.5
+    return min(limit, 2.0 * float(near[near <= bound].max()))
 
 
 def _limits(n: int, cutoff: float | None, reach: np.ndarray | None) -> tuple[float, np.ndarray]:

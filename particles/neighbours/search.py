@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from geometry.inner_functions import inner
 from particles.neighbours.cells import (
@@ -73,86 +72,85 @@ def make_search(points, ghosts, ghost_code, limit):
     n, m = points.shape[0], points.shape[0] + ghosts.shape[0]
     grids, lengths = np.empty((2 * LEVELS, N_GRID), dtype=np.int64), np.empty((2 * LEVELS, N_LENGTH))
     entry, code, slot = np.empty((m, 4)), np.empty(m, dtype=np.int32), np.empty(n, dtype=np.int32)
+    here, place = np.empty(max(n, m - n), dtype=np.int64), np.empty(max(n, m - n), dtype=np.int64)
     table, number = np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int64)
-    low, high = np.empty(3), np.empty(3)
-    member, first, top = np.empty(n, dtype=np.int32), np.empty(LEVELS + 1, dtype=np.int64), np.empty(LEVELS)
-    here, order = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
+    low, high, first, top = np.empty(3), np.empty(3), np.empty(LEVELS + 1, dtype=np.int64), np.empty(LEVELS)
     n_grids, own, ordered, begin, finite = 0, 0, -1, 0, True
     for cloud in range(2):
-        x = points if cloud == 0 else ghosts
-        if x.shape[0] > n:
-            member = np.empty(x.shape[0], dtype=np.int32)
-            here, order = np.empty(x.shape[0], dtype=np.int64), np.empty(x.shape[0], dtype=np.int64)
-        if x.shape[0] > 0:
-            finite &= bounds(x, low, high)
-            sort_by_level(x[:, 3], member, first, top)
+        given = points if cloud == 0 else ghosts
+        if given.shape[0] == 0:
+            break
+        finite &= bounds(given, low, high)
+        if not finite:
+            break
+        x, member = sort_by_level(given, first, top)
         for level in range(LEVELS):
-            inside = first[level + 1] - first[level]
-            if x.shape[0] == 0 or inside == 0 or not finite:
+            a, b = first[level], first[level + 1]
+            if a == b:
                 continue
-            mine, places, now = member[first[level] : first[level + 1]], order[:inside], here[:inside]
             grid, length = grids[n_grids], lengths[n_grids]
             cells = lay_grid(low, high, min(limit, 2.0 * top[level]), grid, length)
-            ascends = number_grains(x, mine, grid, length, now)
-            grid[BEGIN], grid[END], grid[TABLE], grid[NUMBER], length[REACH] = begin, begin + inside, -1, -1, top[level]
+            ascends = number_grains(x, a, b, grid, length, here)
+            grid[BEGIN], grid[END], grid[TABLE], grid[NUMBER] = begin, begin + b - a, -1, -1
+            length[REACH] = top[level]
             if cells <= TABLE_PER_GRAIN * m + FIXED_TABLE:
                 grid[TABLE] = table.shape[0]
-                table = longer(table, table.shape[0], table.shape[0] + cells + 1)
-                counting_sort(now, table[grid[TABLE] :], places)
+                table = longer(table, table.shape[0] + cells + 1)
+                counting_sort(here, a, b, table, cells, place)
             else:
-                for k in range(inside):
-                    places[k] = k
-                if not ascends:
-                    heap_sort(now, places, inside)
-                grid[NUMBER] = number.shape[0]
-                number = longer(number, number.shape[0], number.shape[0] + inside)
-                for k in range(inside):
-                    number[grid[NUMBER] + k] = now[k]
-            for k in range(inside):
-                i = mine[places[k]]
-                for a in range(4):
-                    entry[begin + k, a] = x[i, a]
-                code[begin + k] = 4 * i + 1 if cloud == 0 else ghost_code[i]
-            n_grids, begin = n_grids + 1, begin + inside
-            # the last level is the finest: do all grains stand in the order of its cells?
-            if cloud == 0 and begin == n and ascends and (n_grids == 1 or number_grains(x, None, grid, length, here)):
-                ordered = n_grids - 1
+                grid[NUMBER] = begin
+                number = longer(number, m)
+                _sort_places(here, a, b, place)
+            for k in range(b - a):
+                e, i = begin + k, place[a + k]
+                entry[e, 0], entry[e, 1], entry[e, 2], entry[e, 3] = x[i, 0], x[i, 1], x[i, 2], x[i, 3]
+                code[e] = 4 * member[i] + 1 if cloud == 0 else ghost_code[member[i]]
+                if grid[NUMBER] >= 0:
+                    number[e] = here[i]
+            n_grids, begin = n_grids + 1, begin + b - a
         if cloud == 0:
             own = n_grids
-            for k in range(begin):
+            for k in range(n):
                 slot[code[k] >> 2] = k
+            # the last level is the finest: do all grains stand in the order of its cells?
+            if ascends and (own == 1 or number_grains(points, 0, n, grid, length, here)):
+                ordered = own - 1
     return finite, n_grids, own, ordered, grids, lengths, slot, entry, code, table, number
 
 
 @inner(error_model="numpy")
-def sort_by_level(reach, member, first, top):
-    """Grains of like reach, one level behind the other; level k begins at ``first[k]``, its largest is ``top[k]`` [m].
+def sort_by_level(points, first, top):
+    """Points of like reach, one level behind the other, and which these are.
 
-    The largest grains first; within a level grains keep their order. Empty levels have no grains between two firsts.
+    Level k begins at ``first[k]``, its largest reach is ``top[k]`` [m]. The largest come first; within a level points
+    keep their order.
     """
-    largest, smallest = 0.0, np.inf
-    for i in range(reach.shape[0]):
-        largest, smallest = max(largest, reach[i]), min(smallest, reach[i])
+    n, largest, smallest = points.shape[0], 0.0, np.inf
+    for i in range(n):
+        largest, smallest = max(largest, points[i, 3]), min(smallest, points[i, 3])
     for level in range(LEVELS):
         first[level], top[level] = 0, 0.0
     first[LEVELS] = 0
-    if smallest > 0.5 * largest:
-        for level in range(LEVELS):
-            first[level + 1] = reach.shape[0]
-        for i in range(reach.shape[0]):
-            member[i] = i
-        top[0] = largest
-        return
+    member, found = np.empty(n, dtype=np.int32), points
+    if smallest <= 0.5 * largest:
+        found = np.empty((n, 4))
     for turn in range(2):  # count, then place
-        for i in range(reach.shape[0]):
+        for i in range(n):
             level, bound = 0, 0.5 * largest
-            while reach[i] <= bound and level < LEVELS - 1:
+            while points[i, 3] <= bound and level < LEVELS - 1:
                 level, bound = level + 1, 0.5 * bound
             if turn == 0:
                 first[level + 1] += 1
-                top[level] = max(top[level], reach[i])
+                top[level] = max(top[level], points[i, 3])
             else:
-                member[first[level]] = i
+                k = first[level]
+                member[k] = i
+                found[k, 0], found[k, 1], found[k, 2], found[k, 3] = (
+                    points[i, 0],
+                    points[i, 1],
+                    points[i, 2],
+                    points[i, 3],
+                )
                 first[level] += 1
         if turn == 0:
             for k in range(LEVELS):
@@ -160,25 +158,34 @@ def sort_by_level(reach, member, first, top):
     for k in range(LEVELS, 0, -1):
         first[k] = first[k - 1]
     first[0] = 0
-
-
-@njit(cache=True, error_model="numpy")
-def finest_level(reach):
-    """The largest reach [m] among the grains of the last level."""
-    member, first, top = np.empty(len(reach), dtype=np.int32), np.empty(LEVELS + 1, dtype=np.int64), np.empty(LEVELS)
-    sort_by_level(reach, member, first, top)
-    finest = 0.0
-    for level in range(LEVELS):
-        if first[level + 1] > first[level]:
-            finest = top[level]
-    return finest
+    return found, member
 
 
 @inner(error_model="numpy")
-def longer(array, kept, length):
-    """A copy of the first ``kept`` places in an array of this length."""
+def _sort_places(number, begin, end, place):
+    """Stable order of ``number[begin:end]``, in the same places of ``place``: shell sort, no table of cells."""
+    for k in range(begin, end):
+        place[k] = k
+    gap = 1
+    while 9 * gap < end - begin:
+        gap = 3 * gap + 1
+    while gap > 0:
+        for k in range(begin + gap, end):
+            now, q = place[k], k - gap
+            while q >= begin and (
+                number[place[q]] > number[now] or (number[place[q]] == number[now] and place[q] > now)
+            ):
+                place[q + gap] = place[q]
+                q -= gap
+            place[q + gap] = now
+        gap //= 3
+
+
+@inner(error_model="numpy")
+def longer(array, length):
+    """A copy at the beginning of so many places."""
     made = np.empty(length, dtype=array.dtype)
-    for k in range(kept):
+    for k in range(array.shape[0]):
         made[k] = array[k]
     return made
 
