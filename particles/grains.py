@@ -164,6 +164,6 @@ class Grains:
     def permute(self, order: np.ndarray) -> None:
         """Put grain ``order[k]`` into place k in every array."""
         for name in RECORDS:
-            setattr(self, name, getattr(self, name)[order])
+            setattr(self, name, getattr(self, name).take(order, axis=0))
         if self.magnetic_moment is not None:
-            self.magnetic_moment = self.magnetic_moment[order]
+            self.magnetic_moment = self.magnetic_moment.take(order, axis=0)

@@ -15,6 +15,7 @@ from particles.bodies import Body
 from particles.dem import run_faults, run_summary, total_columns
 from particles.dem import step_kernel as kernel
 from particles.dem.attraction import PREFIX as ATTRACTION
+from particles.dem.coming_steps import ComingSteps
 from particles.dem.contact_columns import contact_columns
 from particles.dem.contact_lanes import make_batch
 from particles.dem.kernel_state import (
@@ -41,7 +42,7 @@ from particles.laws.twisting_friction import TwistingFriction
 from particles.neighbours.contact_list import ContactList
 from particles.neighbours.contact_table import ContactTable, contact_table, geometric_overlaps
 from particles.sector import CyclicSector
-from particles.shafts import Shafts, drives_at
+from particles.shafts import Shafts
 from particles.threads import threads_for
 from particles.walls.triangle_kernels import N_FOUND
 
@@ -173,6 +174,7 @@ class DEM(ListedGrains):
         body_totals[:, total_columns.LAST_TORQUE] = self._last_torque
         elastic, kinetic, rebuilds, left = self._elastic, self._kinetic, 0, n_steps
         angle, speed = (np.array([getattr(b, name) for b in self.bodies]) for name in ("angle", "speed"))
+        coming = None
         with threads_for(self.grains.count):
             while left > 0:
                 if self._outdated:
@@ -180,9 +182,11 @@ class DEM(ListedGrains):
                     rebuilds += 1
                 if self.attraction is not None:  # first: it may set the held force
                     self.attraction.fetch(self)
-                batch = min(left, STEPS_PER_CALL)
+                if coming is None or coming.end == self.step_count:
+                    coming = self._coming(min(left, STEPS_PER_CALL))
+                batch = coming.end - self.step_count
                 answer, done = kernel.run_steps(
-                    *self._arguments(batch, batch == left, angle, speed, totals, body_totals)
+                    *self._arguments(batch, batch == left, angle, speed, totals, body_totals, coming=coming)
                 )
                 left -= done
                 self.step_count += done
@@ -217,7 +221,7 @@ class DEM(ListedGrains):
         """The contacts of now, with the forces that the next step will feel; changes nothing."""
         kept = self._list
         if self._stale:  # a list of its own, in the present order; the run will make another one when it goes on
-            self._contacts = self._fresh_list()
+            self._contacts = self._fresh_list(*self._reaches())
             self._contacts.take(kept.memory(), np.arange(self.grains.count), None, self.sector, self._columns.vectors)
         try:
             return self._contacts_of(self._list)
@@ -287,6 +291,9 @@ class DEM(ListedGrains):
     # -- inside: what the kernel is given
     # ---------------------------------------------------------------------------------------------------
 
+    def _coming(self, n_steps: int) -> ComingSteps:
+        return ComingSteps(self.gravity, self.bodies, self.step_count, n_steps, self.dt)
+
     def _arguments(
         self,
         n_steps: int,
@@ -296,14 +303,15 @@ class DEM(ListedGrains):
         totals: np.ndarray,
         body_totals: np.ndarray,
         driven: bool = True,
+        coming: ComingSteps | None = None,
     ) -> StepArguments:
+        coming = coming or self._coming(n_steps)
         g, c, n_bodies = self.grains, self._list, len(self.bodies)
         n_chunks, most_walls = len(c.chunks.start) - 1, int(np.diff(c.wall_start).max(initial=1))
         none = np.zeros((0, 3))
-        times = (self.step_count + np.arange(n_steps)) * self.dt
-        external, gravity = held_force(self.external_force, g.count), gravity_at(self.gravity, times)
+        external, gravity = held_force(self.external_force, g.count), coming.gravity(self.step_count)
         species = np.zeros(0, dtype=np.int64) if self._species is None else self._species
-        drives, constants = drives_at(self.bodies, times)
+        drives, constants = coming.drives(self.step_count), coming.constants
         walls, shift = self._device, None if self.sector is None else c.pairs.shift
         return StepArguments(
             Call(

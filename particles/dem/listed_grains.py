@@ -26,7 +26,7 @@ from particles.neighbours.neighbour_list import PairList, cell_order, finest_cel
 from particles.neighbours.skin import USUAL, WIDEST, next_skin
 from particles.sector import CyclicSector
 from particles.walls.device_walls import DeviceWalls
-from particles.walls.wall_table import outside
+from particles.walls.wall_table import Enclosure
 
 PER_GRAIN = {"external_force": True, "_species": False, "_net": True}
 """Arrays of `ListedGrains` with a row a grain, or None: whether rows are vectors that turn where a grain is wrapped."""
@@ -75,7 +75,9 @@ class ListedGrains:
         self._columns, self._species, self._net = columns, species, np.zeros((grains.count, 3))
         self._device = DeviceWalls(self.walls, self.bodies)
         # a device that does not hold its grains at the start (a bare disc, a belt) cannot lose them either
-        self._encloses = not outside(grains.position, self.walls, 0.0).any()
+        self._enclosure: Enclosure | None = Enclosure(self.walls)
+        if self._enclosure.outside(grains.position, 0.0).any():
+            self._enclosure = None
         self._stale = True
         self._list_step = 0
         self._contacts: ContactList | None = None
@@ -171,12 +173,14 @@ class ListedGrains:
         )
         self._stale = bool(stale)
 
-    def _fresh_list(self) -> ContactList:
+    def _fresh_list(self, reach: np.ndarray, cutoff: float) -> ContactList:
         angles = [body.angle for body in self.bodies]
         return ContactList.make(
-            self.grains.position_radius, self.skin, self._device, angles, self.sector, self._columns.total,
-            self._near_gap,
-        )  # fmt: skip
+            self.grains.position, reach, cutoff, self.skin, self._device, angles, self.sector, self._columns.total
+        )
+
+    def _reaches(self) -> tuple[np.ndarray, float]:
+        return reaches(self.grains.radius, self.skin, self._near_gap)
 
     @property
     def _near_gap(self) -> float:
@@ -190,8 +194,10 @@ class ListedGrains:
     def _rebuild(self) -> None:
         """Wrap, sort by cells, list the neighbours anew, and carry what contacts remember into the new list."""
         g = self.grains
-        if self._encloses and len(gone := np.flatnonzero(outside(g.position, self.walls, 2.0 * float(g.radius.max())))):
-            raise run_faults.escaped(g, gone, self.time)
+        if self._enclosure is not None:
+            gone = np.flatnonzero(self._enclosure.outside(g.position, 2.0 * float(g.radius.max())))
+            if len(gone):
+                raise run_faults.escaped(g, gone, self.time)
         wraps = None if self.sector is None else self._wrap(self.sector)
         memory = None
         if self._contacts is not None:
@@ -202,8 +208,12 @@ class ListedGrains:
                 steps = self.step_count - self._list_step
                 self.skin = next_skin(self.skin, steps, extra, self._mean_radius, widest)
             self._contacts = None  # before the next one: two lists are the most memory that grains ever need
-        order = self._sort()
-        made = self._fresh_list()
+        reach, cutoff = self._reaches()
+        order = cell_order(g.position_radius, finest_cell(reach, cutoff))
+        if np.any(order[1:] < order[:-1]):
+            self._sort(order)
+            reach = reach.take(order)
+        made = self._fresh_list(reach, cutoff)
         if memory is not None:
             made.take(memory, order, wraps, self.sector, self._columns.vectors)
         self._contacts = made
@@ -226,17 +236,12 @@ class ListedGrains:
             self.attraction.wrapped(gone, wraps[gone], sector)
         return wraps
 
-    def _sort(self) -> np.ndarray:
-        """Put the grains in the order of their cells; which grain of the old order stands in each place, shape (n,)."""
-        g = self.grains
-        reach, cutoff = reaches(g.radius, self.skin, self._near_gap)
-        order = cell_order(g.position, finest_cell(reach, cutoff))
-        if np.any(order[1:] < order[:-1]):
-            g.permute(order)
-            for name in PER_GRAIN:
-                if (array := getattr(self, name)) is not None:
-                    setattr(self, name, np.ascontiguousarray(array[order]))
-            if self.attraction is not None:
-                self.attraction.sorted_as(order)
-            self.order_version += 1
-        return order
+    def _sort(self, order: np.ndarray) -> None:
+        """Put grain ``order[k]`` into place k in everything that has a row a grain."""
+        self.grains.permute(order)
+        for name in PER_GRAIN:
+            if (array := getattr(self, name)) is not None:
+                setattr(self, name, array.take(order, axis=0))
+        if self.attraction is not None:
+            self.attraction.sorted_as(order)
+        self.order_version += 1

@@ -48,7 +48,7 @@ from particles.shafts import Shafts, drives_at
 from particles.threads import at_most
 from particles.walls.device_walls import DeviceWalls
 from particles.walls.triangle_kernels import N_FOUND
-from particles.walls.wall_table import outside
+from particles.walls.wall_table import Enclosure
 
 STEPS_PER_CALL = 512  # bounds the table of prescribed speeds
 # grains may reach beyond the gap that their own speeds close, when others push them: this share of the fastest one's
@@ -158,7 +158,9 @@ class DVI:
         self._met = np.zeros(2, dtype=np.int64)
         self._device = DeviceWalls(self.walls, self.bodies)
         self._turn = np.zeros((len(self.bodies) if len(self._device.triangles) else 0, N_TURN))
-        self._encloses = not outside(grains.position, self.walls, 0.0).any()
+        self._enclosure: Enclosure | None = Enclosure(self.walls)
+        if self._enclosure.outside(grains.position, 0.0).any():
+            self._enclosure = None
         n = grains.count
         self._grain = np.zeros((n, gs.N_GRAIN))
         self._bound = np.zeros(n)
@@ -366,10 +368,12 @@ class DVI:
     def _rebuild(self) -> None:
         """Sort by cells, list the neighbours anew, and carry the impulses into it."""
         g = self.grains
-        if self._encloses and len(gone := np.flatnonzero(outside(g.position, self.walls, float(g.radius.max())))):
-            raise run_faults.escaped(g, gone, self.dt, self.time)
+        if self._enclosure is not None:
+            gone = np.flatnonzero(self._enclosure.outside(g.position, float(g.radius.max())))
+            if len(gone):
+                raise run_faults.escaped(g, gone, self.dt, self.time)
         old_id = g.particle_id
-        order = cell_order(g.position, 2.0 * float(g.radius.max()) + self.skin)
+        order = cell_order(g.position_radius, 2.0 * float(g.radius.max()) + self.skin)
         if np.any(order[1:] < order[:-1]):
             old_id = old_id.copy()
             g.permute(order)

@@ -15,13 +15,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+import numba
 import numpy as np
-from numba import njit
+from numba import njit, prange
 
-from particles.neighbours.neighbour_list import PairList, find_pairs
+from geometry.inner_functions import inner
+from particles.neighbours.neighbour_list import WORTH_SHARING, PairList, find_pairs
 from particles.neighbours.partition import Chunks, make_chunks
 from particles.sector import CyclicSector
+from particles.threads import at_most
 from particles.walls.device_walls import DeviceWalls
+
+BLOCK = 2048  # grains, at the most, whose contacts a thread carries over at once
 
 
 class ListedWalls(NamedTuple):
@@ -90,14 +95,33 @@ class ContactMemory(NamedTuple):
     wall_history: np.ndarray
 
 
-class _PairSlots(NamedTuple):
-    """Pairs of a `ContactList` that take over what those of another one remember."""
+class _Slots(NamedTuple):
+    """Slots of a `ContactList` that take over what those of another one remember; those of walls have no shift."""
 
     start: np.ndarray
     other: np.ndarray
     shift: np.ndarray
     touching: np.ndarray
     history: np.ndarray
+
+
+class _Turned(NamedTuple):
+    """How the grains of the new list come from those of the old one.
+
+    Attributes
+    ----------
+    rank, wraps : ndarray of int64, shapes (n,), (n,) or (0,)
+        Place of each grain in the new list; by how many sectors it was turned, none without a sector.
+    parts : int
+        Sectors in the ring.
+    angle : float
+        Of a sector [rad].
+    """
+
+    rank: np.ndarray
+    wraps: np.ndarray
+    parts: int
+    angle: float
 
 
 @dataclass(slots=True)
@@ -142,20 +166,19 @@ class ContactList:
     @classmethod
     def make(
         cls,
-        position_radius: np.ndarray,
+        position: np.ndarray,
+        reach: np.ndarray,
+        cutoff: float,
         skin: float,
         walls: DeviceWalls,
         angles: Sequence[float],
         sector: CyclicSector | None,
         columns: int,
-        gap: float = 0.0,
     ) -> ContactList:
-        """The list at ``position_radius`` (n, 4) [m] with ``skin`` [m] and bodies at ``angles`` [rad].
+        """The list at ``position`` (n, 3) [m] with the `reaches` of a ``skin`` [m] and bodies at ``angles`` [rad].
 
-        A contact has ``columns`` numbers to remember. Surfaces count as touching up to a ``gap`` [radii].
+        A contact has ``columns`` numbers to remember.
         """
-        position, radius = position_radius[:, :3], position_radius[:, 3]
-        reach, cutoff = reaches(radius, skin, gap)
         pairs = find_pairs(position, cutoff, sector, reach)
         start, other = walls.near(position, reach, skin, angles)
         return cls(pairs, start, other, np.array(position), np.array(angles), columns)
@@ -166,11 +189,11 @@ class ContactList:
 
     def memory(self) -> ContactMemory:
         """What the touching contacts remember; the list itself can be dropped then."""
-        pairs = _touching_rows(self.pairs.start, self.pairs.other, self.pairs.shift, *self.pair_memory)
-        no_shift = np.zeros(len(self.wall_other), dtype=np.int8)
-        walls = _touching_rows(self.wall_start, self.wall_other, no_shift, *self.wall_memory)
-        start, other, shift, history = pairs
-        return ContactMemory(start, other, shift, history, walls[0], walls[1], walls[3])
+        pairs = self.pairs
+        return _touching_rows(
+            pairs.start, pairs.other, pairs.shift, *self.pair_memory,
+            self.wall_start, self.wall_other, *self.wall_memory,
+        )  # fmt: skip
 
     def take(
         self,
@@ -185,18 +208,16 @@ class ContactList:
         ``vectors`` are the first columns of what turns with the grains. A contact of the last step that has no slot
         here has parted since, further than the skin: it is forgotten.
         """
-        n = len(order)
-        rank = np.empty(n, dtype=np.int64)
+        n, rank = len(order), np.empty(len(order), dtype=np.int64)
         rank[order] = np.arange(n)
-        turned = np.zeros(n, dtype=np.int64) if wraps is None else wraps
-        parts = 1 if sector is None else sector.n_sectors
-        angle = 0.0 if sector is None else sector.angle
-        to = _PairSlots(self.pairs.start, self.pairs.other, self.pairs.shift, *self.pair_memory)
-        _carry_pairs(vectors, rank, turned, parts, angle, memory, to)
-        _carry_walls(
-            vectors, rank, turned, angle, memory.wall_start, memory.wall_other, memory.wall_history,
-            self.wall_start, self.wall_other, *self.wall_memory,
+        turned = _Turned(
+            rank, np.zeros(0, dtype=np.int64) if wraps is None else wraps,
+            1 if sector is None else sector.n_sectors, 0.0 if sector is None else sector.angle,
         )  # fmt: skip
+        pairs = _Slots(self.pairs.start, self.pairs.other, self.pairs.shift, *self.pair_memory)
+        walls = _Slots(self.wall_start, self.wall_other, self.pairs.shift[:0], *self.wall_memory)
+        with at_most(numba.get_num_threads() if n >= WORTH_SHARING else 1):
+            _carry(vectors, turned, memory, pairs, walls, BLOCK)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Everything that a restart needs; the chunks follow from it."""
@@ -220,86 +241,107 @@ class ContactList:
 
 
 def reaches(radius: np.ndarray, skin: float, gap: float) -> tuple[np.ndarray, float]:
-    """How far each grain looks (n,) [m], and the largest distance of a pair [m]; ``gap`` [radii], see `ContactList`."""
-    reach = radius + 0.5 * skin
+    """How far each grain looks (n,) [m], and the largest distance of a pair [m].
+
+    Surfaces count as touching up to a ``gap`` [radii].
+    """
+    reach, largest = radius + 0.5 * skin, float(radius.max())
     if gap > 0.0:
         reach = reach + 0.5 * gap * radius
-    return reach, 2.0 * float(radius.max()) + skin + gap * float(radius.max())
+    return reach, 2.0 * largest + skin + gap * largest
 
 
 @njit(cache=True, error_model="numpy")
-def _touching_rows(start, other, shift, touching, history):
-    """Rows of what touches: (start, other, shift, history)."""
-    kept = 0
-    for k in range(other.shape[0]):
-        kept += touching[k]
-    new_start = np.empty_like(start)
-    new_other, new_shift = np.empty(kept, dtype=np.int32), np.empty(kept, dtype=np.int8)
-    new_history = np.empty((kept, history.shape[1]))
-    p = 0
-    for i in range(start.shape[0] - 1):
-        new_start[i] = p
-        for k in range(start[i], start[i + 1]):
-            if touching[k] != 0:
-                new_other[p], new_shift[p] = other[k], shift[k]
-                for a in range(history.shape[1]):
-                    new_history[p, a] = history[k, a]
-                p += 1
-    new_start[start.shape[0] - 1] = p
-    return new_start, new_other, new_shift, new_history
+def _touching_rows(start, other, shift, touching, history, wall_start, wall_other, wall_touching, wall_history):
+    """Rows of what touches."""
+    kept_start, place = _touching(start, touching)
+    wall_kept_start, wall_place = _touching(wall_start, wall_touching)
+    return ContactMemory(
+        kept_start, other[place], shift[place], _rows_of(history, place),
+        wall_kept_start, wall_other[wall_place], _rows_of(wall_history, wall_place),
+    )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy")
-def _carry_pairs(vectors, rank, wraps, parts, angle, memory, to):
-    start, other, shift, history = memory.start, memory.other, memory.shift, memory.history
-    new_start, new_other, new_shift, new_touching, new_history = to
-    for old_i in range(rank.shape[0]):
-        for k in range(start[old_i], start[old_i + 1]):
-            i, j = rank[old_i], rank[other[k]]
-            across = (wraps[old_i] + shift[k] - wraps[other[k]]) % parts
-            slot, sign, turns = -1, 1.0, wraps[old_i]
-            for q in range(new_start[i], new_start[i + 1]):
-                if new_other[q] == j and (new_shift[q] - across) % parts == 0:
-                    slot = q
-                    break
-            if slot < 0:
-                for q in range(new_start[j], new_start[j + 1]):
-                    if new_other[q] == i and (new_shift[q] + across) % parts == 0:
-                        slot, sign, turns = q, -1.0, wraps[old_i] - across
-                        break
-            if slot < 0:
-                continue
-            c, t = np.cos(turns * angle), np.sin(turns * angle)
-            new_touching[slot] = 1
-            for first in range(history.shape[1]):
-                new_history[slot, first] = history[k, first]
-            for v in range(vectors.shape[0]):
-                first = vectors[v]
-                x, y = history[k, first], history[k, first + 1]
-                if turns != 0:
-                    x, y = c * x - t * y, t * x + c * y
-                new_history[slot, first], new_history[slot, first + 1] = sign * x, sign * y
-                new_history[slot, first + 2] = sign * history[k, first + 2]
+@inner(error_model="numpy")
+def _touching(start, touching):
+    """First place of each row among the slots that touch, and which these are."""
+    slots, kept = touching.shape[0], np.uint64(0)
+    before, place = np.empty(slots + 1, dtype=np.int64), np.empty(slots + 1, dtype=np.int64)
+    for k in range(slots):  # written in any case, kept by counting it: a branch would be mispredicted
+        before[k] = np.int64(kept)
+        place[kept] = k
+        kept += np.uint64(touching[k])
+    before[slots] = np.int64(kept)
+    kept_start = np.empty_like(start)
+    for i in range(start.shape[0]):
+        kept_start[i] = before[start[i]]
+    return kept_start, place[: np.int64(kept)]
 
 
-@njit(cache=True, error_model="numpy")
-def _carry_walls(vectors, rank, wraps, angle, start, other, history, new_start, new_other, new_touching, new_history):
-    for old_i in range(rank.shape[0]):
-        for k in range(start[old_i], start[old_i + 1]):
-            i = rank[old_i]
-            slot = -1
-            for q in range(new_start[i], new_start[i + 1]):
-                if new_other[q] == other[k]:
-                    slot = q
-            if slot < 0:
-                continue
-            c, t = np.cos(wraps[old_i] * angle), np.sin(wraps[old_i] * angle)
-            new_touching[slot] = 1
-            for first in range(history.shape[1]):
-                new_history[slot, first] = history[k, first]
-            for v in range(vectors.shape[0]):
-                first = vectors[v]
-                x, y = history[k, first], history[k, first + 1]
-                if wraps[old_i] != 0:
-                    x, y = c * x - t * y, t * x + c * y
-                new_history[slot, first], new_history[slot, first + 1] = x, y
+@inner(error_model="numpy")
+def _rows_of(history, place):
+    found = np.empty((place.shape[0], history.shape[1]))
+    for p in range(place.shape[0]):
+        for a in range(history.shape[1]):
+            found[p, a] = history[place[p], a]
+    return found
+
+
+@njit(parallel=True, cache=True, error_model="numpy")
+def _carry(vectors, turned, memory, pairs, walls, most):
+    """Give the slots that touch what they remember; threads share blocks of at most so many grains of the old list."""
+    n = turned.rank.shape[0]
+    blocks = 2 * ((n + 2 * most - 1) // (2 * most))
+    for b in prange(blocks):
+        block = np.int64(b)  # numba's own index is unsigned, and everything would be compiled for both
+        for old_i in range(block * n // blocks, (block + 1) * n // blocks):
+            _carry_pairs(old_i, vectors, turned, memory, pairs)
+            _carry_walls(old_i, vectors, turned, memory, walls)
+
+
+@inner(borrows=True, error_model="numpy")
+def _carry_pairs(old_i, vectors, turned, memory, to):
+    rank, parts = turned.rank, turned.parts
+    for k in range(memory.start[old_i], memory.start[old_i + 1]):
+        old_j = memory.other[k]
+        i, j = rank[old_i], rank[old_j]
+        across, turns, sign = 0, 0, 1.0
+        if parts > 1:
+            turns = turned.wraps[old_i]
+            across = turns + memory.shift[k] - turned.wraps[old_j]
+        if j < i:  # the new list has it the other way round
+            i, j = j, i
+            across, turns, sign = -across, turns - across, -1.0
+        for q in range(to.start[i], to.start[i + 1]):
+            if to.other[q] == j and (parts == 1 or (to.shift[q] - across) % parts == 0):
+                _put(k, q, turns * turned.angle, sign, vectors, memory.history, to)
+                break
+
+
+@inner(borrows=True, error_model="numpy")
+def _carry_walls(old_i, vectors, turned, memory, to):
+    i = turned.rank[old_i]
+    for k in range(memory.wall_start[old_i], memory.wall_start[old_i + 1]):
+        for q in range(to.start[i], to.start[i + 1]):
+            if to.other[q] == memory.wall_other[k]:
+                turns = turned.wraps[old_i] if turned.parts > 1 else 0
+                _put(k, q, turns * turned.angle, 1.0, vectors, memory.wall_history, to)
+                break
+
+
+@inner(borrows=True, error_model="numpy")
+def _put(k, slot, angle, sign, vectors, history, to):
+    """Contact k of the old list in its slot of the new one, its vectors turned by ``angle`` [rad] and with a sign."""
+    to.touching[slot] = 1
+    for a in range(history.shape[1]):
+        to.history[slot, a] = history[k, a]
+    if angle == 0.0 and sign > 0.0:
+        return
+    c, t = np.cos(angle), np.sin(angle)
+    for v in range(vectors.shape[0]):
+        first = vectors[v]
+        x, y = history[k, first], history[k, first + 1]
+        if angle != 0.0:
+            x, y = c * x - t * y, t * x + c * y
+        to.history[slot, first], to.history[slot, first + 1] = sign * x, sign * y
+        to.history[slot, first + 2] = sign * history[k, first + 2]

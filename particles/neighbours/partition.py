@@ -56,45 +56,52 @@ def chunk_count(n: int) -> int:
 def make_chunks(pair_start: np.ndarray, pair_other: np.ndarray, wall_start: np.ndarray) -> Chunks:
     """Share out the rows of a half list ``pair_start`` (n + 1,), ``pair_other`` (p,), and ``wall_start`` (n + 1,)."""
     n = len(pair_start) - 1
-    parts = min(chunk_count(n), n)
+    return _share(pair_start, pair_other, wall_start, min(chunk_count(n), n))
+
+
+@njit(cache=True, error_model="numpy")
+def _share(pair_start, pair_other, wall_start, parts):
+    n = pair_start.shape[0] - 1
+    start, cross_start = np.empty(parts + 1, dtype=np.int64), np.empty(parts + 1, dtype=np.int64)
     # a grain costs about as much as two of its pairs, a wall as much as four
-    work = pair_start + 4 * wall_start + 2 * np.arange(n + 1)
-    start = np.searchsorted(work, work[-1] * np.arange(parts + 1) / parts).astype(np.int64)
-    start[0], start[-1] = 0, n
-    cross_start = np.zeros(parts + 1, dtype=np.int64)
+    all_work = pair_start[n] + 4 * wall_start[n] + 2 * n
+    for c in range(parts + 1):
+        share, low, high = all_work * c / parts, 0, n  # the first grain before which there is so much work
+        while low < high:
+            middle = (low + high) // 2
+            if pair_start[middle] + 4 * wall_start[middle] + 2 * middle < share:
+                low = middle + 1
+            else:
+                high = middle
+        start[c] = low
+    start[0], start[parts] = 0, n
+    crossing, second = np.uint64(0), np.empty(pair_other.shape[0] + 1, dtype=np.int32)
+    for c in range(parts):
+        cross_start[c] = np.int64(crossing)
+        for k in range(pair_start[start[c]], pair_start[start[c + 1]]):
+            second[crossing] = pair_other[k]  # written in any case, kept by counting it
+            crossing += np.uint64(1) if pair_other[k] >= start[c + 1] else np.uint64(0)
+    cross_start[parts] = crossings = np.int64(crossing)
     arrivals = np.zeros(n, dtype=np.int32)
-    _count(start, pair_start, pair_other, cross_start, arrivals)
-    crossing = int(cross_start[-1])
-    late_grain = np.flatnonzero(arrivals).astype(np.int32)
-    in_start = np.zeros(len(late_grain) + 1, dtype=np.int64)
-    np.cumsum(arrivals[late_grain], out=in_start[1:])
-    in_slot = np.empty(crossing, dtype=np.int32)
-    place = np.zeros(n if crossing else 1, dtype=np.int32)
-    place[late_grain] = in_start[:-1]
-    _fill(start, pair_start, pair_other, cross_start, place, in_slot)
-    late_start = np.searchsorted(late_grain, start).astype(np.int64)
-    late = (arrivals > 0).astype(np.uint8)
-    return Chunks(start, cross_start, np.zeros((crossing, 6)), late, late_start, late_grain, in_start, in_slot)
-
-
-@njit(cache=True, error_model="numpy")
-def _count(chunk, start, other, cross_start, arrivals):
-    crossing = 0
-    for c in range(chunk.shape[0] - 1):
-        cross_start[c] = crossing
-        for k in range(start[chunk[c]], start[chunk[c + 1]]):
-            if other[k] >= chunk[c + 1]:
-                crossing += 1
-                arrivals[other[k]] += 1
-    cross_start[chunk.shape[0] - 1] = crossing
-
-
-@njit(cache=True, error_model="numpy")
-def _fill(chunk, start, other, cross_start, place, in_slot):
-    for c in range(chunk.shape[0] - 1):
-        crossing = cross_start[c]
-        for k in range(start[chunk[c]], start[chunk[c + 1]]):
-            if other[k] >= chunk[c + 1]:
-                in_slot[place[other[k]]] = crossing
-                place[other[k]] += 1
-                crossing += 1
+    for k in range(crossings):
+        arrivals[second[k]] += 1
+    late, late_start = np.empty(n, dtype=np.uint8), np.empty(parts + 1, dtype=np.int64)
+    waiting = 0
+    for i in range(n):
+        late[i] = arrivals[i] > 0
+        waiting += late[i]
+    late_grain, in_start = np.empty(waiting, dtype=np.int32), np.empty(waiting + 1, dtype=np.int64)
+    waiting = before = 0
+    for c in range(parts):
+        late_start[c] = waiting
+        for i in range(start[c], start[c + 1]):
+            if late[i] != 0:
+                late_grain[waiting], in_start[waiting] = i, before
+                before, arrivals[i] = before + arrivals[i], before  # from here on its next place
+                waiting += 1
+    late_start[parts], in_start[waiting] = waiting, before
+    in_slot = np.empty(crossings, dtype=np.int32)
+    for k in range(crossings):
+        in_slot[arrivals[second[k]]] = k
+        arrivals[second[k]] += 1
+    return Chunks(start, cross_start, np.zeros((crossings, 6)), late, late_start, late_grain, in_start, in_slot)

@@ -150,16 +150,26 @@ def triangle_rows(vertices: np.ndarray | None = None, triangles: np.ndarray | No
     return np.column_stack([a, u, v, np.cross(u, v), length, along, height])
 
 
-def outside(position: np.ndarray, walls: Sequence[Wall], margin: float) -> np.ndarray:
-    """Which centres are beyond what the walls enclose by more than ``margin`` [m]: bool, shape (n,).
+class Enclosure:
+    """The space that walls enclose.
 
     The walls of revolution together span a radius and a height, which triangle walls may widen; where there are neither
     they nor planes, the triangle walls span them if together they are watertight. A plane bounds a half-space.
     """
-    planes = wall_rows([wall for wall in walls if isinstance(wall, Plane)])
-    span = _span(tuple(walls))
-    radius, bottom, top = (np.inf, -np.inf, np.inf) if span is None else span
-    return beyond(position, planes, radius, bottom, top, margin)
+
+    def __init__(self, walls: Sequence[Wall]) -> None:
+        self._planes = wall_rows([wall for wall in walls if isinstance(wall, Plane)])
+        span = _span(tuple(walls))
+        self._cylinder = (np.inf, -np.inf, np.inf) if span is None else span
+
+    def outside(self, position: np.ndarray, margin: float) -> np.ndarray:
+        """Which centres (n, 3) [m] are beyond it by more than ``margin`` [m]: bool, shape (n,)."""
+        return beyond(position, self._planes, *self._cylinder, margin)
+
+
+def outside(position: np.ndarray, walls: Sequence[Wall], margin: float) -> np.ndarray:
+    """Which centres are beyond what the walls enclose by more than ``margin`` [m]: bool, shape (n,)."""
+    return Enclosure(walls).outside(position, margin)
 
 
 @lru_cache(maxsize=16)
