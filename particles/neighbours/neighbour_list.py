@@ -114,6 +114,8 @@ def finest_cell(reach: np.ndarray, cutoff: float | None = None) -> float:
     """Edge [m] of the finest cells that `find_pairs` makes for these reaches (n,) [m]: what to sort grains by."""
     limit, near = _limits(len(reach), cutoff, reach)
     lowest, bound = float(near.min()), float(near.max())
+    if lowest > 0.5 * bound:
+        return min(limit, 2.0 * bound)
     for _ in range(LEVELS - 1):
         if lowest > 0.5 * bound:
             break
