@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from geometry.lanes import LANES
 from geometry.walls import Wall
 from particles import checkpoint
 from particles.bodies import Body
@@ -18,6 +19,7 @@ from particles.dvi import gauss_seidel as gs
 from particles.dvi import step_kernel as kernel
 from particles.dvi.accelerated import ANDERSON, GAUSS_SEIDEL
 from particles.dvi.compliance import spring_table
+from particles.dvi.contact_groups import N_GROUP
 from particles.dvi.contact_torques import N_SPRING_TORQUE, N_TORQUE, no_contact_torques
 from particles.dvi.dvi_contact import DviContact
 from particles.dvi.dvi_totals import DviTotals, dvi_totals, rigid_energy_budget
@@ -161,7 +163,7 @@ class DVI:
         self._encloses = not outside(grains.position, self.walls, 0.0).any()
         n = grains.count
         self._grain = np.zeros((n, gs.N_GRAIN))
-        self._bound = np.zeros(n)
+        self._bound, self._seen = np.zeros(n), np.zeros((n, 2), dtype=np.int64)
         self._body = np.zeros((len(self.bodies), gs.N_BODY))
         self._contact_torques = no_contact_torques()
         self._stale = True
@@ -329,7 +331,10 @@ class DVI:
             WallSlots(c.wall_start, c.wall_other, c.wall_impulse, self._wall_slot, self._found, self._tally),
             WallState(device.rows, device.triangles, device.body, self._turn),
             Shafts(drives, constants, angle, speed, device.reach, c.angles, float(self.n_sectors)),
-            Records(self._grain, self._body, self._pair_index, self._pair, self._wall_index, self._wall),
+            Records(
+                self._grain, self._body, self._pair_index, self._pair, self._wall_index, self._wall,
+                self._pair_group, self._wall_group, self._seen,
+            ),
             self._contact_torques,
             Partition(self._chunks, True if self._chunks is None else None),
             totals,
@@ -339,11 +344,11 @@ class DVI:
         """The table of springs for the present step; None for rigid contacts."""
         return None if self._stiffness is None else spring_table(self.dt, self._stiffness, self._law[:, 1])
 
-    def _records(self) -> Records:
+    def _records(self) -> tuple[np.ndarray, ...]:
         """Grains, bodies and contacts as the last step left them (`particles.dvi.gauss_seidel`), copied."""
         p, s = self._met
         views = (self._grain, self._body, self._pair_index[:p], self._pair[:p], self._wall_index[:s], self._wall[:s])
-        return Records(*(array.copy() for array in views))
+        return tuple(array.copy() for array in views)
 
     def _make_room(self) -> None:
         """Records for as many contacts as the list has slots."""
@@ -352,6 +357,7 @@ class DVI:
         self._pair_slot, self._wall_slot = np.zeros(p, dtype=np.int32), np.zeros(s, dtype=np.int32)
         memory = 0 if self._compliance is None else gs.N_SPRING
         self._pair, self._wall = np.zeros((p, gs.N_PAIR + memory)), np.zeros((s, gs.N_WALL_CONTACT + memory))
+        self._pair_group, self._wall_group = (np.empty((k, N_GROUP, LANES), dtype=np.int32) for k in (p, s))
         self._contact_torques = no_contact_torques()
         if self._resist.any():
             columns = N_TORQUE if self._compliance is None else N_SPRING_TORQUE
