@@ -16,11 +16,11 @@ from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
-from numba import types
+from numba import extending, types
 from numba.core import cgutils
 from numba.core.imputils import lower_builtin
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
-from numba.extending import intrinsic, models, register_model
+from numba.extending import models, register_model
 
 LANES = 8
 WIDE = 4  # columns of a table that are read at once
@@ -97,6 +97,11 @@ _install(operator.gt, mask, lambda builder, x, y: builder.fcmp_ordered(">", x, y
 _install(operator.ge, mask, lambda builder, x, y: builder.fcmp_ordered(">=", x, y))
 
 
+def intrinsic(function: Callable) -> Any:
+    """Numba's: what a kernel calls has one argument less, the first one."""
+    return extending.intrinsic(function)
+
+
 @intrinsic
 def lanes_of(typing, x):
     """Eight of one number."""
@@ -148,11 +153,11 @@ def eight_of(typing, table, row, column):
     """``table[row, column, :]`` of an integer table (rows, columns, 8), as eight numbers of rows."""
 
     def code(context, builder, kind, values):
-        found = []
-        for lane in range(LANES):
-            at = [*values[1:], ir.Constant(ir.IntType(64), lane)]
-            number = builder.load(_address(context, builder, table, values[0], at))
-            found.append(context.cast(builder, number, table.dtype, types.intp))
+        view = context.make_array(table)(context, builder, values[0])
+        at = [*values[1:], ir.Constant(ir.IntType(64), 0)]
+        begin = cgutils.get_item_pointer(context, builder, table, view, at, wraparound=False)
+        places = (builder.gep(begin, [ir.Constant(ir.IntType(64), lane)]) for lane in range(LANES))
+        found = [builder.sext(builder.load(place), ir.IntType(64)) for place in places]
         return context.make_tuple(builder, kind.return_type, found)
 
     return types.UniTuple(types.intp, LANES)(table, types.intp, types.intp), code
@@ -163,12 +168,9 @@ def columns(typing, table, rows, first):
     """The four columns from ``first`` on of eight rows of ``table`` (n, columns), as four `Lanes`."""
 
     def code(context, builder, kind, values):
-        rows = [
-            builder.load(address, align=8)
-            for address in _stretches(context, builder, table, values[0], values[1], values[2])
-        ]
+        rows = [builder.load(place, align=8) for place in _places(context, builder, table, *values)]
         halves = [_transposed(builder, rows[k : k + WIDE]) for k in range(0, LANES, WIDE)]
-        found = [_chosen(builder, *pair, list(range(LANES))) for pair in zip(*halves, strict=True)]
+        found = [_chosen(builder, a, b, list(range(LANES))) for a, b in zip(*halves, strict=True)]
         return context.make_tuple(builder, kind.return_type, found)
 
     return types.UniTuple(lanes, WIDE)(table, types.UniTuple(types.intp, LANES), types.intp), code
@@ -182,25 +184,20 @@ def put_columns(typing, table, rows, first, a, b, c, d):
         rows = []
         for k in range(0, LANES, WIDE):
             rows += _transposed(builder, [_chosen(builder, x, x, list(range(k, k + WIDE))) for x in values[3:]])
-        places = _stretches(context, builder, table, values[0], values[1], values[2])
-        for row, address in zip(rows, places, strict=True):
-            builder.store(row, address, align=8)
+        for row, place in zip(rows, _places(context, builder, table, *values[:3]), strict=True):
+            builder.store(row, place, align=8)
         return context.get_dummy_value()
 
     return types.void(table, types.UniTuple(types.intp, LANES), types.intp, lanes, lanes, lanes, lanes), code
 
 
-def _address(context: Any, builder: Any, table: Any, value: Any, at: list) -> Any:
-    view = context.make_array(table)(context, builder, value)
-    return cgutils.get_item_pointer(context, builder, table, view, at, wraparound=False)
-
-
-def _stretches(context: Any, builder: Any, table: Any, value: Any, rows: Any, first: Any) -> list:
+def _places(context: Any, builder: Any, table: Any, value: Any, rows: Any, first: Any) -> list:
     """Addresses of four neighbouring numbers in each of eight rows."""
-    found = (
-        _address(context, builder, table, value, [builder.extract_value(rows, lane), first]) for lane in range(LANES)
-    )
-    return [builder.bitcast(address, _FOUR.as_pointer()) for address in found]
+    view = context.make_array(table)(context, builder, value)
+    begin, stride = builder.gep(view.data, [first]), builder.extract_value(view.strides, 0)
+    begin = builder.bitcast(begin, ir.IntType(8).as_pointer())
+    found = (builder.gep(begin, [builder.mul(builder.extract_value(rows, lane), stride)]) for lane in range(LANES))
+    return [builder.bitcast(place, _FOUR.as_pointer()) for place in found]
 
 
 def _transposed(builder: Any, rows: list) -> list:

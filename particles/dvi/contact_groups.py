@@ -56,7 +56,7 @@ def _group(lo, hi, body, column, index, table, seen):
         place = places & -places
         _take(seen, i, oldest, place)
         _take(seen, j, oldest, place)
-        g = oldest + trailing_zeros(place)
+        g = oldest + trailing_zeros(place)  # type: ignore[call-arg]
         if g == end:
             table[g, SIZE, 0], end = 0, end + 1
         _put(table, g, table[g, SIZE, 0], k, i, index[k, 1])

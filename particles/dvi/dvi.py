@@ -87,7 +87,7 @@ class DVI:
     max_sweeps : int
         Sweeps a step.
     skin : float, optional
-        Of the Verlet list [m]; 0.3 of the mean diameter by default.
+        Of the Verlet list [m]; 0.4 of the mean diameter by default.
     overlap_limit : float
         Overlap, as a share of the diameter, at which the run is stopped.
     stiffness : array_like, shape (2, 2), optional
@@ -141,7 +141,7 @@ class DVI:
         self.dt, self.theta, self.sector, self.overlap_limit = float(dt), float(theta), sector, overlap_limit
         self.tolerance, self.max_sweeps = float(tolerance), int(max_sweeps)
         self.gravity = gravity if gravity is None or callable(gravity) else np.array(gravity, dtype=float).reshape(3)
-        self.skin = 0.6 * float(np.mean(grains.radius)) if skin is None else float(skin)
+        self.skin = 0.8 * float(np.mean(grains.radius)) if skin is None else float(skin)
         if not 0.0 < self.skin < np.inf:
             raise ValueError(f"skin = {self.skin * 1e3:g} mm; allowed: more than 0")
         self.energy_budget = True  # the energy budget is a by-product here
@@ -162,8 +162,7 @@ class DVI:
         self._turn = np.zeros((len(self.bodies) if len(self._device.triangles) else 0, N_TURN))
         self._encloses = not outside(grains.position, self.walls, 0.0).any()
         n = grains.count
-        self._grain = np.zeros((n, gs.N_GRAIN))
-        self._bound, self._seen = np.zeros(n), np.zeros((n, 2), dtype=np.int64)
+        self._grain, self._bound, self._seen = np.zeros((n, gs.N_GRAIN)), np.zeros(n), np.zeros((n, 2), dtype=np.int64)
         self._body = np.zeros((len(self.bodies), gs.N_BODY))
         self._contact_torques = no_contact_torques()
         self._stale = True
@@ -331,10 +330,8 @@ class DVI:
             WallSlots(c.wall_start, c.wall_other, c.wall_impulse, self._wall_slot, self._found, self._tally),
             WallState(device.rows, device.triangles, device.body, self._turn),
             Shafts(drives, constants, angle, speed, device.reach, c.angles, float(self.n_sectors)),
-            Records(
-                self._grain, self._body, self._pair_index, self._pair, self._wall_index, self._wall,
-                self._pair_group, self._wall_group, self._seen,
-            ),
+            Records(self._grain, self._body, self._pair_index, self._pair, self._wall_index, self._wall,
+                    self._pair_group, self._wall_group, self._seen),
             self._contact_torques,
             Partition(self._chunks, True if self._chunks is None else None),
             totals,

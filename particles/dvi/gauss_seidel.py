@@ -13,10 +13,10 @@ Methods Appl. Mech. Engrg. 177 (1999) 235).
 so that its radius is needed nowhere, and its record is one cache line. The arms R_i a and R_j a add up to the
 distance of the centres (a = 1 where they touch): angular momentum is conserved to round-off.
 
-**Order.** Rows of the neighbour list in the order of memory, or in chunks of them (`particles.dvi.partition`). It
-follows from the list alone.
-
-A contact that is open and stays open is left after five multiplications.
+**Order.** Groups of up to eight contacts without a common grain are visited at once, which is the same as one contact
+after another (`particles.dvi.contact_groups`); those of all rows of the neighbour list, or in chunks of them
+(`particles.dvi.partition`). It follows from the list alone. Nothing branches within a group: what the processor would
+guess wrong costs it more than the arithmetic of contacts that are open.
 
 **Springs.** With ``compliance`` every contact gives way like the springs of `LinearContact`, taken at the end of the
 step (`particles.dvi.compliance`): instead of u the laws hold for u + o + C r, with C = diag(c_n, c_t, c_t), and
@@ -44,7 +44,7 @@ N_BODY = 4
 # with springs the gap; of a wall contact also the lever z x (contact point) of its body
 EX, EY, EZ, ARM, RX, RY, RZ, B, IWN, IWT, MU, GAP, LX, LY = range(14)
 N_PAIR = 12
-N_WALL_CONTACT = 16  # as many as are read at once, and two that are
+N_WALL_CONTACT = 16  # four are read at once
 N_SPRING = 4  # behind these, with springs: the tangential offset in world axes, and c_n
 # rows of ``compliance``: between grains, at walls; columns: k_n [N/m], c_t [1/kg], and what K follows from
 # (`particles.dvi.compliance`): the largest sqrt(a) at which the restitution is met, 2 zeta, log K against sqrt(a)
