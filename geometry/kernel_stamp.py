@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
+import sys
 from collections.abc import Callable, Iterator
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
 from numba.core.dispatcher import Dispatcher
+from numba.core.extending import _Intrinsic
 from numba.core.typing.templates import builtin_registry
 
 PACKAGES = ("geometry", "field", "particles", "coupling", "emclutch")
@@ -99,6 +102,8 @@ def _add_value(name: str, value: Any, digest: Any, seen: set[int]) -> None:
         _add_function(value, digest, seen)
         for chosen in _overloads(value):
             _add_function(chosen, digest, seen)
+    elif isinstance(value, _Intrinsic) and is_own(value):  # instructions for LLVM, and the types that they work on
+        digest.update(inspect.getsource(sys.modules[value.__module__]).encode())
     elif isinstance(value, dict) or (isinstance(value, tuple) and any(map(_is_compiled, value))):
         pairs = value.items() if isinstance(value, dict) else enumerate(value)
         for key, one in pairs:

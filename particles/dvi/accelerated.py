@@ -27,8 +27,8 @@ from numba import njit
 from geometry.inner_functions import inner
 from particles.dvi.anderson_vectors import HISTORY, N_PRODUCTS, Vectors, extrapolate, gather, remember
 from particles.dvi.contact_torques import no_contact_torques, residual, sweep, weigh_contact_torques
-from particles.dvi.gauss_seidel import IWN
-from particles.dvi.kernel_state import Records, Search, whole
+from particles.dvi.gauss_seidel import IWN, grouped
+from particles.dvi.kernel_state import Search, whole
 from particles.dvi.partition import extrapolate_chunks, gather_chunks, residual_of_chunks, store_chunks, sweep_chunks
 
 GAUSS_SEIDEL, ANDERSON = range(2)  # methods: sweeps alone, accelerated
@@ -233,10 +233,11 @@ def _solve_gram(gram, c, n):
 
 # for calls from Python: the functions above are compiled into the step and have no cache of their own
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _anderson(convex, compliance, search, records, contact_torques):
+def _anderson(convex, compliance, search, contact_torques, grain, body, pair_index, pair, wall_index, wall):
+    records = grouped(grain, body, pair_index, pair, wall_index, wall)
     return anderson(convex, compliance, search, search.cap, records, contact_torques)
 
 
 def accelerate_records(convex, compliance, tolerance, cap, *records):
     """`anderson` for calls from Python, without torques."""
-    return _anderson(convex, compliance, Search(ANDERSON, tolerance, cap), Records(*records), no_contact_torques())
+    return _anderson(convex, compliance, Search(ANDERSON, tolerance, cap), no_contact_torques(), *records)

@@ -75,7 +75,7 @@ def find_contacts(rows, numbers, near, look, compliance, grains, pair_slots, slo
         pair_slots.met,
     )
     wall_start, wall_other, wall_impulse, wall_slot = slots.start, slots.other, slots.impulse, slots.met
-    grain, body, pair_index, pair, wall_index, wall_row = records
+    grain, body, pair_index, pair, wall_index, wall_row = records[:6]
     wall, wall_body = walls.smooth, walls.body
     pairs, met = numbers
     for i in range(rows[0], rows[1]):

@@ -68,7 +68,7 @@ def begin_contact_torques(compliance, radius, pairs, slots, walls, records, cont
     Columns 3 to 5 of the slots hold the last c; they are cleared. On triangles c turns with the body, as impulses do.
     """
     law, pair_torque, wall_torque = contact_torques
-    grain, body, pair_index, pair, wall_index, wall = records
+    grain, body, pair_index, pair, wall_index, wall = records[:6]
     pair_slot, pair_impulse, wall_slot, wall_impulse = pairs.met, pairs.impulse, slots.met, slots.impulse
     n_smooth, wall_other, turn = walls.smooth.shape[0], slots.other, walls.turn
     for k in range(pair.shape[0]):
@@ -196,7 +196,7 @@ def _wall_velocity(compliance, grain, body, i, b, row):
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def sweep_contact_torques(part, relax, compliance, records, contact_torques):
     """Visit every torque of a part once; returns the largest change of a torque times W [m/s]."""
-    grain, body, pair_index, pair, wall_index, wall = records
+    grain, body, pair_index, pair, wall_index, wall = records[:6]
     pair_torque, wall_torque = contact_torques.pair, contact_torques.wall
     largest = 0.0
     over = relax if relax > 0.0 else 1.0
@@ -267,7 +267,7 @@ def _at_free_shaft(own, free, row, r_n, ex, ey, ez, wx, wy, wz):
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def contact_torque_residual(part, compliance, records, contact_torques):
     """Largest natural map |c - P(c - w/W)| W over the torques of a part [m/s], P the nearest admissible one."""
-    grain, body, pair_index, pair, wall_index, wall = records
+    grain, body, pair_index, pair, wall_index, wall = records[:6]
     pair_torque, wall_torque = contact_torques.pair, contact_torques.wall
     worst = 0.0
     for k in range(part.p0, part.p1):
@@ -326,7 +326,7 @@ def record_contact_torques(
     Returns the losses to rolling and to twisting and the work on the grains [J]; ``torque``, ``body_work``: columns of
     the bodies' totals. The energy in the springs is renewed.
     """
-    grain, _, pair_index, pair, wall_index, wall = records
+    grain, _, pair_index, pair, wall_index, wall = records[:6]
     spin, radius, springs, body_totals = grains.spin, grains.radius, totals.springs, totals.bodies
     pair_slot, pair_impulse, wall_slot, wall_impulse = pairs.met, pairs.impulse, slots.met, slots.impulse
     pair_torque, wall_torque = contact_torques.pair, contact_torques.wall

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from geometry.lanes import LANES
 from geometry.walls import Wall
 from particles import checkpoint
 from particles.bodies import Body
@@ -18,6 +19,7 @@ from particles.dvi import gauss_seidel as gs
 from particles.dvi import step_kernel as kernel
 from particles.dvi.accelerated import ANDERSON, GAUSS_SEIDEL
 from particles.dvi.compliance import spring_table
+from particles.dvi.contact_groups import N_GROUP
 from particles.dvi.contact_torques import N_SPRING_TORQUE, N_TORQUE, no_contact_torques
 from particles.dvi.dvi_contact import DviContact
 from particles.dvi.dvi_totals import DviTotals, dvi_totals, rigid_energy_budget
@@ -85,7 +87,7 @@ class DVI:
     max_sweeps : int
         Sweeps a step.
     skin : float, optional
-        Of the Verlet list [m]; 0.3 of the mean diameter by default.
+        Of the Verlet list [m]; 0.4 of the mean diameter by default.
     overlap_limit : float
         Overlap, as a share of the diameter, at which the run is stopped.
     stiffness : array_like, shape (2, 2), optional
@@ -139,7 +141,7 @@ class DVI:
         self.dt, self.theta, self.sector, self.overlap_limit = float(dt), float(theta), sector, overlap_limit
         self.tolerance, self.max_sweeps = float(tolerance), int(max_sweeps)
         self.gravity = gravity if gravity is None or callable(gravity) else np.array(gravity, dtype=float).reshape(3)
-        self.skin = 0.6 * float(np.mean(grains.radius)) if skin is None else float(skin)
+        self.skin = 0.8 * float(np.mean(grains.radius)) if skin is None else float(skin)
         if not 0.0 < self.skin < np.inf:
             raise ValueError(f"skin = {self.skin * 1e3:g} mm; allowed: more than 0")
         self.energy_budget = True  # the energy budget is a by-product here
@@ -162,8 +164,7 @@ class DVI:
         if self._enclosure.outside(grains.position, 0.0).any():
             self._enclosure = None
         n = grains.count
-        self._grain = np.zeros((n, gs.N_GRAIN))
-        self._bound = np.zeros(n)
+        self._grain, self._bound, self._seen = np.zeros((n, gs.N_GRAIN)), np.zeros(n), np.zeros((n, 2), dtype=np.int64)
         self._body = np.zeros((len(self.bodies), gs.N_BODY))
         self._contact_torques = no_contact_torques()
         self._stale = True
@@ -331,7 +332,8 @@ class DVI:
             WallSlots(c.wall_start, c.wall_other, c.wall_impulse, self._wall_slot, self._found, self._tally),
             WallState(device.rows, device.triangles, device.body, self._turn),
             Shafts(drives, constants, angle, speed, device.reach, c.angles, float(self.n_sectors)),
-            Records(self._grain, self._body, self._pair_index, self._pair, self._wall_index, self._wall),
+            Records(self._grain, self._body, self._pair_index, self._pair, self._wall_index, self._wall,
+                    self._pair_group, self._wall_group, self._seen),
             self._contact_torques,
             Partition(self._chunks, True if self._chunks is None else None),
             totals,
@@ -341,11 +343,11 @@ class DVI:
         """The table of springs for the present step; None for rigid contacts."""
         return None if self._stiffness is None else spring_table(self.dt, self._stiffness, self._law[:, 1])
 
-    def _records(self) -> Records:
+    def _records(self) -> tuple[np.ndarray, ...]:
         """Grains, bodies and contacts as the last step left them (`particles.dvi.gauss_seidel`), copied."""
         p, s = self._met
         views = (self._grain, self._body, self._pair_index[:p], self._pair[:p], self._wall_index[:s], self._wall[:s])
-        return Records(*(array.copy() for array in views))
+        return tuple(array.copy() for array in views)
 
     def _make_room(self) -> None:
         """Records for as many contacts as the list has slots."""
@@ -354,6 +356,7 @@ class DVI:
         self._pair_slot, self._wall_slot = np.zeros(p, dtype=np.int32), np.zeros(s, dtype=np.int32)
         memory = 0 if self._compliance is None else gs.N_SPRING
         self._pair, self._wall = np.zeros((p, gs.N_PAIR + memory)), np.zeros((s, gs.N_WALL_CONTACT + memory))
+        self._pair_group, self._wall_group = (np.empty((k, N_GROUP, LANES), dtype=np.int32) for k in (p, s))
         self._contact_torques = no_contact_torques()
         if self._resist.any():
             columns = N_TORQUE if self._compliance is None else N_SPRING_TORQUE

@@ -48,7 +48,7 @@ def book(part, h, compliance, body_speed, mean_speed, grains, pair_slots, slots,
     """Keep the impulses of a part for the next step; book work and torques with the mean of old and new velocity."""
     velocity, spin, radius = grains.velocity, grains.spin, grains.radius
     pair_slot, pair_impulse, wall_slot, wall_impulse = pair_slots.met, pair_slots.impulse, slots.met, slots.impulse
-    grain, _, pair_index, pair, wall_index, wall = records
+    grain, _, pair_index, pair, wall_index, wall = records[:6]
     loaded = kept = 0
     impact = sliding = work = spring_n = spring_t = 0.0
     for k in range(part.p0, part.p1):

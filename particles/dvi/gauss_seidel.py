@@ -13,10 +13,10 @@ Methods Appl. Mech. Engrg. 177 (1999) 235).
 so that its radius is needed nowhere, and its record is one cache line. The arms R_i a and R_j a add up to the
 distance of the centres (a = 1 where they touch): angular momentum is conserved to round-off.
 
-**Order.** Rows of the neighbour list in the order of memory, or in chunks of them (`particles.dvi.partition`). It
-follows from the list alone.
-
-A contact that is open and stays open is left after five multiplications.
+**Order.** Groups of up to eight contacts without a common grain are visited at once, which is the same as one contact
+after another (`particles.dvi.contact_groups`); those of all rows of the neighbour list, or in chunks of them
+(`particles.dvi.partition`). It follows from the list alone. Nothing branches within a group: what the processor would
+guess wrong costs it more than the arithmetic of contacts that are open.
 
 **Springs.** With ``compliance`` every contact gives way like the springs of `LinearContact`, taken at the end of the
 step (`particles.dvi.compliance`): instead of u the laws hold for u + o + C r, with C = diag(c_n, c_t, c_t), and
@@ -29,6 +29,8 @@ import numpy as np
 from numba import njit
 
 from geometry.inner_functions import inner
+from geometry.lanes import LANES, columns, eight_of, lanes_of, largest_lane, put_columns, root, where
+from particles.dvi.contact_groups import CONTACT, FIRST, N_GROUP, SECOND, group_contacts
 from particles.dvi.kernel_state import Records, whole
 from particles.dvi.local_problem import coulomb_block, natural_map
 
@@ -42,7 +44,7 @@ N_BODY = 4
 # with springs the gap; of a wall contact also the lever z x (contact point) of its body
 EX, EY, EZ, ARM, RX, RY, RZ, B, IWN, IWT, MU, GAP, LX, LY = range(14)
 N_PAIR = 12
-N_WALL_CONTACT = 14
+N_WALL_CONTACT = 16  # four are read at once
 N_SPRING = 4  # behind these, with springs: the tangential offset in world axes, and c_n
 # rows of ``compliance``: between grains, at walls; columns: k_n [N/m], c_t [1/kg], and what K follows from
 # (`particles.dvi.compliance`): the largest sqrt(a) at which the restitution is met, 2 zeta, log K against sqrt(a)
@@ -53,7 +55,7 @@ STIFFNESS, TANGENTIAL, MET, DASHPOT, SHARES = range(5)
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def apply_impulses(sign, records):
     """Add to the velocities ``sign`` times what the impulses in the records do."""
-    grain, body, pair_index, pair, wall_index, wall = records
+    grain, body, pair_index, pair, wall_index, wall = records[:6]
     for k in range(pair.shape[0]):
         i, j = pair_index[k, 0], pair_index[k, 1]
         x, y, z = sign * pair[k, RX], sign * pair[k, RY], sign * pair[k, RZ]
@@ -93,154 +95,170 @@ def apply_impulses(sign, records):
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def _springs(compliance, kind, row, contacts, behind):
+    """Offset and compliances of contacts, or None of rigid ones; their columns begin ``behind`` the others."""
+    if compliance is None:
+        return None
+    else:
+        ox, oy, oz, c_n = columns(row, contacts, behind)
+        return ox, oy, oz, c_n, compliance[kind, TANGENTIAL]
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def _velocity(e, arm, r, u, s, b, springs):
+    """u_n with its offset, u_t in world axes, and r_n, of the velocities u of centres and the spins s about them."""
+    ex, ey, ez = e
+    ux, uy, uz = u
+    sx, sy, sz = s
+    rx, ry, rz = r
+    along = ux * ex + uy * ey + uz * ez
+    was = rx * ex + ry * ey + rz * ez
+    u_n = along + b
+    ux = ux - along * ex - arm * (sy * ez - sz * ey)
+    uy = uy - along * ey - arm * (sz * ex - sx * ez)
+    uz = uz - along * ez - arm * (sx * ey - sy * ex)
+    if springs is not None:
+        ox, oy, oz, c_n, c = springs
+        u_n = u_n + c_n * was
+        ux = ux + ox + c * (rx - was * ex)
+        uy = uy + oy + c * (ry - was * ey)
+        uz = uz + oz + c * (rz - was * ez)
+    return u_n, ux, uy, uz, was
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def _change(convex, relax, e, r, inverse, slow, mu, velocity):
+    """By how much the local law changes the impulses r, and the square of that."""
+    ex, ey, ez = e
+    rx, ry, rz = r
+    u_n, ux, uy, uz, was = velocity
+    if convex is None:
+        inverse, slow = relax * inverse, relax * slow
+    r_n = was - u_n * inverse
+    tx, ty, tz = rx - was * ex - slow * ux, ry - was * ey - slow * uy, rz - was * ez - slow * uz
+    size2 = tx * tx + ty * ty + tz * tz
+    if convex is None:
+        r_n = where(r_n > 0.0, r_n, 0.0)
+        limit = mu * r_n
+        scale = where(size2 > limit * limit, limit / root(size2), 1.0)
+    else:
+        size = root(size2)  # the nearest point of the cone in the metric of W
+        nearest = (slow * r_n + inverse * mu * size) / (slow + inverse * mu * mu)
+        r_n = where(size > mu * r_n, nearest, r_n)
+        r_n = where(r_n > 0.0, r_n, 0.0)
+        scale = where(size > mu * r_n, mu * r_n / size, 1.0)
+    x, y, z = r_n * ex + scale * tx - rx, r_n * ey + scale * ty - ry, r_n * ez + scale * tz - rz
+    return x, y, z, x * x + y * y + z * z
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def sweep_pairs(lo, hi, convex, relax, compliance, records):
     """Visit the pairs lo <= k < hi; returns the largest change of an impulse times w_n, squared [m^2/s^2].
 
     ``convex`` None: exact Coulomb, over-relaxed by ``relax`` (1: not), which the convex law does not read.
     """
-    grain, index, pair = records.grain, records.pair_index, records.pair
-    largest = 0.0
-    for k in range(lo, hi):
-        i, j = index[k, 0], index[k, 1]
-        ex, ey, ez = pair[k, EX], pair[k, EY], pair[k, EZ]
-        rx, ry, rz = pair[k, RX], pair[k, RY], pair[k, RZ]
-        ux, uy, uz = grain[i, VX] - grain[j, VX], grain[i, VY] - grain[j, VY], grain[i, VZ] - grain[j, VZ]
-        v_n = ux * ex + uy * ey + uz * ez
-        was = rx * ex + ry * ey + rz * ez
-        inverse = pair[k, IWN]
-        if convex is None:
-            inverse *= relax
-        u_n = v_n + pair[k, B]
-        if compliance is not None:
-            u_n += pair[k, N_PAIR + 3] * was
-        r_n = was - u_n * inverse
-        if convex is None:
-            if r_n <= 0.0 and rx == 0.0 and ry == 0.0 and rz == 0.0:
-                continue
-        arm = pair[k, ARM]
-        sx, sy, sz = grain[i, PX] + grain[j, PX], grain[i, PY] + grain[j, PY], grain[i, PZ] + grain[j, PZ]
-        ux = ux - v_n * ex - arm * (sy * ez - sz * ey)
-        uy = uy - v_n * ey - arm * (sz * ex - sx * ez)
-        uz = uz - v_n * ez - arm * (sx * ey - sy * ex)
-        if compliance is not None:
-            c = compliance[PAIRS, TANGENTIAL]
-            ux += pair[k, N_PAIR] + c * (rx - was * ex)
-            uy += pair[k, N_PAIR + 1] + c * (ry - was * ey)
-            uz += pair[k, N_PAIR + 2] + c * (rz - was * ez)
-        slow, mu = pair[k, IWT], pair[k, MU]
-        if convex is None:
-            slow *= relax
-        if convex is not None:
-            # open, and further than sliding lifts it
-            if u_n >= mu * np.sqrt(ux * ux + uy * uy + uz * uz) and rx == 0.0 and ry == 0.0 and rz == 0.0:
-                continue
-        tx, ty, tz = rx - was * ex - slow * ux, ry - was * ey - slow * uy, rz - was * ez - slow * uz
-        size2 = tx * tx + ty * ty + tz * tz
-        if convex is None:
-            if r_n <= 0.0:
-                r_n, tx, ty, tz = 0.0, 0.0, 0.0, 0.0
-            else:
-                limit = mu * r_n
-                if size2 > limit * limit:
-                    scale = limit / np.sqrt(size2)
-                    tx, ty, tz = scale * tx, scale * ty, scale * tz
-        else:
-            size = np.sqrt(size2)
-            if size > mu * r_n:
-                weight = inverse / slow  # the nearest point of the cone in the metric of W
-                r_n = max((r_n + weight * mu * size) / (1.0 + weight * mu * mu), 0.0)
-                scale = mu * r_n / size if size > 0.0 else 0.0
-                tx, ty, tz = scale * tx, scale * ty, scale * tz
-        x, y, z = r_n * ex + tx - rx, r_n * ey + ty - ry, r_n * ez + tz - rz
-        change = (x * x + y * y + z * z) / (inverse * inverse)
-        largest = max(largest, change)
-        pair[k, RX], pair[k, RY], pair[k, RZ] = rx + x, ry + y, rz + z
-        a, b = grain[i, IM], grain[j, IM]
-        grain[i, VX] += a * x
-        grain[i, VY] += a * y
-        grain[i, VZ] += a * z
-        grain[j, VX] -= b * x
-        grain[j, VY] -= b * y
-        grain[j, VZ] -= b * z
-        arm *= -2.5
+    grain, table, pair = records.grain, records.pair_group, records.pair
+    largest = lanes_of(0.0)
+    for g in range(lo, hi):
+        if table[g, CONTACT, 0] < 0:
+            break
+        k, i, j = eight_of(table, g, CONTACT), eight_of(table, g, FIRST), eight_of(table, g, SECOND)
+        vx, vy, vz, a = columns(grain, i, VX)
+        px, py, pz, rest = columns(grain, i, PX)
+        wx, wy, wz, b = columns(grain, j, VX)
+        qx, qy, qz, other_rest = columns(grain, j, PX)
+        ex, ey, ez, arm = columns(pair, k, EX)
+        rx, ry, rz, offset = columns(pair, k, RX)
+        inverse, slow, mu, _ = columns(pair, k, IWN)
+        springs = _springs(compliance, PAIRS, pair, k, N_PAIR)
+        e, r = (ex, ey, ez), (rx, ry, rz)
+        u, s = (vx - wx, vy - wy, vz - wz), (px + qx, py + qy, pz + qz)
+        velocity = _velocity(e, arm, r, u, s, offset, springs)
+        x, y, z, change = _change(convex, relax, e, r, inverse, slow, mu, velocity)
+        change = change / (inverse * inverse)
+        largest = where(change > largest, change, largest)
+        put_columns(pair, k, RX, rx + x, ry + y, rz + z, offset)
+        put_columns(grain, i, VX, vx + a * x, vy + a * y, vz + a * z, a)
+        put_columns(grain, j, VX, wx - b * x, wy - b * y, wz - b * z, b)
+        arm = -2.5 * arm
         sx, sy, sz = arm * (ey * z - ez * y), arm * (ez * x - ex * z), arm * (ex * y - ey * x)
-        grain[i, PX] += a * sx
-        grain[i, PY] += a * sy
-        grain[i, PZ] += a * sz
-        grain[j, PX] += b * sx
-        grain[j, PY] += b * sy
-        grain[j, PZ] += b * sz
-    return largest
+        put_columns(grain, i, PX, px + a * sx, py + a * sy, pz + a * sz, rest)
+        put_columns(grain, j, PX, qx + b * sx, qy + b * sy, qz + b * sz, other_rest)
+    return largest_lane(largest) if convex is not None else largest_lane(largest) / (relax * relax)
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def sweep_walls(lo, hi, convex, relax, compliance, records):
     """The same for contacts with walls."""
-    grain, body, index, wall = records.grain, records.body, records.wall_index, records.wall
-    largest = 0.0
-    for k in range(lo, hi):
-        i, b = index[k, 0], index[k, 1]
-        ex, ey, ez = wall[k, EX], wall[k, EY], wall[k, EZ]
-        rx, ry, rz = wall[k, RX], wall[k, RY], wall[k, RZ]
-        omega = body[b, SPEED]
-        ux, uy, uz = grain[i, VX] - omega * wall[k, LX], grain[i, VY] - omega * wall[k, LY], grain[i, VZ]
-        v_n = ux * ex + uy * ey + uz * ez
-        was = rx * ex + ry * ey + rz * ez
-        inverse, mu = wall[k, IWN], wall[k, MU]
-        if convex is None:
-            inverse *= relax
-        u_n = v_n + wall[k, B]
-        if compliance is not None:
-            u_n += wall[k, N_WALL_CONTACT + 3] * was
-        r_n = was - u_n * inverse
-        free = body[b, IJ]
-        if convex is None:
-            if r_n <= 0.0 and rx == 0.0 and ry == 0.0 and rz == 0.0:
-                continue
-        arm = wall[k, ARM]
-        ux = ux - v_n * ex - arm * (grain[i, PY] * ez - grain[i, PZ] * ey)
-        uy = uy - v_n * ey - arm * (grain[i, PZ] * ex - grain[i, PX] * ez)
-        uz = uz - v_n * ez - arm * (grain[i, PX] * ey - grain[i, PY] * ex)
-        if compliance is not None:
-            c = compliance[WALLS, TANGENTIAL]
-            ux += wall[k, N_WALL_CONTACT] + c * (rx - was * ex)
-            uy += wall[k, N_WALL_CONTACT + 1] + c * (ry - was * ey)
-            uz += wall[k, N_WALL_CONTACT + 2] + c * (rz - was * ez)
-        slow = wall[k, IWT]
-        if convex is None:
-            slow *= relax
-        if convex is None and free > 0.0:
-            x, y, z = _block(wall, k, free, mu, u_n, ux, uy, uz, was)
-            x, y, z = x - rx, y - ry, z - rz
-        else:
-            if convex is not None and free > 0.0:  # a gradient step, short enough for every direction of the block
-                slow = 1.0 / (1.0 / slow + free * (wall[k, LX] ** 2 + wall[k, LY] ** 2))
-                r_n = was - u_n * slow
-                inverse = slow
-            tx, ty, tz = rx - was * ex - slow * ux, ry - was * ey - slow * uy, rz - was * ez - slow * uz
-            size = np.sqrt(tx * tx + ty * ty + tz * tz)
-            if convex is None:
-                r_n = max(r_n, 0.0)
-            elif size > mu * r_n:
-                weight = inverse / slow
-                r_n = max((r_n + weight * mu * size) / (1.0 + weight * mu * mu), 0.0)
-            if size > mu * r_n:
-                scale = mu * r_n / size
-                tx, ty, tz = scale * tx, scale * ty, scale * tz
-            x, y, z = r_n * ex + tx - rx, r_n * ey + ty - ry, r_n * ez + tz - rz
-        largest = max(largest, (x * x + y * y + z * z) / (wall[k, IWN] * wall[k, IWN]))
-        wall[k, RX], wall[k, RY], wall[k, RZ] = rx + x, ry + y, rz + z
-        a = grain[i, IM]
-        grain[i, VX] += a * x
-        grain[i, VY] += a * y
-        grain[i, VZ] += a * z
-        arm *= -2.5 * a
-        grain[i, PX] += arm * (ey * z - ez * y)
-        grain[i, PY] += arm * (ez * x - ex * z)
-        grain[i, PZ] += arm * (ex * y - ey * x)
-        if free > 0.0:  # several threads share a body of prescribed speed
-            body[b, SPEED] -= free * (wall[k, LX] * x + wall[k, LY] * y)
-    return largest
+    grain, body, table, wall = records.grain, records.body, records.wall_group, records.wall
+    largest, at_shafts = lanes_of(0.0), 0.0
+    for g in range(lo, hi):
+        if table[g, CONTACT, 0] < 0:
+            break
+        if body[table[g, SECOND, 0], IJ] > 0.0:
+            at_shafts = max(at_shafts, _visit_shaft(table[g, CONTACT, 0], convex, relax, compliance, records))
+            continue
+        k, i = eight_of(table, g, CONTACT), eight_of(table, g, FIRST)
+        vx, vy, vz, a = columns(grain, i, VX)
+        px, py, pz, rest = columns(grain, i, PX)
+        omega, _, _, _ = columns(body, eight_of(table, g, SECOND), SPEED)
+        ex, ey, ez, arm = columns(wall, k, EX)
+        rx, ry, rz, offset = columns(wall, k, RX)
+        inverse, slow, mu, _ = columns(wall, k, IWN)
+        lx, ly, _, _ = columns(wall, k, LX)
+        springs = _springs(compliance, WALLS, wall, k, N_WALL_CONTACT)
+        e, r = (ex, ey, ez), (rx, ry, rz)
+        velocity = _velocity(e, arm, r, (vx - omega * lx, vy - omega * ly, vz), (px, py, pz), offset, springs)
+        x, y, z, change = _change(convex, relax, e, r, inverse, slow, mu, velocity)
+        change = change / (inverse * inverse)
+        largest = where(change > largest, change, largest)
+        put_columns(wall, k, RX, rx + x, ry + y, rz + z, offset)
+        put_columns(grain, i, VX, vx + a * x, vy + a * y, vz + a * z, a)
+        arm = -2.5 * a * arm
+        sx, sy, sz = arm * (ey * z - ez * y), arm * (ez * x - ex * z), arm * (ex * y - ey * x)
+        put_columns(grain, i, PX, px + sx, py + sy, pz + sz, rest)
+    return max(largest_lane(largest), at_shafts)
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def _visit_shaft(k, convex, relax, compliance, records):
+    """Visit a contact with a free shaft."""
+    grain, body, wall = records.grain, records.body, records.wall
+    i, b = records.wall_index[k, 0], records.wall_index[k, 1]
+    ex, ey, ez, arm = wall[k, EX], wall[k, EY], wall[k, EZ], wall[k, ARM]
+    rx, ry, rz = wall[k, RX], wall[k, RY], wall[k, RZ]
+    omega, free = body[b, SPEED], body[b, IJ]
+    u = grain[i, VX] - omega * wall[k, LX], grain[i, VY] - omega * wall[k, LY], grain[i, VZ]
+    s = grain[i, PX], grain[i, PY], grain[i, PZ]
+    springs = None
+    u_n, ux, uy, uz, was = _velocity((ex, ey, ez), arm, (rx, ry, rz), u, s, wall[k, B], springs)
+    if compliance is not None:
+        c = compliance[WALLS, TANGENTIAL]
+        u_n += wall[k, N_WALL_CONTACT + 3] * was
+        ux += wall[k, N_WALL_CONTACT] + c * (rx - was * ex)
+        uy += wall[k, N_WALL_CONTACT + 1] + c * (ry - was * ey)
+        uz += wall[k, N_WALL_CONTACT + 2] + c * (rz - was * ez)
+    inverse, slow, mu = wall[k, IWN], wall[k, IWT], wall[k, MU]
+    if convex is None:
+        if was - u_n * relax * inverse <= 0.0 and rx == 0.0 and ry == 0.0 and rz == 0.0:
+            return 0.0
+        x, y, z = _block(wall, k, free, mu, u_n, ux, uy, uz, was)
+        x, y, z = x - rx, y - ry, z - rz
+    else:  # a gradient step, short enough for every direction of the block
+        slow = 1.0 / (1.0 / slow + free * (wall[k, LX] ** 2 + wall[k, LY] ** 2))
+        velocity = u_n, ux, uy, uz, was
+        x, y, z, _ = _change(convex, relax, (ex, ey, ez), (rx, ry, rz), slow, slow, mu, velocity)
+    wall[k, RX], wall[k, RY], wall[k, RZ] = rx + x, ry + y, rz + z
+    a = grain[i, IM]
+    grain[i, VX] += a * x
+    grain[i, VY] += a * y
+    grain[i, VZ] += a * z
+    arm *= -2.5 * a
+    grain[i, PX] += arm * (ey * z - ez * y)
+    grain[i, PY] += arm * (ez * x - ex * z)
+    grain[i, PZ] += arm * (ex * y - ey * x)
+    body[b, SPEED] -= free * (wall[k, LX] * x + wall[k, LY] * y)
+    return (x * x + y * y + z * z) / (inverse * inverse)
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
@@ -304,73 +322,79 @@ def sweep(convex, relax, compliance, records):
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def residual(part, convex, compliance, records):
     """Largest natural map over the contacts of a part [m/s], all at the same velocities."""
-    grain, body, pair_index, pair, wall_index, wall = records
-    law = convex is not None
-    worst = 0.0
-    for k in range(part.p0, part.p1):
-        i, j = pair_index[k, 0], pair_index[k, 1]
-        ex, ey, ez = pair[k, EX], pair[k, EY], pair[k, EZ]
-        ux, uy, uz = grain[i, VX] - grain[j, VX], grain[i, VY] - grain[j, VY], grain[i, VZ] - grain[j, VZ]
-        u_n = ux * ex + uy * ey + uz * ez
-        if u_n + pair[k, B] >= 0.0 and pair[k, RX] == 0.0 and pair[k, RY] == 0.0 and pair[k, RZ] == 0.0 and not law:
-            continue
-        arm = pair[k, ARM]
-        sx, sy, sz = grain[i, PX] + grain[j, PX], grain[i, PY] + grain[j, PY], grain[i, PZ] + grain[j, PZ]
-        ux = ux - u_n * ex - arm * (sy * ez - sz * ey)
-        uy = uy - u_n * ey - arm * (sz * ex - sx * ez)
-        uz = uz - u_n * ez - arm * (sx * ey - sy * ex)
-        worst = max(worst, _map(law, compliance, PAIRS, N_PAIR, pair, k, u_n, ux, uy, uz))
-    for k in range(part.w0, part.w1):
-        i, b = wall_index[k, 0], wall_index[k, 1]
-        ex, ey, ez = wall[k, EX], wall[k, EY], wall[k, EZ]
-        omega, arm = body[b, SPEED], wall[k, ARM]
-        ux, uy, uz = grain[i, VX] - omega * wall[k, LX], grain[i, VY] - omega * wall[k, LY], grain[i, VZ]
-        u_n = ux * ex + uy * ey + uz * ez
-        ux = ux - u_n * ex - arm * (grain[i, PY] * ez - grain[i, PZ] * ey)
-        uy = uy - u_n * ey - arm * (grain[i, PZ] * ex - grain[i, PX] * ez)
-        uz = uz - u_n * ez - arm * (grain[i, PX] * ey - grain[i, PY] * ex)
-        worst = max(worst, _map(law, compliance, WALLS, N_WALL_CONTACT, wall, k, u_n, ux, uy, uz))
-    return worst
+    grain, body, pair, wall = records.grain, records.body, records.pair, records.wall
+    pairs, walls = records.pair_group, records.wall_group
+    worst = lanes_of(0.0)
+    for g in range(part.p0, part.p1):
+        if pairs[g, CONTACT, 0] < 0:
+            break
+        k = eight_of(pairs, g, CONTACT)
+        i, j = eight_of(pairs, g, FIRST), eight_of(pairs, g, SECOND)
+        vx, vy, vz, _ = columns(grain, i, VX)
+        px, py, pz, _ = columns(grain, i, PX)
+        wx, wy, wz, _ = columns(grain, j, VX)
+        qx, qy, qz, _ = columns(grain, j, PX)
+        u, s = (vx - wx, vy - wy, vz - wz), (px + qx, py + qy, pz + qz)
+        missed = _map(convex is not None, pair, k, u, s, _springs(compliance, PAIRS, pair, k, N_PAIR))
+        worst = where(missed > worst, missed, worst)
+    for g in range(part.w0, part.w1):
+        if walls[g, CONTACT, 0] < 0:
+            break
+        k, i = eight_of(walls, g, CONTACT), eight_of(walls, g, FIRST)
+        vx, vy, vz, _ = columns(grain, i, VX)
+        px, py, pz, _ = columns(grain, i, PX)
+        omega, _, _, _ = columns(body, eight_of(walls, g, SECOND), SPEED)
+        lx, ly, _, _ = columns(wall, k, LX)
+        u, s = (vx - omega * lx, vy - omega * ly, vz), (px, py, pz)
+        missed = _map(convex is not None, wall, k, u, s, _springs(compliance, WALLS, wall, k, N_WALL_CONTACT))
+        worst = where(missed > worst, missed, worst)
+    return largest_lane(worst)
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def _map(law, compliance, kind, offset, row, k, u_n, ux, uy, uz):
-    """Natural map of contact k from its velocity, tangential part in world axes."""
-    ex, ey, ez = row[k, EX], row[k, EY], row[k, EZ]
-    r_n = row[k, RX] * ex + row[k, RY] * ey + row[k, RZ] * ez
-    tx, ty, tz = row[k, RX] - r_n * ex, row[k, RY] - r_n * ey, row[k, RZ] - r_n * ez
-    if compliance is not None:
-        u_n += row[k, offset + 3] * r_n
-        c = compliance[kind, TANGENTIAL]
-        ux += row[k, offset] + c * tx
-        uy += row[k, offset + 1] + c * ty
-        uz += row[k, offset + 2] + c * tz
+def _map(convex, row, contacts, u, s, springs):
+    """Natural map of contacts from velocities of centres and spins."""
+    ex, ey, ez, arm = columns(row, contacts, EX)
+    rx, ry, rz, offset = columns(row, contacts, RX)
+    inverse, _, mu, _ = columns(row, contacts, IWN)
+    u_n, ux, uy, uz, r_n = _velocity((ex, ey, ez), arm, (rx, ry, rz), u, s, offset, springs)
+    tx, ty, tz = rx - r_n * ex, ry - r_n * ey, rz - r_n * ez
     # two coordinates span the tangent plane: along t (along u without t), and what is left of u across it
-    size = np.sqrt(tx * tx + ty * ty + tz * tz)
-    if size > 0.0:
-        a = (ux * tx + uy * ty + uz * tz) / size
-        x, y, z = ux - a * tx / size, uy - a * ty / size, uz - a * tz / size
-        b = np.sqrt(x * x + y * y + z * z)
-    else:
-        a, b = np.sqrt(ux * ux + uy * uy + uz * uz), 0.0
-    return natural_map(law, 1.0 / row[k, IWN], row[k, MU], r_n, size, 0.0, u_n + row[k, B], a, b)
+    size = root(tx * tx + ty * ty + tz * tz)
+    holds, all_of_u = size > 0.0, root(ux * ux + uy * uy + uz * uz)
+    a = (ux * tx + uy * ty + uz * tz) / size
+    x, y, z = ux - a * tx / size, uy - a * ty / size, uz - a * tz / size
+    b = root(x * x + y * y + z * z)
+    a, b = where(holds, a, all_of_u), where(holds, b, 0.0)
+    return natural_map(convex, 1.0 / inverse, mu, r_n, size, lanes_of(0.0), u_n, a, b)
 
 
 # The same for calls from Python: these have a cache, and no kernel calls them
+@inner(error_model="numpy", fastmath={"contract"})
+def grouped(grain, body, pair_index, pair, wall_index, wall):
+    """Records of so many contacts, with their groups."""
+    pair_group = np.empty((pair.shape[0], N_GROUP, LANES), dtype=np.int32)
+    wall_group = np.empty((wall.shape[0], N_GROUP, LANES), dtype=np.int32)
+    seen = np.empty((grain.shape[0], 2), dtype=np.int64)
+    records = Records(grain, body, pair_index, pair, wall_index, wall, pair_group, wall_group, seen)
+    group_contacts(whole(records), body, IJ, records)
+    return records
+
+
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def apply_records(sign, grain, body, pair_index, pair, wall_index, wall):
     """`apply_impulses` for calls from Python."""
-    apply_impulses(sign, Records(grain, body, pair_index, pair, wall_index, wall))
+    apply_impulses(sign, grouped(grain, body, pair_index, pair, wall_index, wall))
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def sweep_records(convex, relax, compliance, grain, body, pair_index, pair, wall_index, wall):
     """`sweep` for calls from Python."""
-    return sweep(convex, relax, compliance, Records(grain, body, pair_index, pair, wall_index, wall))
+    return sweep(convex, relax, compliance, grouped(grain, body, pair_index, pair, wall_index, wall))
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def residual_records(convex, compliance, grain, body, pair_index, pair, wall_index, wall):
     """`residual` for calls from Python."""
-    records = Records(grain, body, pair_index, pair, wall_index, wall)
+    records = grouped(grain, body, pair_index, pair, wall_index, wall)
     return residual(whole(records), convex, compliance, records)

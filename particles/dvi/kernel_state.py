@@ -179,6 +179,11 @@ class Records(NamedTuple):
         Both grains; grain and body.
     pair, wall : ndarray, shapes (p, columns), (s, columns)
         Geometry, impulse and law of each contact.
+    pair_group, wall_group : ndarray of int32, shapes (p, N_GROUP, 8), (s, N_GROUP, 8)
+        In which order they are visited (`particles.dvi.contact_groups`): groups of the contacts from the k-th on begin
+        at row k. Where they are fewer than the contacts, -1 follows them. One that is not full repeats its first.
+    seen : ndarray of int64, shape (n, 2)
+        Scratch: in which groups a grain is, as bits, and the group that these count from.
     """
 
     grain: np.ndarray
@@ -187,6 +192,9 @@ class Records(NamedTuple):
     pair: np.ndarray
     wall_index: np.ndarray
     wall: np.ndarray
+    pair_group: np.ndarray
+    wall_group: np.ndarray
+    seen: np.ndarray
 
 
 class Torques(NamedTuple):
@@ -261,7 +269,7 @@ def first_of(records, pairs, walls):
     """The records of the first contacts, so many pairs and walls."""
     return Records(
         records.grain, records.body, records.pair_index[:pairs], records.pair[:pairs], records.wall_index[:walls],
-        records.wall[:walls],
+        records.wall[:walls], records.pair_group, records.wall_group, records.seen,
     )  # fmt: skip
 
 

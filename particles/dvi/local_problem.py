@@ -28,6 +28,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from geometry.lanes import root, where
+
 
 @njit(error_model="numpy", fastmath={"contract"})
 def coulomb_isotropic(w_n, w_t, mu, q_n, q_1, q_2):
@@ -126,19 +128,22 @@ def on_cone(mu, r_n, r_t):
 
 @njit(error_model="numpy", fastmath={"contract"})
 def natural_map(convex, w_n, mu, r_n, r_1, r_2, u_n, u_1, u_2):
-    """|r - P_K(r - rho (u + mu |u_t| e_n))|/rho with rho = 1/w_n [m/s]; without the shift for the convex law."""
+    """|r - P_K(r - rho (u + mu |u_t| e_n))|/rho with rho = 1/w_n [m/s]; without the shift for the convex law.
+
+    Of one contact, or of eight.
+    """
     if not convex:
-        u_n = u_n + mu * np.sqrt(u_1 * u_1 + u_2 * u_2)
+        u_n = u_n + mu * root(u_1 * u_1 + u_2 * u_2)
     n, x, y = r_n - u_n / w_n, r_1 - u_1 / w_n, r_2 - u_2 / w_n
-    t = np.sqrt(x * x + y * y)
-    if mu * t <= -n:  # first: see `on_cone`
-        return w_n * np.sqrt(r_n * r_n + r_1 * r_1 + r_2 * r_2)
+    t = root(x * x + y * y)
+    opens = w_n * root(r_n * r_n + r_1 * r_1 + r_2 * r_2)
     # from the velocity, not from the difference of impulses: where these have run away it would round to nothing
-    if t <= mu * n:
-        return np.sqrt(u_n * u_n + u_1 * u_1 + u_2 * u_2)
+    sticks = root(u_n * u_n + u_1 * u_1 + u_2 * u_2)
     out = w_n * (t - mu * n) / (1.0 + mu * mu)  # from the cone's surface
     d_n, d_1, d_2 = u_n - mu * out, u_1 + out * x / t, u_2 + out * y / t
-    return np.sqrt(d_n * d_n + d_1 * d_1 + d_2 * d_2)
+    slides = root(d_n * d_n + d_1 * d_1 + d_2 * d_2)
+    # whether it opens comes first: see `on_cone`
+    return where(mu * t <= 0.0 - n, opens, where(t <= mu * n, sticks, slides))
 
 
 @njit(error_model="numpy", fastmath={"contract"})

@@ -19,6 +19,7 @@ from numba import njit, prange
 
 from geometry.inner_functions import inner
 from particles.dvi.anderson_vectors import N_PRODUCTS, extrapolate, gather, remember
+from particles.dvi.contact_groups import group_contacts
 from particles.dvi.contact_torques import residual, sweep_contact_torques
 from particles.dvi.gauss_seidel import IJ, sweep_loads, sweep_pairs, sweep_walls
 from particles.dvi.kernel_state import Part
@@ -125,6 +126,17 @@ def part_of(c, rows, pairs, walls):
     count = rows.shape[0] - 1
     after = min(c + 1, count)
     return Part(pairs[c], pairs[after], walls[c], walls[c + 1], rows[c], rows[after], 1 if c == count else 0)
+
+
+@inner(parallel=True, error_model="numpy", fastmath={"contract"})
+def group_chunks(records, chunk):
+    """`group_contacts` by chunks."""
+    rows, pairs, walls = chunk.rows, chunk.pairs, chunk.walls
+    count = rows.shape[0] - 1
+    for odd in range(2):
+        for half in prange((count + 1 - odd) // 2):
+            group_contacts(part_of(2 * half + odd, rows, pairs, walls), records.body, IJ, records)
+    group_contacts(part_of(count, rows, pairs, walls), records.body, IJ, records)
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})

@@ -25,6 +25,7 @@ from numba import njit
 from geometry.inner_functions import inner
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.accelerated import solve
+from particles.dvi.contact_groups import group_contacts
 from particles.dvi.contact_search import find_contacts, find_in_chunks, free_velocities, search_in_chunks
 from particles.dvi.contact_torques import begin_contact_torques, record_contact_torques
 from particles.dvi.end_of_step import (
@@ -53,7 +54,7 @@ from particles.dvi.end_of_step import (
 )
 from particles.dvi.gauss_seidel import BRAKE, IJ
 from particles.dvi.kernel_state import Look, Records, WallSlots, first_of, whole
-from particles.dvi.partition import sort_walls
+from particles.dvi.partition import group_chunks, sort_walls
 from particles.dvi.projection import project
 from particles.dvi.triangle_contacts import pass_on, record, search, turn_bodies
 from particles.shafts import DRIVE, DRIVE_SLOPE, FREE, INERTIA, LOAD, SPEED
@@ -113,11 +114,16 @@ def _find(look, compliance, grains, pairs, slots, walls, shafts, records, chunk,
             met_walls = record(rows, met_walls, look, compliance, grains, slots, walls, shafts.speed, records)
     if chunk is not None:
         unsorted = Records(
-            records.grain, records.body, records.pair_index, records.pair, chunk.met_index, chunk.met
+            records.grain, records.body, records.pair_index, records.pair, chunk.met_index, chunk.met,
+            records.pair_group, records.wall_group, records.seen,
         )  # fmt: skip
         places = WallSlots(slots.start, slots.other, slots.impulse, chunk.met_slot, slots.found, slots.tally)
         find_in_chunks(look, compliance, grains, pairs, places, walls, shafts.speed, unsorted, chunk, chunk.ends)
         met, met_walls = chunk.pairs[-1], sort_walls(chunk, slots, records)
+        group_chunks(first_of(records, met, met_walls), chunk)
+    if alone is not None:
+        contacts = first_of(records, met, met_walls)
+        group_contacts(whole(contacts), contacts.body, IJ, contacts)
     return met, met_walls
 
 

@@ -26,12 +26,15 @@ def _stack(n):
     return grain, index, pair
 
 
-def _sweeps(grain, index, pair):
+def _sweeps(grain, index, pair, at_once):
+    """Sweeps with so many contacts a call, which are visited in groups that share no mass."""
     body, none, wall = np.zeros((0, gs.N_BODY)), np.zeros((0, 2), dtype=np.int32), np.zeros((0, gs.N_WALL_CONTACT))
+    parts = [slice(k, k + at_once) for k in range(0, len(pair), at_once)]
     count = 0
     while True:
         count += 1
-        gs.sweep_records(None, 1.0, None, grain, body, index, pair, none, wall)
+        for part in parts:
+            gs.sweep_records(None, 1.0, None, grain, body, index[part], pair[part], none, wall)
         u = grain[index[:, 0], gs.VZ] - grain[index[:, 1], gs.VZ]
         if np.abs(u).max() < 1e-6:
             return count
@@ -39,17 +42,20 @@ def _sweeps(grain, index, pair):
 
 @pytest.mark.parametrize(("n", "cold"), [(5, 129), (10, 493), (20, 1865), (50, 10735)])
 def test_unit_stack_takes_the_known_number_of_sweeps(n, cold):
-    """129/493/1865/10 735 sweeps to |u| < 1e-6 from nothing; one from the impulses of before.
+    """129/493/1865/10 735 sweeps to |u| < 1e-6 from nothing, upwards; one from the impulses of before.
 
-    tests/REFERENCE.md section 5.
+    tests/REFERENCE.md section 5. All at once, every other contact is visited first, then those between: both orders
+    are consistent (Young, Trans. Amer. Math. Soc. 76 (1954) 92) and shrink errors at the same rate in the end.
     """
     grain, index, pair = _stack(n)
-    assert _sweeps(grain, index, pair) == cold
+    assert _sweeps(grain, index, pair, 1) == cold
     assert pair[:, gs.RZ] == pytest.approx(np.arange(n, 0, -1), rel=1e-3)
+    grain, index, pair = _stack(n)
+    assert _sweeps(grain, index, pair, n) == pytest.approx(cold, rel=0.07)
     fresh, _, _ = _stack(n)
     body, none = np.zeros((0, gs.N_BODY)), np.zeros((0, 2), dtype=np.int32)
     gs.apply_records(1.0, fresh, body, index, pair, none, np.zeros((0, gs.N_WALL_CONTACT)))
-    assert _sweeps(fresh, index, pair) == 1
+    assert _sweeps(fresh, index, pair, n) == 1
 
 
 def _records(n=60, inertia=1e-4, seed=3, speed=0.0, friction=0.4):
