@@ -23,6 +23,7 @@ from field.spheres.lone_sphere import saturation, sphere_magnetisation
 from field.spheres.pair_table import FADE_TO, fade, pair_table
 from field.spheres.transverse_pair import transverse_excess
 from geometry.inner_functions import inner
+from geometry.lane_functions import logarithm
 
 GAUSS_PLACES = (0.2386191860831969, 0.6612093864662645, 0.9324695142031521)  # of six points on -1 .. 1
 GAUSS_WEIGHTS = (0.46791393457269104, 0.3607615730481386, 0.17132449237917036)
@@ -159,17 +160,20 @@ def sphere_ratio(table, H):
 @inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def gap_place(table, gap):
     """Where a gap in radii lies in the tables; not below 0, and without an end."""
-    return max((np.log(gap) - table.gap_start) / table.gap_step, 0.0)
+    return max((logarithm(gap) - table.gap_start) / table.gap_step, 0.0)
 
 
 @inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def field_place(table, H):
-    """Where a field H [A/m] lies in the tables: j, y, |H| held at the last field; beyond it falls as 1/h: a share."""
+    """Where a field H [A/m] of either sign lies in the tables; not below 0, and without an end."""
+    return max((logarithm(abs(H) * (1.0 / table.scale)) - table.field_start) / table.field_step, 0.0)
+
+
+@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
+def field_held(table, y, H):
+    """Of a place of `field_place`: j, y, |H| held at the last field; beyond it falls as 1/h: a share."""
     h, share = abs(H), 1.0
     last = table.force.shape[1] - 1
-    y = 0.0
-    if h > 0.0:
-        y = max((np.log(h / table.scale) - table.field_start) / table.field_step, 0.0)
     if y > last:
         end = table.scale * np.exp(table.field_start + last * table.field_step)
         y, h, share = float(last), end, end / h
@@ -179,7 +183,7 @@ def field_place(table, H):
 
 @inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def place_in(table, gap, H):
-    """Where a gap in radii and a field H [A/m] lie in the tables: i, x and what `field_place` says.
+    """Where a gap in radii and a field H [A/m] lie in the tables: i, x and what `field_held` says.
 
     i < 0 beyond the farthest gap, where there is no excess.
     """
@@ -187,7 +191,7 @@ def place_in(table, gap, H):
     if x >= table.across.shape[0] - 1:
         return np.int64(-1), 0.0, np.int64(0), 0.0, 0.0, 0.0
     i = np.int64(x)
-    j, y, h, share = field_place(table, H)
+    j, y, h, share = field_held(table, field_place(table, H), H)
     return i, x - i, j, y, h, share
 
 
@@ -200,19 +204,19 @@ def read(values, i, x, j, y):
 
 
 @inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def moment_at(table, x, H):
-    """dM [A/m] at a place of `gap_place` and a field H [A/m]; odd in H."""
+def moment_at(table, x, y, H):
+    """dM [A/m] at places of `gap_place` and `field_place`, of the field H [A/m]; odd in H."""
     if x >= table.across.shape[0] - 1:
         return 0.0
     i = np.int64(x)
-    j, y, h, share = field_place(table, H)
+    j, y, h, share = field_held(table, y, H)
     return np.copysign(h, H) * share * read(table.moment, i, x - i, j, y)
 
 
 @inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def excess_moment(table, gap, H):
     """dM [A/m] at a gap in radii and a field H [A/m]; odd in H."""
-    return moment_at(table, gap_place(table, gap), H)
+    return moment_at(table, gap_place(table, gap), field_place(table, H), H)
 
 
 @inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
@@ -223,24 +227,26 @@ def excess_force(table, gap, H):
 
 
 @inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def near_excess(table, gap, end, H):
-    """dF [mu_0 A^2/m^2 a^2], dM [A/m] and `across` [-] of a near pair, see `excess_force` and `excess_moment`.
-
-    dF is its mean over a step that takes the gap to ``end``: by six points of Gauss in ln g.
-    """
-    i, x, j, y, h, share = place_in(table, gap, H)
-    force = moment = across = 0.0
-    if i >= 0:
-        force, moment = read(table.force, i, x, j, y) * h * h * share, read(table.moment, i, x, j, y) * h * share
-        across = table.across[i] + x * (table.across[i + 1] - table.across[i])
-    if end != gap:
-        force = 0.0
-        middle, half = 0.5 * np.log(gap * end), 0.5 * np.log(end / gap)
-        for k in range(3):
-            for sign in (-1.0, 1.0):
-                at = np.exp(middle + sign * GAUSS_PLACES[k] * half)
-                i, x, j, y, h, share = place_in(table, at, H)
-                if i >= 0:
-                    force += GAUSS_WEIGHTS[k] * half * at * read(table.force, i, x, j, y) * h * h * share
-        force /= end - gap
+def near_excess(table, x, y, H):
+    """dF [mu_0 A^2/m^2 a^2], dM [A/m] and `across` [-] at places of `gap_place` and `field_place`, of the field H."""
+    if x >= table.across.shape[0] - 1:
+        return 0.0, 0.0, 0.0
+    i = np.int64(x)
+    x -= i
+    j, y, h, share = field_held(table, y, H)
+    force, moment = read(table.force, i, x, j, y) * h * h * share, read(table.moment, i, x, j, y) * h * share
+    across = table.across[i] + x * (table.across[i + 1] - table.across[i])
     return force, moment if H > 0.0 else -moment, across
+
+
+@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
+def mean_force(table, gap, end, y, H):
+    """dF as `near_excess`, its mean over a step that takes the gap to ``end``: by six points of Gauss in ln g."""
+    force = 0.0
+    middle, half = 0.5 * np.log(gap * end), 0.5 * np.log(end / gap)
+    for k in range(3):
+        for sign in (-1.0, 1.0):
+            at = np.exp(middle + sign * GAUSS_PLACES[k] * half)
+            dF, _, _ = near_excess(table, gap_place(table, at), y, H)
+            force += GAUSS_WEIGHTS[k] * half * at * dF
+    return force / (end - gap)

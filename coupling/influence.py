@@ -5,8 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from coupling.grain_law_table import GrainLawTable
-from coupling.influence_kernels import PLACE, image_influences, near_pairs, pair_influences
-from coupling.kernel_state import Influence, MagneticGrains, PairModel, Rows
+from coupling.influence_kernels import (
+    IMAGED,
+    N_NEAR,
+    NEAR,
+    choose,
+    image_influences,
+    near_pairs,
+    pair_influences,
+    take_once,
+)
+from coupling.kernel_state import Chosen, Influence, MagneticGrains, PairModel, Rows
 
 
 def find_influence(
@@ -31,21 +40,27 @@ def find_influence(
     n, p = len(grains.position), len(rows.other)
     twin = np.full(p, -1, dtype=np.int32) if twin is None else twin
     pair = _room_for(p, (6,), None if room is None else room.pair)
-    near_place, image_place = np.zeros((2, p + 1), dtype=np.int64)
-    pair_influences(model, grains, rows, twin, pair, near_place[1:], image_place[1:])
-    np.cumsum(image_place, out=image_place)
-    image_row = np.empty(image_place[-1], dtype=np.int64)
-    image = _room_for(len(image_row), (3, 4), None if room is None else room.image)
-    itself, own_image = np.empty((n, 3, 4)), np.empty((n, len(walls), 3))
-    image_influences(model, grains, rows, twin, walls, own, image_place, image_row, image, itself, own_image)
-    np.cumsum(near_place, out=near_place)
-    k = near_place[-1]
-    near_row, near_twin, near = np.empty(k, dtype=np.int64), np.empty(k, dtype=np.int64), np.empty((k, PLACE + 1))
-    near_pairs(table, model, grains, rows, twin, near_place, near_row, near_twin, near)
-    return Influence(
-        twin, pair, itself, image_place[rows.start], image_row, image, own_image, near_place[rows.start], near_row,
-        near_twin, near,
-    )  # fmt: skip
+    kind = np.empty(p, dtype=np.uint8)
+    pair_influences(model, grains, rows, pair, kind)
+    imaged, near = (chosen(rows.start, twin, kind, bit) for bit in (IMAGED, NEAR))
+    image = _room_for(len(imaged.entry), (3, 4), None if room is None else room.image)
+    itself, own_image = np.zeros((n, 3, 4)), np.zeros((n, len(walls), 3))
+    itself[:, range(3), range(3)] = own
+    image_influences(model, grains, rows, imaged, walls, image, itself, own_image)
+    near_pair = _room_for(len(near.entry), (N_NEAR,), None if room is None else room.near_pair)
+    near_pairs(table, model, grains, rows, near, near_pair)
+    return Influence(pair, itself, *imaged, image, own_image, *near, near_pair)
+
+
+def chosen(start: np.ndarray, twin: np.ndarray, kind: np.ndarray, bit: int) -> Chosen:
+    """Entries whose ``kind`` (p,) holds a bit."""
+    p = len(kind)
+    chosen_start = np.empty(len(start), dtype=np.int64)
+    place, entry, twin_there = np.empty(p, np.int32), np.empty(p + 1, np.int32), np.empty(p, np.int32)
+    k = choose(start, twin, kind, bit, place, chosen_start, entry, twin_there)
+    once = np.empty((k + 1, 2), dtype=np.int32)
+    m = take_once(chosen_start, twin_there[:k], once)
+    return Chosen(chosen_start, entry[:k], twin_there[:k], once[:m])
 
 
 def _room_for(count: int, shape: tuple[int, ...], before: np.ndarray | None) -> np.ndarray:

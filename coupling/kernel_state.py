@@ -77,36 +77,57 @@ class MagneticGrains(NamedTuple):
     own_image: np.ndarray
 
 
-class Influence(NamedTuple):
-    """What `coupling.influence_kernels` finds from places alone, and the applied field in near pairs.
+class Chosen(NamedTuple):
+    """Entries of the rows that are of one kind, in their order, and the pairs that they are of.
 
     Attributes
     ----------
-    twin : ndarray of int32, shape (p,)
-        Where the pair of an entry stands in the row of the other grain, or -1.
+    start : ndarray of int64, shape (n + 1,)
+        Those of grain i are start[i] to start[i + 1].
+    entry, twin : ndarray of int32, shape (k,)
+        Of the rows; and where the pair stands here seen from the other grain (-1: nowhere).
+    once : ndarray of int32, shape (m, 2)
+        Every pair once: its first grain, and where it stands here.
+    """
+
+    start: np.ndarray
+    entry: np.ndarray
+    twin: np.ndarray
+    once: np.ndarray
+
+
+class Influence(NamedTuple):
+    """What `coupling.influence_kernels` finds from places alone, and the applied field in near pairs.
+
+    Numba takes no tuple within a tuple into a loop over `numba.prange`: both `Chosen` stand here by their fields.
+
+    Attributes
+    ----------
     pair : ndarray, shape (p or more, 6)
         Of each entry of the rows: n [-], and c1, c2 [1/m^3] and p [1/m^2] of `coupling.pair_fields` over 4 pi.
     itself : ndarray, shape (n, 3, 4)
         A grain's own share and its own images [1/m^3], and their potential [1/m^2].
-    image_start, image_row : ndarray of int64, shapes (n + 1,), (e,)
-        Entries that also see their partner's images.
-    image : ndarray, shape (e or more, 3, 4)
+    image_start, image_entry, image_twin, image_once : ndarray
+        Entries that also see their partner's images, see `Chosen`.
+    image : ndarray, shape (those or more, 3, 4)
         Those images, as `itself`.
     own_image : ndarray, shape (n, w, 3)
         [1/m^2]
-    near_start, near_row, near_twin : ndarray of int64, shapes (n + 1,), (k,), (k,)
-        Near pairs, the entry of each, and where it stands seen from the other grain (-1: nowhere).
-    near_pair : ndarray, shape (k, 7)
+    near_start, near_entry, near_twin, near_once : ndarray
+        Near pairs, see `Chosen`.
+    near_pair : ndarray, shape (those or more, 8)
     """
 
-    twin: np.ndarray
     pair: np.ndarray
     itself: np.ndarray
     image_start: np.ndarray
-    image_row: np.ndarray
+    image_entry: np.ndarray
+    image_twin: np.ndarray
+    image_once: np.ndarray
     image: np.ndarray
     own_image: np.ndarray
     near_start: np.ndarray
-    near_row: np.ndarray
+    near_entry: np.ndarray
     near_twin: np.ndarray
+    near_once: np.ndarray
     near_pair: np.ndarray

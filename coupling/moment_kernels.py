@@ -10,13 +10,15 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from coupling.grain_law_table import excess_moment, moment_at, near_excess, sphere_ratio
-from coupling.influence_kernels import MEAN, MUTUAL, NX, NY, NZ, PER_R, PLACE, sees_image, slope_along
-from coupling.mirror import FACES_NO_WALL, AtWall, height_over, image_force, normal_at, pushed
-from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, pair_force
+from coupling.grain_law_table import excess_moment, field_place, gap_place, mean_force, near_excess, sphere_ratio
+from coupling.image_lanes import find_forces
+from coupling.influence_kernels import IMAGED_CHUNK, NX, NY, NZ, slope_along
+from coupling.mirror import FACES_NO_WALL, height_over, normal_at, pushed
+from coupling.pair_fields import OVER_4PI, field_factors
+from coupling.pair_lanes import MU_0, dipole_force, excesses_in_lanes, near_forces_in_lanes
 from geometry.inner_functions import inner
+from geometry.lane_functions import LANES, square_root
 
-MU_0 = 4e-7 * np.pi
 CONTRAST_POWER = 1.2
 
 
@@ -36,8 +38,8 @@ def gather_fields(grains, rows, known, field, potential, own_image):
     """
     moment, applied = grains.moment, grains.applied
     start, other, shift, turn_cos, turn_sin = rows
-    pair, itself, image, image_start, image_row = (
-        known.pair, known.itself, known.image, known.image_start, known.image_row,
+    pair, itself, image, image_start, image_entry = (
+        known.pair, known.itself, known.image, known.image_start, known.image_entry,
     )  # fmt: skip
     for i in prange(moment.shape[0]):
         mx, my, mz = moment[i, 0], moment[i, 1], moment[i, 2]
@@ -59,7 +61,7 @@ def gather_fields(grains, rows, known, field, potential, own_image):
             sy += along * ny - c2 * ay
             sz += along * nz - c2 * az
         for b in range(image_start[i], image_start[i + 1]):
-            j = np.int64(other[image_row[b]])
+            j = np.int64(other[image_entry[b]])
             ax, ay, az = moment[j, 0], moment[j, 1], moment[j, 2]
             sx += image[b, 0, 0] * ax + image[b, 1, 0] * ay + image[b, 2, 0] * az
             sy += image[b, 0, 1] * ax + image[b, 1, 1] * ay + image[b, 2, 1] * az
@@ -123,30 +125,14 @@ def magnetise(table, model, grains, rows, walls, known, damping, share, contrast
     squares of the undamped step and of the magnetisation [A^2/m^2].
     """
     position, radius, volume, moment = grains.position, grains.radius, grains.volume, grains.moment
-    field, potential, height = grains.field, grains.potential, grains.height
-    other, shift, turn_cos, turn_sin = rows.other, rows.shift, rows.turn_cos, rows.turn_sin
-    near_start, near_row, near_pair, near_twin = known.near_start, known.near_row, known.near_pair, known.near_twin
-    near, smallest_gap = model.near, model.smallest_gap
-    excess = np.empty(near_row.shape[0])  # along n [A/m]
+    field, height = grains.field, grains.height
+    near_start, near_pair, near, smallest_gap = known.near_start, known.near_pair, model.near, model.smallest_gap
+    once = known.near_once
+    excess = np.empty(known.near_entry.shape[0])  # along n [A/m]
+    for b in prange((once.shape[0] + LANES - 1) // LANES):
+        excesses_in_lanes(b * LANES, table, grains, rows, known, excess)
     for i in prange(position.shape[0]):
-        for k in range(near_start[i], near_start[i + 1]):
-            g = near_twin[k]
-            if 0 <= g < k:
-                continue
-            q = near_row[k]
-            j = other[q]
-            c, s = turn_cos[shift[q]], turn_sin[shift[q]]
-            both_x = moment[i, 0] + c * moment[j, 0] - s * moment[j, 1]
-            both_y = moment[i, 1] + s * moment[j, 0] + c * moment[j, 1]
-            along = both_x * near_pair[k, NX] + both_y * near_pair[k, NY]
-            along += (moment[i, 2] + moment[j, 2]) * near_pair[k, NZ]
-            h = near_pair[k, MEAN] - (potential[i] - potential[j]) * near_pair[k, PER_R] + along * near_pair[k, MUTUAL]
-            v = moment_at(table, near_pair[k, PLACE], h)
-            excess[k] = v
-            if g >= 0:
-                excess[g] = -v
-    for i in prange(position.shape[0]):
-        strength = np.sqrt(field[i, 0] ** 2 + field[i, 1] ** 2 + field[i, 2] ** 2)
+        strength = square_root(field[i, 0] ** 2 + field[i, 1] ** 2 + field[i, 2] ** 2)
         ratio, steepness = sphere_ratio(table, strength)
         contrast[i] = max(ratio * steepness / 9.0, 0.0) ** CONTRAST_POWER  # the slope's rounding may be negative
         vx = vy = vz = squares = sum_v = 0.0
@@ -167,11 +153,11 @@ def magnetise(table, model, grains, rows, walls, known, damping, share, contrast
                 vx, vy, vz = vx + v * nx, vy + v * ny, vz + v * nz
                 squares += v * v
                 sum_v += abs(v)
-        part = np.sqrt(squares) / sum_v if sum_v > 0.0 else 0.0
+        part = square_root(squares) / sum_v if sum_v > 0.0 else 0.0
         mx = ratio * field[i, 0] + part * vx
         my = ratio * field[i, 1] + part * vy
         mz = ratio * field[i, 2] + part * vz
-        most = np.sqrt(mx * mx + my * my + mz * mz)
+        most = square_root(mx * mx + my * my + mz * mz)
         if near and most > table.scale:
             cut = table.scale / most
             mx, my, mz, part = cut * mx, cut * my, cut * mz, cut * part
@@ -194,129 +180,37 @@ def contact_forces(table, model, grains, rows, walls, known, attraction, velocit
     ``torque`` (n,) of the field on each grain that its neighbours make, ``wall_torque`` (n,) of the forces of images
     and walls about the axis.
     """
-    position, radius, volume, moment = grains.position, grains.radius, grains.volume, grains.moment
-    field, share, contrast, height = grains.field, grains.share, grains.contrast, grains.height
-    potential = grains.potential
-    start, other, shift, turn_cos, turn_sin = rows
-    reach, smear, near, smallest_gap = model
-    near_start, near_row, near_pair, near_twin = known.near_start, known.near_row, known.near_pair, known.near_twin
-    excess = np.empty((near_row.shape[0], 4))  # of near pairs: force [N], torque of the field about z [N m]
+    position, radius, volume = grains.position, grains.radius, grains.volume
+    field, share, height = grains.field, grains.share, grains.height
+    near, smallest_gap = model.near, model.smallest_gap
+    near_start, image_start = known.near_start, known.image_start
+    excess = np.empty((known.near_entry.shape[0], 4))  # of near pairs: force [N], torque of the field about z [N m]
+    for b in prange((known.near_once.shape[0] + LANES - 1) // LANES):
+        near_forces_in_lanes(b * LANES, table, model, grains, rows, known, attraction, velocity, ahead, excess)
+    n = position.shape[0]
+    image, own_image = np.zeros((known.image_entry.shape[0], 3)), np.zeros((n, 3))
+    count = known.image_once.shape[0] + n if walls.shape[0] else 0  # and of every grain itself
+    for b in prange((count + IMAGED_CHUNK - 1) // IMAGED_CHUNK):
+        first = b * IMAGED_CHUNK
+        until = min(first + IMAGED_CHUNK, count)
+        find_forces(first, until, model, grains, rows, known, walls, image, own_image)
     for i in prange(position.shape[0]):
-        for k in range(near_start[i], near_start[i + 1]):
-            g = near_twin[k]
-            if 0 <= g < k:
-                continue
-            q = near_row[k]
-            j = other[q]
-            c, s = turn_cos[shift[q]], turn_sin[shift[q]]
-            jx, jy = c * position[j, 0] - s * position[j, 1], s * position[j, 0] + c * position[j, 1]
-            dx, dy, dz = position[i, 0] - jx, position[i, 1] - jy, position[i, 2] - position[j, 2]
-            true_r = np.sqrt(dx * dx + dy * dy + dz * dz)
-            nx, ny, nz, per_r = near_pair[k, NX], near_pair[k, NY], near_pair[k, NZ], near_pair[k, PER_R]
-            bx, by = c * moment[j, 0] - s * moment[j, 1], s * moment[j, 0] + c * moment[j, 1]
-            both_x, both_y, both_z = moment[i, 0] + bx, moment[i, 1] + by, moment[i, 2] + moment[j, 2]
-            h = near_pair[k, MEAN] - (potential[i] - potential[j]) * per_r
-            h += (both_x * nx + both_y * ny + both_z * nz) * near_pair[k, MUTUAL]
-            both = radius[i] + radius[j]
-            a = 2.0 * radius[i] * radius[j] / both
-            gap = max((true_r - both) / a, smallest_gap)
-            end = gap
-            if ahead > 0.0:
-                ux, uy = c * velocity[j, 0] - s * velocity[j, 1], s * velocity[j, 0] + c * velocity[j, 1]
-                opening = (velocity[i, 0] - ux) * nx + (velocity[i, 1] - uy) * ny
-                opening += (velocity[i, 2] - velocity[j, 2]) * nz
-                end = max(gap + ahead * opening / a, smallest_gap)
-            pull, v, across = near_excess(table, gap, end, h)
-            ex, ey, ez = c * field[j, 0] - s * field[j, 1], s * field[j, 0] + c * field[j, 1], field[j, 2]
-            fx = fy = fz = 0.0
-            if attraction:
-                # across: the mean of both fields, less what each makes at the other; at itself each makes nothing
-                w3 = OVER_4PI * per_r * per_r * per_r
-                hx = 0.5 * (field[i, 0] + ex + w3 * both_x)
-                hy = 0.5 * (field[i, 1] + ey + w3 * both_y)
-                hz = 0.5 * (field[i, 2] + ez + w3 * both_z)
-                along = hx * nx + hy * ny + hz * nz
-                h_t2 = hx * hx + hy * hy + hz * hz - along * along
-                pull = MU_0 * a * a * (pull + np.sqrt(contrast[i] * contrast[j]) * h_t2 * across)
-                fx, fy, fz = -pull * nx, -pull * ny, -pull * nz
-            # the near moments lie along n: the field's torque on them acts as opposite forces T/r on the pair
-            u, w = MU_0 * v * volume[i] * share[i], MU_0 * v * volume[j] * share[j]
-            ex, ey, ez = u * field[i, 0] + w * ex, u * field[i, 1] + w * ey, u * field[i, 2] + w * ez
-            along = ex * nx + ey * ny + ez * nz
-            ex, ey, ez = ex - along * nx, ey - along * ny, ez - along * nz
-            fx, fy, fz = fx + ex / true_r, fy + ey / true_r, fz + ez / true_r
-            turning = -0.5 * (nx * ey - ny * ex)
-            excess[k, 0], excess[k, 1], excess[k, 2], excess[k, 3] = fx, fy, fz, turning
-            if g >= 0:
-                excess[g, 0], excess[g, 1], excess[g, 2] = -(c * fx + s * fy), s * fx - c * fy, -fz
-                excess[g, 3] = turning
-    drawn = np.empty((other.shape[0], 4))  # the same of all pairs, as dipoles
-    for i in prange(position.shape[0]):
-        for q in range(start[i], start[i + 1]):
-            t = np.int64(known.twin[q])
-            if 0 <= t < q:
-                continue
-            j = other[q]
-            c, s = turn_cos[shift[q]], turn_sin[shift[q]]
-            jx, jy = c * position[j, 0] - s * position[j, 1], s * position[j, 0] + c * position[j, 1]
-            dx, dy, dz = position[i, 0] - jx, position[i, 1] - jy, position[i, 2] - position[j, 2]
-            r2 = dx * dx + dy * dy + dz * dz
-            fx = fy = fz = tz = back = 0.0
-            if r2 < reach * reach:
-                true_r = np.sqrt(r2)
-                per_r = 1.0 / true_r
-                nx, ny, nz = dx * per_r, dy * per_r, dz * per_r
-                r = max(true_r, radius[i] + radius[j])
-                ax, ay, az = moment[i, 0], moment[i, 1], moment[i, 2]
-                bx, by, bz = c * moment[j, 0] - s * moment[j, 1], s * moment[j, 0] + c * moment[j, 1], moment[j, 2]
-                fx, fy, fz = pair_force(ax, ay, az, bx, by, bz, nx, ny, nz, r, reach, smear)
-                if true_r < r:  # grains that overlap: dipoles at touching, and their torque at the true distance
-                    along = fx * nx + fy * ny + fz * nz
-                    lever = r / true_r
-                    fx = along * nx + lever * (fx - along * nx)
-                    fy = along * ny + lever * (fy - along * ny)
-                    fz = along * nz + lever * (fz - along * nz)
-                fx, fy, fz = MU_0_OVER_4PI * fx, MU_0_OVER_4PI * fy, MU_0_OVER_4PI * fz
-                c1, c2, _ = field_factors(r, reach, smear)  # m x B of the neighbour
-                across, c1 = MU_0_OVER_4PI * c2 * (ax * by - ay * bx), MU_0_OVER_4PI * c1
-                tz = c1 * (bx * nx + by * ny + bz * nz) * (ax * ny - ay * nx) - across
-                back = c1 * (ax * nx + ay * ny + az * nz) * (bx * ny - by * nx) + across
-            drawn[q, 0], drawn[q, 1], drawn[q, 2], drawn[q, 3] = fx, fy, fz, tz
-            if t >= 0:
-                drawn[t, 0], drawn[t, 1], drawn[t, 2], drawn[t, 3] = -(c * fx + s * fy), s * fx - c * fy, -fz, back
-    for i in prange(position.shape[0]):
-        fx = fy = fz = tz = 0.0
-        for q in range(start[i], start[i + 1]):
-            fx, fy, fz, tz = fx + drawn[q, 0], fy + drawn[q, 1], fz + drawn[q, 2], tz + drawn[q, 3]
+        fx, fy, fz, tz = dipole_force(i, model, grains, rows)
         for k in range(near_start[i], near_start[i + 1]):
             fx, fy, fz, tz = fx + excess[k, 0], fy + excess[k, 1], fz + excess[k, 2], tz + excess[k, 3]
         force[i, 0] += fx
         force[i, 1] += fy
         force[i, 2] += fz
         torque[i] = tz
-        fx = fy = fz = 0.0
-        xi, yi, zi = position[i, 0], position[i, 1], position[i, 2]
+        fx, fy, fz = own_image[i, 0], own_image[i, 1], own_image[i, 2]
+        for b in range(image_start[i], image_start[i + 1]):
+            fx, fy, fz = fx + image[b, 0], fy + image[b, 1], fz + image[b, 2]
+        xi, yi = position[i, 0], position[i, 1]
         for w in range(walls.shape[0]):
             if height[i, w] >= FACES_NO_WALL:
                 continue
             hi = pushed(height[i, w], radius[i])
             nx, ny, nz = normal_at(walls, w, xi, yi)
-            own = AtWall(xi, yi, zi, hi, nx, ny, nz, moment[i, 0], moment[i, 1], moment[i, 2])
-            for b in range(known.image_start[i] - 1, known.image_start[i + 1]):  # itself first
-                j, c, s = np.int64(i), 1.0, 0.0
-                if b >= known.image_start[i]:
-                    q = known.image_row[b]
-                    j, c, s = np.int64(other[q]), turn_cos[shift[q]], turn_sin[shift[q]]
-                if not sees_image(height, i, j, w, radius, reach):
-                    continue
-                jx, jy = c * position[j, 0] - s * position[j, 1], s * position[j, 0] + c * position[j, 1]
-                bx, by = c * moment[j, 0] - s * moment[j, 1], s * moment[j, 0] + c * moment[j, 1]
-                ux, uy, uz = normal_at(walls, w, jx, jy)
-                partner = AtWall(
-                    jx, jy, position[j, 2], pushed(height[j, w], radius[j]), ux, uy, uz, bx, by, moment[j, 2]
-                )  # fmt: skip
-                gx, gy, gz = image_force(walls[w, 5], own, partner, reach, smear)
-                fx, fy, fz = fx + MU_0_OVER_4PI * gx, fy + MU_0_OVER_4PI * gy, fz + MU_0_OVER_4PI * gz
             if near and abs(height[i, w]) < 1.6 * radius[i]:
                 gap = max(2.0 * (abs(height[i, w]) / radius[i] - 1.0), smallest_gap)
                 h = drive_at_wall(i, w, nx, ny, nz, hi, walls, model, grains)
@@ -324,7 +218,10 @@ def contact_forces(table, model, grains, rows, walls, known, attraction, velocit
                 if ahead > 0.0:
                     opening = velocity[i, 0] * nx + velocity[i, 1] * ny + velocity[i, 2] * nz
                     end = max(gap + (2.0 if hi > 0.0 else -2.0) * ahead * opening / radius[i], smallest_gap)
-                pull, v, _ = near_excess(table, gap, end, h)
+                place = field_place(table, h)
+                pull, v, _ = near_excess(table, gap_place(table, gap), place, h)
+                if end != gap:
+                    pull = mean_force(table, gap, end, place, h)
                 if attraction:
                     pull *= MU_0 * walls[w, 5]
                     pull *= radius[i] ** 2 if hi > 0.0 else -(radius[i] ** 2)

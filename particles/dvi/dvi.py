@@ -153,22 +153,22 @@ class DVI:
                 self._resist[:, column] = part.table()
         self._law = contact.table()
         self._stiffness = None if stiffness is None else np.array(stiffness, dtype=float)
-        self._compliance = self._springs_of_step()
-        self._springs = np.zeros(4)  # energy [J]: normal, tangential, of rolling, of twisting
+        self._compliance, self._springs = (
+            self._springs_of_step(),
+            np.zeros(4),
+        )  # the latter: energy [J]: normal, tangential, of rolling, of twisting
         self._convex = None if friction == "coulomb" else True
         self._method = ANDERSON if solver == "accelerated" else GAUSS_SEIDEL
         self._met = np.zeros(2, dtype=np.int64)
         self._device = DeviceWalls(self.walls, self.bodies)
         self._turn = np.zeros((len(self.bodies) if len(self._device.triangles) else 0, N_TURN))
-        self._enclosure: Enclosure | None = Enclosure(self.walls)
-        if self._enclosure.outside(grains.position, 0.0).any():
-            self._enclosure = None
+        walls_around = Enclosure(self.walls)
+        self._enclosure = None if walls_around.outside(grains.position, 0.0).any() else walls_around
         n = grains.count
         self._grain, self._bound, self._seen = np.zeros((n, gs.N_GRAIN)), np.zeros(n), np.zeros((n, 2), dtype=np.int64)
         self._body = np.zeros((len(self.bodies), gs.N_BODY))
         self._contact_torques = no_contact_torques()
-        self._stale = True
-        self._reach = self.skin
+        self._stale, self._reach = True, self.skin
         self._impulses: ImpulseList | None = None
         self._rebuild()
         self._springs[0] = self._pressed_in()
