@@ -151,15 +151,12 @@ class DVI:
         for column, part in enumerate((rolling, twisting)):
             if part is not None:
                 self._resist[:, column] = part.table()
-        self._law = contact.table()
+        self._law, self._met = contact.table(), np.zeros(2, dtype=np.int64)
         self._stiffness = None if stiffness is None else np.array(stiffness, dtype=float)
-        self._compliance, self._springs = (
-            self._springs_of_step(),
-            np.zeros(4),
-        )  # the latter: energy [J]: normal, tangential, of rolling, of twisting
+        self._compliance = self._springs_of_step()
+        self._springs = np.zeros(4)  # energy [J]: normal, tangential, of rolling, of twisting
         self._convex = None if friction == "coulomb" else True
         self._method = ANDERSON if solver == "accelerated" else GAUSS_SEIDEL
-        self._met = np.zeros(2, dtype=np.int64)
         self._device = DeviceWalls(self.walls, self.bodies)
         self._turn = np.zeros((len(self.bodies) if len(self._device.triangles) else 0, N_TURN))
         walls_around = Enclosure(self.walls)
