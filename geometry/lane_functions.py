@@ -6,6 +6,10 @@ was in the room before: they are computed, and nothing that follows from them ma
 
 Numba's own root and logarithm call the C library (the root wherever a number may be negative: it must set errno
 there), and a loop with such a call is never compiled to instructions that take many numbers side by side.
+
+The compiler finds the width itself, from functions that are written for one item and serve elsewhere as such: contact
+laws, tables. Where a kernel is nothing but arithmetic on rows of tables it is written for eight at once instead
+(`geometry.lanes`).
 """
 
 from __future__ import annotations

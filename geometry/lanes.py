@@ -7,6 +7,8 @@ computed as a number alone would be: not a bit depends on how wide the registers
 `columns` reads four neighbouring columns of eight rows that may lie anywhere in a table, and `put_columns` writes them:
 eight short reads and a transposition in registers, where an index for each number would cost several times as much. No
 two rows that are written may be the same one, unless the same is written there.
+
+Functions that also serve for one item alone are taken side by side by the compiler instead (`geometry.lane_functions`).
 """
 
 from __future__ import annotations
