@@ -34,8 +34,7 @@ def crowd(n, spread, seed=3):
 
 def far_away(grains, law, species=None):
     return DEM(
-        grains, Box((1.0, 1.0, 1.0)).walls(), [Body("housing")], law, dt=DT, overlap_limit=2.0, species=species,
-        energy_budget=False,
+        grains, Box((1.0, 1.0, 1.0)).walls(), [Body("housing")], law, dt=DT, overlap_limit=2.0, species=species
     )  # fmt: skip
 
 
