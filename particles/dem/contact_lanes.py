@@ -82,8 +82,9 @@ def _lane_column(energy_column):
 def forces_by_lane(chunk, count, dt, law, resistance, energy_column, alike, blocks):
     """Forces and torques of the first ``count`` contacts of a batch; what they remember is renewed in the block.
 
-    ``energy_column`` is `lane_column` of that in the list; ``alike`` are radius [m] and mass [kg] of equal grains.
+    ``energy_column`` is that of the list; ``alike`` are radius [m] and mass [kg] of equal grains.
     """
+    column = lane_column(energy_column)  # here, where the compiler sees what it is: otherwise lanes stay single
     for b in range((count + at.LANES - 1) // at.LANES):
         lane = by_lane(blocks, chunk, b, 0)
         table = with_rows(law, by_lane(blocks, chunk, b, at.LAW))
@@ -124,7 +125,7 @@ def forces_by_lane(chunk, count, dt, law, resistance, energy_column, alike, bloc
                 ((hx - along * nx) * inverse_last, (hy - along * ny) * inverse_last, (hz - along * nz) * inverse_last),
                 0.5 * (sx * nx + sy * ny + sz * nz),
             )
-            force = contact_force(table, q, energy_column, m_eff, r_eff, dt, touch, history, q)
+            force = contact_force(table, q, column, m_eff, r_eff, dt, touch, history, q)
             stored = force.stored
             gx, gy, gz = force.x, force.y, force.z
             mx, my, mz = ny * gz - nz * gy, nz * gx - nx * gz, nx * gy - ny * gx
@@ -145,7 +146,7 @@ def forces_by_lane(chunk, count, dt, law, resistance, energy_column, alike, bloc
                     lost_r = lost_w = 0.0
                     if resistance.rolling >= 0:
                         (hx, hy, hz), e, lost_r = rolling_torque(
-                            table, q, energy_column, r_eff, inertia, dt, force, touch, (px, py, pz), history, q,
+                            table, q, column, r_eff, inertia, dt, force, touch, (px, py, pz), history, q,
                             at.ROLLING_COLUMN,
                         )  # fmt: skip
                         stored += e
@@ -154,7 +155,7 @@ def forces_by_lane(chunk, count, dt, law, resistance, energy_column, alike, bloc
                     if resistance.twisting >= 0:
                         spin = px * nx + py * ny + pz * nz
                         torque, e, lost_w = twisting_torque(
-                            table, q, energy_column, r_eff, inertia, dt, force, spin, history, q, at.TWISTING_COLUMN
+                            table, q, column, r_eff, inertia, dt, force, spin, history, q, at.TWISTING_COLUMN
                         )
                         stored += e
                         tx, ty, tz = tx + torque * nx, ty + torque * ny, tz + torque * nz

@@ -17,7 +17,7 @@ import numpy as np
 
 from geometry.inner_functions import inner
 from particles.dem import total_columns as column
-from particles.dem.contact_lanes import forces_by_lane, lane_column
+from particles.dem.contact_lanes import forces_by_lane
 from particles.dem.kernel_state import Tally
 from particles.dem.lane_fields import ROOM
 from particles.dem.lane_transfer import fill_law, gather_contacts, scatter_contacts
@@ -132,7 +132,7 @@ def sweep_rows(chunk, now, law, resistance, energy_column, attraction, grains, p
         )
         gather_contacts(chunk, count, law, resistance, energy_column, grains, pairs)
         alike = grains.position_radius[0, 3], grains.mass[0]
-        forces_by_lane(chunk, count, now.dt, law, resistance, lane_column(energy_column), alike, pairs.blocks)
+        forces_by_lane(chunk, count, now.dt, law, resistance, energy_column, alike, pairs.blocks)
         tally = scatter_contacts(chunk, count, law, resistance, energy_column, grains, pairs, chunks, tally)
         ended = np.int64(pairs.row[cursor[0]]) if cursor[0] < pairs.start[end] else end
         for i in range(done, ended):  # grains whose rows have ended
