@@ -87,19 +87,18 @@ def _block(dx, dy, dz, reach, smear):
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def _place(lane, a, where, height):
+    """Centre [m] in the fields from ``where`` on of lane ``a``, and what is `over` it at the ``height`` of its wall."""
+    x, y, z = lane[a, where], lane[a, where + 1], lane[a, where + 2]
+    return (x, y, z), over(x, y, lane[a, height], lane[a, TANGENT], lane[a, TANGENT + 1])
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _influence(lane, a, reach, smear):
     """Block of the image in lane ``a``, and what it makes of the potential of i at j."""
-    xi, yi, zi, jx, jy, jz = (
-        lane[a, XI],
-        lane[a, XI + 1],
-        lane[a, XI + 2],
-        lane[a, XJ],
-        lane[a, XJ + 1],
-        lane[a, XJ + 2],
-    )
     k = OVER_4PI * lane[a, STRENGTH]
-    wx, wy, wz, ox, oy, oz = over(xi, yi, lane[a, HEIGHT_I], lane[a, TANGENT], lane[a, TANGENT + 1])
-    ux, uy, uz, qx, qy, qz = over(jx, jy, lane[a, HEIGHT_J], lane[a, TANGENT], lane[a, TANGENT + 1])
+    (xi, yi, zi), (wx, wy, wz, ox, oy, oz) = _place(lane, a, XI, HEIGHT_I)
+    (jx, jy, jz), (ux, uy, uz, qx, qy, qz) = _place(lane, a, XJ, HEIGHT_J)
     # at i of the image of j: T P
     axx, ayy, azz, axy, axz, ayz, fx, fy, fz = _block(xi - (jx + qx), yi - (jy + qy), zi - (jz + qz), reach, smear)
     vx, vy, vz = axx * ux + axy * uy + axz * uz, axy * ux + ayy * uy + ayz * uz, axz * ux + ayz * uy + azz * uz
@@ -246,17 +245,9 @@ def _moving_along(x, y, image, k, m, turned, n, g, field):
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _forces(lane, a, reach, smear):
     """Forces of the image in lane ``a`` on i and on j [N]: -dU/dx, see `coupling.mirror`."""
-    xi, yi, zi, jx, jy, jz = (
-        lane[a, XI],
-        lane[a, XI + 1],
-        lane[a, XI + 2],
-        lane[a, XJ],
-        lane[a, XJ + 1],
-        lane[a, XJ + 2],
-    )
     k = lane[a, STRENGTH]
-    wx, wy, wz, ox, oy, oz = over(xi, yi, lane[a, HEIGHT_I], lane[a, TANGENT], lane[a, TANGENT + 1])
-    ux, uy, uz, qx, qy, qz = over(jx, jy, lane[a, HEIGHT_J], lane[a, TANGENT], lane[a, TANGENT + 1])
+    (xi, yi, zi), (wx, wy, wz, ox, oy, oz) = _place(lane, a, XI, HEIGHT_I)
+    (jx, jy, jz), (ux, uy, uz, qx, qy, qz) = _place(lane, a, XJ, HEIGHT_J)
     ax, ay, az = lane[a, MOMENT_I], lane[a, MOMENT_I + 1], lane[a, MOMENT_I + 2]
     bx, by, bz = lane[a, MOMENT_J], lane[a, MOMENT_J + 1], lane[a, MOMENT_J + 2]
     own, others = mirrored(k, ax, ay, az, wx, wy, wz), mirrored(k, bx, by, bz, ux, uy, uz)

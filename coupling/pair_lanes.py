@@ -36,14 +36,18 @@ FORCE, TURNING, NEAR_FIELDS = 29, 32, 33
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def gather_drive(lane, a, i, j, k, c, s, grains, near_pair):
-    """Lay the near pair k, of i and j, into lane ``a``."""
+def gather_drive(lane, a, number, grains, rows, known):
+    """Lay the near pair of this number into lane ``a``; returns i, j, and cosine and sine of the turn from j to i."""
     moment, potential = grains.moment, grains.potential
+    i, k = known.near_once[number, 0], known.near_once[number, 1]
+    q = known.near_entry[k]
+    j, c, s = rows.other[q], rows.turn_cos[rows.shift[q]], rows.turn_sin[rows.shift[q]]
     for b in range(N_NEAR):
-        lane[a, b] = near_pair[k, b]
+        lane[a, b] = known.near_pair[k, b]
     bx, by, bz = turned(moment, j, c, s)
     lane[a, SUM_M], lane[a, SUM_M + 1], lane[a, SUM_M + 2] = moment[i, 0] + bx, moment[i, 1] + by, moment[i, 2] + bz
     lane[a, DROP] = potential[i] - potential[j]
+    return i, j, c, s
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
@@ -61,10 +65,7 @@ def excesses_in_lanes(first, table, grains, rows, known, excess):
     count = min(LANES, known.near_once.shape[0] - first)
     for a in range(count):
         one_by_one()
-        i, k = known.near_once[first + a, 0], known.near_once[first + a, 1]
-        q = known.near_entry[k]
-        j, c, s = rows.other[q], rows.turn_cos[rows.shift[q]], rows.turn_sin[rows.shift[q]]
-        gather_drive(lane, a, i, j, k, c, s, grains, known.near_pair)
+        gather_drive(lane, a, first + a, grains, rows, known)
     for a in range(LANES):
         find_drive(lane, a, table)
     for a in range(count):
@@ -84,10 +85,7 @@ def near_forces_in_lanes(first, table, model, grains, rows, known, attraction, v
     count = min(LANES, known.near_once.shape[0] - first)
     for a in range(count):
         one_by_one()
-        i, k = known.near_once[first + a, 0], known.near_once[first + a, 1]
-        q = known.near_entry[k]
-        j, c, s = rows.other[q], rows.turn_cos[rows.shift[q]], rows.turn_sin[rows.shift[q]]
-        gather_drive(lane, a, i, j, k, c, s, grains, known.near_pair)
+        i, j, c, s = gather_drive(lane, a, first + a, grains, rows, known)
         lane[a, FIELD_I], lane[a, FIELD_I + 1], lane[a, FIELD_I + 2] = field[i, 0], field[i, 1], field[i, 2]
         lane[a, FIELD_J], lane[a, FIELD_J + 1], lane[a, FIELD_J + 2] = turned(field, j, c, s)
         lane[a, RADIUS_I], lane[a, RADIUS_J], lane[a, CONTRAST] = radius[i], radius[j], contrast[i] * contrast[j]
