@@ -18,6 +18,9 @@ import numba
 from numba.core.cpu import CPUContext
 from numba.core.targetconfig import ConfigStack
 
+# how `numba.extending.overload` compiles a function that serves kernels only
+INTO_CALLER: Any = {"forceinline": True, "no_cfunc_wrapper": True, "_nrt": False}
+
 
 def inner(*, borrows: bool = False, **options: Any) -> Callable[[Callable], Any]:
     """`numba.njit` for a function that kernels call and Python does not.

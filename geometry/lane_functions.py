@@ -7,9 +7,8 @@ was in the room before: they are computed, and nothing that follows from them ma
 Numba's own root and logarithm call the C library (the root wherever a number may be negative: it must set errno
 there), and a loop with such a call is never compiled to instructions that take many numbers side by side.
 
-The compiler finds the width itself, from functions that are written for one item and serve elsewhere as such: contact
-laws, tables. Where a kernel is nothing but arithmetic on rows of tables it is written for eight at once instead
-(`geometry.lanes`).
+The compiler finds the width itself, from loops that are written for one item, branches and all. Where it must not be
+left to the compiler, because a part more makes it give up, a kernel is written for eight at once (`geometry.lanes`).
 """
 
 from __future__ import annotations
@@ -23,19 +22,21 @@ from numba.core import cgutils
 from numba.extending import intrinsic, overload
 from numba.np.arrayobj import make_array, populate_array
 
-INTO_CALLER: Any = {"forceinline": True, "no_cfunc_wrapper": True, "_nrt": False}
+from geometry.inner_functions import INTO_CALLER
+from geometry.lanes import lanes, root, where
+
 LANES = 16
 LINES = 2  # of the cache, 8 numbers each
 EXPONENT_BIAS, MANTISSA, ONE = 1023, (1 << 52) - 1, 1023 << 52  # of the 64 bits of a number
 
 
 def square_root(x):
-    """The square root of a float; in a kernel NaN of what is negative. In Python as in a kernel."""
+    """The square root; in a kernel NaN of what is negative, and of lanes too. Of a float in Python as in a kernel."""
     return math.sqrt(x)
 
 
 def logarithm(x):
-    """The natural logarithm of a normal number above 0, to 4e-16 of itself; in Python as in a kernel."""
+    """The natural logarithm of a normal number above 0, to 4e-16 of itself; as `square_root`."""
     return math.log(x)
 
 
@@ -94,25 +95,24 @@ def _fused(typing_context, a, b, c):
     return types.float64(types.float64, types.float64, types.float64), code
 
 
-def _root(typing_context, x):
+def _parts(typing_context, x):
+    """Exponent and mantissa, 1 <= m < 2, of a normal number above 0, both as numbers; of lanes as lanes."""
+    kind = lanes if x == lanes else types.float64
+
     def code(context, builder, signature, arguments):
-        return builder.call(builder.module.declare_intrinsic("llvm.sqrt", [arguments[0].type]), arguments)
+        (value,) = arguments
+        word = ir.IntType(64) if kind == types.float64 else ir.VectorType(ir.IntType(64), value.type.count)
 
-    return types.float64(types.float64), code
+        def constant(number):
+            return ir.Constant(word, number if kind == types.float64 else [number] * value.type.count)
 
+        bits = builder.bitcast(value, word)
+        exponent = builder.sub(builder.lshr(bits, constant(52)), constant(EXPONENT_BIAS))
+        mantissa = builder.or_(builder.and_(bits, constant(MANTISSA)), constant(ONE))
+        found = builder.sitofp(exponent, value.type), builder.bitcast(mantissa, value.type)
+        return context.make_tuple(builder, signature.return_type, found)
 
-def _bits(typing_context, x):
-    def code(context, builder, signature, arguments):
-        return builder.bitcast(arguments[0], ir.IntType(64))
-
-    return types.int64(types.float64), code
-
-
-def _of_bits(typing_context, x):
-    def code(context, builder, signature, arguments):
-        return builder.bitcast(arguments[0], ir.DoubleType())
-
-    return types.float64(types.int64), code
+    return types.UniTuple(kind, 2)(kind), code
 
 
 def _prefetch(typing_context, array, row):
@@ -138,31 +138,26 @@ lane_room: Any = intrinsic(_lane_room)
 one_by_one: Any = intrinsic(_one_by_one)
 fused: Any = intrinsic(_fused)
 prefetch_row: Any = intrinsic(_prefetch)
-_root_of: Any = intrinsic(_root)
-_bits_of: Any = intrinsic(_bits)
-_float_of: Any = intrinsic(_of_bits)
+_parts_of: Any = intrinsic(_parts)
 
 
 @overload(square_root, jit_options=INTO_CALLER)
 def _square_root(x):
-    return lambda x: _root_of(x)
+    return lambda x: root(x)
 
 
 @overload(logarithm, jit_options=INTO_CALLER)
 def _logarithm(x):
     """ln(2^e m) = e ln 2 + 2 artanh((m - 1)/(m + 1)), with m between sqrt(1/2) and sqrt(2): ten terms of the series."""
 
-    def of_float(x):
-        bits = _bits_of(x)
-        exponent = (bits >> 52) - EXPONENT_BIAS
-        m = _float_of((bits & MANTISSA) | ONE)
+    def of_number(x):
+        e, m = _parts_of(x)
         large = m > 1.4142135623730951
-        m = 0.5 * m if large else m
-        e = float(exponent + 1) if large else float(exponent)
+        m, e = where(large, 0.5 * m, m), where(large, e + 1.0, e)
         s = (m - 1.0) / (m + 1.0)
         t = s * s
         series = t * (1.0 / 3.0 + t * (1.0 / 5.0 + t * (1.0 / 7.0 + t * (1.0 / 9.0 + t * (1.0 / 11.0 + t * (
             1.0 / 13.0 + t * (1.0 / 15.0 + t * (1.0 / 17.0 + t * (1.0 / 19.0)))))))))  # fmt: skip
         return e * 0.6931471805599453 + 2.0 * (s + s * series)
 
-    return of_float
+    return of_number

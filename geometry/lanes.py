@@ -2,13 +2,11 @@
 
 `Lanes` are eight doubles, which LLVM puts into registers as wide as the processor has them. They know + - * / and
 comparisons, among themselves and with plain numbers; a comparison is a `Mask` of eight, for `where`. Every lane is
-computed as a number alone would be: not a bit depends on how wide the registers are.
+computed as a number alone would be: not a bit depends on how wide the registers are. A plain number becomes eight of
+itself where a variable holds now the one, now the other.
 
-`columns` reads four neighbouring columns of eight rows that may lie anywhere in a table, and `put_columns` writes them:
-eight short reads and a transposition in registers, where an index for each number would cost several times as much. No
-two rows that are written may be the same one, unless the same is written there.
-
-Functions that also serve for one item alone are taken side by side by the compiler instead (`geometry.lane_functions`).
+A function without branches (`where`, `larger`) serves for one item and for eight: contact laws are written so. How
+lanes come from tables and go back there is in `geometry.lane_tables`.
 """
 
 from __future__ import annotations
@@ -20,14 +18,16 @@ from typing import Any
 from llvmlite import ir
 from numba import extending, types
 from numba.core import cgutils
-from numba.core.imputils import lower_builtin
+from numba.core.imputils import lower_builtin, lower_cast
+from numba.core.typeconv import Conversion
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import models, register_model
 
+from geometry.inner_functions import INTO_CALLER, borrowing
+
 LANES = 8
-WIDE = 4  # columns of a table that are read at once
 _DOUBLE = ir.DoubleType()
-_EIGHT, _FOUR = ir.VectorType(_DOUBLE, LANES), ir.VectorType(_DOUBLE, WIDE)
+_EIGHT = ir.VectorType(_DOUBLE, LANES)
 _CONTRACT = ("contract",)  # as the kernels have it
 
 
@@ -36,6 +36,14 @@ class Lanes(types.Type):
 
     def __init__(self) -> None:
         super().__init__("Lanes")
+
+    def unify(self, typing_context: Any, other: Any) -> Any:
+        """A variable that is a number on one way and lanes on another is lanes."""
+        return self if isinstance(other, types.Float) else None
+
+    def can_convert_from(self, typing_context: Any, other: Any) -> Any:
+        """A number is eight of itself."""
+        return Conversion.safe if other == types.float64 else None
 
 
 class Mask(types.Type):
@@ -73,6 +81,11 @@ def _wide(builder: Any, value: Any) -> Any:
     return _chosen(builder, first, first, [0] * LANES)
 
 
+@lower_cast(types.float64, lanes)
+def _widened(context: Any, builder: Any, kind: Any, wanted: Any, value: Any) -> Any:
+    return _wide(builder, value)
+
+
 def _install(operation: Callable, result: types.Type, code: Callable) -> None:
     """Teach numba an operation on lanes, and on lanes and numbers."""
     kinds = ((lanes, lanes), (lanes, types.float64), (types.float64, lanes))
@@ -99,6 +112,14 @@ _install(operator.gt, mask, lambda builder, x, y: builder.fcmp_ordered(">", x, y
 _install(operator.ge, mask, lambda builder, x, y: builder.fcmp_ordered(">=", x, y))
 
 
+infer_global(operator.neg)(type("Template", (ConcreteTemplate,), {"cases": [signature(lanes, lanes)]}))
+
+
+@lower_builtin(operator.neg, lanes)
+def _negative(context: Any, builder: Any, kind: Any, values: Any) -> Any:
+    return builder.fneg(values[0])
+
+
 def intrinsic(function: Callable) -> Any:
     """Numba's: what a kernel calls has one argument less, the first one."""
     return extending.intrinsic(function)
@@ -110,18 +131,39 @@ def lanes_of(typing, x):
     return lanes(types.float64), lambda context, builder, kind, values: _wide(builder, values[0])
 
 
+def where(condition, x, y):
+    """x where the condition holds, y elsewhere; both are computed. Of a truth and numbers, also in Python: a number."""
+    return x if condition else y
+
+
 @intrinsic
-def where(typing, condition, x, y):
-    """x where the condition holds, y elsewhere; both are computed. Of a truth and numbers: one number."""
+def _where(typing, condition, x, y):
+    eight = condition == mask or lanes in (x, y)
 
     def code(context, builder, kind, values):
-        if kind.return_type == lanes:
+        if eight:
             values = values[0], _wide(builder, values[1]), _wide(builder, values[2])
         return builder.select(*values)
 
-    if condition == mask:
-        return lanes(mask, *(lanes if kind == lanes else types.float64 for kind in (x, y))), code
-    return types.float64(types.boolean, types.float64, types.float64), code
+    kinds = (lanes if kind == lanes else types.float64 for kind in (x, y))
+    return (lanes if eight else types.float64)(mask if condition == mask else types.boolean, *kinds), code
+
+
+@extending.overload(where, jit_options=INTO_CALLER)
+def _where_in_kernels(condition, x, y):
+    return lambda condition, x, y: _where(condition, x, y)
+
+
+@borrowing(error_model="numpy", fastmath={"contract"}, forceinline=True)
+def larger(x, least):
+    """x, or ``least`` where that is more; what is not a number stays so. Of numbers and of lanes."""
+    return where(least > x, least, x)
+
+
+@borrowing(error_model="numpy", fastmath={"contract"}, forceinline=True)
+def size_of(x):
+    """The absolute value. Of a number and of lanes."""
+    return where(x < 0.0, -x, x)
 
 
 @intrinsic
@@ -151,60 +193,51 @@ def largest_lane(typing, x):
 
 
 @intrinsic
-def eight_of(typing, table, row, column):
-    """``table[row, column, :]`` of an integer table (rows, columns, 8), as eight numbers of rows."""
+def numbers_of(typing, x):
+    """The eight numbers, one by one."""
 
     def code(context, builder, kind, values):
-        view = context.make_array(table)(context, builder, values[0])
-        at = [*values[1:], ir.Constant(ir.IntType(64), 0)]
-        begin = cgutils.get_item_pointer(context, builder, table, view, at, wraparound=False)
-        places = (builder.gep(begin, [ir.Constant(ir.IntType(64), lane)]) for lane in range(LANES))
-        found = [builder.sext(builder.load(place), ir.IntType(64)) for place in places]
-        return context.make_tuple(builder, kind.return_type, found)
+        each = (builder.extract_element(values[0], ir.Constant(ir.IntType(32), lane)) for lane in range(LANES))
+        return context.make_tuple(builder, kind.return_type, list(each))
 
-    return types.UniTuple(types.intp, LANES)(table, types.intp, types.intp), code
+    return types.UniTuple(types.float64, LANES)(lanes), code
 
 
 @intrinsic
-def columns(typing, table, rows, first):
-    """The four columns from ``first`` on of eight rows of ``table`` (n, columns), as four `Lanes`."""
+def sum_of_lanes(typing, x):
+    """The sum of eight numbers, one after the other."""
 
     def code(context, builder, kind, values):
-        rows = [builder.load(place, align=8) for place in _places(context, builder, table, *values)]
-        halves = [_transposed(builder, rows[k : k + WIDE]) for k in range(0, LANES, WIDE)]
-        found = [_chosen(builder, a, b, list(range(LANES))) for a, b in zip(*halves, strict=True)]
-        return context.make_tuple(builder, kind.return_type, found)
+        total = builder.extract_element(values[0], ir.Constant(ir.IntType(32), 0))
+        for lane in range(1, LANES):
+            total = builder.fadd(total, builder.extract_element(values[0], ir.Constant(ir.IntType(32), lane)))
+        return total
 
-    return types.UniTuple(lanes, WIDE)(table, types.UniTuple(types.intp, LANES), types.intp), code
+    return types.float64(lanes), code
 
 
 @intrinsic
-def put_columns(typing, table, rows, first, a, b, c, d):
-    """The opposite of `columns`."""
+def first_lanes(typing, count):
+    """Whether a lane is one of the first ``count``: a mask."""
 
     def code(context, builder, kind, values):
-        rows = []
-        for k in range(0, LANES, WIDE):
-            rows += _transposed(builder, [_chosen(builder, x, x, list(range(k, k + WIDE))) for x in values[3:]])
-        for row, place in zip(rows, _places(context, builder, table, *values[:3]), strict=True):
-            builder.store(row, place, align=8)
-        return context.get_dummy_value()
+        words = ir.VectorType(ir.IntType(64), LANES)
+        first = builder.insert_element(ir.Constant(words, ir.Undefined), values[0], ir.Constant(ir.IntType(32), 0))
+        numbers = ir.Constant(words, list(range(LANES)))
+        return builder.icmp_signed("<", numbers, _chosen(builder, first, first, [0] * LANES))
 
-    return types.void(table, types.UniTuple(types.intp, LANES), types.intp, lanes, lanes, lanes, lanes), code
+    return mask(types.intp), code
 
 
-def _places(context: Any, builder: Any, table: Any, value: Any, rows: Any, first: Any) -> list:
-    """Addresses of four neighbouring numbers in each of eight rows."""
-    view = context.make_array(table)(context, builder, value)
-    begin, stride = builder.gep(view.data, [first]), builder.extract_value(view.strides, 0)
-    begin = builder.bitcast(begin, ir.IntType(8).as_pointer())
-    found = (builder.gep(begin, [builder.mul(builder.extract_value(rows, lane), stride)]) for lane in range(LANES))
-    return [builder.bitcast(place, _FOUR.as_pointer()) for place in found]
+@intrinsic
+def as_lanes(typing, numbers):
+    """Eight integers as lanes."""
 
+    def code(context, builder, kind, values):
+        made = ir.Constant(_EIGHT, ir.Undefined)
+        for lane in range(LANES):
+            number = builder.sitofp(builder.extract_value(values[0], lane), _DOUBLE)
+            made = builder.insert_element(made, number, ir.Constant(ir.IntType(32), lane))
+        return made
 
-def _transposed(builder: Any, rows: list) -> list:
-    """Four vectors of four, columns for rows."""
-    a, b = (_chosen(builder, rows[0], rows[1], places) for places in ([0, 4, 2, 6], [1, 5, 3, 7]))
-    c, d = (_chosen(builder, rows[2], rows[3], places) for places in ([0, 4, 2, 6], [1, 5, 3, 7]))
-    low, high = [0, 1, 4, 5], [2, 3, 6, 7]
-    return [_chosen(builder, *pair, half) for half in (low, high) for pair in ((a, c), (b, d))]
+    return lanes(types.UniTuple(types.intp, LANES)), code

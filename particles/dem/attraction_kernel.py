@@ -8,6 +8,7 @@ import numpy as np
 
 from geometry.inner_functions import inner
 from geometry.lane_functions import logarithm
+from geometry.lanes import larger
 
 # columns of a slot's drive
 COLUMN, AMPLITUDE, ACROSS = range(3)
@@ -34,8 +35,8 @@ class HeldAttraction(NamedTuple):
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def place_of_gap(held, gap):
-    """Where a gap [radii] lies among the rows of the table, with fraction; without a branch."""
-    return max((logarithm(max(gap, held.smallest_gap)) - held.gap_start) * held.per_gap_step, 0.0)
+    """Where a gap [radii] lies among the rows of the table, with fraction. Of a number and of lanes."""
+    return larger((logarithm(larger(gap, held.smallest_gap)) - held.gap_start) * held.per_gap_step, 0.0)
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from geometry.lane_tables import WIDE
 from particles.dem.contact_kernel import LAST_ROLLING, LAST_STORED, LAST_TANGENTIAL, Resistance
 from particles.laws.columns import MU_ROLLING, MU_TWISTING
 from particles.laws.springs import varies
@@ -23,7 +24,7 @@ class ContactColumns(NamedTuple):
     energy_column : int or None
         First column of the energy budget; None: it is not kept.
     total : int
-        Columns in all.
+        Columns in all, whole fours: lanes read and write as many at once (`geometry.lane_tables`).
     vectors : ndarray of int64
         First columns of what turns with the grains.
     """
@@ -47,9 +48,13 @@ def contact_columns(rows: np.ndarray, table: Any, energy_budget: bool) -> Contac
     if rolls:
         vectors.append(rolling)
     if not energy_budget:
-        return ContactColumns(rolls, twists, resistance, None, last, np.array(vectors, dtype=np.int64))
+        return ContactColumns(rolls, twists, resistance, None, _whole(last), np.array(vectors, dtype=np.int64))
     vectors.append(last + LAST_TANGENTIAL)
     if rolls:
         vectors.append(last + LAST_ROLLING)
     count = last + (8 if twists else 7 if rolls else 4)
-    return ContactColumns(rolls, twists, resistance, last, count, np.array(vectors, dtype=np.int64))
+    return ContactColumns(rolls, twists, resistance, last, _whole(count), np.array(vectors, dtype=np.int64))
+
+
+def _whole(columns: int) -> int:
+    return WIDE * -(-columns // WIDE)

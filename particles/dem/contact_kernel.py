@@ -1,5 +1,8 @@
 """Compiled force of one contact, whoever the partner is: a grain, a smooth wall, a triangle.
 
+Written without branches, for a contact alone and for eight side by side (`geometry.lanes`): where "float" is said
+below, lanes are meant as well.
+
 The normal spring and the dashpots come from the scene's law, by the type of its table (`particles.laws.springs`). What
 all laws share stands here: the clip (an impact never pulls), cohesion, the tangential spring with its slider, rolling
 and twisting, and where the energy goes.
@@ -24,7 +27,8 @@ from typing import NamedTuple
 
 from geometry.inner_functions import borrowing, inner
 from geometry.lane_functions import square_root
-from particles.laws.columns import COHESION_0, COHESION_1, COHESIVE, DAMPING_ROLLING, MU, MU_ROLLING, MU_TWISTING
+from geometry.lanes import larger, size_of, where
+from particles.laws.columns import COHESION_0, COHESION_1, DAMPING_ROLLING, MU, MU_ROLLING, MU_TWISTING
 from particles.laws.springs import remembers, spring, varies
 
 MEMORY, LAST_STIFFNESS, LAST_STORED = 3, 4, 5
@@ -113,15 +117,34 @@ def turned(way, phi, n, history, slot, first):
     else:
         before = x * x + y * y + z * z
         x, y, z = x - along * nx, y - along * ny, z - along * nz
-        if along * along > 1e-14 * before:  # never on a plane
-            after = max(before - along * along, 0.0)
-            scale = square_root(before / after) if after > 0.0 else 0.0
-            x, y, z = x * scale, y * scale, z * scale
+        after = larger(before - along * along, 0.0)
+        scale = where(after > 0.0, square_root(before / after), 0.0)
+        scale = where(along * along > 1e-14 * before, scale, 1.0)  # never on a plane
+        x, y, z = x * scale, y * scale, z * scale
     square = phi * phi
     cos = 1.0 - square * (0.5 - square * (1.0 / 24.0))
     sin = phi * (1.0 - square * (1.0 / 6.0))
     cx, cy, cz = ny * z - nz * y, nz * x - nx * z, nx * y - ny * x
     return cos * x + sin * cx, cos * y + sin * cy, cos * z + sin * cz
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def closed(k_t, last, held):
+    """By what share a spring shrinks whose stiffness was ``last``, and what is lost; ``held`` is its square/2.
+
+    One that stiffens while the contact closes keeps its force, one that softens its length (module docstring).
+    """
+    stiffer = k_t > last
+    share = where(stiffer, last / k_t, 1.0)
+    return share, where(stiffer, last * (1.0 - share), last - k_t) * held
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def slid(trial, limit, stiffness):
+    """By what share a trial force yields to its limit, and how far the slider slips by unit of the trial force."""
+    slides = trial > limit  # trial > 0 needs stiffness > 0
+    share = where(slides, limit / trial, 1.0)
+    return share, where(slides, (1.0 - share) / stiffness, 0.0)
 
 
 @borrowing(error_model="numpy", fastmath={"contract"}, forceinline=True)
@@ -141,10 +164,8 @@ def contact_force(law, kind, energy_column, m_eff, r_eff, dt, touch, history, sl
         history[slot, MEMORY] = memory
     else:
         f_el, k_t, gamma_n, gamma_t, stored, _ = spring(law, kind, delta, m_eff, r_eff, 0.0)
-    f_rep = max(f_el + gamma_n * closing, 0.0)  # an impact never pulls
-    pull = 0.0
-    if law.rows[kind, COHESIVE] > 0.0:
-        pull = law.rows[kind, COHESION_0] + law.rows[kind, COHESION_1] * r_eff
+    f_rep = larger(f_el + gamma_n * closing, 0.0)  # an impact never pulls
+    pull = law.rows[kind, COHESION_0] + law.rows[kind, COHESION_1] * r_eff
     f_n = f_rep - pull
 
     xi_x, xi_y, xi_z = turned(touch.way, phi, touch.normal, history, slot, 0)
@@ -153,11 +174,8 @@ def contact_force(law, kind, energy_column, m_eff, r_eff, dt, touch, history, sl
     if varies(law):
         last = history[slot, LAST_STIFFNESS]
         held = 0.5 * (xi_x * xi_x + xi_y * xi_y + xi_z * xi_z)
-        lost_s = (last - k_t) * held
-        if k_t > last:
-            share = last / k_t
-            xi_x, xi_y, xi_z = xi_x * share, xi_y * share, xi_z * share
-            lost_s = last * (1.0 - share) * held
+        share, lost_s = closed(k_t, last, held)
+        xi_x, xi_y, xi_z = xi_x * share, xi_y * share, xi_z * share
         history[slot, LAST_STIFFNESS] = k_t
 
     # trial: the whole sliding distance stretches spring and dashpot
@@ -165,16 +183,10 @@ def contact_force(law, kind, energy_column, m_eff, r_eff, dt, touch, history, sl
     rate = gamma_t * inv_dt
     both = k_t + rate
     tx, ty, tz = k_t * xi_x + both * sx, k_t * xi_y + both * sy, k_t * xi_z + both * sz
-    trial2 = tx * tx + ty * ty + tz * tz
-    limit = law.rows[kind, MU] * f_rep
-    slip_x = slip_y = slip_z = 0.0
-    if trial2 > limit * limit:
-        trial = square_root(trial2)
-        share = limit / trial
-        slip = (1.0 - share) / both  # trial > 0 needs k_t + rate > 0
-        slip_x, slip_y, slip_z = slip * tx, slip * ty, slip * tz
-        sx, sy, sz = sx - slip_x, sy - slip_y, sz - slip_z
-        tx, ty, tz = tx * share, ty * share, tz * share
+    share, slip = slid(square_root(tx * tx + ty * ty + tz * tz), law.rows[kind, MU] * f_rep, both)
+    slip_x, slip_y, slip_z = slip * tx, slip * ty, slip * tz
+    sx, sy, sz = sx - slip_x, sy - slip_y, sz - slip_z
+    tx, ty, tz = tx * share, ty * share, tz * share
     if energy_column is not None:
         # last forces; that of the tangential dashpot is the last force less its spring's
         if remembers(law):  # no dashpot: what the spring has taken and does not hold
@@ -189,12 +201,12 @@ def contact_force(law, kind, energy_column, m_eff, r_eff, dt, touch, history, sl
         lost_t = 0.5 * (
             (px - k_t * xi_x + rate * sx) * sx + (py - k_t * xi_y + rate * sy) * sy + (pz - k_t * xi_z + rate * sz) * sz
         )
-        lost_s += 0.5 * ((px + tx) * slip_x + (py + ty) * slip_y + (pz + tz) * slip_z)
+        lost_s = lost_s + 0.5 * ((px + tx) * slip_x + (py + ty) * slip_y + (pz + tz) * slip_z)
         history[slot, q], history[slot, q + 1], history[slot, q + 2] = tx, ty, tz
     xi_x, xi_y, xi_z = xi_x + sx, xi_y + sy, xi_z + sz
     history[slot, 0], history[slot, 1], history[slot, 2] = xi_x, xi_y, xi_z
     if energy_column is not None:
-        stored += 0.5 * k_t * (xi_x * xi_x + xi_y * xi_y + xi_z * xi_z) - pull * delta
+        stored = stored + 0.5 * k_t * (xi_x * xi_x + xi_y * xi_y + xi_z * xi_z) - pull * delta
     return ContactForce(
         -f_n * nx - tx, -f_n * ny - ty, -f_n * nz - tz, f_rep, f_rep - f_el, pull, k_t, stored,
         lost_n, lost_t, lost_s, last,
@@ -215,30 +227,21 @@ def rolling_torque(law, kind, energy_column, arm, inertia, dt, force, touch, p, 
     k = k_t * arm * arm
     rate = 2.0 * damping * square_root(k * inertia) / dt
     x, y, z = turned(touch.way, phi, touch.normal, history, slot, first)
-    # a spring that stiffens while the contact closes keeps its torque, one that softens its angle (module docstring)
-    held = 0.5 * arm * arm * (x * x + y * y + z * z)
-    lost = (last - k_t) * held
-    if k_t > last:
-        share = last / k_t
-        x, y, z = x * share, y * share, z * share
-        lost = last * (1.0 - share) * held
+    share, lost = closed(k_t, last, 0.5 * arm * arm * (x * x + y * y + z * z))
+    x, y, z = x * share, y * share, z * share
     along = px * nx + py * ny + pz * nz
     sx, sy, sz = (px - along * nx) * dt, (py - along * ny) * dt, (pz - along * nz) * dt
     both = k + rate
     tx, ty, tz = k * x + both * sx, k * y + both * sy, k * z + both * sz
-    trial = square_root(tx * tx + ty * ty + tz * tz)
     limit = law.rows[kind, MU_ROLLING] * arm * force.repulsion
-    slip_x = slip_y = slip_z = 0.0
-    if trial > limit:
-        share = limit / trial
-        slip = (1.0 - share) / both
-        slip_x, slip_y, slip_z = slip * tx, slip * ty, slip * tz
-        sx, sy, sz = sx - slip_x, sy - slip_y, sz - slip_z
-        tx, ty, tz = tx * share, ty * share, tz * share
+    share, slip = slid(square_root(tx * tx + ty * ty + tz * tz), limit, both)
+    slip_x, slip_y, slip_z = slip * tx, slip * ty, slip * tz
+    sx, sy, sz = sx - slip_x, sy - slip_y, sz - slip_z
+    tx, ty, tz = tx * share, ty * share, tz * share
     if energy_column is not None:
         q = energy_column + LAST_ROLLING
         lx, ly, lz = turned(touch.way, phi, touch.normal, history, slot, q)
-        lost += 0.5 * (
+        lost = lost + 0.5 * (
             (lx - k * x + rate * sx) * sx + (ly - k * y + rate * sy) * sy + (lz - k * z + rate * sz) * sz
             + (lx + tx) * slip_x + (ly + ty) * slip_y + (lz + tz) * slip_z
         )  # fmt: skip
@@ -259,25 +262,19 @@ def twisting_torque(law, kind, energy_column, arm, inertia, dt, force, spin, his
     k = k_t * arm * arm
     rate = 2.0 * damping * square_root(k * inertia) / dt
     angle, step = history[slot, first], spin * dt
-    held = 0.5 * arm * arm * angle * angle
-    lost = (last - k_t) * held
-    if k_t > last:
-        share = last / k_t
-        angle *= share
-        lost = last * (1.0 - share) * held
-    torque = k * angle + (k + rate) * step
-    limit = law.rows[kind, MU_TWISTING] * arm * force.repulsion
-    slip = 0.0
-    if abs(torque) > limit:
-        capped = limit if torque > 0.0 else -limit
-        slip = (torque - capped) / (k + rate)
-        torque = capped
-        step -= slip
+    share, lost = closed(k_t, last, 0.5 * arm * arm * angle * angle)
+    angle = angle * share
+    both = k + rate
+    torque = k * angle + both * step
+    share, slip = slid(size_of(torque), law.rows[kind, MU_TWISTING] * arm * force.repulsion, both)
+    slip = slip * torque
+    step = step - slip
+    torque = torque * share
     if energy_column is not None:
         before = history[slot, energy_column + LAST_TWISTING]
-        lost += 0.5 * ((before - k * angle + rate * step) * step + (before + torque) * slip)
+        lost = lost + 0.5 * ((before - k * angle + rate * step) * step + (before + torque) * slip)
         history[slot, energy_column + LAST_TWISTING] = torque
-    angle += step
+    angle = angle + step
     history[slot, first] = angle
     return -torque, 0.5 * k * angle * angle, lost
 

@@ -1,190 +1,198 @@
-"""Forces of contacts side by side: eight lanes of a processor's wide registers hold eight contacts.
+"""Forces of contacts side by side: eight of those that were noted, from their grains and back.
 
-The arithmetic of a contact is long and has hardly a memory access, so it is done for LANES contacts at once. Those of
-neighbouring rows are gathered into a batch until it is full (`particles.dem.pair_kernel`), their forces are found
-here, and scattered to the grains in the order of the pairs. What a batch holds and where follows from the list and the
-state alone, and lanes that hold no contact are computed and not read.
+The arithmetic of a contact is long and has hardly a memory access, so it is done for eight contacts at once, in a
+processor's wide registers (`geometry.lanes`). Grains, history and parameters come into lanes as short rows and go back
+so (`geometry.lane_tables`); the functions of a contact (`particles.dem.contact_kernel`) do not know about it. Which
+contacts stand side by side follows from the list and the state alone. A last group that is not full repeats its last
+contact, which gives no force then.
 
-A block is LANES contacts, field by field, so that a field is one wide load. `by_lane` shows it as an array (lane,
-field) whose strides the compiler knows: only then does it see that lanes do not touch each other, and takes all at
-once. The functions of a contact (`particles.dem.contact_kernel`) do not know about it: they are given such arrays as
-the contact's history and as the law's rows, a row a lane.
+A pair stands in the row of its first grain. Its reaction goes to the second one directly, or, where that lies in a
+later chunk of rows, into the chunk's places in the buffer (`particles.neighbours.partition`).
+
+Lever arms sum to the distance of centres, and the two torques are l_i n x F and l_j n x F: angular momentum is
+conserved to round-off.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic, overload
-from numba.np.arrayobj import make_array, populate_array
-
 from geometry.inner_functions import inner
 from geometry.lane_functions import square_root
-from particles.dem import lane_fields as at
-from particles.dem.attraction_kernel import place_of_gap
+from geometry.lane_tables import (
+    WIDE,
+    add_to_rows,
+    columns,
+    eight_of,
+    entries,
+    lane_rows,
+    put_column,
+    put_columns,
+    two_columns,
+)
+from geometry.lanes import LANES, as_lanes, first_lanes, lanes_of, larger, largest_lane, numbers_of, sum_of_lanes, where
 from particles.dem.contact_kernel import Touch, contact_force, rolling_torque, twisting_torque
-from particles.laws.springs import INTO_CALLER, equal, with_rows
+from particles.dem.kernel_state import Tally
+from particles.dem.pair_kernel import PLACE, SLOT
+from particles.laws.columns import N_LAW
+from particles.laws.springs import equal, with_rows
+
+MOST_REMEMBERED = 20  # columns of a history (`particles.dem.contact_columns`)
+SPIN, FORCE = 3, 6  # columns of a grain's velocities and forces
 
 
-def make_batch(n_chunks: int) -> tuple[np.ndarray, np.ndarray]:
-    """Scratch of so many chunks: ``blocks`` (c, BLOCKS, N_FIELDS, LANES) and ``noted`` (c, 2, ROOM) int32."""
-    return np.zeros((n_chunks, at.BLOCKS, at.N_FIELDS, at.LANES)), np.zeros((n_chunks, 2, at.ROOM), dtype=np.int32)
+@inner(borrows=True, error_model="numpy", forceinline=True)
+def law_in_lanes(law, rows):
+    """A table of the same law with its first row in lanes: ``rows``, made with `lane_rows`."""
+    for a in range(N_LAW):
+        rows[0, a] = lanes_of(law.rows[0, a])
+    return with_rows(law, rows)
 
 
-def _by_lane(typing_context, blocks, chunk, block, first):
-    """Fields from ``first`` on of a block of a chunk: an array (LANES, fields) with strides known to the compiler."""
-    of_lanes = types.Array(types.float64, 2, "F")
+@inner(borrows=True, error_model="numpy", forceinline=True)
+def _laws_of_species(law, table, law_row, species, i, j):
+    """Put the rows of eight pairs of materials into the lanes of ``table``."""
+    a, b = entries(species, i), entries(species, j)
+    kinds = (
+        law_row[a[0], b[0]], law_row[a[1], b[1]], law_row[a[2], b[2]], law_row[a[3], b[3]],
+        law_row[a[4], b[4]], law_row[a[5], b[5]], law_row[a[6], b[6]], law_row[a[7], b[7]],
+    )  # fmt: skip
+    rows = table.rows
+    for first in range(0, N_LAW, WIDE):
+        rows[0, first], rows[0, first + 1], rows[0, first + 2], rows[0, first + 3] = columns(law.rows, kinds, first)
 
-    def code(context, builder, signature, arguments):
-        blocks, chunk, block, first = arguments
-        source = make_array(signature.args[0])(context, builder, blocks)
-        word = context.get_value_type(types.intp)
 
-        def constant(value):
-            return ir.Constant(word, value)
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def _through_faces(pairs, slot, way, x, y):
+    """Components across the axis of a vector, turned with the images of a sector: there (way 1.0) or back (-1.0)."""
+    return _turned_with_images(pairs.turn, pairs.shift, slot, way, x, y)
 
-        block = builder.add(builder.mul(chunk, constant(at.BLOCKS)), block)
-        offset = builder.mul(builder.add(builder.mul(block, constant(at.N_FIELDS)), first), constant(at.LANES))
-        made = make_array(of_lanes)(context, builder)
-        populate_array(
-            made,
-            data=builder.gep(source.data, [offset]),
-            shape=[constant(at.LANES), constant(at.N_FIELDS)],
-            strides=[constant(8), constant(8 * at.LANES)],
-            itemsize=constant(8),
-            meminfo=None,
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def _turned_with_images(turn, shift, slot, way, x, y):
+    if turn is not None:
+        crossed = as_lanes(entries(shift, slot))
+        cosine, sine = where(crossed * crossed > 0.0, turn[0], 1.0), way * turn[1] * crossed
+        x, y = cosine * x - sine * y, sine * x + cosine * y
+    return x, y
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def contacts_in_lanes(chunk, count, dt, law, table, resistance, energy_column, grains, pairs, chunks, tally):
+    """Find and hand over the forces of the first ``count`` contacts noted; ``table`` is `law_in_lanes`.
+
+    Returns the tally.
+    """
+    position_radius, velocity_force = grains.position_radius, grains.velocity_force
+    noted, history, record = pairs.noted[chunk], pairs.history, pairs.record
+    kept = lane_rows(MOST_REMEMBERED)
+    contacts, elastic, lost_n, lost_t, lost_s, lost_r, lost_w, left, deepest, deepest_at = tally
+    sums = lanes_of(0.0), lanes_of(0.0), lanes_of(0.0), lanes_of(0.0), lanes_of(0.0), lanes_of(0.0)
+    for c in range(count, LANES * ((count + LANES - 1) // LANES)):
+        noted[SLOT, c], noted[PLACE, c] = noted[SLOT, count - 1], noted[PLACE, count - 1]
+    for c in range(0, count, LANES):
+        slot, place = eight_of(noted, SLOT, c), eight_of(noted, PLACE, c)
+        i, j = entries(pairs.row, slot), entries(pairs.other, slot)
+        xi, yi, zi, ri = columns(position_radius, i, 0)
+        dx, dy, dz, rj = columns(position_radius, j, 0)
+        dx, dy = _through_faces(pairs, slot, 1.0, dx, dy)
+        dx, dy, dz = dx - xi, dy - yi, dz - zi
+        vx, vy, vz, px = columns(velocity_force, i, 0)
+        py, pz = two_columns(velocity_force, i, SPIN + 1)
+        ux, uy, uz, qx = columns(velocity_force, j, 0)
+        qy, qz = two_columns(velocity_force, j, SPIN + 1)
+        ux, uy = _through_faces(pairs, slot, 1.0, ux, uy)
+        qx, qy = _through_faces(pairs, slot, 1.0, qx, qy)
+        ux, uy, uz = vx - ux, vy - uy, vz - uz
+        sx, sy, sz = px + qx, py + qy, pz + qz
+        px, py, pz = px - qx, py - qy, pz - qz
+        for first in range(0, history.shape[1], WIDE):
+            four = columns(history, slot, first)
+            kept[0, first], kept[0, first + 1], kept[0, first + 2], kept[0, first + 3] = four
+        d2 = dx * dx + dy * dy + dz * dz
+        d = square_root(d2)
+        inverse = where(d2 > 0.0, d * (1.0 / d2), 0.0)  # beside the root, not after it
+        nx, ny, nz = dx * inverse, dy * inverse, dz * inverse
+        if equal(law):
+            r, m = position_radius[0, 3], grains.mass[0]
+            reach, per_diameter = lanes_of(2.0 * r), lanes_of(0.5 / r)
+            lj = li = 0.5 * d
+            r_eff, m_eff, inertia = lanes_of(0.5 * r), lanes_of(0.5 * m), lanes_of(0.2 * m * r * r)
+            ax, ay, az = li * sx, li * sy, li * sz
+        else:
+            if grains.species.shape[0] > 0:
+                _laws_of_species(law, table, pairs.law_row, grains.species, i, j)
+            mi, mj = entries(grains.mass, i), entries(grains.mass, j)
+            reach, m_eff = ri + rj, mi * mj / (mi + mj)
+            per_diameter = 0.5 / where(rj < ri, rj, ri)
+            share = ri / reach
+            li, r_eff = d * share, rj * share
+            lj = d - li
+            own, others = mi * ri * ri, mj * rj * rj
+            inertia = 0.4 * own * others / (own + others)
+            half, rest = 0.5 * d, 0.5 * (li - lj)
+            ax, ay, az = half * sx + rest * px, half * sy + rest * py, half * sz + rest * pz
+        # by how much n has turned in the drift that has just ended
+        hx, hy, hz = -ux * dt * inverse, -uy * dt * inverse, -uz * dt * inverse
+        along = hx * nx + hy * ny + hz * nz
+        inverse_last = 1.0 + along  # d/d_last
+        touch = Touch(
+            larger(reach - d, 0.0),  # not less by round-off
+            (nx, ny, nz),
+            (ux + ay * nz - az * ny, uy + az * nx - ax * nz, uz + ax * ny - ay * nx),
+            ((hx - along * nx) * inverse_last, (hy - along * ny) * inverse_last, (hz - along * nz) * inverse_last),
+            0.5 * (sx * nx + sy * ny + sz * nz),
         )
-        return made._getvalue()
-
-    integers = types.intp, types.intp, types.intp
-    return of_lanes(blocks, *integers), code
-
-
-by_lane: Any = intrinsic(_by_lane)
-
-
-def lane_column(energy_column):
-    """First column of the last forces in a block's history, or None without an energy budget."""
-    return None if energy_column is None else at.ENERGY_COLUMN
-
-
-@overload(lane_column, jit_options=INTO_CALLER)
-def _lane_column(energy_column):
-    if isinstance(energy_column, types.NoneType):
-        return lambda energy_column: None
-    return lambda energy_column: at.ENERGY_COLUMN
-
-
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def forces_by_lane(chunk, count, dt, law, resistance, energy_column, alike, blocks):
-    """Forces and torques of the first ``count`` contacts of a batch; what they remember is renewed in the block.
-
-    ``energy_column`` is that of the list; ``alike`` are radius [m] and mass [kg] of equal grains.
-    """
-    column = lane_column(energy_column)  # here, where the compiler sees what it is: otherwise lanes stay single
-    for b in range((count + at.LANES - 1) // at.LANES):
-        lane = by_lane(blocks, chunk, b, 0)
-        table = with_rows(law, by_lane(blocks, chunk, b, at.LAW))
-        history = by_lane(blocks, chunk, b, at.HISTORY)
-        for q in range(at.LANES):
-            dx, dy, dz = lane[q, at.CENTRE], lane[q, at.CENTRE + 1], lane[q, at.CENTRE + 2]
-            ux, uy, uz = lane[q, at.VELOCITY], lane[q, at.VELOCITY + 1], lane[q, at.VELOCITY + 2]
-            sx, sy, sz = lane[q, at.SPINS], lane[q, at.SPINS + 1], lane[q, at.SPINS + 2]
-            d2 = dx * dx + dy * dy + dz * dz
-            d = square_root(d2)
-            inverse = d * (1.0 / d2) if d2 > 0.0 else 0.0  # beside the root, not after it
-            nx, ny, nz = dx * inverse, dy * inverse, dz * inverse
-            if equal(law):
-                ri, mi = alike
-                reach = 2.0 * ri
-                li, r_eff, m_eff = 0.5 * d, 0.5 * ri, 0.5 * mi
-                lj = li
-                ax, ay, az = li * sx, li * sy, li * sz
-            else:
-                ri, rj, mi, mj = lane[q, at.RADIUS_I], lane[q, at.RADIUS_J], lane[q, at.MASS_I], lane[q, at.MASS_J]
-                reach = ri + rj
-                m_eff = mi * mj / (mi + mj)
-                share = ri / reach
-                li, r_eff = d * share, rj * share
-                lj = d - li
-                half, rest = 0.5 * d, 0.5 * (li - lj)
-                ax = half * sx + rest * lane[q, at.TURNING]
-                ay = half * sy + rest * lane[q, at.TURNING + 1]
-                az = half * sz + rest * lane[q, at.TURNING + 2]
-            # by how much n has turned in the drift that has just ended
-            hx, hy, hz = -ux * dt * inverse, -uy * dt * inverse, -uz * dt * inverse
-            along = hx * nx + hy * ny + hz * nz
-            inverse_last = 1.0 + along  # d/d_last
-            touch = Touch(
-                max(reach - d, 0.0),  # not less by round-off
-                (nx, ny, nz),
-                (ux + ay * nz - az * ny, uy + az * nx - ax * nz, uz + ax * ny - ay * nx),
-                ((hx - along * nx) * inverse_last, (hy - along * ny) * inverse_last, (hz - along * nz) * inverse_last),
-                0.5 * (sx * nx + sy * ny + sz * nz),
+        there = first_lanes(count - c)
+        force = contact_force(table, 0, energy_column, m_eff, r_eff, dt, touch, kept, 0)
+        stored, rolled, twisted = force.stored, lanes_of(0.0), lanes_of(0.0)
+        gx, gy, gz = where(there, force.x, 0.0), where(there, force.y, 0.0), where(there, force.z, 0.0)
+        mx, my, mz = ny * gz - nz * gy, nz * gx - nx * gz, nx * gy - ny * gx
+        tx, ty, tz = li * mx, li * my, li * mz
+        mx, my, mz = lj * mx, lj * my, lj * mz
+        if resistance is not None:
+            if resistance.rolling >= 0:
+                (hx, hy, hz), e, rolled = rolling_torque(
+                    table, 0, energy_column, r_eff, inertia, dt, force, touch, (px, py, pz), kept, 0, resistance.rolling
+                )
+                stored = stored + e
+                hx, hy, hz = where(there, hx, 0.0), where(there, hy, 0.0), where(there, hz, 0.0)
+                tx, ty, tz = tx + hx, ty + hy, tz + hz
+                mx, my, mz = mx - hx, my - hy, mz - hz
+            if resistance.twisting >= 0:
+                spin = px * nx + py * ny + pz * nz
+                torque, e, twisted = twisting_torque(
+                    table, 0, energy_column, r_eff, inertia, dt, force, spin, kept, 0, resistance.twisting
+                )
+                stored = stored + e
+                torque = where(there, torque, 0.0)
+                tx, ty, tz = tx + torque * nx, ty + torque * ny, tz + torque * nz
+                mx, my, mz = mx - torque * nx, my - torque * ny, mz - torque * nz
+        for first in range(0, history.shape[1], WIDE):
+            put_columns(
+                history, slot, first, kept[0, first], kept[0, first + 1], kept[0, first + 2], kept[0, first + 3]
             )
-            force = contact_force(table, q, column, m_eff, r_eff, dt, touch, history, q)
-            stored = force.stored
-            gx, gy, gz = force.x, force.y, force.z
-            mx, my, mz = ny * gz - nz * gy, nz * gx - nx * gz, nx * gy - ny * gx
-            tx, ty, tz = li * mx, li * my, li * mz
-            lane[q, at.OVERLAP] = touch.delta
-            lane[q, at.FORCE], lane[q, at.FORCE + 1], lane[q, at.FORCE + 2] = gx, gy, gz
-            if resistance is None and equal(law):  # both torques are the same
-                lane[q, at.TORQUE_I], lane[q, at.TORQUE_I + 1], lane[q, at.TORQUE_I + 2] = tx, ty, tz
-            else:
-                mx, my, mz = lj * mx, lj * my, lj * mz
-                if resistance is not None:
-                    px, py, pz = lane[q, at.TURNING], lane[q, at.TURNING + 1], lane[q, at.TURNING + 2]
-                    if equal(law):
-                        inertia = 0.2 * mi * ri * ri
-                    else:
-                        own, others = mi * ri * ri, mj * rj * rj
-                        inertia = 0.4 * own * others / (own + others)
-                    lost_r = lost_w = 0.0
-                    if resistance.rolling >= 0:
-                        (hx, hy, hz), e, lost_r = rolling_torque(
-                            table, q, column, r_eff, inertia, dt, force, touch, (px, py, pz), history, q,
-                            at.ROLLING_COLUMN,
-                        )  # fmt: skip
-                        stored += e
-                        tx, ty, tz = tx + hx, ty + hy, tz + hz
-                        mx, my, mz = mx - hx, my - hy, mz - hz
-                    if resistance.twisting >= 0:
-                        spin = px * nx + py * ny + pz * nz
-                        torque, e, lost_w = twisting_torque(
-                            table, q, column, r_eff, inertia, dt, force, spin, history, q, at.TWISTING_COLUMN
-                        )
-                        stored += e
-                        tx, ty, tz = tx + torque * nx, ty + torque * ny, tz + torque * nz
-                        mx, my, mz = mx - torque * nx, my - torque * ny, mz - torque * nz
-                    if energy_column is not None:
-                        lane[q, at.LOST_R], lane[q, at.LOST_W] = lost_r, lost_w
-                lane[q, at.TORQUE_I], lane[q, at.TORQUE_I + 1], lane[q, at.TORQUE_I + 2] = tx, ty, tz
-                lane[q, at.TORQUE_J], lane[q, at.TORQUE_J + 1], lane[q, at.TORQUE_J + 2] = mx, my, mz
-            if energy_column is not None:
-                lane[q, at.STORED] = stored
-                lane[q, at.LOST_N], lane[q, at.LOST_T], lane[q, at.LOST_S] = force.lost_n, force.lost_t, force.lost_s
-
-
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def gaps_by_lane(chunk, count, law, radius, held, blocks):
-    """Gaps of the first ``count`` pairs of a batch, and where they lie in the table of the attraction.
-
-    ``radius`` [m] is that of grains that are all equal.
-    """
-    for b in range((count + at.LANES - 1) // at.LANES):
-        lane = by_lane(blocks, chunk, b, 0)
-        for q in range(at.LANES):
-            dx, dy, dz = lane[q, at.CENTRE], lane[q, at.CENTRE + 1], lane[q, at.CENTRE + 2]
-            d2 = dx * dx + dy * dy + dz * dz
-            d, inverse = square_root(d2), 1.0 / d2 if d2 > 0.0 else 0.0
-            if equal(law):
-                gap = (d - 2.0 * radius) / radius
-            else:
-                ri, rj = lane[q, at.RADIUS_I], lane[q, at.RADIUS_J]
-                gap = (d - (ri + rj)) * (ri + rj) / (2.0 * ri * rj)
-            lane[q, at.INVERSE], lane[q, at.GAP] = d * inverse, gap
-            lane[q, at.GAP_PLACE] = place_of_gap(held, gap)
+        if record.shape[0] > 0:
+            put_column(record, slot, 0, force.x)
+            put_column(record, slot, 1, force.y)
+            put_column(record, slot, 2, force.z)
+        add_to_rows(velocity_force, i, FORCE, None, None, gx, gy, gz, tx, ty, tz)
+        gx, gy = _through_faces(pairs, slot, -1.0, gx, gy)
+        mx, my = _through_faces(pairs, slot, -1.0, mx, my)
+        add_to_rows(velocity_force, j, FORCE, chunks.reaction, place, -gx, -gy, -gz, mx, my, mz)
+        depth = touch.delta * per_diameter
+        if largest_lane(depth) > deepest:
+            depths = numbers_of(depth)
+            for q in range(LANES):
+                if depths[q] > deepest:
+                    deepest, deepest_at = depths[q], i[q]
+        if energy_column is not None:
+            sums = (
+                sums[0] + where(there, stored, 0.0), sums[1] + where(there, force.lost_n, 0.0),
+                sums[2] + where(there, force.lost_t, 0.0), sums[3] + where(there, force.lost_s, 0.0),
+                sums[4] + where(there, rolled, 0.0), sums[5] + where(there, twisted, 0.0),
+            )  # fmt: skip
+    if energy_column is not None:
+        elastic, lost_n = elastic + sum_of_lanes(sums[0]), lost_n + sum_of_lanes(sums[1])
+        lost_t, lost_s = lost_t + sum_of_lanes(sums[2]), lost_s + sum_of_lanes(sums[3])
+        if resistance is not None:
+            lost_r, lost_w = lost_r + sum_of_lanes(sums[4]), lost_w + sum_of_lanes(sums[5])
+    return Tally(contacts + count, elastic, lost_n, lost_t, lost_s, lost_r, lost_w, left, deepest, deepest_at)

@@ -17,7 +17,6 @@ from particles.dem import step_kernel as kernel
 from particles.dem.attraction import PREFIX as ATTRACTION
 from particles.dem.coming_steps import ComingSteps
 from particles.dem.contact_columns import contact_columns
-from particles.dem.contact_lanes import make_batch
 from particles.dem.kernel_state import (
     Call,
     GrainState,
@@ -29,6 +28,7 @@ from particles.dem.kernel_state import (
 )
 from particles.dem.listed_grains import ListedGrains
 from particles.dem.overlap_limits import STOPS
+from particles.dem.pair_kernel import pair_scratch
 from particles.dem.step_totals import StepTotals
 from particles.dem.stored_energy import law_table, stored_at_rest
 from particles.dem.time_step import choose_time_step
@@ -325,7 +325,7 @@ class DEM(ListedGrains):
             GrainState(g.position_radius, g.velocity_force, g.mass, species, gravity, external, c.reference, self._net),
             PairSlots(
                 c.pairs.start, c.row, c.pairs.other.view(np.uint32), shift, self._turn, self.laws.pair, *c.pair_memory,
-                none, *make_batch(n_chunks),
+                none, *pair_scratch(n_chunks),
             ),
             WallSlots(c.wall_start, c.wall_other, *c.wall_memory, none, np.zeros((n_chunks, most_walls, N_FOUND))),
             WallState(walls.rows, walls.triangles, self._wall_row, walls.body, speed, np.zeros((n_bodies, 2))),

@@ -100,8 +100,8 @@ class PairSlots(NamedTuple):
         Whether the pair touches, and what it remembers (`particles.dem.contact_kernel`).
     record : ndarray, shape (p, 3) or (0, 3)
         Where forces [N] are left, if they are asked for.
-    blocks, noted : ndarray
-        Scratch of each chunk: contacts side by side (`particles.dem.contact_lanes`).
+    apart, noted : ndarray, shapes (c, N_APART, ROOM), (c, N_NOTED, ROOM) int32
+        Scratch of each chunk: pairs that may pull, and contacts (`particles.dem.pair_kernel`).
     """
 
     start: np.ndarray
@@ -113,7 +113,7 @@ class PairSlots(NamedTuple):
     touching: np.ndarray
     history: np.ndarray
     record: np.ndarray
-    blocks: np.ndarray
+    apart: np.ndarray
     noted: np.ndarray
 
 
@@ -189,7 +189,7 @@ class Tally(NamedTuple):
     left : tuple of 4 floats
         Losses where a grain left a wall: to normal damping, sliding, rolling and twisting.
     deepest, deepest_at : float, int
-        Largest overlap [share of the diameter; m between equal grains], and the grain that has it.
+        Largest overlap [share of the diameter], and the grain that has it.
     """
 
     contacts: int

@@ -1,7 +1,7 @@
 """Compiled search for contacts among the pairs of the list, and the pulls of those that attract each other.
 
-The slots of a chunk are looked through one after the other. Contacts are noted, and go into lanes when there is room
-for no more (`particles.dem.lane_transfer`); what a pair has pulled goes to its grains at once.
+The slots of a chunk are looked through one after the other. Contacts are noted, and computed side by side when there is
+room for no more (`particles.dem.contact_lanes`); what a pair has pulled goes to its grains at once.
 """
 
 from __future__ import annotations
@@ -10,11 +10,22 @@ import numpy as np
 
 from geometry.inner_functions import inner
 from geometry.lane_functions import prefetch_row, square_root
-from particles.dem import lane_fields as at
-from particles.dem.attraction_kernel import ACROSS, AMPLITUDE, COLUMN, pull_at
+from geometry.lane_tables import eight_of, put_eight
+from geometry.lanes import LANES, where
+from particles.dem.attraction_kernel import ACROSS, AMPLITUDE, COLUMN, place_of_gap, pull_at
 from particles.dem.contact_kernel import left_in_springs
-from particles.dem.contact_lanes import by_lane, gaps_by_lane
 from particles.laws.springs import equal
+
+ROOM = 4 * LANES  # contacts noted, or pairs looked through, at a time
+# rows of what is noted of a contact: slot in the list, place in the buffer of reactions (-1 without)
+SLOT, PLACE, N_NOTED = range(3)
+# rows of a pair that may pull: centre of j from that of i (3) [m], radii [m]; 1/distance [1/m], gap [radii], its place
+AWAY, RADIUS_I, RADIUS_J, INVERSE, GAP, GAP_PLACE, N_APART = 0, 3, 4, 5, 6, 7, 8
+
+
+def pair_scratch(n_chunks: int) -> tuple[np.ndarray, np.ndarray]:
+    """Scratch of so many chunks: ``apart`` and ``noted`` of `particles.dem.kernel_state.PairSlots`."""
+    return np.ones((n_chunks, N_APART, ROOM)), np.zeros((n_chunks, N_NOTED, ROOM), dtype=np.int32)
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
@@ -44,24 +55,43 @@ def mass_of(law, mass, i):
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def _gaps(count, law, radius, held, apart):
+    """Gaps of the first ``count`` pairs, eight side by side, and where they lie in the table of the attraction.
+
+    ``radius`` [m] is that of grains that are all equal.
+    """
+    for c in range(0, count, LANES):
+        dx, dy, dz = eight_of(apart, AWAY, c), eight_of(apart, AWAY + 1, c), eight_of(apart, AWAY + 2, c)
+        d2 = dx * dx + dy * dy + dz * dz
+        d = square_root(d2)
+        if equal(law):
+            gap = (d - 2.0 * radius) / radius
+        else:
+            ri, rj = eight_of(apart, RADIUS_I, c), eight_of(apart, RADIUS_J, c)
+            gap = (d - (ri + rj)) * (ri + rj) / (2.0 * ri * rj)
+        put_eight(apart, INVERSE, c, where(d2 > 0.0, d * (1.0 / d2), 0.0))
+        put_eight(apart, GAP, c, gap)
+        put_eight(apart, GAP_PLACE, c, place_of_gap(held, gap))
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def pull_pairs(chunk, first, until, place, law, attraction, grains, pairs, chunks):
-    """Add the pulls of the slots ``first`` up to ``until``, whose vectors lie in the lanes, to those on their grains.
+    """Add the pulls of the slots ``first`` up to ``until``, whose vectors stand in ``apart``, to those on their grains.
 
     ``place`` is the last place in the buffer of reactions that was used before them.
     """
-    radius, end = grains.position_radius, chunks.start[chunk + 1]
-    gaps_by_lane(chunk, until - first, law, radius[0, 3], attraction, pairs.blocks)
+    apart, end = pairs.apart[chunk], chunks.start[chunk + 1]
+    _gaps(until - first, law, grains.position_radius[0, 3], attraction, apart)
     for p in range(first, until):
         c, k = p - first, np.uint32(p)
-        lane, q = by_lane(pairs.blocks, chunk, c >> at.SHIFT, 0), c & at.LAST
         i, j = pairs.row[k], pairs.other[k]
         crossing = j >= end
         place += 1 if crossing else 0
         drive = attraction.pair
-        pull = lane[q, at.INVERSE] * pull_at(
-            attraction, lane[q, at.GAP], lane[q, at.GAP_PLACE], drive[k, COLUMN], drive[k, AMPLITUDE], drive[k, ACROSS]
+        pull = apart[INVERSE, c] * pull_at(
+            attraction, apart[GAP, c], apart[GAP_PLACE, c], drive[k, COLUMN], drive[k, AMPLITUDE], drive[k, ACROSS]
         )
-        gx, gy, gz = pull * lane[q, at.CENTRE], pull * lane[q, at.CENTRE + 1], pull * lane[q, at.CENTRE + 2]
+        gx, gy, gz = pull * apart[AWAY, c], pull * apart[AWAY + 1, c], pull * apart[AWAY + 2, c]
         attraction.drawn[i, 0] += gx
         attraction.drawn[i, 1] += gy
         attraction.drawn[i, 2] += gz
@@ -103,8 +133,8 @@ def find_contacts(chunk, cursor, dt, law, resistance, energy_column, attraction,
     stop = pairs.start[end]
     radius = position_radius[0, 3]
     alike = 4.0 * radius * radius
-    while k < stop and count < at.ROOM:
-        until, before_these = min(stop, k + at.ROOM - count), place
+    while k < stop and count < ROOM:
+        until, before_these = min(stop, k + ROOM - count), place
         for p in range(k, until):
             q = np.uint32(p)
             i, j = pairs.row[q], pairs.other[q]
@@ -118,16 +148,16 @@ def find_contacts(chunk, cursor, dt, law, resistance, energy_column, attraction,
             if not equal(law):
                 reach2 = (position_radius[i, 3] + position_radius[j, 3]) ** 2
             if attraction is not None:
-                lane, n = by_lane(pairs.blocks, chunk, (p - k) >> at.SHIFT, 0), (p - k) & at.LAST
-                lane[n, at.CENTRE], lane[n, at.CENTRE + 1], lane[n, at.CENTRE + 2] = dx, dy, dz
+                apart, n = pairs.apart[chunk], np.uint32(p - k)
+                apart[AWAY, n], apart[AWAY + 1, n], apart[AWAY + 2, n] = dx, dy, dz
                 if not equal(law):
-                    lane[n, at.RADIUS_I], lane[n, at.RADIUS_J] = position_radius[i, 3], position_radius[j, 3]
+                    apart[RADIUS_I, n], apart[RADIUS_J, n] = position_radius[i, 3], position_radius[j, 3]
             before, now = touching[q], 1 if d2 < reach2 else 0
             touching[q] = now
             # written in any case, kept by counting it: a branch would often be mispredicted
             prefetch_row(history, p)  # what the contact remembers is needed soon, and is in no cache of a large scene
             c = np.uint32(count)
-            noted[at.SLOT, c], noted[at.PLACE, c] = q, place if crossing else -1
+            noted[SLOT, c], noted[PLACE, c] = q, place if crossing else -1
             count += now
             if before > now:
                 if energy_column is not None:
@@ -135,9 +165,6 @@ def find_contacts(chunk, cursor, dt, law, resistance, energy_column, attraction,
                     left = left[0] + lost[0], left[1] + lost[1], left[2] + lost[2], left[3] + lost[3]
                 for a in range(history.shape[1]):
                     history[q, a] = 0.0
-                if crossing:
-                    for a in range(6):
-                        chunks.reaction[place, a] = 0.0
         if attraction is not None:
             pull_pairs(chunk, k, until, before_these, law, attraction, grains, pairs, chunks)
         k = until

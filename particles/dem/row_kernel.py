@@ -16,14 +16,13 @@ from __future__ import annotations
 import numpy as np
 
 from geometry.inner_functions import inner
+from geometry.lane_tables import lane_rows
 from particles.dem import total_columns as column
-from particles.dem.contact_lanes import forces_by_lane
+from particles.dem.contact_lanes import contacts_in_lanes, law_in_lanes
 from particles.dem.kernel_state import Tally
-from particles.dem.lane_fields import ROOM
-from particles.dem.lane_transfer import fill_law, gather_contacts, scatter_contacts
 from particles.dem.pair_kernel import find_contacts, mass_of
 from particles.dem.wall_contact_kernel import pull_of_walls, wall_forces
-from particles.laws.springs import equal
+from particles.laws.columns import N_LAW
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
@@ -123,17 +122,14 @@ def sweep_rows(chunk, now, law, resistance, energy_column, attraction, grains, p
     cursor = pairs.start[done], chunks.cross_start[chunk] - 1
     none = (0.0, 0.0, 0.0)
     gone = (0.0, 0.0, 0.0, 0.0)  # what pairs that parted have lost
-    if grains.species.shape[0] == 0:
-        for c in range(ROOM):
-            fill_law(chunk, 0, c, law, pairs.blocks)
+    table = law_in_lanes(law, lane_rows(N_LAW))
     while done < end:
         cursor, count, gone = find_contacts(
             chunk, cursor, now.dt, law, resistance, energy_column, attraction, grains, pairs, chunks, gone
         )
-        gather_contacts(chunk, count, law, resistance, energy_column, grains, pairs)
-        alike = grains.position_radius[0, 3], grains.mass[0]
-        forces_by_lane(chunk, count, now.dt, law, resistance, energy_column, alike, pairs.blocks)
-        tally = scatter_contacts(chunk, count, law, resistance, energy_column, grains, pairs, chunks, tally)
+        tally = contacts_in_lanes(
+            chunk, count, now.dt, law, table, resistance, energy_column, grains, pairs, chunks, tally
+        )
         ended = np.int64(pairs.row[cursor[0]]) if cursor[0] < pairs.start[end] else end
         for i in range(done, ended):  # grains whose rows have ended
             pulled = pull_of_walls(i, attraction, grains, slots, walls, none)
@@ -150,13 +146,12 @@ def sweep_rows(chunk, now, law, resistance, energy_column, attraction, grains, p
                 travel = d2 if d2 == d2 else np.inf
             fastest = max(fastest, speed2)
         done = ended
-    deepest = tally.deepest / (2.0 * grains.position_radius[0, 3]) if equal(law) else tally.deepest
     left = tally.left
     row[column.CONTACTS], row[column.ELASTIC] = tally.contacts, tally.elastic
     row[column.NORMAL_DAMPING], row[column.TANGENTIAL_DAMPING] = tally.normal + left[0] + gone[0], tally.tangential
     row[column.SLIDING] = tally.sliding + left[1] + gone[1]
     row[column.ROLLING], row[column.TWISTING] = tally.rolling + left[2] + gone[2], tally.twisting + left[3] + gone[3]
-    row[column.MAX_OVERLAP], row[column.GRAIN] = deepest, tally.deepest_at
+    row[column.MAX_OVERLAP], row[column.GRAIN] = tally.deepest, tally.deepest_at
     row[column.MAX_TRAVEL], row[column.MAX_SPEED] = travel, fastest
 
 
@@ -172,8 +167,9 @@ def finish_rows(chunk, now, law, energy_column, attraction, grains, chunks, tota
         tx, ty, tz = velocity_force[i, 9], velocity_force[i, 10], velocity_force[i, 11]
         for p in range(chunks.in_start[a], chunks.in_start[a + 1]):
             q = in_slot[p]
-            fx, fy, fz = fx - cross[q, 0], fy - cross[q, 1], fz - cross[q, 2]
+            fx, fy, fz = fx + cross[q, 0], fy + cross[q, 1], fz + cross[q, 2]
             tx, ty, tz = tx + cross[q, 3], ty + cross[q, 4], tz + cross[q, 5]
+            cross[q, 0] = cross[q, 1] = cross[q, 2] = cross[q, 3] = cross[q, 4] = cross[q, 5] = 0.0  # for the next step
         px = py = pz = 0.0
         if attraction is not None:
             px, py, pz = attraction.drawn[i, 0], attraction.drawn[i, 1], attraction.drawn[i, 2]

@@ -8,7 +8,6 @@ from particles.dem.attraction_kernel import AMPLITUDE, COLUMN, place_of_gap, pul
 from particles.dem.contact_kernel import Touch, contact_force, left_in_springs, rolling_torque, twisting_torque
 from particles.dem.kernel_state import Tally
 from particles.dem.pair_kernel import mass_of
-from particles.laws.springs import equal
 from particles.walls.triangle_kernels import LEADER, SLOT, triangle_contacts
 from particles.walls.wall_kernels import _wall_gap
 
@@ -190,10 +189,7 @@ def wall_forces(i, chunk, dt, law, resistance, energy_column, grains, slots, wal
         force = contact_force(law, kind, energy_column, mass, radius, dt, touch, slots.history, k)
         gx, gy, gz = force.x, force.y, force.z
         contacts += 1
-        if equal(law):
-            deepest_at = i if delta > deepest else deepest_at
-            deepest = max(deepest, delta)
-        elif delta > deepest * 2.0 * radius:
+        if delta > deepest * 2.0 * radius:
             deepest, deepest_at = delta / (2.0 * radius), i
         if energy_column is not None:
             elastic += force.stored

@@ -29,7 +29,8 @@ import numpy as np
 from numba import njit
 
 from geometry.inner_functions import inner
-from geometry.lanes import LANES, columns, eight_of, lanes_of, largest_lane, put_columns, root, where
+from geometry.lane_tables import columns, eight_of, put_columns
+from geometry.lanes import LANES, lanes_of, largest_lane, root, where
 from particles.dvi.contact_groups import CONTACT, FIRST, N_GROUP, SECOND, group_contacts
 from particles.dvi.kernel_state import Records, whole
 from particles.dvi.local_problem import coulomb_block, natural_map

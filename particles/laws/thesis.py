@@ -28,6 +28,7 @@ import numpy as np
 
 from geometry.inner_functions import borrowing
 from geometry.lane_functions import square_root
+from geometry.lanes import where
 from particles.laws.columns import DAMPING_N, DAMPING_T, DIAMETER, EXPONENT, STIFFNESS_N, STIFFNESS_T
 from particles.laws.contact_law import check_parameters, law_row
 from particles.laws.hertz_impact import impact_time, loaded_depth, tangent_stiffness
@@ -49,10 +50,8 @@ class ThesisTable(NamedTuple):
 @borrowing(error_model="numpy", fastmath={"contract"})
 def thesis_spring(table, kind, delta, m_eff, r_eff, memory):
     """Spring and dashpots of `ThesisContact` (signature: `particles.laws.contact_law`)."""
-    if table.rows[kind, EXPONENT] == 0.0:
-        f, share = 1.0, 0.5
-    else:
-        f, share = square_root(delta / table.rows[kind, DIAMETER]), 0.4
+    bent = table.rows[kind, EXPONENT] > 0.0
+    f, share = where(bent, square_root(delta / table.rows[kind, DIAMETER]), 1.0), where(bent, 0.4, 0.5)
     force = f * table.rows[kind, STIFFNESS_N] * delta
     unit = f * m_eff
     k_t = f * table.rows[kind, STIFFNESS_T]

@@ -10,7 +10,7 @@ from geometry import Box
 from geometry.lane_functions import logarithm, square_root
 from particles import DEM, Body, Grains, LinearContact
 from particles.dem.contact_kernel import Touch, contact_force
-from particles.dem.lane_fields import ROOM
+from particles.dem.pair_kernel import ROOM
 from particles.dem.stored_energy import law_table
 from particles.laws.elastic import Elastic
 from particles.laws.hertz_mindlin import HertzMindlin

@@ -7,7 +7,8 @@ import pytest
 from numba import njit
 
 from geometry.kernel_stamp import kernel_stamp
-from geometry.lanes import LANES, columns, eight_of, lanes_of, largest_lane, put_columns, root, where
+from geometry.lane_tables import columns, eight_of, put_columns
+from geometry.lanes import LANES, lanes_of, largest_lane, root, where
 
 ROWS = np.array([5, 0, 9, 2, 7, 1, 8, 3], dtype=np.int32)
 

@@ -1,0 +1,251 @@
+"""Lanes from tables and back: eight rows that may lie anywhere, a few neighbouring columns of each.
+
+`columns` reads four neighbouring columns of eight rows, and `put_columns` writes them: eight short reads and a
+transposition in registers, where an index for each number would cost several times as much. No two rows that are
+written may be the same one, unless the same is written there; to rows that may be the same, `add_to_rows` adds.
+
+`LaneRows` is a table on the stack whose numbers are lanes: a function that reads and writes ``rows[slot, column]`` of
+an array finds eight there, whatever the slot is called.
+"""
+
+from __future__ import annotations
+
+import operator
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import models, overload, register_model
+
+from geometry.inner_functions import INTO_CALLER
+from geometry.lanes import _DOUBLE, _EIGHT, LANES, _chosen, intrinsic, lanes
+
+WIDE = 4  # columns of a table that are read at once
+_FOUR = ir.VectorType(_DOUBLE, WIDE)
+
+
+class LaneRows(types.Type):
+    """One row of a table whose columns are lanes; it lies on the stack of the kernel that has made it."""
+
+    def __init__(self) -> None:
+        super().__init__("LaneRows")
+
+
+lane_rows_type = LaneRows()
+
+
+@register_model(LaneRows)
+class _LaneRowsModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, _EIGHT.as_pointer())
+
+
+@intrinsic
+def lane_rows(typing, columns):
+    """Room for so many columns, a constant; what they hold is not told. It ends with the function that asks for it."""
+    if not isinstance(columns, types.IntegerLiteral):
+        return None
+
+    def code(context, builder, kind, values):
+        with builder.goto_entry_block():
+            room = builder.alloca(ir.ArrayType(_EIGHT, columns.literal_value))
+            room.align = 64
+        return builder.bitcast(room, _EIGHT.as_pointer())
+
+    return lane_rows_type(columns), code
+
+
+@intrinsic
+def _lane_of(typing, rows, column):
+    def code(context, builder, kind, values):
+        return builder.load(builder.gep(values[0], [values[1]]))
+
+    return lanes(lane_rows_type, types.intp), code
+
+
+@intrinsic
+def _put_lane(typing, rows, column, value):
+    def code(context, builder, kind, values):
+        builder.store(values[2], builder.gep(values[0], [values[1]]))
+        return context.get_dummy_value()
+
+    return types.void(lane_rows_type, types.intp, lanes), code
+
+
+@overload(operator.getitem, jit_options=INTO_CALLER)
+def _get(rows, at):
+    if isinstance(rows, LaneRows):
+        return lambda rows, at: _lane_of(rows, at[1])
+
+
+@overload(operator.setitem, jit_options=INTO_CALLER)
+def _set(rows, at, value):
+    if isinstance(rows, LaneRows):
+        return lambda rows, at, value: _put_lane(rows, at[1], value)
+
+
+@intrinsic
+def eight_of(typing, table, row, column):
+    """Eight neighbours: ``table[row, column, :]`` of a table (rows, columns, 8), of one (rows, columns) those from
+    ``column`` on. Integers are numbers of rows, floats are lanes."""
+    real = isinstance(table.dtype, types.Float)
+
+    def code(context, builder, kind, values):
+        view = context.make_array(table)(context, builder, values[0])
+        at = values[1:] if table.ndim == 2 else [*values[1:], ir.Constant(ir.IntType(64), 0)]
+        begin = cgutils.get_item_pointer(context, builder, table, view, at, wraparound=False)
+        if real:
+            return builder.load(builder.bitcast(begin, _EIGHT.as_pointer()), align=8)
+        places = (builder.gep(begin, [ir.Constant(ir.IntType(64), lane)]) for lane in range(LANES))
+        found = [builder.sext(builder.load(place), ir.IntType(64)) for place in places]
+        return context.make_tuple(builder, kind.return_type, found)
+
+    return (lanes if real else types.UniTuple(types.intp, LANES))(table, types.intp, types.intp), code
+
+
+@intrinsic
+def put_eight(typing, table, row, column, x):
+    """Write the eight from ``column`` on of a row of a float table (rows, columns)."""
+
+    def code(context, builder, kind, values):
+        view = context.make_array(table)(context, builder, values[0])
+        begin = cgutils.get_item_pointer(context, builder, table, view, values[1:3], wraparound=False)
+        builder.store(values[3], builder.bitcast(begin, _EIGHT.as_pointer()), align=8)
+        return context.get_dummy_value()
+
+    return types.void(table, types.intp, types.intp, lanes), code
+
+
+@intrinsic
+def columns(typing, table, rows, first):
+    """The four columns from ``first`` on of eight rows of ``table`` (n, columns), as four `Lanes`."""
+
+    def code(context, builder, kind, values):
+        rows = [builder.load(place, align=8) for place in _places(context, builder, table, values)]
+        halves = [_transposed(builder, rows[k : k + WIDE]) for k in range(0, LANES, WIDE)]
+        found = [_chosen(builder, a, b, list(range(LANES))) for a, b in zip(*halves, strict=True)]
+        return context.make_tuple(builder, kind.return_type, found)
+
+    return types.UniTuple(lanes, WIDE)(table, types.UniTuple(types.intp, LANES), types.intp), code
+
+
+@intrinsic
+def two_columns(typing, table, rows, first):
+    """The two columns from ``first`` on, as `columns`."""
+
+    def code(context, builder, kind, values):
+        rows = [builder.load(place, align=8) for place in _places(context, builder, table, values, width=2)]
+        while len(rows) > 1:
+            both = list(range(2 * rows[0].type.count))
+            rows = [_chosen(builder, one, next_one, both) for one, next_one in zip(rows[::2], rows[1::2], strict=True)]
+        found = [_chosen(builder, rows[0], rows[0], list(range(k, 2 * LANES, 2))) for k in range(2)]
+        return context.make_tuple(builder, kind.return_type, found)
+
+    return types.UniTuple(lanes, 2)(table, types.UniTuple(types.intp, LANES), types.intp), code
+
+
+@intrinsic
+def entries(typing, array, rows):
+    """``array[k]`` for eight k of an array (n,): lanes of a float array, eight integers of another."""
+    real = isinstance(array.dtype, types.Float)
+
+    def code(context, builder, kind, values):
+        view = context.make_array(array)(context, builder, values[0])
+        picked = (builder.extract_value(values[1], lane) for lane in range(LANES))
+        found = [builder.load(builder.gep(view.data, [k])) for k in picked]
+        if not real:
+            wide = builder.sext if array.dtype.signed else builder.zext
+            found = [wide(x, ir.IntType(64)) if x.type.width < 64 else x for x in found]
+            return context.make_tuple(builder, kind.return_type, found)
+        made = ir.Constant(_EIGHT, ir.Undefined)
+        for lane, x in enumerate(found):
+            made = builder.insert_element(made, x, ir.Constant(ir.IntType(32), lane))
+        return made
+
+    return (lanes if real else types.UniTuple(types.intp, LANES))(array, types.UniTuple(types.intp, LANES)), code
+
+
+@intrinsic
+def put_columns(typing, table, rows, first, a, b, c, d):
+    """The opposite of `columns`."""
+
+    def code(context, builder, kind, values):
+        rows = []
+        for k in range(0, LANES, WIDE):
+            rows += _transposed(builder, [_chosen(builder, x, x, list(range(k, k + WIDE))) for x in values[3:]])
+        for row, place in zip(rows, _places(context, builder, table, values), strict=True):
+            builder.store(row, place, align=8)
+        return context.get_dummy_value()
+
+    return types.void(table, types.UniTuple(types.intp, LANES), types.intp, lanes, lanes, lanes, lanes), code
+
+
+@intrinsic
+def put_column(typing, table, rows, column, a):
+    """Write one column of eight rows of ``table`` (n, columns)."""
+
+    def code(context, builder, kind, values):
+        for lane, place in enumerate(_places(context, builder, table, values, width=1)):
+            x = builder.extract_element(values[3], ir.Constant(ir.IntType(32), lane))
+            builder.store(x, builder.bitcast(place, _DOUBLE.as_pointer()), align=8)
+        return context.get_dummy_value()
+
+    return types.void(table, types.UniTuple(types.intp, LANES), types.intp, lanes), code
+
+
+@intrinsic
+def add_to_rows(typing, table, rows, first, other, places, a, b, c, d, e, f):
+    """Add to six neighbouring columns of eight rows, one row after the other: rows may be the same.
+
+    They are the columns from ``first`` on of ``table[rows]``, or, where a place is not negative, the first six of
+    ``other[places]``; both are None where there is no other table.
+    """
+
+    def code(context, builder, kind, values):
+        fours, twos = _rows_of(builder, values[5:])
+        found = _places(context, builder, table, values)
+        if other != types.none:
+            zero = ir.Constant(ir.IntType(64), 0)
+            away = (builder.icmp_signed(">=", builder.extract_value(values[4], lane), zero) for lane in range(LANES))
+            there = _places(context, builder, other, [*values[3:5], zero])
+            found = [builder.select(*which) for which in zip(away, there, found, strict=True)]
+        for place, four, two in zip(found, fours, twos, strict=True):
+            _add(builder, place, four, two)
+        return context.get_dummy_value()
+
+    eight = types.UniTuple(types.intp, LANES)
+    return types.void(table, eight, types.intp, other, places, *(lanes,) * 6), code
+
+
+def _rows_of(builder: Any, six: Any) -> tuple[list, list]:
+    """Six columns of eight rows as rows: four numbers and two."""
+    fours = []
+    for k in range(0, LANES, WIDE):
+        fours += _transposed(builder, [_chosen(builder, x, x, list(range(k, k + WIDE))) for x in six[:4]])
+    return fours, [_chosen(builder, six[4], six[5], [lane, LANES + lane]) for lane in range(LANES)]
+
+
+def _add(builder: Any, place: Any, four: Any, two: Any) -> None:
+    """Add to six numbers that lie side by side."""
+    rest = builder.bitcast(builder.gep(place, [ir.Constant(ir.IntType(64), 1)]), two.type.as_pointer())
+    builder.store(builder.fadd(builder.load(place, align=8), four), place, align=8)
+    builder.store(builder.fadd(builder.load(rest, align=8), two), rest, align=8)
+
+
+def _places(context: Any, builder: Any, table: Any, values: Any, width: int = WIDE) -> list:
+    """Addresses of so many neighbouring numbers in each of eight rows; ``values`` are table, rows and first column."""
+    value, rows, first = values[:3]
+    view = context.make_array(table)(context, builder, value)
+    begin, stride = builder.gep(view.data, [first]), builder.extract_value(view.strides, 0)
+    begin = builder.bitcast(begin, ir.IntType(8).as_pointer())
+    found = (builder.gep(begin, [builder.mul(builder.extract_value(rows, lane), stride)]) for lane in range(LANES))
+    return [builder.bitcast(place, ir.VectorType(_DOUBLE, width).as_pointer()) for place in found]
+
+
+def _transposed(builder: Any, rows: list) -> list:
+    """Four vectors of four, columns for rows."""
+    a, b = (_chosen(builder, rows[0], rows[1], places) for places in ([0, 4, 2, 6], [1, 5, 3, 7]))
+    c, d = (_chosen(builder, rows[2], rows[3], places) for places in ([0, 4, 2, 6], [1, 5, 3, 7]))
+    low, high = [0, 1, 4, 5], [2, 3, 6, 7]
+    return [_chosen(builder, *pair, half) for half in (low, high) for pair in ((a, c), (b, d))]
