@@ -26,7 +26,7 @@ from geometry.inner_functions import INTO_CALLER
 from geometry.lanes import lanes, root, where
 
 LANES = 16
-LINES = 2  # of the cache, 8 numbers each
+LINE = 8  # numbers in a line of the cache
 EXPONENT_BIAS, MANTISSA, ONE = 1023, (1 << 52) - 1, 1023 << 52  # of the 64 bits of a number
 
 
@@ -115,8 +115,13 @@ def _parts(typing_context, x):
     return types.UniTuple(kind, 2)(kind), code
 
 
-def _prefetch(typing_context, array, row):
-    """Ask for the first two lines of the cache that hold row ``row`` of a float array (n, m); nothing is read yet."""
+def _prefetch(typing_context, array, row, many):
+    """Ask for the lines of the cache that hold ``many`` rows from ``row`` on of a float array (n, m); nothing is read.
+
+    ``many`` is a constant, a multiple of 8: rows of m numbers fill m many/8 lines of 8 numbers.
+    """
+    if not isinstance(many, types.IntegerLiteral):
+        return None
 
     def code(context, builder, signature, arguments):
         source = make_array(signature.args[0])(context, builder, arguments[0])
@@ -126,18 +131,19 @@ def _prefetch(typing_context, array, row):
         function = cgutils.get_or_insert_function(
             builder.module, ir.FunctionType(ir.VoidType(), [byte, word, word, word]), "llvm.prefetch.p0"
         )
-        for line in range(LINES):
-            at = builder.gep(place, [ir.Constant(ir.IntType(64), 8 * line)])
+        lines = builder.mul(width, ir.Constant(width.type, many.literal_value // LINE))
+        with cgutils.for_range(builder, lines) as loop:
+            at = builder.gep(place, [builder.mul(loop.index, ir.Constant(width.type, LINE))])
             builder.call(function, [builder.bitcast(at, byte), *(ir.Constant(word, k) for k in (0, 3, 1))])
         return context.get_dummy_value()
 
-    return types.void(array, types.int64), code
+    return types.void(array, types.int64, many), code
 
 
 lane_room: Any = intrinsic(_lane_room)
 one_by_one: Any = intrinsic(_one_by_one)
 fused: Any = intrinsic(_fused)
-prefetch_row: Any = intrinsic(_prefetch)
+prefetch_rows: Any = intrinsic(_prefetch)
 _parts_of: Any = intrinsic(_parts)
 
 

@@ -87,34 +87,36 @@ def _set(rows, at, value):
 
 @intrinsic
 def eight_of(typing, table, row, column):
-    """Eight neighbours: ``table[row, column, :]`` of a table (rows, columns, 8), of one (rows, columns) those from
-    ``column`` on. Integers are numbers of rows, floats are lanes."""
-    real = isinstance(table.dtype, types.Float)
+    """Eight numbers of rows: ``table[row, column, :]`` of an integer table (rows, columns, 8), of one (rows, columns)
+    those from ``column`` on."""
 
     def code(context, builder, kind, values):
         view = context.make_array(table)(context, builder, values[0])
         at = values[1:] if table.ndim == 2 else [*values[1:], ir.Constant(ir.IntType(64), 0)]
         begin = cgutils.get_item_pointer(context, builder, table, view, at, wraparound=False)
-        if real:
-            return builder.load(builder.bitcast(begin, _EIGHT.as_pointer()), align=8)
         places = (builder.gep(begin, [ir.Constant(ir.IntType(64), lane)]) for lane in range(LANES))
         found = [builder.sext(builder.load(place), ir.IntType(64)) for place in places]
         return context.make_tuple(builder, kind.return_type, found)
 
-    return (lanes if real else types.UniTuple(types.intp, LANES))(table, types.intp, types.intp), code
+    return types.UniTuple(types.intp, LANES)(table, types.intp, types.intp), code
 
 
 @intrinsic
-def put_eight(typing, table, row, column, x):
-    """Write the eight from ``column`` on of a row of a float table (rows, columns)."""
+def eight_at_least(typing, array, first, bound):
+    """Which of eight neighbours from ``first`` on of an array of unsigned integers are ``bound`` or more, as bits."""
 
     def code(context, builder, kind, values):
-        view = context.make_array(table)(context, builder, values[0])
-        begin = cgutils.get_item_pointer(context, builder, table, view, values[1:3], wraparound=False)
-        builder.store(values[3], builder.bitcast(begin, _EIGHT.as_pointer()), align=8)
-        return context.get_dummy_value()
+        view = context.make_array(array)(context, builder, values[0])
+        eight = ir.VectorType(context.get_value_type(array.dtype), LANES)
+        place = builder.bitcast(builder.gep(view.data, [values[1]]), eight.as_pointer())
+        found = builder.load(place, align=array.dtype.bitwidth // 8)
+        least = builder.insert_element(
+            ir.Constant(eight, ir.Undefined), builder.trunc(values[2], eight.element), ir.Constant(ir.IntType(32), 0)
+        )
+        bits = builder.icmp_unsigned(">=", found, _chosen(builder, least, least, [0] * LANES))
+        return builder.zext(builder.bitcast(bits, ir.IntType(LANES)), ir.IntType(64))
 
-    return types.void(table, types.intp, types.intp, lanes), code
+    return types.intp(array, types.intp, types.intp), code
 
 
 @intrinsic
@@ -132,7 +134,7 @@ def columns(typing, table, rows, first):
 
 @intrinsic
 def two_columns(typing, table, rows, first):
-    """The two columns from ``first`` on, as `columns`."""
+    """The two columns from ``first`` on, as `columns`; ``first`` may be eight numbers, one a row."""
 
     def code(context, builder, kind, values):
         rows = [builder.load(place, align=8) for place in _places(context, builder, table, values, width=2)]
@@ -142,7 +144,22 @@ def two_columns(typing, table, rows, first):
         found = [_chosen(builder, rows[0], rows[0], list(range(k, 2 * LANES, 2))) for k in range(2)]
         return context.make_tuple(builder, kind.return_type, found)
 
-    return types.UniTuple(lanes, 2)(table, types.UniTuple(types.intp, LANES), types.intp), code
+    kind = types.intp if isinstance(first, types.Integer) else types.UniTuple(types.intp, LANES)
+    return types.UniTuple(lanes, 2)(table, types.UniTuple(types.intp, LANES), kind), code
+
+
+@intrinsic
+def column(typing, table, rows, first):
+    """One column of eight rows."""
+
+    def code(context, builder, kind, values):
+        made = ir.Constant(_EIGHT, ir.Undefined)
+        for lane, place in enumerate(_places(context, builder, table, values, width=1)):
+            x = builder.load(builder.bitcast(place, _DOUBLE.as_pointer()), align=8)
+            made = builder.insert_element(made, x, ir.Constant(ir.IntType(32), lane))
+        return made
+
+    return lanes(table, types.UniTuple(types.intp, LANES), types.intp), code
 
 
 @intrinsic
@@ -182,6 +199,18 @@ def put_columns(typing, table, rows, first, a, b, c, d):
 
 
 @intrinsic
+def put_two_columns(typing, table, rows, first, a, b):
+    """The opposite of `two_columns`."""
+
+    def code(context, builder, kind, values):
+        for lane, place in enumerate(_places(context, builder, table, values, width=2)):
+            builder.store(_chosen(builder, values[3], values[4], [lane, LANES + lane]), place, align=8)
+        return context.get_dummy_value()
+
+    return types.void(table, types.UniTuple(types.intp, LANES), types.intp, lanes, lanes), code
+
+
+@intrinsic
 def put_column(typing, table, rows, column, a):
     """Write one column of eight rows of ``table`` (n, columns)."""
 
@@ -195,15 +224,16 @@ def put_column(typing, table, rows, column, a):
 
 
 @intrinsic
-def add_to_rows(typing, table, rows, first, other, places, a, b, c, d, e, f):
-    """Add to six neighbouring columns of eight rows, one row after the other: rows may be the same.
+def add_to_rows(typing, table, rows, first, other, places, added):
+    """Add four or six lanes to neighbouring columns of eight rows, one row after the other: rows may be the same.
 
-    They are the columns from ``first`` on of ``table[rows]``, or, where a place is not negative, the first six of
+    They are the columns from ``first`` on of ``table[rows]``, or, where a place is not negative, the first ones of
     ``other[places]``; both are None where there is no other table.
     """
+    many = len(added)
 
     def code(context, builder, kind, values):
-        fours, twos = _rows_of(builder, values[5:])
+        fours, twos = _rows_of(builder, [builder.extract_value(values[5], k) for k in range(many)])
         found = _places(context, builder, table, values)
         if other != types.none:
             zero = ir.Constant(ir.IntType(64), 0)
@@ -215,21 +245,25 @@ def add_to_rows(typing, table, rows, first, other, places, a, b, c, d, e, f):
         return context.get_dummy_value()
 
     eight = types.UniTuple(types.intp, LANES)
-    return types.void(table, eight, types.intp, other, places, *(lanes,) * 6), code
+    return types.void(table, eight, types.intp, other, places, types.UniTuple(lanes, many)), code
 
 
 def _rows_of(builder: Any, six: Any) -> tuple[list, list]:
-    """Six columns of eight rows as rows: four numbers and two."""
+    """Four or six columns of eight rows as rows: four numbers, and two or None."""
     fours = []
     for k in range(0, LANES, WIDE):
         fours += _transposed(builder, [_chosen(builder, x, x, list(range(k, k + WIDE))) for x in six[:4]])
+    if len(six) == WIDE:
+        return fours, [None] * LANES
     return fours, [_chosen(builder, six[4], six[5], [lane, LANES + lane]) for lane in range(LANES)]
 
 
 def _add(builder: Any, place: Any, four: Any, two: Any) -> None:
-    """Add to six numbers that lie side by side."""
-    rest = builder.bitcast(builder.gep(place, [ir.Constant(ir.IntType(64), 1)]), two.type.as_pointer())
+    """Add to four numbers that lie side by side, and to the two after them."""
     builder.store(builder.fadd(builder.load(place, align=8), four), place, align=8)
+    if two is None:
+        return
+    rest = builder.bitcast(builder.gep(place, [ir.Constant(ir.IntType(64), 1)]), two.type.as_pointer())
     builder.store(builder.fadd(builder.load(rest, align=8), two), rest, align=8)
 
 
@@ -237,9 +271,13 @@ def _places(context: Any, builder: Any, table: Any, values: Any, width: int = WI
     """Addresses of so many neighbouring numbers in each of eight rows; ``values`` are table, rows and first column."""
     value, rows, first = values[:3]
     view = context.make_array(table)(context, builder, value)
-    begin, stride = builder.gep(view.data, [first]), builder.extract_value(view.strides, 0)
-    begin = builder.bitcast(begin, ir.IntType(8).as_pointer())
-    found = (builder.gep(begin, [builder.mul(builder.extract_value(rows, lane), stride)]) for lane in range(LANES))
+    stride, byte = builder.extract_value(view.strides, 0), ir.IntType(8).as_pointer()
+    apart = isinstance(first.type, ir.ArrayType)
+    found = []
+    for lane in range(LANES):
+        begin = builder.gep(view.data, [builder.extract_value(first, lane) if apart else first])
+        row = builder.mul(builder.extract_value(rows, lane), stride)
+        found.append(builder.gep(builder.bitcast(begin, byte), [row]))
     return [builder.bitcast(place, ir.VectorType(_DOUBLE, width).as_pointer()) for place in found]
 
 

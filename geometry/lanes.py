@@ -217,6 +217,16 @@ def sum_of_lanes(typing, x):
 
 
 @intrinsic
+def bits_of(typing, condition):
+    """The truths of a mask as the bits of an integer, the first lane lowest."""
+
+    def code(context, builder, kind, values):
+        return builder.zext(builder.bitcast(values[0], ir.IntType(LANES)), ir.IntType(64))
+
+    return types.intp(mask), code
+
+
+@intrinsic
 def first_lanes(typing, count):
     """Whether a lane is one of the first ``count``: a mask."""
 
@@ -227,6 +237,18 @@ def first_lanes(typing, count):
         return builder.icmp_signed("<", numbers, _chosen(builder, first, first, [0] * LANES))
 
     return mask(types.intp), code
+
+
+@intrinsic
+def whole_part(typing, x):
+    """Lanes without their fractions, as eight integers; what is not a number must not come here."""
+
+    def code(context, builder, kind, values):
+        whole = builder.fptosi(values[0], ir.VectorType(ir.IntType(64), LANES))
+        each = (builder.extract_element(whole, ir.Constant(ir.IntType(32), lane)) for lane in range(LANES))
+        return context.make_tuple(builder, kind.return_type, list(each))
+
+    return types.UniTuple(types.intp, LANES)(lanes), code
 
 
 @intrinsic

@@ -213,7 +213,7 @@ class Attraction:
             pair, wall = np.zeros((contacts.pairs.count, 3)), np.zeros((len(contacts.wall_other), 2))
         return HeldAttraction(
             float(self.gap_start), 1.0 / self.gap_step, float(self.smallest_gap), self.last_gap, self.values,
-            self.across, pair, wall, np.zeros((n, 3)), np.zeros((len(contacts.chunks.reaction), 3)),
+            self.across, pair, wall, np.zeros((n, 4)), np.zeros((len(contacts.chunks.reaction), 4)),
         )  # fmt: skip
 
     def state(self) -> dict[str, np.ndarray]:

@@ -28,10 +28,10 @@ from geometry.lane_tables import (
     put_columns,
     two_columns,
 )
-from geometry.lanes import LANES, as_lanes, first_lanes, lanes_of, larger, largest_lane, numbers_of, sum_of_lanes, where
+from geometry.lanes import LANES, first_lanes, lanes_of, larger, largest_lane, numbers_of, sum_of_lanes, where
 from particles.dem.contact_kernel import Touch, contact_force, rolling_torque, twisting_torque
 from particles.dem.kernel_state import Tally
-from particles.dem.pair_kernel import PLACE, SLOT
+from particles.dem.pair_kernel import PLACE, SLOT, through_faces
 from particles.laws.columns import N_LAW
 from particles.laws.springs import equal, with_rows
 
@@ -60,21 +60,6 @@ def _laws_of_species(law, table, law_row, species, i, j):
         rows[0, first], rows[0, first + 1], rows[0, first + 2], rows[0, first + 3] = columns(law.rows, kinds, first)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def _through_faces(pairs, slot, way, x, y):
-    """Components across the axis of a vector, turned with the images of a sector: there (way 1.0) or back (-1.0)."""
-    return _turned_with_images(pairs.turn, pairs.shift, slot, way, x, y)
-
-
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def _turned_with_images(turn, shift, slot, way, x, y):
-    if turn is not None:
-        crossed = as_lanes(entries(shift, slot))
-        cosine, sine = where(crossed * crossed > 0.0, turn[0], 1.0), way * turn[1] * crossed
-        x, y = cosine * x - sine * y, sine * x + cosine * y
-    return x, y
-
-
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def contacts_in_lanes(chunk, count, dt, law, table, resistance, energy_column, grains, pairs, chunks, tally):
     """Find and hand over the forces of the first ``count`` contacts noted; ``table`` is `law_in_lanes`.
@@ -93,14 +78,14 @@ def contacts_in_lanes(chunk, count, dt, law, table, resistance, energy_column, g
         i, j = entries(pairs.row, slot), entries(pairs.other, slot)
         xi, yi, zi, ri = columns(position_radius, i, 0)
         dx, dy, dz, rj = columns(position_radius, j, 0)
-        dx, dy = _through_faces(pairs, slot, 1.0, dx, dy)
+        dx, dy = through_faces(pairs, slot, 1.0, dx, dy)
         dx, dy, dz = dx - xi, dy - yi, dz - zi
         vx, vy, vz, px = columns(velocity_force, i, 0)
         py, pz = two_columns(velocity_force, i, SPIN + 1)
         ux, uy, uz, qx = columns(velocity_force, j, 0)
         qy, qz = two_columns(velocity_force, j, SPIN + 1)
-        ux, uy = _through_faces(pairs, slot, 1.0, ux, uy)
-        qx, qy = _through_faces(pairs, slot, 1.0, qx, qy)
+        ux, uy = through_faces(pairs, slot, 1.0, ux, uy)
+        qx, qy = through_faces(pairs, slot, 1.0, qx, qy)
         ux, uy, uz = vx - ux, vy - uy, vz - uz
         sx, sy, sz = px + qx, py + qy, pz + qz
         px, py, pz = px - qx, py - qy, pz - qz
@@ -174,10 +159,10 @@ def contacts_in_lanes(chunk, count, dt, law, table, resistance, energy_column, g
             put_column(record, slot, 0, force.x)
             put_column(record, slot, 1, force.y)
             put_column(record, slot, 2, force.z)
-        add_to_rows(velocity_force, i, FORCE, None, None, gx, gy, gz, tx, ty, tz)
-        gx, gy = _through_faces(pairs, slot, -1.0, gx, gy)
-        mx, my = _through_faces(pairs, slot, -1.0, mx, my)
-        add_to_rows(velocity_force, j, FORCE, chunks.reaction, place, -gx, -gy, -gz, mx, my, mz)
+        add_to_rows(velocity_force, i, FORCE, None, None, (gx, gy, gz, tx, ty, tz))
+        gx, gy = through_faces(pairs, slot, -1.0, gx, gy)
+        mx, my = through_faces(pairs, slot, -1.0, mx, my)
+        add_to_rows(velocity_force, j, FORCE, chunks.reaction, place, (-gx, -gy, -gz, mx, my, mz))
         depth = touch.delta * per_diameter
         if largest_lane(depth) > deepest:
             depths = numbers_of(depth)

@@ -325,7 +325,7 @@ class DEM(ListedGrains):
             GrainState(g.position_radius, g.velocity_force, g.mass, species, gravity, external, c.reference, self._net),
             PairSlots(
                 c.pairs.start, c.row, c.pairs.other.view(np.uint32), shift, self._turn, self.laws.pair, *c.pair_memory,
-                none, *pair_scratch(n_chunks),
+                none, pair_scratch(n_chunks),
             ),
             WallSlots(c.wall_start, c.wall_other, *c.wall_memory, none, np.zeros((n_chunks, most_walls, N_FOUND))),
             WallState(walls.rows, walls.triangles, self._wall_row, walls.body, speed, np.zeros((n_bodies, 2))),

@@ -100,8 +100,8 @@ class PairSlots(NamedTuple):
         Whether the pair touches, and what it remembers (`particles.dem.contact_kernel`).
     record : ndarray, shape (p, 3) or (0, 3)
         Where forces [N] are left, if they are asked for.
-    apart, noted : ndarray, shapes (c, N_APART, ROOM), (c, N_NOTED, ROOM) int32
-        Scratch of each chunk: pairs that may pull, and contacts (`particles.dem.pair_kernel`).
+    noted : ndarray of int32, shape (c, N_NOTED, ROOM)
+        Scratch of each chunk (`particles.dem.pair_kernel`).
     """
 
     start: np.ndarray
@@ -113,7 +113,6 @@ class PairSlots(NamedTuple):
     touching: np.ndarray
     history: np.ndarray
     record: np.ndarray
-    apart: np.ndarray
     noted: np.ndarray
 
 

@@ -1,7 +1,8 @@
 """Compiled search for contacts among the pairs of the list, and the pulls of those that attract each other.
 
-The slots of a chunk are looked through one after the other. Contacts are noted, and computed side by side when there is
-room for no more (`particles.dem.contact_lanes`); what a pair has pulled goes to its grains at once.
+The slots of a chunk are looked through eight at a time. Contacts are noted, and computed side by side when there is
+room for no more (`particles.dem.contact_lanes`); what a pair has pulled goes to its grains at once. Eight that go
+beyond the end of the chunk repeat its last slot, and what comes of these is left out.
 """
 
 from __future__ import annotations
@@ -9,42 +10,58 @@ from __future__ import annotations
 import numpy as np
 
 from geometry.inner_functions import inner
-from geometry.lane_functions import prefetch_row, square_root
-from geometry.lane_tables import eight_of, put_eight
-from geometry.lanes import LANES, where
-from particles.dem.attraction_kernel import ACROSS, AMPLITUDE, COLUMN, place_of_gap, pull_at
+from geometry.lane_functions import prefetch_rows, square_root
+from geometry.lane_tables import add_to_rows, column, columns, eight_at_least, eight_of, entries, two_columns
+from geometry.lanes import LANES, as_lanes, bits_of, first_lanes, lanes_of, where, whole_part
+from particles.dem.attraction_kernel import ACROSS, COLUMN, place_of_gap
 from particles.dem.contact_kernel import left_in_springs
 from particles.laws.springs import equal
 
-ROOM = 4 * LANES  # contacts noted, or pairs looked through, at a time
-# rows of what is noted of a contact: slot in the list, place in the buffer of reactions (-1 without)
-SLOT, PLACE, N_NOTED = range(3)
-# rows of a pair that may pull: centre of j from that of i (3) [m], radii [m]; 1/distance [1/m], gap [radii], its place
-AWAY, RADIUS_I, RADIUS_J, INVERSE, GAP, GAP_PLACE, N_APART = 0, 3, 4, 5, 6, 7, 8
+ROOM = 24 * LANES  # contacts that are noted at a time: with few, the last eight are often not full
+# rows of what is noted of a contact: slot in the list, place in the buffer of reactions (-1 without); and the places of
+# the eight pairs that are being looked at
+SLOT, PLACE, PLACE_OF_PAIR, N_NOTED = range(4)
 
 
-def pair_scratch(n_chunks: int) -> tuple[np.ndarray, np.ndarray]:
-    """Scratch of so many chunks: ``apart`` and ``noted`` of `particles.dem.kernel_state.PairSlots`."""
-    return np.ones((n_chunks, N_APART, ROOM)), np.zeros((n_chunks, N_NOTED, ROOM), dtype=np.int32)
+def pair_scratch(n_chunks: int) -> np.ndarray:
+    """Scratch of so many chunks: ``noted`` of `particles.dem.kernel_state.PairSlots`."""
+    return np.zeros((n_chunks, N_NOTED, ROOM), dtype=np.int32)
+
+
+@inner(borrows=True, error_model="numpy", forceinline=True)
+def eight_from(k, last):
+    """k and the seven numbers after it, ``last`` at most."""
+    return (
+        k, min(k + 1, last), min(k + 2, last), min(k + 3, last),
+        min(k + 4, last), min(k + 5, last), min(k + 6, last), min(k + 7, last),
+    )  # fmt: skip
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def through_face(turn, shift, k, x, y):
-    """Components across the axis of a vector of the partner in slot k, as its image has them."""
+def through_faces(pairs, slot, way, x, y):
+    """Components across the axis of eight vectors, turned with the images of a sector: there (way 1.0) or back (-1.0).
+
+    Those of the partners in the slots ``slot`` come as their images have them; reactions on images go back.
+    """
+    return _turned_with_images(pairs.turn, pairs.shift, slot, way, x, y)
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def _turned_with_images(turn, shift, slot, way, x, y):
     if turn is not None:
-        if shift[k] != 0:
-            sine = turn[1] * shift[k]
-            x, y = turn[0] * x - sine * y, sine * x + turn[0] * y
+        crossed = as_lanes(entries(shift, slot))
+        cosine, sine = where(crossed * crossed > 0.0, turn[0], 1.0), way * turn[1] * crossed
+        x, y = cosine * x - sine * y, sine * x + cosine * y
     return x, y
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def back_through_face(turn, shift, k, x, y):
-    """Components across the axis of a reaction on the image in slot k, as the partner itself has them."""
+def _through_face(turn, shift, k, x, y):
+    """As `through_faces`, of the partner in slot k alone."""
     if turn is not None:
         if shift[k] != 0:
             sine = turn[1] * shift[k]
-            x, y = turn[0] * x + sine * y, turn[0] * y - sine * x
+            x, y = turn[0] * x - sine * y, sine * x + turn[0] * y
     return x, y
 
 
@@ -54,69 +71,84 @@ def mass_of(law, mass, i):
     return mass[0] if equal(law) else mass[i]
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def _gaps(count, law, radius, held, apart):
-    """Gaps of the first ``count`` pairs, eight side by side, and where they lie in the table of the attraction.
-
-    ``radius`` [m] is that of grains that are all equal.
-    """
-    for c in range(0, count, LANES):
-        dx, dy, dz = eight_of(apart, AWAY, c), eight_of(apart, AWAY + 1, c), eight_of(apart, AWAY + 2, c)
-        d2 = dx * dx + dy * dy + dz * dz
-        d = square_root(d2)
-        if equal(law):
-            gap = (d - 2.0 * radius) / radius
-        else:
-            ri, rj = eight_of(apart, RADIUS_I, c), eight_of(apart, RADIUS_J, c)
-            gap = (d - (ri + rj)) * (ri + rj) / (2.0 * ri * rj)
-        put_eight(apart, INVERSE, c, where(d2 > 0.0, d * (1.0 / d2), 0.0))
-        put_eight(apart, GAP, c, gap)
-        put_eight(apart, GAP_PLACE, c, place_of_gap(held, gap))
-
-
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def pull_pairs(chunk, first, until, place, law, attraction, grains, pairs, chunks):
-    """Add the pulls of the slots ``first`` up to ``until``, whose vectors stand in ``apart``, to those on their grains.
-
-    ``place`` is the last place in the buffer of reactions that was used before them.
-    """
-    apart, end = pairs.apart[chunk], chunks.start[chunk + 1]
-    _gaps(until - first, law, grains.position_radius[0, 3], attraction, apart)
-    for p in range(first, until):
-        c, k = p - first, np.uint32(p)
-        i, j = pairs.row[k], pairs.other[k]
-        crossing = j >= end
-        place += 1 if crossing else 0
-        drive = attraction.pair
-        pull = apart[INVERSE, c] * pull_at(
-            attraction, apart[GAP, c], apart[GAP_PLACE, c], drive[k, COLUMN], drive[k, AMPLITUDE], drive[k, ACROSS]
-        )
-        gx, gy, gz = pull * apart[AWAY, c], pull * apart[AWAY + 1, c], pull * apart[AWAY + 2, c]
-        attraction.drawn[i, 0] += gx
-        attraction.drawn[i, 1] += gy
-        attraction.drawn[i, 2] += gz
-        gx, gy = back_through_face(pairs.turn, pairs.shift, k, gx, gy)
-        if crossing:
-            attraction.cross[place, 0], attraction.cross[place, 1], attraction.cross[place, 2] = gx, gy, gz
-        else:
-            attraction.drawn[j, 0] -= gx
-            attraction.drawn[j, 1] -= gy
-            attraction.drawn[j, 2] -= gz
-
-
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def left_by_pair(i, k, away, dt, law, resistance, energy_column, grains, pairs):
-    """What the springs of pair k, which has parted and lies ``away`` (4: vector and its square) [m, m^2], held [J]."""
+def _pull_eight(there, slot, place, i, j, away, sizes, law, attraction, pairs):
+    """Add the pulls of eight pairs to those on their grains.
+
+    ``away`` (3) are the centres of j from those of i [m], ``sizes`` (2) their radii [m].
+    """
+    dx, dy, dz = away
+    d2 = dx * dx + dy * dy + dz * dz
+    d = square_root(d2)
+    ri, rj = sizes
+    if equal(law):
+        gap = (d - 2.0 * ri) / ri
+    else:
+        gap = (d - (ri + rj)) * (ri + rj) / (2.0 * ri * rj)
+    at_column, amplitude = two_columns(attraction.pair, slot, COLUMN)
+    across_amplitude = column(attraction.pair, slot, ACROSS)
+    # as `attraction_kernel.pull_at`; what is not a number has the last row
+    values, across = attraction.values, attraction.across
+    at_gap = place_of_gap(attraction, gap)
+    last_row, last_column = values.shape[0] - 2.0, values.shape[1] - 2.0
+    row = whole_part(where(at_gap < last_row, at_gap, last_row))
+    first = whole_part(where(at_column < last_column, at_column, last_column))
+    x, y = at_gap - as_lanes(row), at_column - as_lanes(first)
+    low, low_next = two_columns(values, row, first)
+    high, high_next = two_columns(values[1:], row, first)
+    low, high = low + y * (low_next - low), high + y * (high_next - high)
+    side, side_next = entries(across, row), entries(across[1:], row)
+    pull = amplitude * (low + x * (high - low)) + across_amplitude * (side + x * (side_next - side))
+    pull = where(gap < attraction.last_gap, pull, 0.0) * where(d2 > 0.0, d * (1.0 / d2), 0.0)
+    pull = where(there, pull, 0.0)
+    gx, gy, gz, none = pull * dx, pull * dy, pull * dz, lanes_of(0.0)
+    add_to_rows(attraction.drawn, i, 0, None, None, (gx, gy, gz, none))
+    gx, gy = through_faces(pairs, slot, -1.0, gx, gy)
+    add_to_rows(attraction.drawn, j, 0, attraction.cross, place, (-gx, -gy, -gz, none))
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def _left_by_pair(k, dt, law, resistance, energy_column, grains, pairs):
+    """What the springs of pair k, which has parted, held [J] (4)."""
     position_radius, velocity_force, species = grains.position_radius, grains.velocity_force, grains.species
-    j, kind = pairs.other[k], 0
+    i, j, kind = pairs.row[k], pairs.other[k], 0
     if species.shape[0] > 0:
         kind = pairs.law_row[species[i], species[j]]
-    dx, dy, dz, d2 = away
+    dx, dy = _through_face(pairs.turn, pairs.shift, k, position_radius[j, 0], position_radius[j, 1])
+    dx, dy = dx - position_radius[i, 0], dy - position_radius[i, 1]
+    dz = position_radius[j, 2] - position_radius[i, 2]
     ri, rj = position_radius[i, 3], position_radius[j, 3]
-    ux, uy = through_face(pairs.turn, pairs.shift, k, velocity_force[j, 0], velocity_force[j, 1])
+    ux, uy = _through_face(pairs.turn, pairs.shift, k, velocity_force[j, 0], velocity_force[j, 1])
     ux, uy, uz = velocity_force[i, 0] - ux, velocity_force[i, 1] - uy, velocity_force[i, 2] - velocity_force[j, 2]
-    closing = (ux * dx + uy * dy + uz * dz) / square_root(d2)
+    closing = (ux * dx + uy * dy + uz * dz) / square_root(dx * dx + dy * dy + dz * dz)
     return left_in_springs(law, kind, resistance, energy_column, ri * rj / (ri + rj), closing * dt, pairs.history, k)
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def _change(k, bits, changed, dt, law, resistance, energy_column, grains, pairs, left):
+    """Pairs from slot k on that have met or parted, by their bits; returns ``left`` with what these have lost."""
+    for q in range(LANES):
+        if (changed >> q) & 1:
+            p = np.uint32(k + q)
+            pairs.touching[p] = (bits >> q) & 1
+            if pairs.touching[p] == 0:
+                if energy_column is not None:
+                    lost = _left_by_pair(p, dt, law, resistance, energy_column, grains, pairs)
+                    left = left[0] + lost[0], left[1] + lost[1], left[2] + lost[2], left[3] + lost[3]
+                for a in range(pairs.history.shape[1]):
+                    pairs.history[p, a] = 0.0
+    return left
+
+
+@inner(borrows=True, error_model="numpy", forceinline=True)
+def _bits_at(array, k, bound, many):
+    """Which of the first ``many`` of eight entries from k on are ``bound`` or more, as bits."""
+    if many == LANES:
+        return eight_at_least(array, k, bound)
+    bits = 0
+    for q in range(many):
+        bits |= (1 if array[np.uint32(k + q)] >= bound else 0) << q
+    return bits
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
@@ -131,41 +163,44 @@ def find_contacts(chunk, cursor, dt, law, resistance, energy_column, attraction,
     k, place = cursor
     end, count = chunks.start[chunk + 1], 0
     stop = pairs.start[end]
+    last = stop - 1
     radius = position_radius[0, 3]
     alike = 4.0 * radius * radius
-    while k < stop and count < ROOM:
-        until, before_these = min(stop, k + ROOM - count), place
-        for p in range(k, until):
-            q = np.uint32(p)
-            i, j = pairs.row[q], pairs.other[q]
-            crossing = j >= end
-            place += 1 if crossing else 0
-            jx, jy = through_face(pairs.turn, pairs.shift, q, position_radius[j, 0], position_radius[j, 1])
-            dx, dy = jx - position_radius[i, 0], jy - position_radius[i, 1]
-            dz = position_radius[j, 2] - position_radius[i, 2]
-            d2 = dx * dx + dy * dy + dz * dz
-            reach2 = alike
-            if not equal(law):
-                reach2 = (position_radius[i, 3] + position_radius[j, 3]) ** 2
-            if attraction is not None:
-                apart, n = pairs.apart[chunk], np.uint32(p - k)
-                apart[AWAY, n], apart[AWAY + 1, n], apart[AWAY + 2, n] = dx, dy, dz
-                if not equal(law):
-                    apart[RADIUS_I, n], apart[RADIUS_J, n] = position_radius[i, 3], position_radius[j, 3]
-            before, now = touching[q], 1 if d2 < reach2 else 0
-            touching[q] = now
-            # written in any case, kept by counting it: a branch would often be mispredicted
-            prefetch_row(history, p)  # what the contact remembers is needed soon, and is in no cache of a large scene
-            c = np.uint32(count)
-            noted[SLOT, c], noted[PLACE, c] = q, place if crossing else -1
-            count += now
-            if before > now:
-                if energy_column is not None:
-                    lost = left_by_pair(i, q, (dx, dy, dz, d2), dt, law, resistance, energy_column, grains, pairs)
-                    left = left[0] + lost[0], left[1] + lost[1], left[2] + lost[2], left[3] + lost[3]
-                for a in range(history.shape[1]):
-                    history[q, a] = 0.0
+    while k < stop and count <= ROOM - LANES:
+        slot = eight_from(k, last)
+        many = min(stop - k, LANES)
+        i, j = entries(pairs.row, slot), entries(pairs.other, slot)
+        xi, yi, zi, ri = columns(position_radius, i, 0)
+        dx, dy, dz, rj = columns(position_radius, j, 0)
+        dx, dy = through_faces(pairs, slot, 1.0, dx, dy)
+        dx, dy, dz = dx - xi, dy - yi, dz - zi
+        reach2 = lanes_of(alike)
+        if not equal(law):
+            reach2 = (ri + rj) * (ri + rj)
+        now = bits_of(dx * dx + dy * dy + dz * dz < reach2) & ((1 << many) - 1)
+        prefetch_rows(history, k, LANES)  # needed soon, and in no cache of a large scene
+        # written in any case, kept by counting it: a branch would often be mispredicted
+        crossing = _bits_at(pairs.other, k, end, many)
+        if crossing == 0:
+            for q in range(LANES):
+                c = np.uint32(count)
+                noted[SLOT, c], noted[PLACE, c] = k + q, -1
+                count += (now >> q) & 1
+                if attraction is not None:
+                    noted[PLACE_OF_PAIR, q] = -1
+        else:
+            for q in range(LANES):
+                place += (crossing >> q) & 1
+                c, here = np.uint32(count), place if (crossing >> q) & 1 else -1
+                noted[SLOT, c], noted[PLACE, c], noted[PLACE_OF_PAIR, q] = k + q, here, here
+                count += (now >> q) & 1
+        changed = now ^ _bits_at(touching, k, 1, many)
+        if changed != 0:
+            left = _change(k, now, changed, dt, law, resistance, energy_column, grains, pairs, left)
         if attraction is not None:
-            pull_pairs(chunk, k, until, before_these, law, attraction, grains, pairs, chunks)
-        k = until
+            _pull_eight(
+                first_lanes(many), slot, eight_of(noted, PLACE_OF_PAIR, 0), i, j, (dx, dy, dz), (ri, rj), law,
+                attraction, pairs,
+            )  # fmt: skip
+        k += many
     return (k, place), count, left

@@ -108,13 +108,13 @@ def touching_walls(i, kind_row, law, resistance, energy_column, grains, slots, w
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def pull_of_walls(i, attraction, grains, slots, walls, pulled):
-    """Add the pulls of the walls near grain i to ``pulled`` (3) [N]."""
+def add_pull_of_walls(i, attraction, grains, slots, walls):
+    """Add the pulls of the walls near grain i to those on it."""
     if attraction is None:
-        return pulled
+        return
     position_radius = grains.position_radius
     x, y, z, radius = position_radius[i, 0], position_radius[i, 1], position_radius[i, 2], position_radius[i, 3]
-    px, py, pz = pulled
+    px = py = pz = 0.0
     for k in range(slots.start[i], slots.start[i + 1]):
         if attraction.wall[k, AMPLITUDE] != 0.0:
             distance, nx, ny, nz, owned = _wall_gap(walls.smooth, slots.other[k], x, y, z)
@@ -123,7 +123,8 @@ def pull_of_walls(i, attraction, grains, slots, walls, pulled):
                 place = place_of_gap(attraction, gap)
                 pull = pull_at(attraction, gap, place, attraction.wall[k, COLUMN], attraction.wall[k, AMPLITUDE], 0.0)
                 px, py, pz = px + pull * nx, py + pull * ny, pz + pull * nz
-    return px, py, pz
+    drawn = attraction.drawn
+    drawn[i, 0], drawn[i, 1], drawn[i, 2] = drawn[i, 0] + px, drawn[i, 1] + py, drawn[i, 2] + pz
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
@@ -152,20 +153,18 @@ def add_load(row, force, touch, at):
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def wall_forces(i, chunk, dt, law, resistance, energy_column, grains, slots, walls, totals, gathered, tally):
-    """Contacts of grain i with its walls, added to ``gathered``: force [N] and torque [N m] (3 each).
+def add_wall_forces(i, chunk, dt, law, resistance, energy_column, grains, slots, walls, totals, tally):
+    """Contacts of grain i with its walls, added to its force and torque.
 
-    Returns both and the tally; the load of the bodies goes into the chunk's sums.
+    Returns the tally; the load of the bodies goes into the chunk's sums.
     """
-    if slots.start[i + 1] == slots.start[i]:
-        return gathered[0], gathered[1], tally
     position_radius, velocity_force = grains.position_radius, grains.velocity_force
     found, record = slots.found[chunk], slots.record
     x, y, radius = position_radius[i, 0], position_radius[i, 1], position_radius[i, 3]
     vx, vy, vz = velocity_force[i, 0], velocity_force[i, 1], velocity_force[i, 2]
     wx, wy, wz = velocity_force[i, 3], velocity_force[i, 4], velocity_force[i, 5]
     mass = mass_of(law, grains.mass, i)
-    (fx, fy, fz), (tx, ty, tz) = gathered
+    fx = fy = fz = tx = ty = tz = 0.0
     contacts, elastic, lost_n, lost_t, lost_s, lost_r, lost_w, left, deepest, deepest_at = tally
     kind_row = 0
     if grains.species.shape[0] > 0:
@@ -226,4 +225,7 @@ def wall_forces(i, chunk, dt, law, resistance, energy_column, grains, slots, wal
             record[k, 0], record[k, 1], record[k, 2], record[k, 3] = gx, gy, gz, delta
             record[k, 4], record[k, 5], record[k, 6] = nx, ny, nz
     tally = Tally(contacts, elastic, lost_n, lost_t, lost_s, lost_r, lost_w, left, deepest, deepest_at)
-    return (fx, fy, fz), (tx, ty, tz), tally
+    motion = grains.velocity_force
+    motion[i, 6], motion[i, 7], motion[i, 8] = motion[i, 6] + fx, motion[i, 7] + fy, motion[i, 8] + fz
+    motion[i, 9], motion[i, 10], motion[i, 11] = motion[i, 9] + tx, motion[i, 10] + ty, motion[i, 11] + tz
+    return tally

@@ -19,6 +19,7 @@ import numba
 import numpy as np
 from numba import njit, prange
 
+from geometry.cache_lines import on_lines
 from geometry.inner_functions import inner
 from particles.neighbours.neighbour_list import WORTH_SHARING, PairList, find_pairs
 from particles.neighbours.partition import Chunks, make_chunks
@@ -67,7 +68,7 @@ class SlotMemory(NamedTuple):
     @classmethod
     def empty(cls, count: int, columns: int) -> SlotMemory:
         """Of so many slots that touch nothing."""
-        return cls(np.zeros(count, dtype=np.uint8), np.zeros((count, columns)))
+        return cls(np.zeros(count, dtype=np.uint8), on_lines((count, columns)))
 
     def copied(self) -> SlotMemory:
         """The same in arrays of its own."""

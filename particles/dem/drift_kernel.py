@@ -1,0 +1,140 @@
+"""Compiled kick and drift of eight grains side by side, whose forces are complete.
+
+Velocities are half a step behind positions (`particles.dem.step_kernel`).
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from geometry.inner_functions import inner
+from geometry.lane_tables import column, columns, entries, put_column, put_columns, put_two_columns, two_columns
+from geometry.lanes import lanes_of, larger, largest_lane, sum_of_lanes, where
+from particles.dem import total_columns as total
+from particles.laws.springs import equal
+
+VELOCITY, SPIN, FORCE, TORQUE = 0, 3, 6, 9  # columns of a grain's motion
+
+
+class Drifted(NamedTuple):
+    """What grains of a chunk that have drifted add up to, each eight numbers.
+
+    Attributes
+    ----------
+    travel, fastest : lanes
+        Largest squared way from ``reference`` [m^2] and squared speed [m^2/s^2].
+    contact, gravity, external : tuples of 2 lanes
+        Works [J] of half a kick with the velocities of the drift before it, and with those of the drift after it.
+    kinetic : lanes
+        [J], of the last step.
+    """
+
+    travel: Any
+    fastest: Any
+    contact: tuple[Any, Any]
+    gravity: tuple[Any, Any]
+    external: tuple[Any, Any]
+    kinetic: Any
+
+
+@inner(borrows=True, error_model="numpy", forceinline=True)
+def none_drifted():
+    """`Drifted` of no grain."""
+    none = lanes_of(0.0)
+    return Drifted(none, none, (none, none), (none, none), (none, none), none)
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def drift_eight(rows, there, now, law, energy_column, attraction, grains, drifted):
+    """Kick and drift of the grains ``rows`` under what lies at their places, which is cleared for the next step.
+
+    ``there`` says which of the eight count; the others repeat one that does. Returns ``drifted`` with theirs.
+    """
+    motion, gravity, external = grains.velocity_force, grains.gravity, grains.external
+    vx, vy, vz, wx = columns(motion, rows, VELOCITY)
+    wy, wz = two_columns(motion, rows, SPIN + 1)
+    fx, fy, fz, tx = columns(motion, rows, FORCE)
+    ty, tz = two_columns(motion, rows, TORQUE + 1)
+    x, y, z, radius = columns(grains.position_radius, rows, 0)
+    dt = now.dt
+    m = lanes_of(grains.mass[0]) if equal(law) else entries(grains.mass, rows)
+    kick = dt / m
+    turn = kick / (0.4 * radius * radius)
+    ax, ay, az = fx, fy, fz
+    g = min(now.step, gravity.shape[0] - 1)
+    if gravity.shape[0] > 0:
+        ax, ay, az = ax + m * gravity[g, 0], ay + m * gravity[g, 1], az + m * gravity[g, 2]
+    none = lanes_of(0.0)
+    px = py = pz = hx = hy = hz = none
+    if external.shape[0] > 0:
+        hx, hy = two_columns(external, rows, 0)
+        hz = column(external, rows, 2)
+    if attraction is not None:
+        px, py, pz, _ = columns(attraction.drawn, rows, 0)
+        put_columns(attraction.drawn, rows, 0, none, none, none, none)
+        hx, hy, hz = hx + px, hy + py, hz + pz  # forces of no contact, booked together
+    ax, ay, az = ax + hx, ay + hy, az + hz
+    bx, by, bz = vx + kick * ax, vy + kick * ay, vz + kick * az
+    ox, oy, oz = wx + turn * tx, wy + turn * ty, wz + turn * tz
+    put_columns(motion, rows, VELOCITY, bx, by, bz, ox)
+    put_two_columns(motion, rows, SPIN + 1, oy, oz)
+    put_columns(motion, rows, FORCE, none, none, none, none)
+    put_two_columns(motion, rows, TORQUE + 1, none, none)
+    contact, weight, held, kinetic = drifted.contact, drifted.gravity, drifted.external, drifted.kinetic
+    if energy_column is not None:
+        # half a kick with the velocities of the drift before it, half with those of the drift after it: the mean closes
+        # the balance of kinetic energy exactly, and by drifts it is the trapezoidal rule
+        half = where(there, 0.5 * dt, none)
+        contact = (
+            contact[0] + half * (fx * vx + fy * vy + fz * vz + tx * wx + ty * wy + tz * wz),
+            contact[1] + half * (fx * bx + fy * by + fz * bz + tx * ox + ty * oy + tz * oz),
+        )
+        if gravity.shape[0] > 0:
+            gx, gy, gz = gravity[g, 0], gravity[g, 1], gravity[g, 2]
+            weight = (
+                weight[0] + half * m * (gx * vx + gy * vy + gz * vz),
+                weight[1] + half * m * (gx * bx + gy * by + gz * bz),
+            )
+        if external.shape[0] > 0 or attraction is not None:
+            held = (
+                held[0] + half * (hx * vx + hy * vy + hz * vz),
+                held[1] + half * (hx * bx + hy * by + hz * bz),
+            )
+        if now.last:  # at the time of the positions that the forces belong to
+            moving = vx * bx + vy * by + vz * bz + 0.4 * radius * radius * (wx * ox + wy * oy + wz * oz)
+            kinetic = kinetic + where(there, 0.5 * m * moving, none)
+    x, y, z = x + dt * bx, y + dt * by, z + dt * bz
+    put_columns(grains.position_radius, rows, 0, x, y, z, radius)
+    if now.last:
+        put_column(grains.net, rows, 0, fx)
+        put_column(grains.net, rows, 1, fy)
+        put_column(grains.net, rows, 2, fz)
+    at_x, at_y = two_columns(grains.reference, rows, 0)
+    dx, dy, dz = x - at_x, y - at_y, z - column(grains.reference, rows, 2)
+    way = dx * dx + dy * dy + dz * dz + 0.0 * (ox + oy + oz)  # a spin that is not finite shows here too
+    way = where(way < np.inf, way, np.inf)
+    return Drifted(
+        larger(drifted.travel, way),
+        larger(drifted.fastest, bx * bx + by * by + bz * bz),
+        contact,
+        weight,
+        held,
+        kinetic,
+    )
+
+
+@inner(borrows=True, error_model="numpy")
+def add_drifted(drifted, energy_column, row):
+    """Add what has drifted to the chunk's sums ``row``."""
+    row[total.MAX_TRAVEL] = max(row[total.MAX_TRAVEL], largest_lane(drifted.travel))
+    row[total.MAX_SPEED] = max(row[total.MAX_SPEED], largest_lane(drifted.fastest))
+    if energy_column is not None:
+        row[total.CONTACT_WORK] += sum_of_lanes(drifted.contact[0])
+        row[total.CONTACT_LATER] += sum_of_lanes(drifted.contact[1])
+        row[total.GRAVITY_WORK] += sum_of_lanes(drifted.gravity[0])
+        row[total.GRAVITY_LATER] += sum_of_lanes(drifted.gravity[1])
+        row[total.EXTERNAL_WORK] += sum_of_lanes(drifted.external[0])
+        row[total.EXTERNAL_LATER] += sum_of_lanes(drifted.external[1])
+        row[total.KINETIC] += sum_of_lanes(drifted.kinetic)

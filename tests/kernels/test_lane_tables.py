@@ -1,0 +1,153 @@
+"""Lanes from tables and back: what eight rows hold is what numpy's indices find."""
+
+import numpy as np
+import pytest
+from numba import njit
+
+from geometry.lane_functions import logarithm, square_root
+from geometry.lane_tables import (
+    add_to_rows,
+    column,
+    columns,
+    eight_at_least,
+    eight_of,
+    entries,
+    lane_rows,
+    put_column,
+    put_columns,
+    put_two_columns,
+    two_columns,
+)
+from geometry.lanes import (
+    LANES,
+    as_lanes,
+    bits_of,
+    first_lanes,
+    lanes_of,
+    larger,
+    numbers_of,
+    size_of,
+    sum_of_lanes,
+    where,
+    whole_part,
+)
+
+ROWS = np.array([[5, 0, 9, 2, 7, 1, 8, 3]], dtype=np.int32)
+
+
+@pytest.fixture
+def table():
+    return np.random.default_rng(2).uniform(-3.0, 3.0, (10, 12))
+
+
+def test_columns_and_entries(table):
+    @njit
+    def kernel(table, picked, real, whole, out):
+        rows = eight_of(picked, 0, 0)
+        a, b = two_columns(table, rows, 5)
+        c = column(table, rows, 11)
+        d, e = two_columns(table, rows, entries(whole, rows))
+        f, g = entries(real, rows), as_lanes(entries(whole, rows))
+        every = eight_of(picked, 0, 0)
+        put_two_columns(out, every, 0, a, b)
+        put_two_columns(out, every, 2, c, d)
+        put_two_columns(out, every, 4, e, f)
+        put_column(out, every, 6, g)
+
+    real, whole, out = np.arange(10) * 0.5, (np.arange(10, dtype=np.uint32) * 7) % 10, np.zeros((10, 7))
+    kernel(table, ROWS, real, whole, out)
+    r = ROWS[0]
+    wanted = [table[r, 5], table[r, 6], table[r, 11], table[r, whole[r]], table[r, whole[r] + 1], real[r], whole[r]]
+    assert np.array_equal(out[r].T, wanted)
+    assert not out[[4, 6]].any()
+
+
+@pytest.mark.parametrize("many", [4, 6])
+def test_rows_that_are_the_same_are_added_to_one_after_the_other(many):
+    @njit
+    def kernel(target, other, numbers, added):
+        rows, places = eight_of(numbers, 0, 0), eight_of(numbers, 1, 0)
+        a, b, c, d = columns(added, eight_of(numbers, 2, 0), 0)
+        e, f = two_columns(added, eight_of(numbers, 2, 0), 4)
+        if many == 4:
+            add_to_rows(target, rows, 1, other, places, (a, b, c, d))
+            add_to_rows(target, rows, 1, None, None, (a, b, c, d))
+        else:
+            add_to_rows(target, rows, 1, other, places, (a, b, c, d, e, f))
+            add_to_rows(target, rows, 1, None, None, (a, b, c, d, e, f))
+
+    numbers = np.array([[2, 2, 2, 0, 1, 1, 2, 0], [-1, 1, -1, 0, -1, 1, -1, -1], np.arange(8)], dtype=np.int32)
+    added = np.random.default_rng(0).normal(size=(8, 6))
+    target, other = np.zeros((3, 8)), np.zeros((2, 6))
+    kernel(target, other, numbers, added)
+    wanted, beside = np.zeros((3, 8)), np.zeros((2, 6))
+    for both, only in ((True, False), (False, True)):
+        for q in range(LANES):
+            row, place = numbers[:2, q]
+            if both and place >= 0:
+                beside[place, :many] += added[q, :many]
+            elif both or only:
+                wanted[row, 1 : 1 + many] += added[q, :many]
+    assert np.array_equal(target, wanted) and np.array_equal(other, beside)
+
+
+def test_rows_of_lanes_hold_what_is_put_there_and_numbers_become_lanes(table):
+    @njit
+    def kernel(table, picked, choice, out):
+        rows = eight_of(picked, 0, 0)
+        kept, x = lane_rows(3), 1.5
+        kept[0, 0], kept[0, 1], kept[0, 2], _ = columns(table, rows, 0)
+        if choice:  # a number on one way, lanes on the other
+            x = kept[7, 1]
+        kept[0, choice] = kept[0, 0] * x
+        put_columns(out, rows, 0, kept[0, 0], kept[0, 1], kept[0, 2], lanes_of(0.0))
+
+    r = ROWS[0]
+    for choice in (0, 1):
+        out, wanted = np.zeros((10, 4)), np.zeros((10, 4))
+        kernel(table, ROWS, choice, out)
+        wanted[r, :3] = table[r, :3]
+        wanted[r, choice] = table[r, 0] * (table[r, 1] if choice else 1.5)
+        assert np.array_equal(out, wanted)
+
+
+def test_functions_of_lanes_are_those_of_numbers(table):
+    @njit(error_model="numpy")
+    def kernel(table, picked, out):
+        rows = eight_of(picked, 0, 0)
+        a, b, _, _ = columns(table, rows, 0)
+        put_columns(out, rows, 0, larger(a, b), size_of(a), square_root(size_of(a)), logarithm(size_of(b)))
+        put_columns(out, rows, 4, as_lanes(whole_part(a)), where(first_lanes(3), a, b), -a, larger(a, 0.25))
+        return sum_of_lanes(a), bits_of(a > b), numbers_of(a)
+
+    out, r = np.zeros((10, 8)), ROWS[0]
+    total, bits, numbers = kernel(table, ROWS, out)
+    a, b = table[r, 0], table[r, 1]
+    wanted = [
+        np.maximum(a, b), abs(a), np.sqrt(abs(a)), np.log(abs(b)),
+        np.trunc(a), np.where(np.arange(8) < 3, a, b), -a, np.maximum(a, 0.25),
+    ]  # fmt: skip
+    np.testing.assert_allclose(out[r].T, wanted, rtol=1e-15)
+    assert total == pytest.approx(a.sum(), rel=1e-14) and np.array_equal(numbers, a)
+    assert bits == sum(1 << q for q in range(LANES) if a[q] > b[q])
+
+
+def test_what_is_not_a_number_is_not_lost_in_the_larger():
+    @njit
+    def kernel(x):
+        return numbers_of(larger(lanes_of(x), 0.0))[3], larger(x, 0.0)
+
+    assert np.isnan(kernel(np.nan)).all()
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint32])
+def test_bounds_of_neighbours_as_bits(kind):
+    @njit
+    def kernel(array, first, bound):
+        return eight_at_least(array, first, bound)
+
+    array = np.random.default_rng(1).integers(0, 200, 40).astype(kind)
+    for first in (0, 3, 32):
+        for bound in (0, 1, 100, 199):
+            wanted = sum(1 << q for q in range(LANES) if array[first + q] >= bound)
+            assert kernel(array, first, bound) == wanted
