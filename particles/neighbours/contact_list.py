@@ -158,7 +158,7 @@ class ContactList:
     wall_memory: SlotMemory = field(init=False)
 
     def __post_init__(self) -> None:
-        self.row = self.pairs.rows().astype(np.uint32)
+        self.row = _rows(self.pairs.start, self.pairs.count)
         self.chunks = make_chunks(self.pairs.start, self.pairs.other, self.wall_start)
         self.pair_memory = SlotMemory.empty(self.pairs.count, self.columns)
         self.wall_memory = SlotMemory.empty(len(self.wall_other), self.columns)
@@ -249,6 +249,16 @@ def reaches(radius: np.ndarray, skin: float, gap: float) -> tuple[np.ndarray, fl
     if gap > 0.0:
         reach = reach + 0.5 * gap * radius
     return reach, 2.0 * largest + skin + gap * largest
+
+
+@njit(cache=True, error_model="numpy")
+def _rows(start, count):
+    """The row of each slot."""
+    row = np.empty(count, dtype=np.uint32)
+    for i in range(start.shape[0] - 1):
+        for k in range(start[i], start[i + 1]):
+            row[k] = i
+    return row
 
 
 @njit(cache=True, error_model="numpy")

@@ -30,7 +30,7 @@ class Chunks(NamedTuple):
     late : ndarray of uint8, shape (n,)
         1 for grains that wait.
     late_start, late_grain : ndarray of int64, shape (c + 1,) and int32, shape (l,)
-        The late grains of each chunk.
+        The late grains, and a like share of them for each chunk: the first chunk has none of its own.
     in_start, in_slot : ndarray of int64, shape (l + 1,) and int32, shape (x,)
         Places in the buffer that each late grain has to add, in order.
     """
@@ -86,20 +86,20 @@ def _share(pair_start, pair_other, wall_start, parts):
     for k in range(crossings):
         arrivals[second[k]] += 1
     late, late_start = np.empty(n, dtype=np.uint8), np.empty(parts + 1, dtype=np.int64)
-    waiting = 0
+    crowd = 0
     for i in range(n):
         late[i] = arrivals[i] > 0
-        waiting += late[i]
-    late_grain, in_start = np.empty(waiting, dtype=np.int32), np.empty(waiting + 1, dtype=np.int64)
+        crowd += late[i]
+    late_grain, in_start = np.empty(crowd, dtype=np.int32), np.empty(crowd + 1, dtype=np.int64)
+    for c in range(parts + 1):
+        late_start[c] = crowd * c // parts
     waiting = before = 0
-    for c in range(parts):
-        late_start[c] = waiting
-        for i in range(start[c], start[c + 1]):
-            if late[i] != 0:
-                late_grain[waiting], in_start[waiting] = i, before
-                before, arrivals[i] = before + arrivals[i], before  # from here on its next place
-                waiting += 1
-    late_start[parts], in_start[waiting] = waiting, before
+    for i in range(n):
+        if late[i] != 0:
+            late_grain[waiting], in_start[waiting] = i, before
+            before, arrivals[i] = before + arrivals[i], before  # from here on its next place
+            waiting += 1
+    in_start[crowd] = before
     in_slot = np.empty(crossings, dtype=np.int32)
     for k in range(crossings):
         in_slot[arrivals[second[k]]] = k
