@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-LIST_COST = 150.0  # C: a new list costs as much as a look at so many pairs, for each grain
+LIST_COST = 100.0  # C: a new list costs as much as a look at so many pairs, for each grain
 NARROWEST, WIDEST = 0.2, 1.2  # of the mean radius
 USUAL = 0.5
 
