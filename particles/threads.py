@@ -1,8 +1,7 @@
 """How many threads a compiled step uses, and by which layer.
 
-OpenMP first: its two fork-joins a step cost about 2 microseconds; tbb was slower than a single thread on
-rows of this size. Below a few hundred grains one thread is faster still. The result is the same, bit for
-bit, with any number.
+OpenMP first: a parallel loop costs about a microsecond; tbb was slower than a single thread on rows of this size. Below
+a few hundred grains one thread is faster still. The result is the same, bit for bit, with any number.
 """
 
 from __future__ import annotations

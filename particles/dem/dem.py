@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numba
 import numpy as np
 
 from geometry.walls import Wall
@@ -316,7 +317,7 @@ class DEM(ListedGrains):
         return StepArguments(
             Call(
                 n_steps, self.dt, last_call, (0.5 * self.skin) ** 2, WALL_SKIN * self.skin, self.overlap_limit,
-                self._fastest,
+                self._fastest, numba.get_num_threads(),
             ),
             self._table,
             self._columns.resistance,

@@ -34,6 +34,8 @@ class Call(NamedTuple):
         Share of the diameter.
     speed : float
         Largest allowed [m/s].
+    threads : int
+        That may share the work.
     """
 
     n_steps: int
@@ -43,6 +45,7 @@ class Call(NamedTuple):
     wall_travel: float
     overlap: float
     speed: float
+    threads: int
 
 
 class Now(NamedTuple):

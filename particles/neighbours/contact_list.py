@@ -135,8 +135,8 @@ class ContactList:
         Half list.
     row : ndarray of uint32, shape (p,)
         First grain of each pair.
-    chunks : Chunks
-        How its rows are shared among threads.
+    chunk_start : ndarray of int64, or None
+        First row of each of its `chunks`, once they are made.
     wall_start, wall_other : ndarray, shapes (n + 1,), (s,) int32
         Walls near each grain; triangles count on after the smooth walls.
     pair_memory, wall_memory : SlotMemory
@@ -153,14 +153,14 @@ class ContactList:
     reference: np.ndarray
     angles: np.ndarray
     columns: int = 3
+    chunk_start: np.ndarray | None = None
     row: np.ndarray = field(init=False)
-    chunks: Chunks = field(init=False)
     pair_memory: SlotMemory = field(init=False)
     wall_memory: SlotMemory = field(init=False)
+    _chunks: Chunks | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
-        self.row = self.pairs.rows().astype(np.uint32)
-        self.chunks = make_chunks(self.pairs.start, self.pairs.other, self.wall_start)
+        self.row = _rows(self.pairs.start, self.pairs.count)
         self.pair_memory = SlotMemory.empty(self.pairs.count, self.columns)
         self.wall_memory = SlotMemory.empty(len(self.wall_other), self.columns)
 
@@ -183,6 +183,15 @@ class ContactList:
         pairs = find_pairs(position, cutoff, sector, reach)
         start, other = walls.near(position, reach, skin, angles)
         return cls(pairs, start, other, np.array(position), np.array(angles), columns)
+
+    @property
+    def chunks(self) -> Chunks:
+        """How its rows are shared among threads: by what touches when they are first asked for, before any step."""
+        if self._chunks is None:
+            touching = self.pair_memory.touching
+            self._chunks = make_chunks(self.pairs.start, self.pairs.other, touching, self.wall_start, self.chunk_start)
+            self.chunk_start = self._chunks.start
+        return self._chunks
 
     def wall_rows(self) -> np.ndarray:
         """The grain of each wall slot, int64, shape (s,)."""
@@ -221,11 +230,11 @@ class ContactList:
             _carry(vectors, turned, memory, pairs, walls, BLOCK)
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Everything that a restart needs; the chunks follow from it."""
+        """Everything that a restart needs."""
         places = {
             "pair_start": self.pairs.start, "pair_other": self.pairs.other, "pair_shift": self.pairs.shift,
             "wall_start": self.wall_start, "wall_other": self.wall_other,
-            "reference": self.reference, "angles": self.angles,
+            "reference": self.reference, "angles": self.angles, "chunk_start": self.chunks.start,
         }  # fmt: skip
         return places | self.pair_memory.arrays("pair") | self.wall_memory.arrays("wall")
 
@@ -236,7 +245,8 @@ class ContactList:
         start, other, reference, angles = (
             state[name].copy() for name in ("wall_start", "wall_other", "reference", "angles")
         )
-        made = cls(pairs, start, other, reference, angles, state["pair_history"].shape[1])
+        columns, chunk_start = state["pair_history"].shape[1], state.get("chunk_start")  # older states have none
+        made = cls(pairs, start, other, reference, angles, columns, chunk_start)
         made.pair_memory, made.wall_memory = (SlotMemory.from_arrays(kind, state) for kind in ("pair", "wall"))
         return made
 
@@ -250,6 +260,16 @@ def reaches(radius: np.ndarray, skin: float, gap: float) -> tuple[np.ndarray, fl
     if gap > 0.0:
         reach = reach + 0.5 * gap * radius
     return reach, 2.0 * largest + skin + gap * largest
+
+
+@njit(cache=True, error_model="numpy")
+def _rows(start, count):
+    """The row of each slot."""
+    row = np.empty(count, dtype=np.uint32)
+    for i in range(start.shape[0] - 1):
+        for k in range(start[i], start[i + 1]):
+            row[k] = i
+    return row
 
 
 @njit(cache=True, error_model="numpy")

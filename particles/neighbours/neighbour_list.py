@@ -31,7 +31,7 @@ from particles.threads import at_most
 __all__ = ["PairList", "cell_order", "find_pairs", "finest_cell"]
 
 BLOCK = 2048  # rows, at the most, that a thread fills at once
-WORTH_SHARING = 3000  # grains from which on a second thread is worth waking
+WORTH_SHARING = 500  # grains from which on a second thread is worth waking
 BESIDE_FACE = 1.2  # cut-offs from a face within which a grain gets a ghost: the fifth is drift past the face
 
 

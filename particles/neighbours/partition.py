@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+GRAIN, PAIR, CONTACT, WALL = 1, 2, 7, 12  # measured: a grain, a listed pair, one that touches, a wall near a grain
 LAYERS = 4  # of grains in a chunk, at the least: thinner chunks have more interface than inside
 
 
@@ -30,7 +31,7 @@ class Chunks(NamedTuple):
     late : ndarray of uint8, shape (n,)
         1 for grains that wait.
     late_start, late_grain : ndarray of int64, shape (c + 1,) and int32, shape (l,)
-        The late grains of each chunk.
+        The late grains, and a like share of them for each chunk: the first chunk has none of its own.
     in_start, in_slot : ndarray of int64, shape (l + 1,) and int32, shape (x,)
         Places in the buffer that each late grain has to add, in order.
     """
@@ -53,28 +54,57 @@ def chunk_count(n: int) -> int:
     return 1 if n < 500 else 2 * max(1, round(0.5 * n ** (1.0 / 3.0) / LAYERS))
 
 
-def make_chunks(pair_start: np.ndarray, pair_other: np.ndarray, wall_start: np.ndarray) -> Chunks:
-    """Share out the rows of a half list ``pair_start`` (n + 1,), ``pair_other`` (p,), and ``wall_start`` (n + 1,)."""
+def make_chunks(
+    pair_start: np.ndarray,
+    pair_other: np.ndarray,
+    touching: np.ndarray,
+    wall_start: np.ndarray,
+    start: np.ndarray | None = None,
+) -> Chunks:
+    """Share out the rows of a half list and of ``wall_start`` (n + 1,).
+
+    Parameters
+    ----------
+    pair_start, pair_other, touching : ndarray, shapes (n + 1,), (p,), (p,)
+        The half list, and which of its pairs touch.
+    start : ndarray of int64, shape (c + 1,), optional
+        Chunks that were made before, of the same list.
+    """
     n = len(pair_start) - 1
-    return _share(pair_start, pair_other, wall_start, min(chunk_count(n), n))
+    if start is None:
+        start = np.empty(min(chunk_count(n), n) + 1, dtype=np.int64)
+        _even(pair_start, touching, wall_start, start)
+    return _share(pair_start, pair_other, start)
 
 
 @njit(cache=True, error_model="numpy")
-def _share(pair_start, pair_other, wall_start, parts):
-    n = pair_start.shape[0] - 1
-    start, cross_start = np.empty(parts + 1, dtype=np.int64), np.empty(parts + 1, dtype=np.int64)
-    # a grain costs about as much as two of its pairs, a wall as much as four
-    all_work = pair_start[n] + 4 * wall_start[n] + 2 * n
+def _even(pair_start, touching, wall_start, start):
+    """Fill in the first row of each chunk, so that all have like work."""
+    n, parts = pair_start.shape[0] - 1, start.shape[0] - 1
+    work = np.empty(n + 1, dtype=np.int64)  # before each row
+    work[0] = 0
+    for i in range(n):
+        contacts = 0
+        for k in range(pair_start[i], pair_start[i + 1]):
+            contacts += touching[k]
+        listed, walls = pair_start[i + 1] - pair_start[i], wall_start[i + 1] - wall_start[i]
+        work[i + 1] = work[i] + GRAIN + PAIR * listed + CONTACT * contacts + WALL * walls
     for c in range(parts + 1):
-        share, low, high = all_work * c / parts, 0, n  # the first grain before which there is so much work
+        share, low, high = work[n] * c / parts, 0, n  # the first grain before which there is so much work
         while low < high:
             middle = (low + high) // 2
-            if pair_start[middle] + 4 * wall_start[middle] + 2 * middle < share:
+            if work[middle] < share:
                 low = middle + 1
             else:
                 high = middle
         start[c] = low
     start[0], start[parts] = 0, n
+
+
+@njit(cache=True, error_model="numpy")
+def _share(pair_start, pair_other, start):
+    n, parts = pair_start.shape[0] - 1, start.shape[0] - 1
+    cross_start = np.empty(parts + 1, dtype=np.int64)
     crossing, second = np.uint64(0), np.empty(pair_other.shape[0] + 1, dtype=np.int32)
     for c in range(parts):
         cross_start[c] = np.int64(crossing)
@@ -86,20 +116,20 @@ def _share(pair_start, pair_other, wall_start, parts):
     for k in range(crossings):
         arrivals[second[k]] += 1
     late, late_start = np.empty(n, dtype=np.uint8), np.empty(parts + 1, dtype=np.int64)
-    waiting = 0
+    crowd = 0
     for i in range(n):
         late[i] = arrivals[i] > 0
-        waiting += late[i]
-    late_grain, in_start = np.empty(waiting, dtype=np.int32), np.empty(waiting + 1, dtype=np.int64)
+        crowd += late[i]
+    late_grain, in_start = np.empty(crowd, dtype=np.int32), np.empty(crowd + 1, dtype=np.int64)
+    for c in range(parts + 1):
+        late_start[c] = crowd * c // parts
     waiting = before = 0
-    for c in range(parts):
-        late_start[c] = waiting
-        for i in range(start[c], start[c + 1]):
-            if late[i] != 0:
-                late_grain[waiting], in_start[waiting] = i, before
-                before, arrivals[i] = before + arrivals[i], before  # from here on its next place
-                waiting += 1
-    late_start[parts], in_start[waiting] = waiting, before
+    for i in range(n):
+        if late[i] != 0:
+            late_grain[waiting], in_start[waiting] = i, before
+            before, arrivals[i] = before + arrivals[i], before  # from here on its next place
+            waiting += 1
+    in_start[crowd] = before
     in_slot = np.empty(crossings, dtype=np.int32)
     for k in range(crossings):
         in_slot[arrivals[second[k]]] = k
