@@ -13,6 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from geometry.inner_functions import inner
+
 GRAIN, PAIR, CONTACT, WALL = 1, 2, 7, 12  # measured: a grain, a listed pair, one that touches, a wall near a grain
 LAYERS = 4  # of grains in a chunk, at the least: thinner chunks have more interface than inside
 
@@ -77,23 +79,27 @@ def make_chunks(
     return _share(pair_start, pair_other, start)
 
 
+@inner(borrows=True, error_model="numpy")
+def _work_before(i, pair_start, contacts, wall_start):
+    """What the rows before row i take."""
+    return GRAIN * i + PAIR * pair_start[i] + CONTACT * contacts[pair_start[i]] + WALL * wall_start[i]
+
+
 @njit(cache=True, error_model="numpy")
 def _even(pair_start, touching, wall_start, start):
     """Fill in the first row of each chunk, so that all have like work."""
     n, parts = pair_start.shape[0] - 1, start.shape[0] - 1
-    work = np.empty(n + 1, dtype=np.int64)  # before each row
-    work[0] = 0
-    for i in range(n):
-        contacts = 0
-        for k in range(pair_start[i], pair_start[i + 1]):
-            contacts += touching[k]
-        listed, walls = pair_start[i + 1] - pair_start[i], wall_start[i + 1] - wall_start[i]
-        work[i + 1] = work[i] + GRAIN + PAIR * listed + CONTACT * contacts + WALL * walls
+    contacts = np.empty(touching.shape[0] + 1, dtype=np.int64)  # before each slot
+    count = contacts[0] = 0
+    for k in range(touching.shape[0]):
+        count += touching[k]
+        contacts[k + 1] = count
+    work = _work_before(n, pair_start, contacts, wall_start)
     for c in range(parts + 1):
-        share, low, high = work[n] * c / parts, 0, n  # the first grain before which there is so much work
+        share, low, high = work * c / parts, 0, n  # the first grain before which there is so much work
         while low < high:
             middle = (low + high) // 2
-            if work[middle] < share:
+            if _work_before(middle, pair_start, contacts, wall_start) < share:
                 low = middle + 1
             else:
                 high = middle
