@@ -18,7 +18,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import models, overload, register_model
 
-from geometry.inner_functions import INTO_CALLER
+from geometry.inner_functions import INTO_CALLER, inner
 from geometry.lanes import _DOUBLE, _EIGHT, LANES, _chosen, intrinsic, lanes
 
 WIDE = 4  # columns of a table that are read at once
@@ -181,6 +181,15 @@ def entries(typing, array, rows):
         return made
 
     return (lanes if real else types.UniTuple(types.intp, LANES))(array, types.UniTuple(types.intp, LANES)), code
+
+
+@inner(borrows=True, error_model="numpy", forceinline=True)
+def entries_2d(table, a, b):
+    """``table[a, b]`` for eight pairs of indices, as a tuple."""
+    return (
+        table[a[0], b[0]], table[a[1], b[1]], table[a[2], b[2]], table[a[3], b[3]],
+        table[a[4], b[4]], table[a[5], b[5]], table[a[6], b[6]], table[a[7], b[7]],
+    )  # fmt: skip
 
 
 @intrinsic

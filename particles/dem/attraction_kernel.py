@@ -8,7 +8,8 @@ import numpy as np
 
 from geometry.inner_functions import inner
 from geometry.lane_functions import logarithm
-from geometry.lanes import larger
+from geometry.lane_tables import entries, two_columns
+from geometry.lanes import as_lanes, larger, where, whole_part
 
 # columns of a slot's drive
 COLUMN, AMPLITUDE, ACROSS = range(3)
@@ -35,20 +36,18 @@ class HeldAttraction(NamedTuple):
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def place_of_gap(held, gap):
-    """Where a gap [radii] lies among the rows of the table, with fraction. Of a number and of lanes."""
-    return larger((logarithm(larger(gap, held.smallest_gap)) - held.gap_start) * held.per_gap_step, 0.0)
-
-
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def pull_at(held, gap, place, column, amplitude, across_amplitude):
-    """Pull [N] at a gap [radii] in the `place_of_gap`: linear in ln gap and in the column, 0 beyond the grid."""
-    j = min(np.int64(column), held.values.shape[1] - 2)
-    y = column - j
-    i = max(min(np.int64(place), held.values.shape[0] - 2), 0)  # also of what is not a number
-    x = place - i
-    low = held.values[i, j] + y * (held.values[i, j + 1] - held.values[i, j])
-    high = held.values[i + 1, j] + y * (held.values[i + 1, j + 1] - held.values[i + 1, j])
-    side = held.across[i] + x * (held.across[i + 1] - held.across[i])
-    pull = amplitude * (low + x * (high - low)) + across_amplitude * side
-    return pull if gap < held.last_gap else 0.0
+def pulls_at(held, gap, column, amplitude, across_amplitude):
+    """Pulls [N] of eight slots at gaps [radii]: linear in ln gap and in the column, 0 beyond the grid."""
+    values, across = held.values, held.across
+    place = larger((logarithm(larger(gap, held.smallest_gap)) - held.gap_start) * held.per_gap_step, 0.0)
+    # also of what is not a number
+    last_row, last_column = values.shape[0] - 2.0, values.shape[1] - 2.0
+    row = whole_part(where(place < last_row, place, last_row))
+    first = whole_part(where(column < last_column, column, last_column))
+    x, y = place - as_lanes(row), column - as_lanes(first)
+    low, low_next = two_columns(values, row, first)
+    high, high_next = two_columns(values[1:], row, first)
+    low, high = low + y * (low_next - low), high + y * (high_next - high)
+    side, side_next = entries(across, row), entries(across[1:], row)
+    pull = amplitude * (low + x * (high - low)) + across_amplitude * (side + x * (side_next - side))
+    return where(gap < held.last_gap, pull, 0.0)

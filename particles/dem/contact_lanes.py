@@ -23,6 +23,7 @@ from geometry.lane_tables import (
     columns,
     eight_of,
     entries,
+    entries_2d,
     lane_rows,
     put_column,
     put_columns,
@@ -48,16 +49,34 @@ def law_in_lanes(law, rows):
 
 
 @inner(borrows=True, error_model="numpy", forceinline=True)
+def remember(history, slot, kept):
+    """Take whole rows of a table into lanes: ``kept``, made with `lane_rows`."""
+    for first in range(0, history.shape[1], WIDE):
+        four = columns(history, slot, first)
+        kept[0, first], kept[0, first + 1], kept[0, first + 2], kept[0, first + 3] = four
+
+
+@inner(borrows=True, error_model="numpy", forceinline=True)
+def keep(history, slot, kept):
+    """The opposite of `remember`."""
+    for first in range(0, history.shape[1], WIDE):
+        put_columns(history, slot, first, kept[0, first], kept[0, first + 1], kept[0, first + 2], kept[0, first + 3])
+
+
+@inner(borrows=True, error_model="numpy")
+def deepest_of(depth, i, deepest, deepest_at):
+    """The largest of eight overlaps and ``deepest``, and the grain that has it."""
+    depths = numbers_of(depth)
+    for q in range(LANES):
+        if depths[q] > deepest:
+            deepest, deepest_at = depths[q], i[q]
+    return deepest, deepest_at
+
+
+@inner(borrows=True, error_model="numpy", forceinline=True)
 def _laws_of_species(law, table, law_row, species, i, j):
     """Put the rows of eight pairs of materials into the lanes of ``table``."""
-    a, b = entries(species, i), entries(species, j)
-    kinds = (
-        law_row[a[0], b[0]], law_row[a[1], b[1]], law_row[a[2], b[2]], law_row[a[3], b[3]],
-        law_row[a[4], b[4]], law_row[a[5], b[5]], law_row[a[6], b[6]], law_row[a[7], b[7]],
-    )  # fmt: skip
-    rows = table.rows
-    for first in range(0, N_LAW, WIDE):
-        rows[0, first], rows[0, first + 1], rows[0, first + 2], rows[0, first + 3] = columns(law.rows, kinds, first)
+    remember(law.rows, entries_2d(law_row, entries(species, i), entries(species, j)), table.rows)
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
@@ -89,9 +108,7 @@ def contacts_in_lanes(chunk, count, dt, law, table, resistance, energy_column, g
         ux, uy, uz = vx - ux, vy - uy, vz - uz
         sx, sy, sz = px + qx, py + qy, pz + qz
         px, py, pz = px - qx, py - qy, pz - qz
-        for first in range(0, history.shape[1], WIDE):
-            four = columns(history, slot, first)
-            kept[0, first], kept[0, first + 1], kept[0, first + 2], kept[0, first + 3] = four
+        remember(history, slot, kept)
         d2 = dx * dx + dy * dy + dz * dz
         d = square_root(d2)
         inverse = where(d2 > 0.0, d * (1.0 / d2), 0.0)  # beside the root, not after it
@@ -151,10 +168,7 @@ def contacts_in_lanes(chunk, count, dt, law, table, resistance, energy_column, g
                 torque = where(there, torque, 0.0)
                 tx, ty, tz = tx + torque * nx, ty + torque * ny, tz + torque * nz
                 mx, my, mz = mx - torque * nx, my - torque * ny, mz - torque * nz
-        for first in range(0, history.shape[1], WIDE):
-            put_columns(
-                history, slot, first, kept[0, first], kept[0, first + 1], kept[0, first + 2], kept[0, first + 3]
-            )
+        keep(history, slot, kept)
         if record.shape[0] > 0:
             put_column(record, slot, 0, force.x)
             put_column(record, slot, 1, force.y)
@@ -165,10 +179,7 @@ def contacts_in_lanes(chunk, count, dt, law, table, resistance, energy_column, g
         add_to_rows(velocity_force, j, FORCE, chunks.reaction, place, (-gx, -gy, -gz, mx, my, mz))
         depth = touch.delta * per_diameter
         if largest_lane(depth) > deepest:
-            depths = numbers_of(depth)
-            for q in range(LANES):
-                if depths[q] > deepest:
-                    deepest, deepest_at = depths[q], i[q]
+            deepest, deepest_at = deepest_of(depth, i, deepest, deepest_at)
         if energy_column is not None:
             sums = (
                 sums[0] + where(there, stored, 0.0), sums[1] + where(there, force.lost_n, 0.0),

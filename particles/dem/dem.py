@@ -33,6 +33,7 @@ from particles.dem.pair_kernel import pair_scratch
 from particles.dem.step_totals import StepTotals
 from particles.dem.stored_energy import law_table, stored_at_rest
 from particles.dem.time_step import choose_time_step
+from particles.dem.wall_lanes import wall_scratch
 from particles.grain_motion import Gravity, gravity_at, held_force
 from particles.grains import Grains
 from particles.laws.cohesion import Cohesion
@@ -45,7 +46,6 @@ from particles.neighbours.contact_table import ContactTable, contact_table, geom
 from particles.sector import CyclicSector
 from particles.shafts import Shafts
 from particles.threads import threads_for
-from particles.walls.triangle_kernels import N_FOUND
 
 STEPS_PER_CALL = 512  # bounds the tables in time (speeds, torques, gravity)
 WALL_SKIN = 0.5  # of the skin: how far triangles may turn before the list is made anew
@@ -328,7 +328,7 @@ class DEM(ListedGrains):
                 c.pairs.start, c.row, c.pairs.other.view(np.uint32), shift, self._turn, self.laws.pair, *c.pair_memory,
                 none, pair_scratch(n_chunks),
             ),
-            WallSlots(c.wall_start, c.wall_other, *c.wall_memory, none, np.zeros((n_chunks, most_walls, N_FOUND))),
+            WallSlots(c.wall_start, c.wall_other, *c.wall_memory, none, *wall_scratch(n_chunks, most_walls)),
             WallState(walls.rows, walls.triangles, self._wall_row, walls.body, speed, np.zeros((n_bodies, 2))),
             Shafts(drives, constants, angle, speed, walls.reach, c.angles, float(self.n_sectors)),
             c.chunks,

@@ -126,8 +126,8 @@ class WallSlots(NamedTuple):
     ----------
     record : ndarray, shape (s, 7) or (0, 3)
         Force [N], overlap [m] and unit vector towards the wall, if they are asked for.
-    found : ndarray, shape (c, most, N_FOUND)
-        Scratch of each chunk: what a grain touches.
+    found, near : ndarray, shapes (c, m, N_FOUND), (c, m, N_NEAR)
+        Scratch of each chunk: what grains touch, and what may pull them (`particles.dem.wall_lanes`).
     """
 
     start: np.ndarray
@@ -136,6 +136,7 @@ class WallSlots(NamedTuple):
     history: np.ndarray
     record: np.ndarray
     found: np.ndarray
+    near: np.ndarray
 
 
 class WallState(NamedTuple):

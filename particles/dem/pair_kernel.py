@@ -12,8 +12,8 @@ import numpy as np
 from geometry.inner_functions import inner
 from geometry.lane_functions import prefetch_rows, square_root
 from geometry.lane_tables import add_to_rows, column, columns, eight_at_least, eight_of, entries, two_columns
-from geometry.lanes import LANES, as_lanes, bits_of, first_lanes, lanes_of, where, whole_part
-from particles.dem.attraction_kernel import ACROSS, COLUMN, place_of_gap
+from geometry.lanes import LANES, as_lanes, bits_of, first_lanes, lanes_of, where
+from particles.dem.attraction_kernel import ACROSS, COLUMN, pulls_at
 from particles.dem.contact_kernel import left_in_springs
 from particles.laws.springs import equal
 
@@ -66,12 +66,6 @@ def _through_face(turn, shift, k, x, y):
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def mass_of(law, mass, i):
-    """Mass of grain i [kg]; equal grains share one place in the cache."""
-    return mass[0] if equal(law) else mass[i]
-
-
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _pull_eight(there, slot, place, i, j, away, sizes, law, attraction, pairs):
     """Add the pulls of eight pairs to those on their grains.
 
@@ -86,21 +80,8 @@ def _pull_eight(there, slot, place, i, j, away, sizes, law, attraction, pairs):
     else:
         gap = (d - (ri + rj)) * (ri + rj) / (2.0 * ri * rj)
     at_column, amplitude = two_columns(attraction.pair, slot, COLUMN)
-    across_amplitude = column(attraction.pair, slot, ACROSS)
-    # as `attraction_kernel.pull_at`; what is not a number has the last row
-    values, across = attraction.values, attraction.across
-    at_gap = place_of_gap(attraction, gap)
-    last_row, last_column = values.shape[0] - 2.0, values.shape[1] - 2.0
-    row = whole_part(where(at_gap < last_row, at_gap, last_row))
-    first = whole_part(where(at_column < last_column, at_column, last_column))
-    x, y = at_gap - as_lanes(row), at_column - as_lanes(first)
-    low, low_next = two_columns(values, row, first)
-    high, high_next = two_columns(values[1:], row, first)
-    low, high = low + y * (low_next - low), high + y * (high_next - high)
-    side, side_next = entries(across, row), entries(across[1:], row)
-    pull = amplitude * (low + x * (high - low)) + across_amplitude * (side + x * (side_next - side))
-    pull = where(gap < attraction.last_gap, pull, 0.0) * where(d2 > 0.0, d * (1.0 / d2), 0.0)
-    pull = where(there, pull, 0.0)
+    pull = pulls_at(attraction, gap, at_column, amplitude, column(attraction.pair, slot, ACROSS))
+    pull = where(there, pull * where(d2 > 0.0, d * (1.0 / d2), 0.0), 0.0)
     gx, gy, gz, none = pull * dx, pull * dy, pull * dz, lanes_of(0.0)
     add_to_rows(attraction.drawn, i, 0, None, None, (gx, gy, gz, none))
     gx, gy = through_faces(pairs, slot, -1.0, gx, gy)

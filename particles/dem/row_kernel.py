@@ -19,12 +19,13 @@ from geometry.inner_functions import inner
 from geometry.lane_tables import entries, lane_rows
 from geometry.lanes import LANES, first_lanes
 from particles.dem import total_columns as column
-from particles.dem.contact_lanes import contacts_in_lanes, law_in_lanes
+from particles.dem.contact_lanes import MOST_REMEMBERED, contacts_in_lanes, law_in_lanes
 from particles.dem.drift_kernel import add_drifted, drift_eight, none_drifted
 from particles.dem.kernel_state import Tally
 from particles.dem.pair_kernel import eight_from, find_contacts
-from particles.dem.wall_contact_kernel import add_pull_of_walls, add_wall_forces
+from particles.dem.wall_lanes import add_walls
 from particles.laws.columns import N_LAW
+from particles.laws.springs import with_rows
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
@@ -57,6 +58,8 @@ def sweep_rows(chunk, now, law, resistance, energy_column, attraction, grains, p
     cursor = pairs.start[done], chunks.cross_start[chunk] - 1
     gone = (0.0, 0.0, 0.0, 0.0)  # what pairs that parted have lost
     table = law_in_lanes(law, lane_rows(N_LAW))
+    wall_tables = with_rows(law, lane_rows(N_LAW)), lane_rows(MOST_REMEMBERED)
+    given = grains, slots, walls
     while done < end:
         cursor, count, gone = find_contacts(
             chunk, cursor, now.dt, law, resistance, energy_column, attraction, grains, pairs, chunks, gone
@@ -66,12 +69,9 @@ def sweep_rows(chunk, now, law, resistance, energy_column, attraction, grains, p
         )
         # grains whose rows have ended
         ended = np.int64(pairs.row[cursor[0]]) if cursor[0] < pairs.start[end] else end
-        for i in range(done, ended):
-            if slots.start[i + 1] > slots.start[i]:
-                add_pull_of_walls(i, attraction, grains, slots, walls)
-                tally = add_wall_forces(
-                    i, chunk, now.dt, law, resistance, energy_column, grains, slots, walls, totals, tally
-                )
+        tally = add_walls(
+            done, ended, chunk, now.dt, law, wall_tables, resistance, energy_column, attraction, given, totals, tally
+        )
         drifted = drift_rows(done, ended, now, law, energy_column, attraction, grains, chunks.late, drifted)
         done = ended
     left = tally.left

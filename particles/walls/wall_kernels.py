@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from geometry.inner_functions import inner
+from geometry.lane_functions import square_root
 
 # columns of the wall table (`particles.walls.wall_table`)
 KIND, R0, Z0, R1, Z1, UR, UZ, OWN0, NR0, NZ0, OWN1, NR1, NZ1 = range(13)
@@ -18,7 +19,7 @@ def _wall_gap(wall, w, x, y, z):
     if wall[w, KIND] == 1.0:  # plane: point in columns 1-3, normal in 4-6
         s = (x - wall[w, 1]) * wall[w, 4] + (y - wall[w, 2]) * wall[w, 5] + (z - wall[w, 3]) * wall[w, 6]
         return s, -wall[w, 4], -wall[w, 5], -wall[w, 6], True
-    r = np.sqrt(x * x + y * y)
+    r = square_root(x * x + y * y)
     owned = True
     a, b = r - wall[w, R0], z - wall[w, Z0]
     if a * wall[w, UR] + b * wall[w, UZ] <= 0.0:  # the start is the closest point
@@ -31,7 +32,7 @@ def _wall_gap(wall, w, x, y, z):
         else:
             p = b * wall[w, UR] - a * wall[w, UZ]
             a, b = -p * wall[w, UZ], p * wall[w, UR]
-    distance = np.sqrt(a * a + b * b)
+    distance = square_root(a * a + b * b)
     inverse = 1.0 / distance if distance > 0.0 else 0.0
     nr, nz = -a * inverse, -b * inverse
     if r > 0.0:
