@@ -3,7 +3,8 @@
 `Lanes` are eight doubles, which LLVM puts into registers as wide as the processor has them. They know + - * / and
 comparisons, among themselves and with plain numbers; a comparison is a `Mask` of eight, for `where`. Every lane is
 computed as a number alone would be: not a bit depends on how wide the registers are. A plain number becomes eight of
-itself where a variable holds now the one, now the other.
+itself where a variable holds now the one, now the other. Of Python's and numpy's functions they know abs, max of two,
+sqrt and whole powers.
 
 A function without branches (`where`, `larger`) serves for one item and for eight: contact laws are written so. How
 lanes come from tables and go back there is in `geometry.lane_tables`.
@@ -11,10 +12,12 @@ lanes come from tables and go back there is in `geometry.lane_tables`.
 
 from __future__ import annotations
 
+import math
 import operator
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
 from numba import extending, types
 from numba.core import cgutils
@@ -178,6 +181,37 @@ def root(typing, x):
         )
 
     return (lanes(lanes) if x == lanes else types.float64(types.float64)), code
+
+
+@extending.overload(math.sqrt, jit_options=INTO_CALLER)
+@extending.overload(np.sqrt, jit_options=INTO_CALLER)
+def _sqrt_of_lanes(x):
+    return (lambda x: root(x)) if x == lanes else None
+
+
+@extending.overload(abs, jit_options=INTO_CALLER)
+def _abs_of_lanes(x):
+    return (lambda x: size_of(x)) if x == lanes else None
+
+
+@extending.overload(max, jit_options=INTO_CALLER)
+def _max_of_lanes(x, y):
+    return (lambda x, y: larger(x, y)) if lanes in (x, y) else None
+
+
+@extending.overload(operator.pow, jit_options=INTO_CALLER)
+def _power_of_lanes(x, n):
+    """x^n of a whole n, 0 or more."""
+    if x != lanes or not isinstance(n, types.Integer):
+        return None
+
+    def power(x, n):
+        product = lanes_of(1.0)
+        for _ in range(n):
+            product = product * x
+        return product
+
+    return power
 
 
 @intrinsic

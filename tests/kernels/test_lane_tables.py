@@ -1,5 +1,7 @@
 """Lanes from tables and back: what eight rows hold is what numpy's indices find."""
 
+import math
+
 import numpy as np
 import pytest
 from numba import njit
@@ -117,15 +119,18 @@ def test_functions_of_lanes_are_those_of_numbers(table):
         rows = eight_of(picked, 0, 0)
         a, b, _, _ = columns(table, rows, 0)
         put_columns(out, rows, 0, larger(a, b), size_of(a), square_root(size_of(a)), logarithm(size_of(b)))
+        put_columns(out, rows, 8, abs(a), max(a, 0.25), np.sqrt(a * a), math.sqrt(a**2))
+        put_columns(out, rows, 12, a**3, a**0, 2.0 / a, b * 2.0)
         put_columns(out, rows, 4, as_lanes(whole_part(a)), where(first_lanes(3), a, b), -a, larger(a, 0.25))
         return sum_of_lanes(a), bits_of(a > b), numbers_of(a)
 
-    out, r = np.zeros((10, 8)), ROWS[0]
+    out, r = np.zeros((10, 16)), ROWS[0]
     total, bits, numbers = kernel(table, ROWS, out)
     a, b = table[r, 0], table[r, 1]
     wanted = [
         np.maximum(a, b), abs(a), np.sqrt(abs(a)), np.log(abs(b)),
         np.trunc(a), np.where(np.arange(8) < 3, a, b), -a, np.maximum(a, 0.25),
+        abs(a), np.maximum(a, 0.25), abs(a), abs(a), a**3, np.ones(8), 2.0 / a, 2.0 * b,
     ]  # fmt: skip
     np.testing.assert_allclose(out[r].T, wanted, rtol=1e-15)
     assert total == pytest.approx(a.sum(), rel=1e-14) and np.array_equal(numbers, a)
