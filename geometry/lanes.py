@@ -261,6 +261,19 @@ def bits_of(typing, condition):
 
 
 @intrinsic
+def any_of(typing, condition):
+    """Whether a truth, or one of a mask, holds."""
+
+    def code(context, builder, kind, values):
+        if condition != mask:
+            return values[0]
+        bits = builder.bitcast(values[0], ir.IntType(LANES))
+        return builder.icmp_unsigned("!=", bits, ir.Constant(bits.type, 0))
+
+    return types.boolean(condition), code
+
+
+@intrinsic
 def first_lanes(typing, count):
     """Whether a lane is one of the first ``count``: a mask."""
 

@@ -1,7 +1,7 @@
 """Compiled force of one contact, whoever the partner is: a grain, a smooth wall, a triangle.
 
-Written without branches, for a contact alone and for eight side by side (`geometry.lanes`): where "float" is said
-below, lanes are meant as well.
+Written without branches between contacts, for one alone and for eight side by side (`geometry.lanes`): where "float" is
+said below, lanes are meant as well.
 
 The normal spring and the dashpots come from the scene's law, by the type of its table (`particles.laws.springs`). What
 all laws share stands here: the clip (an impact never pulls), cohesion, the tangential spring with its slider, rolling
@@ -27,8 +27,8 @@ from typing import NamedTuple
 
 from geometry.inner_functions import borrowing, inner
 from geometry.lane_functions import square_root
-from geometry.lanes import larger, size_of, where
-from particles.laws.columns import COHESION_0, COHESION_1, DAMPING_ROLLING, MU, MU_ROLLING, MU_TWISTING
+from geometry.lanes import any_of, larger, size_of, where
+from particles.laws.columns import COHESION_0, COHESION_1, COHESIVE, DAMPING_ROLLING, MU, MU_ROLLING, MU_TWISTING
 from particles.laws.springs import remembers, spring, varies
 
 MEMORY, LAST_STIFFNESS, LAST_STORED = 3, 4, 5
@@ -165,7 +165,10 @@ def contact_force(law, kind, energy_column, m_eff, r_eff, dt, touch, history, sl
     else:
         f_el, k_t, gamma_n, gamma_t, stored, _ = spring(law, kind, delta, m_eff, r_eff, 0.0)
     f_rep = larger(f_el + gamma_n * closing, 0.0)  # an impact never pulls
-    pull = law.rows[kind, COHESION_0] + law.rows[kind, COHESION_1] * r_eff
+    pull = 0.0
+    coheres = law.rows[kind, COHESIVE] > 0.0
+    if any_of(coheres):
+        pull = where(coheres, law.rows[kind, COHESION_0] + law.rows[kind, COHESION_1] * r_eff, 0.0)
     f_n = f_rep - pull
 
     xi_x, xi_y, xi_z = turned(touch.way, phi, touch.normal, history, slot, 0)

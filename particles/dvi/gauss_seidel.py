@@ -15,8 +15,7 @@ distance of the centres (a = 1 where they touch): angular momentum is conserved 
 
 **Order.** Groups of up to eight contacts without a common grain are visited at once, which is the same as one contact
 after another (`particles.dvi.contact_groups`); those of all rows of the neighbour list, or in chunks of them
-(`particles.dvi.partition`). It follows from the list alone. Nothing branches within a group: what the processor would
-guess wrong costs it more than the arithmetic of contacts that are open.
+(`particles.dvi.partition`); it follows from the list alone. No branch within a group: wrong guesses would cost more.
 
 **Springs.** With ``compliance`` every contact gives way like the springs of `LinearContact`, taken at the end of the
 step (`particles.dvi.compliance`): instead of u the laws hold for u + o + C r, with C = diag(c_n, c_t, c_t), and

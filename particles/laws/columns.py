@@ -6,7 +6,7 @@ every law. What a spring may be missing (a dashpot, a second stiffness) is 0.
 
 from __future__ import annotations
 
-N_LAW = 12
+N_LAW = 16  # whole fours, as lanes read them (`geometry.lane_tables`); the last ones are empty
 
 # linear: k_n, k_t [N/m], zeta_n, zeta_t [-]
 # hertz_mindlin: E*, G* [Pa], gamma_n and gamma_t over sqrt(m_eff a), a = sqrt(r_eff delta) [sqrt(Pa)]
@@ -23,3 +23,4 @@ MU_TWISTING = 8  # torque / (r_eff |F_n|) [-]
 COHESION_0 = 9  # pull [N]
 COHESION_1 = 10  # pull / r_eff [N/m]
 DAMPING_ROLLING = 11  # share of critical damping of rolling and twisting [-]
+COHESIVE = 12  # 1 where there is cohesion; else the kernel does not read its columns

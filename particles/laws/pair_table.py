@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from particles.laws.cohesion import Cohesion
-from particles.laws.columns import COHESION_0, COHESION_1, MU, MU_ROLLING, MU_TWISTING
+from particles.laws.columns import COHESION_0, COHESION_1, COHESIVE, MU, MU_ROLLING, MU_TWISTING
 from particles.laws.contact_law import ContactLaw
 from particles.laws.elastic import Elastic
 from particles.laws.hertz_mindlin import HertzMindlin
@@ -184,6 +184,7 @@ def _table(
         rows[:, MU_TWISTING] = twisting.table()[at_wall]
     if cohesion is not None:
         rows[:, [COHESION_0, COHESION_1]] = cohesion.table()[at_wall]
+        rows[:, COHESIVE] = 1.0
     return PairLaws(rows, pair, wall, laws)
 
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from geometry.inner_functions import borrowing
 from particles.dem.contact_kernel import Touch, contact_force, turned
-from particles.laws.columns import COHESION_0, DAMPING_N, DAMPING_T, MU, N_LAW
+from particles.laws.columns import COHESION_0, COHESIVE, DAMPING_N, DAMPING_T, MU, N_LAW
 from particles.laws.elastic import Elastic
 from particles.laws.hertz import HertzContact
 from particles.laws.hertz_mindlin import HertzMindlin
@@ -28,7 +28,7 @@ class Contact:
     def __init__(self, law, mass=1e-3, radius=1e-3, dt=1e-4, friction=None, pull=0.0):
         self.row = law.row()[None]
         self.table = SPRINGS[law.kernel].table(self.row)
-        self.row[0, COHESION_0] = pull
+        self.row[0, COHESION_0], self.row[0, COHESIVE] = pull, 1.0
         self.mass, self.radius, self.dt = mass, radius, dt
         self.history = np.zeros((1, ENERGY_COLUMN + 8))
 

@@ -22,6 +22,7 @@ from geometry.lane_tables import (
 )
 from geometry.lanes import (
     LANES,
+    any_of,
     as_lanes,
     bits_of,
     first_lanes,
@@ -122,10 +123,12 @@ def test_functions_of_lanes_are_those_of_numbers(table):
         put_columns(out, rows, 8, abs(a), max(a, 0.25), np.sqrt(a * a), math.sqrt(a**2))
         put_columns(out, rows, 12, a**3, a**0, 2.0 / a, b * 2.0)
         put_columns(out, rows, 4, as_lanes(whole_part(a)), where(first_lanes(3), a, b), -a, larger(a, 0.25))
-        return sum_of_lanes(a), bits_of(a > b), numbers_of(a)
+        truths = any_of(a > -9.0), any_of(a > 9.0), any_of(numbers_of(a)[0] > -9.0)
+        return sum_of_lanes(a), bits_of(a > b), numbers_of(a), truths
 
     out, r = np.zeros((10, 16)), ROWS[0]
-    total, bits, numbers = kernel(table, ROWS, out)
+    total, bits, numbers, truths = kernel(table, ROWS, out)
+    assert truths == (True, False, True)
     a, b = table[r, 0], table[r, 1]
     wanted = [
         np.maximum(a, b), abs(a), np.sqrt(abs(a)), np.log(abs(b)),
