@@ -27,7 +27,7 @@ from typing import NamedTuple
 
 from geometry.inner_functions import borrowing, inner
 from geometry.lane_functions import square_root
-from geometry.lanes import any_of, larger, size_of, where
+from geometry.lanes import any_of, larger, where
 from particles.laws.columns import COHESION_0, COHESION_1, COHESIVE, DAMPING_ROLLING, MU, MU_ROLLING, MU_TWISTING
 from particles.laws.springs import remembers, spring, varies
 
@@ -140,11 +140,14 @@ def closed(k_t, last, held):
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def slid(trial, limit, stiffness):
-    """By what share a trial force yields to its limit, and how far the slider slips by unit of the trial force."""
-    slides = trial > limit  # trial > 0 needs stiffness > 0
-    share = where(slides, limit / trial, 1.0)
-    return share, where(slides, (1.0 - share) / stiffness, 0.0)
+def slid(trial2, limit, gives):
+    """By what share a trial force yields to its limit, and how far the slider slips by unit of the trial force.
+
+    ``trial2`` is the square of that force, ``gives`` the way by unit of force of what stretches (spring and dashpot).
+    """
+    slides = trial2 > limit * limit  # trial > 0 needs a finite ``gives``
+    share = where(slides, limit * square_root(trial2) * (1.0 / trial2), 1.0)  # a quotient beside the root, not after it
+    return share, where(slides, (1.0 - share) * gives, 0.0)
 
 
 @borrowing(error_model="numpy", fastmath={"contract"}, forceinline=True)
@@ -186,7 +189,7 @@ def contact_force(law, kind, energy_column, m_eff, r_eff, dt, touch, history, sl
     rate = gamma_t * inv_dt
     both = k_t + rate
     tx, ty, tz = k_t * xi_x + both * sx, k_t * xi_y + both * sy, k_t * xi_z + both * sz
-    share, slip = slid(square_root(tx * tx + ty * ty + tz * tz), law.rows[kind, MU] * f_rep, both)
+    share, slip = slid(tx * tx + ty * ty + tz * tz, law.rows[kind, MU] * f_rep, 1.0 / both)
     slip_x, slip_y, slip_z = slip * tx, slip * ty, slip * tz
     sx, sy, sz = sx - slip_x, sy - slip_y, sz - slip_z
     tx, ty, tz = tx * share, ty * share, tz * share
@@ -228,16 +231,18 @@ def rolling_torque(law, kind, energy_column, arm, inertia, dt, force, touch, p, 
     px, py, pz = p
     damping = law.rows[kind, DAMPING_ROLLING]
     k = k_t * arm * arm
-    rate = 2.0 * damping * square_root(k * inertia) / dt
+    rate = 2.0 * damping * square_root(k * inertia) * (1.0 / dt)
     x, y, z = turned(touch.way, phi, touch.normal, history, slot, first)
-    share, lost = closed(k_t, last, 0.5 * arm * arm * (x * x + y * y + z * z))
-    x, y, z = x * share, y * share, z * share
+    lost = 0.0 * k
+    if varies(law):
+        share, lost = closed(k_t, last, 0.5 * arm * arm * (x * x + y * y + z * z))
+        x, y, z = x * share, y * share, z * share
     along = px * nx + py * ny + pz * nz
     sx, sy, sz = (px - along * nx) * dt, (py - along * ny) * dt, (pz - along * nz) * dt
     both = k + rate
     tx, ty, tz = k * x + both * sx, k * y + both * sy, k * z + both * sz
     limit = law.rows[kind, MU_ROLLING] * arm * force.repulsion
-    share, slip = slid(square_root(tx * tx + ty * ty + tz * tz), limit, both)
+    share, slip = slid(tx * tx + ty * ty + tz * tz, limit, 1.0 / both)
     slip_x, slip_y, slip_z = slip * tx, slip * ty, slip * tz
     sx, sy, sz = sx - slip_x, sy - slip_y, sz - slip_z
     tx, ty, tz = tx * share, ty * share, tz * share
@@ -263,13 +268,15 @@ def twisting_torque(law, kind, energy_column, arm, inertia, dt, force, spin, his
     """
     k_t, last, damping = force.k_t, force.last_k_t, law.rows[kind, DAMPING_ROLLING]
     k = k_t * arm * arm
-    rate = 2.0 * damping * square_root(k * inertia) / dt
+    rate = 2.0 * damping * square_root(k * inertia) * (1.0 / dt)
     angle, step = history[slot, first], spin * dt
-    share, lost = closed(k_t, last, 0.5 * arm * arm * angle * angle)
-    angle = angle * share
+    lost = 0.0 * k
+    if varies(law):
+        share, lost = closed(k_t, last, 0.5 * arm * arm * angle * angle)
+        angle = angle * share
     both = k + rate
     torque = k * angle + both * step
-    share, slip = slid(size_of(torque), law.rows[kind, MU_TWISTING] * arm * force.repulsion, both)
+    share, slip = slid(torque * torque, law.rows[kind, MU_TWISTING] * arm * force.repulsion, 1.0 / both)
     slip = slip * torque
     step = step - slip
     torque = torque * share
