@@ -16,10 +16,12 @@ from typing import Any
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.extending import models, overload, register_model
+from numba.core.imputils import lower_builtin
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import models, register_model
 
-from geometry.inner_functions import INTO_CALLER, inner
-from geometry.lanes import _DOUBLE, _EIGHT, LANES, _chosen, intrinsic, lanes
+from geometry.inner_functions import inner
+from geometry.lanes import _DOUBLE, _EIGHT, LANES, Lanes, _chosen, intrinsic, lanes
 
 WIDE = 4  # columns of a table that are read at once
 _FOUR = ir.VectorType(_DOUBLE, WIDE)
@@ -56,33 +58,31 @@ def lane_rows(typing, columns):
     return lane_rows_type(columns), code
 
 
-@intrinsic
-def _lane_of(typing, rows, column):
-    def code(context, builder, kind, values):
-        return builder.load(builder.gep(values[0], [values[1]]))
-
-    return lanes(lane_rows_type, types.intp), code
-
-
-@intrinsic
-def _put_lane(typing, rows, column, value):
-    def code(context, builder, kind, values):
-        builder.store(values[2], builder.gep(values[0], [values[1]]))
-        return context.get_dummy_value()
-
-    return types.void(lane_rows_type, types.intp, lanes), code
+@infer_global(operator.getitem)
+class _Get(AbstractTemplate):
+    def generic(self, args, kws):
+        rows = args[0]
+        return signature(lanes, rows, types.UniTuple(types.intp, 2)) if isinstance(rows, LaneRows) else None
 
 
-@overload(operator.getitem, jit_options=INTO_CALLER)
-def _get(rows, at):
-    if isinstance(rows, LaneRows):
-        return lambda rows, at: _lane_of(rows, at[1])
+@infer_global(operator.setitem)
+class _Put(AbstractTemplate):
+    def generic(self, args, kws):
+        rows = args[0]
+        if not isinstance(rows, LaneRows):
+            return None
+        return signature(types.none, rows, types.UniTuple(types.intp, 2), lanes)
 
 
-@overload(operator.setitem, jit_options=INTO_CALLER)
-def _set(rows, at, value):
-    if isinstance(rows, LaneRows):
-        return lambda rows, at, value: _put_lane(rows, at[1], value)
+@lower_builtin(operator.getitem, LaneRows, types.UniTuple)
+def _get_lane(context: Any, builder: Any, kind: Any, values: Any) -> Any:
+    return builder.load(builder.gep(values[0], [builder.extract_value(values[1], 1)]))
+
+
+@lower_builtin(operator.setitem, LaneRows, types.UniTuple, Lanes)
+def _put_lane(context: Any, builder: Any, kind: Any, values: Any) -> Any:
+    builder.store(values[2], builder.gep(values[0], [builder.extract_value(values[1], 1)]))
+    return context.get_dummy_value()
 
 
 @intrinsic

@@ -29,7 +29,6 @@ from geometry.lanes import (
     lanes_of,
     larger,
     numbers_of,
-    size_of,
     sum_of_lanes,
     where,
     whole_part,
@@ -119,7 +118,7 @@ def test_functions_of_lanes_are_those_of_numbers(table):
     def kernel(table, picked, out):
         rows = eight_of(picked, 0, 0)
         a, b, _, _ = columns(table, rows, 0)
-        put_columns(out, rows, 0, larger(a, b), size_of(a), square_root(size_of(a)), logarithm(size_of(b)))
+        put_columns(out, rows, 0, larger(a, b), abs(a), square_root(abs(a)), logarithm(abs(b)))
         put_columns(out, rows, 8, abs(a), max(a, 0.25), np.sqrt(a * a), math.sqrt(a**2))
         put_columns(out, rows, 12, a**3, a**0, 2.0 / a, b * 2.0)
         put_columns(out, rows, 4, as_lanes(whole_part(a)), where(first_lanes(3), a, b), -a, larger(a, 0.25))
