@@ -6,16 +6,15 @@ import numpy as np
 
 from coupling.grain_law_table import GrainLawTable
 from coupling.influence_kernels import (
-    IMAGED,
     N_NEAR,
-    NEAR,
     choose,
     image_influences,
     near_pairs,
-    pair_influences,
+    pair_kinds,
     take_once,
 )
 from coupling.kernel_state import Chosen, Influence, MagneticGrains, PairModel, Rows
+from coupling.row_lanes import IMAGED, NEAR
 
 
 def find_influence(
@@ -39,9 +38,8 @@ def find_influence(
     """
     n, p = len(grains.position), len(rows.other)
     twin = np.full(p, -1, dtype=np.int32) if twin is None else twin
-    pair = _room_for(p, (6,), None if room is None else room.pair)
     kind = np.empty(p, dtype=np.uint8)
-    pair_influences(model, grains, rows, pair, kind)
+    pair_kinds(model, grains, rows, kind)
     imaged, near = (chosen(rows.start, twin, kind, bit) for bit in (IMAGED, NEAR))
     image = _room_for(len(imaged.entry), (3, 4), None if room is None else room.image)
     itself, own_image = np.zeros((n, 3, 4)), np.zeros((n, len(walls), 3))
@@ -49,7 +47,7 @@ def find_influence(
     image_influences(model, grains, rows, imaged, walls, image, itself, own_image)
     near_pair = _room_for(len(near.entry), (N_NEAR,), None if room is None else room.near_pair)
     near_pairs(table, model, grains, rows, near, near_pair)
-    return Influence(pair, itself, *imaged, image, own_image, *near, near_pair)
+    return Influence(itself, *imaged, image, own_image, *near, near_pair)
 
 
 def chosen(start: np.ndarray, twin: np.ndarray, kind: np.ndarray, bit: int) -> Chosen:

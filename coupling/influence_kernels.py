@@ -1,8 +1,8 @@
 """Compiled influence of grains on each other: what places alone decide of field and potential, found once an update.
 
-Field and potential of a moment are linear in it. Of a pair n, c1, c2 and p are kept (`coupling.pair_fields`), six
-numbers from which a sweep of `coupling.moment_kernels` has both; they are the same from either side but for the
-direction. A grain's own images, and those of its neighbours in steel, are blocks (3, 4), see `coupling.image_lanes`.
+Field and potential of a moment are linear in it. Those of a neighbour follow from its distance in every sweep
+(`coupling.row_lanes`). A grain's own images, and those of its neighbours in steel, are blocks (3, 4), see
+`coupling.image_lanes`; of near pairs, what gives their drive is kept.
 
 Many pairs are found side by side (`geometry.lane_functions`).
 """
@@ -12,14 +12,16 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from coupling.grain_law_table import FARTHEST_GAP, gap_place
-from coupling.image_lanes import find_influences, sees_image
-from coupling.mirror import FACES_NO_WALL
+from coupling.grain_law_table import gap_place
+from coupling.image_lanes import find_influences
+from coupling.mirror import pushed
 from coupling.pair_fields import OVER_4PI, field_factors
+from coupling.row_lanes import beside, kinds_of_row
 from geometry.inner_functions import inner
-from geometry.lane_functions import LANES, fused, lane_room, one_by_one, square_root
+from geometry.lane_functions import LANES, lane_room, one_by_one, square_root
 
-NEAR, IMAGED = 1, 2  # bits of an entry's kind
+# fields of a pair in the lanes
+X, Y, Z, RADIUS_J = range(4)
 # columns of a near pair; PER_TRUE: one over the distance, PER_R: where grains that overlap touch
 NX, NY, NZ, PER_R, MUTUAL, MEAN, PLACE, PER_TRUE, N_NEAR = range(9)
 IMAGED_CHUNK = 256  # pairs and grains whose images one thread takes at once
@@ -58,61 +60,16 @@ def choose(start, twin, kind, bit, place, chosen_start, entry, chosen_twin):
     return k
 
 
-# fields of a pair in the lanes; the place of j becomes n
-X, Y, Z, RADIUS_J, C1, C2, P, IS_NEAR, PAIR_FIELDS = range(9)
-
-
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def _row_in_lanes(i, model, grains, rows, pair, kind):
-    position, radius, height, reach, smear = grains.position, grains.radius, grains.height, model.reach, model.smear
-    lane = lane_room(PAIR_FIELDS)
-    x, y, z, ri = position[i, 0], position[i, 1], position[i, 2], radius[i]
-    for first in range(rows.start[i], rows.start[i + 1], LANES):
-        count = min(LANES, rows.start[i + 1] - first)
-        for a in range(count):
-            one_by_one()
-            j, shift = rows.other[first + a], rows.shift[first + a]
-            jx, jy = position[j, 0], position[j, 1]
-            if shift != 0:
-                c, s = rows.turn_cos[shift], rows.turn_sin[shift]
-                jx, jy = c * jx - s * jy, s * jx + c * jy
-            lane[a, X], lane[a, Y], lane[a, Z], lane[a, RADIUS_J] = jx, jy, position[j, 2], radius[j]
-        for a in range(LANES):
-            dx, dy, dz, rj = x - lane[a, X], y - lane[a, Y], z - lane[a, Z], lane[a, RADIUS_J]
-            both = ri + rj
-            r2 = fused(dx, dx, fused(dy, dy, dz * dz))
-            r = square_root(r2)
-            per_r = 1.0 / r
-            c1, c2, p = field_factors(max(r, both), reach, smear)
-            if r2 >= reach * reach:
-                per_r = c1 = c2 = p = 0.0
-            lane[a, X], lane[a, Y], lane[a, Z] = dx * per_r, dy * per_r, dz * per_r
-            lane[a, C1], lane[a, C2], lane[a, P] = OVER_4PI * c1, OVER_4PI * c2, OVER_4PI * p
-            # the first: at most (1 + 1.2/2) times the sum of the radii
-            near = (r2 < 2.56 * both * both) & ((r - both) * both < FARTHEST_GAP * 2.0 * ri * rj)
-            lane[a, IS_NEAR] = 1.0 if near & model.near else 0.0
-        for a in range(count):
-            one_by_one()
-            q = first + a
-            pair[q, 0], pair[q, 1], pair[q, 2] = lane[a, X], lane[a, Y], lane[a, Z]
-            pair[q, 3], pair[q, 4], pair[q, 5] = lane[a, C1], lane[a, C2], lane[a, P]
-            kind[q] = NEAR if lane[a, IS_NEAR] > 0.0 else 0
-    for w in range(height.shape[1]):
-        if height[i, w] < FACES_NO_WALL:
-            for q in range(rows.start[i], rows.start[i + 1]):
-                one_by_one()
-                kind[q] |= IMAGED if sees_image(height, i, rows.other[q], w, radius, reach) else 0
-
-
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def pair_influences(model, grains, rows, pair, kind):
-    """Numbers (p, 6) of all entries of the rows, 0 beyond reach, and their kinds (p,) uint8.
-
-    See `coupling.kernel_state.Influence`. Both entries of a pair are found, each in its row: that is cheaper than to
-    put the second where it stands, far off in memory.
-    """
-    for i in prange(grains.position.shape[0]):
-        _row_in_lanes(i, model, grains, rows, pair, kind)
+def pair_kinds(model, grains, rows, kind):
+    """Kinds (p,) uint8 of all entries of the rows."""
+    radius, height, n_walls = grains.radius, grains.height, grains.height.shape[1]
+    place, over_wall = beside(grains.position, radius), np.empty(height.shape)
+    for i in range(height.shape[0]):
+        for w in range(n_walls):
+            over_wall[i, w] = pushed(height[i, w], radius[i])
+    for i in prange(place.shape[0]):
+        kinds_of_row(i, place, over_wall, model, rows, kind)
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})

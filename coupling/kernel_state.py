@@ -103,8 +103,6 @@ class Influence(NamedTuple):
 
     Attributes
     ----------
-    pair : ndarray, shape (p or more, 6)
-        Of each entry of the rows: n [-], and c1, c2 [1/m^3] and p [1/m^2] of `coupling.pair_fields` over 4 pi.
     itself : ndarray, shape (n, 3, 4)
         A grain's own share and its own images [1/m^3], and their potential [1/m^2].
     image_start, image_entry, image_twin, image_once : ndarray
@@ -118,7 +116,6 @@ class Influence(NamedTuple):
     near_pair : ndarray, shape (those or more, 8)
     """
 
-    pair: np.ndarray
     itself: np.ndarray
     image_start: np.ndarray
     image_entry: np.ndarray

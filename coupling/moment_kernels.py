@@ -15,7 +15,8 @@ from coupling.image_lanes import find_forces
 from coupling.influence_kernels import IMAGED_CHUNK, NX, NY, NZ, slope_along
 from coupling.mirror import FACES_NO_WALL, height_over, normal_at, pushed
 from coupling.pair_fields import OVER_4PI, field_factors
-from coupling.pair_lanes import MU_0, dipole_force, excesses_in_lanes, near_forces_in_lanes
+from coupling.pair_lanes import MU_0, excesses_in_lanes, near_forces_in_lanes
+from coupling.row_lanes import beside, dipole_force, field_of_row
 from geometry.inner_functions import inner
 from geometry.lane_functions import LANES, square_root
 
@@ -31,35 +32,24 @@ def wall_heights(position, walls, reach, height):
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def gather_fields(grains, rows, known, field, potential, own_image):
+def gather_fields(model, grains, rows, known, field, potential, own_image):
     """Stage 1: field S (n, 3) [A/m] = applied + own share + that of all others within reach, potential P (n,) [A].
 
     Images in the walls included; ``own_image`` (n, w) [A]: the part of the potential that a grain's own image makes.
     """
     moment, applied = grains.moment, grains.applied
-    start, other, shift, turn_cos, turn_sin = rows
-    pair, itself, image, image_start, image_entry = (
-        known.pair, known.itself, known.image, known.image_start, known.image_entry,
+    itself, image, image_start, image_entry, other = (
+        known.itself, known.image, known.image_start, known.image_entry, rows.other,
     )  # fmt: skip
+    place, source = beside(grains.position, grains.radius), beside(moment, grains.potential)
     for i in prange(moment.shape[0]):
         mx, my, mz = moment[i, 0], moment[i, 1], moment[i, 2]
         sx = applied[i, 0] + itself[i, 0, 0] * mx + itself[i, 1, 0] * my + itself[i, 2, 0] * mz
         sy = applied[i, 1] + itself[i, 0, 1] * mx + itself[i, 1, 1] * my + itself[i, 2, 1] * mz
         sz = applied[i, 2] + itself[i, 0, 2] * mx + itself[i, 1, 2] * my + itself[i, 2, 2] * mz
         total = itself[i, 0, 3] * mx + itself[i, 1, 3] * my + itself[i, 2, 3] * mz
-        for q in range(start[i], start[i + 1]):
-            j = np.int64(other[q])
-            ax, ay, az = moment[j, 0], moment[j, 1], moment[j, 2]
-            if shift[q] != 0:
-                c, s = turn_cos[shift[q]], turn_sin[shift[q]]
-                ax, ay = c * ax - s * ay, s * ax + c * ay
-            nx, ny, nz, c2 = pair[q, 0], pair[q, 1], pair[q, 2], pair[q, 4]
-            along = nx * ax + ny * ay + nz * az
-            total += pair[q, 5] * along
-            along *= pair[q, 3]
-            sx += along * nx - c2 * ax
-            sy += along * ny - c2 * ay
-            sz += along * nz - c2 * az
+        qx, qy, qz, u = field_of_row(i, place, source, model, rows)
+        sx, sy, sz, total = sx + qx, sy + qy, sz + qz, total + u
         for b in range(image_start[i], image_start[i + 1]):
             j = np.int64(other[image_entry[b]])
             ax, ay, az = moment[j, 0], moment[j, 1], moment[j, 2]
@@ -194,8 +184,9 @@ def contact_forces(table, model, grains, rows, walls, known, attraction, velocit
         first = b * IMAGED_CHUNK
         until = min(first + IMAGED_CHUNK, count)
         find_forces(first, until, model, grains, rows, known, walls, image, own_image)
+    place, source = beside(position, radius), beside(grains.moment, grains.potential)
     for i in prange(position.shape[0]):
-        fx, fy, fz, tz = dipole_force(i, model, grains, rows)
+        fx, fy, fz, tz = dipole_force(i, place, source, model, rows)
         for k in range(near_start[i], near_start[i + 1]):
             fx, fy, fz, tz = fx + excess[k, 0], fy + excess[k, 1], fz + excess[k, 2], tz + excess[k, 3]
         force[i, 0] += fx
@@ -218,10 +209,10 @@ def contact_forces(table, model, grains, rows, walls, known, attraction, velocit
                 if ahead > 0.0:
                     opening = velocity[i, 0] * nx + velocity[i, 1] * ny + velocity[i, 2] * nz
                     end = max(gap + (2.0 if hi > 0.0 else -2.0) * ahead * opening / radius[i], smallest_gap)
-                place = field_place(table, h)
-                pull, v, _ = near_excess(table, gap_place(table, gap), place, h)
+                at = field_place(table, h)
+                pull, v, _ = near_excess(table, gap_place(table, gap), at, h)
                 if end != gap:
-                    pull = mean_force(table, gap, end, place, h)
+                    pull = mean_force(table, gap, end, at, h)
                 if attraction:
                     pull *= MU_0 * walls[w, 5]
                     pull *= radius[i] ** 2 if hi > 0.0 else -(radius[i] ** 2)

@@ -194,7 +194,7 @@ class MutualMoments:
         damping = 1.0 if start is None else FIRST_DAMPING
         before, last = np.inf, None
         for sweep in range(1, most_sweeps + 1):
-            gather_fields(grains, near_by, known, field, potential, own_image)
+            gather_fields(self.model, grains, near_by, known, field, potential, own_image)
             magnetise(
                 self.table, self.model, grains, near_by, self.walls, known, damping, share, contrast, new, missed, size
             )

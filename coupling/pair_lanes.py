@@ -1,7 +1,6 @@
-"""Near pairs and dipoles, many side by side: the excess of near pairs over dipoles, and the forces of both.
+"""Near pairs, many side by side: their excess over dipoles, and its forces.
 
-Inner functions of `coupling.moment_kernels`. A near pair is found once, for both grains; dipoles are found from each
-grain's own row, which costs less than to put the reaction where the partner's row lies.
+Inner functions of `coupling.moment_kernels`. A near pair is found once, for both grains.
 """
 
 from __future__ import annotations
@@ -10,7 +9,7 @@ import numpy as np
 
 from coupling.grain_law_table import field_place, mean_force, moment_at, near_excess
 from coupling.influence_kernels import MEAN, MUTUAL, N_NEAR, NX, NY, NZ, PER_R, PER_TRUE, PLACE
-from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, pair_force
+from coupling.pair_fields import OVER_4PI
 from geometry.inner_functions import inner
 from geometry.lane_functions import LANES, lane_room, one_by_one, square_root
 
@@ -140,62 +139,3 @@ def near_forces_in_lanes(first, table, model, grains, rows, known, attraction, v
             c, s = rows.turn_cos[rows.shift[q]], rows.turn_sin[rows.shift[q]]
             excess[g, 0], excess[g, 1], excess[g, 2] = -(c * fx + s * fy), s * fx - c * fy, -fz
             excess[g, 3] = lane[a, TURNING]
-
-
-# fields of a pair of dipoles in the lanes: place, radius and moment of j; force and torque
-PLACE_J, OF_J, MOMENT_J, DIPOLE_FORCE, DIPOLE_FIELDS = 0, 3, 4, 7, 11
-
-
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def dipole_force(i, model, grains, rows):
-    """Force (3) [N] of the neighbours' dipoles on grain i, and the torque of their field about z [N m].
-
-    Many neighbours at once, added in their order.
-    """
-    position, moment, radius, reach, smear = grains.position, grains.moment, grains.radius, model.reach, model.smear
-    lane = lane_room(DIPOLE_FIELDS)
-    x, y, z, ri = position[i, 0], position[i, 1], position[i, 2], radius[i]
-    ax, ay, az = moment[i, 0], moment[i, 1], moment[i, 2]
-    total_x = total_y = total_z = total_t = 0.0
-    for first in range(rows.start[i], rows.start[i + 1], LANES):
-        count = min(LANES, rows.start[i + 1] - first)
-        for a in range(count):
-            one_by_one()
-            j, shift = rows.other[first + a], rows.shift[first + a]
-            jx, jy, bx, by = position[j, 0], position[j, 1], moment[j, 0], moment[j, 1]
-            if shift != 0:
-                c, s = rows.turn_cos[shift], rows.turn_sin[shift]
-                jx, jy, bx, by = c * jx - s * jy, s * jx + c * jy, c * bx - s * by, s * bx + c * by
-            lane[a, PLACE_J], lane[a, PLACE_J + 1], lane[a, PLACE_J + 2], lane[a, OF_J] = (
-                jx,
-                jy,
-                position[j, 2],
-                radius[j],
-            )
-            lane[a, MOMENT_J], lane[a, MOMENT_J + 1], lane[a, MOMENT_J + 2] = bx, by, moment[j, 2]
-        for a in range(LANES):
-            dx, dy, dz = x - lane[a, PLACE_J], y - lane[a, PLACE_J + 1], z - lane[a, PLACE_J + 2]
-            bx, by, bz = lane[a, MOMENT_J], lane[a, MOMENT_J + 1], lane[a, MOMENT_J + 2]
-            r2 = dx * dx + dy * dy + dz * dz
-            true_r = square_root(r2)
-            per_r = 1.0 / true_r
-            nx, ny, nz = dx * per_r, dy * per_r, dz * per_r
-            r = max(true_r, ri + lane[a, OF_J])
-            fx, fy, fz = pair_force(ax, ay, az, bx, by, bz, nx, ny, nz, r, reach, smear)
-            # grains that overlap: dipoles at touching, and their torque at the true distance
-            lever = r * per_r if true_r < r else 1.0
-            along = (1.0 - lever) * (fx * nx + fy * ny + fz * nz)
-            within = MU_0_OVER_4PI if r2 < reach * reach else 0.0
-            lane[a, DIPOLE_FORCE] = within * (along * nx + lever * fx)
-            lane[a, DIPOLE_FORCE + 1] = within * (along * ny + lever * fy)
-            lane[a, DIPOLE_FORCE + 2] = within * (along * nz + lever * fz)
-            c1, c2, _ = field_factors(r, reach, smear)  # m x B of the neighbour
-            turning = c1 * (bx * nx + by * ny + bz * nz) * (ax * ny - ay * nx) - c2 * (ax * by - ay * bx)
-            lane[a, DIPOLE_FORCE + 3] = within * turning
-        for a in range(count):
-            one_by_one()
-            total_x += lane[a, DIPOLE_FORCE]
-            total_y += lane[a, DIPOLE_FORCE + 1]
-            total_z += lane[a, DIPOLE_FORCE + 2]
-            total_t += lane[a, DIPOLE_FORCE + 3]
-    return total_x, total_y, total_z, total_t

@@ -105,7 +105,7 @@ class CellMoments:
         own = smeared_at_itself(self.reach, True)
         known = find_influence(self.table, self.model, grains, near_by, NO_WALLS, own=own, room=self._room)
         self._room = known
-        gather_fields(grains, near_by, known, self._field, self._potential, self._own_image)
+        gather_fields(self.model, grains, near_by, known, self._field, self._potential, self._own_image)
         self._field[n:], self._potential[n:] = self._field[whose[n:]], self._potential[whose[n:]]
         magnetise(
             self.table, self.model, grains, near_by, NO_WALLS, known, self.damping, self._share, self._contrast,

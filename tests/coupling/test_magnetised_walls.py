@@ -77,7 +77,7 @@ def parts(wall, x, m):
             x, radius, radius, m, none, np.zeros((4, 4)), field, potential, np.zeros(4), np.zeros(4), height, own
         )
         known = find_influence(table, model, grains, rows.arrays, walls, own=0.0, twin=rows.twin)
-        gather_fields(grains, rows.arrays, known, field, potential, own)
+        gather_fields(model, grains, rows.arrays, known, field, potential, own)
         contact_forces(table, model, grains, rows.arrays, walls, known, False, none, 0.0, force, torque, wall_torque)
         found.append((field, force, wall_torque.sum()))
     return found[0][0] - found[1][0], found[0][1] - found[1][1], found[0][2]
