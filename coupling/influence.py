@@ -42,9 +42,11 @@ def find_influence(
     pair_kinds(model, grains, rows, kind)
     imaged, near = (chosen(rows.start, twin, kind, bit) for bit in (IMAGED, NEAR))
     image = _room_for(len(imaged.entry), (3, 4), None if room is None else room.image)
-    itself, own_image = np.zeros((n, 3, 4)), np.zeros((n, len(walls), 3))
+    itself, own_image = np.zeros((n, 3, 4)), np.zeros((n, len(walls), 4))
     itself[:, range(3), range(3)] = own
-    image_influences(model, grains, rows, imaged, walls, image, itself, own_image)
+    image_influences(
+        model, grains, rows, imaged, walls, image.reshape(-1, 12), itself.reshape(-1, 12), own_image.reshape(-1, 4)
+    )
     near_pair = _room_for(len(near.entry), (N_NEAR,), None if room is None else room.near_pair)
     near_pairs(table, model, grains, rows, near, near_pair)
     return Influence(itself, *imaged, image, own_image, *near, near_pair)

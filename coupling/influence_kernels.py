@@ -13,8 +13,17 @@ import numpy as np
 from numba import njit, prange
 
 from coupling.grain_law_table import gap_place
-from coupling.image_lanes import find_influences
-from coupling.mirror import pushed
+from coupling.image_lanes import (
+    IMAGED_CHUNK,
+    N_HEIGHTS,
+    N_SEEN,
+    clear_blocks,
+    influences_of_grains,
+    influences_of_pairs,
+    of_grains,
+    of_pairs,
+    over_walls,
+)
 from coupling.pair_fields import OVER_4PI, field_factors
 from coupling.row_lanes import beside, kinds_of_row
 from geometry.inner_functions import inner
@@ -24,7 +33,6 @@ from geometry.lane_functions import LANES, lane_room, one_by_one, square_root
 X, Y, Z, RADIUS_J = range(4)
 # columns of a near pair; PER_TRUE: one over the distance, PER_R: where grains that overlap touch
 NX, NY, NZ, PER_R, MUTUAL, MEAN, PLACE, PER_TRUE, N_NEAR = range(9)
-IMAGED_CHUNK = 256  # pairs and grains whose images one thread takes at once
 
 
 @njit(cache=True, error_model="numpy")
@@ -63,26 +71,30 @@ def choose(start, twin, kind, bit, place, chosen_start, entry, chosen_twin):
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
 def pair_kinds(model, grains, rows, kind):
     """Kinds (p,) uint8 of all entries of the rows."""
-    radius, height, n_walls = grains.radius, grains.height, grains.height.shape[1]
-    place, over_wall = beside(grains.position, radius), np.empty(height.shape)
-    for i in range(height.shape[0]):
-        for w in range(n_walls):
-            over_wall[i, w] = pushed(height[i, w], radius[i])
+    place, over = beside(grains.position, grains.radius), over_walls(grains)
     for i in prange(place.shape[0]):
-        kinds_of_row(i, place, over_wall, model, rows, kind)
+        kinds_of_row(i, place, over[0], model, rows, kind)
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
 def image_influences(model, grains, rows, imaged, walls, image, itself, own_image):
-    """Blocks of images of all entries that see some, and of each grain on itself (added).
+    """Blocks (k, 12) of images of all entries that see some, and (n, 12) of each grain on itself (added).
 
-    ``own_image`` (n, w, 3) [1/m^2] is the part of a grain's own image in its potential, 0 beforehand.
+    ``own_image`` (n w, 4) [1/m^2] is the part of a grain's own image in its potential, 0 beforehand.
     """
-    count = imaged.once.shape[0] + (grains.position.shape[0] if walls.shape[0] else 0)  # and every grain itself
+    place, n, n_walls = beside(grains.position, grains.radius), grains.position.shape[0], walls.shape[0]
+    count, room = imaged.once.shape[0], n_walls * IMAGED_CHUNK + LANES
+    over = over_walls(grains)
     for b in prange((count + IMAGED_CHUNK - 1) // IMAGED_CHUNK):
-        first = b * IMAGED_CHUNK
+        first, seen, heights = b * IMAGED_CHUNK, np.empty((N_SEEN, room), np.int32), np.empty((N_HEIGHTS, room))
         until = min(first + IMAGED_CHUNK, count)
-        find_influences(first, until, model, grains, rows, imaged, walls, image, itself, own_image)
+        clear_blocks(first, until, imaged, image)
+        m = of_pairs(first, until, model.reach, over, rows, imaged, seen, heights)
+        influences_of_pairs(m, model, place, rows, walls, seen, heights, image)
+    for b in prange((n + IMAGED_CHUNK - 1) // IMAGED_CHUNK if n_walls else 0):
+        first, seen, heights = b * IMAGED_CHUNK, np.empty((N_SEEN, room), np.int32), np.empty((N_HEIGHTS, room))
+        m = of_grains(first, min(first + IMAGED_CHUNK, n), model.reach, over, seen, heights)
+        influences_of_grains(m, model, place, rows, walls, seen, heights, itself, own_image)
 
 
 @inner(error_model="numpy", fastmath={"contract"}, forceinline=True)

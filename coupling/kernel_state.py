@@ -109,8 +109,8 @@ class Influence(NamedTuple):
         Entries that also see their partner's images, see `Chosen`.
     image : ndarray, shape (those or more, 3, 4)
         Those images, as `itself`.
-    own_image : ndarray, shape (n, w, 3)
-        [1/m^2]
+    own_image : ndarray, shape (n, w, 4)
+        [1/m^2], the last unused.
     near_start, near_entry, near_twin, near_once : ndarray
         Near pairs, see `Chosen`.
     near_pair : ndarray, shape (those or more, 8)

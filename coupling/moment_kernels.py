@@ -11,8 +11,9 @@ import numpy as np
 from numba import njit, prange
 
 from coupling.grain_law_table import excess_moment, field_place, gap_place, mean_force, near_excess, sphere_ratio
-from coupling.image_lanes import find_forces
-from coupling.influence_kernels import IMAGED_CHUNK, NX, NY, NZ, slope_along
+from coupling.image_lanes import IMAGED_CHUNK, N_HEIGHTS, N_SEEN, find_forces, of_grains, of_pairs, over_walls
+from coupling.influence_kernels import NX, NY, NZ, slope_along
+from coupling.kernel_state import Chosen
 from coupling.mirror import FACES_NO_WALL, height_over, normal_at, pushed
 from coupling.pair_fields import OVER_4PI, field_factors
 from coupling.pair_lanes import MU_0, excesses_in_lanes, near_forces_in_lanes
@@ -178,13 +179,19 @@ def contact_forces(table, model, grains, rows, walls, known, attraction, velocit
     for b in prange((known.near_once.shape[0] + LANES - 1) // LANES):
         near_forces_in_lanes(b * LANES, table, model, grains, rows, known, attraction, velocity, ahead, excess)
     n = position.shape[0]
-    image, own_image = np.zeros((known.image_entry.shape[0], 3)), np.zeros((n, 3))
-    count = known.image_once.shape[0] + n if walls.shape[0] else 0  # and of every grain itself
-    for b in prange((count + IMAGED_CHUNK - 1) // IMAGED_CHUNK):
-        first = b * IMAGED_CHUNK
-        until = min(first + IMAGED_CHUNK, count)
-        find_forces(first, until, model, grains, rows, known, walls, image, own_image)
     place, source = beside(position, radius), beside(grains.moment, grains.potential)
+    image, own_image = np.zeros((known.image_entry.shape[0], 4)), np.zeros((n, 4))
+    imaged = Chosen(known.image_start, known.image_entry, known.image_twin, known.image_once)
+    count, room = known.image_once.shape[0], walls.shape[0] * IMAGED_CHUNK + LANES
+    over = over_walls(grains)
+    for b in prange((count + IMAGED_CHUNK - 1) // IMAGED_CHUNK):
+        first, seen, heights = b * IMAGED_CHUNK, np.empty((N_SEEN, room), np.int32), np.empty((N_HEIGHTS, room))
+        m = of_pairs(first, min(first + IMAGED_CHUNK, count), model.reach, over, rows, imaged, seen, heights)
+        find_forces(m, model, place, source, rows, walls, seen, heights, image)
+    for b in prange((n + IMAGED_CHUNK - 1) // IMAGED_CHUNK if walls.shape[0] else 0):
+        first, seen, heights = b * IMAGED_CHUNK, np.empty((N_SEEN, room), np.int32), np.empty((N_HEIGHTS, room))
+        m = of_grains(first, min(first + IMAGED_CHUNK, n), model.reach, over, seen, heights)
+        find_forces(m, model, place, source, rows, walls, seen, heights, own_image)
     for i in prange(position.shape[0]):
         fx, fy, fz, tz = dipole_force(i, place, source, model, rows)
         for k in range(near_start[i], near_start[i + 1]):

@@ -88,17 +88,20 @@ def _set(rows, at, value):
 @intrinsic
 def eight_of(typing, table, row, column):
     """Eight numbers of rows: ``table[row, column, :]`` of an integer table (rows, columns, 8), of one (rows, columns)
-    those from ``column`` on."""
+    those from ``column`` on; of a float table as lanes."""
+    real = isinstance(table.dtype, types.Float)
 
     def code(context, builder, kind, values):
         view = context.make_array(table)(context, builder, values[0])
         at = values[1:] if table.ndim == 2 else [*values[1:], ir.Constant(ir.IntType(64), 0)]
         begin = cgutils.get_item_pointer(context, builder, table, view, at, wraparound=False)
+        if real:
+            return builder.load(builder.bitcast(begin, _EIGHT.as_pointer()), align=8)
         places = (builder.gep(begin, [ir.Constant(ir.IntType(64), lane)]) for lane in range(LANES))
         found = [builder.sext(builder.load(place), ir.IntType(64)) for place in places]
         return context.make_tuple(builder, kind.return_type, found)
 
-    return types.UniTuple(types.intp, LANES)(table, types.intp, types.intp), code
+    return (lanes if real else types.UniTuple(types.intp, LANES))(table, types.intp, types.intp), code
 
 
 @intrinsic
