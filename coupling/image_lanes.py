@@ -17,8 +17,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from coupling.kernel_state import ENTRY, FIRST, N_PAIR, SECOND, SHIFT, TWIN
 from coupling.mirror import FACES_NO_WALL, mirrored, pushed
 from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, field_slopes
+from coupling.row_lanes import either
 from geometry.inner_functions import inner
 from geometry.lane_functions import square_root
 from geometry.lane_tables import add_to_rows, columns, eight_of
@@ -26,7 +28,7 @@ from geometry.lanes import LANES, as_lanes, first_lanes, lanes_of, where
 
 IMAGED_CHUNK = 256  # pairs, or grains, whose images one thread takes at once
 # of an image: both grains, shift and entries of the pair (of a grain itself: the grain), wall; and heights of mirroring
-FIRST, SECOND, SHIFT, ENTRY, TWIN, WALL, N_SEEN = range(7)
+WALL, N_SEEN = N_PAIR, N_PAIR + 1  # after the columns of a pair
 HEIGHT_I, HEIGHT_J, N_HEIGHTS = range(3)
 
 
@@ -61,13 +63,16 @@ def _add_seen(i, j, shift, e, t, reach, over, count, seen, heights):
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def of_pairs(h, until, reach, over, rows, imaged, seen, heights):
+def of_pairs(h, until, reach, over, imaged, seen, heights):
     """List the images of the pairs h to ``until``; how many. ``over`` is `over_walls`."""
     count = 0
     for g in range(h, until):
-        i, e = imaged.once[g, 0], imaged.once[g, 1]
-        q = imaged.entry[e]
-        count = _add_seen(i, rows.other[q], rows.shift[q], e, imaged.twin[e], reach, over, count, seen, heights)
+        b, a = g // LANES, g % LANES
+        once = imaged.once[b]
+        count = _add_seen(
+            once[FIRST, a], once[SECOND, a], once[SHIFT, a], once[ENTRY, a], once[TWIN, a], reach, over, count, seen,
+            heights,
+        )  # fmt: skip
     _fill_up(count, seen, heights)
     return count
 
@@ -89,16 +94,6 @@ def _fill_up(count, seen, heights):
             seen[a, c] = seen[a, count - 1]
         for a in range(N_HEIGHTS):
             heights[a, c] = heights[a, count - 1]
-
-
-@inner(forceinline=True)
-def _or(t, e):
-    """Eight rows t, those of e where there are none (-1)."""
-    return (
-        t[0] if t[0] >= 0 else e[0], t[1] if t[1] >= 0 else e[1], t[2] if t[2] >= 0 else e[2],
-        t[3] if t[3] >= 0 else e[3], t[4] if t[4] >= 0 else e[4], t[5] if t[5] >= 0 else e[5],
-        t[6] if t[6] >= 0 else e[6], t[7] if t[7] >= 0 else e[7],
-    )  # fmt: skip
 
 
 @inner(forceinline=True)
@@ -180,8 +175,8 @@ def _influence(laid, there, reach, smear):
 def clear_blocks(h, until, imaged, image):
     """Put 0 into the blocks (k, 12) of the pairs h to ``until``."""
     for g in range(h, until):
-        e = imaged.once[g, 1]
-        t = imaged.twin[e] if imaged.twin[e] >= 0 else e
+        e, t = imaged.once[g // LANES, ENTRY, g % LANES], imaged.once[g // LANES, TWIN, g % LANES]
+        t = t if t >= 0 else e
         for m in range(12):
             image[e, m] = 0.0
         for m in range(12):
@@ -200,7 +195,7 @@ def influences_of_pairs(count, model, place, rows, walls, seen, heights, image):
         add_to_rows(image, e, 8, None, None, z)
         share = where(as_lanes(t) >= 0.0, 1.0, 0.0)
         back = back[0] * share, back[1] * share, back[2] * share
-        to = _or(t, e)
+        to = either(t, e)
         add_to_rows(image, to, 0, None, None, (x[0] * share, y[0] * share, z[0] * share, back[0]))
         add_to_rows(image, to, 4, None, None, (x[1] * share, y[1] * share, z[1] * share, back[1]))
         add_to_rows(image, to, 8, None, None, (x[2] * share, y[2] * share, z[2] * share, back[2]))
@@ -295,6 +290,16 @@ def _forces(laid, there, a, b, reach, smear):
     )
 
 
+@inner(borrows=True, error_model="numpy", forceinline=True)
+def clear_forces(h, until, imaged, force):
+    """Put 0 into the rows (k, 4) of the pairs h to ``until``."""
+    for g in range(h, until):
+        e, t = imaged.once[g // LANES, ENTRY, g % LANES], imaged.once[g // LANES, TWIN, g % LANES]
+        t = t if t >= 0 else e
+        force[e, 0] = force[e, 1] = force[e, 2] = force[e, 3] = 0.0
+        force[t, 0] = force[t, 1] = force[t, 2] = force[t, 3] = 0.0
+
+
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def find_forces(count, model, place, source, rows, walls, seen, heights, force):
     """Add the forces of the first ``count`` images listed to rows (k, 4) [N]: of their entries, or of their grains.
@@ -311,4 +316,4 @@ def find_forces(count, model, place, source, rows, walls, seen, heights, force):
         add_to_rows(force, e, 0, None, None, here)
         share = where(as_lanes(t) >= 0.0, 1.0, 0.0)
         back = share * back[0], share * back[1], share * back[2], back[3]
-        add_to_rows(force, _or(t, e), 0, None, None, back)
+        add_to_rows(force, either(t, e), 0, None, None, back)

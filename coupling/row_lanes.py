@@ -12,11 +12,12 @@ from __future__ import annotations
 import numpy as np
 
 from coupling.grain_law_table import FARTHEST_GAP
+from coupling.kernel_state import SHIFT
 from coupling.mirror import FACES_NO_WALL
 from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, pair_force
 from geometry.inner_functions import inner
 from geometry.lane_functions import square_root
-from geometry.lane_tables import column, columns, entries
+from geometry.lane_tables import column, columns, eight_of, entries
 from geometry.lanes import LANES, as_lanes, bits_of, first_lanes, lanes_of, larger, size_of, sum_of_lanes, where
 from particles.dem.pair_kernel import eight_from
 
@@ -32,6 +33,16 @@ def beside(vector, last):
     return table
 
 
+@inner(forceinline=True)
+def either(t, e):
+    """Eight rows t, those of e where there are none (-1)."""
+    return (
+        t[0] if t[0] >= 0 else e[0], t[1] if t[1] >= 0 else e[1], t[2] if t[2] >= 0 else e[2],
+        t[3] if t[3] >= 0 else e[3], t[4] if t[4] >= 0 else e[4], t[5] if t[5] >= 0 else e[5],
+        t[6] if t[6] >= 0 else e[6], t[7] if t[7] >= 0 else e[7],
+    )  # fmt: skip
+
+
 @inner(borrows=True, error_model="numpy", forceinline=True)
 def crosses(rows, i):
     """Whether a neighbour of grain i stands beyond a face of the sector."""
@@ -42,9 +53,13 @@ def crosses(rows, i):
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def turn_of(rows, slot):
-    """Cosine and sine of the turns from the partners in eight entries to the grains that see them."""
-    crossed = as_lanes(entries(rows.shift, slot))
+def turn_of(rows, once, b):
+    """Cosine and sine of the turns from the second grains to the first of the pairs in a block of `Chosen.once`."""
+    return _turn(rows, as_lanes(eight_of(once, b, SHIFT)))
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def _turn(rows, crossed):
     return where(crossed * crossed > 0.0, rows.turn_cos[1], 1.0), rows.turn_sin[1] * crossed
 
 
@@ -63,7 +78,7 @@ def kinds_of_row(i, place, height, model, rows, kind):
         near = imaged = 0
         if model.near:
             if crossing:
-                c, s = turn_of(rows, slot)
+                c, s = _turn(rows, as_lanes(entries(rows.shift, slot)))
                 dx, dy = c * dx - s * dy, s * dx + c * dy
             dx, dy, dz = x - dx, y - dy, z - dz
             both = ri + rj
@@ -95,7 +110,7 @@ def field_of_row(i, place, source, model, rows):
         dx, dy, dz, rj = columns(place, j, 0)
         ax, ay, az, _ = columns(source, j, 0)
         if crossing:
-            c, s = turn_of(rows, slot)
+            c, s = _turn(rows, as_lanes(entries(rows.shift, slot)))
             dx, dy, ax, ay = c * dx - s * dy, s * dx + c * dy, c * ax - s * ay, s * ax + c * ay
         dx, dy, dz = x - dx, y - dy, z - dz
         r2 = dx * dx + dy * dy + dz * dz
@@ -128,7 +143,7 @@ def dipole_force(i, place, source, model, rows):
         dx, dy, dz, rj = columns(place, j, 0)
         bx, by, bz, _ = columns(source, j, 0)
         if crossing:
-            c, s = turn_of(rows, slot)
+            c, s = _turn(rows, as_lanes(entries(rows.shift, slot)))
             dx, dy, bx, by = c * dx - s * dy, s * dx + c * dy, c * bx - s * by, s * bx + c * by
         dx, dy, dz = x - dx, y - dy, z - dz
         r2 = dx * dx + dy * dy + dz * dz

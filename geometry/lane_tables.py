@@ -105,6 +105,20 @@ def eight_of(typing, table, row, column):
 
 
 @intrinsic
+def put_eight(typing, table, row, column, a):
+    """The opposite of `eight_of`, of lanes."""
+
+    def code(context, builder, kind, values):
+        view = context.make_array(table)(context, builder, values[0])
+        at = values[1:3] if table.ndim == 2 else [*values[1:3], ir.Constant(ir.IntType(64), 0)]
+        place = cgutils.get_item_pointer(context, builder, table, view, at, wraparound=False)
+        builder.store(values[3], builder.bitcast(place, _EIGHT.as_pointer()), align=8)
+        return context.get_dummy_value()
+
+    return types.void(table, types.intp, types.intp, lanes), code
+
+
+@intrinsic
 def eight_at_least(typing, array, first, bound):
     """Which of eight neighbours from ``first`` on of an array of unsigned integers are ``bound`` or more, as bits."""
 
