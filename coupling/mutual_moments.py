@@ -286,11 +286,14 @@ def field_slope(position: np.ndarray, gradient: np.ndarray) -> np.ndarray:
 
     In each grain's own half plane: a turn about the axis leaves them.
     """
-    rho = np.hypot(position[:, 0], position[:, 1])
-    along = np.divide(position[:, :2], rho[:, None], out=np.zeros((len(rho), 2)), where=rho[:, None] > 0.0)
-    e_r = np.column_stack((along, np.zeros(len(rho))))
-    e_phi = np.column_stack((-along[:, 1], along[:, 0], np.zeros(len(rho))))
-    radial = np.einsum("na,nab,nb->n", e_r, gradient, e_r)
-    hoop = np.einsum("na,nab,nb->n", e_phi, gradient, e_phi)
-    mixed = ((gradient[:, 2, :] + gradient[:, :, 2]) * e_r).sum(axis=1)
-    return np.column_stack((radial, hoop, gradient[:, 2, 2], mixed))
+    x, y = position[:, 0], position[:, 1]
+    rho = np.hypot(x, y)
+    per_rho = np.divide(1.0, rho, out=np.zeros(len(rho)), where=rho > 0.0)
+    c, s = x * per_rho, y * per_rho
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = (gradient[:, a].T for a in range(3))
+    slope = np.empty((len(rho), 4))
+    slope[:, 0] = c * c * xx + c * s * (xy + yx) + s * s * yy
+    slope[:, 1] = s * s * xx - c * s * (xy + yx) + c * c * yy
+    slope[:, 2] = zz
+    slope[:, 3] = (zx + xz) * c + (zy + yz) * s
+    return slope
