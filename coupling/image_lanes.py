@@ -8,66 +8,108 @@ the neighbour's own frame. With T = (c1 n n - c2 1)/(4 pi) and P = k (2 u u - 1)
 image adds (T P_j + P_i T)/2 to the field, the one T from the image of j to i, the other from j to the image of i, and
 p n . P_j to the potential. The field's part seen from j is the transposed one, because both are derivatives of one
 energy.
+
+Pairs and walls whose images may be within reach are listed, a few hundred at a time, and found eight at a time
+(`geometry.lanes`). A last group that is not full repeats its last image, which adds nothing then.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from coupling.kernel_state import Chosen
-from coupling.mirror import mirrored, pushed
+from coupling.kernel_state import ENTRY, FIRST, N_PAIR, SECOND, SHIFT, TWIN
+from coupling.mirror import FACES_NO_WALL, mirrored, pushed
 from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, field_slopes
+from coupling.row_lanes import either
 from geometry.inner_functions import inner
-from geometry.lane_functions import LANES, lane_room, square_root
+from geometry.lane_functions import square_root
+from geometry.lane_tables import add_to_rows, columns, eight_of
+from geometry.lanes import LANES, as_lanes, first_lanes, lanes_of, where
 
-# fields in the lanes: places of i and, turned to its side, of j; cosine and sine of that turn; heights at which they
-# are mirrored, and of the wall its strength and tangent; moments; which pair and wall; then what comes out: forces, or
-# of an influence a block (12) and what is made of the potential of i at j (3)
-XI, XJ, TURN, HEIGHT_I, HEIGHT_J, STRENGTH, TANGENT, MOMENT_I, MOMENT_J, PAIR, WALL = (
-    0,
-    3,
-    6,
-    8,
-    9,
-    10,
-    11,
-    13,
-    16,
-    19,
-    20,
-)
-OUT = FORCE_I = 21
-FORCE_J = FORCE_I + 3
-INFLUENCE_FIELDS, FORCE_FIELDS = OUT + 15, FORCE_J + 3
+IMAGED_CHUNK = 256  # pairs, or grains, whose images one thread takes at once
+# of an image: both grains, shift and entries of the pair (of a grain itself: the grain), wall; and heights of mirroring
+WALL, N_SEEN = N_PAIR, N_PAIR + 1  # after the columns of a pair
+HEIGHT_I, HEIGHT_J, N_HEIGHTS = range(3)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def sees_image(height, i, j, w, radius, reach):
-    """Whether grain i may be within reach of the image of j in wall ``w``, which is never nearer than both heights."""
-    # without branches, which would often be mispredicted; one that faces no wall is farther than any reach
-    within = abs(pushed(height[i, w], radius[i]) + pushed(height[j, w], radius[j])) < reach
-    return within & (height[i, w] * height[j, w] >= 0.0)
+@inner(error_model="numpy", fastmath={"contract"})
+def over_walls(grains):
+    """Heights (n, w) [m] at which grains are mirrored; and, as bits (n,), on which side of which walls they are."""
+    height, radius = grains.height, grains.radius
+    mirrored_at, sides = np.empty(height.shape), np.zeros(height.shape[0], np.int64)
+    for i in range(height.shape[0]):
+        for w in range(height.shape[1]):
+            h = height[i, w]
+            mirrored_at[i, w] = pushed(h, radius[i])
+            if h < FACES_NO_WALL:
+                sides[i] |= np.int64(1 if h > 0.0 else 2) << (2 * w)
+    return mirrored_at, sides
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def partners(h, rows, imaged):
-    """Of the h-th pair, or behind the pairs grain, i, j, the cosine and sine of the turn and the place of the pair."""
-    if h < imaged.once.shape[0]:
-        e = np.int64(imaged.once[h, 1])
-        q = imaged.entry[e]
-        return (
-            np.int64(imaged.once[h, 0]), np.int64(rows.other[q]), rows.turn_cos[rows.shift[q]],
-            rows.turn_sin[rows.shift[q]], e,
+def _add_seen(i, j, shift, e, t, reach, over, count, seen, heights):
+    """List the walls in which grain i may be within reach of the image of j; how many are listed then."""
+    mirrored_at, sides = over
+    common, w = sides[i] & sides[j], 0
+    while common != 0:
+        here, there = mirrored_at[i, w], mirrored_at[j, w]
+        seen[FIRST, count], seen[SECOND, count], seen[SHIFT, count] = i, j, shift
+        seen[ENTRY, count], seen[TWIN, count], seen[WALL, count] = e, t, w
+        heights[HEIGHT_I, count], heights[HEIGHT_J, count] = here, there
+        # an image is never nearer than both heights
+        count += 1 if (common & 3) != 0 and abs(here + there) < reach else 0
+        common, w = common >> 2, w + 1
+    return count
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def of_pairs(h, until, reach, over, imaged, seen, heights):
+    """List the images of the pairs h to ``until``; how many. ``over`` is `over_walls`."""
+    count = 0
+    for g in range(h, until):
+        b, a = g // LANES, g % LANES
+        once = imaged.once[b]
+        count = _add_seen(
+            once[FIRST, a], once[SECOND, a], once[SHIFT, a], once[ENTRY, a], once[TWIN, a], reach, over, count, seen,
+            heights,
         )  # fmt: skip
-    i = h - imaged.once.shape[0]
-    return i, i, 1.0, 0.0, np.int64(-1)
+    _fill_up(count, seen, heights)
+    return count
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def of_grains(i, until, reach, over, seen, heights):
+    """List the images that the grains i to ``until`` have of themselves; how many."""
+    count = 0
+    for g in range(i, until):
+        count = _add_seen(g, g, 0, g, -1, reach, over, count, seen, heights)
+    _fill_up(count, seen, heights)
+    return count
+
+
+@inner(borrows=True, error_model="numpy", forceinline=True)
+def _fill_up(count, seen, heights):
+    for c in range(count, LANES * ((count + LANES - 1) // LANES)):
+        for a in range(N_SEEN):
+            seen[a, c] = seen[a, count - 1]
+        for a in range(N_HEIGHTS):
+            heights[a, c] = heights[a, count - 1]
+
+
+@inner(forceinline=True)
+def _of_walls(i, w, n_walls):
+    """Rows of eight grains and walls in a table (n w, ...)."""
+    return (
+        i[0] * n_walls + w[0], i[1] * n_walls + w[1], i[2] * n_walls + w[2], i[3] * n_walls + w[3],
+        i[4] * n_walls + w[4], i[5] * n_walls + w[5], i[6] * n_walls + w[6], i[7] * n_walls + w[7],
+    )  # fmt: skip
 
 
 @inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def over(x, y, h, tangent_r, tangent_z):
     """Normal of a wall over a place, which it does not have on the axis; and the way (3) from there to the image."""
     rho2 = x * x + y * y
-    out = -tangent_z / square_root(rho2) if rho2 > 0.0 else 0.0
+    out = where(rho2 > 0.0, -tangent_z / square_root(rho2), 0.0)
     nx, ny = out * x, out * y
     return nx, ny, tangent_r, -2.0 * h * nx, -2.0 * h * ny, -2.0 * h * tangent_r
 
@@ -80,25 +122,31 @@ def _block(dx, dy, dz, reach, smear):
     per_r = 1.0 / r
     nx, ny, nz = dx * per_r, dy * per_r, dz * per_r
     c1, c2, p = field_factors(r, reach, smear)
-    if r2 >= reach * reach:
-        c1 = c2 = p = 0.0
+    within = where(r2 < reach * reach, 1.0, 0.0)
+    c1, c2, p = c1 * within, c2 * within, p * within
     ax, ay, az = c1 * nx, c1 * ny, c1 * nz
     return ax * nx - c2, ay * ny - c2, az * nz - c2, ax * ny, ax * nz, ay * nz, p * nx, p * ny, p * nz
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def _place(lane, a, where, height):
-    """Centre [m] in the fields from ``where`` on of lane ``a``, and what is `over` it at the ``height`` of its wall."""
-    x, y, z = lane[a, where], lane[a, where + 1], lane[a, where + 2]
-    return (x, y, z), over(x, y, lane[a, height], lane[a, TANGENT], lane[a, TANGENT + 1])
+def _lay(c, seen, heights, place, rows, walls):
+    """Of eight images from c on: turn of the partner, strength; of both grains centre [m] and what is `over` it."""
+    crossed = as_lanes(eight_of(seen, SHIFT, c))
+    turn = where(crossed * crossed > 0.0, rows.turn_cos[1], 1.0), rows.turn_sin[1] * crossed
+    tangent_r, tangent_z, _, k = columns(walls, eight_of(seen, WALL, c), 2)
+    xi, yi, zi, _ = columns(place, eight_of(seen, FIRST, c), 0)
+    xj, yj, zj, _ = columns(place, eight_of(seen, SECOND, c), 0)
+    xj, yj = turn[0] * xj - turn[1] * yj, turn[1] * xj + turn[0] * yj
+    over_i = over(xi, yi, eight_of(heights, HEIGHT_I, c), tangent_r, tangent_z)
+    over_j = over(xj, yj, eight_of(heights, HEIGHT_J, c), tangent_r, tangent_z)
+    return turn, k, (xi, yi, zi), over_i, (xj, yj, zj), over_j
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def _influence(lane, a, reach, smear):
-    """Block of the image in lane ``a``, and what it makes of the potential of i at j."""
-    k = OVER_4PI * lane[a, STRENGTH]
-    (xi, yi, zi), (wx, wy, wz, ox, oy, oz) = _place(lane, a, XI, HEIGHT_I)
-    (jx, jy, jz), (ux, uy, uz, qx, qy, qz) = _place(lane, a, XJ, HEIGHT_J)
+@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
+def _influence(laid, there, reach, smear):
+    """Block of the image of j, and what the image of i makes of the potential at j; none where not ``there``."""
+    (c, s), k, (xi, yi, zi), (wx, wy, wz, ox, oy, oz), (jx, jy, jz), (ux, uy, uz, qx, qy, qz) = laid
+    k = OVER_4PI * where(there, k, 0.0)
     # at i of the image of j: T P
     axx, ayy, azz, axy, axz, ayz, fx, fy, fz = _block(xi - (jx + qx), yi - (jy + qy), zi - (jz + qz), reach, smear)
     vx, vy, vz = axx * ux + axy * uy + axz * uz, axy * ux + ayy * uy + ayz * uz, axz * ux + ayz * uy + azz * uz
@@ -115,8 +163,7 @@ def _influence(lane, a, reach, smear):
     yz, zy = k * (vy * uz + wy * tz - ayz), k * (vz * uy + wz * ty - ayz)
     px, py, pz = mirrored(k, fx, fy, fz, ux, uy, uz)
     qx, qy, qz = mirrored(-k, gx, gy, gz, wx, wy, wz)  # seen from j: against the distance vector
-    c, s = lane[a, TURN], lane[a, TURN + 1]  # to the frame of j
-    return (
+    return (  # to the frame of j
         (c * xx + s * xy, c * yx + s * yy, c * zx + s * zy, c * px + s * py),
         (c * xy - s * xx, c * yy - s * yx, c * zy - s * zx, c * py - s * px),
         (xz, yz, zz, pz),
@@ -124,76 +171,51 @@ def _influence(lane, a, reach, smear):
     )
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def gather(lane, h, w, until, model, grains, rows, imaged, walls):
-    """Lay pairs and walls, from pair h and wall w on, into the lanes until these are full; how many, next h and w."""
-    position, moment, height, radius = grains.position, grains.moment, grains.height, grains.radius
-    count = 0
-    while h < until and count < LANES:
-        i, j, c, s, _ = partners(h, rows, imaged)
-        while w < walls.shape[0] and count < LANES:
-            if sees_image(height, i, j, w, radius, model.reach):
-                a = count
-                lane[a, XI], lane[a, XI + 1], lane[a, XI + 2] = position[i, 0], position[i, 1], position[i, 2]
-                x, y = position[j, 0], position[j, 1]
-                lane[a, XJ], lane[a, XJ + 1], lane[a, XJ + 2] = c * x - s * y, s * x + c * y, position[j, 2]
-                lane[a, TURN], lane[a, TURN + 1] = c, s
-                lane[a, HEIGHT_I], lane[a, HEIGHT_J] = pushed(height[i, w], radius[i]), pushed(height[j, w], radius[j])
-                lane[a, STRENGTH], lane[a, TANGENT], lane[a, TANGENT + 1] = walls[w, 5], walls[w, 2], walls[w, 3]
-                x, y = moment[j, 0], moment[j, 1]
-                lane[a, MOMENT_I], lane[a, MOMENT_I + 1], lane[a, MOMENT_I + 2] = (
-                    moment[i, 0],
-                    moment[i, 1],
-                    moment[i, 2],
-                )
-                lane[a, MOMENT_J], lane[a, MOMENT_J + 1], lane[a, MOMENT_J + 2] = (
-                    c * x - s * y,
-                    s * x + c * y,
-                    moment[j, 2],
-                )
-                lane[a, PAIR], lane[a, WALL] = h, w
-                count += 1
-            w += 1
-        if w == walls.shape[0]:
-            h, w = h + 1, 0
-    return count, h, w
+@inner(borrows=True, error_model="numpy", forceinline=True)
+def clear_blocks(h, until, imaged, image):
+    """Put 0 into the blocks (k, 12) of the pairs h to ``until``."""
+    for g in range(h, until):
+        e, t = imaged.once[g // LANES, ENTRY, g % LANES], imaged.once[g // LANES, TWIN, g % LANES]
+        t = t if t >= 0 else e
+        for m in range(12):
+            image[e, m] = 0.0
+        for m in range(12):
+            image[t, m] = 0.0
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def find_influences(h, until, model, grains, rows, imaged, walls, image, itself, own_image):
-    """Blocks of the pairs h to ``until``, or behind the pairs grains; see `partners`."""
-    lane = lane_room(INFLUENCE_FIELDS)
-    for g in range(h, min(until, imaged.once.shape[0])):
-        e = imaged.once[g, 1]
-        t = imaged.twin[e]
-        image[e] = 0.0
-        if t >= 0:
-            image[t] = 0.0
-    w = np.int64(0)
-    while h < until:
-        count, h, w = gather(lane, h, w, until, model, grains, rows, imaged, walls)
-        for a in range(LANES):
-            x, y, z, back = _influence(lane, a, model.reach, model.smear)
-            lane[a, OUT], lane[a, OUT + 1], lane[a, OUT + 2], lane[a, OUT + 3] = x
-            lane[a, OUT + 4], lane[a, OUT + 5], lane[a, OUT + 6], lane[a, OUT + 7] = y
-            lane[a, OUT + 8], lane[a, OUT + 9], lane[a, OUT + 10], lane[a, OUT + 11] = z
-            lane[a, OUT + 12], lane[a, OUT + 13], lane[a, OUT + 14] = back
-        for a in range(count):
-            i, _, _, _, e = partners(np.int64(lane[a, PAIR]), rows, imaged)
-            block = itself[i] if e < 0 else image[e]
-            for b in range(3):
-                for m in range(4):
-                    block[b, m] += lane[a, OUT + 4 * b + m]
-            if e < 0:
-                for b in range(3):
-                    own_image[i, np.int64(lane[a, WALL]), b] = lane[a, OUT + 4 * b + 3]
-                continue
-            t = imaged.twin[e]
-            if t >= 0:
-                for b in range(3):
-                    for m in range(3):
-                        image[t, b, m] += lane[a, OUT + 4 * m + b]
-                    image[t, b, 3] += lane[a, OUT + 12 + b]
+def influences_of_pairs(count, model, place, rows, walls, seen, heights, image):
+    """Blocks (k, 12) of the first ``count`` images listed, of pairs: of both entries."""
+    for c in range(0, count, LANES):
+        there = first_lanes(count - c)
+        x, y, z, back = _influence(_lay(c, seen, heights, place, rows, walls), there, model.reach, model.smear)
+        e, t = eight_of(seen, ENTRY, c), eight_of(seen, TWIN, c)
+        add_to_rows(image, e, 0, None, None, x)
+        add_to_rows(image, e, 4, None, None, y)
+        add_to_rows(image, e, 8, None, None, z)
+        share = where(as_lanes(t) >= 0.0, 1.0, 0.0)
+        back = back[0] * share, back[1] * share, back[2] * share
+        to = either(t, e)
+        add_to_rows(image, to, 0, None, None, (x[0] * share, y[0] * share, z[0] * share, back[0]))
+        add_to_rows(image, to, 4, None, None, (x[1] * share, y[1] * share, z[1] * share, back[1]))
+        add_to_rows(image, to, 8, None, None, (x[2] * share, y[2] * share, z[2] * share, back[2]))
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def influences_of_grains(count, model, place, rows, walls, seen, heights, itself, own_image):
+    """Add the first ``count`` images listed, of grains themselves, to blocks (n, 12); and what they make of the
+    potential: rows (n w, 4)."""
+    n_walls = walls.shape[0]
+    for c in range(0, count, LANES):
+        there = first_lanes(count - c)
+        x, y, z, _ = _influence(_lay(c, seen, heights, place, rows, walls), there, model.reach, model.smear)
+        i = eight_of(seen, ENTRY, c)
+        add_to_rows(itself, i, 0, None, None, x)
+        add_to_rows(itself, i, 4, None, None, y)
+        add_to_rows(itself, i, 8, None, None, z)
+        add_to_rows(
+            own_image, _of_walls(i, eight_of(seen, WALL, c), n_walls), 0, None, None, (x[3], y[3], z[3], 0.0 * z[3])
+        )
 
 
 @inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
@@ -208,8 +230,8 @@ def _pull(ax, ay, az, bx, by, bz, dx, dy, dz, reach, smear):
     nx, ny, nz = dx * per_r, dy * per_r, dz * per_r
     c1, c2, _ = field_factors(r, reach, smear)
     c1_r, c2_r = field_slopes(r, reach, smear)
-    if r2 >= reach * reach:
-        c1 = c2 = c1_r = c2_r = 0.0
+    within = where(r2 < reach * reach, 1.0, 0.0)
+    c1, c2, c1_r, c2_r = c1 * within, c2 * within, c1_r * within, c2_r * within
     an, bn = ax * nx + ay * ny + az * nz, bx * nx + by * ny + bz * nz
     turning = c1 * per_r
     along = (c1_r - 2.0 * turning) * an * bn - c2_r * (ax * bx + ay * by + az * bz)
@@ -232,24 +254,22 @@ def _moving_along(x, y, image, k, m, turned, n, g, field):
     along = 2.0 * (g[0] * n[0] + g[1] * n[1] + g[2] * n[2])  # in the section it moves mirrored
     gx, gy, gz = g[0] - along * n[0], g[1] - along * n[1], g[2] - along * n[2]
     rho2 = x * x + y * y
-    per_rho = 1.0 / square_root(rho2) if rho2 > 0.0 else 0.0
+    per_rho = where(rho2 > 0.0, 1.0 / square_root(rho2), 0.0)
     ex, ey = -y * per_rho, x * per_rho
     # about the axis by the ratio of radii
     more = (square_root(image[0] * image[0] + image[1] * image[1]) * per_rho - 1.0) * (gx * ex + gy * ey)
     # its moment turns with the half plane: dm*/dphi = z x m* - P (z x m)
     tx, ty, tz = mirrored(k, -m[1], m[0], 0.0, n[0], n[1], n[2])
-    more += (field[0] * (-turned[1] - tx) + field[1] * (turned[0] - ty) - field[2] * tz) * per_rho
+    more = more + (field[0] * (-turned[1] - tx) + field[1] * (turned[0] - ty) - field[2] * tz) * per_rho
     return gx + more * ex, gy + more * ey, gz
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def _forces(lane, a, reach, smear):
-    """Forces of the image in lane ``a`` on i and on j [N]: -dU/dx, see `coupling.mirror`."""
-    k = lane[a, STRENGTH]
-    (xi, yi, zi), (wx, wy, wz, ox, oy, oz) = _place(lane, a, XI, HEIGHT_I)
-    (jx, jy, jz), (ux, uy, uz, qx, qy, qz) = _place(lane, a, XJ, HEIGHT_J)
-    ax, ay, az = lane[a, MOMENT_I], lane[a, MOMENT_I + 1], lane[a, MOMENT_I + 2]
-    bx, by, bz = lane[a, MOMENT_J], lane[a, MOMENT_J + 1], lane[a, MOMENT_J + 2]
+@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
+def _forces(laid, there, a, b, reach, smear):
+    """Forces of images on i and on j [N], of the moments a and b: -dU/dx, see `coupling.mirror`; 0 if not there."""
+    (c, s), k, (xi, yi, zi), (wx, wy, wz, ox, oy, oz), (jx, jy, jz), (ux, uy, uz, qx, qy, qz) = laid
+    (ax, ay, az), (bx, by, bz) = a, b
+    bx, by = c * bx - s * by, s * bx + c * by
     own, others = mirrored(k, ax, ay, az, wx, wy, wz), mirrored(k, bx, by, bz, ux, uy, uz)
     ox, oy, oz, qx, qy, qz = xi + ox, yi + oy, zi + oz, jx + qx, jy + qy, jz + qz
     # the image of j with i
@@ -261,33 +281,39 @@ def _forces(lane, a, reach, smear):
     p = _moving_along(xi, yi, (ox, oy), k, (ax, ay), own, (wx, wy, wz), g, at_image_i)
     f_on_image = (-f[0], -f[1], -f[2])
     q = _moving_along(jx, jy, (qx, qy), k, (bx, by), others, (ux, uy, uz), f_on_image, at_image_j)
-    half = 0.5 * MU_0_OVER_4PI
+    half = where(there, 0.5 * MU_0_OVER_4PI, 0.0)
     x, y, z = half * (q[0] - g[0]), half * (q[1] - g[1]), half * (q[2] - g[2])
-    c, s = lane[a, TURN], lane[a, TURN + 1]  # to the frame of j
-    return (half * (f[0] + p[0]), half * (f[1] + p[1]), half * (f[2] + p[2])), (c * x + s * y, c * y - s * x, z)
+    none = lanes_of(0.0)
+    return (
+        (half * (f[0] + p[0]), half * (f[1] + p[1]), half * (f[2] + p[2]), none),
+        (c * x + s * y, c * y - s * x, z, none),  # in the frame of j
+    )
+
+
+@inner(borrows=True, error_model="numpy", forceinline=True)
+def clear_forces(h, until, imaged, force):
+    """Put 0 into the rows (k, 4) of the pairs h to ``until``."""
+    for g in range(h, until):
+        e, t = imaged.once[g // LANES, ENTRY, g % LANES], imaged.once[g // LANES, TWIN, g % LANES]
+        t = t if t >= 0 else e
+        force[e, 0] = force[e, 1] = force[e, 2] = force[e, 3] = 0.0
+        force[t, 0] = force[t, 1] = force[t, 2] = force[t, 3] = 0.0
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def find_forces(h, until, model, grains, rows, known, walls, force, own_force):
-    """Forces (k, 3) [N] of images, of each chosen entry on its grain, and (n, 3) of each grain's own; both 0 before.
+def find_forces(count, model, place, source, rows, walls, seen, heights, force):
+    """Add the forces of the first ``count`` images listed to rows (k, 4) [N]: of their entries, or of their grains.
 
-    Those of the pairs h to ``until``, or behind the pairs of grains; see `partners`.
+    ``source`` (n, 4): moments [A m^2].
     """
-    imaged = Chosen(known.image_start, known.image_entry, known.image_twin, known.image_once)
-    lane = lane_room(FORCE_FIELDS)
-    w = np.int64(0)
-    while h < until:
-        count, h, w = gather(lane, h, w, until, model, grains, rows, imaged, walls)
-        for a in range(LANES):
-            here, there = _forces(lane, a, model.reach, model.smear)
-            lane[a, FORCE_I], lane[a, FORCE_I + 1], lane[a, FORCE_I + 2] = here
-            lane[a, FORCE_J], lane[a, FORCE_J + 1], lane[a, FORCE_J + 2] = there
-        for a in range(count):
-            i, _, _, _, e = partners(np.int64(lane[a, PAIR]), rows, imaged)
-            for b in range(3):
-                if e < 0:
-                    own_force[i, b] += lane[a, FORCE_I + b]
-                else:
-                    force[e, b] += lane[a, FORCE_I + b]
-                    if imaged.twin[e] >= 0:
-                        force[imaged.twin[e], b] += lane[a, FORCE_J + b]
+    for c in range(0, count, LANES):
+        laid = _lay(c, seen, heights, place, rows, walls)
+        ax, ay, az, _ = columns(source, eight_of(seen, FIRST, c), 0)
+        bx, by, bz, _ = columns(source, eight_of(seen, SECOND, c), 0)
+        there = first_lanes(count - c)
+        here, back = _forces(laid, there, (ax, ay, az), (bx, by, bz), model.reach, model.smear)
+        e, t = eight_of(seen, ENTRY, c), eight_of(seen, TWIN, c)
+        add_to_rows(force, e, 0, None, None, here)
+        share = where(as_lanes(t) >= 0.0, 1.0, 0.0)
+        back = share * back[0], share * back[1], share * back[2], back[3]
+        add_to_rows(force, either(t, e), 0, None, None, back)

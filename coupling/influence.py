@@ -6,16 +6,15 @@ import numpy as np
 
 from coupling.grain_law_table import GrainLawTable
 from coupling.influence_kernels import (
-    IMAGED,
     N_NEAR,
-    NEAR,
     choose,
     image_influences,
     near_pairs,
-    pair_influences,
-    take_once,
+    pair_kinds,
 )
-from coupling.kernel_state import Chosen, Influence, MagneticGrains, PairModel, Rows
+from coupling.kernel_state import N_PAIR, Chosen, Influence, MagneticGrains, PairModel, Rows
+from coupling.row_lanes import IMAGED, NEAR
+from geometry.lanes import LANES
 
 
 def find_influence(
@@ -39,30 +38,29 @@ def find_influence(
     """
     n, p = len(grains.position), len(rows.other)
     twin = np.full(p, -1, dtype=np.int32) if twin is None else twin
-    pair = _room_for(p, (6,), None if room is None else room.pair)
     kind = np.empty(p, dtype=np.uint8)
-    pair_influences(model, grains, rows, pair, kind)
-    imaged, near = (chosen(rows.start, twin, kind, bit) for bit in (IMAGED, NEAR))
-    image = _room_for(len(imaged.entry), (3, 4), None if room is None else room.image)
-    itself, own_image = np.zeros((n, 3, 4)), np.zeros((n, len(walls), 3))
+    pair_kinds(model, grains, rows, kind)
+    imaged, near = (chosen(rows, twin, kind, bit) for bit in (IMAGED, NEAR))
+    image = room_for(len(imaged.entry), (3, 4), None if room is None else room.image)
+    itself, own_image = np.zeros((n, 3, 4)), np.zeros((n, len(walls), 4))
     itself[:, range(3), range(3)] = own
-    image_influences(model, grains, rows, imaged, walls, image, itself, own_image)
-    near_pair = _room_for(len(near.entry), (N_NEAR,), None if room is None else room.near_pair)
+    image_influences(
+        model, grains, rows, imaged, walls, image.reshape(-1, 12), itself.reshape(-1, 12), own_image.reshape(-1, 4)
+    )
+    near_pair = room_for(len(near.once), (N_NEAR, LANES), None if room is None else room.near_pair)
     near_pairs(table, model, grains, rows, near, near_pair)
-    return Influence(pair, itself, *imaged, image, own_image, *near, near_pair)
+    return Influence(itself, *imaged, image, own_image, *near, near_pair)
 
 
-def chosen(start: np.ndarray, twin: np.ndarray, kind: np.ndarray, bit: int) -> Chosen:
+def chosen(rows: Rows, twin: np.ndarray, kind: np.ndarray, bit: int) -> Chosen:
     """Entries whose ``kind`` (p,) holds a bit."""
-    p = len(kind)
-    chosen_start = np.empty(len(start), dtype=np.int64)
+    p, start = len(kind), np.empty(len(rows.start), dtype=np.int64)
     place, entry, twin_there = np.empty(p, np.int32), np.empty(p + 1, np.int32), np.empty(p, np.int32)
-    k = choose(start, twin, kind, bit, place, chosen_start, entry, twin_there)
-    once = np.empty((k + 1, 2), dtype=np.int32)
-    m = take_once(chosen_start, twin_there[:k], once)
-    return Chosen(chosen_start, entry[:k], twin_there[:k], once[:m])
+    once = np.empty((p // LANES + 1, N_PAIR, LANES), dtype=np.int32)
+    k, m = choose(rows, twin, kind, bit, place, start, entry, twin_there, once)
+    return Chosen(start, entry[:k], twin_there[:k], once[: (m + LANES - 1) // LANES], m)
 
 
-def _room_for(count: int, shape: tuple[int, ...], before: np.ndarray | None) -> np.ndarray:
+def room_for(count: int, shape: tuple[int, ...], before: np.ndarray | None) -> np.ndarray:
     """``before`` where it has ``count`` rows, or a new array with an eighth more."""
     return before if before is not None and len(before) >= count else np.empty((count + count // 8, *shape))

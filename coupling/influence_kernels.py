@@ -1,10 +1,10 @@
 """Compiled influence of grains on each other: what places alone decide of field and potential, found once an update.
 
-Field and potential of a moment are linear in it. Of a pair n, c1, c2 and p are kept (`coupling.pair_fields`), six
-numbers from which a sweep of `coupling.moment_kernels` has both; they are the same from either side but for the
-direction. A grain's own images, and those of its neighbours in steel, are blocks (3, 4), see `coupling.image_lanes`.
+Field and potential of a moment are linear in it. Those of a neighbour follow from its distance in every sweep
+(`coupling.row_lanes`). A grain's own images, and those of its neighbours in steel, are blocks (3, 4), see
+`coupling.image_lanes`; of near pairs, what gives their drive is kept.
 
-Many pairs are found side by side (`geometry.lane_functions`).
+Eight pairs are found side by side (`geometry.lanes`).
 """
 
 from __future__ import annotations
@@ -12,127 +12,101 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from coupling.grain_law_table import FARTHEST_GAP, gap_place
-from coupling.image_lanes import find_influences, sees_image
-from coupling.mirror import FACES_NO_WALL
+from coupling.grain_law_table import gap_place
+from coupling.image_lanes import (
+    IMAGED_CHUNK,
+    N_HEIGHTS,
+    N_SEEN,
+    clear_blocks,
+    influences_of_grains,
+    influences_of_pairs,
+    of_grains,
+    of_pairs,
+    over_walls,
+)
+from coupling.kernel_state import ENTRY, FIRST, SECOND, SHIFT, TWIN
 from coupling.pair_fields import OVER_4PI, field_factors
+from coupling.row_lanes import beside, kinds_of_row, turn_of
 from geometry.inner_functions import inner
-from geometry.lane_functions import LANES, fused, lane_room, one_by_one, square_root
+from geometry.lane_functions import square_root
+from geometry.lane_tables import columns, eight_of, put_eight
+from geometry.lanes import LANES, larger, where
 
-NEAR, IMAGED = 1, 2  # bits of an entry's kind
 # columns of a near pair; PER_TRUE: one over the distance, PER_R: where grains that overlap touch
 NX, NY, NZ, PER_R, MUTUAL, MEAN, PLACE, PER_TRUE, N_NEAR = range(9)
-IMAGED_CHUNK = 256  # pairs and grains whose images one thread takes at once
 
 
 @njit(cache=True, error_model="numpy")
-def take_once(start, twin, once):
-    """Fill ``once`` (all + 1, 2) with row and place of every pair that stands at two places, or at one (twin -1)."""
-    m = 0
-    for i in range(start.shape[0] - 1):
-        for k in range(start[i], start[i + 1]):
-            t = np.int64(twin[k])
-            once[m, 0], once[m, 1] = i, k
-            m += 0 if 0 <= t < k else 1
-    return m
+def choose(rows, twin, kind, bit, place, start, entry, chosen_twin, once):
+    """Fill a `coupling.kernel_state.Chosen` with the entries whose kind holds a bit; how many entries and pairs.
 
-
-@njit(cache=True, error_model="numpy")
-def choose(start, twin, kind, bit, place, chosen_start, entry, chosen_twin):
-    """Fill a `coupling.kernel_state.Chosen` with the entries whose kind holds a bit; how many.
-
-    ``entry`` (p + 1,) has room for all, ``place`` (p,) is scratch.
+    Of a pair both entries are taken or none: round-off may part the two. ``entry`` (p + 1,), ``chosen_twin`` (p,) and
+    ``once`` have room for all, ``place`` (p,) is scratch. What the last block has too many repeats the last pair.
     """
-    k = 0
-    for i in range(start.shape[0] - 1):
-        chosen_start[i] = k
-        for q in range(start[i], start[i + 1]):
-            entry[k], place[q] = q, k  # written in any case, kept by counting it
-            t = twin[q]
-            decides = t if 0 <= t < q else q  # round-off may part the two
-            k += 1 if kind[decides] & bit else 0
-    chosen_start[-1] = k
-    for e in range(k):
-        t = twin[entry[e]]
-        chosen_twin[e] = place[t] if t >= 0 else -1
-    return k
-
-
-# fields of a pair in the lanes; the place of j becomes n
-X, Y, Z, RADIUS_J, C1, C2, P, IS_NEAR, PAIR_FIELDS = range(9)
-
-
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def _row_in_lanes(i, model, grains, rows, pair, kind):
-    position, radius, height, reach, smear = grains.position, grains.radius, grains.height, model.reach, model.smear
-    lane = lane_room(PAIR_FIELDS)
-    x, y, z, ri = position[i, 0], position[i, 1], position[i, 2], radius[i]
-    for first in range(rows.start[i], rows.start[i + 1], LANES):
-        count = min(LANES, rows.start[i + 1] - first)
-        for a in range(count):
-            one_by_one()
-            j, shift = rows.other[first + a], rows.shift[first + a]
-            jx, jy = position[j, 0], position[j, 1]
-            if shift != 0:
-                c, s = rows.turn_cos[shift], rows.turn_sin[shift]
-                jx, jy = c * jx - s * jy, s * jx + c * jy
-            lane[a, X], lane[a, Y], lane[a, Z], lane[a, RADIUS_J] = jx, jy, position[j, 2], radius[j]
-        for a in range(LANES):
-            dx, dy, dz, rj = x - lane[a, X], y - lane[a, Y], z - lane[a, Z], lane[a, RADIUS_J]
-            both = ri + rj
-            r2 = fused(dx, dx, fused(dy, dy, dz * dz))
-            r = square_root(r2)
-            per_r = 1.0 / r
-            c1, c2, p = field_factors(max(r, both), reach, smear)
-            if r2 >= reach * reach:
-                per_r = c1 = c2 = p = 0.0
-            lane[a, X], lane[a, Y], lane[a, Z] = dx * per_r, dy * per_r, dz * per_r
-            lane[a, C1], lane[a, C2], lane[a, P] = OVER_4PI * c1, OVER_4PI * c2, OVER_4PI * p
-            # the first: at most (1 + 1.2/2) times the sum of the radii
-            near = (r2 < 2.56 * both * both) & ((r - both) * both < FARTHEST_GAP * 2.0 * ri * rj)
-            lane[a, IS_NEAR] = 1.0 if near & model.near else 0.0
-        for a in range(count):
-            one_by_one()
-            q = first + a
-            pair[q, 0], pair[q, 1], pair[q, 2] = lane[a, X], lane[a, Y], lane[a, Z]
-            pair[q, 3], pair[q, 4], pair[q, 5] = lane[a, C1], lane[a, C2], lane[a, P]
-            kind[q] = NEAR if lane[a, IS_NEAR] > 0.0 else 0
-    for w in range(height.shape[1]):
-        if height[i, w] < FACES_NO_WALL:
-            for q in range(rows.start[i], rows.start[i + 1]):
-                one_by_one()
-                kind[q] |= IMAGED if sees_image(height, i, rows.other[q], w, radius, reach) else 0
+    k = np.uint64(0)
+    for i in range(rows.start.shape[0] - 1):
+        start[i] = first = k
+        for q in range(np.uint64(rows.start[i]), np.uint64(rows.start[i + 1])):
+            entry[k] = q  # written in any case, kept by counting it
+            k += np.uint64(1 if kind[q] & bit else 0)
+        found, k = k, first
+        for o in range(np.int64(first), np.int64(found)):
+            here = np.uint64(entry[o])
+            there = np.uint64(twin[here]) if twin[here] >= 0 else here
+            entry[k], place[here] = here, k
+            k += np.uint64(1 if kind[there] & bit else 0)
+    start[-1] = k
+    m = np.uint64(0)
+    for i in range(rows.start.shape[0] - 1):
+        for o in range(start[i], start[i + 1]):
+            e = np.uint64(o)
+            here = np.uint64(entry[e])
+            t = np.int64(place[np.uint64(twin[here])]) if twin[here] >= 0 else np.int64(-1)
+            chosen_twin[e] = t
+            b, a = m >> np.uint64(3), m & np.uint64(7)
+            once[b, FIRST, a], once[b, SECOND, a], once[b, SHIFT, a] = i, rows.other[here], rows.shift[here]
+            once[b, ENTRY, a], once[b, TWIN, a] = e, t
+            m += np.uint64(0 if 0 <= t < o else 1)
+    pairs = np.int64(m)
+    for g in range(pairs, LANES * ((pairs + LANES - 1) // LANES)):
+        once[g // LANES, :, g % LANES] = once[(pairs - 1) // LANES, :, (pairs - 1) % LANES]
+    return np.int64(k), pairs
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def pair_influences(model, grains, rows, pair, kind):
-    """Numbers (p, 6) of all entries of the rows, 0 beyond reach, and their kinds (p,) uint8.
-
-    See `coupling.kernel_state.Influence`. Both entries of a pair are found, each in its row: that is cheaper than to
-    put the second where it stands, far off in memory.
-    """
-    for i in prange(grains.position.shape[0]):
-        _row_in_lanes(i, model, grains, rows, pair, kind)
+def pair_kinds(model, grains, rows, kind):
+    """Kinds (p,) uint8 of all entries of the rows."""
+    place, over = beside(grains.position, grains.radius), over_walls(grains)
+    for i in prange(place.shape[0]):
+        kinds_of_row(i, place, over[0], model, rows, kind)
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
 def image_influences(model, grains, rows, imaged, walls, image, itself, own_image):
-    """Blocks of images of all entries that see some, and of each grain on itself (added).
+    """Blocks (k, 12) of images of all entries that see some, and (n, 12) of each grain on itself (added).
 
-    ``own_image`` (n, w, 3) [1/m^2] is the part of a grain's own image in its potential, 0 beforehand.
+    ``own_image`` (n w, 4) [1/m^2] is the part of a grain's own image in its potential, 0 beforehand.
     """
-    count = imaged.once.shape[0] + (grains.position.shape[0] if walls.shape[0] else 0)  # and every grain itself
+    place, n, n_walls = beside(grains.position, grains.radius), grains.position.shape[0], walls.shape[0]
+    count, room = imaged.pairs, n_walls * IMAGED_CHUNK + LANES
+    over = over_walls(grains)
     for b in prange((count + IMAGED_CHUNK - 1) // IMAGED_CHUNK):
-        first = b * IMAGED_CHUNK
+        first, seen, heights = b * IMAGED_CHUNK, np.empty((N_SEEN, room), np.int32), np.empty((N_HEIGHTS, room))
         until = min(first + IMAGED_CHUNK, count)
-        find_influences(first, until, model, grains, rows, imaged, walls, image, itself, own_image)
+        clear_blocks(first, until, imaged, image)
+        m = of_pairs(first, until, model.reach, over, imaged, seen, heights)
+        influences_of_pairs(m, model, place, rows, walls, seen, heights, image)
+    for b in prange((n + IMAGED_CHUNK - 1) // IMAGED_CHUNK if n_walls else 0):
+        first, seen, heights = b * IMAGED_CHUNK, np.empty((N_SEEN, room), np.int32), np.empty((N_HEIGHTS, room))
+        m = of_grains(first, min(first + IMAGED_CHUNK, n), model.reach, over, seen, heights)
+        influences_of_grains(m, model, place, rows, walls, seen, heights, itself, own_image)
 
 
 @inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def bend_along(x, y, radial, hoop, axial, mixed, nx, ny, nz):
     """n . grad H . n [A/m^2] at x, y, of the slopes of a field of revolution, see `coupling.mutual_moments`."""
     rho2 = x * x + y * y
-    per_rho = 1.0 / square_root(rho2) if rho2 > 0.0 else 0.0
+    per_rho = where(rho2 > 0.0, 1.0 / square_root(rho2), 0.0)
     n_r, n_phi = (nx * x + ny * y) * per_rho, (ny * x - nx * y) * per_rho
     return radial * n_r * n_r + hoop * n_phi * n_phi + (axial * nz + mixed * n_r) * nz
 
@@ -146,84 +120,51 @@ def slope_along(i, nx, ny, nz, grains):
     )  # fmt: skip
 
 
-# fields of a near pair in the lanes: distance vector, radius of j and of i, sum of the applied fields, and of both
-# grains place across the axis, slopes of the applied field; cosine and sine between their frames; the pair's columns
-RADIUS_I, SUM_H, AT_I, AT_J, TURN, FOUND = 4, 5, 8, 14, 20, 22
-NEAR_FIELDS = 22 + 8
-
-
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def _near_in_lanes(first, table, model, grains, rows, near, near_pair):
-    position, radius, applied, slope = grains.position, grains.radius, grains.applied, grains.slope
-    reach, smear, smallest_gap = model.reach, model.smear, model.smallest_gap
-    lane = lane_room(NEAR_FIELDS)
-    count = min(LANES, near.once.shape[0] - first)
-    for a in range(count):
-        one_by_one()
-        i, q = near.once[first + a, 0], near.entry[near.once[first + a, 1]]
-        j = rows.other[q]
-        c, s = rows.turn_cos[rows.shift[q]], rows.turn_sin[rows.shift[q]]
-        lane[a, X] = position[i, 0] - (c * position[j, 0] - s * position[j, 1])
-        lane[a, Y] = position[i, 1] - (s * position[j, 0] + c * position[j, 1])
-        lane[a, Z] = position[i, 2] - position[j, 2]
-        lane[a, RADIUS_I], lane[a, RADIUS_J] = radius[i], radius[j]
-        lane[a, SUM_H] = applied[i, 0] + (c * applied[j, 0] - s * applied[j, 1])
-        lane[a, SUM_H + 1] = applied[i, 1] + (s * applied[j, 0] + c * applied[j, 1])
-        lane[a, SUM_H + 2] = applied[i, 2] + applied[j, 2]
-        lane[a, TURN], lane[a, TURN + 1] = c, s
-        lane[a, AT_I], lane[a, AT_I + 1] = position[i, 0], position[i, 1]
-        lane[a, AT_J], lane[a, AT_J + 1] = position[j, 0], position[j, 1]
-        for b in range(4):
-            lane[a, AT_I + 2 + b], lane[a, AT_J + 2 + b] = slope[i, b], slope[j, b]
-    for a in range(LANES):
-        dx, dy, dz, ri, rj = lane[a, X], lane[a, Y], lane[a, Z], lane[a, RADIUS_I], lane[a, RADIUS_J]
-        both = ri + rj
-        true_r = square_root(dx * dx + dy * dy + dz * dz)
-        per_true = 1.0 / true_r
-        nx, ny, nz = dx * per_true, dy * per_true, dz * per_true
-        r = max(true_r, both)
-        per_r = 1.0 / r
-        gap = max((true_r - both) * both / (2.0 * ri * rj), smallest_gap)
-        mean = 0.5 * (lane[a, SUM_H] * nx + lane[a, SUM_H + 1] * ny + lane[a, SUM_H + 2] * nz)
-        _, _, p = field_factors(r, reach, smear)
-        if smear:  # the partner's smear, which the applied field holds, is not its drive: Q/(4 pi r^3)
-            p = per_r * per_r
-            # the mean of the cubic, see `coupling.moment_kernels.drive_of_pair`
-            bend = bend_along(
-                lane[a, AT_I], lane[a, AT_I + 1], lane[a, AT_I + 2], lane[a, AT_I + 3], lane[a, AT_I + 4],
-                lane[a, AT_I + 5], nx, ny, nz,
-            )  # fmt: skip
-            c, s = lane[a, TURN], lane[a, TURN + 1]
-            bend -= bend_along(
-                lane[a, AT_J], lane[a, AT_J + 1], lane[a, AT_J + 2], lane[a, AT_J + 3], lane[a, AT_J + 4],
-                lane[a, AT_J + 5], c * nx + s * ny, c * ny - s * nx, nz,
-            )  # fmt: skip
-            mean -= r / 12.0 * bend
-        lane[a, FOUND + NX], lane[a, FOUND + NY], lane[a, FOUND + NZ] = nx, ny, nz
-        lane[a, FOUND + PER_R], lane[a, FOUND + PER_TRUE] = per_r, per_true
-        lane[a, FOUND + MUTUAL], lane[a, FOUND + MEAN] = OVER_4PI * p * per_r, mean
-        lane[a, FOUND + PLACE] = gap_place(table, gap)
-    for a in range(count):
-        one_by_one()
-        k = near.once[first + a, 1]
-        g = near.twin[k]
-        for b in range(N_NEAR):
-            near_pair[k, b] = lane[a, FOUND + b]
-        if g >= 0:
-            nx, ny = lane[a, FOUND + NX], lane[a, FOUND + NY]
-            c, s = lane[a, TURN], lane[a, TURN + 1]
-            for b in range(N_NEAR):
-                near_pair[g, b] = lane[a, FOUND + b]
-            near_pair[g, NX], near_pair[g, NY] = -(c * nx + s * ny), s * nx - c * ny
-            near_pair[g, NZ], near_pair[g, MEAN] = -near_pair[k, NZ], -near_pair[k, MEAN]
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def _near_eight(b, table, model, place, drive, slope, rows, near, near_pair):
+    i, j = eight_of(near.once, b, FIRST), eight_of(near.once, b, SECOND)
+    c, s = turn_of(rows, near.once, b)
+    xi, yi, zi, ri = columns(place, i, 0)
+    xj, yj, zj, rj = columns(place, j, 0)
+    hx, hy, hz, _ = columns(drive, i, 0)
+    gx, gy, gz, _ = columns(drive, j, 0)
+    hx, hy, hz = hx + (c * gx - s * gy), hy + (s * gx + c * gy), hz + gz
+    dx, dy, dz = xi - (c * xj - s * yj), yi - (s * xj + c * yj), zi - zj
+    both = ri + rj
+    true_r = square_root(dx * dx + dy * dy + dz * dz)
+    per_true = 1.0 / true_r
+    nx, ny, nz = dx * per_true, dy * per_true, dz * per_true
+    r = larger(true_r, both)
+    per_r = 1.0 / r
+    gap = larger((true_r - both) * both / (2.0 * ri * rj), model.smallest_gap)
+    mean = 0.5 * (hx * nx + hy * ny + hz * nz)
+    _, _, p = field_factors(r, model.reach, model.smear)
+    if model.smear:  # the partner's smear, which the applied field holds, is not its drive: Q/(4 pi r^3)
+        p = per_r * per_r
+        # the mean of the cubic, see `coupling.moment_kernels.drive_of_pair`
+        radial, hoop, axial, mixed = columns(slope, i, 0)
+        bend = bend_along(xi, yi, radial, hoop, axial, mixed, nx, ny, nz)
+        radial, hoop, axial, mixed = columns(slope, j, 0)
+        bend = bend - bend_along(xj, yj, radial, hoop, axial, mixed, c * nx + s * ny, c * ny - s * nx, nz)
+        mean = mean - r * (1.0 / 12.0) * bend
+    put_eight(near_pair, b, NX, nx)
+    put_eight(near_pair, b, NY, ny)
+    put_eight(near_pair, b, NZ, nz)
+    put_eight(near_pair, b, PER_R, per_r)
+    put_eight(near_pair, b, PER_TRUE, per_true)
+    put_eight(near_pair, b, MUTUAL, OVER_4PI * p * per_r)
+    put_eight(near_pair, b, MEAN, mean)
+    put_eight(near_pair, b, PLACE, gap_place(table, gap))
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
 def near_pairs(table, model, grains, rows, near, near_pair):
-    """Near pairs (k, 8): what gives h_ij,
+    """Near pairs (blocks, 8, 8), eight of `Chosen.once` each: what gives h_ij,
 
     h = ``MEAN`` - (P_i - P_j) ``PER_R`` + (m_i + m_j).n ``MUTUAL``, at the ``PLACE`` of their gap in the table. Seen
     from j both n and h are the opposite.
     """
-    for b in prange((near.once.shape[0] + LANES - 1) // LANES):
-        _near_in_lanes(b * LANES, table, model, grains, rows, near, near_pair)
+    slope = grains.slope
+    place, drive = beside(grains.position, grains.radius), beside(grains.applied, grains.radius)
+    for b in prange(near.once.shape[0]):
+        _near_eight(b, table, model, place, drive, slope, rows, near, near_pair)

@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+FIRST, SECOND, SHIFT, ENTRY, TWIN, N_PAIR = range(6)  # of a pair: its grains, and see `Chosen`
+
 
 class PairModel(NamedTuple):
     """How two grains see each other.
@@ -86,14 +88,18 @@ class Chosen(NamedTuple):
         Those of grain i are start[i] to start[i + 1].
     entry, twin : ndarray of int32, shape (k,)
         Of the rows; and where the pair stands here seen from the other grain (-1: nowhere).
-    once : ndarray of int32, shape (m, 2)
-        Every pair once: its first grain, and where it stands here.
+    once : ndarray of int32, shape (blocks, N_PAIR, 8)
+        Every pair once, eight in a block: both grains, the shift of the second, where it stands here, and its twin;
+        the last pair fills the last block.
+    pairs : int
+        How many.
     """
 
     start: np.ndarray
     entry: np.ndarray
     twin: np.ndarray
     once: np.ndarray
+    pairs: int
 
 
 class Influence(NamedTuple):
@@ -103,31 +109,30 @@ class Influence(NamedTuple):
 
     Attributes
     ----------
-    pair : ndarray, shape (p or more, 6)
-        Of each entry of the rows: n [-], and c1, c2 [1/m^3] and p [1/m^2] of `coupling.pair_fields` over 4 pi.
     itself : ndarray, shape (n, 3, 4)
         A grain's own share and its own images [1/m^3], and their potential [1/m^2].
-    image_start, image_entry, image_twin, image_once : ndarray
+    image_start, image_entry, image_twin, image_once, image_pairs
         Entries that also see their partner's images, see `Chosen`.
     image : ndarray, shape (those or more, 3, 4)
         Those images, as `itself`.
-    own_image : ndarray, shape (n, w, 3)
-        [1/m^2]
-    near_start, near_entry, near_twin, near_once : ndarray
+    own_image : ndarray, shape (n, w, 4)
+        [1/m^2], the last unused.
+    near_start, near_entry, near_twin, near_once, near_pairs
         Near pairs, see `Chosen`.
-    near_pair : ndarray, shape (those or more, 8)
+    near_pair : ndarray, shape (blocks of ``near_once`` or more, 8, 8)
     """
 
-    pair: np.ndarray
     itself: np.ndarray
     image_start: np.ndarray
     image_entry: np.ndarray
     image_twin: np.ndarray
     image_once: np.ndarray
+    image_pairs: int
     image: np.ndarray
     own_image: np.ndarray
     near_start: np.ndarray
     near_entry: np.ndarray
     near_twin: np.ndarray
     near_once: np.ndarray
+    near_pairs: int
     near_pair: np.ndarray

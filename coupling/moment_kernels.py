@@ -11,15 +11,28 @@ import numpy as np
 from numba import njit, prange
 
 from coupling.grain_law_table import excess_moment, field_place, gap_place, mean_force, near_excess, sphere_ratio
-from coupling.image_lanes import find_forces
-from coupling.influence_kernels import IMAGED_CHUNK, NX, NY, NZ, slope_along
+from coupling.image_lanes import (
+    IMAGED_CHUNK,
+    N_HEIGHTS,
+    N_SEEN,
+    clear_forces,
+    find_forces,
+    of_grains,
+    of_pairs,
+    over_walls,
+)
+from coupling.influence_kernels import slope_along
+from coupling.kernel_state import Chosen
 from coupling.mirror import FACES_NO_WALL, height_over, normal_at, pushed
 from coupling.pair_fields import OVER_4PI, field_factors
-from coupling.pair_lanes import MU_0, dipole_force, excesses_in_lanes, near_forces_in_lanes
+from coupling.pair_lanes import MU_0, N_SCRATCH, excess_of_eight, near_forces_of_eight
+from coupling.row_lanes import beside, dipole_force, field_of_row
 from geometry.inner_functions import inner
-from geometry.lane_functions import LANES, square_root
+from geometry.lane_functions import square_root
+from geometry.lanes import LANES
 
 CONTRAST_POWER = 1.2
+BLOCKS = 32  # of near pairs that one thread takes at once
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
@@ -31,35 +44,24 @@ def wall_heights(position, walls, reach, height):
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def gather_fields(grains, rows, known, field, potential, own_image):
+def gather_fields(model, grains, rows, known, field, potential, own_image):
     """Stage 1: field S (n, 3) [A/m] = applied + own share + that of all others within reach, potential P (n,) [A].
 
     Images in the walls included; ``own_image`` (n, w) [A]: the part of the potential that a grain's own image makes.
     """
     moment, applied = grains.moment, grains.applied
-    start, other, shift, turn_cos, turn_sin = rows
-    pair, itself, image, image_start, image_entry = (
-        known.pair, known.itself, known.image, known.image_start, known.image_entry,
+    itself, image, image_start, image_entry, other = (
+        known.itself, known.image, known.image_start, known.image_entry, rows.other,
     )  # fmt: skip
+    place, source = beside(grains.position, grains.radius), beside(moment, grains.potential)
     for i in prange(moment.shape[0]):
         mx, my, mz = moment[i, 0], moment[i, 1], moment[i, 2]
         sx = applied[i, 0] + itself[i, 0, 0] * mx + itself[i, 1, 0] * my + itself[i, 2, 0] * mz
         sy = applied[i, 1] + itself[i, 0, 1] * mx + itself[i, 1, 1] * my + itself[i, 2, 1] * mz
         sz = applied[i, 2] + itself[i, 0, 2] * mx + itself[i, 1, 2] * my + itself[i, 2, 2] * mz
         total = itself[i, 0, 3] * mx + itself[i, 1, 3] * my + itself[i, 2, 3] * mz
-        for q in range(start[i], start[i + 1]):
-            j = np.int64(other[q])
-            ax, ay, az = moment[j, 0], moment[j, 1], moment[j, 2]
-            if shift[q] != 0:
-                c, s = turn_cos[shift[q]], turn_sin[shift[q]]
-                ax, ay = c * ax - s * ay, s * ax + c * ay
-            nx, ny, nz, c2 = pair[q, 0], pair[q, 1], pair[q, 2], pair[q, 4]
-            along = nx * ax + ny * ay + nz * az
-            total += pair[q, 5] * along
-            along *= pair[q, 3]
-            sx += along * nx - c2 * ax
-            sy += along * ny - c2 * ay
-            sz += along * nz - c2 * az
+        qx, qy, qz, u = field_of_row(i, place, source, model, rows)
+        sx, sy, sz, total = sx + qx, sy + qy, sz + qz, total + u
         for b in range(image_start[i], image_start[i + 1]):
             j = np.int64(other[image_entry[b]])
             ax, ay, az = moment[j, 0], moment[j, 1], moment[j, 2]
@@ -116,31 +118,29 @@ def drive_at_wall(i, w, nx, ny, nz, h, walls, model, grains):
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def magnetise(table, model, grains, rows, walls, known, damping, share, contrast, new, missed, size):
+def magnetise(table, model, grains, rows, walls, known, damping, share, contrast, new, squares, drawn):
     """Stage 2: moments ``new`` (n, 3) [A m^2] after a damped step towards the law in ``field`` and ``potential``.
 
     Near pairs are those of `near_pairs` (with ``near``).
     ``share`` (n,) [-]: the part of the plain sum of its pairs' excesses that a grain takes; ``contrast`` (n,) [-]: what
-    saturation leaves of its answer across (`coupling.grain_law_table`). ``missed``, ``size`` (n,):
-    squares of the undamped step and of the magnetisation [A^2/m^2].
+    saturation leaves of its answer across (`coupling.grain_law_table`). ``squares`` (n, 2): of the
+    undamped step and of the magnetisation [A^2/m^2]. ``drawn`` (k, 4) is scratch, with room for all near entries.
     """
     position, radius, volume, moment = grains.position, grains.radius, grains.volume, grains.moment
     field, height = grains.field, grains.height
-    near_start, near_pair, near, smallest_gap = known.near_start, known.near_pair, model.near, model.smallest_gap
-    once = known.near_once
-    excess = np.empty(known.near_entry.shape[0])  # along n [A/m]
-    for b in prange((once.shape[0] + LANES - 1) // LANES):
-        excesses_in_lanes(b * LANES, table, grains, rows, known, excess)
+    near_start, near, smallest_gap = known.near_start, model.near, model.smallest_gap
+    source = beside(moment, grains.potential)
+    for b in prange(known.near_once.shape[0]):
+        excess_of_eight(b, table, source, rows, known, drawn)
     for i in prange(position.shape[0]):
         strength = square_root(field[i, 0] ** 2 + field[i, 1] ** 2 + field[i, 2] ** 2)
         ratio, steepness = sphere_ratio(table, strength)
         contrast[i] = max(ratio * steepness / 9.0, 0.0) ** CONTRAST_POWER  # the slope's rounding may be negative
-        vx = vy = vz = squares = sum_v = 0.0
+        vx = vy = vz = square = sum_v = 0.0
         if near:
             for k in range(near_start[i], near_start[i + 1]):
-                nx, ny, nz, v = near_pair[k, NX], near_pair[k, NY], near_pair[k, NZ], excess[k]
-                vx, vy, vz = vx + v * nx, vy + v * ny, vz + v * nz
-                squares += v * v
+                vx, vy, vz, v = vx + drawn[k, 0], vy + drawn[k, 1], vz + drawn[k, 2], drawn[k, 3]
+                square += v * v
                 sum_v += abs(v)
             for w in range(walls.shape[0]):
                 if height[i, w] >= FACES_NO_WALL or abs(height[i, w]) >= 1.6 * radius[i]:
@@ -151,9 +151,9 @@ def magnetise(table, model, grains, rows, walls, known, damping, share, contrast
                 h = drive_at_wall(i, w, nx, ny, nz, at, walls, model, grains)
                 v = walls[w, 5] * excess_moment(table, gap, h)
                 vx, vy, vz = vx + v * nx, vy + v * ny, vz + v * nz
-                squares += v * v
+                square += v * v
                 sum_v += abs(v)
-        part = square_root(squares) / sum_v if sum_v > 0.0 else 0.0
+        part = square_root(square) / sum_v if sum_v > 0.0 else 0.0
         mx = ratio * field[i, 0] + part * vx
         my = ratio * field[i, 1] + part * vy
         mz = ratio * field[i, 2] + part * vz
@@ -163,8 +163,8 @@ def magnetise(table, model, grains, rows, walls, known, damping, share, contrast
             mx, my, mz, part = cut * mx, cut * my, cut * mz, cut * part
         V = volume[i]
         ox, oy, oz = moment[i, 0] / V, moment[i, 1] / V, moment[i, 2] / V
-        missed[i] = (mx - ox) ** 2 + (my - oy) ** 2 + (mz - oz) ** 2
-        size[i] = mx * mx + my * my + mz * mz
+        squares[i, 0] = (mx - ox) ** 2 + (my - oy) ** 2 + (mz - oz) ** 2
+        squares[i, 1] = mx * mx + my * my + mz * mz
         new[i, 0] = V * (ox + damping * (mx - ox))
         new[i, 1] = V * (oy + damping * (my - oy))
         new[i, 2] = V * (oz + damping * (mz - oz))
@@ -172,36 +172,46 @@ def magnetise(table, model, grains, rows, walls, known, damping, share, contrast
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def contact_forces(table, model, grains, rows, walls, known, attraction, velocity, ahead, force, torque, wall_torque):
+def contact_forces(table, model, grains, rows, walls, known, attraction, velocity, ahead, force, torque, drawn):
     """Forces (n, 3) [N], added: of the dipoles, of the near excess (if ``attraction``) and of its torque.
 
     With ``ahead`` > 0 [s] the near excess is its mean over that time at the present ``velocity`` (n, 3) [m/s]: a step
     of rigid grains is longer than its range. Images in the walls (w, 6) included. For the balance, z-components [N m]:
-    ``torque`` (n,) of the field on each grain that its neighbours make, ``wall_torque`` (n,) of the forces of images
-    and walls about the axis.
+    ``torque`` (n, 2) of the field on each grain that its neighbours make, and of the forces of images and walls about
+    the axis. ``drawn`` (k, 4) is scratch, with room for all near entries and all that see images.
     """
     position, radius, volume = grains.position, grains.radius, grains.volume
     field, share, height = grains.field, grains.share, grains.height
     near, smallest_gap = model.near, model.smallest_gap
     near_start, image_start = known.near_start, known.image_start
-    excess = np.empty((known.near_entry.shape[0], 4))  # of near pairs: force [N], torque of the field about z [N m]
-    for b in prange((known.near_once.shape[0] + LANES - 1) // LANES):
-        near_forces_in_lanes(b * LANES, table, model, grains, rows, known, attraction, velocity, ahead, excess)
-    n = position.shape[0]
-    image, own_image = np.zeros((known.image_entry.shape[0], 3)), np.zeros((n, 3))
-    count = known.image_once.shape[0] + n if walls.shape[0] else 0  # and of every grain itself
+    n, n_near = position.shape[0], known.near_entry.shape[0]
+    place, source = beside(position, radius), beside(grains.moment, grains.potential)
+    tables = source, beside(field, grains.contrast), beside(velocity, volume * share), place
+    for b in prange((known.near_once.shape[0] + BLOCKS - 1) // BLOCKS):
+        scratch = np.empty((N_SCRATCH, LANES))
+        for k in range(b * BLOCKS, min((b + 1) * BLOCKS, known.near_once.shape[0])):
+            near_forces_of_eight(k, table, model, tables, rows, known, attraction, ahead, scratch, drawn)
+    image, own_image = drawn[n_near:], np.zeros((n, 4))
+    imaged = Chosen(known.image_start, known.image_entry, known.image_twin, known.image_once, known.image_pairs)
+    count, room = known.image_pairs, walls.shape[0] * IMAGED_CHUNK + LANES
+    over = over_walls(grains)
     for b in prange((count + IMAGED_CHUNK - 1) // IMAGED_CHUNK):
-        first = b * IMAGED_CHUNK
-        until = min(first + IMAGED_CHUNK, count)
-        find_forces(first, until, model, grains, rows, known, walls, image, own_image)
+        first, seen, heights = b * IMAGED_CHUNK, np.empty((N_SEEN, room), np.int32), np.empty((N_HEIGHTS, room))
+        clear_forces(first, min(first + IMAGED_CHUNK, count), imaged, image)
+        m = of_pairs(first, min(first + IMAGED_CHUNK, count), model.reach, over, imaged, seen, heights)
+        find_forces(m, model, place, source, rows, walls, seen, heights, image)
+    for b in prange((n + IMAGED_CHUNK - 1) // IMAGED_CHUNK if walls.shape[0] else 0):
+        first, seen, heights = b * IMAGED_CHUNK, np.empty((N_SEEN, room), np.int32), np.empty((N_HEIGHTS, room))
+        m = of_grains(first, min(first + IMAGED_CHUNK, n), model.reach, over, seen, heights)
+        find_forces(m, model, place, source, rows, walls, seen, heights, own_image)
     for i in prange(position.shape[0]):
-        fx, fy, fz, tz = dipole_force(i, model, grains, rows)
+        fx, fy, fz, tz = dipole_force(i, place, source, model, rows)
         for k in range(near_start[i], near_start[i + 1]):
-            fx, fy, fz, tz = fx + excess[k, 0], fy + excess[k, 1], fz + excess[k, 2], tz + excess[k, 3]
+            fx, fy, fz, tz = fx + drawn[k, 0], fy + drawn[k, 1], fz + drawn[k, 2], tz + drawn[k, 3]
         force[i, 0] += fx
         force[i, 1] += fy
         force[i, 2] += fz
-        torque[i] = tz
+        torque[i, 0] = tz
         fx, fy, fz = own_image[i, 0], own_image[i, 1], own_image[i, 2]
         for b in range(image_start[i], image_start[i + 1]):
             fx, fy, fz = fx + image[b, 0], fy + image[b, 1], fz + image[b, 2]
@@ -218,10 +228,10 @@ def contact_forces(table, model, grains, rows, walls, known, attraction, velocit
                 if ahead > 0.0:
                     opening = velocity[i, 0] * nx + velocity[i, 1] * ny + velocity[i, 2] * nz
                     end = max(gap + (2.0 if hi > 0.0 else -2.0) * ahead * opening / radius[i], smallest_gap)
-                place = field_place(table, h)
-                pull, v, _ = near_excess(table, gap_place(table, gap), place, h)
+                at = field_place(table, h)
+                pull, v, _ = near_excess(table, gap_place(table, gap), at, h)
                 if end != gap:
-                    pull = mean_force(table, gap, end, place, h)
+                    pull = mean_force(table, gap, end, at, h)
                 if attraction:
                     pull *= MU_0 * walls[w, 5]
                     pull *= radius[i] ** 2 if hi > 0.0 else -(radius[i] ** 2)
@@ -234,4 +244,4 @@ def contact_forces(table, model, grains, rows, walls, known, attraction, velocit
         force[i, 0] += fx
         force[i, 1] += fy
         force[i, 2] += fz
-        wall_torque[i] = xi * fy - yi * fx
+        torque[i, 1] = xi * fy - yi * fx

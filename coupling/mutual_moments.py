@@ -34,7 +34,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from coupling.grain_law_table import GrainLawTable
-from coupling.influence import find_influence
+from coupling.influence import find_influence, room_for
 from coupling.kernel_state import Influence, MagneticGrains, PairModel
 from coupling.moment_kernels import contact_forces, gather_fields, magnetise, wall_heights
 from coupling.neighbour_rows import NeighbourRows
@@ -131,6 +131,7 @@ class MutualMoments:
         self.model = PairModel(self.reach, self.smear, self.near, self.smallest_gap)
         self._own = smeared_at_itself(reach, smear)
         self._room: Influence | None = None
+        self._drawn: np.ndarray | None = None
 
     def solve(
         self,
@@ -174,7 +175,7 @@ class MutualMoments:
         field, potential, share, contrast = np.zeros((n, 3)), np.zeros(n), np.zeros(n), np.zeros(n)
         height, own_image = np.empty((n, len(self.walls))), np.zeros((n, len(self.walls)))
         wall_heights(position, self.walls, self.reach, height)
-        new, missed, size = np.empty((n, 3)), np.zeros(n), np.zeros(n)
+        new, squares = np.empty((n, 3)), np.zeros((n, 2))
         slope = np.zeros((n, 4)) if gradient is None else field_slope(position, gradient)
         result = Magnetisation(moment, applied, slope, field, potential, height, own_image, share, contrast, 0.0)
         if n == 0 or not applied.any():  # without a field soft grains have no moment
@@ -191,15 +192,17 @@ class MutualMoments:
             self.table, self.model, grains, near_by, self.walls, own=self._own, room=self._room, twin=rows.twin
         )  # fmt: skip
         self._room = result.known = known
+        self._drawn = drawn = room_for(len(known.near_entry) + len(known.image_entry), (4,), self._drawn)
         damping = 1.0 if start is None else FIRST_DAMPING
         before, last = np.inf, None
         for sweep in range(1, most_sweeps + 1):
-            gather_fields(grains, near_by, known, field, potential, own_image)
+            gather_fields(self.model, grains, near_by, known, field, potential, own_image)
             magnetise(
-                self.table, self.model, grains, near_by, self.walls, known, damping, share, contrast, new, missed, size
-            )
-            total = float(size.sum())
-            residual = float(np.sqrt(missed.sum() / total)) if total > 0.0 else 0.0
+                self.table, self.model, grains, near_by, self.walls, known, damping, share, contrast, new, squares,
+                drawn,
+            )  # fmt: skip
+            step, total = (float(x) for x in squares.sum(axis=0))
+            residual = float(np.sqrt(step / total)) if total > 0.0 else 0.0
             result.residual, result.sweeps = residual, sweep
             if not np.isfinite(residual):
                 raise FloatingPointError("the moments of the grains are not finite: check field and positions")
@@ -210,7 +213,6 @@ class MutualMoments:
             last = moment, asked
             moment = result.moment = mixed
             grains = grains._replace(moment=moment)
-            step = float(missed.sum())
             if sweep > 1 and step > 0.96 * before:
                 damping, last = max(0.7 * damping, LEAST_DAMPING), None
             elif sweep == 1 and start is None:
@@ -241,7 +243,7 @@ class MutualMoments:
         `ahead` > 0 [s] it is its mean over that time at the present `velocity` (n, 3) [m/s].
         """
         n = len(position)
-        force, torque, wall_torque = np.zeros((n, 3)), np.zeros(n), np.zeros(n)
+        force, torque = np.zeros((n, 3)), np.zeros((n, 2))
         if found.known is None:
             return force, 0.0, 0.0
         moving = np.zeros((n, 3)) if velocity is None else velocity
@@ -249,11 +251,13 @@ class MutualMoments:
             position, radius, 4.0 / 3.0 * np.pi * radius**3, found.moment, found.applied, found.slope, found.field,
             found.potential, found.share, found.contrast, found.height, found.own_image,
         )  # fmt: skip
+        many = len(found.known.near_entry) + len(found.known.image_entry)
+        self._drawn = drawn = room_for(many, (4,), self._drawn)
         contact_forces(
             self.table, self.model, grains, rows.arrays, self.walls, found.known, attraction, moving, float(ahead),
-            force, torque, wall_torque,
+            force, torque, drawn,
         )  # fmt: skip
-        return force, -float(torque.sum()), float(wall_torque.sum())
+        return force, -float(torque[:, 0].sum()), float(torque[:, 1].sum())
 
 
 def secant_mixed(
@@ -282,11 +286,14 @@ def field_slope(position: np.ndarray, gradient: np.ndarray) -> np.ndarray:
 
     In each grain's own half plane: a turn about the axis leaves them.
     """
-    rho = np.hypot(position[:, 0], position[:, 1])
-    along = np.divide(position[:, :2], rho[:, None], out=np.zeros((len(rho), 2)), where=rho[:, None] > 0.0)
-    e_r = np.column_stack((along, np.zeros(len(rho))))
-    e_phi = np.column_stack((-along[:, 1], along[:, 0], np.zeros(len(rho))))
-    radial = np.einsum("na,nab,nb->n", e_r, gradient, e_r)
-    hoop = np.einsum("na,nab,nb->n", e_phi, gradient, e_phi)
-    mixed = ((gradient[:, 2, :] + gradient[:, :, 2]) * e_r).sum(axis=1)
-    return np.column_stack((radial, hoop, gradient[:, 2, 2], mixed))
+    x, y = position[:, 0], position[:, 1]
+    rho = np.hypot(x, y)
+    per_rho = np.divide(1.0, rho, out=np.zeros(len(rho)), where=rho > 0.0)
+    c, s = x * per_rho, y * per_rho
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = (gradient[:, a].T for a in range(3))
+    slope = np.empty((len(rho), 4))
+    slope[:, 0] = c * c * xx + c * s * (xy + yx) + s * s * yy
+    slope[:, 1] = s * s * xx - c * s * (xy + yx) + c * c * yy
+    slope[:, 2] = zz
+    slope[:, 3] = (zx + xz) * c + (zy + yz) * s
+    return slope

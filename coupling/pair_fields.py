@@ -11,6 +11,8 @@ With n the unit vector from b to a and r their distance, the field of b's moment
 
 The force is the gradient of U at fixed moments, so the third law is exact and angular momentum closes with the torque
 m x H. Both derivatives follow from Q' = 4 pi r^2 K: c2' = -(4 pi K + 3 c2)/r and c1' = 3 c2' + 4 pi K'.
+
+Distances and moments may be numbers, or lanes of eight (`geometry.lanes`).
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from __future__ import annotations
 import numpy as np
 
 from geometry.inner_functions import inner
+from geometry.lanes import larger
 
 MU_0_OVER_4PI = 1e-7
 OVER_4PI = 1.0 / (4.0 * np.pi)
@@ -27,6 +30,14 @@ SWITCH = 0.9  # of the reach: where a whole dipole begins to end
 def smeared_at_itself(reach: float, smear: bool) -> float:
     """K(0)/3 = 35/(32 pi a^3) [1/m^3]: what a smeared grain takes from its own moment out of the mean field; or 0."""
     return 35.0 / (32.0 * np.pi * reach**3) if smear else 0.0
+
+
+@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
+def _switched(r, reach):
+    """The switch s(r) and ds/dr [1/m]."""
+    width = (1.0 - SWITCH) * reach
+    t = larger((r - SWITCH * reach) * (1.0 / width), 0.0)
+    return 1.0 - t * t * (3.0 - 2.0 * t), -6.0 * t * (1.0 - t) * (1.0 / width)
 
 
 @inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
@@ -42,10 +53,7 @@ def field_factors(r, reach, smear):
         outside = 1.0 - 0.125 * x * x2 * (35.0 - x2 * (42.0 - 15.0 * x2))
         c2 = outside * per_r2 * per_r
         return 3.0 * c2 + kernel, c2, outside * per_r2
-    switch = 1.0
-    if r > SWITCH * reach:
-        t = (r - SWITCH * reach) / ((1.0 - SWITCH) * reach)
-        switch = 1.0 - t * t * (3.0 - 2.0 * t)
+    switch, _ = _switched(r, reach)
     c2 = switch * per_r2 * per_r
     return 3.0 * c2, c2, switch * per_r2
 
@@ -62,11 +70,7 @@ def field_slopes(r, reach, smear):
         slope = -(scale * left * left + 3.0 * c2) * per_r
         return 3.0 * slope - 4.0 * scale * left * x * (1.0 / reach), slope
     w = per_r * per_r * per_r
-    switch, fall = 1.0, 0.0
-    if r > SWITCH * reach:
-        t = (r - SWITCH * reach) / ((1.0 - SWITCH) * reach)
-        switch = 1.0 - t * t * (3.0 - 2.0 * t)
-        fall = -6.0 * t * (1.0 - t) / ((1.0 - SWITCH) * reach)
+    switch, fall = _switched(r, reach)
     slope = w * (fall - 3.0 * switch * per_r)
     return 3.0 * slope, slope
 

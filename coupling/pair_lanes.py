@@ -1,201 +1,122 @@
-"""Near pairs and dipoles, many side by side: the excess of near pairs over dipoles, and the forces of both.
+"""Near pairs, eight side by side: their excess over dipoles, and its forces.
 
-Inner functions of `coupling.moment_kernels`. A near pair is found once, for both grains; dipoles are found from each
-grain's own row, which costs less than to put the reaction where the partner's row lies.
+Inner functions of `coupling.moment_kernels`. A near pair is found once, for both grains, and put where it stands in
+the rows of both (``drawn``): no two write to the same place.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from coupling.grain_law_table import field_place, mean_force, moment_at, near_excess
-from coupling.influence_kernels import MEAN, MUTUAL, N_NEAR, NX, NY, NZ, PER_R, PER_TRUE, PLACE
-from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, pair_force
+from coupling.grain_law_table import eight_places, field_place, mean_force, read_across, read_eight
+from coupling.influence_kernels import MEAN, MUTUAL, NX, NY, NZ, PER_R, PER_TRUE, PLACE
+from coupling.kernel_state import ENTRY, FIRST, SECOND, TWIN
+from coupling.pair_fields import OVER_4PI
+from coupling.row_lanes import either, turn_of
 from geometry.inner_functions import inner
-from geometry.lane_functions import LANES, lane_room, one_by_one, square_root
+from geometry.lane_functions import square_root
+from geometry.lane_tables import columns, eight_of, put_columns, put_eight
+from geometry.lanes import LANES, larger, where
 
 MU_0 = 4e-7 * np.pi
+# numbers that are needed one by one, for the mean over a step: drive, gap, its end, pull
+DRIVE, GAP, END, PULL, N_SCRATCH = range(5)
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def turned(vector, j, c, s):
-    """Vector of grain j, turned about z."""
-    x, y = vector[j, 0], vector[j, 1]
-    return c * x - s * y, s * x + c * y, vector[j, 2]
+def _drive(b, source, rows, known):
+    """Of block b: h_ij, cosine and sine of the turn from j to i, n, and the sum of the moments.
 
-
-# fields of a near pair in the lanes: its columns in `near_pairs`; then what drives it (drop of the potential, sum of
-# the moments), the field along n and its place in the table
-DROP, SUM_M, DRIVE, FIELD_PLACE, DRIVE_FIELDS = 8, 9, 12, 13, 14
-# what else its force needs: both fields and radii, product of the contrasts, V share of both, speed of opening, pull
-# and excess moment in the table's units, weakening across; and what comes out
-FIELD_I, FIELD_J, RADIUS_I, RADIUS_J, CONTRAST, TAKEN_I, TAKEN_J, OPENING, PULL, EXCESS, ACROSS = (
-    14, 17, 20, 21, 22, 23, 24, 25, 26, 27, 28
-)  # fmt: skip
-FORCE, TURNING, NEAR_FIELDS = 29, 32, 33
-
-
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def gather_drive(lane, a, number, grains, rows, known):
-    """Lay the near pair of this number into lane ``a``; returns i, j, and cosine and sine of the turn from j to i."""
-    moment, potential = grains.moment, grains.potential
-    i, k = known.near_once[number, 0], known.near_once[number, 1]
-    q = known.near_entry[k]
-    j, c, s = rows.other[q], rows.turn_cos[rows.shift[q]], rows.turn_sin[rows.shift[q]]
-    for b in range(N_NEAR):
-        lane[a, b] = known.near_pair[k, b]
-    bx, by, bz = turned(moment, j, c, s)
-    lane[a, SUM_M], lane[a, SUM_M + 1], lane[a, SUM_M + 2] = moment[i, 0] + bx, moment[i, 1] + by, moment[i, 2] + bz
-    lane[a, DROP] = potential[i] - potential[j]
-    return i, j, c, s
-
-
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def find_drive(lane, a, table):
-    """h_ij of the pair in lane ``a``, and its place."""
-    along = lane[a, SUM_M] * lane[a, NX] + lane[a, SUM_M + 1] * lane[a, NY] + lane[a, SUM_M + 2] * lane[a, NZ]
-    h = lane[a, MEAN] - lane[a, DROP] * lane[a, PER_R] + along * lane[a, MUTUAL]
-    lane[a, DRIVE], lane[a, FIELD_PLACE] = h, field_place(table, h)
-
-
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def excesses_in_lanes(first, table, grains, rows, known, excess):
-    """Excess (k,) [A/m] of near pairs."""
-    lane = lane_room(DRIVE_FIELDS)
-    count = min(LANES, known.near_once.shape[0] - first)
-    for a in range(count):
-        one_by_one()
-        gather_drive(lane, a, first + a, grains, rows, known)
-    for a in range(LANES):
-        find_drive(lane, a, table)
-    for a in range(count):
-        one_by_one()
-        k = known.near_once[first + a, 1]
-        v = moment_at(table, lane[a, PLACE], lane[a, FIELD_PLACE], lane[a, DRIVE])
-        excess[k] = v
-        if known.near_twin[k] >= 0:
-            excess[known.near_twin[k]] = -v
-
-
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def near_forces_in_lanes(first, table, model, grains, rows, known, attraction, velocity, ahead, excess):
-    """Forces [N] and torque of the field about z [N m] (k, 4) of near pairs, see `contact_forces`."""
-    radius, volume, share, contrast = grains.radius, grains.volume, grains.share, grains.contrast
-    field, lane = grains.field, lane_room(NEAR_FIELDS)
-    count = min(LANES, known.near_once.shape[0] - first)
-    for a in range(count):
-        one_by_one()
-        i, j, c, s = gather_drive(lane, a, first + a, grains, rows, known)
-        lane[a, FIELD_I], lane[a, FIELD_I + 1], lane[a, FIELD_I + 2] = field[i, 0], field[i, 1], field[i, 2]
-        lane[a, FIELD_J], lane[a, FIELD_J + 1], lane[a, FIELD_J + 2] = turned(field, j, c, s)
-        lane[a, RADIUS_I], lane[a, RADIUS_J], lane[a, CONTRAST] = radius[i], radius[j], contrast[i] * contrast[j]
-        lane[a, TAKEN_I], lane[a, TAKEN_J] = volume[i] * share[i], volume[j] * share[j]
-        if ahead > 0.0:
-            ux, uy, uz = turned(velocity, j, c, s)
-            lane[a, OPENING] = (velocity[i, 0] - ux) * lane[a, NX] + (velocity[i, 1] - uy) * lane[a, NY]
-            lane[a, OPENING] += (velocity[i, 2] - uz) * lane[a, NZ]
-    for a in range(LANES):
-        find_drive(lane, a, table)
-    for a in range(count):
-        one_by_one()
-        h, place = lane[a, DRIVE], lane[a, FIELD_PLACE]
-        pull, v, across = near_excess(table, lane[a, PLACE], place, h)
-        if ahead > 0.0:
-            both = lane[a, RADIUS_I] + lane[a, RADIUS_J]
-            per_a = 0.5 * both / (lane[a, RADIUS_I] * lane[a, RADIUS_J])
-            gap = max((1.0 / lane[a, PER_TRUE] - both) * per_a, model.smallest_gap)
-            end = max(gap + ahead * lane[a, OPENING] * per_a, model.smallest_gap)
-            if end != gap:
-                pull = mean_force(table, gap, end, place, h)
-        lane[a, PULL], lane[a, EXCESS], lane[a, ACROSS] = pull, v, across
-    for a in range(LANES):
-        nx, ny, nz, per_r, per_true = lane[a, NX], lane[a, NY], lane[a, NZ], lane[a, PER_R], lane[a, PER_TRUE]
-        ix, iy, iz = lane[a, FIELD_I], lane[a, FIELD_I + 1], lane[a, FIELD_I + 2]
-        ex, ey, ez = lane[a, FIELD_J], lane[a, FIELD_J + 1], lane[a, FIELD_J + 2]
-        pull = 0.0
-        if attraction:
-            # across: the mean of both fields, less what each makes at the other; at itself each makes nothing
-            w3 = OVER_4PI * per_r * per_r * per_r
-            hx, hy = 0.5 * (ix + ex + w3 * lane[a, SUM_M]), 0.5 * (iy + ey + w3 * lane[a, SUM_M + 1])
-            hz = 0.5 * (iz + ez + w3 * lane[a, SUM_M + 2])
-            along = hx * nx + hy * ny + hz * nz
-            h_t2 = hx * hx + hy * hy + hz * hz - along * along
-            size = 2.0 * lane[a, RADIUS_I] * lane[a, RADIUS_J] / (lane[a, RADIUS_I] + lane[a, RADIUS_J])
-            pull = MU_0 * size * size * (lane[a, PULL] + square_root(lane[a, CONTRAST]) * h_t2 * lane[a, ACROSS])
-        # the near moments lie along n: the field's torque on them acts as opposite forces T/r on the pair
-        u, w = MU_0 * lane[a, EXCESS] * lane[a, TAKEN_I], MU_0 * lane[a, EXCESS] * lane[a, TAKEN_J]
-        ex, ey, ez = u * ix + w * ex, u * iy + w * ey, u * iz + w * ez
-        along = ex * nx + ey * ny + ez * nz
-        ex, ey, ez = ex - along * nx, ey - along * ny, ez - along * nz
-        lane[a, FORCE], lane[a, FORCE + 1] = ex * per_true - pull * nx, ey * per_true - pull * ny
-        lane[a, FORCE + 2] = ez * per_true - pull * nz
-        lane[a, TURNING] = -0.5 * (nx * ey - ny * ex)
-    for a in range(count):
-        one_by_one()
-        k = known.near_once[first + a, 1]
-        g, q = known.near_twin[k], known.near_entry[k]
-        fx, fy, fz = lane[a, FORCE], lane[a, FORCE + 1], lane[a, FORCE + 2]
-        excess[k, 0], excess[k, 1], excess[k, 2], excess[k, 3] = fx, fy, fz, lane[a, TURNING]
-        if g >= 0:
-            c, s = rows.turn_cos[rows.shift[q]], rows.turn_sin[rows.shift[q]]
-            excess[g, 0], excess[g, 1], excess[g, 2] = -(c * fx + s * fy), s * fx - c * fy, -fz
-            excess[g, 3] = lane[a, TURNING]
-
-
-# fields of a pair of dipoles in the lanes: place, radius and moment of j; force and torque
-PLACE_J, OF_J, MOMENT_J, DIPOLE_FORCE, DIPOLE_FIELDS = 0, 3, 4, 7, 11
-
-
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
-def dipole_force(i, model, grains, rows):
-    """Force (3) [N] of the neighbours' dipoles on grain i, and the torque of their field about z [N m].
-
-    Many neighbours at once, added in their order.
+    ``source`` (n, 4): moments [A m^2] and potentials [A].
     """
-    position, moment, radius, reach, smear = grains.position, grains.moment, grains.radius, model.reach, model.smear
-    lane = lane_room(DIPOLE_FIELDS)
-    x, y, z, ri = position[i, 0], position[i, 1], position[i, 2], radius[i]
-    ax, ay, az = moment[i, 0], moment[i, 1], moment[i, 2]
-    total_x = total_y = total_z = total_t = 0.0
-    for first in range(rows.start[i], rows.start[i + 1], LANES):
-        count = min(LANES, rows.start[i + 1] - first)
-        for a in range(count):
-            one_by_one()
-            j, shift = rows.other[first + a], rows.shift[first + a]
-            jx, jy, bx, by = position[j, 0], position[j, 1], moment[j, 0], moment[j, 1]
-            if shift != 0:
-                c, s = rows.turn_cos[shift], rows.turn_sin[shift]
-                jx, jy, bx, by = c * jx - s * jy, s * jx + c * jy, c * bx - s * by, s * bx + c * by
-            lane[a, PLACE_J], lane[a, PLACE_J + 1], lane[a, PLACE_J + 2], lane[a, OF_J] = (
-                jx,
-                jy,
-                position[j, 2],
-                radius[j],
-            )
-            lane[a, MOMENT_J], lane[a, MOMENT_J + 1], lane[a, MOMENT_J + 2] = bx, by, moment[j, 2]
-        for a in range(LANES):
-            dx, dy, dz = x - lane[a, PLACE_J], y - lane[a, PLACE_J + 1], z - lane[a, PLACE_J + 2]
-            bx, by, bz = lane[a, MOMENT_J], lane[a, MOMENT_J + 1], lane[a, MOMENT_J + 2]
-            r2 = dx * dx + dy * dy + dz * dz
-            true_r = square_root(r2)
-            per_r = 1.0 / true_r
-            nx, ny, nz = dx * per_r, dy * per_r, dz * per_r
-            r = max(true_r, ri + lane[a, OF_J])
-            fx, fy, fz = pair_force(ax, ay, az, bx, by, bz, nx, ny, nz, r, reach, smear)
-            # grains that overlap: dipoles at touching, and their torque at the true distance
-            lever = r * per_r if true_r < r else 1.0
-            along = (1.0 - lever) * (fx * nx + fy * ny + fz * nz)
-            within = MU_0_OVER_4PI if r2 < reach * reach else 0.0
-            lane[a, DIPOLE_FORCE] = within * (along * nx + lever * fx)
-            lane[a, DIPOLE_FORCE + 1] = within * (along * ny + lever * fy)
-            lane[a, DIPOLE_FORCE + 2] = within * (along * nz + lever * fz)
-            c1, c2, _ = field_factors(r, reach, smear)  # m x B of the neighbour
-            turning = c1 * (bx * nx + by * ny + bz * nz) * (ax * ny - ay * nx) - c2 * (ax * by - ay * bx)
-            lane[a, DIPOLE_FORCE + 3] = within * turning
-        for a in range(count):
-            one_by_one()
-            total_x += lane[a, DIPOLE_FORCE]
-            total_y += lane[a, DIPOLE_FORCE + 1]
-            total_z += lane[a, DIPOLE_FORCE + 2]
-            total_t += lane[a, DIPOLE_FORCE + 3]
-    return total_x, total_y, total_z, total_t
+    c, s = turn_of(rows, known.near_once, b)
+    mx, my, mz, p = columns(source, eight_of(known.near_once, b, FIRST), 0)
+    bx, by, bz, q = columns(source, eight_of(known.near_once, b, SECOND), 0)
+    mx, my, mz = mx + (c * bx - s * by), my + (s * bx + c * by), mz + bz
+    pair = known.near_pair
+    nx, ny, nz = eight_of(pair, b, NX), eight_of(pair, b, NY), eight_of(pair, b, NZ)
+    along = mx * nx + my * ny + mz * nz
+    h = eight_of(pair, b, MEAN) - (p - q) * eight_of(pair, b, PER_R) + along * eight_of(pair, b, MUTUAL)
+    return h, (c, s), (nx, ny, nz), (mx, my, mz)
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def _hand_over(b, known, turn, way, x, y, z, both, drawn):
+    """Put a vector of the first grain, ``way`` times it of the second, and a number of both into ``drawn`` (k, 4)."""
+    e, t = eight_of(known.near_once, b, ENTRY), eight_of(known.near_once, b, TWIN)
+    c, s = turn
+    put_columns(drawn, either(t, e), 0, way * (c * x + s * y), way * (c * y - s * x), way * z, both)
+    put_columns(drawn, e, 0, x, y, z, both)  # after it: a pair without a twin has one place
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def excess_of_eight(b, table, source, rows, known, drawn):
+    """Excess of the near pairs in block b: vector and size [A/m] into ``drawn`` (k, 4)."""
+    h, turn, (nx, ny, nz), _ = _drive(b, source, rows, known)
+    row, x, column, y, held, share, within = eight_places(table, eight_of(known.near_pair, b, PLACE), h)
+    v = held * share * within * read_eight(table.moment, row, x, column, y)
+    v = where(h < 0.0, -v, v)
+    _hand_over(b, known, turn, 1.0, v * nx, v * ny, v * nz, v, drawn)
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+def _mean_pull(b, table, h, pull, radii, opening, ahead, smallest_gap, known, scratch):
+    """Pull over the coming time ``ahead`` [s] where the gap changes in it."""
+    ri, rj = radii
+    both = ri + rj
+    per_a = 0.5 * both / (ri * rj)
+    gap = larger((1.0 / eight_of(known.near_pair, b, PER_TRUE) - both) * per_a, smallest_gap)
+    put_eight(scratch, DRIVE, 0, h)
+    put_eight(scratch, GAP, 0, gap)
+    put_eight(scratch, END, 0, larger(gap + ahead * opening * per_a, smallest_gap))
+    put_eight(scratch, PULL, 0, pull)
+    for a in range(LANES):
+        h_a, gap_a, end = scratch[DRIVE, a], scratch[GAP, a], scratch[END, a]
+        if end != gap_a:
+            scratch[PULL, a] = mean_force(table, gap_a, end, field_place(table, h_a), h_a)
+    return eight_of(scratch, PULL, 0)
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def near_forces_of_eight(b, table, model, tables, rows, known, attraction, ahead, scratch, drawn):
+    """Forces [N] and torque of the field about z [N m] of the near pairs in block b, see `contact_forces`.
+
+    ``tables`` (n, 4): moments and potentials; fields and contrasts; velocities and V share; centres and radii.
+    """
+    source, seen, moving, place = tables
+    i, j = eight_of(known.near_once, b, FIRST), eight_of(known.near_once, b, SECOND)
+    h, turn, (nx, ny, nz), (mx, my, mz) = _drive(b, source, rows, known)
+    c, s = turn
+    row, x, column, y, held, share, within = eight_places(table, eight_of(known.near_pair, b, PLACE), h)
+    share = held * share * within
+    excess = share * read_eight(table.moment, row, x, column, y)
+    excess = where(h > 0.0, excess, -excess)
+    ix, iy, iz, contrast = columns(seen, i, 0)
+    ex, ey, ez, other_contrast = columns(seen, j, 0)
+    ex, ey = c * ex - s * ey, s * ex + c * ey
+    ux, uy, uz, taken = columns(moving, i, 0)
+    wx, wy, wz, other_taken = columns(moving, j, 0)
+    per_r, per_true = eight_of(known.near_pair, b, PER_R), eight_of(known.near_pair, b, PER_TRUE)
+    pull = 0.0 * h
+    if attraction:
+        _, _, _, ri = columns(place, i, 0)
+        _, _, _, rj = columns(place, j, 0)
+        pull = held * share * read_eight(table.force, row, x, column, y)
+        if ahead > 0.0:
+            opening = (ux - (c * wx - s * wy)) * nx + (uy - (s * wx + c * wy)) * ny + (uz - wz) * nz
+            pull = _mean_pull(b, table, h, pull, (ri, rj), opening, ahead, model.smallest_gap, known, scratch)
+        # across: the mean of both fields, less what each makes at the other; at itself each makes nothing
+        w3 = OVER_4PI * per_r * per_r * per_r
+        hx, hy, hz = 0.5 * (ix + ex + w3 * mx), 0.5 * (iy + ey + w3 * my), 0.5 * (iz + ez + w3 * mz)
+        along = hx * nx + hy * ny + hz * nz
+        h_t2 = hx * hx + hy * hy + hz * hz - along * along
+        size = 2.0 * ri * rj / (ri + rj)
+        across = within * read_across(table, row, x)
+        pull = MU_0 * size * size * (pull + square_root(contrast * other_contrast) * h_t2 * across)
+    # the near moments lie along n: the field's torque on them acts as opposite forces T/r on the pair
+    u, w = MU_0 * excess * taken, MU_0 * excess * other_taken
+    ex, ey, ez = u * ix + w * ex, u * iy + w * ey, u * iz + w * ez
+    along = ex * nx + ey * ny + ez * nz
+    ex, ey, ez = ex - along * nx, ey - along * ny, ez - along * nz
+    fx, fy, fz = ex * per_true - pull * nx, ey * per_true - pull * ny, ez * per_true - pull * nz
+    _hand_over(b, known, turn, -1.0, fx, fy, fz, -0.5 * (nx * ey - ny * ex), drawn)

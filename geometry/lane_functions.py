@@ -82,19 +82,6 @@ def _one_by_one(typing_context):
     return types.none(), code
 
 
-def _fused(typing_context, a, b, c):
-    """a b + c, rounded once.
-
-    Of a sum of two products the compiler may take either into one instruction, and what it takes may change when numba
-    compiles a kernel's loop a second time for its cache: a run that compiles would then differ from the next.
-    """
-
-    def code(context, builder, signature, arguments):
-        return builder.fma(*arguments)
-
-    return types.float64(types.float64, types.float64, types.float64), code
-
-
 def _parts(typing_context, x):
     """Exponent and mantissa, 1 <= m < 2, of a normal number above 0, both as numbers; of lanes as lanes."""
     kind = lanes if x == lanes else types.float64
@@ -142,7 +129,6 @@ def _prefetch(typing_context, array, row, many):
 
 lane_room: Any = intrinsic(_lane_room)
 one_by_one: Any = intrinsic(_one_by_one)
-fused: Any = intrinsic(_fused)
 prefetch_rows: Any = intrinsic(_prefetch)
 _parts_of: Any = intrinsic(_parts)
 

@@ -88,17 +88,34 @@ def _put_lane(context: Any, builder: Any, kind: Any, values: Any) -> Any:
 @intrinsic
 def eight_of(typing, table, row, column):
     """Eight numbers of rows: ``table[row, column, :]`` of an integer table (rows, columns, 8), of one (rows, columns)
-    those from ``column`` on."""
+    those from ``column`` on; of a float table as lanes."""
+    real = isinstance(table.dtype, types.Float)
 
     def code(context, builder, kind, values):
         view = context.make_array(table)(context, builder, values[0])
         at = values[1:] if table.ndim == 2 else [*values[1:], ir.Constant(ir.IntType(64), 0)]
         begin = cgutils.get_item_pointer(context, builder, table, view, at, wraparound=False)
+        if real:
+            return builder.load(builder.bitcast(begin, _EIGHT.as_pointer()), align=8)
         places = (builder.gep(begin, [ir.Constant(ir.IntType(64), lane)]) for lane in range(LANES))
         found = [builder.sext(builder.load(place), ir.IntType(64)) for place in places]
         return context.make_tuple(builder, kind.return_type, found)
 
-    return types.UniTuple(types.intp, LANES)(table, types.intp, types.intp), code
+    return (lanes if real else types.UniTuple(types.intp, LANES))(table, types.intp, types.intp), code
+
+
+@intrinsic
+def put_eight(typing, table, row, column, a):
+    """The opposite of `eight_of`, of lanes."""
+
+    def code(context, builder, kind, values):
+        view = context.make_array(table)(context, builder, values[0])
+        at = values[1:3] if table.ndim == 2 else [*values[1:3], ir.Constant(ir.IntType(64), 0)]
+        place = cgutils.get_item_pointer(context, builder, table, view, at, wraparound=False)
+        builder.store(values[3], builder.bitcast(place, _EIGHT.as_pointer()), align=8)
+        return context.get_dummy_value()
+
+    return types.void(table, types.intp, types.intp, lanes), code
 
 
 @intrinsic

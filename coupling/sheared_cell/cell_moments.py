@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from coupling.grain_law_table import GrainLawTable
-from coupling.influence import find_influence
+from coupling.influence import find_influence, room_for
 from coupling.kernel_state import Influence, MagneticGrains, PairModel
 from coupling.moment_kernels import gather_fields, magnetise
 from coupling.mutual_moments import FIRST_DAMPING, LEAST_DAMPING
@@ -60,6 +60,7 @@ class CellMoments:
         self.volume = 4.0 / 3.0 * np.pi * radius**3
         self.moment = np.zeros((count, 3))
         self._room: Influence | None = None
+        self._drawn: np.ndarray | None = None
         self.residual = np.inf
         self.damping = FIRST_DAMPING
         self.held, self.stress = np.zeros((count, 3)), np.zeros((3, 3))
@@ -76,7 +77,7 @@ class CellMoments:
         self._applied, self._slope = np.tile(self.applied, (everyone, 1)), np.zeros((everyone, 4))
         self._field, self._new = np.zeros((everyone, 3)), np.zeros((everyone, 3))
         self._potential, self._share, self._contrast = np.zeros(everyone), np.zeros(everyone), np.zeros(everyone)
-        self._missed, self._size = np.zeros(everyone), np.zeros(everyone)
+        self._squares = np.zeros((everyone, 2))
         self._height, self._own_image = np.empty((everyone, 0)), np.zeros((everyone, 0))
 
     def _near_slots(self, position: np.ndarray, offset: float, skin: float) -> np.ndarray:
@@ -104,15 +105,15 @@ class CellMoments:
         near_by, grains = rows.arrays, self._grains(self._everywhere)
         own = smeared_at_itself(self.reach, True)
         known = find_influence(self.table, self.model, grains, near_by, NO_WALLS, own=own, room=self._room)
-        self._room = known
-        gather_fields(grains, near_by, known, self._field, self._potential, self._own_image)
+        self._room, self._drawn = known, room_for(len(known.near_entry), (4,), self._drawn)
+        gather_fields(self.model, grains, near_by, known, self._field, self._potential, self._own_image)
         self._field[n:], self._potential[n:] = self._field[whose[n:]], self._potential[whose[n:]]
         magnetise(
             self.table, self.model, grains, near_by, NO_WALLS, known, self.damping, self._share, self._contrast,
-            self._new, self._missed, self._size,
+            self._new, self._squares, self._drawn,
         )  # fmt: skip
-        total = float(self._size[:n].sum())
-        self.residual = float(np.sqrt(self._missed[:n].sum() / total)) if total > 0.0 else 0.0
+        missed, total = (float(x) for x in self._squares[:n].sum(axis=0))
+        self.residual = float(np.sqrt(missed / total)) if total > 0.0 else 0.0
         if not np.isfinite(self.residual):
             raise FloatingPointError("the moments of the grains are not finite: check field and positions")
         self.moment = self._new[:n].copy()

@@ -10,7 +10,7 @@ import pytest
 from numba import njit
 
 from coupling.cluster import magnetised_cluster
-from coupling.grain_law_table import excess_force, grain_table
+from coupling.grain_law_table import excess_force, field_place, grain_table
 from coupling.mutual_moments import MutualMoments, secant_mixed
 from coupling.neighbour_rows import neighbour_rows
 from field import MU_0, GrainLaw, LangevinLaw
@@ -291,6 +291,16 @@ def test_the_mean_force_of_a_long_step_does_the_work_of_short_ones(first):
     gap, end = first - 2.0, max(first - 2.0 - speed * dt / A, 3e-3)
     parts = [read_excess(solver.table, end + (gap - end) * (k + 0.5) / 400, 4e4) for k in range(400)]
     assert (rest - ahead)[1, 2] == pytest.approx(MU_0 * A**2 * np.mean(parts), rel=0.01)
+
+
+def test_no_field_has_the_first_place_in_the_tables_whatever_its_sign():
+    @njit
+    def place(table, H):
+        return field_place(table, H)
+
+    table = grain_table(IRON, "near_field")
+    assert place(table, 0.0) == place(table, -0.0) == 0.0
+    assert place(table, 1e5) == place(table, -1e5) > 0.0
 
 
 def test_bad_input_is_told():

@@ -71,15 +71,17 @@ def parts(wall, x, m):
     for walls in (np.array([wall]), np.zeros((0, 6))):
         height, own = np.empty((4, len(walls))), np.zeros((4, len(walls)))
         field, potential, force = np.zeros((4, 3)), np.zeros(4), np.zeros((4, 3))
-        none, torque, wall_torque = np.zeros((4, 3)), np.zeros(4), np.zeros(4)
+        none, torque = np.zeros((4, 3)), np.zeros((4, 2))
         wall_heights(x, walls, 1.0, height)
         grains = MagneticGrains(
             x, radius, radius, m, none, np.zeros((4, 4)), field, potential, np.zeros(4), np.zeros(4), height, own
         )
         known = find_influence(table, model, grains, rows.arrays, walls, own=0.0, twin=rows.twin)
-        gather_fields(grains, rows.arrays, known, field, potential, own)
-        contact_forces(table, model, grains, rows.arrays, walls, known, False, none, 0.0, force, torque, wall_torque)
-        found.append((field, force, wall_torque.sum()))
+        gather_fields(model, grains, rows.arrays, known, field, potential, own)
+        contact_forces(
+            table, model, grains, rows.arrays, walls, known, False, none, 0.0, force, torque, np.empty((100, 4))
+        )
+        found.append((field, force, torque[:, 1].sum()))
     return found[0][0] - found[1][0], found[0][1] - found[1][1], found[0][2]
 
 

@@ -17,6 +17,7 @@ from geometry.lane_tables import (
     lane_rows,
     put_column,
     put_columns,
+    put_eight,
     put_two_columns,
     two_columns,
 )
@@ -62,6 +63,20 @@ def test_columns_and_entries(table):
     wanted = [table[r, 5], table[r, 6], table[r, 11], table[r, whole[r]], table[r, whole[r] + 1], real[r], whole[r]]
     assert np.array_equal(out[r].T, wanted)
     assert not out[[4, 6]].any()
+
+
+def test_blocks_of_eight_neighbours(table):
+    @njit
+    def kernel(flat, blocks, grains):
+        put_eight(blocks, 1, 2, eight_of(flat, 3, 4) + as_lanes(eight_of(grains, 1, 2)))
+        put_eight(flat, 0, 1, eight_of(blocks, 1, 2) + 1.0)
+
+    flat, blocks, grains = table.copy(), np.zeros((2, 3, 8)), np.arange(48, dtype=np.int32).reshape(2, 3, 8)
+    kernel(flat, blocks, grains)
+    wanted = table[3, 4:12] + grains[1, 2]
+    assert np.array_equal(blocks[1, 2], wanted)
+    assert np.array_equal(flat[0, 1:9], wanted + 1.0)
+    assert not blocks[0].any() and not blocks[1, :2].any()
 
 
 @pytest.mark.parametrize("many", [4, 6])

@@ -1,0 +1,165 @@
+"""Rows of neighbours, eight entries side by side: which of them are near, what they make of the field, their forces.
+
+Inner functions of `coupling.influence_kernels` and `coupling.moment_kernels`. Every pair is found from each of its
+grains: that costs less than to put the reaction where the partner's row lies. What a distance decides is found from
+it in every sweep, which takes less than to fetch it from the memory.
+
+Eight that go beyond the end of a row repeat its last entry, and what comes of these is left out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from coupling.grain_law_table import FARTHEST_GAP
+from coupling.kernel_state import SHIFT
+from coupling.mirror import FACES_NO_WALL
+from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, pair_force
+from geometry.inner_functions import inner
+from geometry.lane_functions import square_root
+from geometry.lane_tables import column, columns, eight_of, entries
+from geometry.lanes import LANES, as_lanes, bits_of, first_lanes, lanes_of, larger, size_of, sum_of_lanes, where
+from particles.dem.pair_kernel import eight_from
+
+NEAR, IMAGED = 1, 2  # bits of an entry's kind
+
+
+@inner(error_model="numpy")
+def beside(vector, last):
+    """A table (n, 4) of vectors (n, 3) and one number each (n,): rows of it come into lanes at once."""
+    table = np.empty((vector.shape[0], 4))
+    for i in range(vector.shape[0]):
+        table[i, 0], table[i, 1], table[i, 2], table[i, 3] = vector[i, 0], vector[i, 1], vector[i, 2], last[i]
+    return table
+
+
+@inner(forceinline=True)
+def either(t, e):
+    """Eight rows t, those of e where there are none (-1)."""
+    return (
+        t[0] if t[0] >= 0 else e[0], t[1] if t[1] >= 0 else e[1], t[2] if t[2] >= 0 else e[2],
+        t[3] if t[3] >= 0 else e[3], t[4] if t[4] >= 0 else e[4], t[5] if t[5] >= 0 else e[5],
+        t[6] if t[6] >= 0 else e[6], t[7] if t[7] >= 0 else e[7],
+    )  # fmt: skip
+
+
+@inner(borrows=True, error_model="numpy", forceinline=True)
+def crosses(rows, i):
+    """Whether a neighbour of grain i stands beyond a face of the sector."""
+    found = 0
+    for q in range(rows.start[i], rows.start[i + 1]):
+        found |= rows.shift[q]
+    return found != 0
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def turn_of(rows, once, b):
+    """Cosine and sine of the turns from the second grains to the first of the pairs in a block of `Chosen.once`."""
+    return _turn(rows, as_lanes(eight_of(once, b, SHIFT)))
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def _turn(rows, crossed):
+    return where(crossed * crossed > 0.0, rows.turn_cos[1], 1.0), rows.turn_sin[1] * crossed
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def kinds_of_row(i, place, height, model, rows, kind):
+    """Which neighbours of grain i make a near pair with it, and which have an image that may be within reach.
+
+    ``height`` (n, w) [m]: at which they are mirrored, see `coupling.mirror.pushed`.
+    """
+    x, y, z, ri = place[i, 0], place[i, 1], place[i, 2], place[i, 3]
+    stop, crossing = rows.start[i + 1], crosses(rows, i)
+    for first in range(rows.start[i], stop, LANES):
+        slot = eight_from(first, stop - 1)
+        j = entries(rows.other, slot)
+        dx, dy, dz, rj = columns(place, j, 0)
+        near = imaged = 0
+        if model.near:
+            if crossing:
+                c, s = _turn(rows, as_lanes(entries(rows.shift, slot)))
+                dx, dy = c * dx - s * dy, s * dx + c * dy
+            dx, dy, dz = x - dx, y - dy, z - dz
+            both = ri + rj
+            farthest = both + FARTHEST_GAP * 2.0 * ri * rj / both
+            near = bits_of(dx * dx + dy * dy + dz * dz < farthest * farthest)
+        for w in range(height.shape[1]):
+            h = height[i, w]
+            if abs(h) < FACES_NO_WALL:
+                # never nearer than both heights; one that faces no wall is farther than any reach
+                others = column(height, j, w)
+                imaged |= bits_of(size_of(h + others) < model.reach) & bits_of(others * h >= 0.0)
+        for a in range(min(stop - first, LANES)):
+            kind[first + a] = ((near >> a) & 1) * NEAR + ((imaged >> a) & 1) * IMAGED
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def field_of_row(i, place, source, model, rows):
+    """Field (3) [A/m] and potential [A] at grain i of its neighbours' moments.
+
+    ``place`` (n, 4): centres and radii [m]; ``source`` (n, 4): moments [A m^2].
+    """
+    reach, smear = model.reach, model.smear
+    x, y, z, ri = place[i, 0], place[i, 1], place[i, 2], place[i, 3]
+    sx = sy = sz = total = lanes_of(0.0)
+    stop, crossing = rows.start[i + 1], crosses(rows, i)
+    for first in range(rows.start[i], stop, LANES):
+        slot = eight_from(first, stop - 1)
+        j = entries(rows.other, slot)
+        dx, dy, dz, rj = columns(place, j, 0)
+        ax, ay, az, _ = columns(source, j, 0)
+        if crossing:
+            c, s = _turn(rows, as_lanes(entries(rows.shift, slot)))
+            dx, dy, ax, ay = c * dx - s * dy, s * dx + c * dy, c * ax - s * ay, s * ax + c * ay
+        dx, dy, dz = x - dx, y - dy, z - dz
+        r2 = dx * dx + dy * dy + dz * dz
+        r = square_root(r2)
+        per_r = 1.0 / r
+        c1, c2, p = field_factors(larger(r, ri + rj), reach, smear)
+        within = where(first_lanes(stop - first), where(r2 < reach * reach, OVER_4PI, 0.0), 0.0)
+        nx, ny, nz, c2 = dx * per_r, dy * per_r, dz * per_r, c2 * within
+        along = (nx * ax + ny * ay + nz * az) * within
+        total = total + p * along
+        along = c1 * along
+        sx, sy, sz = sx + (along * nx - c2 * ax), sy + (along * ny - c2 * ay), sz + (along * nz - c2 * az)
+    return sum_of_lanes(sx), sum_of_lanes(sy), sum_of_lanes(sz), sum_of_lanes(total)
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def dipole_force(i, place, source, model, rows):
+    """Force (3) [N] of the neighbours' dipoles on grain i, and the torque of their field about z [N m].
+
+    As `field_of_row`.
+    """
+    reach, smear = model.reach, model.smear
+    x, y, z, ri = place[i, 0], place[i, 1], place[i, 2], place[i, 3]
+    ax, ay, az = source[i, 0], source[i, 1], source[i, 2]
+    total_x = total_y = total_z = total_t = lanes_of(0.0)
+    stop, crossing = rows.start[i + 1], crosses(rows, i)
+    for first in range(rows.start[i], stop, LANES):
+        slot = eight_from(first, stop - 1)
+        j = entries(rows.other, slot)
+        dx, dy, dz, rj = columns(place, j, 0)
+        bx, by, bz, _ = columns(source, j, 0)
+        if crossing:
+            c, s = _turn(rows, as_lanes(entries(rows.shift, slot)))
+            dx, dy, bx, by = c * dx - s * dy, s * dx + c * dy, c * bx - s * by, s * bx + c * by
+        dx, dy, dz = x - dx, y - dy, z - dz
+        r2 = dx * dx + dy * dy + dz * dz
+        true_r = square_root(r2)
+        per_r = 1.0 / true_r
+        nx, ny, nz = dx * per_r, dy * per_r, dz * per_r
+        r = larger(true_r, ri + rj)
+        fx, fy, fz = pair_force(ax, ay, az, bx, by, bz, nx, ny, nz, r, reach, smear)
+        # grains that overlap: dipoles at touching, and their torque at the true distance
+        lever = where(true_r < r, r * per_r, 1.0)
+        along = (1.0 - lever) * (fx * nx + fy * ny + fz * nz)
+        within = where(first_lanes(stop - first), where(r2 < reach * reach, MU_0_OVER_4PI, 0.0), 0.0)
+        total_x = total_x + within * (along * nx + lever * fx)
+        total_y = total_y + within * (along * ny + lever * fy)
+        total_z = total_z + within * (along * nz + lever * fz)
+        c1, c2, _ = field_factors(r, reach, smear)  # m x B of the neighbour
+        turning = c1 * (bx * nx + by * ny + bz * nz) * (ax * ny - ay * nx) - c2 * (ax * by - ay * bx)
+        total_t = total_t + within * turning
+    return sum_of_lanes(total_x), sum_of_lanes(total_y), sum_of_lanes(total_z), sum_of_lanes(total_t)
