@@ -25,7 +25,7 @@ from field.spheres.transverse_pair import transverse_excess
 from geometry.inner_functions import inner
 from geometry.lane_functions import logarithm
 from geometry.lane_tables import entries, two_columns
-from geometry.lanes import as_lanes, larger, size_of, where, whole_part
+from geometry.lanes import as_lanes, larger, where, whole_part
 
 GAUSS_PLACES = (0.2386191860831969, 0.6612093864662645, 0.9324695142031521)  # of six points on -1 .. 1
 GAUSS_WEIGHTS = (0.46791393457269104, 0.3607615730481386, 0.17132449237917036)
@@ -168,7 +168,7 @@ def gap_place(table, gap):
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def field_place(table, H):
     """Where a field H [A/m] of either sign lies in the tables; not below 0, and without an end."""
-    h = (size_of(H) + 0.0) * (1.0 / table.scale)  # of -0.0 too a zero without a sign, for the logarithm
+    h = abs(H) * (1.0 / table.scale)
     return larger((logarithm(h) - table.field_start) * (1.0 / table.field_step), 0.0)
 
 
@@ -221,7 +221,7 @@ def eight_places(table, x, H):
     """Of eight near pairs at places ``x`` of `gap_place` in fields H [A/m], as `near_excess`: rows of the tables and
     how far behind them, the same of columns; |H| held at the last field, a share, and 1.0 (0.0 beyond the last gap)."""
     last_row, last_column = table.across.shape[0] - 1.0, table.force.shape[1] - 1.0
-    y, h = field_place(table, H), size_of(H)
+    y, h = field_place(table, H), abs(H)
     end = table.scale * np.exp(table.field_start + last_column * table.field_step)
     beyond = y > last_column
     y, size, share = where(beyond, last_column, y), where(beyond, end, h), where(beyond, end / h, 1.0)

@@ -18,7 +18,7 @@ from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, pair_fo
 from geometry.inner_functions import inner
 from geometry.lane_functions import square_root
 from geometry.lane_tables import column, columns, eight_of, entries
-from geometry.lanes import LANES, as_lanes, bits_of, first_lanes, lanes_of, larger, size_of, sum_of_lanes, where
+from geometry.lanes import LANES, as_lanes, bits_of, first_lanes, lanes_of, larger, sum_of_lanes, where
 from particles.dem.pair_kernel import eight_from
 
 NEAR, IMAGED = 1, 2  # bits of an entry's kind
@@ -89,7 +89,7 @@ def kinds_of_row(i, place, height, model, rows, kind):
             if abs(h) < FACES_NO_WALL:
                 # never nearer than both heights; one that faces no wall is farther than any reach
                 others = column(height, j, w)
-                imaged |= bits_of(size_of(h + others) < model.reach) & bits_of(others * h >= 0.0)
+                imaged |= bits_of(abs(h + others) < model.reach) & bits_of(others * h >= 0.0)
         for a in range(min(stop - first, LANES)):
             kind[first + a] = ((near >> a) & 1) * NEAR + ((imaged >> a) & 1) * IMAGED
 

@@ -199,9 +199,18 @@ def _sqrt_of_lanes(x):
     return (lambda x: root(x)) if x == lanes else None
 
 
+@intrinsic
+def _size(typing, x):
+    def code(context, builder, kind, values):
+        made = ir.FunctionType(_EIGHT, [_EIGHT])
+        return builder.call(cgutils.get_or_insert_function(builder.module, made, f"llvm.fabs.v{LANES}f64"), values)
+
+    return lanes(lanes), code
+
+
 @extending.overload(abs, jit_options=INTO_CALLER)
 def _abs_of_lanes(x):
-    return (lambda x: where(x < 0.0, -x, x)) if x == lanes else None
+    return (lambda x: _size(x)) if x == lanes else None
 
 
 @extending.overload(max, jit_options=INTO_CALLER)
