@@ -3,7 +3,7 @@
 Each number was measured on the scenes named beside it; `tests/benchmarks/cost_foretold.py` measures their sum again,
 `dem_cost.py`, `moment_cost.py` and `dvi_cost.py` some of them alone. ``_NS`` are nanoseconds, ``_S`` seconds. Those of
 grains and moments were brought down by how much faster the kernels became on another machine (before and after in one
-sitting), when they began to take contacts side by side.
+sitting), when they began to take grains and contacts side by side.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ if TYPE_CHECKING:
     from emclutch.scene.model import Scene
 
 # A grain and step by DEM: motion, walls near it, the list and its renewals
-GRAIN_NS = 120.0  # thesis/centrifugal and electromagnetic, less the energy budget
-ENERGIES_NS = 25.0  # the energy budget, output.energy_budget
+GRAIN_NS = 84.0  # thesis/centrifugal and electromagnetic, less the energy budget
+ENERGIES_NS = 12.0  # the energy budget, output.energy_budget
 NEAR_NS = 30.0  # drives of near pulls, found anew with every list: lock_up without current against centrifugal
 CALL_S = 0.3e-3  # of a batch of steps between two updates, or of a window's
 # A contact and step by DEM
-CONTACT_NS = 43.0  # thesis/electromagnetic, 0.2 to 1.7 contacts a grain; these here: dem_cost.py
-LAW_NS = {"linear": 0.0, "hertz": 5.0, "hertz_mindlin": 7.0, "thesis": 7.0, "walton_braun": 14.0}
-SIZES_NS = 18.0  # where grains are of several sizes
-ROLLING_NS = 30.0
+CONTACT_NS = 30.0  # thesis/electromagnetic, 0.2 to 1.7 contacts a grain; these here: dem_cost.py
+LAW_NS = {"linear": 0.0, "hertz": 3.0, "hertz_mindlin": 4.0, "thesis": 4.0, "walton_braun": 6.0}
+SIZES_NS = 10.0  # where grains are of several sizes
+ROLLING_NS = 11.0
 TWISTING_NS = 5.0
 COHESION_NS = 1.0
-NEAR_CONTACT_NS = 65.0  # the pull of a neck from the gap of every step: powder_clutch, magnetised_step.py
+NEAR_CONTACT_NS = 46.0  # the pull of a neck from the gap of every step: powder_clutch, magnetised_step.py
 # Of rigid grains
 DVI_GRAIN_NS = 500.0  # a grain and step: search, energy budget, motion; thesis/centrifugal_methods
 VISIT_NS = 46.0  # a contact in a sweep of the accelerated solver: thesis/centrifugal_methods, electromagnetic_study
@@ -38,11 +38,11 @@ VISIT_NS = 46.0  # a contact in a sweep of the accelerated solver: thesis/centri
 UPDATE_S = 0.3e-3
 SAMPLE_NS = 800.0
 DIPOLE_NS = 60.0  # thesis/electromagnetic
-IMAGE_NS = 35.0  # of the walls' images, for each row
-WEAK_NS = 30.0  # a row of moments that magnetise one another, without a field: lock_up's first millisecond
-MUTUAL_NS = 72.0  # with one, of fields set up and forces: quickstart, powder_clutch
-NEAR_PAIR_NS = 30.0  # besides, of near contacts
-SWEEP_NS = 36.0  # a sweep of the moments
+IMAGE_NS = 27.0  # of the walls' images, for each row
+WEAK_NS = 23.0  # a row of moments that magnetise one another, without a field: lock_up's first millisecond
+MUTUAL_NS = 52.0  # with one, of fields set up and forces: quickstart, powder_clutch
+NEAR_PAIR_NS = 18.0  # besides, of near contacts
+SWEEP_NS = 30.0  # a sweep of the moments
 # Of the field
 DEPOSIT_S = 3e-6  # an element of powder: smear of the moments (quickstart, powder_clutch)
 FILL_S = 1e-7  # the same of the fill alone
