@@ -1,9 +1,10 @@
 """How threads of compiled loops wait for one another: they spin for half a millisecond, then sleep.
 
-A step of the grains has two barriers and takes some hundred microseconds. Threads that sleep at each are woken too late
-(1 000 grains on two idle cores of a virtual machine: 2.7 million particle steps a second, 5.0 with one thread, 8 to 10
-with two that spin); threads that spin while another program has their core hold up the others instead (1.8 where one
-thread does 4.9, less the longer they spin). So they spin, but not for long, and a run finds out how many threads pay
+A call of the step is one parallel loop, whose threads wait for one another by themselves (`particles.dem.step_kernel`);
+rigid contacts and lists have many short ones. Measured with two loops a step of 1 000 grains, on two idle cores of a
+virtual machine: 2.7 million particle steps a second with threads that sleep at each, 5.0 with one thread, 8 to 10 with
+two that spin. Threads that spin while another program has their core hold up the others instead (1.8 where one thread
+does 4.9, less the longer they spin). So they spin, but not for long, and a run finds out how many threads pay
 (`emclutch.simulation.thread_trial`).
 
 The count is read once, when the OpenMP library is loaded (by numba's first parallel loop, or by gmsh): it stands here,

@@ -1,7 +1,7 @@
 """Tries how many threads pay, while a run goes on: no bit of a result depends on their number, so it may change.
 
-Two threads gain up to a factor of two, or cost up to eight: a thousand grains leave them some hundred microseconds of
-work between two barriers, and whoever has to share its core with another program is late at each. Which holds is a
+Two threads gain up to a factor of two, or cost some of it: a thousand grains leave them some ten microseconds of
+work between two stages, and whoever has to share its core with another program is late at each. Which holds is a
 property of the machine, the scene and the hour, so it is measured, and again after a minute, two, four ...
 """
 
