@@ -26,6 +26,7 @@ from geometry.lane_functions import square_root
 from geometry.lane_tables import add_to_rows, columns, eight_of
 from geometry.lanes import LANES, as_lanes, first_lanes, lanes_of, where
 
+MOST_WALLS = 31  # two bits of a word each
 IMAGED_CHUNK = 256  # pairs, or grains, whose images one thread takes at once
 # of an image: both grains, shift and entries of the pair (of a grain itself: the grain), wall; and heights of mirroring
 WALL, N_SEEN = N_PAIR, N_PAIR + 1  # after the columns of a pair

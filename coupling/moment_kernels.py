@@ -2,7 +2,8 @@
 
 The model is that of `coupling.mutual_moments`. A sweep has two stages, because a near pair must know the potentials
 of both its grains: first every grain's field S and potential P of all others, then its magnetisation. Each grain
-gathers from its row alone (Jacobi), so no bit depends on the number of threads.
+gathers from its row alone (Jacobi); what is found once for a pair is put at an entry of each of its grains. So no bit
+depends on the number of threads.
 """
 
 from __future__ import annotations

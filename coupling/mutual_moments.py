@@ -34,6 +34,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from coupling.grain_law_table import GrainLawTable
+from coupling.image_lanes import MOST_WALLS
 from coupling.influence import find_influence, room_for
 from coupling.kernel_state import Influence, MagneticGrains, PairModel
 from coupling.moment_kernels import contact_forces, gather_fields, magnetise, wall_heights
@@ -166,8 +167,15 @@ class MutualMoments:
         Returns
         -------
         Magnetisation
-            Its `residual` says whether the tolerance was reached: nothing is raised here.
+            Its `residual` says whether the tolerance was reached: nothing is raised for that.
+
+        Raises
+        ------
+        ValueError
+            For more than MOST_WALLS steel walls.
         """
+        if len(self.walls) > MOST_WALLS:
+            raise ValueError(f"{len(self.walls)} steel walls; grains are mirrored in {MOST_WALLS} at most")
         n = len(position)
         volume = 4.0 / 3.0 * np.pi * radius**3
         applied = np.ascontiguousarray(applied, dtype=float)

@@ -1,14 +1,7 @@
-"""Room, square root and logarithm for compiled loops that take many numbers at once.
-
-Work with long arithmetic is done for LANES items side by side: they are gathered one after the other into `lane_room`,
-a loop over all lanes has the arithmetic, and the items there are take what is theirs. Lanes without an item hold what
-was in the room before: they are computed, and nothing that follows from them may be read or be an index.
+"""Square root and logarithm for compiled functions of numbers and of lanes (`geometry.lanes`), and a look ahead.
 
 Numba's own root and logarithm call the C library (the root wherever a number may be negative: it must set errno
 there), and a loop with such a call is never compiled to instructions that take many numbers side by side.
-
-The compiler finds the width itself, from loops that are written for one item, branches and all. Where it must not be
-left to the compiler, because a part more makes it give up, a kernel is written for eight at once (`geometry.lanes`).
 """
 
 from __future__ import annotations
@@ -20,12 +13,11 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, overload
-from numba.np.arrayobj import make_array, populate_array
+from numba.np.arrayobj import make_array
 
 from geometry.inner_functions import INTO_CALLER
 from geometry.lanes import lanes, root, where
 
-LANES = 16
 LINE = 8  # numbers in a line of the cache
 EXPONENT_BIAS, MANTISSA, ONE = 1023, (1 << 52) - 1, 1023 << 52  # of the 64 bits of a number
 
@@ -38,48 +30,6 @@ def square_root(x):
 def logarithm(x):
     """The natural logarithm of a normal number above 0, to 4e-16 of itself; as `square_root`."""
     return math.log(x)
-
-
-def _lane_room(typing_context, fields):
-    """An array (LANES, fields) on the stack of the kernel that asks for it, in which a field's lanes lie side by side.
-
-    Its strides are known to the compiler, and that nothing else points to it: only then does it see that lanes do not
-    touch each other. ``fields`` is a constant.
-    """
-    if not isinstance(fields, types.IntegerLiteral):
-        return None
-    of_lanes, count = types.Array(types.float64, 2, "F"), fields.literal_value
-
-    def code(context, builder, signature, arguments):
-        word = context.get_value_type(types.intp)
-        with builder.goto_entry_block():
-            room = builder.alloca(ir.ArrayType(ir.DoubleType(), LANES * count))
-            room.align = 64
-        made = make_array(of_lanes)(context, builder)
-        populate_array(
-            made,
-            data=builder.bitcast(room, ir.DoubleType().as_pointer()),
-            shape=[ir.Constant(word, LANES), ir.Constant(word, count)],
-            strides=[ir.Constant(word, 8), ir.Constant(word, 8 * LANES)],
-            itemsize=ir.Constant(word, 8),
-            meminfo=None,
-        )
-        return made._getvalue()
-
-    return of_lanes(fields), code
-
-
-def _one_by_one(typing_context):
-    """Said in a loop that gathers items into lanes: it is compiled as it stands.
-
-    The compiler would take its loads from all over the memory eight at once, which is slower than one after the other.
-    """
-
-    def code(context, builder, signature, arguments):
-        builder.asm(ir.FunctionType(ir.VoidType(), []), "", "", [], True)
-        return context.get_dummy_value()
-
-    return types.none(), code
 
 
 def _parts(typing_context, x):
@@ -127,8 +77,6 @@ def _prefetch(typing_context, array, row, many):
     return types.void(array, types.int64, many), code
 
 
-lane_room: Any = intrinsic(_lane_room)
-one_by_one: Any = intrinsic(_one_by_one)
 prefetch_rows: Any = intrinsic(_prefetch)
 _parts_of: Any = intrinsic(_parts)
 

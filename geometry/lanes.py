@@ -220,15 +220,15 @@ def _max_of_lanes(x, y):
 
 @extending.overload(operator.pow, jit_options=INTO_CALLER)
 def _power_of_lanes(x, n):
-    """x^n of a whole n, 0 or more."""
+    """x^n of a whole n."""
     if x != lanes or not isinstance(n, types.Integer):
         return None
 
     def power(x, n):
         product = lanes_of(1.0)
-        for _ in range(n):
+        for _ in range(abs(n)):
             product = product * x
-        return product
+        return product if n >= 0 else 1.0 / product
 
     return power
 

@@ -32,6 +32,7 @@ from particles.laws.columns import COHESION_0, COHESION_1, COHESIVE, DAMPING_ROL
 from particles.laws.springs import remembers, spring, varies
 
 MEMORY, LAST_STIFFNESS, LAST_STORED = 3, 4, 5
+TINY = 1e-300  # N^2: the inverse of less may be no number
 LAST_TANGENTIAL, LAST_ROLLING, LAST_TWISTING = 1, 4, 7  # after the column of the energy budget
 
 
@@ -145,7 +146,7 @@ def slid(trial2, limit, gives):
 
     ``trial2`` is the square of that force, ``gives`` the way by unit of force of what stretches (spring and dashpot).
     """
-    slides = trial2 > limit * limit  # trial > 0 needs a finite ``gives``
+    slides = trial2 > larger(limit * limit, TINY)  # trial > 0 needs a finite ``gives``
     share = where(slides, limit * square_root(trial2) * (1.0 / trial2), 1.0)  # a quotient beside the root, not after it
     return share, where(slides, (1.0 - share) * gives, 0.0)
 

@@ -36,7 +36,7 @@ from particles.dem.pair_kernel import PLACE, SLOT, through_faces
 from particles.laws.columns import N_LAW
 from particles.laws.springs import equal, with_rows
 
-MOST_REMEMBERED = 20  # columns of a history (`particles.dem.contact_columns`)
+MOST_REMEMBERED = 20  # columns of a history, 18 and two empty ones (`particles.dem.contact_columns`)
 SPIN, FORCE = 3, 6  # columns of a grain's velocities and forces
 
 

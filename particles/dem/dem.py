@@ -269,14 +269,8 @@ class DEM(ListedGrains):
         Raises
         ------
         ValueError
-            As `restore`, or where contacts remember something else, by another kind of law.
+            As `restore`.
         """
-        remembered = state["list_pair_history"].shape[1]
-        if remembered != self._columns.total:
-            raise ValueError(
-                f"a contact of the state remembers {remembered} numbers, one of this DEM {self._columns.total}; "
-                "begin with grains of the same kind of contact law, rolling and twisting friction and energy budget"
-            )
         own, speeds = (self.dt, self.skin), [body.speed for body in self.bodies]
         of_the_run = ("external_force", "magnetic_moment")
         self.restore({k: v for k, v in state.items() if k not in of_the_run and not k.startswith(ATTRACTION)})

@@ -19,7 +19,7 @@ from particles.bodies import Body
 from particles.dem import run_faults
 from particles.dem.attraction import PREFIX as ATTRACTION
 from particles.dem.attraction import Attraction
-from particles.dem.contact_columns import ContactColumns
+from particles.dem.contact_columns import ContactColumns, whole
 from particles.grains import Grains
 from particles.neighbours.contact_list import ContactList, ListedWalls, reaches
 from particles.neighbours.neighbour_list import PairList, cell_order, finest_cell
@@ -153,8 +153,10 @@ class ListedGrains:
         Raises
         ------
         ValueError
-            If the state has another number of grains or bodies, or an attraction whose table is not known here.
+            If the state has another number of grains or bodies, contacts that remember something else, or an attraction
+            whose table is not known here.
         """
+        self._refuse_other_memory(state)
         checkpoint.refuse_another_scene("DEM", state, self.grains, self.bodies)
         attracts = any(name.startswith(ATTRACTION) for name in state)
         if attracts and self.attraction is None:
@@ -166,12 +168,21 @@ class ListedGrains:
             self.attraction.restore(state)
         else:
             self.attraction = None
-        self._contacts = ContactList.from_arrays(checkpoint.list_of(state))
+        self._contacts = ContactList.from_arrays(checkpoint.list_of(state), self._columns.total)
         checkpoint.put_bodies(state, self.bodies)
         self.step_count, self.order_version, stale, self.list_version, self._list_step = (
             int(v) for v in state["counters"]
         )
         self._stale = bool(stale)
+
+    def _refuse_other_memory(self, state: dict[str, np.ndarray]) -> None:
+        """Raise ValueError unless contacts of the state remember what these do; older ones not in whole fours."""
+        remembered, total = state["list_pair_history"].shape[1], self._columns.total
+        if whole(remembered) != total:
+            raise ValueError(
+                f"a contact of the state remembers {remembered} numbers, one of this DEM {total}; "
+                "begin with grains of the same kind of contact law, rolling and twisting friction and energy budget"
+            )
 
     def _fresh_list(self, reach: np.ndarray, cutoff: float) -> ContactList:
         angles = [body.angle for body in self.bodies]

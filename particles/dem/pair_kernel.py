@@ -179,6 +179,8 @@ def find_contacts(chunk, cursor, dt, law, resistance, energy_column, attraction,
         if changed != 0:
             left = _change(k, now, changed, dt, law, resistance, energy_column, grains, pairs, left)
         if attraction is not None:
+            for q in range(many, LANES):  # what is repeated goes where the last one does: nobody else adds there
+                noted[PLACE_OF_PAIR, q] = noted[PLACE_OF_PAIR, many - 1]
             _pull_eight(
                 first_lanes(many), slot, eight_of(noted, PLACE_OF_PAIR, 0), i, j, (dx, dy, dz), (ri, rj), law,
                 attraction, pairs,

@@ -79,9 +79,12 @@ class SlotMemory(NamedTuple):
         return {f"{kind}_{name}": array for name, array in self._asdict().items()}
 
     @classmethod
-    def from_arrays(cls, kind: str, state: dict[str, np.ndarray]) -> SlotMemory:
-        """The inverse of `arrays`, copied."""
-        return cls(*(state[f"{kind}_{name}"].copy() for name in cls._fields))
+    def from_arrays(cls, kind: str, state: dict[str, np.ndarray], columns: int) -> SlotMemory:
+        """The inverse of `arrays`, copied; histories of older states may have had fewer ``columns`` at the end."""
+        touching, history = (state[f"{kind}_{name}"] for name in cls._fields)
+        made = cls.empty(len(touching), columns)
+        made.touching[:], made.history[:, : history.shape[1]] = touching, history
+        return made
 
 
 class ContactMemory(NamedTuple):
@@ -239,15 +242,15 @@ class ContactList:
         return places | self.pair_memory.arrays("pair") | self.wall_memory.arrays("wall")
 
     @classmethod
-    def from_arrays(cls, state: dict[str, np.ndarray]) -> ContactList:
-        """The inverse of `arrays`."""
+    def from_arrays(cls, state: dict[str, np.ndarray], columns: int) -> ContactList:
+        """The inverse of `arrays`, of contacts that remember so many ``columns``."""
         pairs = PairList(*(state[f"pair_{name}"].copy() for name in ("start", "other", "shift")))
         start, other, reference, angles = (
             state[name].copy() for name in ("wall_start", "wall_other", "reference", "angles")
         )
-        columns, chunk_start = state["pair_history"].shape[1], state.get("chunk_start")  # older states have none
+        chunk_start = state.get("chunk_start")  # older states have none
         made = cls(pairs, start, other, reference, angles, columns, chunk_start)
-        made.pair_memory, made.wall_memory = (SlotMemory.from_arrays(kind, state) for kind in ("pair", "wall"))
+        made.pair_memory, made.wall_memory = (SlotMemory.from_arrays(kind, state, columns) for kind in ("pair", "wall"))
         return made
 
 

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from geometry import Box
 from geometry.annular_cell import ShearCell
 from geometry.triangle_wall import TriangleWall, box_surface
 from geometry.walls import Plane, cylinder, outline
@@ -320,3 +321,24 @@ def test_restart_of_a_sector_is_bitwise():
     fresh.run(449)
     for key, value in fresh.state().items():
         assert np.array_equal(value, straight.state()[key]), key
+
+
+def test_a_state_of_before_histories_were_whole_fours_goes_on_to_the_same_bits():
+    def scene():
+        x, radius, v, w, _ = bed(3, 27)
+        grains = Grains.create(x, radius, DENSITY, velocity=v, angular_velocity=w)
+        return DEM(grains, Box((1.0, 1.0, 1.0)).walls(), [Body("housing")], law("linear"), dt=1e-6, overlap_limit=0.3)
+
+    first, second, other = scene(), scene(), scene()
+    first.run(20)
+    state = first.state()
+    columns = first._columns.energy_column + 4
+    assert state["list_pair_history"].shape[1] > columns
+    narrow = state | {name: state[name][:, :columns] for name in ("list_pair_history", "list_wall_history")}
+    other.restore(narrow)
+    second.restore(state)
+    for dem in (second, other):
+        dem.run(20)
+    assert np.array_equal(second.grains.velocity_force, other.grains.velocity_force)
+    with pytest.raises(ValueError, match="remembers 13 numbers, one of this DEM 8"):
+        scene().restore(state | {"list_pair_history": np.zeros((len(state["list_pair_history"]), 13))})
