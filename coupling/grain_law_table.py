@@ -24,7 +24,6 @@ from field.spheres.pair_table import FADE_TO, fade, pair_table
 from field.spheres.transverse_pair import transverse_excess
 from geometry.inner_functions import inner
 from geometry.lane_functions import logarithm
-from geometry.lane_tables import entries, two_columns
 from geometry.lanes import as_lanes, larger, where, whole_part
 
 GAUSS_PLACES = (0.2386191860831969, 0.6612093864662645, 0.9324695142031521)  # of six points on -1 .. 1
@@ -228,22 +227,6 @@ def eight_places(table, x, H):
     row = whole_part(where(x < last_row - 1.0, x, last_row - 1.0))
     column = whole_part(where(y < last_column - 1.0, y, last_column - 1.0))
     return row, x - as_lanes(row), column, y - as_lanes(column), size, share, where(x < last_row, 1.0, 0.0)
-
-
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def read_eight(values, row, x, column, y):
-    """`read` of eight."""
-    low, low_next = two_columns(values, row, column)
-    high, high_next = two_columns(values[1:], row, column)
-    low, high = low + y * (low_next - low), high + y * (high_next - high)
-    return low + x * (high - low)
-
-
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def read_across(table, row, x):
-    """`across` of eight."""
-    here, after = entries(table.across, row), entries(table.across[1:], row)
-    return here + x * (after - here)
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from coupling.grain_law_table import eight_places, field_place, mean_force, read_across, read_eight
+from coupling.grain_law_table import eight_places, field_place, mean_force
 from coupling.influence_kernels import MEAN, MUTUAL, NX, NY, NZ, PER_R, PER_TRUE, PLACE
 from coupling.kernel_state import ENTRY, FIRST, SECOND, TWIN
 from coupling.pair_fields import OVER_4PI
 from coupling.row_lanes import either, turn_of
 from geometry.inner_functions import inner
 from geometry.lane_functions import square_root
-from geometry.lane_tables import columns, eight_of, put_columns, put_eight
+from geometry.lane_tables import bilinear, columns, eight_of, linear, put_columns, put_eight
 from geometry.lanes import LANES, larger, where
 
 MU_0 = 4e-7 * np.pi
@@ -54,7 +54,7 @@ def excess_of_eight(b, table, source, rows, known, drawn):
     """Excess of the near pairs in block b: vector and size [A/m] into ``drawn`` (k, 4)."""
     h, turn, (nx, ny, nz), _ = _drive(b, source, rows, known)
     row, x, column, y, held, share, within = eight_places(table, eight_of(known.near_pair, b, PLACE), h)
-    v = held * share * within * read_eight(table.moment, row, x, column, y)
+    v = held * share * within * bilinear(table.moment, row, x, column, y)
     v = where(h < 0.0, -v, v)
     _hand_over(b, known, turn, 1.0, v * nx, v * ny, v * nz, v, drawn)
 
@@ -89,7 +89,7 @@ def near_forces_of_eight(b, table, model, tables, rows, known, attraction, ahead
     c, s = turn
     row, x, column, y, held, share, within = eight_places(table, eight_of(known.near_pair, b, PLACE), h)
     share = held * share * within
-    excess = share * read_eight(table.moment, row, x, column, y)
+    excess = share * bilinear(table.moment, row, x, column, y)
     excess = where(h > 0.0, excess, -excess)
     ix, iy, iz, contrast = columns(seen, i, 0)
     ex, ey, ez, other_contrast = columns(seen, j, 0)
@@ -101,7 +101,7 @@ def near_forces_of_eight(b, table, model, tables, rows, known, attraction, ahead
     if attraction:
         _, _, _, ri = columns(place, i, 0)
         _, _, _, rj = columns(place, j, 0)
-        pull = held * share * read_eight(table.force, row, x, column, y)
+        pull = held * share * bilinear(table.force, row, x, column, y)
         if ahead > 0.0:
             opening = (ux - (c * wx - s * wy)) * nx + (uy - (s * wx + c * wy)) * ny + (uz - wz) * nz
             pull = _mean_pull(b, table, h, pull, (ri, rj), opening, ahead, model.smallest_gap, known, scratch)
@@ -111,7 +111,7 @@ def near_forces_of_eight(b, table, model, tables, rows, known, attraction, ahead
         along = hx * nx + hy * ny + hz * nz
         h_t2 = hx * hx + hy * hy + hz * hz - along * along
         size = 2.0 * ri * rj / (ri + rj)
-        across = within * read_across(table, row, x)
+        across = within * linear(table.across, row, x)
         pull = MU_0 * size * size * (pull + square_root(contrast * other_contrast) * h_t2 * across)
     # the near moments lie along n: the field's torque on them acts as opposite forces T/r on the pair
     u, w = MU_0 * excess * taken, MU_0 * excess * other_taken

@@ -17,9 +17,8 @@ from coupling.mirror import FACES_NO_WALL
 from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, pair_force
 from geometry.inner_functions import inner
 from geometry.lane_functions import square_root
-from geometry.lane_tables import column, columns, eight_of, entries
+from geometry.lane_tables import column, columns, eight_from, eight_of, entries
 from geometry.lanes import LANES, as_lanes, bits_of, first_lanes, lanes_of, larger, sum_of_lanes, where
-from particles.dem.pair_kernel import eight_from
 
 NEAR, IMAGED = 1, 2  # bits of an entry's kind
 
@@ -95,24 +94,30 @@ def kinds_of_row(i, place, height, model, rows, kind):
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def _eight_neighbours(i, first, stop, crossing, place, source, rows):
+    """Grain i from eight neighbours (3) [m], their radii [m] and moments (3) [A m^2], as grain i sees them."""
+    slot = eight_from(first, stop - 1)
+    j = entries(rows.other, slot)
+    x, y, z, radius = columns(place, j, 0)
+    mx, my, mz, _ = columns(source, j, 0)
+    if crossing:
+        c, s = _turn(rows, as_lanes(entries(rows.shift, slot)))
+        x, y, mx, my = c * x - s * y, s * x + c * y, c * mx - s * my, s * mx + c * my
+    return (place[i, 0] - x, place[i, 1] - y, place[i, 2] - z), radius, (mx, my, mz)
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def field_of_row(i, place, source, model, rows):
     """Field (3) [A/m] and potential [A] at grain i of its neighbours' moments.
 
     ``place`` (n, 4): centres and radii [m]; ``source`` (n, 4): moments [A m^2].
     """
     reach, smear = model.reach, model.smear
-    x, y, z, ri = place[i, 0], place[i, 1], place[i, 2], place[i, 3]
+    ri = place[i, 3]
     sx = sy = sz = total = lanes_of(0.0)
     stop, crossing = rows.start[i + 1], crosses(rows, i)
     for first in range(rows.start[i], stop, LANES):
-        slot = eight_from(first, stop - 1)
-        j = entries(rows.other, slot)
-        dx, dy, dz, rj = columns(place, j, 0)
-        ax, ay, az, _ = columns(source, j, 0)
-        if crossing:
-            c, s = _turn(rows, as_lanes(entries(rows.shift, slot)))
-            dx, dy, ax, ay = c * dx - s * dy, s * dx + c * dy, c * ax - s * ay, s * ax + c * ay
-        dx, dy, dz = x - dx, y - dy, z - dz
+        (dx, dy, dz), rj, (ax, ay, az) = _eight_neighbours(i, first, stop, crossing, place, source, rows)
         r2 = dx * dx + dy * dy + dz * dz
         r = square_root(r2)
         per_r = 1.0 / r
@@ -133,19 +138,12 @@ def dipole_force(i, place, source, model, rows):
     As `field_of_row`.
     """
     reach, smear = model.reach, model.smear
-    x, y, z, ri = place[i, 0], place[i, 1], place[i, 2], place[i, 3]
+    ri = place[i, 3]
     ax, ay, az = source[i, 0], source[i, 1], source[i, 2]
     total_x = total_y = total_z = total_t = lanes_of(0.0)
     stop, crossing = rows.start[i + 1], crosses(rows, i)
     for first in range(rows.start[i], stop, LANES):
-        slot = eight_from(first, stop - 1)
-        j = entries(rows.other, slot)
-        dx, dy, dz, rj = columns(place, j, 0)
-        bx, by, bz, _ = columns(source, j, 0)
-        if crossing:
-            c, s = _turn(rows, as_lanes(entries(rows.shift, slot)))
-            dx, dy, bx, by = c * dx - s * dy, s * dx + c * dy, c * bx - s * by, s * bx + c * by
-        dx, dy, dz = x - dx, y - dy, z - dz
+        (dx, dy, dz), rj, (bx, by, bz) = _eight_neighbours(i, first, stop, crossing, place, source, rows)
         r2 = dx * dx + dy * dy + dz * dz
         true_r = square_root(r2)
         per_r = 1.0 / true_r

@@ -201,6 +201,31 @@ def entries(typing, array, rows):
 
 
 @inner(borrows=True, error_model="numpy", forceinline=True)
+def eight_from(k, last):
+    """k and the seven numbers after it, ``last`` at most."""
+    return (
+        k, min(k + 1, last), min(k + 2, last), min(k + 3, last),
+        min(k + 4, last), min(k + 5, last), min(k + 6, last), min(k + 7, last),
+    )  # fmt: skip
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def bilinear(values, row, x, column, y):
+    """Eight numbers between the nodes of ``values`` (r, c), ``x`` behind rows and ``y`` behind columns, 0 to 1 each."""
+    low, low_next = two_columns(values, row, column)
+    high, high_next = two_columns(values[1:], row, column)
+    low, high = low + y * (low_next - low), high + y * (high_next - high)
+    return low + x * (high - low)
+
+
+@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def linear(values, row, x):
+    """Eight numbers between the nodes of ``values`` (r,): ``x`` behind rows [0, 1]."""
+    here, after = entries(values, row), entries(values[1:], row)
+    return here + x * (after - here)
+
+
+@inner(borrows=True, error_model="numpy", forceinline=True)
 def entries_2d(table, a, b):
     """``table[a, b]`` for eight pairs of indices, as a tuple."""
     return (

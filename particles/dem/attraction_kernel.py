@@ -8,7 +8,7 @@ import numpy as np
 
 from geometry.inner_functions import inner
 from geometry.lane_functions import logarithm
-from geometry.lane_tables import entries, two_columns
+from geometry.lane_tables import bilinear, linear
 from geometry.lanes import as_lanes, larger, where, whole_part
 
 # columns of a slot's drive
@@ -38,16 +38,12 @@ class HeldAttraction(NamedTuple):
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def pulls_at(held, gap, column, amplitude, across_amplitude):
     """Pulls [N] of eight slots at gaps [radii]: linear in ln gap and in the column, 0 beyond the grid."""
-    values, across = held.values, held.across
+    values = held.values
     place = larger((logarithm(larger(gap, held.smallest_gap)) - held.gap_start) * held.per_gap_step, 0.0)
     # also of what is not a number
     last_row, last_column = values.shape[0] - 2.0, values.shape[1] - 2.0
     row = whole_part(where(place < last_row, place, last_row))
     first = whole_part(where(column < last_column, column, last_column))
     x, y = place - as_lanes(row), column - as_lanes(first)
-    low, low_next = two_columns(values, row, first)
-    high, high_next = two_columns(values[1:], row, first)
-    low, high = low + y * (low_next - low), high + y * (high_next - high)
-    side, side_next = entries(across, row), entries(across[1:], row)
-    pull = amplitude * (low + x * (high - low)) + across_amplitude * (side + x * (side_next - side))
+    pull = amplitude * bilinear(values, row, x, first, y) + across_amplitude * linear(held.across, row, x)
     return where(gap < held.last_gap, pull, 0.0)

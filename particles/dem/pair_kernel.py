@@ -11,7 +11,16 @@ import numpy as np
 
 from geometry.inner_functions import inner
 from geometry.lane_functions import prefetch_rows, square_root
-from geometry.lane_tables import add_to_rows, column, columns, eight_at_least, eight_of, entries, two_columns
+from geometry.lane_tables import (
+    add_to_rows,
+    column,
+    columns,
+    eight_at_least,
+    eight_from,
+    eight_of,
+    entries,
+    two_columns,
+)
 from geometry.lanes import LANES, as_lanes, bits_of, first_lanes, lanes_of, where
 from particles.dem.attraction_kernel import ACROSS, COLUMN, pulls_at
 from particles.dem.contact_kernel import left_in_springs
@@ -26,15 +35,6 @@ SLOT, PLACE, PLACE_OF_PAIR, N_NOTED = range(4)
 def pair_scratch(n_chunks: int) -> np.ndarray:
     """Scratch of so many chunks: ``noted`` of `particles.dem.kernel_state.PairSlots`."""
     return np.zeros((n_chunks, N_NOTED, ROOM), dtype=np.int32)
-
-
-@inner(borrows=True, error_model="numpy", forceinline=True)
-def eight_from(k, last):
-    """k and the seven numbers after it, ``last`` at most."""
-    return (
-        k, min(k + 1, last), min(k + 2, last), min(k + 3, last),
-        min(k + 4, last), min(k + 5, last), min(k + 6, last), min(k + 7, last),
-    )  # fmt: skip
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)

@@ -16,13 +16,13 @@ from __future__ import annotations
 import numpy as np
 
 from geometry.inner_functions import inner
-from geometry.lane_tables import entries, lane_rows
+from geometry.lane_tables import eight_from, entries, lane_rows
 from geometry.lanes import LANES, first_lanes
 from particles.dem import total_columns as column
 from particles.dem.contact_lanes import MOST_REMEMBERED, contacts_in_lanes, law_in_lanes
 from particles.dem.drift_kernel import add_drifted, drift_eight, none_drifted
 from particles.dem.kernel_state import Tally
-from particles.dem.pair_kernel import eight_from, find_contacts
+from particles.dem.pair_kernel import find_contacts
 from particles.dem.wall_lanes import add_walls
 from particles.laws.columns import N_LAW
 from particles.laws.springs import with_rows

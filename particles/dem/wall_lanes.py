@@ -9,13 +9,12 @@ from __future__ import annotations
 import numpy as np
 
 from geometry.inner_functions import inner
-from geometry.lane_tables import add_to_rows, columns, entries, entries_2d, put_column, two_columns
+from geometry.lane_tables import add_to_rows, columns, eight_from, entries, entries_2d, put_column, two_columns
 from geometry.lanes import LANES, first_lanes, lanes_of, largest_lane, sum_of_lanes, where, whole_part
 from particles.dem.attraction_kernel import COLUMN, pulls_at
 from particles.dem.contact_kernel import Touch, contact_force, rolling_torque, twisting_torque
 from particles.dem.contact_lanes import FORCE, SPIN, deepest_of, keep, remember
 from particles.dem.kernel_state import Tally
-from particles.dem.pair_kernel import eight_from
 from particles.dem.wall_contact_kernel import touching_walls
 from particles.laws.springs import equal
 from particles.walls.triangle_kernels import N_FOUND
