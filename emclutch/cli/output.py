@@ -27,16 +27,13 @@ def torque_line(torque: dict[str, Any] | None) -> str:
     found = Estimate.from_dict(torque)
     text = f"torque on the disc: {torque_in_words(found)}"
     if found.interval() is not None:
-        text += f", {packings(found.replicas, found.packing_share)}"
-    return text if found.converged else f"{text}; {found.reason}"
+        text += f", {packings(found.replicas)}"
+    return f"{text}; {found.reason}"
 
 
-def packings(count: int, share: float | None) -> str:
-    """Say out of how many packings a mean is, and of one, what its error lacks; `share` [N m] where it is known."""
-    if count > 1:
-        return f"{count} packings"
-    known = "" if share is None else f", some {share:.2g} N m,"
-    return f"one packing: what packings differ by{known} is not in it"
+def packings(count: int) -> str:
+    """Say out of how many packings a mean is, and of one, what its error lacks."""
+    return f"{count} packings" if count > 1 else "one packing: what packings differ by is not in it"
 
 
 def tell_plan(case: Case, as_json: bool, threads: int | None = None) -> None:

@@ -1,43 +1,35 @@
-"""Mean of a noisy signal out of independent replicas: what one run fluctuates, and what runs differ by.
+"""Mean of a noisy signal over independent replicas (packings of the same scene): one replica is one number.
 
-A run's batch means tell how the signal fluctuates in it. They cannot tell what the run never changes: how its grains
-were packed. Replicas (own packings, the same scene) can. In this order:
+1. **Start-up.** The averaged stretch is the same for all replicas. It begins at the latest of: the time that the caller
+   knows the start-up to last (`settled`), a third of the series, and, where MSER-5 cuts the mean over the replicas
+   later than `settled`, twice that cut, at most 0.6 of the series (P. D. Welch in S. S. Lavenberg (ed.), Computer
+   Performance Modeling Handbook, 1983, 268-328, for the mean over replicas; for MSER-5 see `statistics`). Where a
+   drift is left at 70 % confidence, it begins at half of the series.
+2. **Interval.** Student's t of the replicas' means over that stretch, with one degree of freedom less than replicas.
+   Nothing within a replica is pooled: a replica never changes how its grains were packed. Its level is 97.5 % where
+   95 % is asked for, since the rule that ends a run looks several times (`Estimate.half_width`).
+3. **Drift.** One slope a replica. The error of their mean comes from the scatter of the slopes and from the quadratic
+   and cubic coefficients of each replica (Legendre polynomials, which a series of short memory has with the same
+   variance, and one without curvature with mean 0): 3 R - 1 degrees of freedom for R replicas. Slow fluctuations have
+   larger slopes than cubic coefficients, which makes the error up to a tenth too small at a correlation time of a tenth
+   of the stretch.
+4. **Verdict** (`steadiness`): steady, creeping or not settled.
 
-1. **Common warm-up:** MSER-5 on the mean over the replicas, in which what all share stands out of their noise.
-   P. D. Welch, "The statistical analysis of simulation results", in S. S. Lavenberg (ed.), Computer Performance
-   Modeling Handbook, 1983, 268-328, for the mean over replicas; for MSER-5 see `statistics`.
-2. **Within replicas:** correlation time from their mean covariance, batches of at least four of it, and the mean square
-   MSW of the batch means about their replica's mean, with R (b - 1) degrees of freedom; not below what the correlation
-   time says.
-3. **Between replicas:** b times the variance of the replicas' means, MSB, with R - 1 degrees of freedom.
-4. **Error:** two components of variance, what a replica's mean fluctuates and what packings add,
-   ``s^2 = (W + P)/(R b)`` with W = MSW, P = max(MSB - MSW, 0), and degrees of freedom after F. E. Satterthwaite, "An
-   approximate distribution of estimates of variance components", Biometrics Bulletin 2 (1946) 110-114:
-   ``f = (W + P)^2/(P (W + P)/(R - 1) + W^2/(R (b - 1)))``. P is weighed with W + P and not with itself, since all of
-   MSB goes into it. Simulated with 2 to 8 replicas, 8 batches and a variance between packings of 0 to 20 times the
-   fluctuation's share in a replica's mean, the difference of two such means lies in its own 95 % interval in 93 to 98 %
-   of all cases. One mean alone: with three replicas and more in 90 to 97 %, with two in 86 to 97 %, the least where
-   packings differ much: two of them say little about how much.
-5. **Drift:** one slope through all batch means, each replica with its own level, must not differ from zero in Student's
-   t test at 99.9 %.
+Coverage and power, measured with synthetic series: tests/results/test_stopping_rule.py.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from enum import Enum
 
 import numpy as np
 
 from emclutch.results.statistics import (
-    BATCH_CORRELATION_TIMES,
-    DRIFT_SIGNIFICANCE,
-    MAX_BATCHES,
-    MIN_BATCHES,
     MIN_SAMPLES,
-    TOO_FEW,
     Estimate,
-    batches_needed,
     checked_signal,
     correlation_samples,
     mser_cut,
@@ -45,17 +37,50 @@ from emclutch.results.statistics import (
     steady_mean,
 )
 
+USUAL = 0.05
+"""Half the 95 % interval over the mean, for which verdicts and estimates are given where nothing is asked for."""
+
+MAX_MSER_CUT = 0.6  # of the series
+START_UP_LIMIT = 0.5  # of the series: a longer start-up is not over
+MSER_FACTOR = 2.0  # MSER minimises the mean square error, which leaves a bias of the size of the standard error
+RESIDUAL_DRIFT_CONFIDENCE = 0.7
+MIN_STRETCH = 8  # windows that are averaged at least: a cubic has four coefficients
+DRIFT_LIMIT = 2.0  # of the half width that is asked for: a drift that a steady signal excludes
+DRIFT_CONFIDENCE = 0.975
+"""One-sided. With it a drift at the limit passes in less than 10 % of runs under the rule that ends them: up to nine
+looks, of which each has its chance."""
+CREEP = 0.75  # of the half width that is asked for: a drift beyond it for certain (95 %), which no more replicas cure
+
+
+class Steadiness(Enum):
+    """Verdict on a mean over replicas, see `steadiness`."""
+
+    STEADY = "steady"
+    CREEPING = "creeping"
+    NOT_SETTLED = "not settled"
+
 
 def replicated_mean(
-    signals: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], *, average_from: float | None = None
+    signals: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]],
+    *,
+    average_from: float | None = None,
+    settled: float = 0.0,
+    wanted: Callable[[float], float] = lambda mean: USUAL * abs(mean),
 ) -> Estimate:
-    """Mean and standard error of the steady part that replicas of one signal have in common.
+    """Mean, standard error and drift of the steady part that replicas of one signal have in common.
 
     Parameters
     ----------
     signals : of each replica the ends of its windows (n,) [s], the signal's means over them (n,), and their lengths
         (n,) [s]; windows of the first replica are taken for all, up to the earliest end.
-    average_from : beginning of the steady part [s]; None lets MSER-5 find it.
+    average_from : beginning of the averaged stretch [s]; None chooses it as the module says.
+    settled : time [s] before which the averaged stretch does not begin, unless `average_from` says so.
+    wanted : half width of the interval that is asked for, as a function of the mean; the verdict depends on it.
+
+    Returns
+    -------
+    Estimate
+        Of a single replica that of `statistics.steady_mean`, which lacks what replicas differ by.
 
     Raises
     ------
@@ -65,50 +90,173 @@ def replicated_mean(
         raise ValueError("no replica to take a mean of")
     if len(signals) == 1:
         time, value, duration = signals[0]
-        return steady_mean(time, value, duration=duration, average_from=average_from)
+        alone = steady_mean(time, value, duration=duration, average_from=average_from)
+        if average_from is None and settled > (alone.start or 0.0):
+            late = steady_mean(time, value, duration=duration, average_from=settled)
+            return _too_short(alone, settled) if late.mean is None else late
+        return alone
     t, y, dt = _common_windows([checked_signal(*signal) for signal in signals])
-    if average_from is not None:
-        late = t - dt >= average_from - 1e-9 * dt
-        t, y, dt = t[late], y[:, late], dt[late]
-    count = len(signals)
-    if t.size < MIN_SAMPLES:
-        where = "" if average_from is None else f" after {average_from:g} s"
-        reason = f"not converged: {t.size} samples{where}, {MIN_SAMPLES} needed; run longer"
-        mean = float(np.average(y.mean(axis=0), weights=dt)) if t.size else None
-        return Estimate(mean, None, 0, None, float(t[0] - dt[0]) if t.size else None, False, reason, count)
-    steady = True
+    count, size = len(signals), t.size
+    end = float(t[-1]) if size else 0.0
+    begin = t - dt * (1.0 + 1e-9)
+    nominal = max(settled, end / 3.0) if average_from is None else average_from
+    first = int(np.searchsorted(begin, nominal - 1e-6 * dt.mean())) if size else 0
+    if size < MIN_SAMPLES or size - first < MIN_STRETCH:
+        late = min(first, size // 2)
+        mean = float(np.average(y[:, late:].mean(axis=0), weights=dt[late:])) if size else None
+        start = float(t[late] - dt[late]) if size else None
+        reason = f"not converged: {size} windows, {MIN_SAMPLES} needed; run longer"
+        short = Estimate(mean, None, 0, None, start, False, reason, count, end=end, settled=nominal)
+        return short if size < MIN_SAMPLES else _too_short(short, nominal)
+    fit = _StretchFit.of(y[:, first:], dt[first:])
+    starting = False
     if average_from is None:
-        cut, steady = mser_cut(y.mean(axis=0), dt)
-        t, y, dt = t[cut:], y[:, cut:], dt[cut:]
-    start, total = float(t[0] - dt[0]), float(dt.sum())
-    means = np.average(y, weights=dt, axis=1)
-    mean = float(means.mean())
-    if np.ptp(y) <= 1e-13 * np.max(np.abs(y)):  # round-off of a value that does not change
+        latest = size - MIN_STRETCH
+        cut = mser_cut(y.mean(axis=0), dt)[0]
+        cut = int(MSER_FACTOR * cut) if begin[cut] > settled else 0  # else it is part of the start-up that is known
+        starting = cut > START_UP_LIMIT * size
+        cut = min(cut, int(MAX_MSER_CUT * size))
+        half = int(np.searchsorted(begin, 0.5 * end))
+        for start_at in (max(first, cut), max(first, cut, half)):
+            chosen = min(start_at, latest)
+            fit = _StretchFit.of(y[:, chosen:], dt[chosen:])
+            if not fit.drifts(RESIDUAL_DRIFT_CONFIDENCE):
+                break
+        first = chosen
+    start, stretch = float(t[first] - dt[first]), float(dt[first:].sum())
+    if np.ptp(y[:, first:]) <= 1e-13 * np.max(np.abs(y[:, first:])):  # round-off of a value that does not change
         reason = "not converged: the signal does not change, so nothing in it says how far off its mean is"
-        return Estimate(mean, None, 0, None, start, False, reason, count)
-    even = np.array([rebinned(dt, one, one.size) for one in y])
-    tau = total / t.size * correlation_samples(even)
-    batches = max(1, min(int(total / (BATCH_CORRELATION_TIMES * tau)), MAX_BATCHES, t.size))
-    error, freedom, share = _error(np.array([rebinned(dt, one, batches) for one in y]), even, tau / total)
-    drift = batches >= 2 and count * batches >= MIN_BATCHES and _drifts(y, dt, batches)
-    if not steady:
-        reason = "not converged: no steady part found, the signal still changes; run longer"
-    elif count * batches < MIN_BATCHES or batches < 2:
+        return Estimate(fit.mean, None, 0, None, start, False, reason, count, end=end, settled=nominal)
+    even = np.array([rebinned(dt[first:], row, size - first) for row in y[:, first:]])
+    samples = correlation_samples(even)
+    found = Estimate(
+        fit.mean,
+        fit.error,
+        count,
+        stretch / even.shape[1] * samples,
+        start,
+        False,
+        "",
+        count,
+        degrees_of_freedom=count - 1.0,
+        end=end,
+        settled=min(nominal, start),
+        drift=fit.drift / stretch,
+        drift_error=fit.drift_error / stretch,
+        drift_freedom=3.0 * count - 1.0,
+        starts_up=starting,
+        fluctuation=math.sqrt(float(even.var(axis=1).mean()) * min(1.0, samples / even.shape[1])),
+    )
+    return judged(found, wanted(fit.mean))
+
+
+def _too_short(found: Estimate, nominal: float) -> Estimate:
+    """The estimate of a run that ends before its start-up does, at `nominal` [s] at the earliest."""
+    reason = f"not settled: the run is hardly longer than its start-up ({nominal:.3g} s at the least); run longer"
+    return replace(found, converged=False, standard_error=None, reason=reason)
+
+
+def judged(found: Estimate, wanted: float) -> Estimate:
+    """The estimate of several replicas with the verdict for a half width that is asked for [unit of the signal]."""
+    verdict = steadiness(found, wanted)
+    stretch = f"{found.replicas} packings, averaged from {found.start:.3g} to {found.end:.3g} s"
+    share = f"{drift_in_words(found)} over the averaged stretch"
+    if verdict is Steadiness.STEADY:
+        reason = f"steady: {stretch}; drift {share}"
+    elif verdict is Steadiness.CREEPING:
+        reason = f"creeping: it drifts by {share}, and the interval is of this stretch ({stretch}); run longer"
+    elif found.starts_up:
         reason = (
-            f"not converged: {batches} uncorrelated {'batch' if batches == 1 else 'batches'} in each of {count} "
-            f"replicas, {batches_needed(count)} {TOO_FEW}"
+            f"not settled: the start-up takes more than {START_UP_LIMIT:g} of the run, and the interval is of the rest "
+            f"({stretch}); run longer"
         )
-    elif drift:
-        reason = "not converged: the signal drifts; run longer or set a later average_from"
     else:
+        limit = DRIFT_LIMIT * wanted
         reason = (
-            f"converged: {count} replicas, {batches} batches of {total / batches:.2g} s in each, correlation time "
-            f"{tau:.2g} s"
+            f"not settled: a drift of {_relative(limit, found.mean)} over the averaged stretch is not excluded "
+            f"({share}), and the interval is of this stretch ({stretch}); more packings, or run longer"
         )
-        if freedom < 2.0 * (count - 1):
-            reason += "; packings differ by more than the torque fluctuates: only more replicas make the mean better"
-    good = steady and not drift and batches >= 2 and count * batches >= MIN_BATCHES
-    return Estimate(mean, error, count * batches, tau, start, good, reason, count, freedom, share)
+    return replace(found, converged=verdict is Steadiness.STEADY, reason=reason)
+
+
+def steadiness(found: Estimate, wanted: float) -> Steadiness:
+    """Verdict for a half width that is asked for [unit of the signal].
+
+    With the drift counted over the run from the end of the start-up on (a later start of the average hides nothing):
+    *steady* where a drift of twice `wanted` is excluded, *creeping* where it is not and zero is (95 %), else *not
+    settled*; not settled too where the start-up takes most of the run. Of a single replica: whether it converged.
+    """
+    if found.drift is None or found.drift_error is None or found.drift_freedom is None:
+        return Steadiness.STEADY if found.converged else Steadiness.NOT_SETTLED
+    drift, error = _nominal_drift(found)
+    excluded = drift + _quantile(found.drift_freedom, DRIFT_CONFIDENCE) * error < DRIFT_LIMIT * wanted
+    if excluded and not found.starts_up:
+        return Steadiness.STEADY
+    zero_excluded = drift > _quantile(found.drift_freedom, 0.975) * error
+    return Steadiness.CREEPING if zero_excluded else Steadiness.NOT_SETTLED
+
+
+def creeps_for_certain(found: Estimate, wanted: float) -> bool:
+    """Whether a drift beyond `CREEP` times `wanted` is certain (95 %): more replicas do not cure it."""
+    if found.drift is None or found.drift_error is None or found.drift_freedom is None:
+        return False
+    drift, error = _nominal_drift(found)
+    return drift - _quantile(found.drift_freedom, 0.95) * error > CREEP * wanted
+
+
+def drift_in_words(found: Estimate) -> str:
+    """The drift over the averaged stretch with its 95 % half width, relative to the mean: ``1.2 +- 0.8 %``."""
+    if found.drift is None or found.drift_error is None or found.start is None or found.end is None or not found.mean:
+        return "unknown"
+    stretch, scale = found.end - found.start, 100.0 / abs(found.mean)
+    half = _quantile(found.drift_freedom or 1.0, 0.975) * found.drift_error * stretch
+    sign = 1.0 if found.mean > 0.0 else -1.0
+    return f"{sign * found.drift * stretch * scale:.2g} +- {half * scale:.2g} %"
+
+
+def _nominal_drift(found: Estimate) -> tuple[float, float]:
+    """Magnitude and standard error of the drift from the end of the start-up to the end of the run."""
+    span = (found.end or 0.0) - (found.settled or 0.0)
+    return abs(found.drift or 0.0) * span, (found.drift_error or 0.0) * span
+
+
+def _relative(value: float, mean: float | None) -> str:
+    return f"{100.0 * value / abs(mean):.2g} %" if mean else f"{value:.2g}"
+
+
+def _quantile(freedom: float, probability: float) -> float:
+    """Student's t."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(freedom, probability))
+
+
+class _StretchFit:
+    """Legendre coefficients up to the cubic of each replica over a stretch; mean and drift with their errors."""
+
+    def __init__(self, coefficients: np.ndarray, mean: float, error: float) -> None:
+        count = len(coefficients)
+        slopes = coefficients[:, 1]
+        self.mean, self.error = mean, error
+        self.freedom = 3.0 * count - 1.0
+        squares = float(((slopes - slopes.mean()) ** 2).sum() + (coefficients[:, 2:] ** 2).sum())
+        self.drift = float(slopes.mean())  # from one end of the stretch to the other
+        self.drift_error = math.sqrt(squares / self.freedom / count)
+
+    @classmethod
+    def of(cls, y: np.ndarray, dt: np.ndarray) -> _StretchFit:
+        """From the means (m, n) over windows of lengths dt (n,)."""
+        means = np.average(y, weights=dt, axis=1)
+        error = float(means.std(ddof=1)) / math.sqrt(len(means))
+        even = np.array([rebinned(dt, row, dt.size) for row in y])
+        x = (2.0 * np.arange(dt.size) + 1.0) / dt.size - 1.0
+        basis, triangle = np.linalg.qr(np.polynomial.legendre.legvander(x, 3))
+        # coefficients of orthonormal columns have one variance for white noise; a slope of 1 on [-1, 1] drifts by 2
+        return cls(even @ basis * (2.0 / triangle[1, 1]), float(means.mean()), error)
+
+    def drifts(self, confidence: float) -> bool:
+        """Whether a drift of zero is excluded, two-sided."""
+        return abs(self.drift) > _quantile(self.freedom, 0.5 + 0.5 * confidence) * self.drift_error
 
 
 def _common_windows(
@@ -128,37 +276,3 @@ def _common_windows(
         integral = np.concatenate([[0.0], np.cumsum(duration * value)])
         rows.append((np.interp(t, ends, integral) - np.interp(t - dt, ends, integral)) / dt)
     return t, np.array(rows).reshape(len(signals), t.size), dt
-
-
-def _error(batch_means: np.ndarray, even: np.ndarray, independent: float) -> tuple[float, float, float]:
-    """Standard error of the mean of all, its degrees of freedom, and the share of what replicas differ by.
-
-    `batch_means` (m, b); `even` (m, n), the series evenly spaced; `independent`, length of one independent sample over
-    the series'.
-    """
-    count, batches = batch_means.shape
-    own = batch_means.mean(axis=1)
-    between = batches * float(own.var(ddof=1))
-    within = batches * float(even.var(axis=1).mean()) * min(1.0, independent)
-    inner = count * (batches - 1)
-    if inner:
-        within = max(within, float(((batch_means - own[:, None]) ** 2).sum()) / inner)
-    added = max(between - within, 0.0)
-    whole = within + added
-    freedom = whole**2 / (added * whole / (count - 1) + within**2 / max(inner, count - 1))
-    return math.sqrt(whole / (count * batches)), freedom, math.sqrt(added / batches)
-
-
-def _drifts(value: np.ndarray, duration: np.ndarray, batches: int) -> bool:
-    """Student's t test of one slope through the batch means of all replicas, each with its own level."""
-    from scipy.special import stdtrit
-
-    count, n = len(value), max(batches, math.ceil(MIN_BATCHES / len(value)))
-    y = np.array([rebinned(duration, one, n) for one in value])
-    y = y - y.mean(axis=1, keepdims=True)
-    x = np.arange(n) - 0.5 * (n - 1)
-    size = count * float(x @ x)
-    slope = float((y * x).sum()) / size
-    freedom = count * (n - 1) - 1
-    error = math.sqrt(float(((y - slope * x) ** 2).sum()) / freedom / size)
-    return abs(slope) > float(stdtrit(freedom, 1.0 - 0.5 * DRIFT_SIGNIFICANCE)) * error

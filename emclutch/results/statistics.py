@@ -41,6 +41,8 @@ MIN_SAMPLES = 20  # fewer give neither a cut nor a correlation time worth its na
 BATCH_CORRELATION_TIMES = 4.0  # with 2 the error of AR(1) series came out 1.5 times too small where 10 batches just fit
 SOKAL_WINDOW = 5.0
 DRIFT_SIGNIFICANCE = 1e-3
+STOPPING_ALLOWANCE = 0.5
+"""Share of the probability of error that an interval of several replicas uses: 97.5 % is computed for 95 %."""
 TOO_FEW = "needed; run longer"
 """End of a reason that time alone mends."""
 
@@ -54,15 +56,20 @@ class Estimate:
     mean : time average over the steady part [unit of the signal].
     standard_error : its standard error [unit of the signal], above 0; None: unknown. Where `converged` is
         False, this is the best that the data give and probably too small.
-    batches : number of uncorrelated batches behind the error.
+    batches : number of uncorrelated batches behind the error; of several replicas their number.
     correlation_time : time that holds one independent sample [s].
     start : beginning of the steady part [s].
-    converged : steady, without drift, and at least 10 batches each longer than 4 correlation times.
-    reason : the same in words, with the remedy.
+    converged : steady; of a single series without drift, and at least 10 batches each longer than 4 correlation times.
+    reason : the verdict in words, with the remedy.
     replicas : independent runs behind it; of one alone, the error lacks what its packing does to the mean.
     degrees_of_freedom : of the error; None: one less than the batches.
-    packing_share : standard deviation by which means of replicas differ beyond what their own fluctuation explains
-        [unit of the signal]; None: unknown, of one replica.
+    end : end of the averaged stretch [s]; None of a single series.
+    settled : time [s] up to which the signal starts up at the least; the drift counts from there.
+    drift : slope over the averaged stretch [unit of the signal per s], mean of the replicas; None of a single series.
+    drift_error : its standard error [unit of the signal per s].
+    drift_freedom : degrees of freedom of that error.
+    starts_up : whether the start-up takes most of the run, by MSER-5 on the mean over several replicas.
+    fluctuation : standard deviation of one replica's mean that its own fluctuation explains [unit of the signal].
     """
 
     mean: float | None
@@ -74,16 +81,30 @@ class Estimate:
     reason: str
     replicas: int = 1
     degrees_of_freedom: float | None = None
-    packing_share: float | None = None
+    end: float | None = None
+    settled: float | None = None
+    drift: float | None = None
+    drift_error: float | None = None
+    drift_freedom: float | None = None
+    fluctuation: float | None = None
+    starts_up: bool = False
 
     def half_width(self, confidence: float = 0.95) -> float | None:
-        """Half the width of the mean's two-sided confidence interval by Student's t; None: unknown."""
+        """Half the width of the mean's two-sided confidence interval by Student's t; None: unknown.
+
+        Of several replicas, half of the probability of error is kept for the looks of the rule that ends a run, and
+        half the drift over the averaged stretch is added in quadrature, so that the interval holds its two ends too.
+        Of a run of fixed length the interval is wider than it need be.
+        """
         freedom = self.batches - 1 if self.degrees_of_freedom is None else self.degrees_of_freedom
         if self.mean is None or self.standard_error is None or freedom < 1:
             return None
         from scipy.special import stdtrit
 
-        return float(stdtrit(freedom, 0.5 + 0.5 * confidence)) * self.standard_error
+        if self.drift is None or self.start is None or self.end is None:
+            return float(stdtrit(freedom, 0.5 + 0.5 * confidence)) * self.standard_error
+        quantile = float(stdtrit(freedom, 1.0 - STOPPING_ALLOWANCE * 0.5 * (1.0 - confidence)))
+        return math.hypot(quantile * self.standard_error, 0.5 * self.drift * (self.end - self.start))
 
     def interval(self, confidence: float = 0.95) -> tuple[float, float] | None:
         """Two-sided confidence interval of the mean; None: unknown."""
@@ -98,41 +119,30 @@ class Estimate:
     def from_dict(cls, values: dict[str, Any]) -> Estimate:
         """Inverse of `as_dict`; other keys are ignored."""
         known = {name: values.get(name) for name in cls.__slots__}
+        known |= {"starts_up": bool(known["starts_up"])}
         return cls(**{**known, "batches": known["batches"] or 0, "replicas": known["replicas"] or 1})  # type: ignore[arg-type]
 
 
-def batches_needed(replicas: int) -> int:
-    """Uncorrelated batches that each of some replicas must have."""
-    return max(2, math.ceil(MIN_BATCHES / replicas)) if replicas > 1 else MIN_BATCHES
-
-
 def more_time(found: Estimate, end: float, wanted: float) -> float | None:
-    """How much longer [s] a signal must go on until half its 95 % interval is `wanted` [unit of the signal]: a guess.
+    """Estimate how much longer [s] a single series must go on until half its 95 % interval is `wanted`.
 
     The error falls with the root of the time averaged, so that time grows with the square of half width over wanted;
-    and it holds the batches that are asked for at the least. A run alone that has fewer now will have them then, and
-    Student's t of them. None: the steady part or the error is unknown, or replicas differ by more than each fluctuates,
-    which no longer run mends.
+    and it holds at least `MIN_BATCHES` batches. None: the steady part or the error is unknown.
 
     Parameters
     ----------
     found : Estimate
     end : time up to which the signal goes [s].
-    wanted : half the interval's width.
+    wanted : half the interval's width [unit of the signal].
     """
     start, tau = found.start, found.correlation_time
     if start is None or tau is None or wanted <= 0.0:
         return None
-    if found.degrees_of_freedom is not None and found.degrees_of_freedom < 2.0 * (found.replicas - 1):
-        return None
-    if found.degrees_of_freedom is None:
-        found = replace(found, degrees_of_freedom=max(found.batches - 1.0, MIN_BATCHES - 1.0))
-    half = found.half_width()
+    half = replace(found, batches=max(found.batches, MIN_BATCHES)).half_width()
     if half is None:
         return None
-    least = batches_needed(found.replicas) * BATCH_CORRELATION_TIMES * tau
     averaged = end - start
-    return max(max(averaged * (half / wanted) ** 2, least) - averaged, tau)
+    return max(max(averaged * (half / wanted) ** 2, MIN_BATCHES * BATCH_CORRELATION_TIMES * tau) - averaged, tau)
 
 
 def steady_mean(

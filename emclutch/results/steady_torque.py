@@ -1,28 +1,28 @@
 """The steady torque on the disc: one verdict for summary, result and comparison of methods.
 
-Statistics alone (`statistics.steady_mean`) cannot tell a steady torque from one that creeps. Two laws of mechanics must
-agree with them. What goes into the powder must come out: rotor + disc + housing + field vanish once the powder's
-angular momentum no longer changes. And between slipping shafts the gap must have been sheared by `LEAST_STRAIN` since
-the averaging began, or the packing has not forgotten how it was made.
+Statistics of packings (`replicated_mean`) know nothing of mechanics. Three more things are asked. Averaging does not
+begin before the gap was sheared by the strain that start-up is known to need in scenes of this kind
+(`SteadyConditions.start_up_strain`). What goes into the powder must come out: rotor + disc + housing + field vanish
+once the powder's angular momentum no longer changes. And between slipping shafts the gap must be sheared by
+`MIN_AVERAGED_STRAIN` while averaging.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from emclutch.results.replicated_mean import replicated_mean
-from emclutch.results.statistics import TOO_FEW, Estimate, more_time
+from emclutch.results.replicated_mean import USUAL, replicated_mean
+from emclutch.results.statistics import MIN_BATCHES, Estimate, more_time
 
 if TYPE_CHECKING:
     import pandas
 
-LEAST_STRAIN = 5.0  # shear of the gap, slip times radius over width; packings forget their making in a few
-LARGEST_IMBALANCE = 0.05  # of the torque
-USUAL = 0.05  # of the torque: half the 95 % interval for which a time is foretold where a scene asks for none
+MIN_AVERAGED_STRAIN = 5.0  # shear of the gap, slip times radius over width, while averaging: several correlation times
+MAX_IMBALANCE = 0.05  # of the torque
 HOLDS = 0.01  # of the rotor's fastest speed: shafts whose slip falls below it do not shear the gap
 
 
@@ -42,6 +42,8 @@ class SteadyConditions:
         Torque [N m] below which it need not be known any better, as `time.until` may say; 0: there is none.
     share : float
         Half the 95 % interval over the torque that is asked for by `time.until`; 0: it asks for none.
+    start_up_strain : float
+        Shear strain of the gap before which no torque is averaged; 0: unknown.
     """
 
     average_from: float | None = None
@@ -49,11 +51,27 @@ class SteadyConditions:
     shear_radius: float = 0.0
     negligible: float = 0.0
     share: float = 0.0
+    start_up_strain: float = 0.0
 
     def wanted(self, mean: float) -> float:
         """Half the interval's width [N m] that is asked for of a torque [N m]; where nothing is, that of `USUAL`."""
         share = self.share or (0.0 if self.negligible else USUAL)
         return max(share * abs(mean), self.negligible)
+
+    def settled(self, histories: Sequence[pandas.DataFrame]) -> float:
+        """Time [s] up to which the start-up lasts at the least: the gap was sheared by `start_up_strain` in all.
+
+        0 where nothing is sheared, or shafts hold; the end where the gap was sheared by less.
+        """
+        latest = 0.0
+        for history in histories:
+            strain = _strain(history, _durations(history), self)
+            if strain is None or not len(strain):
+                continue
+            if strain[-1] < self.start_up_strain:
+                return float(history["time"].iloc[-1])
+            latest = max(latest, float(np.interp(self.start_up_strain, strain, history["time"].to_numpy())))
+        return latest
 
     def as_dict(self) -> dict[str, float | None]:
         """Plain values for JSON."""
@@ -62,16 +80,22 @@ class SteadyConditions:
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> SteadyConditions:
         """Inverse of `as_dict`; what is missing is unknown."""
-        radius, negligible, share = (values.get(name) or 0.0 for name in ("shear_radius", "negligible", "share"))
-        return cls(values.get("average_from"), values.get("shear_gap"), radius, negligible, share)
+        optional = ("average_from", "shear_gap")
+        known = {one.name: values.get(one.name) for one in fields(cls)}
+        return cls(**{name: value if name in optional else value or 0.0 for name, value in known.items()})  # type: ignore[arg-type]
 
 
 def mean_torque(
-    history: pandas.DataFrame, column: str, average_from: float | None, replicas: Sequence[pandas.DataFrame] = ()
+    histories: Sequence[pandas.DataFrame], column: str, conditions: SteadyConditions, average_from: float | None = None
 ) -> Estimate:
-    """Mean and standard error [N m] of a torque's steady part, by statistics alone; `replicas`: other histories."""
-    signals = [(each["time"].to_numpy(), each[column].to_numpy(), _durations(each)) for each in (history, *replicas)]
-    return replicated_mean(signals, average_from=average_from)
+    """Mean and standard error [N m] of a torque's steady part over all packings, by statistics alone.
+
+    `average_from` [s] is that of the conditions where it is None.
+    """
+    start = conditions.average_from if average_from is None else average_from
+    signals = [(each["time"].to_numpy(), each[column].to_numpy(), _durations(each)) for each in histories]
+    settled = conditions.settled(histories)
+    return replicated_mean(signals, average_from=start, settled=settled, wanted=conditions.wanted)
 
 
 def steady_torque(
@@ -88,7 +112,7 @@ def steady_torque(
     replicas : sequence of DataFrame
         Histories of the same scene with other packings.
     """
-    found = mean_torque(history, "torque_disc", conditions.average_from, replicas)
+    found = mean_torque((history, *replicas), "torque_disc", conditions)
     if _is_negligible((history, *replicas), conditions):
         return _negligible(found, conditions.negligible)
     if not found.converged or found.mean is None or found.start is None:
@@ -122,6 +146,7 @@ def _is_negligible(histories: Sequence[pandas.DataFrame], conditions: SteadyCond
 
 def _negligible(found: Estimate, bound: float) -> Estimate:
     """The estimate of a torque that was below `bound` [N m] in every window: its interval is no wider than that."""
+    found = replace(found, drift=None, drift_error=None)  # of a torque that does not count
     half = found.half_width()
     error = found.standard_error
     if error is None or half is None or half > bound:
@@ -134,15 +159,18 @@ def _negligible(found: Estimate, bound: float) -> Estimate:
 def _how_much_longer(
     found: Estimate, history: pandas.DataFrame, conditions: SteadyConditions, least: float = 0.0
 ) -> str:
-    """What running longer is about to take until the torque is known as well as asked for; `least` [s] for more."""
-    if found.mean is None or not (least or found.reason.endswith(TOO_FEW)):
+    """Estimated time to the requested precision, in words; `least` [s]: what the mechanics needs.
+
+    Of several packings `emclutch.simulation.stopping_rule` estimates it.
+    """
+    if found.mean is None or not (least or (found.replicas == 1 and found.batches < MIN_BATCHES)):
         return ""
     half, wanted = found.half_width(), conditions.wanted(found.mean)
-    more = more_time(found, float(history["time"].iloc[-1]), wanted)
+    more = more_time(found, float(history["time"].iloc[-1]), wanted) if found.replicas == 1 else None
     if more is None or (half is not None and abs(found.mean) <= half and not conditions.negligible):
         return f" (estimate: about {least:.2g} s more)" if least else ""
     aim = f"{100.0 * wanted / abs(found.mean):.2g} %" if found.mean else f"{wanted:.2g} N m"
-    return f" (estimate: about {max(more, least):.2g} s more, until it is known to {aim})"
+    return f" (estimate: about {max(more, least):.2g} s more for {aim})"
 
 
 def _imbalance(late: pandas.DataFrame, duration: np.ndarray, mean: float, error: float) -> tuple[str, float]:
@@ -158,7 +186,7 @@ def _imbalance(late: pandas.DataFrame, duration: np.ndarray, mean: float, error:
         return "", 0.0
     else:
         left = float(np.average(late[columns].sum(axis=1), weights=duration))
-    if abs(left) <= LARGEST_IMBALANCE * abs(mean) + 3.0 * error:
+    if abs(left) <= MAX_IMBALANCE * abs(mean) + 3.0 * error:
         return "", 0.0
     text = f"{left:.2g} N m more goes into the powder than comes out of it, which still speeds up; run longer"
     return text, float(late["time"].iloc[-1])
@@ -173,18 +201,36 @@ def _little_shear(
     """
     if "rotor_speed" not in history or "disc_speed" not in history or conditions.shear_gap == 0.0:
         return "", 0.0
-    slip = (history["rotor_speed"] - history["disc_speed"]).abs().to_numpy()
-    if slip[late].min() <= HOLDS * max(float(history["rotor_speed"].abs().max()), 1e-300):
+    if _holds(history):
         return "", 0.0
     if conditions.shear_gap is None:
         text = "the folder does not say how wide the gap is, so its shear is unknown; go on with --resume, which"
         return f"{text} writes it", 0.0
-    strain = float((slip * duration)[late].sum()) * conditions.shear_radius / conditions.shear_gap
-    if strain >= LEAST_STRAIN:
+    strain = _strain(history, duration, conditions)
+    if strain is None:
         return "", 0.0
-    more = float(history["time"].iloc[-1]) * (LEAST_STRAIN / max(strain, 0.1) - 1.0)
-    text = f"the gap was sheared by {strain:.2g} only while averaging, {LEAST_STRAIN:g} needed; run longer"
+    averaged = float(strain[-1] - strain[late][0])
+    if averaged >= MIN_AVERAGED_STRAIN:
+        return "", 0.0
+    more = float(history["time"].iloc[-1]) * (MIN_AVERAGED_STRAIN / max(averaged, 0.1) - 1.0)
+    text = f"the gap was sheared by {averaged:.2g} only while averaging, {MIN_AVERAGED_STRAIN:g} needed; run longer"
     return text, more
+
+
+def _strain(history: pandas.DataFrame, duration: np.ndarray, conditions: SteadyConditions) -> np.ndarray | None:
+    """Shear strain of the gap at the end of each window (n,); None where nothing is sheared or the shafts hold."""
+    if "rotor_speed" not in history or "disc_speed" not in history or not conditions.shear_gap:
+        return None
+    if _holds(history):
+        return None
+    slip = (history["rotor_speed"] - history["disc_speed"]).abs().to_numpy()
+    return np.cumsum(slip * duration) * conditions.shear_radius / conditions.shear_gap
+
+
+def _holds(history: pandas.DataFrame) -> bool:
+    """Whether the shafts do not slip in some window of the later half."""
+    slip = (history["rotor_speed"] - history["disc_speed"]).abs().to_numpy()
+    return float(slip[len(slip) // 2 :].min()) <= HOLDS * max(float(history["rotor_speed"].abs().max()), 1e-300)
 
 
 def _durations(history: pandas.DataFrame) -> np.ndarray:

@@ -10,17 +10,34 @@ from emclutch.scene.time_table import TimeTable
 if TYPE_CHECKING:
     from emclutch.scene.model import Scene
 
+AUTOMATIC = 4
+"""Packings of a steady torque at the least: Student's t of three degrees of freedom is the first of a useful width."""
+
 
 def replica_count(scene: Scene) -> int:
-    """What the scene asks for; where it asks for nothing, what suits the machine and the scene."""
+    """What the scene asks for; where it asks for nothing, with how many packings a run of it begins."""
     return automatic_count(scene) if scene.accuracy.replicas is None else scene.accuracy.replicas
 
 
+def max_replica_count(scene: Scene) -> int:
+    """How many packings a run with `time.until` may take."""
+    count = replica_count(scene)
+    return max(count, scene.accuracy.max_replicas) if scene.accuracy.replicas is None and count > 1 else count
+
+
 def automatic_count(scene: Scene) -> int:
-    """As many as cores, at least 2, for a steady torque of grains that are packed at random; else 1."""
-    if not has_steady_torque(scene) or packs_alike(scene):
-        return 1
-    return max(2, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 2)
+    """Packings of a scene that does not say how many: `AUTOMATIC` for a steady torque of a random packing, else 1."""
+    return 1 if not has_steady_torque(scene) or packs_alike(scene) else AUTOMATIC
+
+
+def replicas_side_by_side(count: int, threads: int) -> int:
+    """How many of `count` replicas run at a time on the cores at hand, each on `threads` threads."""
+    return max(1, min(count, cores_at_hand() // max(1, threads)))
+
+
+def cores_at_hand() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def has_steady_torque(scene: Scene) -> bool:

@@ -64,8 +64,12 @@ class AccuracySection(Section):
     time_end: Time | None = Field(default=None, description="end of these runs; default: time.end")
     replicas: Annotated[Annotated[int, Whole(1, 64, "4")] | None, Automatic()] = Field(
         default=None,
-        description="runs of the scene with own packings, side by side, from which the torque and its error come; "
-        "auto: as many as cores, at least 2, for a steady torque of grains that are packed at random, else 1",
+        description="runs of the scene with packings of their own, from which the torque and its error come; as many "
+        "at a time as there are cores for. auto: 4 for a steady torque of grains that are packed at random, and with "
+        "time.until more where they are needed; else 1",
+    )
+    max_replicas: Annotated[int, Whole(4, 64, "24")] = Field(
+        default=24, description="most packings of a run with time.until and an automatic number of replicas"
     )
 
     @model_validator(mode="after")

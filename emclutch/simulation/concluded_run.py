@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from emclutch.results import Result, load_result
 from emclutch.results.failure import CURE
 from emclutch.results.grain_profiles import write_profiles
-from emclutch.simulation.replicas import tell_packing_share
 from emclutch.simulation.run_error import Interrupted, RunError
 from emclutch.simulation.run_observers import RunObservers
 from emclutch.simulation.run_request import RunRequest
@@ -39,11 +38,9 @@ def concluded(request: RunRequest, started: StartedRun, observers: RunObservers)
     end_replicas(request, started, observers)
     refuse_cut_off(request, started, observers)
     across = written_profiles(request, observers)
-    others = replicas.other_histories() if replicas.number == 0 else []
+    others = replicas.histories()[1:] if replicas.count > 1 else []
     seconds = {"whole_run": perf_counter() - request.opened.begin, "compiling": compiled.seconds}
     summarise(case, folder, started.planned, started.simulation, seconds, others, stopped=early.is_by_callback)
-    if others:
-        tell_packing_share(folder, load_result(folder.path).torque.packing_share)
     if case.scene.output.pictures:
         request.progress.say(1.0, "pictures")
         from emclutch.simulation.pictures import draw_run  # local: the libraries that draw are heavy
@@ -60,7 +57,11 @@ def end_replicas(request: RunRequest, started: StartedRun, observers: RunObserve
     if early.is_by_callback and not replicas.failure():
         log.info("stopped by the callback at t = %g s", time)
         replicas.end()
-    elif problem := replicas.failure() or replicas.wait(request.is_stopped, request.progress.announce):
+        return
+    if replicas.wait(request.is_stopped, lambda: request.progress.say(replicas.share_done(time), "other packings")):
+        replicas.finish()
+        replicas.wait_for_results(request.is_stopped)
+    if problem := replicas.failure():
         how = request.how_to_go_on
         if replicas.failed_for_the_scene():
             request.folder.write_failure(problem)

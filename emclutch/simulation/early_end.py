@@ -1,37 +1,44 @@
-"""What ends a run before its last window: its torque is known, or the user's callback wants no more."""
+"""What ends a run before its last window: its torque is known, its orders say so, or the user's callback."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from emclutch.simulation.orders import Orders
+from emclutch.simulation.plan import Plan
 from emclutch.simulation.planned_run import PlannedRun
 from emclutch.simulation.run_request import RunRequest
-from emclutch.simulation.torque_known import TorqueKnown
+from emclutch.simulation.stopping_rule import stopping_rule
+from emclutch.simulation.torque_trigger import TorqueTrigger
 from emclutch.simulation.window_state import UserCallback
 
 
 @dataclass(frozen=True, slots=True)
 class EarlyEnd:
-    """The callbacks that may end a run; None where the scene, or the user, has no such.
+    """The callbacks that may end a run; None where there is no such.
 
     Attributes
     ----------
-    known : TorqueKnown or None
+    trigger : TorqueTrigger or None
+        Of a run whose scene has `time.until`.
+    orders : Orders or None
+        Of one of the other replicas.
     asked : UserCallback or None
     """
 
-    known: TorqueKnown | None
+    trigger: TorqueTrigger | None
+    orders: Orders | None
     asked: UserCallback | None
 
     @property
-    def callbacks(self) -> tuple[TorqueKnown | UserCallback, ...]:
+    def callbacks(self) -> tuple[TorqueTrigger | Orders | UserCallback, ...]:
         """Those that there are."""
-        return tuple(one for one in (self.known, self.asked) if one is not None)
+        return tuple(one for one in (self.trigger, self.orders, self.asked) if one is not None)
 
     @property
     def torque_is_known(self) -> bool:
         """Whether it has ended the run."""
-        return self.known is not None and self.known.reached
+        return self.trigger is not None and self.trigger.reached
 
     @property
     def is_by_callback(self) -> bool:
@@ -41,15 +48,27 @@ class EarlyEnd:
     @property
     def has_come(self) -> bool:
         """Whether the run ends with the present window."""
-        return self.torque_is_known or self.is_by_callback
+        ended = self.trigger is not None and self.trigger.ended
+        return ended or (self.orders is not None and self.orders.reached) or self.is_by_callback
 
 
-def early_end(request: RunRequest, planned: PlannedRun) -> EarlyEnd:
-    """What may end the run of a scene before its last window."""
-    until, plan = request.case.scene.span.until, planned.plan
-    known = asked = None
-    if until is not None:
-        known = TorqueKnown(until, planned.conditions, request.replicas, plan.end, request.is_stopped)
+def early_end(request: RunRequest, planned: PlannedRun, reached: float) -> EarlyEnd:
+    """What may end the run of a scene before its last window; it goes on from the time `reached` [s]."""
+    plan, replicas = planned.plan, request.replicas
+    trigger = asked = None
+    replicas.tolerance = 0.5 * window(plan)
+    rule = stopping_rule(request.case.scene, planned.device, plan.end)
+    if request.orders is None and rule is not None:
+        first = rule.first(replicas.count, reached - replicas.tolerance)
+        replicas.request(first.count, first.length)
+        trigger = TorqueTrigger(rule, planned.conditions, replicas, request.progress, request.is_stopped, first)
+    elif request.orders is None:
+        replicas.request(replicas.count, plan.end)
     if request.callback is not None:
         asked = UserCallback(request.callback, plan.windows)
-    return EarlyEnd(known, asked)
+    return EarlyEnd(trigger, request.orders, asked)
+
+
+def window(plan: Plan) -> float:
+    """Length of a window [s]."""
+    return plan.end / plan.windows

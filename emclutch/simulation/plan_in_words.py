@@ -10,14 +10,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from emclutch.device.device import CoilDevice, Device
-from emclutch.results.steady_torque import LEAST_STRAIN
+from emclutch.results.steady_torque import MIN_AVERAGED_STRAIN
 from emclutch.scene.case import Case
 from emclutch.scene.grain_smear import moments_are_fed_back, smear_width
 from emclutch.scene.input_files import paths_elsewhere
-from emclutch.scene.replica_count import replica_count
+from emclutch.scene.replica_count import max_replica_count, replica_count
+from emclutch.scene.start_up import start_up_strain
 from emclutch.scene.surfaces import extent_in_words
 from emclutch.simulation.contacts_in_words import contacts_in_words
 from emclutch.simulation.forecast.expected_speeds import device_extent
+from emclutch.simulation.stopping_rule import strain_rate
 from emclutch.simulation.windows import UpdateRule, Windows
 from field import MagneticField
 from field.coil.inductance import apparent_inductance, incremental_inductance
@@ -46,7 +48,7 @@ def plan_in_words(scene: Scene, device: Device, plan: Plan) -> dict[str, str]:
         words["feedback"] = feedback_in_words(scene, in_section)
     if coil is not None:
         words["mesh"] = coil.mesh_in_words()
-    words |= dict(end_in_words(scene, device, plan.end))
+    words |= dict(end_in_words(scene, device, plan))
     words["cost"] = plan.cost.in_words()
     return words
 
@@ -133,19 +135,27 @@ def feedback_in_words(scene, coil: CoilDevice) -> str:
     return text + f"); {len(coil.problem.powder_elements)} elements of powder and beside it"
 
 
-def end_in_words(scene, device: Device, end: float) -> Iterator[tuple[str, str]]:
+def end_in_words(scene, device: Device, plan: Plan) -> Iterator[tuple[str, str]]:
     """Of how many packings the torque will be, when the run ends, and whether it can be known by then."""
-    count, until = replica_count(scene), scene.time.until
+    count, until, end = replica_count(scene), scene.time.until, plan.end
     if count > 1:
-        yield "replicas", f"{count} packings side by side, a process each; the torque and its error are of all"
+        most, beside = max_replica_count(scene), plan.cost.replicas
+        more = f", and up to {most} where the torque needs them" if until is not None and most > count else ""
+        yield "replicas", f"{count} packings{more}, {beside} at a time; the torque and its error are of all"
+    rate, needed = strain_rate(scene, device), start_up_strain(scene)
+    if rate and count > 1:
+        start_up = scene.time.average_from or needed / rate
+        why = "as the scene says" if scene.time.average_from is not None else f"a shear strain of {needed:g}"
+        yield "start-up", f"not averaged before {start_up:.3g} s ({why})"
     if until is not None:
-        strain = scene.motion.largest_slip * end * device.shear_radius / device.shear_gap if device.shear_gap else inf
+        strain = rate * end if rate else inf
+        least = needed + MIN_AVERAGED_STRAIN
         aim = str(until).removeprefix("torque ")
         text = f"as soon as half the torque's 95 % interval is {aim}, at the latest at {end:.4g} s"
-        if strain < LEAST_STRAIN:
+        if strain < least:
             text += (
                 f"; WARNING: until then the gap is sheared by {strain:.2g}, and no torque counts as known below "
-                f"{LEAST_STRAIN:g}: raise time.end to {end * 1.5 * LEAST_STRAIN / max(strain, 1e-9):.2g} s"
+                f"{least:g}: raise time.end to {end * 1.2 * least / max(strain, 1e-9):.2g} s"
             )
         yield "end", text
 

@@ -9,6 +9,7 @@ from emclutch.device.device import Device
 from emclutch.results.steady_torque import SteadyConditions
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.scene.model import Scene
+from emclutch.scene.start_up import start_up_strain
 from emclutch.simulation.forecast.free_disk import refuse_full_disk
 from emclutch.simulation.forecast.free_memory import refuse_too_much
 from emclutch.simulation.plan import Plan, make_plan
@@ -49,7 +50,7 @@ def planned(request: RunRequest) -> PlannedRun:
         log.info("%s: %s", label, reason)
         if "WARNING" in reason:
             progress.announce(f"{label}: {reason}")
-    refuse_too_much(len(request.replicas.histories) * plan.cost.memory, insist=request.insist)
+    refuse_too_much(request.replicas.count * plan.cost.memory, insist=request.insist)
     if not request.opened.goes_on:  # else most of it is there
         refuse_full_disk(plan.cost.disk, folder.path, insist=request.insist)
     folder.write_provenance(
@@ -69,4 +70,11 @@ def steady_conditions(scene: Scene, device: Device) -> SteadyConditions:
     """What the verdict on a run's torque needs of its scene."""
     until = scene.span.until
     negligible, share = (0.0, 0.0) if until is None else (until.absolute or 0.0, until.relative or 0.0)
-    return SteadyConditions(scene.span.average_from, device.shear_gap, device.shear_radius, negligible, share)
+    return SteadyConditions(
+        scene.span.average_from,
+        device.shear_gap,
+        device.shear_radius,
+        negligible,
+        share,
+        start_up_strain(scene),
+    )

@@ -9,7 +9,7 @@ import json
 import sys
 import threading
 import tomllib
-from pathlib import Path
+from collections.abc import Iterable
 from typing import Any
 
 from emclutch.results.output_error import OutputError
@@ -18,17 +18,15 @@ from emclutch.scene.case import case_from
 FAILED, STOPPED = 1, 130
 
 
-def run_task(task: dict[str, Any], stop: threading.Event) -> int:
-    """Run a task of `emclutch.simulation.replicas`; returns the process's exit code."""
-    from emclutch.simulation.replicas import Replicas
+def run_task(task: dict[str, Any], orders: Any) -> int:
+    """Run a task of `emclutch.simulation.replicas` under `Orders`; returns the process's exit code."""
     from emclutch.simulation.run import run_replica
     from emclutch.simulation.run_error import Interrupted, RunError
 
     case = case_from(tomllib.loads(task["case"]), trust_scripts=task["trust_scripts"])
-    group = Replicas([Path(path) for path in task["histories"]], task["number"])
     try:
         settings = {name: task[name] for name in ("threads", "threads_are_open", "resume", "start")}
-        run_replica(case, task["folder"], group, stop=stop, **settings)
+        run_replica(case, task["folder"], task["number"], orders, **settings)
     except Interrupted:
         return STOPPED
     except (RunError, OutputError) as error:
@@ -39,15 +37,18 @@ def run_task(task: dict[str, Any], stop: threading.Event) -> int:
 
 def main() -> int:
     """Entry point of the process."""
-    task = json.loads(sys.stdin.readline())
-    stop = threading.Event()
+    from emclutch.simulation.orders import Orders
 
-    def watch() -> None:
-        sys.stdin.read()  # ends when the run lets go of it, or does not live any more
-        stop.set()
+    task = json.loads(sys.stdin.readline())
+    orders = Orders(task["limit"])
+
+    def watch(lines: Iterable[str] = sys.stdin) -> None:
+        for line in lines:
+            orders.take(line)
+        orders.stop()  # the run lets go of it, or does not live any more
 
     threading.Thread(target=watch, name="watch", daemon=True).start()
-    return run_task(task, stop)
+    return run_task(task, orders)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,12 @@
 """The other replicas of a run: processes beside it, each a whole run of the scene with another packing.
 
 The run itself is the first replica. Each of the others is a process (`emclutch.simulation.replica_process`) with a
-folder of its own under the run's. Its standard input is the bond between the two: the run sends the task as one line
-and keeps it open; where it ends, because the run was stopped, failed or was killed, the replica writes a checkpoint and
-ends too.
+folder of its own under the run's. They form a pool: as many run at a time as there are cores for, the others start, or
+go on, when one has come to the time that all are to reach (`Replicas.request`).
+
+Standard input of a process is the bond between the two. Its first line is the task, each later one a time [s] to go on
+to, or ``end``: it then writes its summary and is done. Where the input ends, because the run was stopped, failed or was
+killed, the replica writes a checkpoint and ends too.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
@@ -33,17 +36,35 @@ if TYPE_CHECKING:
     from emclutch.scene.case import Case
 
 log = logging.getLogger(__name__)
-POLL = 0.1  # s, between looks at a process
+POLL = 0.1  # s, between looks at the processes
 PATIENCE = 60.0  # s, for a replica of a killed run: it ends, with a checkpoint, after the window that it is in
+END = "end"
+"""Line that makes a replica write its summary and end."""
 
 
 @dataclass(slots=True)
 class ReplicaProcess:
-    """One of the other replicas while it runs; `errors` is what it says."""
+    """One of the other replicas.
+
+    Attributes
+    ----------
+    folder : RunFolder
+    process : subprocess.Popen
+    errors : text file
+        What it says on standard error.
+    limit : float
+        Time [s] that it was sent to.
+    """
 
     folder: RunFolder
     process: subprocess.Popen
     errors: IO[str]
+    limit: float = 0.0
+
+    @property
+    def is_done(self) -> bool:
+        """Whether it has ended with a result."""
+        return self.process.poll() == 0
 
     def failure(self) -> str:
         """Why it ended without a result; empty while it runs, and where it is done."""
@@ -54,10 +75,18 @@ class ReplicaProcess:
         why = lines[-1] if lines else "it was killed, most often for want of memory"
         return f"the replica in {self.folder.path} failed: {why}"
 
+    def send(self, line: str) -> None:
+        """Write a line to it; nothing where it has ended."""
+        if self.process.stdin is not None and not self.process.stdin.closed:
+            with suppress(BrokenPipeError):
+                self.process.stdin.write(f"{line}\n")
+                self.process.stdin.flush()
+
     def release(self) -> None:
         """Ask it to end with a checkpoint."""
         if self.process.stdin is not None and not self.process.stdin.closed:
-            self.process.stdin.close()
+            with suppress(BrokenPipeError):
+                self.process.stdin.close()
 
 
 @dataclass(slots=True)
@@ -66,59 +95,161 @@ class Replicas:
 
     Attributes
     ----------
-    histories : list of Path
-        history.csv of each, in their order.
     number : int
         Which of them this one is.
-    processes : list of ReplicaProcess
-        Those that this one has started: the first one all others, the others none.
+    folders : list of RunFolder
+        Of all of them so far, in their order.
+    start : callable or None
+        Starts the process of a number in a folder that is to go to a time [s]; None: this is one of the others.
+    slots : int
+        How many run at a time, this one included.
+    length : float
+        Time [s] that all are to reach.
+    tolerance : float
+        [s], half a window: a replica that comes so near has reached a time.
+    processes : dict
+        Those that have been started, by number.
     """
 
-    histories: list[Path] = field(default_factory=list)
     number: int = 0
-    processes: list[ReplicaProcess] = field(default_factory=list)
+    folders: list[RunFolder] = field(default_factory=list)
+    start: Callable[[int, RunFolder, float], ReplicaProcess] | None = None
+    slots: int = 1
+    length: float = 0.0
+    tolerance: float = 0.0
+    processes: dict[int, ReplicaProcess] = field(default_factory=dict)
+    _looked: float = 0.0
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return max(1, len(self.folders))
+
+    def request(self, count: int, length: float) -> None:
+        """Set how many replicas are to reach a time [s]; they start, or go on, with `pump`."""
+        home = self.folders[0]
+        for number in range(len(self.folders), count):
+            own = RunFolder(home.replicas / f"{number:02d}")
+            own.path.mkdir(parents=True, exist_ok=True)  # at once: how many there are is known from them
+            self.folders.append(own)
+        self.length = length
+
+    def pump(self, busy: bool) -> None:
+        """Start or send on as many replicas as there are cores free for; `busy`: this process is marching itself."""
+        if self.start is None:
+            return
+        running = int(busy)
+        waiting = []
+        for number in range(1, self.count):
+            process = self.processes.get(number)
+            if process is None:
+                waiting.append(number)
+            elif process.process.poll() is None:
+                if self._reached(number) < process.limit - self.tolerance:
+                    running += 1
+                elif process.limit < self.length - self.tolerance:
+                    waiting.append(number)
+        for number in waiting[: max(0, self.slots - running)]:
+            if number not in self.processes:
+                self.processes[number] = self.start(number, self.folders[number], self.length)
+            else:
+                self.processes[number].send(repr(self.length))
+            self.processes[number].limit = self.length
+
+    def pump_now_and_then(self) -> None:
+        """`pump` while this process marches, at most ten times a second."""
+        if self.count > 1 and time.monotonic() - self._looked > POLL:
+            self._looked = time.monotonic()
+            self.pump(busy=True)
+
+    def _reached(self, number: int) -> float:
+        """Time [s] that the history of a replica reaches."""
+        return last_time(self.folders[number].history)
+
+    def have_reached(self) -> int:
+        """How many of the others have come to the time that all are to reach, or have ended."""
+        return sum(self._has_reached(number) for number in range(1, self.count))
+
+    def _has_reached(self, number: int) -> bool:
+        process = self.processes.get(number)
+        return process is not None and (process.is_done or self._reached(number) >= self.length - self.tolerance)
+
+    def share_done(self, own: float) -> float:
+        """Share of the simulated time that is requested and done; `own` is the time of this replica [s]."""
+        times = [own, *(self._reached(number) for number in range(1, self.count))]
+        return min(1.0, sum(min(each, self.length) for each in times) / (self.count * max(self.length, 1e-300)))
+
+    def wait(self, stopped: Callable[[], bool], tell: Callable[[], None] = lambda: None) -> bool:
+        """Wait until all have come to the requested time; False where `stopped()` before, or one has failed."""
+        told = time.monotonic()
+        while self.have_reached() < self.count - 1:
+            if stopped() or self.failure():
+                return False
+            self.pump(busy=False)
+            if time.monotonic() - told > 1.0:
+                told = time.monotonic()
+                tell()
+            time.sleep(POLL)
+        return True
 
     def failure(self) -> str:
         """Why one of them ended without a result; empty where none has."""
-        return next(filter(None, (one.failure() for one in self.processes)), "")
+        return next(filter(None, (one.failure() for one in self.processes.values())), "")
 
     def failed_for_the_scene(self) -> bool:
         """Whether one of them failed as it will again when it is resumed."""
-        return any(one.failure() and one.folder.read_failure() is not None for one in self.processes)
+        return any(one.failure() and one.folder.read_failure() is not None for one in self.processes.values())
 
     def are_running(self) -> bool:
         """Whether one of the processes has not ended."""
-        return any(one.process.poll() is None for one in self.processes)
+        return any(one.process.poll() is None for one in self.processes.values())
 
-    def other_histories(self) -> list[pandas.DataFrame]:
-        """What the others have so far."""
-        others = (path for number, path in enumerate(self.histories) if number != self.number)
-        found = (read_history(path) for path in others if path.is_file())
-        return [history for history in found if len(history)]
+    def histories(self, until: float | None = None) -> list[pandas.DataFrame]:
+        """What all have so far, in their order; rows up to the first that ends at `until` [s] or later."""
+        found = [read_history(each.history) for each in self.folders if each.history.is_file()]
+        if until is not None:
+            found = [each.iloc[: int(each["time"].searchsorted(until - self.tolerance)) + 1] for each in found]
+        return [each for each in found if len(each)]
+
+    def finish(self, numbers: list[int] | None = None) -> None:
+        """Let the replicas write their summaries and end, without waiting for them; all, or those of `numbers`."""
+        for number in self.processes if numbers is None else numbers:
+            self.processes[number].send(END)
+
+    def wait_for_results(self, stopped: Callable[[], bool]) -> None:
+        """Wait until those that finish have ended, or `stopped()`."""
+        while self.are_running() and not stopped():
+            time.sleep(POLL)
 
     def end(self) -> None:
         """Ask all processes to end with a checkpoint, and wait until they have."""
-        for one in self.processes:
+        for one in self.processes.values():
             one.release()
-        for one in self.processes:
+        for one in self.processes.values():
             one.process.wait()
 
-    def wait(self, stopped: Callable[[], bool], tell: Callable[[str], None]) -> str:
-        """Wait until all are done, or `stopped()`; returns the first failure, empty where there is none."""
-        told = 0.0
-        while not stopped() and not self.failure() and self.are_running():
-            if time.monotonic() - told > 5.0:
-                told = time.monotonic()
-                running = sum(one.process.poll() is None for one in self.processes)
-                tell(f"waiting for {running} other {'packing' if running == 1 else 'packings'}")
-            time.sleep(POLL)
-        return self.failure()
+
+def last_time(path: Path) -> float:
+    """Time [s] of the last whole row of a history; 0 where it has none. The first column is the time."""
+    try:
+        with path.open("rb") as file:
+            file.seek(0, os.SEEK_END)
+            file.seek(max(0, file.tell() - 8192))
+            rows = file.read().split(b"\n")[:-1]
+    except OSError:
+        return 0.0
+    for row in reversed(rows):
+        try:
+            return float(row.partition(b",")[0])
+        except ValueError:
+            continue
+    return 0.0
 
 
 def count_of_run(case: Case, folder: RunFolder, goes_on: bool) -> int:
-    """How many replicas a run has: what its scene says; where it is silent, a resumed one has what it began with."""
+    """With how many replicas a run begins: what its scene says; a resumed one has no fewer than it had."""
     if case.scene.accuracy.replicas is None and goes_on:
-        return 1 + len(folder.replica_folders())
+        return max(1 + len(folder.replica_folders()), 1)
     return replica_count(case.scene)
 
 
@@ -136,48 +267,39 @@ def other_replicas(
     count: int,
     *,
     threads: int,
+    slots: int,
     resume: bool,
     threads_are_open: bool = False,
     start: str | Path | None = None,
 ) -> Iterator[Replicas]:
-    """Start replicas 1 to count - 1 of a run beside it; at the end of the block those that still run are ended.
+    """The replicas of a run, `slots` of them at a time; at the end of the block those that still run are ended.
 
     Where the run begins with the grains of another one, in the folder `start`, each does with those of its replica.
     """
-    folders = [folder, *(RunFolder(folder.replicas / f"{number:02d}") for number in range(1, count))]
-    group = Replicas([each.history for each in folders])
     with tempfile.TemporaryDirectory(prefix="emclutch-") as scratch:
+
+        def started(number: int, own: RunFolder, limit: float) -> ReplicaProcess:
+            task = {
+                "case": case_of_replica(case, number).toml(),
+                "folder": str(own.path),
+                "number": number,
+                "threads": threads,
+                "threads_are_open": threads_are_open,
+                "resume": _goes_on(own) if resume else False,
+                "trust_scripts": case.trust_scripts,
+                "start": None if start is None else str(RunFolder(start).replicas / own.path.name),
+                "limit": limit,
+            }
+            return _started(own, task, Path(scratch) / f"{number:02d}")
+
+        group = Replicas(folders=[folder], start=started, slots=slots)
+        group.request(count, 0.0)
         try:
-            for own in folders[1:]:  # before the first window: how many there are is known from them (`count_of_run`)
-                own.path.mkdir(parents=True, exist_ok=True)
-            for number, own in enumerate(folders[1:], start=1):
-                task = {
-                    "case": case_of_replica(case, number).toml(),
-                    "folder": str(own.path),
-                    "histories": [str(path) for path in group.histories],
-                    "number": number,
-                    "threads": threads,
-                    "threads_are_open": threads_are_open,
-                    "resume": _goes_on(own) if resume else False,
-                    "trust_scripts": case.trust_scripts,
-                    "start": None if start is None else str(RunFolder(start).replicas / own.path.name),
-                }
-                group.processes.append(_started(own, task, Path(scratch) / f"{number:02d}"))
             yield group
         finally:
             group.end()
-            for one in group.processes:
+            for one in group.processes.values():
                 one.errors.close()
-
-
-def tell_packing_share(folder: RunFolder, share: float | None) -> None:
-    """Write into the summaries of the other replicas what the error of each alone lacks [N m]."""
-    for path in folder.replica_folders():
-        other = RunFolder(path)
-        summary = other.read_summary()
-        if "torque" in summary:
-            summary["torque"]["packing_share"] = share
-            other.write_summary(summary)
 
 
 def _goes_on(folder: RunFolder) -> bool:
@@ -187,7 +309,7 @@ def _goes_on(folder: RunFolder) -> bool:
         return True
     if folder.path.is_dir() and has_files(folder.path):
         aside = set_aside(folder.path)
-        log.warning("%s has no checkpoint to go on from: started anew, its files are kept as %s", folder.path, aside)
+        log.warning("%s has no checkpoint to go on from: it begins again, its files are kept as %s", folder.path, aside)
     return False
 
 
@@ -222,8 +344,7 @@ def _started(folder: RunFolder, task: dict[str, Any], errors: Path) -> ReplicaPr
     except OSError as error:
         said.close()
         raise OutputError(f"cannot start a replica: {error.strerror}; take accuracy.replicas = 1") from error
-    assert process.stdin is not None
-    process.stdin.write(json.dumps(task) + "\n")
-    process.stdin.flush()
+    replica = ReplicaProcess(folder, process, said, task["limit"])
+    replica.send(json.dumps(task))
     log.info("replica in %s: process %d", folder.path, process.pid)
-    return ReplicaProcess(folder, process, said)
+    return replica

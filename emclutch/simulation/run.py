@@ -8,11 +8,13 @@ from pathlib import Path
 
 from emclutch.results import Result, RunFolder
 from emclutch.scene.case import Case, as_case
+from emclutch.scene.replica_count import max_replica_count, replicas_side_by_side
 from emclutch.simulation.concluded_run import concluded
 from emclutch.simulation.forecast.machine_speed import machine_speed
 from emclutch.simulation.interruption import interruptible
 from emclutch.simulation.kernel_warm_up import step_compiled_beside
 from emclutch.simulation.open_folder import open_folder
+from emclutch.simulation.orders import Orders
 from emclutch.simulation.planned_run import planned
 from emclutch.simulation.replicas import Replicas, count_of_run, other_replicas
 from emclutch.simulation.run_observers import march, observers_of
@@ -37,8 +39,8 @@ def run(
 ) -> Result:
     """Run a scene and return its result: the first of its replicas, with the torque of all of them.
 
-    The other replicas, as many as `accuracy.replicas` says, are processes beside this one; their folders lie under
-    its own.
+    The other replicas (`accuracy.replicas`, and with `time.until` as many more as its rule asks for) are processes
+    beside this one, as many at a time as there are cores for; their folders lie under its own.
 
     Parameters
     ----------
@@ -79,11 +81,12 @@ def run(
         machine = machine_speed()  # before the other replicas are at work: the cost counts those by itself
         count = count_of_run(case, folder, opened.goes_on)
         are_open, threads = threads_are_open(threads), use_threads(threads, count)
+        slots = replicas_side_by_side(max(count, max_replica_count(case.scene)), threads)
         with (
             interruptible(stop),
             step_compiled_beside(case.scene, telling.announce),
             other_replicas(
-                case, folder, count, threads=threads, threads_are_open=are_open, resume=resume, start=start
+                case, folder, count, threads=threads, slots=slots, threads_are_open=are_open, resume=resume, start=start
             ) as replicas,
         ):
             return _run(RunRequest(case, opened, telling, replicas, stop, are_open, insist, grains, machine, callback))
@@ -92,23 +95,33 @@ def run(
 def run_replica(
     case: Case,
     target: str | Path,
-    replicas: Replicas,
+    number: int,
+    orders: Orders,
     *,
     threads: int,
     threads_are_open: bool,
     resume: bool,
-    stop: threading.Event,
     start: str | Path | None = None,
 ) -> Result:
-    """Run one of the other replicas; `stop` ends it with a checkpoint. `start` and what is raised are as of `run`.
+    """Run one of the other replicas, as far as its `orders` say. `start` and what is raised are as of `run`.
 
     ``threads_are_open``: it may take fewer threads where fewer pay.
     """
     grains = None if start is None or resume else starting_grains(case, start)
     with open_folder(case, target, resume, RunProgress()) as opened:
         use_threads(threads)
-        progress = RunProgress()
-        return _run(RunRequest(case, opened, progress, replicas, stop, threads_are_open, insist=True, grains=grains))
+        request = RunRequest(
+            case,
+            opened,
+            RunProgress(),
+            Replicas(number),
+            orders.stopped,
+            threads_are_open,
+            insist=True,
+            grains=grains,
+            orders=orders,
+        )
+        return _run(request)
 
 
 def _run(request: RunRequest) -> Result:

@@ -16,6 +16,7 @@ from emclutch.simulation.heartbeat import Heartbeat
 from emclutch.simulation.missed_steps import MissedSteps
 from emclutch.simulation.observables import Observables
 from emclutch.simulation.pace import RunPace
+from emclutch.simulation.replicas import Replicas
 from emclutch.simulation.run_progress import RunProgress
 from emclutch.simulation.run_request import RunRequest
 from emclutch.simulation.snapshots import History, Snapshots
@@ -60,7 +61,7 @@ def observers_of(request: RunRequest, started: StartedRun) -> RunObservers:
     scene, folder, progress = request.case.scene, request.folder, request.progress
     plan, simulation, resume_time = started.plan, started.simulation, started.resume_time
     history = History(folder.history, resume_time)
-    early = early_end(request, started.planned)
+    early = early_end(request, started.planned, 0.0 if resume_time is None else resume_time)
     snapshots = Snapshots(
         folder,
         simulation.motion.walls,
@@ -87,9 +88,10 @@ def observers_of(request: RunRequest, started: StartedRun) -> RunObservers:
         history,
         *missed_steps(request, resume_time),
         *early.callbacks,
+        ReplicaPool(request.replicas),
         snapshots,
         *(() if profiles is None else (profiles,)),
-        WindowTold(progress, plan.windows),
+        WindowTold(progress, plan.windows, request.replicas),
         Checkpoints(request, plan.windows, early, snapshots, profiles),
         RunPace(plan.cost, simulation.motion.time, progress.tell, compiled),
         *thread_trial(request, compiled),
@@ -99,25 +101,40 @@ def observers_of(request: RunRequest, started: StartedRun) -> RunObservers:
 
 def march(started: StartedRun, observers: RunObservers) -> None:
     """Take the run to its end, unless the torque is known already at the checkpoint that it goes on from."""
-    known = observers.early.known
+    early = observers.early
     with observers.alive:
         try:
-            if started.resume_time is None or known is None or not known(started.simulation):
+            first = () if started.resume_time is None else (early.trigger, early.orders)
+            if not any(one is not None and one(started.simulation) for one in first):
                 run_staggered(started.simulation, started.plan.end, observers.callbacks)
         finally:
             observers.close()
 
 
 @dataclass(frozen=True, slots=True)
+class ReplicaPool:
+    """Callback of the loop that starts, or sends on, other replicas where cores are free for them."""
+
+    replicas: Replicas
+
+    def __call__(self, simulation: Simulation, row: dict) -> None:
+        self.replicas.pump_now_and_then()
+
+
+@dataclass(frozen=True, slots=True)
 class WindowTold:
-    """Callback of the loop that says how far the run is of its `windows`."""
+    """Callback of the loop that says how far the run is: of its `windows`, or of what its replicas are to reach."""
 
     progress: RunProgress
     windows: int
+    replicas: Replicas
 
     def __call__(self, simulation: Simulation, row: dict) -> None:
         torque = f"  torque on the disc {row['torque_disc']:.3g} N m" if "torque_disc" in row else ""
-        self.progress.say(simulation.window / self.windows, f"t = {row['time'] * 1e3:.3g} ms{torque}")
+        share = simulation.window / self.windows
+        if self.replicas.count > 1 and self.progress.listener is not None:
+            share = self.replicas.share_done(row["time"])
+        self.progress.say(share, f"t = {row['time'] * 1e3:.3g} ms{torque}")
 
 
 def profile_average(scene: Scene, device: Device) -> ProfileAverage | None:

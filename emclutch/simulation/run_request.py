@@ -15,6 +15,7 @@ from emclutch.simulation.run_progress import RunProgress
 if TYPE_CHECKING:
     from emclutch.results import RunFolder
     from emclutch.simulation.forecast.machine_speed import MachineSpeed
+    from emclutch.simulation.orders import Orders
     from emclutch.simulation.warm_start import StartingGrains
     from emclutch.simulation.window_state import WindowState
 
@@ -40,6 +41,8 @@ class RunRequest:
     machine : MachineSpeed or None
         That the cost is foretold for; None: the one at hand, measured then.
     callback : callable or None
+    orders : Orders or None
+        Of one of the other replicas.
     """
 
     case: Case
@@ -52,6 +55,7 @@ class RunRequest:
     grains: StartingGrains | None
     machine: MachineSpeed | None = None
     callback: Callable[[WindowState], object] | None = None
+    orders: Orders | None = None
 
     @property
     def folder(self) -> RunFolder:

@@ -13,7 +13,7 @@ from emclutch.results.steady_torque import mean_torque, steady_torque
 from emclutch.scene.replica_count import replica_seed
 from emclutch.simulation.planned_run import PlannedRun
 from emclutch.simulation.structure import structure_summary
-from emclutch.simulation.torque_known import how_it_ended
+from emclutch.simulation.torque_trigger import how_it_ended
 from particles import DEM, contact_share, depth_warning
 
 JAM = 1e3  # tolerances of the solver of rigid contacts, beyond which a step counts as jammed
@@ -40,7 +40,7 @@ def summarise(
     for body in ("rotor", "field"):
         column = f"torque_{body}"
         if column in history:
-            summary[column] = mean_torque(history, column, conditions.average_from, others).as_dict()
+            summary[column] = mean_torque((history, *others), column, conditions).as_dict()
     if stopped:
         summary["stopped"] = f"by the callback at t = {history['time'].iloc[-1]:.4g} s of {plan.end:.4g} s"
     torque = steady_torque(history, conditions, others) if "torque_disc" in history else None
@@ -49,7 +49,7 @@ def summarise(
         if others:
             summary["replicas"] = replicas_summary(case, (history, *others), torque)
         if case.scene.span.until is not None:
-            summary["until"] = how_it_ended(torque, case.scene.span.until, history)
+            summary["until"] = how_it_ended(torque, history, case.scene.span.until)
     shafts = {body.name for body in simulation.motion.bodies}  # walls of a box may be on one alone
     if {"rotor", "disc"} <= shafts and any(body.is_free for body in simulation.motion.bodies):
         summary["lock_up_time"] = lock_up_time(history)
@@ -123,13 +123,17 @@ def zone_summary(zone: PoleZone, histories, torque: Estimate) -> dict[str, float
 
 
 def replicas_summary(case, histories, torque: Estimate) -> dict[str, Any]:
-    """The replicas' seeds, and the mean torque of each over the steady part that they have in common."""
-    start = torque.start or 0.0
+    """The replicas' seeds, and the mean torque [N m] of each over the averaged stretch."""
+    start, end = torque.start or 0.0, torque.end or np.inf
+    late = [each[(each["time"] > start * (1.0 + 1e-9)) & (each["time"] <= end * (1.0 + 1e-9))] for each in histories]
+    widths = [np.diff(each["time"].to_numpy(), prepend=start) for each in late]
     return {
         "count": len(histories),
         "seeds": [replica_seed(case.scene.scene.seed, number) for number in range(len(histories))],
-        "means": [mean_torque(each, "torque_disc", start).mean for each in histories],
-        "packing_share": torque.packing_share,
+        "means": [
+            float(np.average(each["torque_disc"], weights=width)) if len(each) else None
+            for each, width in zip(late, widths, strict=True)
+        ],
     }
 
 

@@ -15,7 +15,7 @@ from emclutch.simulation.forecast.cost import spoken
 from emclutch.simulation.forecast.free_memory import shortage
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.resume import flat_scene
-from emclutch.simulation.torque_known import earliest_end
+from emclutch.simulation.stopping_rule import stopping_rule
 from emclutch.studies.points import PointFolder
 from emclutch.studies.workers import threads_of_a_worker
 
@@ -155,9 +155,10 @@ def _foretell(case: Case, label: str, jobs: int, reached: float) -> PointForecas
     slower = cost.machine.delay(jobs * busy) / cost.machine.delay(busy)
     spent = sum(cost.until(reached).values())
     seconds = earliest = cost.seconds["total"] - spent
-    if case.scene.span.until is not None:
-        first = earliest_end(case.scene, device, plan.end)
-        earliest = max(0.0, sum(cost.until(first).values()) - spent) + sum(cost.once.values())
+    rule = stopping_rule(case.scene, device, plan.end)
+    if rule is not None:
+        first = rule.first(replicas, reached).length
+        earliest = max(0.0, cost.rounds * sum(cost.until(first).values()) - spent) + sum(cost.once.values())
     return PointForecast(
         label, cost.steps, cost.grains, replicas, slower * seconds, slower * earliest, replicas * cost.memory, cost.disk
     )

@@ -67,11 +67,12 @@ def test_materials_are_listed_with_their_source():
 
 
 def test_torque_comes_with_its_error():
-    good = {"mean": 1.2345, "standard_error": 0.0123, "batches": 20, "replicas": 4, "converged": True, "reason": ""}
+    good = {"mean": 1.2345, "standard_error": 0.0123, "batches": 20, "replicas": 4, "converged": True}
+    good["reason"] = "steady"
     half = 2.093 * 0.0123  # Student's t of 19 degrees of freedom
     ends = f"{1.2345 - half:.4g} to {1.2345 + half:.4g}"
-    assert torque_line(good) == f"torque on the disc: 1.234 N m (95 %: {ends}), 4 packings"
-    assert torque_line({**good, "standard_error": None}) == "torque on the disc: 1.234 N m, error unknown"
+    assert torque_line(good) == f"torque on the disc: 1.234 N m (95 %: {ends}), 4 packings; steady"
+    assert torque_line({**good, "standard_error": None}) == "torque on the disc: 1.234 N m, error unknown; steady"
     assert torque_line({**good, "converged": False, "reason": "not converged: too short"}).endswith(
         "not converged: too short"
     )

@@ -15,7 +15,7 @@ from emclutch.scene.case import case_from
 from emclutch.scene.study import read_study
 from emclutch.simulation.forecast import cost
 from emclutch.simulation.forecast.machine_speed import MachineSpeed
-from emclutch.simulation.torque_known import asked_at, earliest_end
+from emclutch.simulation.stopping_rule import stopping_rule
 from emclutch.studies.forecast import foretell_study, total_seconds
 from emclutch.studies.points import PointFolder
 
@@ -94,17 +94,18 @@ def test_of_a_point_that_has_begun_the_rest_is_foretold(study, tmp_path, monkeyp
     assert foretell_study(read_study(study('"scene.seed" = [1, 2, 3]')), folders=folders).points[1].seconds == whole
 
 
-def test_the_earliest_end_has_sheared_the_gap_enough():
+def test_the_first_look_comes_after_twice_the_start_up():
     """600 rpm over a radius of 10.6 mm and a gap of 1.2 mm: a strain of 5 takes 9 ms."""
     import tomllib
 
     case = case_from(tomllib.loads(CELL))
     device = build_device(case.scene)
-    least = 5.0 * device.shear_gap / (device.shear_radius * 62.831853)
-    found = earliest_end(case.scene, device, 0.06)
-    assert found == next(at for at in asked_at(0.06) if at >= least) and 0.0 < least <= found <= 1.25 * least
-    late = case.with_values({"time.average_from": "30 ms"}).scene
-    assert 0.03 + least <= earliest_end(late, device, 0.06) <= 0.06
+    start_up = 5.0 * device.shear_gap / (device.shear_radius * 62.831853)
+    aimed = case.with_values({"time.end": "60 ms", "time.until": "torque 5 %"}).scene
+    assert stopping_rule(aimed, device, 0.06).lengths[0] == pytest.approx(2.0 * start_up)
+    late = case.with_values({"time.end": "60 ms", "time.until": "torque 5 %", "time.average_from": "20 ms"}).scene
+    assert stopping_rule(late, device, 0.06).lengths == pytest.approx((0.04, 0.06))
+    assert stopping_rule(case.with_values({"time.until": None}).scene, device, 0.06) is None
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from emclutch import __version__
 from emclutch.results import COLUMNS, OutputError, Result, RunFolder, load_result
 from emclutch.results.grain_profiles import profile_column, read_profiles
 from emclutch.results.left_out import ALWAYS, OFF, LeftOut
+from emclutch.results.replicated_mean import drift_in_words
 from emclutch.results.report.markdown import PICTURES, summary_rows
 from emclutch.results.report.verdict import Mark, effects_of, verdict
 from emclutch.results.study_folder import StudyFolder, is_study, read_study, refresh_in_words
@@ -221,8 +222,8 @@ def _torques(result: Result) -> list[tuple[str, str]]:
     if (interval := torque.interval()) is not None:
         rows.append(("95 % interval", f"{interval[0]:.5g} to {interval[1]:.5g} N m"))
     rows.append(("packings", str(torque.replicas)))
-    if torque.packing_share is not None:
-        rows.append(("what packings differ by, standard deviation", f"{torque.packing_share:.2g} N m"))
+    if torque.drift is not None:
+        rows.append(("drift over the averaged stretch", drift_in_words(torque)))
     if torque.start is not None:
         rows.append(("steady part begins at", time_in_words(torque.start)))
     if torque.correlation_time is not None:

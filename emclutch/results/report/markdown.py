@@ -40,9 +40,9 @@ def closing_lines(result: Result) -> list[str]:
             lines.append(f"output not locked: {disc:.4g} rpm at the end, the motor {rotor:.4g} rpm")
     if until := summary.get("until"):
         lines.append(
-            f"known as well as asked for ({until['asked']}) at t = {summary['time']:.4g} s"
+            f"target precision reached ({until['asked']}) at t = {summary['time']:.4g} s"
             if until["reached"]
-            else f"not known as well as asked for ({until['asked']})"
+            else f"target precision not reached ({until['asked']})"
             + (f": {until['reason']}" if until["reason"] != summary["torque"]["reason"] else "")
         )
     caution = soft_grains(summary)
@@ -89,9 +89,8 @@ def report(result: Result, page_folder: Path | None = None) -> str:
         torque = result.torque
         lines += [f"**Torque on the disc: {torque_in_words(torque)}**; {torque.reason}.", ""]
         if torque.mean is not None:
-            share = "unknown" if torque.packing_share is None else f"{torque.packing_share:.2g} N m"
-            packings = "packing" if torque.replicas == 1 else "packings"
-            lines += [f"Of {torque.replicas} {packings}; what packings differ by: {share}.", ""]
+            packings = "one packing: what packings differ by is not in it"
+            lines += [f"Of {f'{torque.replicas} packings' if torque.replicas > 1 else packings}.", ""]
     lines += [f"**{line[:1].upper()}{line[1:]}.**\n" for line in closing_lines(result)]
     rows = [("effects", ", ".join(summary["effects"]) or "none"), *summary_rows(summary)]
     for part, value in summary["seconds"].items():

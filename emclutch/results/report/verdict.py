@@ -67,16 +67,16 @@ def _of_the_torque(result: Result, summary: dict[str, Any]) -> Iterator[Statemen
         packings = f"of {torque.replicas} packings" if torque.replicas > 1 else "of one packing"
         yield Statement(
             Mark.POOR if short or share >= 1.0 else Mark.NOTE if share > ROUGH else Mark.GOOD,
-            f"The torque on the disc is known to {100.0 * share:.2g} %: {words}, {packings}.",
+            f"The torque on the disc is known to {100.0 * share:.2g} %: {words}, {packings}; {torque.reason}.",
         )
     if torque.replicas == 1:
         yield Statement(Mark.POOR, "One packing ran: what packings differ by is not in the error.")
     until = summary.get("until")
     if until and not until["reached"]:
         reason = f": {until['reason']}" if until["reason"] != torque.reason else ""
-        yield Statement(Mark.POOR, f"It is not known as well as asked for ({until['asked']}){reason}.")
+        yield Statement(Mark.POOR, f"The target precision is not reached ({until['asked']}){reason}.")
     elif until:
-        yield Statement(Mark.GOOD, f"It is known as well as asked for ({until['asked']}).")
+        yield Statement(Mark.GOOD, f"The target precision is reached ({until['asked']}).")
 
 
 def _of_the_end(result: Result, summary: dict[str, Any]) -> Iterator[Statement]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from emclutch.scene.replica_count import replica_count
+from emclutch.scene.replica_count import replica_count, replicas_side_by_side
 from emclutch.simulation.forecast import effect_costs as costs
 from emclutch.simulation.forecast.expected_counts import counts_at, neighbours
 from emclutch.simulation.forecast.free_memory import shortage
@@ -58,6 +58,8 @@ class Cost:
     replicas : int
         Runs side by side.
     machine : MachineSpeed
+    rounds : int
+        How often so many run, one after another.
     """
 
     time: np.ndarray
@@ -70,11 +72,13 @@ class Cost:
     threads: int
     replicas: int
     machine: MachineSpeed
+    rounds: int = 1
 
     @property
     def seconds(self) -> dict[str, float]:
-        """Wall-clock seconds of each part, and their `total`."""
-        parts = {part: float(course[-1]) for part, course in self.spent.items()} | self.once
+        """Wall-clock seconds of each part over all rounds, and their `total`."""
+        parts = {part: self.rounds * float(course[-1]) for part, course in self.spent.items()}
+        parts |= {part: self.rounds * seconds for part, seconds in self.once.items()}
         return parts | {"total": sum(parts.values())}
 
     @property
@@ -83,7 +87,7 @@ class Cost:
         return gain(self.machine, self.grains, self.threads)
 
     def until(self, time: float) -> dict[str, float]:
-        """Wall-clock seconds of the loop's parts until `time` [s]."""
+        """Wall-clock seconds of the loop's parts until `time` [s], of one round."""
         return {part: float(np.interp(time, self.time, course)) for part, course in self.spent.items()}
 
     def in_words(self) -> str:
@@ -93,6 +97,8 @@ class Cost:
         threads = "one thread" if self.threads == 1 else f"{self.threads} threads"
         if self.replicas > 1:
             threads += f" for each of {self.replicas} replicas side by side"
+        if self.rounds > 1:
+            threads += f", in {self.rounds} rounds"
         each = " each" if self.replicas > 1 else ""
         text = (
             f"{self.steps} steps of {self.grains} grains: about {spoken(seconds['total'])} on {threads} ({parts}; "
@@ -131,7 +137,8 @@ def foretell(
             updates * costs.update_seconds(scene, grains, counts) * machine.loops if magnetic else 0.0,
             updates * (costs.CALL_S + per_update * costs.step_seconds(scene, grains, counts)) * machine.loops,
         )
-    replicas = replica_count(scene)
+    count = replica_count(scene)
+    replicas = replicas_side_by_side(count, threads)
     delay = machine.delay(replicas * threads)
     faster = gain(machine, grains, threads)
     rates *= delay / np.array([1.0, faster, faster])
@@ -154,6 +161,7 @@ def foretell(
         threads,
         replicas,
         machine,
+        -(-count // replicas),
     )
 
 

@@ -1,0 +1,216 @@
+"""`time.until`: when a run ends, and until then whether it takes more time or more packings.
+
+A run begins with a few packings (`FIRST_COUNT`) of the first length. At each look the torque of all of them is judged
+(`emclutch.results.steady_torque`). Where its interval is not narrow enough, or its drift not excluded:
+
+- all packings go on to the next length, 1.5 times the last one and at most `time.end`, where that is estimated to need
+  less simulated time than more packings, or where the torque creeps for certain;
+- else the length stays, and more packings are run: 6, 8, 12, 16, 24, ... (`COUNTS`), at most `accuracy.max_replicas`.
+
+Looks are few, and both ways to go on are decided by numbers that all packings share, so that the end depends neither on
+the speed of the machine nor on the number of cores. How often such runs are right: tests/results/test_stopping_rule.py.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from emclutch.results.replicated_mean import DRIFT_CONFIDENCE, DRIFT_LIMIT, Steadiness, creeps_for_certain, steadiness
+from emclutch.results.statistics import Estimate
+from emclutch.scene.replica_count import max_replica_count
+from emclutch.scene.start_up import start_up_strain
+from emclutch.scene.torque_target import TorqueTarget
+
+if TYPE_CHECKING:
+    from emclutch.device.device import Device
+    from emclutch.scene.model import Scene
+
+FIRST_COUNT = 4
+COUNTS = (4, 6, 8, 12, 16, 24, 32, 48, 64)
+FIRST_LENGTH = 2.0  # times the start-up that is known; as much again is averaged
+ALONE = 0.125  # of time.end: taken for the start-up of a run of one packing of which nothing is known
+CONFIRMED = 8  # packings whose mean tells a start-up that lasts from a chance
+LONGER = 1.5  # factor between lengths
+MARGIN = 0.9  # of the half width that is asked for: aimed at when the rest is estimated
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """End the run."""
+
+    reached: bool
+
+
+@dataclass(frozen=True, slots=True)
+class GoOn:
+    """Run `count` packings to the time `length` [s] before the next look."""
+
+    count: int
+    length: float
+
+
+def lengths(end: float, start_up: float) -> tuple[float, ...]:
+    """Times [s] of the looks of a run that ends at `end` [s] at the latest.
+
+    `start_up` [s] is what is known of the start-up; 0: nothing, and there is one look, since no statistics of a shorter
+    run tell a slow start-up from a steady signal.
+    """
+    if start_up <= 0.0:
+        return (end,)
+    length = FIRST_LENGTH * start_up
+    found = []
+    while length < end / 1.1:  # a last length that is hardly longer is not worth a look
+        found.append(length)
+        length *= LONGER
+    return (*found, end)
+
+
+def is_known(torque: Estimate, target: TorqueTarget) -> bool:
+    """Whether a torque is steady, and its 95 % interval narrow enough."""
+    half = torque.half_width()
+    if not torque.converged or half is None or torque.mean is None:
+        return False
+    wanted = target.half_width(torque.mean)
+    return half <= wanted and steadiness(torque, wanted) is Steadiness.STEADY
+
+
+@dataclass(frozen=True, slots=True)
+class StoppingRule:
+    """The rule of one run.
+
+    Attributes
+    ----------
+    target : TorqueTarget
+    lengths : tuple of float
+        Times [s] of the looks, rising; the last one is the end of the longest run.
+    max_count : int
+        Packings at most.
+    """
+
+    target: TorqueTarget
+    lengths: tuple[float, ...]
+    max_count: int
+
+    def first(self, count: int = FIRST_COUNT, reached: float = 0.0) -> GoOn:
+        """What to run before the first look; of a run that goes on, from the time `reached` [s] on."""
+        length = next((one for one in self.lengths if one >= reached * (1.0 - 1e-9)), self.lengths[-1])
+        return GoOn(min(count, self.max_count), length)
+
+    def after(self, torque: Estimate, now: GoOn) -> GoOn | Stop:
+        """What follows from the torque of `now.count` packings up to `now.length`."""
+        if is_known(torque, self.target):
+            return Stop(True)
+        longer = [one for one in self.lengths if one > now.length * (1.0 + 1e-9)]
+        more = [one for one in COUNTS if now.count < one <= self.max_count] if now.count > 1 else []
+        wanted = 0.0 if torque.mean is None else self.target.half_width(torque.mean)
+        if creeps_for_certain(torque, wanted) or torque.standard_error is None:
+            more = []
+        if torque.starts_up and now.count >= CONFIRMED:
+            more = []
+        if longer and (not more or self._time_is_cheaper(torque, now, longer, more, wanted)):
+            return GoOn(now.count, longer[0])
+        return GoOn(more[0], now.length) if more else Stop(False)
+
+    def _time_is_cheaper(
+        self, torque: Estimate, now: GoOn, longer: Sequence[float], more: Sequence[int], wanted: float
+    ) -> bool:
+        """Whether running all packings longer is estimated to need less simulated time than more packings."""
+        if torque.converged and not torque.drift_error:  # what is missing are balance and shear
+            return True
+        if not more_packings_suffice(torque, more[-1], wanted):
+            return True
+        count = next(one for one in more if more_packings_suffice(torque, one, wanted))
+        by_count = (count - now.count) * now.length
+        length = next((one for one in longer if more_time_suffices(torque, one, wanted)), None)
+        return length is not None and now.count * (length - now.length) <= by_count
+
+
+def stopping_rule(scene: Scene, device: Device, end: float) -> StoppingRule | None:
+    """The rule of `time.until` in a scene whose longest run ends at `end` [s]; None where it has none."""
+    until = scene.span.until
+    if until is None:
+        return None
+    count, rate = max_replica_count(scene), strain_rate(scene, device)
+    start_up = scene.span.average_from or (start_up_strain(scene) / rate if rate else 0.0)
+    if count == 1 and not start_up:
+        start_up = ALONE * end
+    return StoppingRule(until, lengths(end, start_up), count)
+
+
+def strain_rate(scene: Scene, device: Device) -> float:
+    """Largest shear rate of the gap [1/s]; 0 where nothing is sheared."""
+    return scene.motion.largest_slip * device.shear_radius / device.shear_gap if device.shear_gap else 0.0
+
+
+def more_packings_suffice(torque: Estimate, count: int, wanted: float) -> bool:
+    """Whether `count` packings of the same length are expected to reach the half width `wanted` [N m]."""
+    return _expected(torque, count, 1.0) <= MARGIN * wanted and _expected_drift(torque, count, 1.0, wanted)
+
+
+def more_time_suffices(torque: Estimate, length: float, wanted: float) -> bool:
+    """Whether the same packings are expected to reach the half width `wanted` [N m] at the time `length` [s]."""
+    start, end = torque.start or 0.0, torque.end or length
+    start = max(start, length / 3.0)
+    if torque.end is None or torque.start is None or length <= start or end <= torque.start:
+        return False
+    factor = (length - start) / (end - torque.start)
+    return _expected(torque, torque.replicas, factor) <= MARGIN * wanted and _expected_drift(
+        torque, torque.replicas, factor, wanted
+    )
+
+
+def _expected(torque: Estimate, count: int, factor: float) -> float:
+    """Half width [N m] of `count` packings averaged `factor` times as long."""
+    from scipy.special import stdtrit
+
+    variance = (torque.standard_error or math.inf) ** 2 * torque.replicas
+    own = min((torque.fluctuation or 0.0) ** 2, variance)
+    one = variance - own + own / factor
+    return float(stdtrit(count - 1.0, 0.9875)) * math.sqrt(one / count)
+
+
+def _expected_drift(torque: Estimate, count: int, factor: float, wanted: float) -> bool:
+    """Whether a drift is expected to be excluded, if there is none."""
+    from scipy.special import stdtrit
+
+    if torque.drift_error is None or torque.end is None or torque.settled is None:
+        return True
+    error = torque.drift_error * (torque.end - torque.settled) * math.sqrt(torque.replicas / count / factor)
+    return bool((1.0 + float(stdtrit(3.0 * count - 1.0, DRIFT_CONFIDENCE))) * error < DRIFT_LIMIT * wanted)
+
+
+def remedy(torque: Estimate, target: TorqueTarget, end: float) -> str:
+    """Why a torque is not known well enough at the end of its run at `end` [s], and what helps."""
+    half = torque.half_width()
+    if half is None or torque.mean is None:
+        return torque.reason
+    wanted = target.half_width(torque.mean)
+    if abs(torque.mean) <= half and not target.absolute:
+        return (
+            f"there is no torque that differs from 0 ({torque.mean:.2g} +- {half:.2g} N m), so no share of it can be "
+            f"reached; give a torque beside it: until = '{target} or 0.01 N m'"
+        )
+    if torque.replicas < 2:
+        if not torque.converged:
+            return torque.reason
+        longer = end * max(1.0, (half / wanted) ** 2)
+        return f"half the interval is {half:.2g} N m, {wanted:.2g} asked for; raise time.end to about {longer:.2g} s"
+    if creeps_for_certain(torque, wanted):
+        return f"{torque.reason}; raise time.end above {end:.3g} s: more packings do not help"
+    if not torque.converged and torque.drift_error is None:
+        return torque.reason
+    counts = [one for one in (*COUNTS, 96, 128, 192, 256) if one > torque.replicas]
+    count = next((one for one in counts if more_packings_suffice(torque, one, wanted)), None)
+    times = end * np.array([1.5, 2.0, 3.0, 5.0, 10.0])
+    time = next((one for one in times if more_time_suffices(torque, float(one), wanted)), None)
+    ways = [f"accuracy.max_replicas (or replicas) to {count}"] if count else []
+    ways += [f"time.end to {time:.2g} s"] if time else []
+    text = f"half the interval is {half:.2g} N m, {wanted:.2g} asked for"
+    if steadiness(torque, wanted) is not Steadiness.STEADY:
+        text += "; " + torque.reason.partition(";")[0]
+    return f"{text}; estimate: raise {' or '.join(ways)}" if ways else f"{text}; ask for less"

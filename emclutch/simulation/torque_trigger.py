@@ -1,0 +1,115 @@
+"""`time.until` in a run: the callback that looks at the torque of all packings and asks for more time, or more of them.
+
+The rule is `emclutch.simulation.stopping_rule`.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from emclutch.results.steady_torque import SteadyConditions, steady_torque
+from emclutch.simulation.forecast.cost import spoken
+from emclutch.simulation.replicas import Replicas
+from emclutch.simulation.run_progress import RunProgress
+from emclutch.simulation.stopping_rule import GoOn, Stop, StoppingRule, is_known, remedy
+
+if TYPE_CHECKING:
+    import pandas
+
+    from coupling import Simulation
+    from emclutch.results.statistics import Estimate
+    from emclutch.scene.torque_target import TorqueTarget
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(slots=True)
+class TorqueTrigger:
+    """Callback of the loop.
+
+    Attributes
+    ----------
+    rule : StoppingRule
+    conditions : SteadyConditions
+    replicas : Replicas
+    progress : RunProgress
+    is_stopped : callable
+        Whether the run is to stop for another reason.
+    now : GoOn
+        What is run before the next look.
+    ended, reached : bool
+        Whether the rule has ended the run, and whether because the torque is known.
+    """
+
+    rule: StoppingRule
+    conditions: SteadyConditions
+    replicas: Replicas
+    progress: RunProgress
+    is_stopped: Callable[[], bool]
+    now: GoOn
+    ended: bool = False
+    reached: bool = False
+    _began: float = field(default_factory=time.monotonic)
+    _simulated: float = 0.0
+
+    def __call__(self, simulation: Simulation, row: dict[str, Any] | None = None) -> bool:
+        """Look where the requested time has come; True ends the run."""
+        here = simulation.motion.time
+        while not self.ended and here >= self.now.length - self.replicas.tolerance:
+            if not self.replicas.wait(self.is_stopped, lambda: self._say(here)):
+                return False
+            self._look()
+        return self.ended
+
+    def _look(self) -> None:
+        """Judge the torque of all packings up to the requested time, and decide what follows."""
+        now, histories = self.now, self.replicas.histories(self.now.length)
+        torque = steady_torque(histories[0], self.conditions, histories[1:])
+        following = self.rule.after(torque, now)
+        self._tell(torque, following)
+        if isinstance(following, Stop):
+            self.ended, self.reached = True, following.reached
+            self.replicas.finish()
+            return
+        if following.count > now.count:  # the length stays: those that wait there are done
+            self.replicas.finish([number for number in self.replicas.processes if number < now.count])
+        self.now = following
+        self.replicas.request(following.count, following.length)
+
+    def _tell(self, torque: Estimate, following: GoOn | Stop) -> None:
+        """One line: torque, half width over what was asked for, packings, and what is left."""
+        now, half = self.now, torque.half_width()
+        packings = f"{now.count} packing{'s' * (now.count > 1)} to {1e3 * now.length:.3g} ms"
+        if torque.mean is None:
+            text = f"torque unknown, {packings}"
+        else:
+            wanted = self.rule.target.half_width(torque.mean)
+            over = "" if half is None or not wanted else f", {half / wanted:.2g} of the half width asked for"
+            error = "" if half is None else f" +- {half:.2g}"
+            text = f"torque {torque.mean:.4g}{error} N m (95 %{over}), {packings}"
+        if isinstance(following, Stop):
+            text += ": target precision reached" if following.reached else f"; {torque.reason}"
+        else:
+            done, left = now.count * now.length, following.count * following.length - now.count * now.length
+            seconds = (time.monotonic() - self._began) * left / max(done - self._simulated, 1e-300)
+            what = f"{following.count} packings" if following.count > now.count else f"{1e3 * following.length:.3g} ms"
+            text += f"; {torque.reason.partition(':')[0]}; next look at {what}, in about {spoken(seconds)}"
+        self.progress.announce(text)
+
+    def _say(self, here: float) -> None:
+        there = self.replicas.have_reached() + 1
+        text = f"{there} of {self.now.count} packings at {1e3 * self.now.length:.3g} ms"
+        self.progress.say(self.replicas.share_done(here), text)
+
+
+def how_it_ended(torque: Estimate, history: pandas.DataFrame, target: TorqueTarget) -> dict[str, Any]:
+    """What the summary says of `time.until`: asked, reached, half width [N m], and where it was not reached, why."""
+    reached = is_known(torque, target)
+    found: dict[str, Any] = {"asked": str(target), "reached": reached, "half_width": torque.half_width()}
+    if not reached:
+        found["reason"] = remedy(torque, target, float(history["time"].iloc[-1]))
+    return found

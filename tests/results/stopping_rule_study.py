@@ -1,0 +1,185 @@
+"""How often runs that end themselves are right: Monte Carlo of the rule with synthetic and recorded torques.
+
+    python tests/results/stopping_rule_study.py [runs a cell]
+
+prints, for each kind of signal and target: share of runs called known; how many of these hold the mean of the averaged
+stretch, and the level at its end, in their interval; share of all runs that are called known and wrong; packings,
+length over the longest run, and half width over the mean.
+
+`quickstart_packings.csv.gz` has the torque on the disc of packings of cases/quickstart.toml in windows of 0.2 ms, of
+60 seeds with four packings each up to 8 ms (six where the rule asks for them), and of 32 packings up to 27 ms, whose
+mean over the second half is the reference.
+"""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+from scipy.signal import lfilter
+
+from emclutch.results.replicated_mean import replicated_mean
+from emclutch.results.statistics import Estimate
+from emclutch.scene.torque_target import TorqueTarget
+from emclutch.simulation.stopping_rule import Stop, StoppingRule, lengths
+
+WINDOWS = 300
+FLUCTUATION = 0.05  # standard deviation of a window over the mean
+START_UP = 4.22e-3  # s, a shear strain of 9 in the quickstart
+
+
+@dataclass(frozen=True)
+class Signal:
+    """AR(1) round 1 with a level of its own for each packing, a creep, and a start-up; times over the longest run.
+
+    Attributes
+    ----------
+    correlation : (1 + a)/(1 - a) of the AR(1) coefficient a: windows that hold one independent sample.
+    packings : standard deviation of the packings' levels.
+    creep : rise over the longest run.
+    start_up, decay : amplitude and time constant of an exponential.
+    """
+
+    correlation: float = 6.0
+    packings: float = 0.0
+    creep: float = 0.0
+    start_up: float = 0.0
+    decay: float = 0.05
+
+    def packing(self, seed: int, number: int) -> np.ndarray:
+        """One packing's torque (WINDOWS,)."""
+        rng = np.random.default_rng([seed, number])
+        a, before = (self.correlation - 1.0) / (self.correlation + 1.0), int(10 * self.correlation)
+        noise = rng.standard_normal(WINDOWS + before) * FLUCTUATION * np.sqrt(1.0 - a * a)
+        t = (np.arange(WINDOWS) + 0.5) / WINDOWS
+        own = lfilter([1.0], [1.0, -a], noise)[before:] + self.packings * rng.standard_normal()
+        return 1.0 + own + self.creep * t + self.start_up * np.exp(-t / self.decay)
+
+    def __str__(self) -> str:
+        return (
+            f"correlation {self.correlation:g}, packings {self.packings:g}, creep {self.creep:g}, "
+            f"start-up {self.start_up:g} exp(-t/{self.decay:g})"
+        )
+
+
+@dataclass(frozen=True)
+class Run:
+    """How one run ended: whether its torque is called known, and lies in its interval; over the mean where relative."""
+
+    known: bool
+    right: bool
+    right_at_end: bool
+    creeping: bool
+    half_width: float
+    replicas: int
+    length: float
+
+
+def ended(
+    torque_of: Callable[[int, float], tuple], rule: StoppingRule, settled: float
+) -> tuple[Estimate, bool, int, float]:
+    """Estimate, whether known, packings and length [s] of a run by the rule; `torque_of` a number up to a time."""
+    now = rule.first()
+    while True:
+        signals = [torque_of(number, now.length) for number in range(now.count)]
+        found = replicated_mean(signals, settled=settled, wanted=rule.target.half_width)
+        following = rule.after(found, now)
+        if isinstance(following, Stop):
+            return found, following.reached, now.count, now.length
+        now = following
+
+
+def run_of(signal: Signal, target: float, seed: int, known_start_up: float = 0.0, max_count: int = 64) -> Run:
+    """One run of a synthetic signal."""
+    time, width = (np.arange(WINDOWS) + 1.0) / WINDOWS, np.full(WINDOWS, 1.0 / WINDOWS)
+    packing = cache(lambda number: signal.packing(seed, number))
+
+    def torque_of(number: int, length: float) -> tuple:
+        n = round(length * WINDOWS)
+        return time[:n], packing(number)[:n], width[:n]
+
+    rule = StoppingRule(TorqueTarget(target), lengths(1.0, known_start_up), max_count)
+    found, known, count, length = ended(torque_of, rule, known_start_up)
+    half = found.half_width() or 0.0
+    mean, middle = found.mean or 0.0, 0.5 * ((found.start or 0.0) + (found.end or 0.0))
+    right = abs(mean - 1.0 - signal.creep * middle) <= half
+    at_end = abs(mean - 1.0 - signal.creep * (found.end or 0.0)) <= half
+    return Run(known, right, at_end, found.reason.startswith("creeping"), half / mean, count, length)
+
+
+def summary_of(runs: Sequence[Run]) -> SimpleNamespace:
+    """Shares and means over runs."""
+    known = [run for run in runs if run.known]
+    return SimpleNamespace(
+        known=len(known) / len(runs),
+        coverage=float(np.mean([run.right for run in known])) if known else np.nan,
+        coverage_at_end=float(np.mean([run.right_at_end for run in known])) if known else np.nan,
+        known_and_wrong=sum(not run.right for run in known) / len(runs),
+        creeping=float(np.mean([run.creeping for run in runs])),
+        half_width=float(np.median([run.half_width for run in runs])),
+        replicas=float(np.mean([run.replicas for run in runs])),
+        length=float(np.mean([run.length for run in runs])),
+    )
+
+
+@dataclass(frozen=True)
+class Packings:
+    """Recorded torques [N m] by seed and number of the packing, in windows of equal `width` [s]."""
+
+    width: float
+    torques: dict[tuple[int, int], np.ndarray]
+
+
+def read_packings(kind: str) -> Packings:
+    """The rows of one kind, ``run`` or ``reference``."""
+    path = Path(__file__).with_name("quickstart_packings.csv.gz")
+    with gzip.open(path, "rt", encoding="ascii", newline="") as file:
+        rows = [row for row in csv.reader(file) if row[0] == kind]
+    return Packings(2e-4, {(int(row[1]), int(row[2])): np.array(row[3:], dtype=float) for row in rows})
+
+
+def recorded(packings: Packings, seed: int, target: float, reference: float) -> Run:
+    """One run of the quickstart out of recorded packings; it ends without a result where it asks for one more."""
+    longest = min(len(torque) for torque in packings.torques.values())
+
+    def torque_of(number: int, length: float) -> tuple:
+        n = min(longest, round(length / packings.width))
+        torque = packings.torques[seed, number][:n]
+        return packings.width * np.arange(1, n + 1), torque, np.full(n, packings.width)
+
+    most = sum(one == seed for one, _ in packings.torques)
+    rule = StoppingRule(TorqueTarget(target), lengths(longest * packings.width, START_UP), most)
+    found, known, count, length = ended(torque_of, rule, START_UP)
+    half, mean = found.half_width() or 0.0, found.mean or 0.0
+    right = abs(mean - reference) <= half
+    return Run(known, right, right, found.reason.startswith("creeping"), half / mean, count, length)
+
+
+FRESH = read_packings("run")
+_LONG = [torque[len(torque) // 2 :].mean() for torque in read_packings("reference").torques.values()]
+REFERENCE = float(np.mean(_LONG))
+"""Torque [N m] of 32 packings of three times the length, over their second half."""
+
+if __name__ == "__main__":
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 300
+    print("known  holds mean  holds end  known and wrong  creeping  packings  length  half width")
+    for target in (0.02, 0.10):
+        for correlation in (2.0, 6.0, 20.0):
+            kinds = [Signal(correlation, packings) for packings in (0.0, 0.01, 0.03, 0.06)]
+            kinds += [Signal(correlation, 0.01, creep) for creep in (0.02, 0.04, 0.06, 0.1)]
+            kinds += [Signal(correlation, 0.01, 0.0, a, tau) for a in (0.1, 0.2) for tau in (0.05, 0.1, 0.2, 0.3)]
+            for kind in kinds:
+                s = summary_of([run_of(kind, target, seed) for seed in range(1000, 1000 + count)])
+                print(
+                    f"{s.known:5.2f}  {s.coverage:10.3f}  {s.coverage_at_end:9.3f}  {s.known_and_wrong:15.3f}  "
+                    f"{s.creeping:8.2f}  {s.replicas:8.1f}  {s.length:6.2f}  {100 * s.half_width:9.2f} %  "
+                    f"target {100 * target:g} %, {kind}",
+                    flush=True,
+                )

@@ -1,0 +1,136 @@
+"""The rule that ends runs is right as often as it says: synthetic series, and recorded torques of packings.
+
+Long form (also start-up known, ladder of lengths, all cells): ``python tests/results/stopping_rule_study.py``.
+"""
+
+import numpy as np
+import pytest
+from stopping_rule_study import FRESH, REFERENCE, Signal, recorded, run_of, summary_of
+
+from emclutch.results.statistics import Estimate
+from emclutch.scene.torque_target import TorqueTarget
+from emclutch.simulation.stopping_rule import (
+    COUNTS,
+    GoOn,
+    Stop,
+    StoppingRule,
+    is_known,
+    lengths,
+    remedy,
+)
+
+
+@pytest.mark.parametrize(
+    "signal",
+    [
+        Signal(correlation=2.0),
+        Signal(correlation=20.0),
+        Signal(correlation=6.0, packings=0.03),
+        Signal(correlation=6.0, packings=0.06),
+        Signal(correlation=6.0, start_up=0.2, decay=0.05),
+        Signal(correlation=2.0, start_up=0.1, decay=0.2),
+    ],
+    ids=str,
+)
+def test_known_means_known(signal):
+    """Of 60 runs to 10 %: known and wrong in 5 % (three, and at most six by chance in 97 of 100 such tests)."""
+    found = summary_of([run_of(signal, 0.1, seed) for seed in range(60)])
+    assert found.known_and_wrong * 60 <= 6
+    if signal.decay < 0.1:
+        assert found.known > 0.85
+
+
+def test_a_creep_of_twice_the_target_is_called_steady_in_one_run_of_ten():
+    """The drift over two thirds of the run, which are averaged: 6 % of the run are 4 % of that stretch."""
+    found = summary_of([run_of(Signal(correlation=2.0, creep=0.06), 0.02, seed) for seed in range(60)])
+    assert found.known * 60 <= 11 and found.creeping > 0.6
+    assert found.replicas < 12  # more packings are not asked for: they do not cure it
+
+
+def test_packings_that_differ_are_asked_for_and_a_known_start_up_ends_runs_early():
+    found = summary_of([run_of(Signal(packings=0.06), 0.04, seed) for seed in range(10)])
+    assert found.replicas > 12
+    early = summary_of([run_of(Signal(start_up=0.2, decay=0.05), 0.1, seed, known_start_up=0.15) for seed in range(10)])
+    assert early.known == 1.0 and early.length < 0.5
+
+
+def test_recorded_packings_of_the_quickstart():
+    """60 seeds that no constant was chosen with, judged against packings of three times the length."""
+    runs = [recorded(FRESH, seed, 0.1, REFERENCE) for seed in sorted({seed for seed, _ in FRESH.torques})]
+    found = summary_of(runs)
+    assert len(runs) == 60 and found.known >= 0.95
+    assert found.coverage >= 0.9  # 54 of 60: below it with a probability of 3 % if 95 % hold
+    assert found.half_width <= 0.06 and found.replicas <= 4.5
+
+
+def estimate(mean, error, count=4, **other):
+    values = {
+        "converged": True,
+        "reason": "steady",
+        "replicas": count,
+        "degrees_of_freedom": count - 1.0,
+        "end": 1.0,
+        "settled": 0.5,
+        "drift": 0.0,
+        "drift_error": 1e-3,
+        "drift_freedom": 3.0 * count - 1.0,
+        "fluctuation": error,
+    } | other
+    return Estimate(mean, error, count, 1e-3, 0.5, values.pop("converged"), values.pop("reason"), **values)
+
+
+def test_a_torque_is_known_by_half_its_interval():
+    """4.18 standard errors of four packings."""
+    assert is_known(estimate(10.0, 0.047), TorqueTarget(0.02)) and not is_known(
+        estimate(10.0, 0.049), TorqueTarget(0.02)
+    )
+    assert is_known(estimate(-10.0, 0.047), TorqueTarget(0.02))
+    assert is_known(estimate(10.0, 0.07), TorqueTarget(0.02, 0.3)) and is_known(
+        estimate(0.0, 0.07), TorqueTarget(None, 0.3)
+    )
+    assert not is_known(estimate(10.0, 0.01, converged=False), TorqueTarget(0.02))
+    assert not is_known(estimate(10.0, 0.01, drift=0.5, drift_error=0.4), TorqueTarget(0.02))  # a drift not excluded
+
+
+def test_looks_are_few_and_the_last_is_the_end():
+    times = lengths(1.0, 0.1)
+    assert times == pytest.approx((0.2, 0.3, 0.45, 0.675, 1.0)) and lengths(1.0, 0.0) == (1.0,)
+    assert lengths(1.0, 0.47) == (1.0,)  # a look shortly before the end is not worth its chance of error
+
+
+def test_time_is_preferred_where_it_is_cheaper():
+    """Fluctuations within packings shrink with time; differences of packings only with their number."""
+    rule, now = StoppingRule(TorqueTarget(0.02), lengths(10.0, 0.5), 24), GoOn(4, 1.0)
+    assert rule.after(estimate(10.0, 0.06, fluctuation=0.12), now) == GoOn(4, 1.5)
+    assert rule.after(estimate(10.0, 0.06, fluctuation=0.0), now) == GoOn(6, 1.0)
+    assert rule.after(estimate(10.0, 0.04), now) == Stop(True)
+
+
+def test_what_more_packings_cannot_cure_is_not_tried_with_them():
+    rule = StoppingRule(TorqueTarget(0.02), (1.0, 1.5), 24)
+    creeping = estimate(10.0, 0.04, converged=False, drift=2.0, drift_error=0.1)
+    assert rule.after(creeping, GoOn(4, 1.0)) == GoOn(4, 1.5) and rule.after(creeping, GoOn(4, 1.5)) == Stop(False)
+    fixed = StoppingRule(TorqueTarget(0.02), (1.0,), 4)
+    assert fixed.after(estimate(10.0, 0.1), GoOn(4, 1.0)) == Stop(False)
+    assert rule.first(4, reached=1.2) == GoOn(4, 1.5) and rule.first(2).count == 2
+
+
+@pytest.mark.parametrize(
+    ("torque", "words"),
+    [
+        (estimate(1e-6, 1e-5), "no torque that differs from 0.*or 0.01 N m"),
+        (estimate(1.0, 0.01, fluctuation=0.02), r"raise accuracy.max_replicas \(or replicas\) to \d+ or time.end to"),
+        (estimate(1.0, 0.02, fluctuation=0.0), r"raise accuracy.max_replicas \(or replicas\) to \d+$"),
+        (estimate(9.0, 2.0, fluctuation=0.0), "ask for less"),
+        (estimate(1.0, 0.001, drift=0.5, drift_error=0.01), "raise time.end above"),
+        (estimate(1.0, 0.001, count=1, drift=None, converged=False, reason="the gap was sheared by 2"), "sheared by 2"),
+    ],
+)
+def test_an_end_without_a_known_torque_says_why(torque, words):
+    import re
+
+    assert re.search(words, remedy(torque, TorqueTarget(0.02), 1.0))
+
+
+def test_counts_rise():
+    assert COUNTS[:6] == (4, 6, 8, 12, 16, 24) and np.all(np.diff(COUNTS) > 0)
