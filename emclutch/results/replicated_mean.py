@@ -92,8 +92,8 @@ def replicated_mean(
         time, value, duration = signals[0]
         alone = steady_mean(time, value, duration=duration, average_from=average_from)
         if average_from is None and settled > (alone.start or 0.0):
-            late = steady_mean(time, value, duration=duration, average_from=settled)
-            return _too_short(alone, settled) if late.mean is None else late
+            rest = steady_mean(time, value, duration=duration, average_from=settled)
+            return _too_short(alone, settled) if rest.mean is None else rest
         return alone
     t, y, dt = _common_windows([checked_signal(*signal) for signal in signals])
     count, size = len(signals), t.size
