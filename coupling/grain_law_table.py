@@ -146,7 +146,7 @@ def sphere_ratio(table, H):
     t = (np.log(H / table.scale) - table.sphere_start) / table.sphere_step
     if t <= 0.0:
         return table.sphere_ratio[0], table.sphere_ratio[0]
-    if t >= last:
+    if not t < last:  # also of NaN, which stays one and is no index
         return table.sphere_ratio[last] * np.exp((last - t) * table.sphere_step), 0.0
     k = np.int64(t)
     t -= k
@@ -176,7 +176,7 @@ def field_held(table, y, H):
     """Of a place of `field_place`: j, y, |H| held at the last field; beyond it falls as 1/h: a share."""
     h, share = abs(H), 1.0
     last = table.force.shape[1] - 1
-    if y > last:
+    if not y <= last:  # also of NaN, which stays one and is no index
         end = table.scale * np.exp(table.field_start + last * table.field_step)
         y, h, share = float(last), end, end / h
     j = min(np.int64(y), last - 1)
@@ -190,7 +190,7 @@ def place_in(table, gap, H):
     i < 0 beyond the farthest gap, where there is no excess.
     """
     x = gap_place(table, gap)
-    if x >= table.across.shape[0] - 1:
+    if not x < table.across.shape[0] - 1:
         return np.int64(-1), 0.0, np.int64(0), 0.0, 0.0, 0.0
     i = np.int64(x)
     j, y, h, share = field_held(table, field_place(table, H), H)
@@ -208,7 +208,7 @@ def read(values, i, x, j, y):
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def moment_at(table, x, y, H):
     """dM [A/m] at places of `gap_place` and `field_place`, of the field H [A/m]; odd in H."""
-    if x >= table.across.shape[0] - 1:
+    if not x < table.across.shape[0] - 1:
         return 0.0
     i = np.int64(x)
     j, y, h, share = field_held(table, y, H)
@@ -245,7 +245,7 @@ def excess_force(table, gap, H):
 @inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def near_excess(table, x, y, H):
     """dF [mu_0 A^2/m^2 a^2], dM [A/m] and `across` [-] at places of `gap_place` and `field_place`, of the field H."""
-    if x >= table.across.shape[0] - 1:
+    if not x < table.across.shape[0] - 1:
         return 0.0, 0.0, 0.0
     i = np.int64(x)
     x -= i

@@ -128,7 +128,7 @@ class LayeredField:
         flux = (self._given + self._share @ (answer * rest)) / (self._share @ answer)
         self._take(answer * (flux - rest))
         size = self._share @ self._h**2
-        return float(np.sqrt(self._share @ (self._h - before) ** 2 / size)) if size > 0.0 else 0.0
+        return 0.0 if size == 0.0 else float(np.sqrt(self._share @ (self._h - before) ** 2 / size))  # a NaN stays one
 
     def window_row(self, time: float) -> dict[str, float]:
         """Nothing is solved."""

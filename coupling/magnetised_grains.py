@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from coupling.finite_grains import refuse_not_finite
 from field import FieldSampler, ParticleLaw
 
 
@@ -38,6 +39,7 @@ class MagnetisedGrains:
         assert self.sampler is not None  # the loop refreshes the source first
         grains = simulation.motion.grains
         self.H, self.grad_H = self.sampler.sample(grains.position)
+        refuse_not_finite(grains.position, self.H, grains.particle_id)
         grains.magnetic_moment = moments(
             self.law, self.H, self.fill_at and self.fill_at(grains.position), grains.volume
         )

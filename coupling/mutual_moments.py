@@ -33,6 +33,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from coupling.finite_grains import NotFiniteGrains, refuse_not_finite
 from coupling.grain_law_table import GrainLawTable
 from coupling.image_lanes import MOST_WALLS
 from coupling.influence import find_influence, room_for
@@ -173,12 +174,15 @@ class MutualMoments:
         ------
         ValueError
             For more than MOST_WALLS steel walls.
+        NotFiniteGrains
+            A position, a field or a moment is not a finite number; the first such grain is named.
         """
         if len(self.walls) > MOST_WALLS:
             raise ValueError(f"{len(self.walls)} steel walls; grains are mirrored in {MOST_WALLS} at most")
         n = len(position)
         volume = 4.0 / 3.0 * np.pi * radius**3
         applied = np.ascontiguousarray(applied, dtype=float)
+        refuse_not_finite(position, applied)
         moment = np.zeros((n, 3)) if start is None else np.array(start, dtype=float)
         field, potential, share, contrast = np.zeros((n, 3)), np.zeros(n), np.zeros(n), np.zeros(n)
         height, own_image = np.empty((n, len(self.walls))), np.zeros((n, len(self.walls)))
@@ -210,10 +214,10 @@ class MutualMoments:
                 drawn,
             )  # fmt: skip
             step, total = (float(x) for x in squares.sum(axis=0))
-            residual = float(np.sqrt(step / total)) if total > 0.0 else 0.0
+            residual = 0.0 if total == 0.0 else float(np.sqrt(step / total))  # a NaN stays one
             result.residual, result.sweeps = residual, sweep
             if not np.isfinite(residual):
-                raise FloatingPointError("the moments of the grains are not finite: check field and positions")
+                raise NotFiniteGrains(f"the moments of the grains are not finite after {sweep} sweeps")
             if residual <= tolerance or sweep == most_sweeps:
                 break  # `field`, `potential` and `share` are those of `moment`
             asked = (new - moment) / damping

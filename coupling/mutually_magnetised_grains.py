@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from coupling.finite_grains import refuse_not_finite
 from coupling.layered_field import LayeredField
 from coupling.magnetised_grains import MagnetisedGrains
 from coupling.mutual_moments import Magnetisation, MutualMoments
@@ -58,6 +59,7 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
         layers = self.sampler if isinstance(self.sampler, LayeredField) else None
         for _ in range(MOST_ROUNDS):
             self.H, self.grad_H = self.sampler.sample(grains.position)
+            refuse_not_finite(grains.position, self.H, grains.particle_id)
             found = self.solver.solve(
                 grains.position, grains.radius, self.H, rows, gradient=self.grad_H if self.solver.smear else None,
                 start=grains.magnetic_moment, tolerance=self.tolerance, most_sweeps=MOST_SWEEPS,

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from coupling.finite_grains import NotFiniteGrains
 from coupling.grain_law_table import GrainLawTable
 from coupling.influence import find_influence, room_for
 from coupling.kernel_state import Influence, MagneticGrains, PairModel
@@ -113,9 +114,9 @@ class CellMoments:
             self._new, self._squares, self._drawn,
         )  # fmt: skip
         missed, total = (float(x) for x in self._squares[:n].sum(axis=0))
-        self.residual = float(np.sqrt(missed / total)) if total > 0.0 else 0.0
+        self.residual = 0.0 if total == 0.0 else float(np.sqrt(missed / total))  # a NaN stays one
         if not np.isfinite(self.residual):
-            raise FloatingPointError("the moments of the grains are not finite: check field and positions")
+            raise NotFiniteGrains("the moments of the grains are not finite: check field and positions")
         self.moment = self._new[:n].copy()
 
     def settle(self, position: np.ndarray, offset: float, tolerance: float, most_sweeps: int = 300) -> int:

@@ -59,11 +59,14 @@ def view_run(
 
 
 def open_in_paraview(folder: Path) -> str:
-    """Write a run's script where it has none, start ParaView with it where it is installed; what was done."""
-    from emclutch.results.view.paraview_script import write_script
+    """Start ParaView, where it is installed, with a script made for the run's files; returns what was done.
+
+    The script is a new file outside the run's folder: a `paraview.py` that lies in there is not executed.
+    """
+    from emclutch.results.view.paraview_script import private_script
 
     files: RunFiles = read_run_files(folder)
-    script = write_script(files)
+    script = private_script(files)
     program, batch = shutil.which("paraview"), f"without a window: pvbatch {script} --screenshot picture.png"
     if program is None or not has_screen():
         missing = "ParaView is not installed here" if program is None else "there is no screen for ParaView's window"

@@ -6,7 +6,7 @@
    Performance Modeling Handbook, 1983, 268-328, for the mean over replicas; for MSER-5 see `statistics`). Where a
    drift is left at 70 % confidence, it begins at half of the series.
 2. **Interval.** Student's t of the replicas' means over that stretch, with one degree of freedom less than replicas.
-   Nothing within a replica is pooled: a replica never changes how its grains were packed. Its level is 97.5 % where
+   Nothing within a replica is pooled: a replica never changes how its grains were packed. Its level is 97 % where
    95 % is asked for, since the rule that ends a run looks several times (`Estimate.half_width`).
 3. **Drift.** One slope a replica. The error of their mean comes from the scatter of the slopes and from the quadratic
    and cubic coefficients of each replica (Legendre polynomials, which a series of short memory has with the same

@@ -41,8 +41,8 @@ MIN_SAMPLES = 20  # fewer give neither a cut nor a correlation time worth its na
 BATCH_CORRELATION_TIMES = 4.0  # with 2 the error of AR(1) series came out 1.5 times too small where 10 batches just fit
 SOKAL_WINDOW = 5.0
 DRIFT_SIGNIFICANCE = 1e-3
-STOPPING_ALLOWANCE = 0.5
-"""Share of the probability of error that an interval of several replicas uses: 97.5 % is computed for 95 %."""
+STOPPING_ALLOWANCE = 0.6
+"""Share of the probability of error that an interval of several replicas uses: 97 % is computed for 95 %."""
 TOO_FEW = "needed; run longer"
 """End of a reason that time alone mends."""
 
@@ -92,9 +92,9 @@ class Estimate:
     def half_width(self, confidence: float = 0.95) -> float | None:
         """Half the width of the mean's two-sided confidence interval by Student's t; None: unknown.
 
-        Of several replicas, half of the probability of error is kept for the looks of the rule that ends a run, and
-        half the drift over the averaged stretch is added in quadrature, so that the interval holds its two ends too.
-        Of a run of fixed length the interval is wider than it need be.
+        Of several replicas, two fifths of the probability of error are kept for the looks of the rule that ends a
+        run, and half the drift over the averaged stretch is added in quadrature, so that the interval tends to hold its
+        two ends too. Of a run of fixed length the interval is wider than it need be.
         """
         freedom = self.batches - 1 if self.degrees_of_freedom is None else self.degrees_of_freedom
         if self.mean is None or self.standard_error is None or freedom < 1:

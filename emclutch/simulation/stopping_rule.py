@@ -171,7 +171,7 @@ def _expected(torque: Estimate, count: int, factor: float) -> float:
     variance = (torque.standard_error or math.inf) ** 2 * torque.replicas
     own = min((torque.fluctuation or 0.0) ** 2, variance)
     one = variance - own + own / factor
-    return float(stdtrit(count - 1.0, 0.9875)) * math.sqrt(one / count)
+    return float(stdtrit(count - 1.0, 0.985)) * math.sqrt(one / count)
 
 
 def _expected_drift(torque: Estimate, count: int, factor: float, wanted: float) -> bool:

@@ -13,7 +13,7 @@ import signal
 import threading
 from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,7 @@ from emclutch.scene.study import StudySection, read_study
 from emclutch.simulation.missing_pictures import draw_missing
 from emclutch.simulation.run_error import Interrupted, RunError
 from emclutch.studies.points import PointFolder, folders_of_points, unclaimed
-from emclutch.studies.tables import Done, disc_torque, label_of, write_tables
+from emclutch.studies.tables import Done, disc_torque, label_of, write_failures, write_tables
 from emclutch.studies.tasks import STOP, PointOutcome, PointTask, run_point
 from emclutch.studies.workers import threads_of_a_worker, worker_pool
 
@@ -76,9 +76,10 @@ def sweep(
 
     Raises
     ------
-    SceneError, OutputError, RunError
-        As for a single run, with the point's values: where one fails no other begins, those that run come to their end,
-        and what is done stays. `Interrupted` after Ctrl-C: those that run end with a checkpoint.
+    OutputError, RunError
+        At the end, where points have failed: with the values and the reason of each, which also lie in `failures.csv`.
+        The other points are run all the same, and `resume` repeats those that failed. OutputError where all of them
+        failed of their input or output. `Interrupted` after Ctrl-C: those that run end with a checkpoint.
     ValueError
         `jobs` is less than 1.
     """
@@ -99,10 +100,13 @@ def sweep(
             try:
                 if executor is None and share == 1:
                     run.here()
+                elif executor is None:
+                    while run.goes_on():  # a worker that was killed breaks its pool
+                        with worker_pool(share) as workers:
+                            run.by(workers, jobs)
                 else:
-                    pool = worker_pool(share) if executor is None else nullcontext(executor)
-                    with pool as workers:
-                        run.by(workers, jobs)
+                    run.by(executor, jobs)
+                run.fail_what_waits_for_failed_points()
             finally:
                 (folder / STOP).unlink(missing_ok=True)
         run.tell_the_end(jobs)
@@ -130,6 +134,7 @@ class _StudyRun:
         if others := unclaimed(folder, self.targets):
             log.info("of none of the study's points, and left as they are: %s", ", ".join(others))
         self.before = study.predecessors()
+        write_failures(folder, [])
         self.waiting = list(range(len(self.points)))
         self.done: dict[int, Done] = {}
         self.failures: dict[int, PointOutcome] = {}
@@ -140,7 +145,7 @@ class _StudyRun:
 
     def here(self) -> None:
         """Run the points in this process, one after the other."""
-        while (number := self._next()) is not None and not self.failures and not self.stopped:
+        while not self.stopped and (number := self._next()) is not None:
             task = self._task(number)
             if task is not None:
                 self.table.set_running(number)
@@ -153,12 +158,16 @@ class _StudyRun:
         try:
             with _ctrl_c_sets(asked):
                 while True:
-                    ends = bool(self.failures) or asked.is_set()
+                    ends = asked.is_set()
                     while not ends and (at_a_time is None or len(running) < at_a_time):
                         if (number := self._next()) is None:
                             break
                         if (task := self._task(number)) is not None:
-                            running[executor.submit(run_point, task)] = number
+                            try:
+                                running[executor.submit(run_point, task)] = number
+                            except BrokenExecutor:
+                                self.waiting.insert(0, number)
+                                raise
                     if asked.is_set():
                         self.stopped = True
                         (self.folder / STOP).touch()
@@ -168,34 +177,52 @@ class _StudyRun:
                     if not running:
                         return
                     for future in wait(running, LOOK_SECONDS, FIRST_COMPLETED).done:
-                        outcome = future.result()
+                        outcome = _outcome(future)
                         self._take(running.pop(future), outcome)
                     for number in running.values():
                         self._look_at(number)
         except BrokenExecutor as error:
-            names = ", ".join(self.targets[number].path.name for number in running.values())
-            raise RunError(
-                f"a process of the study ended without a word ({error}); it was killed, most often for want of memory, "
-                f"or the calling script lacks its if __name__ == '__main__'. Points that were running: {names}; take "
-                f"fewer --jobs, and {self._how_to_go_on()}"
-            ) from error
+            log.error("a process of the study ended without a word: %s", error)
+            reason = (
+                "its process, or one beside it, ended without a word; it was killed, most often for want of memory, or "
+                "the calling script lacks its if __name__ == '__main__'; take fewer --jobs"
+            )
+            for number in sorted(set(running.values()) - set(self.done)):
+                self._take(number, PointOutcome(FAILED, reason))
 
     def tell_the_end(self, jobs: int | None) -> None:
         """Raise what the study ended with before all points were done; nothing where they are."""
-        for number, failure in sorted(self.failures.items()):
-            values = ", ".join(f"{key} = {value}" for key, value in self.points[number][0].items())
-            text = f"{self.targets[number].path.name} ({values}): {failure.message}"
-            if failure.is_input:
-                raise OutputError(text)
+        if self.failures:
+            texts = []
+            for number, failure in sorted(self.failures.items()):
+                values = ", ".join(f"{key} = {value}" for key, value in self.points[number][0].items())
+                texts.append(f"{self.targets[number].path.name} ({values}): {failure.message}")
             how = self._how_to_go_on()
-            if RunFolder(self.targets[number].path).read_failure() is not None:
-                how = f"leave it out of the study's values, or change the scene; then {how}"
-            raise RunError(f"{text}\n{len(self.done)} of {len(self.points)} points are done; {how}")
+            folders = (RunFolder(self.targets[number].path) for number in self.failures)
+            if any(folder.read_failure() is not None for folder in folders):
+                how = f"leave points whose scene fails out of the study's values, or change the scene; then {how}"
+            told = f"{len(self.failures)} failed; " if len(self.failures) > 1 else ""
+            texts.append(f"{len(self.done)} of {len(self.points)} points are done; {told}{how}")
+            kind = OutputError if all(failure.is_input for failure in self.failures.values()) else RunError
+            raise kind("\n".join(texts))
         if self.stopped:
             more = f" --jobs {jobs}" if jobs and jobs > 1 else ""
             raise Interrupted(
                 f"stopped with {len(self.done)} of {len(self.points)} points done; {self._how_to_go_on()}{more}"
             )
+
+    def goes_on(self) -> bool:
+        """Whether a point waits that can run."""
+        return not self.stopped and any(self.before[n] is None or self.before[n] in self.done for n in self.waiting)
+
+    def fail_what_waits_for_failed_points(self) -> None:
+        """Points that begin with the grains of one that failed have failed too, until the study goes on."""
+        for number in [] if self.stopped else list(self.waiting):
+            before = self.before[number]
+            if before is not None and before in self.failures:
+                self.waiting.remove(number)
+                name = self.targets[before].path.name
+                self._take(number, PointOutcome(FAILED, f"it begins with the grains of {name}, which has failed"))
 
     def _how_to_go_on(self) -> str:
         return f"go on with: emclutch sweep {self.study.path} --out {self.folder} --resume"
@@ -244,6 +271,8 @@ class _StudyRun:
             self.table.set_ended(number, FAILED)
             if not is_study(self.folder):
                 write_tables(self.folder, self.study, [])
+            failed = [(self.targets[n].path.name, self.points[n][0], self.failures[n].message) for n in self.failures]
+            write_failures(self.folder, sorted(failed, key=lambda row: row[0]))
 
     def _is_done(self, number: int, result: Result, kept: bool = False) -> None:
         torque = disc_torque(result)
@@ -264,6 +293,16 @@ class _StudyRun:
         reached = last_time(folder.history)
         if reached is not None:
             self.table.set_fraction(number, reached / self.points[number][1].scene.span.end)
+
+
+def _outcome(future: Future[PointOutcome]) -> PointOutcome:
+    """The outcome of a point; a failure where its worker raised an error, for example in passing the task on."""
+    try:
+        return future.result()
+    except BrokenExecutor:
+        raise
+    except Exception as error:
+        return PointOutcome(FAILED, f"{type(error).__name__}: {error}")
 
 
 def _goes_on(case: Case, point: PointFolder, resume: bool) -> bool:

@@ -49,6 +49,15 @@ def write_tables(folder: Path, study: StudySection, done: Sequence[Done]) -> Non
             replace_text(folder / "methods.txt", "\n".join(comparison_lines(compared, others)) + "\n")
 
 
+def write_failures(folder: Path, failures: Sequence[tuple[str, dict[str, Any], str]]) -> None:
+    """`failures.csv`: folder, values and reason of each point that failed; no such file where none has."""
+    path = folder / "failures.csv"
+    if failures:
+        _write_csv(path, [{"point": name, **values, "reason": reason} for name, values, reason in failures])
+    else:
+        path.unlink(missing_ok=True)
+
+
 def write_torques(folder: Path, study: StudySection, rows: list[dict[str, Any]]) -> None:
     """`study.csv`, averages over seeds, and torque against current and against speed where these are varied."""
     _write_csv(folder / "study.csv", rows)

@@ -7,7 +7,9 @@ said by a file in the study's folder, which it looks for after every window.
 
 from __future__ import annotations
 
+import logging
 import time
+import traceback
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +21,7 @@ from emclutch.scene.errors import SceneError
 from emclutch.simulation.run import run
 from emclutch.simulation.run_error import Interrupted, RunError
 
+log = logging.getLogger(__name__)
 STOP = "stop-asked"
 LOOK_SECONDS = 0.2  # between two looks for the file: windows may be shorter, and file systems far away
 
@@ -65,7 +68,7 @@ class PointOutcome:
 
 
 def run_point(task: PointTask, progress: Any = None) -> PointOutcome:
-    """Run one point; its errors are told by the outcome, a defect of the program is raised."""
+    """Run one point; whatever it fails of is the outcome's message, so that the other points go on."""
     folder = Path(task.folder)
     asked = StopAsked(folder.parent, progress)
     if asked.stop_asked:
@@ -94,6 +97,12 @@ def run_point(task: PointTask, progress: Any = None) -> PointOutcome:
         return PointOutcome(FAILED, reason, is_input=True)
     except RunError as error:
         return PointOutcome(FAILED, str(error))
+    except Exception as error:  # a defect of the program is one point's, too
+        log.exception("%s: defect of the program", folder.name)
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        place = f"{Path(where.filename).name}:{where.lineno}"
+        reason = f"defect of the program, please report it: {type(error).__name__}: {error} ({place})"
+        return PointOutcome(FAILED, reason)
     return PointOutcome(DONE)
 
 

@@ -38,7 +38,7 @@ def test_the_error_is_that_of_the_means_of_the_replicas():
     assert found.standard_error == pytest.approx(means.std(ddof=1) / np.sqrt(5), rel=1e-12)
     slopes = [np.polyfit(TIME[200:] - 0.5e-3, y[200:], 1)[0] for _, y, _ in signals]
     assert found.drift == pytest.approx(np.mean(slopes), rel=1e-9)
-    half = np.hypot(stdtrit(4, 0.9875) * found.standard_error, 0.5 * found.drift * 0.2)
+    half = np.hypot(stdtrit(4, 0.985) * found.standard_error, 0.5 * found.drift * 0.2)
     assert found.half_width() == pytest.approx(half, rel=1e-9)
 
 

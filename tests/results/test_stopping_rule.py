@@ -80,11 +80,11 @@ def estimate(mean, error, count=4, **other):
 
 
 def test_a_torque_is_known_by_half_its_interval():
-    """4.18 standard errors of four packings."""
-    assert is_known(estimate(10.0, 0.047), TorqueTarget(0.02)) and not is_known(
-        estimate(10.0, 0.049), TorqueTarget(0.02)
+    """3.90 standard errors of four packings."""
+    assert is_known(estimate(10.0, 0.050), TorqueTarget(0.02)) and not is_known(
+        estimate(10.0, 0.0525), TorqueTarget(0.02)
     )
-    assert is_known(estimate(-10.0, 0.047), TorqueTarget(0.02))
+    assert is_known(estimate(-10.0, 0.050), TorqueTarget(0.02))
     assert is_known(estimate(10.0, 0.07), TorqueTarget(0.02, 0.3)) and is_known(
         estimate(0.0, 0.07), TorqueTarget(None, 0.3)
     )

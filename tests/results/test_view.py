@@ -7,11 +7,13 @@ import shutil
 import signal
 import subprocess
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from emclutch.cli import view
 from emclutch.cli.view import view_run
 from emclutch.results import OutputError
 from emclutch.results.view.paraview_script import NAME, write_script
@@ -95,6 +97,33 @@ def test_script_that_was_edited_is_kept(run):
     write_script(read_run_files(run))
     assert (run / NAME).read_text() == "mine"
     (run / NAME).write_text(text)
+
+
+def test_a_script_that_lies_in_a_run_is_not_executed(run, tmp_path, monkeypatch):
+    """A folder may come from somebody else: ParaView gets a script that is made outside of it."""
+    text, flag = (run / NAME).read_text(), tmp_path / "executed"
+    planted = f"open({str(flag)!r}, 'w')"
+    program = tmp_path / "bin" / "paraview"
+    program.parent.mkdir()
+    program.write_text('#!/bin/sh\nexec python3 "${1#--script=}"\n')  # runs the script, as ParaView does
+    program.chmod(0o755)
+    started = []
+    monkeypatch.setenv("PATH", f"{program.parent}:{os.environ['PATH']}")
+    monkeypatch.setenv("DISPLAY", ":99")
+    monkeypatch.setattr(view.subprocess, "Popen", lambda command, **_: started.append(command))
+    (run / NAME).write_text(planted)
+    try:
+        told = view.open_in_paraview(run)
+    finally:
+        (run / NAME).write_text(text)
+    (command,) = started
+    script = Path(command[1].removeprefix("--script="))
+    assert str(script) in told and run.resolve() not in script.resolve().parents
+    monkeypatch.undo()
+    subprocess.run(command, check=False, capture_output=True, timeout=60)  # ends for want of ParaView's package
+    assert not flag.exists() and planted not in script.read_text()
+    assert constants(script)["RUN"] == str(run.resolve())  # it finds the run's files from there
+    assert script.parent.stat().st_mode & 0o077 == 0
 
 
 def test_what_cannot_be_shown_is_told(run, tmp_path):

@@ -80,23 +80,42 @@ def test_tables_are_in_the_studys_order_whichever_point_is_done_first(tmp_path, 
     assert (out / "study.csv").read_bytes() == (alone / "study.csv").read_bytes()
 
 
-def test_where_a_point_fails_those_that_run_end_and_no_other_begins(tmp_path, runs, threads):
+@pytest.mark.parametrize("error", [RunError("the grains are gone"), ZeroDivisionError("the grains are gone")])
+@pytest.mark.parametrize("beside", [True, False])
+def test_where_a_point_fails_the_others_go_on(tmp_path, runs, threads, error, beside):
+    """Of a defect of the program too; the reasons are in a table, and what failed is repeated."""
     study = study_of(tmp_path, {FRICTION: [0.1, 0.2, 0.3, 0.4]})
-    failed = threading.Event()
 
     def fail(progress):
-        failed.set()
-        raise RunError("the grains are gone")
+        raise error
 
-    runs.acts = {0.1: lambda _: failed.wait(WAIT), 0.2: fail}
-    with pytest.raises(RunError, match=r"point-001 \(contact\.friction = 0\.2\): the grains are gone\n.*--resume"):
-        sweep(study, out=tmp_path / "out", executor=threads, jobs=2)
-    assert {asked[0] for asked in runs.asked} <= {0.1, 0.2, 0.3} and 0.1 in frictions(tmp_path / "out")
+    runs.acts = {0.2: fail, 0.4: fail}
+    how = {"executor": threads, "jobs": 2} if beside else {}
+    reasons = (
+        r"(?s)point-001 \(contact\.friction = 0\.2\): .*the grains are gone.*\npoint-003 .*2 failed; go on.*--resume"
+    )
+    with pytest.raises(RunError, match=reasons):
+        sweep(study, out=tmp_path / "out", **how)
+    assert frictions(tmp_path / "out") == [0.1, 0.3]
+    failures = pandas.read_csv(tmp_path / "out" / "failures.csv")
+    assert failures["point"].tolist() == ["point-001", "point-003"] and failures[FRICTION].tolist() == [0.2, 0.4]
+    assert failures["reason"].str.contains("the grains are gone").all()
     before = len(runs.asked)
     runs.acts = {}
-    out = sweep(study, out=tmp_path / "out", executor=threads, jobs=2, resume=True)
-    assert frictions(out) == [0.1, 0.2, 0.3, 0.4]
-    assert 0.1 not in {asked[0] for asked in runs.asked[before:]}  # what was done stays
+    out = sweep(study, out=tmp_path / "out", resume=True, **how)
+    assert frictions(out) == [0.1, 0.2, 0.3, 0.4] and not (out / "failures.csv").exists()
+    assert sorted(asked[0] for asked in runs.asked[before:]) == [0.2, 0.4]  # what was done stays
+
+
+def test_points_that_wait_for_one_that_failed_have_failed_too(tmp_path, runs):
+    def fail(progress):
+        raise RunError("the grains are gone")
+
+    runs.acts = {0.1: fail}
+    with pytest.raises(RunError, match=r"begins with the grains of point-000, which has failed"):
+        sweep(
+            study_of(tmp_path, {SPEED: ["1 rpm", "2 rpm"], FRICTION: [0.1, 0.2]}, warm_start=SPEED), out=tmp_path / "o"
+        )
 
 
 def test_a_point_that_fails_for_its_scene_is_not_only_to_be_resumed(tmp_path, runs):
@@ -107,7 +126,10 @@ def test_a_point_that_fails_for_its_scene_is_not_only_to_be_resumed(tmp_path, ru
         raise RunError("the grains are gone")
 
     runs.acts = {0.1: fail}
-    with pytest.raises(RunError, match=r"leave it out of the study's values, or change the scene; then go on with"):
+    with pytest.raises(
+        RunError,
+        match=r"leave points whose scene fails out of the study's values, or change the scene; then go on with",
+    ):
         sweep(study, out=tmp_path / "out")
 
 
@@ -129,6 +151,17 @@ def test_ctrl_c_asks_every_running_point_to_stop(tmp_path, runs, threads):
     assert len(runs.asked) == 2 and not (tmp_path / "out" / study_tasks.STOP).exists()
 
 
+def test_what_a_worker_cannot_pass_on_is_the_points_failure(tmp_path, runs):
+    class Refuses(Executor):
+        def submit(self, function, /, *given, **named):
+            future = Future()
+            future.set_exception(TypeError("cannot pickle"))
+            return future
+
+    with pytest.raises(RunError, match=r"point-000.*TypeError: cannot pickle"):
+        sweep(study_of(tmp_path, {FRICTION: [0.1]}), out=tmp_path / "out", executor=Refuses())
+
+
 class Breaks(Executor):
     """Its workers are killed."""
 
@@ -139,7 +172,7 @@ class Breaks(Executor):
 
 
 def test_a_worker_that_was_killed_is_explained(tmp_path, runs):
-    with pytest.raises(RunError, match=r"killed, most often for want of memory.*point-000.*fewer --jobs.*--resume"):
+    with pytest.raises(RunError, match=r"(?s)point-000.*killed, most often for want of memory.*fewer --jobs.*--resume"):
         sweep(study_of(tmp_path, {FRICTION: [0.1]}), out=tmp_path / "out", executor=Breaks())
 
 

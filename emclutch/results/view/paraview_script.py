@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ def script_text(files: RunFiles) -> str:
     known: dict[str, Any] = {
         "COLOUR": next(iter(files.colours), ""),
         "LOOK": "gap" if files.colours else "device",
-        "RUN": str(files.folder),
+        "RUN": str(files.folder.resolve()),
         "TITLE": files.title,
         "SECTOR": None if files.sector is None else round(math.degrees(files.sector), 9),
         "AIR": files.air,
@@ -41,6 +42,16 @@ def _written(value: Any) -> str:
     if not isinstance(value, dict):
         return repr(value)
     return "{\n" + "".join(f"    {key!r}: {entry!r},\n" for key, entry in value.items()) + "}"
+
+
+def private_script(files: RunFiles) -> Path:
+    """Write the script for a run into a new folder that only this user may read, and return its path.
+
+    What lies in the run's folder is not executed: the folder may come from somebody else.
+    """
+    path = Path(tempfile.mkdtemp(prefix="emclutch-view-")) / NAME
+    path.write_text(script_text(files), encoding="utf-8")
+    return path
 
 
 def write_script(files: RunFiles) -> Path:

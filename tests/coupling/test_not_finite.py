@@ -1,0 +1,76 @@
+"""A NaN in positions or fields is an error that names the grain, never a converged moment or an index."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from coupling.finite_grains import NotFiniteGrains, refuse_not_finite
+from coupling.grain_law_table import excess_force, excess_moment, field_held, grain_table, near_excess, sphere_ratio
+from coupling.magnetised_grains import MagnetisedGrains
+from coupling.mutual_moments import MutualMoments
+from coupling.mutually_magnetised_grains import MutuallyMagnetisedGrains
+from coupling.neighbour_rows import neighbour_rows
+from field import GrainLaw
+from particles.grains import Grains
+
+LAW = GrainLaw(999.0, 1.7e6)
+RADIUS = np.full(3, 1e-4)
+PLACES = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 2.01e-4], [5e-4, 0.0, 0.0]])
+
+
+@pytest.mark.parametrize("near", [True, False])
+@pytest.mark.parametrize("what", ["position", "field"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_moments_are_refused(near, what, value):
+    solver = MutualMoments(grain_table(LAW, "near_field"), near=near, reach=1e-3)
+    rows = neighbour_rows(PLACES, 1e-3)
+    position, applied = PLACES.copy(), np.tile([0.0, 0.0, 1e5], (3, 1))
+    assert solver.solve(position, RADIUS, applied, rows).residual < 1e-3
+    (position if what == "position" else applied)[1, 2] = value
+    with pytest.raises(NotFiniteGrains, match=r"1 of 3 grains.*row 1"):
+        solver.solve(position, RADIUS, applied, rows)
+
+
+def grains_of(position):
+    return Grains.create(position, 1e-4, 7800.0)
+
+
+@pytest.mark.parametrize("kind", ["fixed", "mutual"])
+def test_a_run_names_the_grain(kind):
+    """By its id: rows change places when the grains are sorted."""
+    grains = grains_of(PLACES)
+    grains.particle_id[:] = [7, 11, 13]
+
+    def sample(position):
+        H = np.tile([0.0, 0.0, 1e5], (3, 1))
+        H[2] = np.nan
+        return H, np.zeros((3, 3, 3))
+
+    sampler = SimpleNamespace(sample=sample)
+    motion = SimpleNamespace(grains=grains)
+    simulation = SimpleNamespace(motion=motion, rows=lambda reach: neighbour_rows(PLACES, reach), source=None)
+    if kind == "fixed":
+        magnetised = MagnetisedGrains(sampler, LAW)
+    else:
+        solver = MutualMoments(grain_table(LAW, "mutual"), near=False, reach=1e-3)
+        magnetised = MutuallyMagnetisedGrains(sampler, solver)
+    with pytest.raises(NotFiniteGrains, match=r"particle_id 13, position \(0.0005, 0, 0\) m, field \(nan, nan, nan\)"):
+        magnetised.update(simulation)
+
+
+def test_large_finite_numbers_are_no_fault():
+    refuse_not_finite(np.full((3, 3), 1e308), np.zeros((3, 3)))  # their sum is not finite
+
+
+def test_tables_have_no_place_for_nan():
+    """As an index it would be undefined: the result is NaN, or there is no excess beyond the last gap."""
+    table = grain_table(LAW, "near_field")
+    nan = float("nan")
+    assert np.isnan(sphere_ratio(table, nan)[0])
+    assert np.isnan(field_held(table, nan, nan)[3])
+    for function in (excess_force, excess_moment):
+        assert np.isnan(function(table, 1e-2, nan)) or function(table, 1e-2, nan) == 0.0
+        found = function(table, nan, 1e5)
+        assert np.isnan(found) or np.isfinite(found)
+    assert near_excess(table, nan, 0.0, 1e5) == (0.0, 0.0, 0.0)
