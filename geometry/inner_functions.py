@@ -19,6 +19,8 @@ import numba
 from numba.core.cpu import CPUContext
 from numba.core.targetconfig import ConfigStack
 
+from geometry.numba_version import require_tested_version
+
 # how `numba.extending.overload` compiles a function that serves kernels only
 INTO_CALLER: Any = {"forceinline": True, "no_cfunc_wrapper": True, "_nrt": False}
 
@@ -77,4 +79,5 @@ def _install() -> None:
     CPUContext.get_executable = get_executable  # type: ignore[method-assign]
 
 
+require_tested_version(numba.__version__)
 _install()

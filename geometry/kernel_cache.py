@@ -36,6 +36,7 @@ from numba.core import caching, event
 from numba.core.dispatcher import Dispatcher
 
 from geometry.kernel_stamp import PACKAGES, is_own, kernel_stamp
+from geometry.numba_version import require_tested_version
 
 try:
     import fcntl
@@ -283,4 +284,5 @@ def _install() -> None:
     caching.IndexDataCacheFile.save, caching.IndexDataCacheFile.load = locked_save, locked_load  # type: ignore
 
 
+require_tested_version(numba.__version__)
 _install()

@@ -39,7 +39,7 @@ Movie = Annotated[
     typer.Option("--movie", metavar="FILE", help="new movie of all moments (.gif, .mp4), no window"),
 ]
 ParaViewAsked = Annotated[
-    bool, typer.Option("--paraview", help="start ParaView with a script made for the run; none in its folder is executed")
+    bool, typer.Option("--paraview", help="start ParaView with a script of its own; none in the folder is executed")
 ]
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="new folder for the results")]
 Currents = Annotated[
