@@ -116,6 +116,8 @@ def needs_of_moments(draft: Draft) -> Iterator[Fault]:
             "does not go with particles.law = 'thesis': M = chi H has no material behind it, in which grains could "
             "magnetise one another; take model = 'fixed', or law = 'sphere'",
         )
+    if moments_are_fed_back(draft.scene):
+        yield from _parts_of_the_feedback(draft)
     if model == "near_field" and effects.saturation is None:
         yield draft.fault(
             "effects.dipoles.model",
@@ -132,6 +134,32 @@ def needs_of_moments(draft: Draft) -> Iterator[Fault]:
             "effects.dipoles.cutoff",
             f"ends inside the range of near grains; allowed with model = 'near_field': at least {_NEAR_REACH:g} "
             "diameters",
+        )
+
+
+def _parts_of_the_feedback(draft: Draft) -> Iterator[Fault]:
+    """Effects that hold a part of the attraction between grains whose moments are fed back to the field.
+
+    The solved field then has every grain in it, spread out over the cut-off and mirrored in steel. Pairs within the
+    cut-off add what that smear misses; what it has itself acts as `magnetic_force`, and its mirror images are taken
+    out for those of the grains by `wall_images`. Without one of them a part is missing or counts twice.
+    """
+    effects, model = draft.scene.effects, draft.scene.effects.dipoles.model
+    stands = f"is missing beside [effects.back_reaction] with effects.dipoles.model = '{model}'"
+    if effects.magnetic_force is None:
+        yield Fault(
+            "effects.magnetic_force",
+            "",
+            f"{stands}: the field's gradient holds what grains beyond the cut-off, and the smear of nearer ones, do to "
+            "each other; without it axial forces of pairs are 4 to 41 % too strong. Add [effects.magnetic_force], or "
+            "remove [effects.back_reaction]",
+        )
+    if effects.wall_images is None and draft.scene.geometry.may_have_steel_faces:
+        yield Fault(
+            "effects.wall_images",
+            "",
+            f"{stands}: the solved field mirrors the grains in its steel, spread out, and only the images of single "
+            "grains take that out again. Add [effects.wall_images], or remove [effects.back_reaction]",
         )
 
 

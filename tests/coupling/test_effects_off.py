@@ -15,6 +15,7 @@ from dem_laws import DENSITY, MASS, RADIUS, law
 
 import emclutch
 from coupling import run_staggered
+from emclutch.scene.errors import SceneError
 from emclutch.simulation.assembly import assemble
 from emclutch.simulation.plan import make_plan
 from geometry.walls import cylinder
@@ -155,9 +156,15 @@ FILES = {
         "dipoles": {"coupling/mutual_moments.py", "coupling/near_attraction.py", "coupling/effects/dipoles.py",
                     "coupling/mutually_magnetised_grains.py", "coupling/neighbour_rows.py"},
         "back_reaction": {"coupling/powder_feedback.py", "coupling/smeared_grains.py"},
+        "wall_images": {"coupling/wall_reflection.py"},
     },
 }  # fmt: skip
-NEEDS = {"dipoles": ("wall_images",)}  # what goes with an effect that is taken out
+NEEDS = {  # what goes with an effect that is taken out
+    "fixed": {"dipoles": ("wall_images",)},
+    "near_field": {
+        "dipoles": ("wall_images",), "magnetic_force": ("back_reaction",), "wall_images": ("back_reaction",)
+    },
+}  # fmt: skip
 CIRCUIT = "field/coil/coil_circuit.py"  # with eddy currents the circuit is an equation of theirs
 
 
@@ -202,7 +209,7 @@ def test_every_effect_works_when_all_are_on(all_on, model):
 
 @pytest.mark.parametrize(("model", "effect"), [(m, e) for m, files in FILES.items() for e in files])
 def test_an_effect_that_is_off_is_never_called(model, effect):
-    without = (effect, *NEEDS.get(effect, ()))
+    without = (effect, *NEEDS[model].get(effect, ()))
     found, _ = calls(without, model)
     for name in without:
         for file in FILES[model].get(name, ()):
@@ -227,3 +234,13 @@ def test_without_magnetic_effects_nothing_magnetic_is_there():
     assert not [file for file in found if file.startswith("field/")]
     assert simulation.magnetised is None and simulation.source is None
     assert simulation.motion.grains.magnetic_moment is None and simulation.motion.external_force is None
+
+
+@pytest.mark.parametrize("effect", ["magnetic_force", "wall_images"])
+@pytest.mark.parametrize("model", ["near_field", "mutual"])
+def test_effects_that_cannot_be_taken_apart_are_refused(model, effect):
+    """Moments fed back: what is near and what is far of one attraction, and the images of one mirror."""
+    case = emclutch.load_case(ROOT / "cases/quickstart.toml").with_values({"effects.dipoles.model": model})
+    with pytest.raises(SceneError, match=rf"(?s)effects.{effect} is missing beside \[effects.back_reaction\].*Add"):
+        case.with_values({f"effects.{effect}": None})
+    case.with_values({f"effects.{effect}": None, "effects.back_reaction": None})  # then nothing is fed back
