@@ -41,7 +41,7 @@ class WindowBudget:
         self._solves = getattr(simulation.source, "solves", 0)
 
     def clock(self, part: str | None) -> None:
-        """From now on time counts for `part` ("field", "held", "contact"; None: for nothing)."""
+        """From now on time counts for `part` ("field", "magnetic", "contact"; None: for nothing)."""
         now = perf_counter()
         if self._part is not None:
             self._seconds[self._part[0]] += now - self._part[1]

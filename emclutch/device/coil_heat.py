@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from math import pi
 
+from emclutch.device.decision import with_warnings
 from emclutch.device.excitation import Excitation
 from emclutch.scene.units import two_digits
 from geometry import Clutch
@@ -50,7 +51,7 @@ def coil_heat_in_words(scene, coil: Excitation, shape) -> str:
     text += f": in the end {two_digits(rise)} K above the room, if {COOLING:g} W/(m^2 K) cool the housing's "
     text += f"{1e4 * surface:.3g} cm^2"
     if rise > ABSURD:
-        return f"{text}; WARNING: copper melts; are current, turns and window in the units that were meant?"
+        return with_warnings(text, "copper melts; are current, turns and window in the units that were meant?")
     if rise > WARM:
         text += f"; for short duty only: the copper warms by {two_digits(rate)} K/s at first"
     return text

@@ -97,7 +97,6 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "wall_field": ("s", "wall-clock time for the field"),
     "wall_magnetic": ("s", "wall-clock time for moments and held forces"),
     "wall_contact": ("s", "wall-clock time for contacts and motion"),
-    "wall_output": ("s", "wall-clock time for writing"),
     "wall_total": ("s", "wall-clock time of the window"),
 }
 

@@ -8,6 +8,7 @@ A ``wall_`` key is its twin at walls, and is as between grains where it is not g
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from pydantic import Field, model_validator
@@ -46,6 +47,25 @@ KEYS_OF_LAWS = {
 }
 """Keys beside those that every law has."""
 _OWN_KEYS = {key for keys in KEYS_OF_LAWS.values() for key in keys}
+
+
+@dataclass(frozen=True, slots=True)
+class StiffnessEntry:
+    """An entry of `[contact]` that gives the stiffness: its name there, its unit and an example."""
+
+    name: str
+    unit: str
+    example: str
+
+    def __str__(self) -> str:
+        return f"contact.{self.name}, e.g. '{self.example}'"
+
+
+STIFFNESS_ENTRIES = {
+    "hertz_mindlin": StiffnessEntry("youngs_modulus", "Pa", "10 MPa"),
+    "hertz": StiffnessEntry("hertz_stiffness", "N/m^1.5", "1e7 N/m^1.5"),
+}
+"""By law; of all others it is `stiffness`."""
 
 
 class ContactSection(Section):
@@ -133,13 +153,9 @@ class ContactSection(Section):
         return self.friction if self.wall_friction is None else self.wall_friction
 
     @property
-    def stiffness_key(self) -> str:
-        """The key that gives the stiffness, with an example."""
-        examples = {
-            "hertz_mindlin": "contact.youngs_modulus, e.g. '10 MPa'",
-            "hertz": "contact.hertz_stiffness, e.g. '1e7 N/m^1.5'",
-        }
-        return examples.get(self.law, "contact.stiffness, e.g. '1000 N/m'")
+    def stiffness_entry(self) -> StiffnessEntry:
+        """The entry of this table that gives the stiffness."""
+        return STIFFNESS_ENTRIES.get(self.law, StiffnessEntry("stiffness", "N/m", "1000 N/m"))
 
     @property
     def needs_a_load(self) -> bool:

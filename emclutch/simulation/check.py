@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from emclutch.device.decision import with_warnings
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import bad_input_for
 from emclutch.scene.grain_smear import moments_are_fed_back
@@ -94,7 +95,7 @@ def _check(case: Case, threads: int | None) -> Checked:
         )
     unusual = FLUX_DENSITY.remark("|B|", B_max)
     if unusual:
-        words["field"] += f"; WARNING: {unusual}"
+        words["field"] = with_warnings(words["field"], unusual)
     if device.coil is not None:
         words["copper"] = coil_heat_in_words(scene, device.coil, device.coil.shape)
     expected = expected_torque(scene, device, made.peak_field)

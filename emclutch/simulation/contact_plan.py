@@ -18,7 +18,7 @@ from emclutch.simulation.forecast.expected_speeds import impact_speed
 from emclutch.simulation.stiffness import NECK_MARGIN, Load, LoadKind, Stiffness
 from particles import PairLaws, choose_time_step
 from particles.dem.overlap_limits import SOFT, STOPS
-from particles.dem.time_step import TimeStep
+from particles.dem.time_step import StepTooLong, TimeStep
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +59,8 @@ def elastic_contacts(scene, device: Device, M_max: float, speed: float) -> Elast
             steps_per_contact=scene.span.steps_per_contact,
             dt=scene.span.step,
         )
-    except ValueError as error:
-        raise ValueError(str(error).replace("dt =", "time.step =", 1)) from None
+    except StepTooLong as error:
+        raise ValueError(error.text("time.step")) from None
     return ElasticContacts(laws, step, stiffness)
 
 
@@ -99,7 +99,7 @@ def contacts_under_load(scene, device: Device, M_max: float, speed: float) -> tu
     if contact.needs_a_load and load.force <= 0.0 and speed <= 0.0:
         raise ValueError(
             "nothing loads the contacts (no weight, no magnetism, no motion), so no stiffness follows; "
-            f"give {contact.stiffness_key}"
+            f"give {contact.stiffness_entry}"
         )
     between, at_walls = contact.laws(mass=mass, diameter=d, force=load.force, speed=speed)
 
@@ -157,8 +157,7 @@ def _loads(scene, device: Device, M_max: float, chained: float, neck: float) -> 
 
 def _too_soft(contact: ContactSection, overlap: Callable[[ContactSection], float], why: str) -> str:
     """What is said of a stiffness with which the run would stop; `overlap` over the diameter."""
-    key = contact.stiffness_key.partition(",")[0].removeprefix("contact.")
-    unit = {"hertz_stiffness": "N/m^1.5", "youngs_modulus": "Pa"}.get(key, "N/m")
+    key, unit = contact.stiffness_entry.name, contact.stiffness_entry.unit
     given = {name: value for name in (key, f"wall_{key}") if (value := getattr(contact, name)) is not None}
     factor = 1.0
     while overlap(contact.model_copy(update={name: factor * v for name, v in given.items()})) > SOFT and factor < 1e12:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from emclutch.device.decision import with_warnings
 from emclutch.simulation.dvi_plan import TOLERANCE, RigidContacts
 from emclutch.simulation.stiffness import NECK_MARGIN, Load, LoadKind, Stiffness
 from particles.dem.overlap_limits import SOFT
@@ -39,14 +40,15 @@ def stiffness_in_words(stiffness: Stiffness) -> str:
     )
     if stiffness.snap is not None:
         text += f"; grains that snap together from afar press in by {100 * stiffness.snap:.2g} % for an instant"
+    warnings = []
     if stiffness.is_below_necks:
-        text += (
-            f"; WARNING: less than {NECK_MARGIN:g} times the negative stiffness of saturated necks, "
+        warnings.append(
+            f"less than {NECK_MARGIN:g} times the negative stiffness of saturated necks, "
             f"{stiffness.neck:.3g} N/m: contacts close by more than their overlap says"
         )
     if stiffness.is_soft:
-        text += f"; WARNING: above {100 * SOFT:g} % grains are too soft for peaks of the torque"
-    return text
+        warnings.append(f"above {100 * SOFT:g} % grains are too soft for peaks of the torque")
+    return with_warnings(text, *warnings)
 
 
 def load_in_words(load: Load, speed: float) -> str:

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import signal
 import threading
+from collections.abc import Callable
 from typing import Any
 
 
 class interruptible:
-    """Ctrl-C asks the loop to stop after its window; a second one stops at once."""
+    """Ctrl-C asks the loop to stop after its window; a second one stops at once.
 
-    def __init__(self, stop: threading.Event):
-        self._stop = stop
+    So does the first one while `at_once()` is true: before there is a window whose end could be waited for, and while a
+    kernel is compiled, which may take a minute. KeyboardInterrupt is raised then.
+    """
+
+    def __init__(self, stop: threading.Event, at_once: Callable[[], bool] = lambda: False):
+        self._stop, self._at_once = stop, at_once
         self._former: Any = None
 
     def __enter__(self):
@@ -19,7 +24,7 @@ class interruptible:
             self._former = signal.signal(signal.SIGINT, self._ask)
 
     def _ask(self, number, frame):
-        if self._stop.is_set():
+        if self._stop.is_set() or self._at_once():
             raise KeyboardInterrupt
         self._stop.set()
 

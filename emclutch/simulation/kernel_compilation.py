@@ -27,10 +27,13 @@ class Compiled:
         Specialisations, without the functions that were compiled into them.
     seconds : float
         Wall-clock time that it took [s].
+    is_going_on : bool
+        Whether one is being compiled, or waited for, now.
     """
 
     count: int = 0
     seconds: float = 0.0
+    is_going_on: bool = False
 
 
 @dataclass
@@ -43,6 +46,7 @@ class _Listener(numba_event.Listener):
 
     def on_start(self, event: numba_event.Event) -> None:
         self._depth += 1
+        self.compiled.is_going_on = True
         if self._depth > 1:
             return
         self._begin = perf_counter()
@@ -57,6 +61,7 @@ class _Listener(numba_event.Listener):
     def on_end(self, event: numba_event.Event) -> None:
         self._depth -= 1
         if self._depth == 0:
+            self.compiled.is_going_on = False
             self.compiled.count += 1
             self.compiled.seconds += perf_counter() - self._begin
 

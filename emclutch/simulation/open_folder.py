@@ -16,7 +16,7 @@ from emclutch.simulation.forecast.free_disk import NotEnoughDisk
 from emclutch.simulation.forecast.free_memory import NotEnoughMemory
 from emclutch.simulation.kernel_compilation import Compiled, compilation_told
 from emclutch.simulation.resume import may_go_on
-from emclutch.simulation.run_error import RunError
+from emclutch.simulation.run_error import Interrupted, RunError
 from emclutch.simulation.run_progress import RunProgress
 from field import ConvergenceError, PointOutside
 from particles import DemError, DemErrorKind, ParticleError
@@ -66,6 +66,10 @@ def failures_told(case: Case, folder: RunFolder) -> Iterator[None]:
     """Log what fails and raise it as a RunError, or as an OutputError where it is the disk's."""
     try:
         yield
+    except KeyboardInterrupt as error:  # before there was a window to end, or in a kernel that was compiled
+        log.info("stopped by the user at once")
+        how = f"go on with: emclutch run {folder.path} --resume" if folder.checkpoint.is_file() else "run it again"
+        raise Interrupted(f"stopped at once, what was computed since the last checkpoint is lost; {how}") from error
     except (ConvergenceError, ParticleError, PointOutside, ValueError) as error:
         text = f"{error}{remedy_in_scene(case, error)}"
         log.error("%s", text)
@@ -84,10 +88,10 @@ def remedy_in_scene(case: Case, error: Exception) -> str:
     contact = case.scene.contact
     if contact.method != "dem" or not isinstance(error, DemError) or error.kind is not DemErrorKind.OVERLAP:
         return ""
-    key = contact.stiffness_key.partition(",")[0]
-    softer = getattr(contact, key.removeprefix("contact."))
+    entry = contact.stiffness_entry
+    key, softer = f"contact.{entry.name}", getattr(contact, entry.name)
     if softer is None:
-        change = f"lower contact.max_overlap = {contact.max_overlap:g} to a quarter, or give {contact.stiffness_key}"
+        change = f"lower contact.max_overlap = {contact.max_overlap:g} to a quarter, or give {entry}"
     else:
         change = f"raise {key} = {softer:g} fourfold, or leave it out: it then follows from contact.max_overlap"
     step = "; time.step too must then be shorter" if case.scene.span.step is not None else ""

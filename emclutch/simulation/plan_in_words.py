@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from emclutch.device.decision import with_warnings
 from emclutch.device.device import CoilDevice, Device
 from emclutch.results.steady_torque import MIN_AVERAGED_STRAIN
 from emclutch.scene.case import Case
@@ -109,7 +110,7 @@ def coil_in_words(scene, coil: CoilDevice, field: MagneticField) -> str:
         text += f"; {inductance:.3g} H at that current (incremental {incremental_inductance(field, coil.turns):.3g} H)"
         text += f": time constant about {tau:.3g} s"
         if scene.time.end < 3.0 * tau:
-            text += f"; WARNING: time.end = {scene.time.end:.3g} s is over before the current has risen"
+            return with_warnings(text, f"time.end = {scene.time.end:.3g} s is over before the current has risen")
     return text
 
 
@@ -153,9 +154,10 @@ def end_in_words(scene, device: Device, plan: Plan) -> Iterator[tuple[str, str]]
         aim = str(until).removeprefix("torque ")
         text = f"as soon as half the torque's 95 % interval is {aim}, at the latest at {end:.4g} s"
         if strain < least:
-            text += (
-                f"; WARNING: until then the gap is sheared by {strain:.2g}, and no torque counts as known below "
-                f"{least:g}: raise time.end to {end * 1.2 * least / max(strain, 1e-9):.2g} s"
+            text = with_warnings(
+                text,
+                f"until then the gap is sheared by {strain:.2g}, and no torque counts as known below "
+                f"{least:g}: raise time.end to {end * 1.2 * least / max(strain, 1e-9):.2g} s",
             )
         yield "end", text
 

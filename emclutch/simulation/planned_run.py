@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass
 
+from emclutch.device.decision import WarningText
 from emclutch.device.device import Device
 from emclutch.results.steady_torque import SteadyConditions
 from emclutch.scene.input_files import hashed_input_files
@@ -48,7 +49,7 @@ def planned(request: RunRequest) -> PlannedRun:
     decisions = plan_in_words(scene, device, plan)
     for label, reason in decisions.items():
         log.info("%s: %s", label, reason)
-        if "WARNING" in reason:
+        if isinstance(reason, WarningText):
             progress.announce(f"{label}: {reason}")
     refuse_too_much(request.replicas.count * plan.cost.memory, insist=request.insist)
     if not request.opened.goes_on:  # else most of it is there

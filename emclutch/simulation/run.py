@@ -16,7 +16,7 @@ from emclutch.simulation.kernel_warm_up import step_compiled_beside
 from emclutch.simulation.open_folder import open_folder
 from emclutch.simulation.orders import Orders
 from emclutch.simulation.planned_run import planned
-from emclutch.simulation.replicas import Replicas, count_of_run, other_replicas
+from emclutch.simulation.replicas import Replicas, count_of_run, last_time, other_replicas
 from emclutch.simulation.run_observers import march, observers_of
 from emclutch.simulation.run_progress import RunProgress
 from emclutch.simulation.run_request import RunRequest
@@ -83,7 +83,7 @@ def run(
         are_open, threads = threads_are_open(threads), use_threads(threads, count)
         slots = replicas_side_by_side(max(count, max_replica_count(case.scene)), threads)
         with (
-            interruptible(stop),
+            interruptible(stop, lambda: opened.compiled.is_going_on or last_time(folder.history) == 0.0),
             step_compiled_beside(case.scene, telling.announce),
             other_replicas(
                 case, folder, count, threads=threads, slots=slots, threads_are_open=are_open, resume=resume, start=start

@@ -91,7 +91,16 @@ class SmearWidth:
             return ()
         widest = narrowest_gap(case.scene) / case.scene.grains.largest_diameter
         inside = tuple(a for a in case.scene.accuracy.smear if a <= widest)
+        if "smear" not in case.data.get("accuracy", {}):  # of the default those that this scene's sector has room for
+            inside = tuple(a for a in inside if self._fits(case, a))
         return inside if len(inside) > 1 else ()
+
+    def _fits(self, case: Case, setting: float) -> bool:
+        try:
+            self.turned(case, setting)
+        except SceneError:
+            return False
+        return True
 
     def turned(self, case: Case, setting: float) -> Case:
         return case.with_values({"effects.dipoles.cutoff": setting})
@@ -185,7 +194,8 @@ def accuracy(case: Case, *, out: str | Path | None = None, threads: int | None =
     The table has a row a knob, setting and quantity: value, relative error against the knob's finest setting (RMS
     over points for fields), its statistical error where there is one, and wall-clock seconds.
 
-    Raises SceneError, before anything runs, for a scene without a disc or without anything to vary.
+    Raises SceneError, before anything runs, for a scene without a disc or without anything to vary, and where a
+    setting of a knob is none that the scene can have.
     """
     _refuse_what_has_no_price(case)
     use_threads(threads)
@@ -202,17 +212,17 @@ def _turn_all(case: Case, folder: Path, progress) -> None:
     if case.scene.accuracy.time_end is not None:
         quiet["time.end"] = case.scene.accuracy.time_end
     base = case.with_values(quiet)
-    turns = [(knob, setting) for knob in KNOBS for setting in knob.settings(base)]
+    turns = [(knob, setting, knob.turned(base, setting)) for knob in KNOBS for setting in knob.settings(base)]
     _say(progress, 0.0, "a short run compiles the kernels")
     run(base.with_values({"time.end": WARM_UP_WINDOWS * base.scene.span.end}), out=folder / "warm-up")
     points = packed_points(base)
     if has_solved_field(base) and not moments_are_fed_back(base.scene):
         field_at(base, points)
     measured: dict[tuple[str, float], Measurement] = {}
-    for number, (knob, setting) in enumerate(turns):
+    for number, (knob, setting, turned) in enumerate(turns):
         _say(progress, number / len(turns), f"{knob.name} = {setting:g}")
         target = folder / f"{knob.name.replace(' ', '-')}-{setting:g}"
-        measured[knob.name, setting] = knob.measure(knob.turned(base, setting), points, target)
+        measured[knob.name, setting] = knob.measure(turned, points, target)
     table = price_table(measured)
     replace_text(folder / "accuracy.csv", table.to_csv(index=False))
     work_precision_picture(folder / "accuracy.png", table, title=case.scene.scene.title)

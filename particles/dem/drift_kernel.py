@@ -23,7 +23,7 @@ class Drifted(NamedTuple):
 
     Attributes
     ----------
-    travel, fastest : lanes
+    squared_travel, squared_speed : lanes
         Largest squared way from ``reference`` [m^2] and squared speed [m^2/s^2].
     contact, gravity, external : tuples of 2 lanes
         Works [J] of half a kick with the velocities of the drift before it, and with those of the drift after it.
@@ -31,8 +31,8 @@ class Drifted(NamedTuple):
         [J], of the last step.
     """
 
-    travel: Any
-    fastest: Any
+    squared_travel: Any
+    squared_speed: Any
     contact: tuple[Any, Any]
     gravity: tuple[Any, Any]
     external: tuple[Any, Any]
@@ -116,8 +116,8 @@ def drift_eight(rows, there, now, law, energy_column, attraction, grains, drifte
     way = dx * dx + dy * dy + dz * dz + 0.0 * (ox + oy + oz)  # a spin that is not finite shows here too
     way = where(way < np.inf, way, np.inf)
     return Drifted(
-        larger(drifted.travel, way),
-        larger(drifted.fastest, bx * bx + by * by + bz * bz),
+        larger(drifted.squared_travel, way),
+        larger(drifted.squared_speed, bx * bx + by * by + bz * bz),
         contact,
         weight,
         held,
@@ -128,8 +128,8 @@ def drift_eight(rows, there, now, law, energy_column, attraction, grains, drifte
 @inner(borrows=True, error_model="numpy")
 def add_drifted(drifted, energy_column, row):
     """Add what has drifted to the chunk's sums ``row``."""
-    row[total.MAX_TRAVEL] = max(row[total.MAX_TRAVEL], largest_lane(drifted.travel))
-    row[total.MAX_SPEED] = max(row[total.MAX_SPEED], largest_lane(drifted.fastest))
+    row[total.MAX_SQUARED_TRAVEL] = max(row[total.MAX_SQUARED_TRAVEL], largest_lane(drifted.squared_travel))
+    row[total.MAX_SQUARED_SPEED] = max(row[total.MAX_SQUARED_SPEED], largest_lane(drifted.squared_speed))
     if energy_column is not None:
         row[total.CONTACT_WORK] += sum_of_lanes(drifted.contact[0])
         row[total.CONTACT_LATER] += sum_of_lanes(drifted.contact[1])

@@ -26,10 +26,10 @@ class Call(NamedTuple):
         [s]
     last : bool
         The last of these steps is the last of the run: it leaves what the run reports.
-    travel : float
-        Squared way of a grain since the list was made [m^2].
+    squared_travel : float
+        Square of the displacement of a grain since the list was made, at which it is rebuilt [m^2].
     wall_travel : float
-        Way of a triangle since then [m].
+        Displacement of a triangle since then [m].
     overlap : float
         Share of the diameter.
     speed : float
@@ -41,7 +41,7 @@ class Call(NamedTuple):
     n_steps: int
     dt: float
     last: bool
-    travel: float
+    squared_travel: float
     wall_travel: float
     overlap: float
     speed: float

@@ -50,7 +50,7 @@ def summary(
         energy=energy,
         max_overlap=float(totals[total_columns.MAX_OVERLAP]),
         n_contacts=int(totals[total_columns.CONTACTS]),
-        max_speed=float(np.sqrt(totals[total_columns.MAX_SPEED])),
+        max_speed=float(np.sqrt(totals[total_columns.MAX_SQUARED_SPEED])),
         rebuilds=rebuilds,
     )
 

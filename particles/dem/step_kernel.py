@@ -47,8 +47,8 @@ from particles.dem.total_columns import (
     LAST_TORQUE,
     LOAD_WORK,
     MAX_OVERLAP,
-    MAX_SPEED,
-    MAX_TRAVEL,
+    MAX_SQUARED_SPEED,
+    MAX_SQUARED_TRAVEL,
     N_CHUNK_BODY,
     NORMAL_DAMPING,
     NOT_FINITE,
@@ -126,7 +126,7 @@ def _wall_travel(shafts):
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})
 def _verdict(call, wall_travel, chunk_sums, totals):
     """Add the chunks in their order: energies accumulate, extremes are kept, contacts are the last."""
-    contacts = elastic = travel = fastest = 0.0
+    contacts = elastic = squared_travel = squared_speed = 0.0
     for c in range(chunk_sums.shape[0]):
         row = chunk_sums[c]
         contacts += row[CONTACTS]
@@ -135,7 +135,8 @@ def _verdict(call, wall_travel, chunk_sums, totals):
             totals[column] += row[column]
         if row[MAX_OVERLAP] > totals[MAX_OVERLAP]:
             totals[MAX_OVERLAP], totals[GRAIN] = row[MAX_OVERLAP], row[GRAIN]
-        travel, fastest = max(travel, row[MAX_TRAVEL]), max(fastest, row[MAX_SPEED])
+        squared_travel = max(squared_travel, row[MAX_SQUARED_TRAVEL])
+        squared_speed = max(squared_speed, row[MAX_SQUARED_SPEED])
     for kind in range(KINETIC - CONTACT_WORK):
         # works of the drift that has just ended: the later half of the last kick and the earlier half of this one
         totals[CONTACT_WORK + kind] += totals[CONTACT_LATER + kind]
@@ -147,14 +148,15 @@ def _verdict(call, wall_travel, chunk_sums, totals):
     for c in range(chunk_sums.shape[0]):
         totals[KINETIC] += chunk_sums[c, KINETIC]
     totals[CONTACTS], totals[ELASTIC] = contacts, elastic
-    totals[MAX_TRAVEL], totals[MAX_SPEED] = travel, max(totals[MAX_SPEED], fastest)
-    if not travel < np.inf:
+    totals[MAX_SQUARED_TRAVEL] = squared_travel
+    totals[MAX_SQUARED_SPEED] = max(totals[MAX_SQUARED_SPEED], squared_speed)
+    if not squared_travel < np.inf:
         return NOT_FINITE
     if totals[MAX_OVERLAP] > call.overlap:
         return OVERLAP
-    if fastest > call.speed * call.speed:
+    if squared_speed > call.speed * call.speed:
         return TOO_FAST
-    return REBUILD if travel > call.travel or wall_travel > call.wall_travel else DONE
+    return REBUILD if squared_travel > call.squared_travel or wall_travel > call.wall_travel else DONE
 
 
 @inner(borrows=True, error_model="numpy", fastmath={"contract"})

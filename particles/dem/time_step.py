@@ -43,6 +43,21 @@ SLIDING = 3.5  # omega^2 m_eff/k_t of a stuck sphere: 1 + R^2 m/I with I = 2/5 m
 WALL_ROLLING = 3.0 + math.sqrt(6.5)  # the same at a wall with rolling resistance k_r = k_t R^2
 
 
+class StepTooLong(ValueError):
+    """A wished step [s] is not within 0 and the `longest` [s] that a `rule` allows."""
+
+    def __init__(self, dt: float, longest: float, rule: str) -> None:
+        self.dt, self.longest, self.rule = dt, longest, rule
+        super().__init__(self.text("dt"))
+
+    def text(self, name: str) -> str:
+        """The message with the step's name where the user gave it."""
+        return (
+            f"{name} = {self.dt:g} s; allowed: more than 0 and at most {self.longest:.3g} s ({self.rule}); leave it "
+            "out to have it chosen"
+        )
+
+
 @dataclass(frozen=True, slots=True)
 class TimeStep:
     """A step ``dt`` [s] and the one line that says why."""
@@ -102,8 +117,10 @@ def choose_time_step(
 
     Raises
     ------
+    StepTooLong
+        The wished step is not positive or too long.
     ValueError
-        If a number is out of range or the wished step is too long.
+        Another number is out of range.
     """
     lightest, smallest = float(np.min(mass)), float(np.min(radius))
     for name, value, unit in (("mass", lightest, "kg"), ("radius", smallest, "m")):
@@ -131,10 +148,7 @@ def choose_time_step(
     if dt is not None:
         tightest = min(limits, key=lambda limit: limit.longest)
         if not 0.0 < dt <= tightest.longest:
-            raise ValueError(
-                f"dt = {dt:g} s; allowed: more than 0 and at most {tightest.longest:.3g} s ({tightest.rule}); leave it "
-                "out to have it chosen"
-            )
+            raise StepTooLong(dt, tightest.longest, tightest.rule)
         duration = steps_per_contact * limits[0].dt
         return TimeStep(dt, f"dt = {dt:.3g} s as asked: {duration / dt:.3g} steps a contact of {duration:.3g} s")
     # of limits that agree to round-off the first is named (k_t = 2/7 k_n: sliding and contact have the same period)

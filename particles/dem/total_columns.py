@@ -5,7 +5,7 @@ DONE, REBUILD, NOT_FINITE, OVERLAP, TOO_FAST = range(5)
 # columns of a chunk's sums; GRAIN is the row at which the largest overlap was met
 CONTACTS, ELASTIC, NORMAL_DAMPING, TANGENTIAL_DAMPING, SLIDING, ROLLING, TWISTING, MAX_OVERLAP, GRAIN = range(9)
 # works of a kick: its half with the velocities before it, and further down its half with those after it
-CONTACT_WORK, GRAVITY_WORK, EXTERNAL_WORK, KINETIC, MAX_TRAVEL, MAX_SPEED = range(9, 15)
+CONTACT_WORK, GRAVITY_WORK, EXTERNAL_WORK, KINETIC, MAX_SQUARED_TRAVEL, MAX_SQUARED_SPEED = range(9, 15)
 CONTACT_LATER, GRAVITY_LATER, EXTERNAL_LATER = range(15, 18)
 N_SUMS = 18
 # columns of a body's sums; those up to FORCE_T + 2 are kept by chunk. N: springs along the normal, D: the dashpots

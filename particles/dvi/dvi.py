@@ -78,7 +78,7 @@ class DVI:
         Acceleration [m/s^2]; a callable takes times (k,) [s] and returns (k, 3).
     theta : float
         Weight of the new velocity in the drift, 1/2 to 1; at 1 velocities lag by half a step, as in `DEM`.
-    friction : "coulomb" or "convex"
+    friction_cone : "coulomb" or "convex"
         Exact Coulomb, or the convex relaxation that Project Chrono solves.
     solver : "gauss_seidel" or "accelerated"
         Sweeps alone; accelerated sweeps after the first.
@@ -113,7 +113,7 @@ class DVI:
         gravity: Gravity | None = None,
         sector: None = None,
         theta: float = 1.0,
-        friction: str = "coulomb",
+        friction_cone: str = "coulomb",
         solver: str = "accelerated",
         tolerance: float = 1e-6,
         max_sweeps: int = 10_000,
@@ -132,7 +132,7 @@ class DVI:
         if not 0.0 < tolerance < np.inf:
             raise ValueError(f"tolerance = {tolerance:g} m/s; allowed: more than 0")
         for name, value, allowed in (
-            ("friction", friction, ("coulomb", "convex")),
+            ("friction_cone", friction_cone, ("coulomb", "convex")),
             ("solver", solver, ("gauss_seidel", "accelerated")),
         ):
             if value not in allowed:
@@ -155,7 +155,7 @@ class DVI:
         self._stiffness = None if stiffness is None else np.array(stiffness, dtype=float)
         self._compliance = self._springs_of_step()
         self._springs = np.zeros(4)  # energy [J]: normal, tangential, of rolling, of twisting
-        self._convex = None if friction == "coulomb" else True
+        self._convex = None if friction_cone == "coulomb" else True  # None is a type of its own: the kernel without it
         self._method = ANDERSON if solver == "accelerated" else GAUSS_SEIDEL
         self._device = DeviceWalls(self.walls, self.bodies)
         self._turn = np.zeros((len(self.bodies) if len(self._device.triangles) else 0, N_TURN))

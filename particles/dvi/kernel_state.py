@@ -48,7 +48,7 @@ class Call(NamedTuple):
     theta : float
         Weight of the new velocity in the drift.
     travel, wall_travel : float
-        Way of a grain, and of a triangle, since the list was made at which it is made anew [m].
+        Displacement of a grain, and of a triangle, since the list was made, at which it is rebuilt [m].
     overlap : float
         Share of the diameter.
     slop : float

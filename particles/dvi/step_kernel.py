@@ -243,9 +243,9 @@ def run_steps(
     ----------
     convex : bool, or None
         The convex relaxation; None: exact Coulomb.
-    soft : ndarray, or None
+    compliance : ndarray, or None
         Table of springs (`particles.dvi.compliance`); None: rigid.
-    call, grains, pairs, slots, walls, shafts, records, torques, partition, totals
+    call, grains, pairs, slots, walls, shafts, records, contact_torques, partition, totals
         `particles.dvi.kernel_state`, and `particles.shafts.Shafts`.
 
     Returns

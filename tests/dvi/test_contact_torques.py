@@ -334,7 +334,7 @@ def test_a_state_with_couples_is_refused_where_there_are_none():
 def test_the_convex_law_stops_a_rolling_ball_as_far_on():
     """A ball that rolls does not slip, so that nothing lifts it."""
     v, mu_r, h = 0.5, 0.05, 1e-3
-    dvi = ball(h, (v, 0.0, 0.0), (0.0, v / R, 0.0), RollingFriction(mu_r), theta=0.5, friction="convex",
+    dvi = ball(h, (v, 0.0, 0.0), (0.0, v / R, 0.0), RollingFriction(mu_r), theta=0.5, friction_cone="convex",
                tolerance=1e-9)  # fmt: skip
     totals = dvi.run(1800)
     assert totals.missed_steps == 0

@@ -38,7 +38,7 @@ def test_the_convex_law_floats_where_exact_coulomb_touches():
     """
     gaps = {}
     for law in ("coulomb", "convex"):
-        dvi = _on_floor([2.0, 0.0, 0.0], 1e-3, DviContact(0.5), friction=law)
+        dvi = _on_floor([2.0, 0.0, 0.0], 1e-3, DviContact(0.5), friction_cone=law)
         for _ in range(400):
             dvi.grains.velocity[:, :2] = 2.0, 0.0  # driven at 2 m/s without spin
             dvi.grains.angular_velocity[:] = 0.0

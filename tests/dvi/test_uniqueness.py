@@ -26,7 +26,7 @@ def _bed(friction, seed, steps=300, n=60):
     """Grains settled on the floor of a drum on a free shaft, sheared by a core that turns at 20 rad/s."""
     grains, walls = in_ring(n, seed, 0.06, sizes=(0.8, 1.0))
     bodies = [Body("rotor", PrescribedSpeed.constant(20.0)), Body("drum", FreeShaft(INERTIA))]
-    dvi = DVI(grains, walls, bodies, DviContact(0.4), dt=H, gravity=(0.0, 0.0, -G), friction=friction,
+    dvi = DVI(grains, walls, bodies, DviContact(0.4), dt=H, gravity=(0.0, 0.0, -G), friction_cone=friction,
               tolerance=1e-6, max_sweeps=5000)  # fmt: skip
     dvi.run(steps)
     dvi.tolerance, dvi.max_sweeps = TOLERANCE, 20_000
@@ -103,7 +103,7 @@ def _wedged(squeeze, friction="coulomb"):
     walls = [annulus("floor", "low", 0.0, 0.0, 0.1), annulus("lid", "high", 2.0 * R, 0.0, 0.1)]
     bodies = [Body("low"), Body("high", PrescribedSpeed.constant(speed))]
     grains = Grains.create([[a, 0.0, R]], R, STEEL)
-    dvi = DVI(grains, walls, bodies, DviContact(mu), dt=H, gravity=(0.0, 0.0, -G), friction=friction,
+    dvi = DVI(grains, walls, bodies, DviContact(mu), dt=H, gravity=(0.0, 0.0, -G), friction_cone=friction,
               tolerance=1e-12)  # fmt: skip
     state = dvi.state()
     state["list_wall_impulse"][:, 2] = np.where(state["list_wall_other"] == 0, squeeze, -squeeze)

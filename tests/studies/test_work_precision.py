@@ -9,7 +9,8 @@ import pytest
 
 import emclutch
 from emclutch.results import Estimate
-from emclutch.studies.work_precision import Measurement, price_table, relative_error, run_torque
+from emclutch.scene.errors import SceneError
+from emclutch.studies.work_precision import Measurement, SmearWidth, accuracy, price_table, relative_error, run_torque
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
 
@@ -72,3 +73,15 @@ def test_a_torque_of_unknown_error_has_infinite_noise(monkeypatch, tmp_path):
 def test_error_of_nothing_is_absolute():
     assert relative_error(0.0, 0.0) == 0.0
     assert relative_error(3.0, 0.0) == 3.0
+
+
+def test_default_smear_widths_fit_the_sector_and_own_ones_are_refused_before_anything_runs(tmp_path):
+    """The quickstart's sector has room for 2.5 diameters: what is wider once stopped it after two minutes."""
+    case = emclutch.load_case(CASES / "quickstart.toml")
+    widths = SmearWidth().settings(case)
+    assert len(widths) > 1 and all(SmearWidth().turned(case, width) is not None for width in widths)
+    assert set(widths) < set(case.scene.accuracy.smear)
+    own = case.with_values({"accuracy.smear": [2.0, 3.5]})
+    with pytest.raises(SceneError, match=r"particles.sector"):
+        accuracy(own, out=tmp_path / "out")
+    assert not (tmp_path / "out" / "warm-up").exists()

@@ -103,18 +103,19 @@ def _of_the_balances(result: Result, summary: dict[str, Any]) -> Iterator[Statem
 def _closes(what: str, share: float | None, of: str) -> Statement:
     if share is None:
         return Statement(Mark.NOTE, f"The balance of {what} has nothing to compare with: nothing moves or resists.")
-    size = f"to {100.0 * abs(share):.1g} % {of}"
+    size = f"{100.0 * abs(share):.1g} % {of}"
     if abs(share) < CLOSES:
-        return Statement(Mark.GOOD, f"The balance of {what} closes {size}.")
-    return Statement(Mark.POOR, f"The balance of {what} does not close: it is off by {size.removeprefix('to ')}.")
+        return Statement(Mark.GOOD, f"The balance of {what} closes to {size}.")
+    return Statement(Mark.POOR, f"The balance of {what} does not close: it is off by {size}.")
 
 
 def _cautions(summary: dict[str, Any]) -> Iterator[str]:
     if summary and (soft := soft_grains(summary)):
         yield f"{soft[:1].upper()}{soft[1:]}."
     for part in ("solver", "moments"):
-        if caution := (summary.get(part) or {}).get("caution"):
-            yield f"{caution[:1].upper()}{caution[1:]}."
+        for kind in ("warning", "caution"):
+            if text := (summary.get(part) or {}).get(kind):
+                yield f"{text[:1].upper()}{text[1:]}."
 
 
 def _of_what_is_missing(result: Result, summary: dict[str, Any]) -> Iterator[Statement]:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from emclutch.device.decision import with_warnings
 from emclutch.scene.replica_count import replica_count, replicas_side_by_side
 from emclutch.simulation.forecast import effect_costs as costs
 from emclutch.simulation.forecast.expected_counts import counts_at, neighbours
@@ -105,11 +106,8 @@ class Cost:
             f"without compiling), {self.memory:.0f} MiB of memory{each}, {self.disk:.0f} MiB on disk; "
             f"{self.machine.in_words()}"
         )
-        if warning := shortage(self.replicas * self.memory):
-            text += f"; WARNING: {warning}"
-        if seconds["total"] > 86400.0:
-            text += "; WARNING: more than a day; are all lengths and times in the units that were meant?"
-        return text
+        long = "more than a day; are all lengths and times in the units that were meant?"
+        return with_warnings(text, shortage(self.replicas * self.memory), long if seconds["total"] > 86400.0 else "")
 
 
 def foretell(

@@ -1,0 +1,63 @@
+"""Ctrl-C is answered at once where there is no window whose end could be waited for, and while kernels compile."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from emclutch.simulation.interruption import interruptible
+
+ROOT = Path(__file__).resolve().parents[2]
+SCENE = """
+[scene]
+title = "cell"
+[geometry]
+kind = "shear_cell"
+inner_radius = "10 mm"
+outer_radius = "11 mm"
+height = "1 mm"
+[particles]
+diameter = "0.3 mm"
+solid_fraction = 0.3
+[motion.rotor]
+speed = "100 rpm"
+[time]
+end = "1 ms"
+[accuracy]
+replicas = 1
+"""
+
+
+def test_the_first_ctrl_c_waits_for_the_window_unless_told_otherwise():
+    stop, compiling = threading.Event(), [False]
+    with interruptible(stop, lambda: compiling[0]):
+        signal.raise_signal(signal.SIGINT)
+        assert stop.is_set()
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    stop.clear()
+    compiling[0] = True
+    with interruptible(stop, lambda: compiling[0]), pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+
+
+def test_ctrl_c_while_kernels_compile(tmp_path):
+    """With an empty cache compiling takes half a minute; the answer comes within seconds, with exit code 130."""
+    (tmp_path / "cell.toml").write_text(SCENE)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "emclutch.cli.main", "run", "cell.toml", "--out", "run", "--threads", "1"]
+    with subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True) as run:
+        for line in run.stderr:
+            if "compiling" in line:
+                break
+        time.sleep(1.0)
+        begin = time.monotonic()
+        run.send_signal(signal.SIGINT)
+        rest = run.stderr.read()
+        assert run.wait(60.0) == 130 and "stopped at once" in rest and "Traceback" not in rest
+        assert time.monotonic() - begin < 20.0  # LLVM finishes a function; 77 s before
