@@ -9,7 +9,6 @@ from pydantic import Field, StrictBool
 from emclutch.scene.section import Automatic, Choice, Section, Whole
 from emclutch.scene.units import LinearSpeed, Time, number
 
-
 # Why a tenth: the centrifugal clutch of cases/thesis/centrifugal_held.toml at 400 rpm, torque from 0.8 to 1.3 s, by
 # max_sweeps (2026-11-23). Misses of less than 1 %: 241.0 +- 1.1 N m (11 runs); 11 to 12 %: 239.3 (2); 60 %: 243.8 (2);
 # 94 %: 231.8 (2); 98 %: 217 (1), and of 14 runs with 94 % and more 10 stopped for overlaps. So a tenth costs less than

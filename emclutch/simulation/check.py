@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from emclutch.device.decision import with_warnings
+from emclutch.device.grain_size import grain_size
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import bad_input_for
 from emclutch.scene.grain_smear import moments_are_fed_back
@@ -100,6 +101,9 @@ def _check(case: Case, threads: int | None) -> Checked:
         words["copper"] = coil_heat_in_words(scene, device.coil, device.coil.shape)
     expected = expected_torque(scene, device, made.peak_field)
     words["expected torque"] = expected.in_words()
+    size = grain_size(scene, device)
+    if size is not None:
+        words["grain size"] = size.in_words()
     words |= paths_in_words(case)
     title, effects, missing = scene.scene.title, scene.effects.active, left_out(scene, device, made, expected)
     return Checked(title, effects, case.warnings, words, tuple(missing), expected)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from emclutch.device.grain_size import grain_size
 from emclutch.device.pole_zone import PoleZone, pole_zone
 from emclutch.results import Estimate, RunFolder, read_history
 from emclutch.results.rise_time import rise_times
@@ -56,6 +57,9 @@ def summarise(
         summary["lock_up_time"] = lock_up_time(history)
     if device.coil is not None and simulation.source.solution is not None:
         summary |= coil_summary(device.coil, simulation.source, history)
+    size = grain_size(case.scene, device) if torque is not None else None
+    if size is not None:
+        summary |= {"grains_across_gap": size.across, "grain_size_note": size.in_words()}
     zone = None if simulation.magnetised is None else pole_zone(device)
     if zone is not None and torque is not None:
         summary |= zone_summary(zone, (history, *others), torque)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas
 import pytest
+from measured import table
 from typer.testing import CliRunner
 
 import emclutch
@@ -72,7 +73,7 @@ def test_quickstart_at_toy_size(tmp_path):
     # cut off before its summary it would say the same, from the numbers that it wrote at its start
     assert result.folder.read_plan()["steady_torque"] == {
         "average_from": None, "shear_gap": pytest.approx(1e-3), "shear_radius": pytest.approx(20.5e-3),
-        "negligible": 0.0, "share": 0.1,
+        "negligible": 0.0, "share": 0.1, "start_up_strain": 9.0,
     }  # fmt: skip
     result.folder.summary.rename(tmp_path / "summary.json")
     assert emclutch.load_result(tmp_path / "run").torque == result.torque
@@ -93,6 +94,25 @@ def test_quickstart_at_toy_size(tmp_path):
         "error of the field",
     ):
         assert row in page
+
+
+@pytest.mark.slow
+@pytest.mark.physics
+def test_the_torque_of_the_quickstart(tmp_path):
+    """As it is shipped: four packings after their start-up, within 15 % of 32 packings of three times the length."""
+    rows = table()
+    command = [sys.executable, "-m", "emclutch.cli.main", "run", str(CASES / "quickstart.toml")]
+    options = ["--out", str(tmp_path / "run"), "--set", "output.snapshots=0", "--set", "output.pictures=false"]
+    done = subprocess.run([*command, *options], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    result = emclutch.load_result(tmp_path / "run")
+    long = float(rows["quickstart.torque_long"]["value"])
+    assert result.torque.mean == pytest.approx(long, rel=0.15)
+    assert result.torque.mean == pytest.approx(float(rows["quickstart.torque"]["value"]), rel=0.15)
+    assert result.summary["until"]["reached"] and result.torque.replicas >= 4
+    assert result.torque.start > 4e-3 and result.torque.half_width() < 0.1 * result.torque.mean
+    assert "N m (95 %" in done.stderr and "target precision reached" in done.stdout + done.stderr
+    assert "4 grains across the gap" in done.stdout and result.summary["grains_across_gap"] == pytest.approx(4.0)
 
 
 def test_powder_clutch_at_toy_size(tmp_path):

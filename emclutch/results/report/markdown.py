@@ -45,6 +45,8 @@ def closing_lines(result: Result) -> list[str]:
             else f"target precision not reached ({until['asked']})"
             + (f": {until['reason']}" if until["reason"] != summary["torque"]["reason"] else "")
         )
+    if "grain_size_note" in summary:
+        lines.append(summary["grain_size_note"])
     if missed := (summary.get("solver") or {}).get("warning"):
         lines.append(f"warning: {missed}")
     caution = soft_grains(summary)

@@ -119,6 +119,8 @@ def _cautions(summary: dict[str, Any]) -> Iterator[str]:
 
 
 def _of_what_is_missing(result: Result, summary: dict[str, Any]) -> Iterator[Statement]:
+    if note := summary.get("grain_size_note"):
+        yield Statement(Mark.NOTE, f"{note[:1].upper()}{note[1:]}.")
     if errors := summary.get("field_error_estimate"):
         worst = max(errors, key=lambda name: abs(errors[name]))
         yield Statement(
