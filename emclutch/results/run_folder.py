@@ -216,6 +216,10 @@ class RunFolder:
             values = {**first, "resumed": [*first.get("resumed", []), values]}
         replace_json(self.provenance, values)
 
+    def add_to_provenance(self, **known: Any) -> None:
+        """Add entries to ``provenance.json`` that are known at the end of a run alone."""
+        replace_json(self.provenance, self.read_provenance() | known)
+
     def read_provenance(self) -> dict[str, Any]:
         """``provenance.json``; empty where there is none.
 

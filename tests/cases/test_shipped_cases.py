@@ -42,6 +42,7 @@ def test_quickstart_at_toy_size(tmp_path):
     done = subprocess.run([*command, *arguments], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     result = emclutch.load_result(tmp_path / "run")
+    assert re.fullmatch("[0-9a-f]{16}", result.folder.read_provenance()["machine_code"])
     kernels = re.search(r"kernels: (\d+) specialisations", result.folder.log.read_text())
     assert kernels is not None and int(kernels[1]) <= QUICKSTART_KERNELS
     assert "first window" in done.stderr or "t = " in done.stderr  # it says how far it is

@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "how_to" / "numba_version.md").read_text(encoding="utf-8")
 PUBLIC = {"numba", "numba.extending", "numba.typed"}
 LANES = ("lanes", "lane_functions", "lane_tables", "shared_words")
-INFRASTRUCTURE = ("inner_functions", "kernel_cache", "kernel_stamp", *LANES)
+INFRASTRUCTURE = ("inner_functions", "kernel_cache", "kernel_stamp", "machine_code", *LANES)
 PYTHON = {"_fields", "_replace"}  # of named tuples
 
 

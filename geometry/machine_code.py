@@ -1,0 +1,61 @@
+"""A digest of the machine code of all kernels that this process has compiled or read from the cache.
+
+The compiler's output depends on what else the same process has compiled before: code of one kernel from two caches may
+round differently. Runs of one scene agree bit for bit where commit, packages, plan and this digest agree. It is made of
+the sections of the cached object files that hold code and constants; names of symbols, which differ from one
+compilation to the next, are not in it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from llvmlite.binding.object_file import ObjectFileRef
+from numba.core.dispatcher import Dispatcher
+
+from geometry.kernel_stamp import PACKAGES
+
+CODE = (b".text", b".ltext", b".rodata.cst")
+"""Beginnings of the names of sections with code and numeric constants; other read-only data hold names."""
+
+
+def machine_code_digest() -> str:
+    """First 16 hexadecimal digits of a SHA-256 over all kernels, in the order of their names and types."""
+    whole = hashlib.sha256()
+    for name, code in sorted(kernel_codes()):
+        whole.update(name.encode())
+        whole.update(hashlib.sha256(code).digest())
+    return whole.hexdigest()[:16]
+
+
+def kernel_codes() -> Iterator[tuple[str, bytes]]:
+    """Name with types, and code, of every kernel that this process uses and the cache holds."""
+    for module, loaded in list(sys.modules.items()):
+        if module.partition(".")[0] not in PACKAGES:
+            continue
+        for name, value in list(vars(loaded).items()):
+            if not isinstance(value, Dispatcher) or value.py_func.__module__ != module:
+                continue
+            cache: Any = getattr(value, "_cache")  # noqa: B009 (numba's stubs hide it)
+            context: Any = value.targetctx
+            file = getattr(cache, "_cache_file", None)
+            if file is None or not value.overloads:
+                continue
+            index, target = file._load_index(), context.codegen()
+            for signature in value.overloads:
+                data = index.get(cache._index_key(signature, target))
+                if data is not None:
+                    yield f"{module}.{name}{signature}", code_of(Path(file._data_path(data)).read_bytes())
+
+
+def code_of(entry: bytes) -> bytes:
+    """Code and constants of an entry of the cache, which holds an object file."""
+    start = entry.find(b"\x7fELF")
+    if start < 0:
+        return b""
+    sections = ObjectFileRef.from_data(entry[start:]).sections()
+    return b"".join(section.data() for section in sections if (section.name() or b"").startswith(CODE))
