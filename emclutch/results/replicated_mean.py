@@ -1,10 +1,9 @@
 """Mean of a noisy signal over independent replicas (packings of the same scene): one replica is one number.
 
 1. **Start-up.** The averaged stretch is the same for all replicas. It begins at the latest of: the time that the caller
-   knows the start-up to last (`settled`), a third of the series, and, where MSER-5 cuts the mean over the replicas
-   later than `settled`, twice that cut, at most 0.6 of the series (P. D. Welch in S. S. Lavenberg (ed.), Computer
-   Performance Modeling Handbook, 1983, 268-328, for the mean over replicas; for MSER-5 see `statistics`). Where a
-   drift is left at 70 % confidence, it begins at half of the series.
+   knows the start-up to last (`settled`), half of the series, and, where MSER-5 cuts the mean over the replicas later
+   than `settled`, twice that cut, at most 0.6 of the series (P. D. Welch in S. S. Lavenberg (ed.), Computer
+   Performance Modeling Handbook, 1983, 268-328, for the mean over replicas; for MSER-5 see `statistics`).
 2. **Interval.** Student's t of the replicas' means over that stretch, with one degree of freedom less than replicas.
    Nothing within a replica is pooled: a replica never changes how its grains were packed. Its level is 97 % where
    95 % is asked for, since the rule that ends a run looks several times (`Estimate.half_width`).
@@ -43,7 +42,6 @@ USUAL = 0.05
 MAX_MSER_CUT = 0.6  # of the series
 START_UP_LIMIT = 0.5  # of the series: a longer start-up is not over
 MSER_FACTOR = 2.0  # MSER minimises the mean square error, which leaves a bias of the size of the standard error
-RESIDUAL_DRIFT_CONFIDENCE = 0.7
 MIN_STRETCH = 8  # windows that are averaged at least: a cubic has four coefficients
 DRIFT_LIMIT = 2.0  # of the half width that is asked for: a drift that a steady signal excludes
 DRIFT_CONFIDENCE = 0.975
@@ -99,7 +97,7 @@ def replicated_mean(
     count, size = len(signals), t.size
     end = float(t[-1]) if size else 0.0
     begin = t - dt * (1.0 + 1e-9)
-    nominal = max(settled, end / 3.0) if average_from is None else average_from
+    nominal = max(settled, end / 2.0) if average_from is None else average_from
     first = int(np.searchsorted(begin, nominal - 1e-6 * dt.mean())) if size else 0
     if size < MIN_SAMPLES or size - first < MIN_STRETCH:
         late = min(first, size // 2)
@@ -111,18 +109,15 @@ def replicated_mean(
     fit = _StretchFit.of(y[:, first:], dt[first:])
     starting = False
     if average_from is None:
-        latest = size - MIN_STRETCH
-        cut = mser_cut(y.mean(axis=0), dt)[0]
-        cut = int(MSER_FACTOR * cut) if begin[cut] > settled else 0  # else it is part of the start-up that is known
-        starting = cut > START_UP_LIMIT * size
+        latest = max(first, size - MIN_STRETCH)
+        found_cut, is_over = mser_cut(y.mean(axis=0), dt)
+        cut = int(MSER_FACTOR * found_cut) if begin[found_cut] > settled else 0  # else part of what is known
+        # beside a start-up that is known MSER alone decides; else a start-up is over after twice its cut
+        starting = cut > 0 and (not is_over if settled > 0.0 else cut > START_UP_LIMIT * size)
         cut = min(cut, int(MAX_MSER_CUT * size))
-        half = int(np.searchsorted(begin, 0.5 * end))
-        for start_at in (max(first, cut), max(first, cut, half)):
-            chosen = min(start_at, latest)
-            fit = _StretchFit.of(y[:, chosen:], dt[chosen:])
-            if not fit.drifts(RESIDUAL_DRIFT_CONFIDENCE):
-                break
-        first = chosen
+        if cut > first:
+            first = min(cut, latest)
+            fit = _StretchFit.of(y[:, first:], dt[first:])
     start, stretch = float(t[first] - dt[first]), float(dt[first:].sum())
     if np.ptp(y[:, first:]) <= 1e-13 * np.max(np.abs(y[:, first:])):  # round-off of a value that does not change
         reason = "not converged: the signal does not change, so nothing in it says how far off its mean is"
@@ -253,10 +248,6 @@ class _StretchFit:
         basis, triangle = np.linalg.qr(np.polynomial.legendre.legvander(x, 3))
         # coefficients of orthonormal columns have one variance for white noise; a slope of 1 on [-1, 1] drifts by 2
         return cls(even @ basis * (2.0 / triangle[1, 1]), float(means.mean()), error)
-
-    def drifts(self, confidence: float) -> bool:
-        """Whether a drift of zero is excluded, two-sided."""
-        return abs(self.drift) > _quantile(self.freedom, 0.5 + 0.5 * confidence) * self.drift_error
 
 
 def _common_windows(

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 FIRST_COUNT = 4
 COUNTS = (4, 6, 8, 12, 16, 24, 32, 48, 64)
-FIRST_LENGTH = 2.0  # times the start-up that is known; as much again is averaged
+FIRST_LENGTH = 3.0  # times the start-up that is known
 ALONE = 0.125  # of time.end: taken for the start-up of a run of one packing of which nothing is known
 CONFIRMED = 8  # packings whose mean tells a start-up that lasts from a chance
 LONGER = 1.5  # factor between lengths
@@ -155,7 +155,7 @@ def more_packings_suffice(torque: Estimate, count: int, wanted: float) -> bool:
 def more_time_suffices(torque: Estimate, length: float, wanted: float) -> bool:
     """Whether the same packings are expected to reach the half width `wanted` [N m] at the time `length` [s]."""
     start, end = torque.start or 0.0, torque.end or length
-    start = max(start, length / 3.0)
+    start = max(start, 0.5 * length)
     if torque.end is None or torque.start is None or length <= start or end <= torque.start:
         return False
     factor = (length - start) / (end - torque.start)

@@ -6,7 +6,7 @@ prints, for each kind of signal and target: share of runs called known; how many
 stretch, and the level at its end, in their interval; share of all runs that are called known and wrong; packings,
 length over the longest run, and half width over the mean.
 
-`quickstart_packings.csv.gz` has the torque on the disc of packings of cases/quickstart.toml in windows of 0.2 ms, of
+`quickstart_packings.csv.gz` has the torque on the disc of packings of cases/quickstart.toml in windows of 0.1 ms, of
 60 seeds with four packings each up to 8 ms (six where the rule asks for them), and of 32 packings up to 27 ms, whose
 mean over the second half is the reference.
 """
@@ -142,7 +142,7 @@ def read_packings(kind: str) -> Packings:
     path = Path(__file__).with_name("quickstart_packings.csv.gz")
     with gzip.open(path, "rt", encoding="ascii", newline="") as file:
         rows = [row for row in csv.reader(file) if row[0] == kind]
-    return Packings(2e-4, {(int(row[1]), int(row[2])): np.array(row[3:], dtype=float) for row in rows})
+    return Packings(1e-4, {(int(row[1]), int(row[2])): np.array(row[3:], dtype=float) for row in rows})
 
 
 def recorded(packings: Packings, seed: int, target: float, reference: float) -> Run:
@@ -173,7 +173,7 @@ if __name__ == "__main__":
     for target in (0.02, 0.10):
         for correlation in (2.0, 6.0, 20.0):
             kinds = [Signal(correlation, packings) for packings in (0.0, 0.01, 0.03, 0.06)]
-            kinds += [Signal(correlation, 0.01, creep) for creep in (0.02, 0.04, 0.06, 0.1)]
+            kinds += [Signal(correlation, 0.01, creep) for creep in (0.02, 0.04, 0.06, 0.08, 0.1)]
             kinds += [Signal(correlation, 0.01, 0.0, a, tau) for a in (0.1, 0.2) for tau in (0.05, 0.1, 0.2, 0.3)]
             for kind in kinds:
                 s = summary_of([run_of(kind, target, seed) for seed in range(1000, 1000 + count)])

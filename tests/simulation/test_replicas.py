@@ -100,7 +100,7 @@ def test_all_replicas_end_at_the_same_window_once_the_torque_is_known(known):
     log = known.folder.log.read_text()
     looks = re.findall(r"95 %, (\S+) of the half width asked for\), 3 packings to (\S+) ms", log)
     assert float(looks[-1][0]) <= 1.0 and [float(length) for _, length in looks] == pytest.approx(
-        [0.8 * 1.5**k for k in range(len(looks))], rel=0.01
+        [1.2 * 1.5**k for k in range(len(looks))], rel=0.01
     )
     assert "target precision reached" in log
 
