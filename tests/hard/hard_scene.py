@@ -23,6 +23,14 @@ TABLE = FOLDER / "invariants.toml"
 BARE = {"output.snapshots": 0, "output.pictures": False, "output.formats": [], "accuracy.replicas": 1}
 STEPS_PER_CONTACT = (10.0, 32.0, 100.0)  # by DEM; the default is 20, and 10 the least that is allowed
 OF_DVI_STEP = (0.32, 1.0, 3.2)  # by DVI, of the default step
+DEFAULT_STEPS = 20.0
+
+
+def kind_of_step(values: Mapping[str, Any], number: int) -> str:
+    """Whether the values of a long run, the `number`-th of its scene, make the step longer or shorter."""
+    if (steps := values.get("time.steps_per_contact")) is not None:
+        return "longer" if steps < DEFAULT_STEPS else "shorter"
+    return ("shorter", "default", "longer")[number] if values else "default"
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,12 +47,15 @@ class HardScene:
         Values that the gate sets.
     stops : str or None
         Pattern of the explanation with which the scene is refused, or stops; None: it runs to its end.
+    may_stop : dict
+        Patterns of explanations with which long runs may stop, by the step: "longer", "shorter", "default" or "any".
     """
 
     name: str
     bounds: dict[str, Any]
     short: dict[str, Any] = field(default_factory=dict)
     stops: str | None = None
+    may_stop: dict[str, str] = field(default_factory=dict)
 
     def case(self, values: Mapping[str, Any] | None = None) -> Case:
         """The scene without pictures and frames, with `values`."""
@@ -68,6 +79,11 @@ class HardScene:
         """Whether these are the words with which the scene is to stop."""
         return words is not None and self.stops is not None and re.search(self.stops, words, re.DOTALL) is not None
 
+    def may_stop_with(self, words: str, step: str) -> bool:
+        """Whether a long run at a step, "longer", "shorter" or "default", may stop with these words."""
+        patterns = [self.may_stop[name] for name in (step, "any") if name in self.may_stop]
+        return any(re.search(pattern, words, re.DOTALL) for pattern in patterns)
+
     def margins(self, run: FinishedRun) -> dict[str, float]:
         """Margin by invariant."""
         return margins(run, self.bounds)
@@ -88,6 +104,6 @@ def hard_scenes() -> list[HardScene]:
     every = table.pop("every")
     scenes = []
     for name, entry in table.items():
-        short, stops = entry.pop("short", {}), entry.pop("stops", None)
-        scenes.append(HardScene(name, every | entry, short, stops))
+        short, stops, may_stop = entry.pop("short", {}), entry.pop("stops", None), entry.pop("may_stop", {})
+        scenes.append(HardScene(name, every | entry, short, stops, may_stop))
     return scenes

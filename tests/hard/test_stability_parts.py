@@ -6,11 +6,13 @@ import all_parts
 import pandas
 import pytest
 from all_parts import HERE, PARTS, Part, announcement, expected_seconds, main
+from hard_scene import HardScene, kind_of_step
 from killed_run import table_of
 from stability import rows_of
 from threads import scene_of, shipped
 
 from emclutch.simulation.forecast.machine_speed import MachineSpeed
+from emclutch.simulation.run_error import RunError
 
 REFERENCE = MachineSpeed(loops=1.0, solves=1.0, cores=2, taken=0.0)
 TABLES = {
@@ -58,6 +60,9 @@ def test_what_breaks_down_is_a_failure_and_does_not_keep_the_next_from_its_turn(
     class Scene:
         name, stops = "scene", None
 
+        def may_stop_with(self, words, step):
+            return False
+
         def steps(self):
             return [{"time.steps_per_contact": 10.0}, {"time.steps_per_contact": 32.0}]
 
@@ -93,3 +98,22 @@ def test_a_part_that_fails_does_not_keep_the_next_from_running(tmp_path, monkeyp
     assert list(pandas.read_csv(tmp_path / "out" / "parts.csv")["failed"]) == [1, 0]
     assert "9 parts of records compared" in capfd.readouterr().out
     assert main(tmp_path / "out", parts[1:]) == 0
+
+
+def test_a_stop_that_is_not_listed_fails():
+    """Also one with words, and one that is listed for another step."""
+    scene = HardScene("scene", {}, may_stop={"longer": "overlaps .* wall"})
+    words = {"time.steps_per_contact": "grain 3 overlaps a neighbour or a wall by 10 %"}
+
+    class Stops(HardScene):
+        def steps(self):
+            return iter([{"time.steps_per_contact": 10.0}, {"time.steps_per_contact": 100.0}])
+
+        def run(self, folder, values=None):
+            raise RunError(words["time.steps_per_contact"])
+
+    listed = Stops(scene.name, scene.bounds, may_stop=scene.may_stop)
+    assert [row["margin"] < 1.0 for row in rows_of(listed)] == [True, False]
+    words["time.steps_per_contact"] = "the moments of the grains did not converge"
+    assert [row["margin"] < 1.0 for row in rows_of(listed)] == [False, False]
+    assert [kind_of_step({"contact.dvi.step": 1.0}, n) for n in range(3)] == ["shorter", "default", "longer"]

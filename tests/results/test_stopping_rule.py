@@ -55,7 +55,7 @@ def test_packings_that_differ_are_asked_for_and_a_known_start_up_ends_runs_early
 
 
 def test_recorded_packings_of_the_quickstart():
-    """60 seeds that no constant was chosen with, judged against packings of three times the length."""
+    """60 seeds, judged against packings of three times the length."""
     runs = [recorded(FRESH, seed, 0.1, REFERENCE) for seed in sorted({seed for seed, _ in FRESH.torques})]
     found = summary_of(runs)
     assert len(runs) == 60 and found.known >= 0.95
