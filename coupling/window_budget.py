@@ -20,6 +20,7 @@ from time import perf_counter
 
 import numpy as np
 
+from geometry.kernel_cache import compile_seconds
 from particles import DviTotals
 
 
@@ -29,7 +30,7 @@ class WindowBudget:
     def __init__(self, simulation):
         self._simulation = simulation
         self._begin = perf_counter()
-        self._part: tuple[str, float] | None = None
+        self._part: tuple[str, float, float] | None = None
         self._seconds = dict.fromkeys(("field", "magnetic", "contact"), 0.0)
         self._recorded: dict[str, list[float]] = {}  # of the field
         self._beside: dict[str, list[float]] = {}  # of other effects
@@ -41,11 +42,12 @@ class WindowBudget:
         self._solves = getattr(simulation.source, "solves", 0)
 
     def clock(self, part: str | None) -> None:
-        """From now on time counts for `part` ("field", "magnetic", "contact"; None: for nothing)."""
-        now = perf_counter()
+        """From now on time counts for `part` ("field", "magnetic", "contact"; None: for nothing), less compiling."""
+        now, compiled = perf_counter(), compile_seconds()
         if self._part is not None:
-            self._seconds[self._part[0]] += now - self._part[1]
-        self._part = None if part is None else (part, now)
+            name, since, before = self._part
+            self._seconds[name] += max(0.0, now - since - (compiled - before))
+        self._part = None if part is None else (part, now, compiled)
 
     def record(self, torques: dict[str, float], of_the_field: bool) -> None:
         """Torques of held forces on the sector's grains [N m], which hold during the next sub-cycle."""

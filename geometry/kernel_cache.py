@@ -28,7 +28,7 @@ from atexit import register
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from time import sleep
+from time import perf_counter, sleep
 from typing import IO, Any
 
 import numba
@@ -210,14 +210,20 @@ def _compiled() -> None:
 
 
 class _WithoutCollection(event.Listener):
-    """No garbage collection while a kernel is compiled: it makes millions of objects and takes an eighth less time."""
+    """No garbage collection while a kernel is compiled: it makes millions of objects and takes an eighth less time.
+
+    `seconds` is the wall-clock time that compiling, or waiting for another process that compiles, has taken.
+    """
 
     def __init__(self) -> None:
         self._depth = 0
         self._was_on = False
+        self._begin = 0.0
+        self.seconds = 0.0
 
     def on_start(self, event: event.Event) -> None:
         if self._depth == 0:
+            self._begin = perf_counter()
             self._was_on = gc.isenabled()
             gc.disable()
         self._depth += 1
@@ -225,15 +231,24 @@ class _WithoutCollection(event.Listener):
     def on_end(self, event: event.Event) -> None:
         self._depth -= 1
         if self._depth == 0:
+            self.seconds += perf_counter() - self._begin
             if sys.exc_info()[0] is not None:  # failed (`is_failed` is inverted in 0.68); else it is saved first
                 _compiled()
             if self._was_on:
                 gc.enable()
 
 
+_listener = _WithoutCollection()
+
+
+def compile_seconds() -> float:
+    """Wall-clock time [s] that this process has spent on kernels that were not in the cache."""
+    return _listener.seconds
+
+
 def _install() -> None:
     """Put locators, locks and the pause of the collector into numba; once a process."""
-    event.register("numba:compile", _WithoutCollection())
+    event.register("numba:compile", _listener)
     numba.config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]  # type: ignore[attr-defined]
     if not numba.config.CACHE_LOCATOR_CLASSES:  # type: ignore[attr-defined]
         own = [f"{__name__}.{locator.__name__}" for locator in (AskedFor, BesideSource, OfUser, OfProcess)]

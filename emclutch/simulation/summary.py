@@ -32,9 +32,9 @@ def summarise(
 ) -> None:
     """summary.json: the torque with its error, the device, the numerics, the cost.
 
-    `seconds` are of the process: the whole run, and what of it went into compiling kernels, which the seconds of the
-    windows contain as well. `others` are the histories of the other replicas: their torques count, all else is of this
-    run. `stopped`: the user's callback has ended it.
+    `seconds` are of the process: the whole run, and what of it went into compiling kernels, which the windows' total
+    contains as well, and their parts do not. `others` are the histories of the other replicas: their torques count,
+    all else is of this run. `stopped`: the user's callback has ended it.
     """
     device, plan, conditions = planned.device, planned.plan, planned.conditions
     history = read_history(folder.history)
