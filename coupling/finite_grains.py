@@ -17,8 +17,9 @@ def refuse_not_finite(position: np.ndarray, applied: np.ndarray, particle_id: np
     NotFiniteGrains
         Names the first grain that has a NaN or an infinity by its `particle_id` (n,), or by its row without one.
     """
-    if np.isfinite(position.sum()) and np.isfinite(applied.sum()):  # a NaN or an infinity stays in a sum
-        return
+    with np.errstate(over="ignore", invalid="ignore"):  # a NaN or an infinity stays in a sum
+        if np.isfinite(position.sum()) and np.isfinite(applied.sum()):
+            return
     bad = ~(np.isfinite(position).all(axis=1) & np.isfinite(applied).all(axis=1))
     if not bad.any():  # only the sum overflowed
         return

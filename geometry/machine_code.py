@@ -9,18 +9,22 @@ compilation to the next, are not in it.
 from __future__ import annotations
 
 import hashlib
+import struct
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from llvmlite.binding.object_file import ObjectFileRef
 from numba.core.dispatcher import Dispatcher
 
 from geometry.kernel_stamp import PACKAGES
 
 CODE = (b".text", b".ltext", b".rodata.cst")
 """Beginnings of the names of sections with code and numeric constants; other read-only data hold names."""
+
+WITH_CONTENT = 1
+"""SHT_PROGBITS, the type of sections whose bytes are in the file (Tool Interface Standard, ELF specification 1.2)."""
 
 
 def machine_code_digest() -> str:
@@ -49,13 +53,21 @@ def kernel_codes() -> Iterator[tuple[str, bytes]]:
             for signature in value.overloads:
                 data = index.get(cache._index_key(signature, target))
                 if data is not None:
-                    yield f"{module}.{name}{signature}", code_of(Path(file._data_path(data)).read_bytes())
+                    with suppress(FileNotFoundError):  # another process has replaced it
+                        yield f"{module}.{name}{signature}", code_of(Path(file._data_path(data)).read_bytes())
 
 
 def code_of(entry: bytes) -> bytes:
-    """Code and constants of an entry of the cache, which holds an object file."""
-    start = entry.find(b"\x7fELF")
+    """Code and constants of an entry of the cache, which holds an ELF object file of 64 bits; else all of its bytes."""
+    start = entry.find(b"\x7fELF\x02\x01")
     if start < 0:
-        return b""
-    sections = ObjectFileRef.from_data(entry[start:]).sections()
-    return b"".join(section.data() for section in sections if (section.name() or b"").startswith(CODE))
+        return entry
+    elf = memoryview(entry)[start:]
+    table, size, count, names = *struct.unpack_from("<Q", elf, 0x28), *struct.unpack_from("<HHH", elf, 0x3A)
+    sections = [struct.unpack_from("<IIQQQQ", elf, table + k * size) for k in range(count)]
+    text = bytes(elf[sections[names][4] : sections[names][4] + sections[names][5]])
+    return b"".join(
+        bytes(elf[offset : offset + length])
+        for name, kind, _, _, offset, length in sections
+        if kind == WITH_CONTENT and text[name : text.index(b"\0", name)].startswith(CODE)
+    )

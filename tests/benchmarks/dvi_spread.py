@@ -55,7 +55,7 @@ def bed(n: int, vessel: str, friction: str, free: bool, tolerance: float, seed: 
     shaft = FreeShaft(float(grains.mass.sum()) * drum**2) if free else PrescribedSpeed.constant(0.0)
     bodies = [Body("core", PrescribedSpeed.constant(CORE_SPEED)), Body("drum", shaft)]
     dvi = DVI(grains, walls, bodies, DviContact(FRICTION), dt=TIME_STEP, gravity=down,
-              friction=friction, tolerance=1e-6, max_sweeps=5000)  # fmt: skip
+              friction_cone=friction, tolerance=1e-6, max_sweeps=5000)  # fmt: skip
     dvi.run(SETTLING)
     dvi.tolerance, dvi.max_sweeps = tolerance, 20_000
     return dvi

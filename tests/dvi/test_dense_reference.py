@@ -281,7 +281,7 @@ def _coulomb(step, tolerance=1e-12):
 @cache
 def _solved(kind, seed, friction, tolerance):
     """A step of a scene that was run at 1e-6 m/s, solved to ``tolerance``."""
-    dvi, walls = _scene(kind, seed, friction=friction)
+    dvi, walls = _scene(kind, seed, friction_cone=friction)
     dvi.tolerance, dvi.max_sweeps = tolerance, 20_000
     return _step(dvi, walls)
 
