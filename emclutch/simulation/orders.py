@@ -1,4 +1,4 @@
-"""What a replica's process is told by its run: how far to go, to end, or to stop."""
+"""Orders of a run to the process of one of its replicas: how far to go, to end, or to stop."""
 
 from __future__ import annotations
 

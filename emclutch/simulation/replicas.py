@@ -26,6 +26,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 from emclutch.results import OutputError, RunFolder, read_history
 from emclutch.results.folder_lock import FolderInUse, has_files, locked_folder
+from emclutch.results.history import last_time
 from emclutch.results.set_aside import set_aside
 from emclutch.scene.replica_count import replica_count, replica_seed
 from geometry.kernel_cache import ROOT
@@ -164,7 +165,7 @@ class Replicas:
 
     def _reached(self, number: int) -> float:
         """Time [s] that the history of a replica reaches."""
-        return last_time(self.folders[number].history)
+        return last_time(self.folders[number].history) or 0.0
 
     def have_reached(self) -> int:
         """How many of the others have come to the time that all are to reach, or have ended."""
@@ -227,23 +228,6 @@ class Replicas:
             one.release()
         for one in self.processes.values():
             one.process.wait()
-
-
-def last_time(path: Path) -> float:
-    """Time [s] of the last whole row of a history; 0 where it has none. The first column is the time."""
-    try:
-        with path.open("rb") as file:
-            file.seek(0, os.SEEK_END)
-            file.seek(max(0, file.tell() - 8192))
-            rows = file.read().split(b"\n")[:-1]
-    except OSError:
-        return 0.0
-    for row in reversed(rows):
-        try:
-            return float(row.partition(b",")[0])
-        except ValueError:
-            continue
-    return 0.0
 
 
 def count_of_run(case: Case, folder: RunFolder, goes_on: bool) -> int:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from emclutch.results import Result, RunFolder
+from emclutch.results.history import last_time
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.replica_count import max_replica_count, replicas_side_by_side
 from emclutch.simulation.concluded_run import concluded
@@ -16,7 +17,7 @@ from emclutch.simulation.kernel_warm_up import step_compiled_beside
 from emclutch.simulation.open_folder import open_folder
 from emclutch.simulation.orders import Orders
 from emclutch.simulation.planned_run import planned
-from emclutch.simulation.replicas import Replicas, count_of_run, last_time, other_replicas
+from emclutch.simulation.replicas import Replicas, count_of_run, other_replicas
 from emclutch.simulation.run_observers import march, observers_of
 from emclutch.simulation.run_progress import RunProgress
 from emclutch.simulation.run_request import RunRequest
@@ -83,7 +84,7 @@ def run(
         are_open, threads = threads_are_open(threads), use_threads(threads, count)
         slots = replicas_side_by_side(max(count, max_replica_count(case.scene)), threads)
         with (
-            interruptible(stop, lambda: opened.compiled.is_going_on or last_time(folder.history) == 0.0),
+            interruptible(stop, lambda: opened.compiled.is_going_on or last_time(folder.history) is None),
             step_compiled_beside(case.scene, telling.announce),
             other_replicas(
                 case, folder, count, threads=threads, slots=slots, threads_are_open=are_open, resume=resume, start=start

@@ -13,6 +13,7 @@ import pytest
 import emclutch
 from emclutch.results import OutputError, RunFolder, read_history
 from emclutch.results.folder_lock import FolderInUse, locked_folder
+from emclutch.results.history import last_time
 from emclutch.results.steady_torque import SteadyConditions, steady_torque
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
@@ -113,7 +114,7 @@ def test_more_packings_are_run_where_the_torque_needs_them(tmp_path, monkeypatch
     assert len(found.folder.replica_folders()) == 5 and found.torque.replicas == 6
     assert not found.summary["until"]["reached"] and "asked for" in found.summary["until"]["reason"]
     assert len({len(rows(path)) for path in (found.folder.path, *found.folder.replica_folders())}) == 1
-    first = replicas.last_time(found.folder.history)
+    first = last_time(found.folder.history)
     assert first == pytest.approx(rows(found.folder.path)["time"].iloc[-1], rel=1e-12)
 
 
