@@ -9,7 +9,7 @@ GMSH_PACKAGES  := libglu1-mesa libgl1 libxrender1 libxcursor1 libxft2 libxineram
 
 .PHONY: run test laws bench stability setup lint sweep docs dist clean
 run: setup ; @$(BIN)/emclutch run $(CASE)
-test: setup ; $(BIN)/python -m pytest -n 2 --dist loadfile --durations=30
+test: setup ; $(BIN)/python -m pytest -n 2 --dist loadfile --max-worker-restart 0 --durations=30
 laws: ; @$(PYTHON) tests/project/laws.py
 bench: setup ; $(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]' && $(BIN)/python tests/benchmarks/bench.py
 stability: setup ; $(BIN)/python tests/hard/all_parts.py runs/stability

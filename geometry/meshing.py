@@ -14,6 +14,8 @@ gmsh keeps one global state and is not safe to call from several threads at once
 
 from __future__ import annotations
 
+import ctypes
+import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -108,8 +110,7 @@ def gmsh_model(options: dict[str, float]) -> Iterator[Any]:
     name = "emclutch cross-section"
     foreign = bool(gmsh.isInitialized())
     if not foreign:
-        # interruptible would hand Ctrl-C to gmsh, which ends the process without a word.
-        gmsh.initialize([], readConfigFiles=False, interruptible=False)
+        initialize_gmsh()
     try:
         before = gmsh.model.getCurrent()
         saved = {option: gmsh.option.getNumber(option) for option in options}
@@ -128,6 +129,24 @@ def gmsh_model(options: dict[str, float]) -> Iterator[Any]:
     finally:
         if not foreign:
             gmsh.finalize()
+
+
+def initialize_gmsh() -> None:
+    """Initialize gmsh in any thread, and leave the process's handling of SIGINT and SIGPIPE as it is.
+
+    Python ignores SIGPIPE and raises BrokenPipeError. ``gmsh.initialize`` sets the default action, which ends the
+    process without a message; with ``interruptible`` it does the same with SIGINT.
+    """
+    import gmsh
+
+    pipe = getattr(signal, "SIGPIPE", None)  # none on Windows
+    read, write = ctypes.pythonapi.PyOS_getsig, ctypes.pythonapi.PyOS_setsig  # signal.signal: the main thread alone
+    read.restype, read.argtypes = ctypes.c_void_p, [ctypes.c_int]
+    write.restype, write.argtypes = ctypes.c_void_p, [ctypes.c_int, ctypes.c_void_p]
+    before = None if pipe is None else read(pipe)
+    gmsh.initialize([], readConfigFiles=False, interruptible=False)
+    if pipe is not None:
+        write(pipe, before)
 
 
 def _writable(path: Path) -> Path:

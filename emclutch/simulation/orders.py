@@ -18,6 +18,9 @@ class Orders:
     ----------
     limit : float
         Time [s] to march to first.
+    tolerance : float
+        [s]; a replica that comes so near has reached a time. It is that of the run which waits for it, whose windows
+        may be shorter.
 
     Attributes
     ----------
@@ -27,10 +30,10 @@ class Orders:
         Whether it has ended at its limit, with a result.
     """
 
-    def __init__(self, limit: float) -> None:
+    def __init__(self, limit: float, tolerance: float) -> None:
         self.stopped = threading.Event()
         self.reached = False
-        self._limit = limit
+        self._limit, self._tolerance = limit, tolerance
         self._ended = False
         self._changed = threading.Condition()
 
@@ -50,8 +53,7 @@ class Orders:
             self._changed.notify_all()
 
     def __call__(self, simulation: Simulation, row: dict[str, Any] | None = None) -> bool:
-        window = simulation.steps_per_update * simulation.updates * simulation.motion.dt
-        now = simulation.motion.time + 0.5 * window
+        now = simulation.motion.time + self._tolerance
         with self._changed:
             self._changed.wait_for(lambda: self._limit > now or self._ended or self.stopped.is_set())
             self.reached = self._ended and self._limit <= now

@@ -40,7 +40,7 @@ def main() -> int:
     from emclutch.simulation.orders import Orders
 
     task = json.loads(sys.stdin.readline())
-    orders = Orders(task["limit"])
+    orders = Orders(task["limit"], task["tolerance"])
 
     def watch(lines: Iterable[str] = sys.stdin) -> None:
         for line in lines:

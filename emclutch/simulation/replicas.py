@@ -273,6 +273,7 @@ def other_replicas(
                 "trust_scripts": case.trust_scripts,
                 "start": None if start is None else str(RunFolder(start).replicas / own.path.name),
                 "limit": limit,
+                "tolerance": group.tolerance,
             }
             return _started(own, task, Path(scratch) / f"{number:02d}")
 

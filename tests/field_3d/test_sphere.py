@@ -6,6 +6,7 @@ import pytest
 from field import MU_0, FroehlichLaw, LinearLaw
 from field.three_d import Problem3D, UniformSource
 from geometry.mesh_3d import Mesh3D
+from geometry.meshing import initialize_gmsh
 
 pytestmark = pytest.mark.physics
 
@@ -16,7 +17,7 @@ def octant(size, curved=True):
     """The octant x, y, z > 0 of a sphere of iron in a sphere of air, by gmsh."""
     import gmsh
 
-    gmsh.initialize([], readConfigFiles=False, interruptible=False)
+    initialize_gmsh()
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("General.NumThreads", 1)

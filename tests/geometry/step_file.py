@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from geometry.meshing import initialize_gmsh
+
 MM = 1e3
 
 
@@ -18,7 +20,7 @@ def write_step(path: Path, build: Callable[[Any], Sequence[str]]) -> Path:
     """Let ``build(occ)`` make shapes (in millimetres) and return a name for each of the highest dimension, in order."""
     import gmsh
 
-    gmsh.initialize([], readConfigFiles=False, interruptible=False)
+    initialize_gmsh()
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.model.add("written by a test")

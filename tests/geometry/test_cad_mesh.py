@@ -11,6 +11,7 @@ from geometry import Clutch
 from geometry.cad_meshing import mesh_cad
 from geometry.cad_parts import CadError
 from geometry.cad_solid import mesh_cad_solids, read_cad_solids
+from geometry.meshing import initialize_gmsh
 from geometry.section_import import read_section_mesh
 
 CLUTCH = Clutch()
@@ -99,7 +100,7 @@ def test_curved_edges_and_a_coil_in_free_air(tmp_path):
 
 def test_a_mesh_is_written_as_it_is(tmp_path, clutch_step):
     mesh = mesh_cad(clutch_step, out=tmp_path / "mesh.msh")
-    gmsh.initialize([], readConfigFiles=False, interruptible=False)
+    initialize_gmsh()
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.open(str(tmp_path / "mesh.msh"))

@@ -19,6 +19,7 @@ from geometry.cad_parts import CadError
 from geometry.cad_shape import CadShape
 from geometry.mesh_blocks import MESH_SUFFIXES
 from geometry.meshed_section import meshed_section
+from geometry.meshing import initialize_gmsh
 from geometry.section_export import write_section_mesh
 from geometry.section_import import read_section_mesh
 
@@ -138,7 +139,7 @@ def test_a_curved_outline_becomes_chords_and_its_gap_is_the_one_across(tmp_path)
     """A ring channel of round section, 4 mm wide: no chord is longer than the mesher's edges, the gap is the width."""
     import gmsh
 
-    gmsh.initialize([], readConfigFiles=False, interruptible=False)
+    initialize_gmsh()
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         occ = gmsh.model.occ

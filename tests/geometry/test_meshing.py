@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from geometry import Clutch, draw_section, mesh_clutch
+from geometry.meshing import initialize_gmsh
 
 THIN_DISC = Clutch(
     disc_thickness=6e-3,
@@ -121,10 +122,34 @@ def test_gmsh_is_finalised_even_after_an_error_and_ctrl_c_stays_with_python(monk
     assert signal.getsignal(signal.SIGINT) is handler
 
 
+@pytest.mark.skipif(not hasattr(signal, "SIGPIPE"), reason="no such signal on this system")
+@pytest.mark.parametrize("in_thread", [False, True])
+def test_a_broken_pipe_stays_an_error_after_meshing(in_thread):
+    """`gmsh.initialize` alone makes it end the process: a run whose replica had died was gone without a word."""
+    mesh = "Thread(target=mesh_clutch, args=[Clutch()])" if in_thread else "mesh_clutch(Clutch())"
+    program = f"""
+import os
+from threading import Thread
+from geometry import Clutch, mesh_clutch
+from geometry.meshing import initialize_gmsh
+work = {mesh}
+if isinstance(work, Thread):
+    work.start(), work.join()
+end, begin = os.pipe()
+os.close(end)
+try:
+    os.write(begin, b"line")
+except BrokenPipeError:
+    print("an error")
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and done.stdout.strip() == "an error", (done.returncode, done.stderr)
+
+
 def test_a_gmsh_session_of_the_caller_is_left_as_it_was():
     import gmsh
 
-    gmsh.initialize([], readConfigFiles=False, interruptible=False)
+    initialize_gmsh()
     try:
         gmsh.model.add("the caller's")
         gmsh.option.setNumber("General.Terminal", 0)

@@ -17,7 +17,7 @@ from emclutch.results import OutputError, RunFolder, load_result, read_history
 from emclutch.results.checkpoint import read_checkpoint, write_checkpoint
 from emclutch.results.report.verdict import verdict
 from emclutch.scene.case import case_from
-from emclutch.simulation.run_error import RunError
+from emclutch.simulation.run_error import Interrupted, RunError
 from particles import ParticleError
 
 TOY = {
@@ -85,7 +85,7 @@ def test_a_run_stopped_before_its_first_window_starts_anew(undisturbed, tmp_path
         raise KeyboardInterrupt
 
     out = tmp_path / "run"
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(Interrupted):
         emclutch.run(CASE, out=out, progress=At(0.0, stop))
     assert not (out / "history.csv").exists()
     with pytest.raises(OutputError, match=r"belongs to another scene \(contact\.friction"):

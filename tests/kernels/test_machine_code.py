@@ -18,11 +18,13 @@ assert before != after
 print(after)
 """
 
+
 def digest(cache, seed):
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "PYTHONHASHSEED": seed, "PYTHONPATH": str(ROOT)}
     done = subprocess.run([sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout.split()[-1]
+
 
 def test_the_digest_does_not_depend_on_the_process(tmp_path):
     compiled = digest(tmp_path / "one", "1")

@@ -299,14 +299,14 @@ def test_a_replica_waits_at_its_limit_until_it_is_sent_on():
     from emclutch.simulation.orders import Orders
 
     def at(time):
-        return SimpleNamespace(steps_per_update=1, updates=10, motion=SimpleNamespace(dt=1e-6, time=time))
+        return SimpleNamespace(motion=SimpleNamespace(time=time))
 
-    orders = Orders(1e-3)
-    assert not orders(at(0.5e-3))
+    orders = Orders(1e-3, 5e-6)
+    assert not orders(at(0.5e-3)) and not orders(at(0.994e-3))  # however long its own window
     threading.Timer(0.1, orders.take, ["0.002\n"]).start()
     assert not orders(at(1e-3)) and not orders.reached
     threading.Timer(0.1, orders.take, ["end\n"]).start()
     assert orders(at(2e-3)) and orders.reached
-    stopped = Orders(1e-3)
+    stopped = Orders(1e-3, 5e-6)
     threading.Timer(0.1, stopped.stop).start()
     assert not stopped(at(1e-3)) and stopped.stopped.is_set()

@@ -8,6 +8,7 @@ import pytest
 import emclutch
 from emclutch.results.checkpoint import read_checkpoint
 from emclutch.results.study_folder import read_study
+from emclutch.simulation.run_error import Interrupted
 
 THESIS = Path(__file__).resolve().parents[2] / "cases" / "thesis"
 TOY = {
@@ -73,7 +74,7 @@ def test_killed_before_its_first_checkpoint_a_run_begins_with_others_grains_agai
     _, folder = studied
     short = {"output.folder": None, "time.end": "2 ms"}
     case = emclutch.load_case(folder / "point-002" / "case.toml").with_values(short)
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(Interrupted):
         emclutch.run(case, out=tmp_path / "run", start=folder / "point-000", progress=Killed())
     emclutch.run(case, out=tmp_path / "run", resume=True)
     emclutch.run(case, out=tmp_path / "whole", start=folder / "point-000")
