@@ -12,7 +12,8 @@ class interruptible:
     """Ctrl-C asks the loop to stop after its window; a second one stops at once.
 
     So does the first one while `at_once()` is true: before there is a window whose end could be waited for, and while a
-    kernel is compiled, which may take a minute. KeyboardInterrupt is raised then.
+    kernel is compiled, which may take a minute. KeyboardInterrupt is raised then; where it is lost, in a callback of the
+    compiler, the loop still stops after its window.
     """
 
     def __init__(self, stop: threading.Event, at_once: Callable[[], bool] = lambda: False):
@@ -24,9 +25,10 @@ class interruptible:
             self._former = signal.signal(signal.SIGINT, self._ask)
 
     def _ask(self, number, frame):
-        if self._stop.is_set() or self._at_once():
-            raise KeyboardInterrupt
+        again = self._stop.is_set()
         self._stop.set()
+        if again or self._at_once():
+            raise KeyboardInterrupt
 
     def __exit__(self, *error):
         if self._former is not None:
