@@ -4,9 +4,8 @@ from coupling.circuit_coil_field import CircuitCoilField
 from coupling.cluster import Cluster, magnetised_cluster
 from coupling.coil_field import CoilField, ImposedField
 from coupling.coil_field_3d import CoilField3D
-from coupling.deposition import FillDeposition
 from coupling.eddy_coil_field import EddyCoilField
-from coupling.effects import BackReaction, Effect, FixedDipoles, MagneticForce, MutualDipoles, WallImages
+from coupling.effects import Dipoles, Effect, MagneticForce
 from coupling.expected_load import (
     chain_magnetisation,
     magnetic_load,
@@ -26,27 +25,23 @@ from coupling.powder_feedback import FeedbackError, PowderFeedback
 from coupling.staggered import Simulation, run_staggered
 
 __all__ = [
-    "BackReaction",
     "CircuitCoilField",
     "Cluster",
     "CoilField",
     "CoilField3D",
+    "Dipoles",
     "EddyCoilField",
     "Effect",
     "FeedbackError",
-    "FillDeposition",
-    "FixedDipoles",
     "ImposedField",
     "LayeredField",
     "MagneticForce",
     "MagnetisedGrains",
-    "MutualDipoles",
     "MutualMoments",
     "MutuallyMagnetisedGrains",
     "NearAttraction",
     "PowderFeedback",
     "Simulation",
-    "WallImages",
     "chain_magnetisation",
     "grain_table",
     "magnetic_load",

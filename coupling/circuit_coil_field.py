@@ -18,7 +18,7 @@ class CircuitCoilField(CoilField):
     """A coil at a voltage, V(t) = R i + d lambda/dt, with the flux linkage of the field (effect `coil_circuit`).
 
     The linkage is integrated exactly along a line i(lambda) about the last solve; when the current or the linkage have
-    moved beyond their tolerance, or the fill, the field is solved for the linkage reached, which none can make jump.
+    moved beyond their tolerance, or the grains, the field is solved for the linkage reached, which none can make jump.
 
     Attributes
     ----------
@@ -54,15 +54,15 @@ class CircuitCoilField(CoilField):
             raise ValueError(f"`resistance` = {self.resistance} ohm of the coil must be a finite number above 0")
         self.current = self._current_at
 
-    def refresh(self, time: float, fill: np.ndarray | None = None) -> bool:
+    def refresh(self, time: float) -> bool:
         """See `CoilField.refresh`."""
         begin = perf_counter()
         if self.circuit is None or self.coil is None or time == self._began:
             # at the first instant it is the current that is given; later the linkage, whatever the moments answer
             current = self.voltage(time) / self.resistance if self.begin_steady else 0.0
-            if not self.is_stale(current, fill):
+            if not self.is_stale(current):
                 return False
-            powder = self._powder(fill, current)
+            powder = self._powder(current)
             solution = self.problem.solve(
                 self.turns * current, fill=powder, guess=self.solution, tolerance=self.newton_tolerance
             )
@@ -75,13 +75,13 @@ class CircuitCoilField(CoilField):
             # where iron opens or closes, the one runs away while the line says that the other hardly moves
             stride = min(self.stride, self.current_tolerance)
             moved = abs(linkage - self.coil.linkage) > stride * self.largest_linkage
-            if not self.is_stale(self.circuit.current, fill) and not moved:
+            if not self.is_stale(self.circuit.current) and not moved:
                 return False
             foretold = self.circuit.current
             solution = solve_at_flux_linkage(
                 self.problem,
                 self.circuit.linkage / self.turns,
-                self._powder(fill, foretold),
+                self._powder(foretold),
                 self.solution,
                 tolerance=self.newton_tolerance,
             )
@@ -91,7 +91,7 @@ class CircuitCoilField(CoilField):
             self.stride = float(np.clip(stride * np.clip(factor, 0.2, 2.0), 1e-4, self.current_tolerance))
         self.coil = LinearisedCoil.about(solution, self.turns, self.resistance)
         self.circuit = replace(self.circuit, current=self.coil.current)
-        self.set_solution(solution, self.coil.current, fill)
+        self.set_solution(solution, self.coil.current)
         self.solves += 1
         self.seconds += perf_counter() - begin
         return True

@@ -1,4 +1,4 @@
-"""Where H comes from: a coil's finite-element field that follows current and fill, or an imposed field.
+"""Where H comes from: a coil's finite-element field that follows current and grains, or an imposed field.
 
 Of the coil's field there are three, by what its current follows from: a course in time (`CoilField`), the circuit of
 a voltage and the nonlinear flux linkage (`coupling.circuit_coil_field`), and the diffusion of the field into solid
@@ -16,7 +16,6 @@ import numpy as np
 
 from coupling.powder_feedback import PowderFeedback
 from field import AxisymmetricProblem, FieldSampler, MagneticField, PowderState, field_sampler
-from field.section.powder_state import Powder
 
 
 def unset_profile(time: float) -> float:
@@ -31,7 +30,7 @@ class ImposedField:
     sampler: FieldSampler
     solution: ClassVar[None] = None
 
-    def refresh(self, time: float, fill: np.ndarray | None = None) -> bool:
+    def refresh(self, time: float) -> bool:
         """Nothing to solve."""
         return False
 
@@ -49,7 +48,7 @@ class ImposedField:
 
 @dataclass(slots=True)
 class CoilField:
-    """The coil's field, solved again when current or fill have moved beyond their tolerances.
+    """The coil's field, solved again when current or grains have moved beyond their tolerances.
 
     Attributes
     ----------
@@ -60,14 +59,10 @@ class CoilField:
         Change of the current, relative to the largest so far, that calls for a new solve.
     powder_tolerance : float
         `powder_change` that calls for a new solve.
-    element_volume : (e,) float64 or None
-        V of the powder's elements [m^3], needed when fills are given.
     feedback : PowderFeedback or None
-        Where it is not the fill but the moments of the grains that couple back: what the powder's state comes from, and
-        what decides, in place of the fill, whether the field is still theirs.
+        Gives the moments of the grains to the field (effect `back_reaction`); None: the field does not see the grains.
     powder_change : float
-        How far the powder has left the state that the present field was solved with: sqrt(sum V (phi - phi_0)^2/sum V
-        phi_0^2) of the fill phi; with a feedback the residual of the moments (`PowderFeedback.residual`).
+        How far the moments have left those that the present field was solved with (`PowderFeedback.residual`).
     """
 
     problem: AxisymmetricProblem
@@ -76,39 +71,36 @@ class CoilField:
     newton_tolerance: float = 1e-8
     current_tolerance: float = 0.01
     powder_tolerance: float = 0.05
-    element_volume: np.ndarray | None = None
     feedback: PowderFeedback | None = None
     solution: MagneticField | None = None
     sampler: FieldSampler | None = None
-    fill: np.ndarray | None = None
     solved_current: float = np.nan
     largest_current: float = 0.0
     powder_change: float = 0.0
     solves: int = 0
     seconds: float = 0.0
 
-    def refresh(self, time: float, fill: np.ndarray | None = None) -> bool:
-        """Solve if needed for the current at `time` [s] and the solid fraction (e,) of the powder's elements.
+    def refresh(self, time: float) -> bool:
+        """Solve if needed for the current at `time` [s] and the moments of the grains, where they are fed back.
 
         Returns True when the field is new. Raises field.ConvergenceError when Newton fails.
         """
         current = self.current(time)
-        if not self.is_stale(current, fill):
+        if not self.is_stale(current):
             return False
         begin = perf_counter()
         guess = self.solution if self.solution is not None and self.solved_current != 0.0 else None
-        powder = self._powder(fill, current)
+        powder = self._powder(current)
         self.set_solution(
             self.problem.solve(self.turns * current, fill=powder, guess=guess, tolerance=self.newton_tolerance),
             current,
-            fill,
         )
         self.solves += 1
         self.seconds += perf_counter() - begin
         return True
 
-    def is_stale(self, current: float, fill: np.ndarray | None) -> bool:
-        """Whether current [A] or fill have left the present field behind; notes the largest current and the change."""
+    def is_stale(self, current: float) -> bool:
+        """Whether a current [A] or the grains call for a new solve; notes the largest current and the change."""
         self.largest_current = max(self.largest_current, abs(current))
         stale = self.solution is None
         if not stale and abs(current - self.solved_current) > self.current_tolerance * self.largest_current:
@@ -119,28 +111,20 @@ class CoilField:
         if self.feedback is not None and self.solution is not None:
             self.powder_change = self.feedback.residual.total
             stale = stale or (current != 0.0 and self.powder_change > self.powder_tolerance)
-        elif fill is not None and self.fill is not None:
-            volume = self.element_volume
-            change = (volume * (fill - self.fill) ** 2).sum() / max((volume * self.fill**2).sum(), 1e-300)
-            self.powder_change = float(np.sqrt(change))
-            # without current there is no field that the fill could change
-            if current != 0.0 and self.powder_change > self.powder_tolerance:
-                stale = True
         return stale
 
-    def set_solution(self, solution: MagneticField, current: float, fill: np.ndarray | None) -> None:
+    def set_solution(self, solution: MagneticField, current: float) -> None:
         """Take a solution (a fresh one, or the one of a checkpoint) as the present field."""
-        self.solution, self.solved_current, self.fill = solution, current, fill
+        self.solution, self.solved_current = solution, current
         if self.feedback is not None:
             self.sampler = self.feedback.solved(solution)
         else:
-            # a granular fill is never smooth enough for the conservative table
-            self.sampler = field_sampler(solution, "powder") if fill is None else solution.sampler("powder")
+            self.sampler = field_sampler(solution, "powder")
 
-    def _powder(self, fill: np.ndarray | None, current: float) -> Powder:
+    def _powder(self, current: float) -> PowderState | None:
         """What the next solve takes of the powder."""
         if self.feedback is None:
-            return fill
+            return None
         return self.feedback.state(self.solution if current != 0.0 else None)
 
     def window_row(self, time: float) -> dict[str, float]:
@@ -154,7 +138,6 @@ class CoilField:
         saved = {
             "psi": self.solution.psi,
             "ampere_turns": self.solution.ampere_turns,
-            "fill": self.fill,
             "newton": [list(map(float, x)) for x in self.solution.newton],
             "current": self.solved_current,
             "largest_current": self.largest_current,
@@ -169,14 +152,14 @@ class CoilField:
 
     def restore(self, saved: dict[str, Any]) -> None:
         """Take up the state of a checkpoint."""
-        powder = saved["fill"]
+        powder = None
         if self.feedback is not None:
-            powder = PowderState(powder, saved["factor"], saved["source"])
+            powder = PowderState(saved["fill"], saved["factor"], saved["source"])
         solution = MagneticField(
             self.problem, saved["psi"], saved["ampere_turns"], powder, [tuple(x) for x in saved["newton"]]
         )
         if self.feedback is None:
-            self.set_solution(solution, saved["current"], saved["fill"])
+            self.set_solution(solution, saved["current"])
         else:
             self.solution, self.solved_current = solution, saved["current"]
             self.feedback.restore(saved["feedback"])

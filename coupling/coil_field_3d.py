@@ -75,7 +75,7 @@ class CoilField3D:
     solves: int = 0
     seconds: float = 0.0
 
-    def refresh(self, time: float, fill: np.ndarray | None = None) -> bool:
+    def refresh(self, time: float) -> bool:
         """Solve if needed for the current at `time` [s]; True when the field is new. Raises ConvergenceError."""
         current = self.current(time)
         self.largest_current = max(self.largest_current, abs(current))

@@ -63,29 +63,29 @@ class EddyCoilField(CoilField):
     def _drive(self) -> VoltageDrive | CurrentDrive:
         return CurrentDrive(self.current) if self.voltage is None else self.voltage
 
-    def refresh(self, time: float, fill: np.ndarray | None = None) -> bool:
+    def refresh(self, time: float) -> bool:
         """See `CoilField.refresh`."""
         begin = perf_counter()
         assert self.eddy is not None
         if self.transient is None or (self._base is None and time == self.transient.time):
             current = self._first_current(time)
-            if not self.is_stale(current, fill):
+            if not self.is_stale(current):
                 return False
-            powder = self._powder(fill, current)
+            powder = self._powder(current)
             self.transient = self._before = self._beginning(time, powder)
             self._begun = time
         else:
             if time > self._begun:  # a window with feedback asks again until field and moments agree
                 self._before, self._begun = self.transient, time
             current = self.transient.current if self.voltage is not None else self.current(time)
-            changed = self.is_stale(current, fill)
+            changed = self.is_stale(current)
             stops = [b for b in self.breaks if self.transient.time < b < time]
             # to within round-off of the windows' sum of steps
             waits = time < self.due - 1e-9 * abs(time) and not changed and not stops
             again = self.feedback is not None and changed and self._base is not None
             if waits or (time <= self.transient.time and not again):
                 return False
-            powder = self._powder(fill, current)
+            powder = self._powder(current)
             if time <= self.transient.time:  # the moments have answered to this step: the same step with them
                 assert self._base is not None
                 self.transient = self._stepped(self._base, time, powder)
@@ -93,7 +93,7 @@ class EddyCoilField(CoilField):
                 for stop in (*sorted(stops), time):
                     self._base = self.transient
                     self.transient = self._stepped(self.transient, stop, powder)
-        self.set_solution(self.eddy.field(self.transient, powder), self.transient.current, fill)
+        self.set_solution(self.eddy.field(self.transient, powder), self.transient.current)
         self.solves += 1
         self.seconds += perf_counter() - begin
         return True
@@ -105,19 +105,19 @@ class EddyCoilField(CoilField):
             return 0.0
         return drive.voltage(time) / drive.resistance if isinstance(drive, VoltageDrive) else drive.current(time)
 
-    def _beginning(self, time: float, fill: Powder) -> TransientState:
+    def _beginning(self, time: float, powder: Powder) -> TransientState:
         assert self.eddy is not None
         if not self.begin_steady:
             return self.eddy.at_rest(time)
         ampere_turns = self.turns * self._first_current(time)
-        solution = self.problem.solve(ampere_turns, fill=fill, guess=self.solution, tolerance=self.newton_tolerance)
+        solution = self.problem.solve(ampere_turns, fill=powder, guess=self.solution, tolerance=self.newton_tolerance)
         return self.eddy.steady(solution, time)
 
-    def _stepped(self, before: TransientState, time: float, fill: Powder) -> TransientState:
+    def _stepped(self, before: TransientState, time: float, powder: Powder) -> TransientState:
         """One step of the field, and when the next one is due."""
         assert self.eddy is not None
         dt = time - before.time
-        now = self.eddy.step(before, dt, self._drive, fill, tolerance=self.newton_tolerance)
+        now = self.eddy.step(before, dt, self._drive, powder, tolerance=self.newton_tolerance)
         self.largest = max(self.largest, norm(now.psi))
         change = norm(now.psi - before.psi) / max(self.largest, 1e-300)
         # a field that rests may take a step four times as long as the last one, one that moves a shorter one

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-import numpy as np
-
 from field import FieldSampler
 from field.solved_field import SolvedField
 
@@ -25,8 +23,8 @@ class FieldSource(Protocol):
     def solution(self) -> SolvedField | None:
         """The present solution; None before the first solve, and of a field that is not solved."""
 
-    def refresh(self, time: float, fill: np.ndarray | None = None) -> bool:
-        """Bring the field to the time [s] and the fill of the powder's elements; True when it is new."""
+    def refresh(self, time: float) -> bool:
+        """Bring the field to the time [s] and to the grains; True when it is new."""
 
     def window_row(self, time: float) -> dict[str, float]:
         """What a window that ends at `time` [s] adds to the history beside the field's own quantities."""

@@ -114,9 +114,11 @@ def grain_table(law: Law | GrainLaw, model: str) -> GrainLawTable:
 
 def _made_table(law: Law | GrainLaw, model: str) -> GrainLawTable:
     if model not in MODELS:
-        raise ValueError(f"model = {model!r}; allowed: {', '.join(MODELS)} ('fixed' has no mutual moments)")
+        raise ValueError(f"model = {model!r}; allowed: {', '.join(MODELS)}")
     if isinstance(law, ThesisLaw):
-        raise ValueError("the law of the thesis, M = chi H, has no material behind it: it stays with model 'fixed'")
+        raise ValueError(
+            "the law of the thesis, M = chi H, has no material behind it: it goes with effects.magnetic_force alone"
+        )
 
     def sphere(h):
         return sphere_magnetisation(law, h)

@@ -89,7 +89,7 @@ class LayeredField:
         """H_r at the nodes [A/m]."""
         return self._h / self.radius
 
-    def refresh(self, time: float, fill: np.ndarray | None = None) -> bool:
+    def refresh(self, time: float) -> bool:
         """Nothing to solve at a window's begin: the field goes with the moments."""
         return False
 

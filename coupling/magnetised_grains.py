@@ -1,13 +1,11 @@
 """H, grad H and the moments of the grains: what every magnetic effect starts from.
 
-The moment follows the grain law of `field.laws.powder_law` (model `fixed`): M(H_fe, phi) parallel to H_fe, with the
-Lorentz field phi M/3 of the smeared powder when its magnetisation is part of H_fe (effect `back_reaction`), and
-of a lone sphere (phi = 0) when it is not.
+The moment is that of a lone sphere in the field, M(H, phi = 0) of `field.laws.powder_law`, parallel to H; with effect
+`dipoles` that of `coupling.mutually_magnetised_grains`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -25,12 +23,10 @@ class MagnetisedGrains:
     sampler : FieldSampler
         None until the first solve.
     law : ParticleLaw
-    fill_at : callable (n, 3) -> (n,) solid fraction that is part of H, or None: none is
     """
 
     sampler: FieldSampler | None
     law: ParticleLaw
-    fill_at: Callable[[np.ndarray], np.ndarray] | None = None
     H: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     grad_H: np.ndarray = field(default_factory=lambda: np.zeros((0, 3, 3)))
 
@@ -40,9 +36,7 @@ class MagnetisedGrains:
         grains = simulation.motion.grains
         self.H, self.grad_H = self.sampler.sample(grains.position)
         refuse_not_finite(grains.position, self.H, grains.particle_id)
-        grains.magnetic_moment = moments(
-            self.law, self.H, self.fill_at and self.fill_at(grains.position), grains.volume
-        )
+        grains.magnetic_moment = moments(self.law, self.H, grains.volume)
 
     def hold(self, dem, force: np.ndarray) -> None:
         """Take the sum of all held forces (n, 3) [N] of this update: there is nothing to add to it."""
@@ -52,9 +46,9 @@ class MagnetisedGrains:
         return {}
 
 
-def moments(law, H, fill, volume) -> np.ndarray:
-    """Moments V M(|H|, phi) H/|H| (n, 3) [A m^2] of grains in H (n, 3) [A/m]; zero where H is zero."""
+def moments(law: ParticleLaw, H: np.ndarray, volume: np.ndarray) -> np.ndarray:
+    """Moments V M(|H|) H/|H| (n, 3) [A m^2] of lone grains in H (n, 3) [A/m]; zero where H is zero."""
     strength = np.sqrt((H * H).sum(axis=1))
-    M = law.magnetisation(strength, np.zeros_like(strength) if fill is None else fill)
+    M = law.magnetisation(strength, np.zeros_like(strength))
     ratio = np.divide(M, strength, out=np.zeros_like(strength), where=strength > 0.0)
     return (volume * ratio)[:, None] * H

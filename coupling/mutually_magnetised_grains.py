@@ -28,7 +28,7 @@ LOST = 0.1
 
 @dataclass(slots=True, kw_only=True)
 class MutuallyMagnetisedGrains(MagnetisedGrains):
-    """See `MagnetisedGrains`; `fill_at` stays None.
+    """See `MagnetisedGrains`.
 
     Attributes
     ----------

@@ -236,8 +236,8 @@ class FeedbackError(ConvergenceError):
 
     def __init__(self, residual: float, solves: int, tolerance: float) -> None:
         remedy = (
-            "look at the grains where they are densest, raise that tolerance, or take effects.dipoles.model = 'fixed', "
-            "which feeds back the fill alone"
+            "look at the grains where they are densest, raise that tolerance, or remove [effects.back_reaction]: the "
+            "field is then that without grains"
         )
         super().__init__(
             [(residual, 1.0)],

@@ -1,10 +1,10 @@
-"""The staggered loop: coil -> field -> moments -> forces -> grains -> fill -> field, window by window.
+"""The staggered loop: coil -> field -> moments -> forces -> grains -> field, window by window.
 
 A coupling window holds the field; inside it the effects' forces are evaluated every `steps_per_update` steps of the
 grains and held between (a window is `updates` such sub-cycles). What couples back are the grains' moments,
-spread into the field solve (`coupling.powder_feedback`), or, with fixed dipoles, the fill alone as a permeability
-(`coupling.effects.back_reaction`); both answer inside the same Newton iteration, so that the loop is stable for any
-susceptibility of the powder (an explicit magnetisation source alone would diverge above chi of about 1.3).
+spread into the field solve (`coupling.powder_feedback`); they answer inside the same Newton iteration, so that the loop
+is stable for any susceptibility of the powder (an explicit magnetisation source alone would diverge above chi of about
+1.3).
 """
 
 from __future__ import annotations
@@ -51,7 +51,6 @@ class Simulation:
     steps_per_update: int
     updates: int
     n_sectors: int = 1
-    fill: np.ndarray | None = None
     window: int = 0
     _rows: NeighbourRows | None = None
     _rows_key: tuple = ()
@@ -150,7 +149,7 @@ def refresh_field(simulation: Simulation) -> None:
     if source is None or magnetised is None:
         return
     if not isinstance(source, CoilField) or source.feedback is None:
-        source.refresh(simulation.motion.time, simulation.fill)
+        source.refresh(simulation.motion.time)
         magnetised.sampler = source.sampler
         return
     feedback = source.feedback
@@ -158,9 +157,9 @@ def refresh_field(simulation: Simulation) -> None:
     grains = simulation.motion.grains
     for solves in range(MOST_SOLVES + 1):
         feedback.deposit(grains.position, grains.volume, grains.magnetic_moment, source.solution)
-        if solves == MOST_SOLVES and source.is_stale(source.solved_current, None):
+        if solves == MOST_SOLVES and source.is_stale(source.solved_current):
             raise FeedbackError(feedback.residual.total, solves, source.powder_tolerance)
-        if not source.refresh(simulation.motion.time, None):
+        if not source.refresh(simulation.motion.time):
             return
         magnetised.sampler = source.sampler
         magnetised.update(simulation)

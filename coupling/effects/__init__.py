@@ -5,19 +5,14 @@ of a sub-cycle (`add_forces`, which returns its bookings for the balances). To a
 `emclutch.scene.effects`, a line in `emclutch.simulation.assembly`.
 """
 
-from coupling.effects.back_reaction import BackReaction
-from coupling.effects.dipoles import FixedDipoles, MutualDipoles
+from coupling.effects.dipoles import Dipoles
 from coupling.effects.effect import Effect
 from coupling.effects.magnetic_force import MagneticForce, body_torque, gradient_force
-from coupling.effects.wall_images import WallImages
 
 __all__ = [
-    "BackReaction",
+    "Dipoles",
     "Effect",
-    "FixedDipoles",
     "MagneticForce",
-    "MutualDipoles",
-    "WallImages",
     "body_torque",
     "gradient_force",
 ]

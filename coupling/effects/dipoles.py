@@ -1,35 +1,14 @@
-"""Effect `dipoles`: near grains attract one another.
-
-Model `fixed`: point dipoles with the moment of their law; `mutual` and `near_field`: `coupling.mutual_moments`.
-"""
+"""Effect `dipoles`: magnetised grains attract one another (`coupling.mutual_moments`)."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from coupling.dipoles import add_dipole_forces
 from coupling.effects.effect import Effect
 from particles import DVI
 
 
-class FixedDipoles(Effect):
-    """Pair forces inside `cutoff` [m]; the torque m x B of the pairs is booked as the field's reaction."""
-
-    name = "dipoles"
-    of_the_field = True
-
-    def __init__(self, cutoff: float):
-        self.cutoff = cutoff
-
-    def add_forces(self, simulation, force):
-        grains = simulation.motion.grains
-        reaction, _energy = add_dipole_forces(
-            grains.position, grains.magnetic_moment, grains.radius, simulation.rows(self.cutoff), self.cutoff, force
-        )
-        return {"dipoles": reaction}
-
-
-class MutualDipoles(Effect):
+class Dipoles(Effect):
     """Forces of moments that `MutuallyMagnetisedGrains` has found, on each other and on their images in steel."""
 
     name = "dipoles"

@@ -6,10 +6,6 @@ powder. The sampler's gradient is Cartesian and holds the hoop terms of an axisy
 
 With moments that are fed back (`coupling.powder_feedback`) H holds every grain spread out over a width, and the pair
 forces are those of dipoles less their smear: each pair counts once, and H is smooth over that width whatever the mesh.
-
-Known error of model `fixed` with `back_reaction`: there H holds the smeared magnetisation of the near grains too, whose
-forces `dipoles` and `wall_images` compute once more. Fill and gradient are uneven in gaps of a few grains: the torque
-of the quickstart, then, changed by 18 % with the mesh.
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "torque_field": (
         "N m",
         "minus the field's torque on the grains: nothing by the laws for coil and steel of revolution, so what the "
-        "moments are off their fixed point, or with fixed moments off the field of their neighbours",
+        "moments are off their fixed point",
     ),
     "torque_field_gradient": ("N m", "part of torque_field from the gradient force of the field"),
     "torque_field_dipoles": ("N m", "part of torque_field from pairs of dipoles, booked as m x B"),

@@ -19,7 +19,6 @@ from emclutch.scene.fault_report import faults_from
 from emclutch.scene.geometry_sketch import sketch_of
 from emclutch.scene.likely_mistakes import warnings_of
 from emclutch.scene.model import NO_GRAINS, Scene
-from emclutch.scene.renamed_keys import as_written, current_key, rename_keys, renaming_warnings
 from emclutch.scene.section import Section
 
 LARGEST_FILE = 20_000_000
@@ -123,15 +122,15 @@ def case_from(
     """Check a scene given as nested dictionaries, with dotted `values` set in a copy of it; else as `load_case`."""
     changed = copy.deepcopy(dict(data))
     source = "scene" if path is None else str(path)
-    renamed, faults = rename_keys(changed)
+    faults = []
     for key, value in (values or {}).items():
-        faults += _set(changed, current_key(key), value)
+        faults += _set(changed, key, value)
     if faults:
         raise SceneError(faults, source)
     scene, faults = _validate(changed, Path() if path is None else path.parent, trust_scripts)
     if scene is None or faults:
-        raise SceneError(as_written(faults, renamed), source)
-    return Case(scene, path, (*renaming_warnings(renamed), *warnings_of(scene)), changed, trust_scripts)
+        raise SceneError(faults, source)
+    return Case(scene, path, tuple(warnings_of(scene)), changed, trust_scripts)
 
 
 def removes(key: str, value: object) -> bool:

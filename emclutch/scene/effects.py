@@ -55,17 +55,17 @@ class MagneticForceSection(Section):
 class DipolesSection(Section):
     """Forces between the grains' moments within a cut-off."""
 
-    model: Annotated[str, Choice(("fixed", "mutual", "near_field"))] = Field(
-        default="fixed",
-        description="fixed: a grain's moment follows from the field and the mean fill around it; mutual: grains "
-        "magnetise one another and saturate; near_field: besides, the flux in the necks of grains that nearly touch",
+    model: Annotated[str, Choice(("mutual", "near_field"))] = Field(
+        default="near_field",
+        description="mutual: grains magnetise one another as dipoles and saturate; near_field: besides, the flux in "
+        "the necks of grains that nearly touch, without which contacts are too weak",
     )
     cutoff: Annotated[float, number("3", 1.1, 10.0)] = Field(default=3.0, description="reach, in grain diameters")
     update_every: Annotated[Annotated[int, Whole(1, 10_000, "10")] | None, Automatic()] = Field(
         default=None, description="steps between evaluations of the magnetic forces, which are held meanwhile"
     )
     tolerance: Annotated[float, number("1e-3", 1e-12, 0.05)] = Field(
-        default=1e-3, description="mutual and near_field: residual of the moments, relative to the magnetisation"
+        default=1e-3, description="residual of the moments, relative to the magnetisation"
     )
     surface_gap: Annotated[float, number("0.003", 3e-4, 0.5)] = Field(
         default=3e-3,
@@ -83,13 +83,10 @@ class WallImagesSection(Section):
 
 
 class BackReactionSection(Section):
-    """The powder changes the field: its fill, or, where grains magnetise one another, their own moments."""
+    """The powder changes the field: the grains' moments are part of its solution."""
 
-    tolerance: Annotated[Annotated[float, number("0.02", 1e-6, 1.0)] | None, Automatic()] = Field(
-        default=None,
-        description="with dipoles.model = 'fixed' the change of the fill that triggers a new solve, 0.1 unless given "
-        "(0.02 costs nine times the solves and changes the torque by 1 %); with 'mutual' and 'near_field' how far the "
-        "magnetisation of the solve and that of the grains may differ, 0.02 unless given",
+    tolerance: Annotated[float, number("0.02", 1e-6, 1.0)] = Field(
+        default=0.02, description="how far the magnetisation of the solution and that of the grains may differ"
     )
 
 

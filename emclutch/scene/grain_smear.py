@@ -18,9 +18,8 @@ ELEMENTS_A_WIDTH = 4.0
 
 
 def moments_are_fed_back(scene: Scene) -> bool:
-    """Whether the field is solved with the grains' own moments in it: back_reaction, and a model that knows them."""
-    effects = scene.effects
-    return effects.back_reaction is not None and effects.dipoles is not None and effects.dipoles.model != "fixed"
+    """Whether the field is solved with the grains' own moments in it."""
+    return scene.effects.back_reaction is not None and scene.effects.dipoles is not None
 
 
 def layers_change_the_field(scene: Scene) -> bool:

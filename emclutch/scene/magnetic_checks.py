@@ -17,7 +17,7 @@ from emclutch.scene.grain_smear import (
 from emclutch.scene.section import did_you_mean
 
 _MISSING_IN_SPACE = {
-    "back_reaction": "neither fill nor moments of the grains are spread over tetrahedra",
+    "back_reaction": "moments of the grains are not spread over tetrahedra",
     "coil_circuit": "a circuit is solved together with the field of a section only",
     "eddy_currents": "they need a vector potential, and the field in 3D is that of a scalar one",
 }
@@ -77,14 +77,19 @@ def needs_of_effects(draft: Draft) -> Iterator[Fault]:
                 "needs a field; add [field] with source = 'coil' or 'uniform', or remove the effect's table",
             )
     prescribed = draft.scene.prescribed_field is not None
-    for name in ("saturation",) if prescribed else ("saturation", "back_reaction"):  # of the latter: told below
-        if getattr(effects, name) is not None and not magnetic:
-            yield Fault(
-                f"effects.{name}",
-                "",
-                "needs magnetised grains; add [effects.dipoles] or "
-                "[effects.magnetic_force], or remove the effect's table",
-            )
+    if effects.saturation is not None and not magnetic:
+        yield Fault(
+            "effects.saturation",
+            "",
+            "needs magnetised grains; add [effects.dipoles] or [effects.magnetic_force], or remove the effect's table",
+        )
+    if effects.back_reaction is not None and effects.dipoles is None and not prescribed:
+        yield Fault(
+            "effects.back_reaction",
+            "",
+            "needs grains that magnetise one another, whose moments it gives to the field; add [effects.dipoles], or "
+            "remove its table",
+        )
     if effects.wall_images is not None and effects.dipoles is None:
         yield Fault("effects.wall_images", "", "needs dipoles to mirror; add [effects.dipoles], or remove its table")
     if effects.back_reaction is not None and prescribed:
@@ -103,18 +108,12 @@ def needs_of_moments(draft: Draft) -> Iterator[Fault]:
         return
     model, prescribed = effects.dipoles.model, draft.scene.prescribed_field
     macroscopic = prescribed is not None and prescribed.is_macroscopic
-    if model == "fixed":
-        if macroscopic:
-            yield draft.fault(
-                "field.means",
-                "is not used by effects.dipoles.model = 'fixed'; take model = 'near_field' or 'mutual', or remove it",
-            )
-        return
     if particles.law == "thesis":
-        yield draft.fault(
-            "effects.dipoles.model",
+        yield Fault(
+            "effects.dipoles",
+            "",
             "does not go with particles.law = 'thesis': M = chi H has no material behind it, in which grains could "
-            "magnetise one another; take model = 'fixed', or law = 'sphere'",
+            "magnetise one another; remove [effects.dipoles] and keep [effects.magnetic_force], or take law = 'sphere'",
         )
     if moments_are_fed_back(draft.scene):
         yield from _parts_of_the_feedback(draft)
@@ -192,8 +191,8 @@ def room_for_the_smear(draft: Draft) -> Iterator[Fault]:
         yield draft.fault(
             "effects.back_reaction",
             f"spreads each grain over at least {LEAST_WIDTH:g} diameters, and the gap of {1e3 * gap:.3g} mm has "
-            f"{gap / largest:.3g}; remove its table (the field then holds no grain), take effects.dipoles.model = "
-            f"'fixed', or lower particles.{size_key(scene.particles)}",
+            f"{gap / largest:.3g}; remove its table (the field then holds no grain), or lower "
+            f"particles.{size_key(scene.particles)}",
         )
         return
     width = max(smear_width(scene), LEAST_WIDTH * largest)
@@ -208,7 +207,7 @@ def room_for_the_smear(draft: Draft) -> Iterator[Fault]:
         yield draft.fault(
             "effects.back_reaction",
             f"cannot spread grains so near the axis: powder begins at {1e3 * radius:.3g} mm, allowed are 4 widths, "
-            f"{4e3 * width:.3g} mm; remove its table, lower effects.dipoles.cutoff, or take model = 'fixed'",
+            f"{4e3 * width:.3g} mm; remove its table, or lower effects.dipoles.cutoff",
         )
 
 

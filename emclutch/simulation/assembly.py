@@ -4,31 +4,26 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from functools import partial
 from math import pi
 
 import numpy as np
 
 from coupling import (
-    BackReaction,
     CircuitCoilField,
     CoilField,
     CoilField3D,
+    Dipoles,
     EddyCoilField,
     Effect,
-    FillDeposition,
-    FixedDipoles,
     ImposedField,
     LayeredField,
     MagneticForce,
     MagnetisedGrains,
-    MutualDipoles,
     MutuallyMagnetisedGrains,
     MutualMoments,
     NearAttraction,
     PowderFeedback,
     Simulation,
-    WallImages,
     grain_table,
 )
 from emclutch.device.device import CoilDevice, Device
@@ -44,15 +39,11 @@ from emclutch.simulation.plan import Plan
 from field import AxisymmetricProblem, MagneticField, RadialField
 from field.section.eddy_currents import EddyCurrentProblem, VoltageDrive
 from field.three_d import Field3D
-from geometry import SectionMesh, ShearCell
+from geometry import ShearCell
 from geometry.time_profile import TimeProfile
 from particles import DEM, DVI, Body, FreeShaft, GrainMotion, Grains, PrescribedSpeed
 
 log = logging.getLogger(__name__)
-
-# At 0.02 the noise of the fill's deposition sets off a solve in every third window (79 in 194 windows of the clutch,
-# against 9 at 0.1), for a change of the torque of 1 %. Moments are spread over more grains, and their noise is less.
-FILL_TOLERANCE, MOMENTS_TOLERANCE = 0.1, 0.02
 
 
 def assemble(case: Case, device: Device, plan: Plan) -> Simulation:
@@ -94,18 +85,11 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
             energy_budget=scene.output.energy_budget,
         )
     source = field_source(scene, device, motion.bodies, plan.peak_field)
-    deposition = None
-    fill_at = None
-    if chosen.back_reaction is not None and isinstance(source, CoilField):
-        if moments_are_fed_back(scene):
-            source.feedback = feedback_of(scene, source.problem, walls)
-        else:
-            deposition = deposition_of(scene, source.problem.mesh)
-            source.element_volume = deposition.volume
-            fill_at = partial(_fill_at, deposition, source)
-    magnetised = None if source is None else magnetised_grains(scene, source.sampler, fill_at, walls, motion)
+    if moments_are_fed_back(scene) and isinstance(source, CoilField):
+        source.feedback = feedback_of(scene, source.problem, walls)
+    magnetised = None if source is None else magnetised_grains(scene, source.sampler, walls, motion)
     n_sectors = 1 if plan.sector is None else plan.sector.n_sectors
-    effects = effects_of(scene, walls, deposition)
+    effects = effects_of(scene)
     simulation = Simulation(motion, effects, magnetised, source, plan.steps_per_update, plan.updates, n_sectors)
     if simulation.holds_forces and plan.division.rule is None:
         raise AssertionError("effects hold forces, and the plan has one evaluation a window; say so in `make_plan`")
@@ -133,28 +117,22 @@ def rigid_grains(scene: Scene, plan: Plan, rigid: RigidContacts, grains: Grains,
     )
 
 
-def effects_of(scene: Scene, walls, deposition: FillDeposition | None) -> list[Effect]:
+def effects_of(scene: Scene) -> list[Effect]:
     """The effects of the scene, in the order in which they act; gravity and rolling live in the grains' own step."""
     effects: list[Effect] = []
     chosen = scene.effects
-    if deposition is not None:
-        effects.append(BackReaction(deposition))
     if chosen.magnetic_force is not None:
         effects.append(MagneticForce())
     if chosen.dipoles is not None:
-        cutoff = chosen.dipoles.cutoff * scene.grains.largest_diameter
-        fixed = chosen.dipoles.model == "fixed"
-        effects.append(FixedDipoles(cutoff) if fixed else MutualDipoles())
-        if fixed and chosen.wall_images is not None:
-            effects.append(WallImages(cutoff, walls))
+        effects.append(Dipoles())
     return effects
 
 
-def magnetised_grains(scene: Scene, sampler, fill_at, walls, motion: GrainMotion) -> MagnetisedGrains:
+def magnetised_grains(scene: Scene, sampler, walls, motion: GrainMotion) -> MagnetisedGrains:
     """What gives the grains their moments: the field alone, or also the other grains and their images."""
     law, dipoles = grain_law(scene), scene.effects.dipoles
-    if dipoles is None or dipoles.model == "fixed":
-        return MagnetisedGrains(sampler, law, fill_at)
+    if dipoles is None:
+        return MagnetisedGrains(sampler, law)
     fed_back = moments_are_fed_back(scene)
     spread = fed_back or layers_change_the_field(scene)
     solver = MutualMoments(
@@ -176,17 +154,6 @@ def feedback_of(scene: Scene, problem: AxisymmetricProblem, walls) -> PowderFeed
     return PowderFeedback(problem, grain_law(scene), smear_width(scene), scene.grains.sector or 2 * pi, walls)
 
 
-def deposition_of(scene: Scene, mesh: SectionMesh) -> FillDeposition:
-    """Deposition of the scene's grains on the powder's elements of a mesh."""
-    return FillDeposition(mesh, scene.grains.largest_diameter, scene.grains.sector or 2 * pi)
-
-
-def _fill_at(deposition: FillDeposition, source: CoilField, position: np.ndarray) -> np.ndarray:
-    """Solid fraction around the grains that the present field was solved with."""
-    assert source.fill is not None  # set by the window's first solve
-    return deposition.at(position, source.fill)
-
-
 def field_source(
     scene: Scene, device: Device, bodies: Sequence[Body], peak: MagneticField | Field3D | None
 ) -> CoilField | CoilField3D | ImposedField | LayeredField | None:
@@ -205,9 +172,7 @@ def field_source(
         return CoilField3D(coil.problem, coil.turns, coil.current, carrier, coil.newton_tolerance, known=known)
     source = coil_source(scene, device.coil)
     if scene.effects.back_reaction is not None:
-        asked = scene.effects.back_reaction.tolerance
-        default = MOMENTS_TOLERANCE if moments_are_fed_back(scene) else FILL_TOLERANCE
-        source.powder_tolerance = default if asked is None else asked
+        source.powder_tolerance = scene.effects.back_reaction.tolerance
     return source
 
 

@@ -12,8 +12,8 @@ class interruptible:
     """Ctrl-C asks the loop to stop after its window; a second one stops at once.
 
     So does the first one while `at_once()` is true: before there is a window whose end could be waited for, and while a
-    kernel is compiled, which may take a minute. KeyboardInterrupt is raised then; where it is lost, in a callback of the
-    compiler, the loop still stops after its window.
+    kernel is compiled, which may take a minute. KeyboardInterrupt is raised then; where a callback of the compiler
+    loses it, the loop still stops after its window.
     """
 
     def __init__(self, stop: threading.Event, at_once: Callable[[], bool] = lambda: False):

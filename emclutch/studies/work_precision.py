@@ -23,7 +23,6 @@ from emclutch.results.pictures.work_precision import work_precision_picture
 from emclutch.scene.case import Case
 from emclutch.scene.errors import Fault, SceneError, shown
 from emclutch.scene.grain_smear import moments_are_fed_back, narrowest_gap
-from emclutch.simulation.assembly import deposition_of
 from emclutch.simulation.initial_packing import packed
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.run import run
@@ -151,14 +150,11 @@ def has_solved_field(case: Case) -> bool:
 
 
 def field_at(case: Case, points: np.ndarray) -> tuple[dict[str, float | np.ndarray], float]:
-    """Gap B [T], H [A/m] and grad H [A/m^2] at `points`, filled with grains there; and the seconds it took."""
+    """Gap B [T], H [A/m] and grad H [A/m^2] at `points` without grains; and the seconds it took."""
     scene = case.scene
     begin = perf_counter()
     coil = build_coil_device(scene)
-    fill = None
-    if scene.effects.back_reaction is not None:
-        fill = deposition_of(scene, coil.mesh).fill(points, np.full(len(points), scene.grains.grain_volume))
-    solution = coil.solve_at_peak(fill)
+    solution = coil.solve_at_peak(None)
     H, grad_H = solution.sampler("powder").sample(points)
     seconds = perf_counter() - begin
     return {"gap B": coil.gap_flux_density(solution), "H at grains": H, "grad H at grains": grad_H}, seconds

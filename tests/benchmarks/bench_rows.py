@@ -209,14 +209,14 @@ def axial_force_row(rounds: int) -> Row:
 
 
 def moment_rows(rounds: int) -> Iterator[Row]:
-    """A sweep of moments that magnetise one another, beside the forces of fixed dipoles on the same rows."""
+    """A sweep of moments that magnetise one another, beside the forces of point dipoles on the same rows."""
     from moment_cost import bed_prices
 
     n = 8000
     for price in bed_prices(n, 0.45, repeats=2 * rounds + 1):
         remark = f"set up {price.set_up:.0f}, forces {price.forces:.0f} ns a pair"
         yield Row(f"moments, {price.model}", n, 1, "processor", "ns a pair and sweep", price.sweep,
-                  "forces of fixed dipoles", price.fixed, remark)  # fmt: skip
+                  "forces of point dipoles", price.fixed, remark)  # fmt: skip
 
 
 def step_rows(rounds: int) -> Iterator[Row]:

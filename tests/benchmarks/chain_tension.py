@@ -1,4 +1,4 @@
-"""Tension of a chain of 61 iron grains against the field, by three models, beside finite elements of an infinite chain.
+"""Tension of a chain of 61 iron grains against the field, by both models, beside finite elements of an infinite chain.
 
 python tests/benchmarks/chain_tension.py PICTURE.png
 """
@@ -10,8 +10,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from coupling.cluster import magnetised_cluster
-from coupling.dipoles import add_dipole_forces
-from coupling.neighbour_rows import neighbour_rows
 from field import MU_0, GrainLaw
 
 A, LAW, GAPS = 1e-4, GrainLaw(999.0, 1.7e6), (0.001, 0.03, 0.1)
@@ -27,13 +25,7 @@ ELEMENTS = {
 def tension(gap: float, field: float, model: str) -> float:
     """Pull of one half on the other [mu_0 Ms^2 a^2]."""
     x = np.column_stack([np.zeros((61, 2)), (2.0 + gap) * A * np.arange(61)])
-    if model == "fixed":
-        force, radius = np.zeros_like(x), np.full(61, A)
-        M = float(LAW.magnetisation(field, 0.0))
-        moment = np.tile([0.0, 0.0, 4.0 / 3.0 * np.pi * A**3 * M], (61, 1))
-        add_dipole_forces(x, moment, radius, neighbour_rows(x, 1.0), 1.0, force)
-    else:
-        force = magnetised_cluster(x, A, LAW, [0.0, 0.0, field], model=model, smallest_gap=3e-4, tolerance=1e-6).force
+    force = magnetised_cluster(x, A, LAW, [0.0, 0.0, field], model=model, smallest_gap=3e-4, tolerance=1e-6).force
     return -float(force[31:, 2].sum()) / (MU_0 * LAW.Ms**2 * A**2)
 
 
@@ -43,8 +35,8 @@ def main(path: str) -> None:
     axes = figure.add_subplot()
     fields = np.geomspace(1e3, 5e5, 28)
     for number, gap in enumerate(GAPS):
-        for model, style in (("near_field", "-"), ("mutual", "--"), ("fixed", ":")):
-            label = {"-": f"gap {gap:g} radii, near_field", "--": "mutual", ":": "fixed"}[style]
+        for model, style in (("near_field", "-"), ("mutual", "--")):
+            label = f"gap {gap:g} radii, near_field" if style == "-" else "mutual"
             axes.loglog(fields / 1e3, [tension(gap, H, model) for H in fields], style, color=f"C{number}", lw=1.4,
                         label=label if number == 0 or style == "-" else None)  # fmt: skip
         axes.loglog(FIELDS / 1e3, ELEMENTS[gap], "o", color=f"C{number}", ms=5, mfc="none")

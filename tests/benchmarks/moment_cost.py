@@ -1,12 +1,13 @@
-"""Cost of grains that magnetise one another, beside fixed dipoles, in one run: ns a listed pair and sweep.
+"""Cost of grains that magnetise one another, beside forces of point dipoles, in one run: ns a listed pair and sweep.
 
     python tests/benchmarks/moment_cost.py [grains] [solid fraction] [--run FOLDER]
 
-Processor time; one thread unless OMP_NUM_THREADS says otherwise. The peer is the force of fixed dipoles on the same
-rows (`coupling.dipoles`). A listed pair is a row's entry: each pair is seen from both of its grains. What does not
-depend on the moments (`coupling.influence`) is set up once an update, then come the sweeps, then the forces: the price
-of a sweep is the difference between 30 of them and 10. With a finished run (`emclutch run cases/quickstart.toml`), the
-share of it that each part took follows, from its summary: wall-clock time, so of an idle machine.
+Processor time; one thread unless OMP_NUM_THREADS says otherwise. The peer is the force between point dipoles of given
+moments on the same rows (`dipole_forces`). A listed pair is a row's entry: each pair is seen from both of its grains.
+What does not depend on the moments (`coupling.influence`) is set up once an update, then come the sweeps, then the
+forces: the price of a sweep is the difference between 30 of them and 10. With a finished run (`emclutch run
+cases/quickstart.toml`), the share of it that each part took follows, from its summary: wall-clock time, so of an idle
+machine.
 """
 
 import argparse
@@ -19,8 +20,8 @@ from time import process_time
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
+from numba import njit
 
-from coupling.dipoles import add_dipole_forces
 from coupling.grain_law_table import grain_table
 from coupling.mutual_moments import MutualMoments
 from coupling.neighbour_rows import neighbour_rows
@@ -38,6 +39,26 @@ def bed(n: int, fill: float) -> np.ndarray:
     x = np.stack(np.meshgrid(*[np.arange(side)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)[:n] * pitch
     x = x + np.random.default_rng(0).uniform(-0.5, 0.5, x.shape) * (pitch - 2.0 * A)
     return np.ascontiguousarray(x[cell_order(x, REACH)])
+
+
+@njit
+def dipole_forces(position, moment, start, other, force):
+    """F_i = 3 mu_0/(4 pi r^4) sum ((m_j.e) m_i + (m_i.e) m_j + (m_i.m_j) e - 5 (m_i.e)(m_j.e) e) [N], in place."""
+    for i in range(len(position)):
+        mi = moment[i]
+        for k in range(start[i], start[i + 1]):
+            j = other[k]
+            mj = moment[j]
+            x, y, z = position[i] - position[j]
+            r2 = x * x + y * y + z * z
+            r = np.sqrt(r2)
+            x, y, z = x / r, y / r, z / r
+            ai, aj = mi[0] * x + mi[1] * y + mi[2] * z, mj[0] * x + mj[1] * y + mj[2] * z
+            both = mi[0] * mj[0] + mi[1] * mj[1] + mi[2] * mj[2] - 5.0 * ai * aj
+            scale = 3e-7 / (r2 * r2)
+            force[i, 0] += scale * (aj * mi[0] + ai * mj[0] + both * x)
+            force[i, 1] += scale * (aj * mi[1] + ai * mj[1] + both * y)
+            force[i, 2] += scale * (aj * mi[2] + ai * mj[2] + both * z)
 
 
 def timed(call, repeats: int) -> float:
@@ -73,7 +94,7 @@ def shares(folder: Path) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Price:
-    """Prices of a model of the moments, and of fixed dipoles' forces on the same rows [ns a listed pair]."""
+    """Prices of a model of the moments, and of point dipoles' forces on the same rows [ns a listed pair]."""
 
     model: str
     neighbours: float
@@ -93,7 +114,7 @@ def bed_prices(n: int, fill: float, repeats: int = 15) -> list[Price]:
     H = np.tile([0.0, 0.0, 46e3], (n, 1))
     force = np.zeros((n, 3))
     moment = np.tile([0.0, 0.0, 1e-9], (n, 1))
-    fixed = timed(lambda: add_dipole_forces(x, moment, radius, rows, REACH, force), repeats)
+    fixed = timed(lambda: dipole_forces(x, moment, rows.start, rows.other, force), repeats)
     prices = []
     for model in ("mutual", "near_field"):
         solver = MutualMoments(grain_table(law, model), near=model == "near_field", reach=REACH)
@@ -114,16 +135,16 @@ def bed_prices(n: int, fill: float, repeats: int = 15) -> list[Price]:
 
 
 def print_prices(n: int, fill: float) -> None:
-    """Prices of fixed, mutual and near dipoles for each listed pair."""
+    """Prices of given, mutual and near dipoles for each listed pair."""
     prices = bed_prices(n, fill)
     print(
         f"{n} grains at {fill}, {prices[0].neighbours:.1f} listed neighbours within 2.5 d, "
-        f"threads {os.environ['OMP_NUM_THREADS']}; fixed dipoles: forces {prices[0].fixed:.1f} ns a listed pair"
+        f"threads {os.environ['OMP_NUM_THREADS']}; point dipoles: forces {prices[0].fixed:.1f} ns a listed pair"
     )
     for p in prices:
         print(
             f"{p.model}: {p.sweep:.1f} ns a listed pair and sweep, set up {p.set_up:.1f} ns, forces {p.forces:.1f} ns "
-            f"({p.forces / p.fixed:.1f} of fixed); from nothing {p.sweeps} sweeps to {p.residual:.1e}"
+            f"({p.forces / p.fixed:.1f} of point dipoles); from nothing {p.sweeps} sweeps to {p.residual:.1e}"
         )
 
 

@@ -131,10 +131,10 @@ def test_powder_clutch_at_toy_size(tmp_path):
 def test_a_locked_disc_carries_its_load_torque(tmp_path):
     """lock_up.toml on part of its sector: held by its load at first, then locked: the torque is the load, no more.
 
-    Grains are larger, fixed dipoles and the disc is lighter than in the case: it locks in a sixth of the time.
+    Grains are larger, dipoles without necks, and the disc is lighter than in the case: it locks in a sixth of the time.
     """
     toy = {
-        "effects.dipoles.model": "fixed",
+        "effects.dipoles.model": "mutual",
         "output.snapshots": 0, "output.pictures": False, "output.formats": [],
         "particles.sector": "5 deg", "particles.diameter": "0.3 mm", "field.size_factor": 2.0,
         "coil.current": {"times": ["0 ms", "0.25 ms", "0.5 ms"], "values": ["0 A", "0 A", "1 A"]},
@@ -210,7 +210,7 @@ def test_switch_on_at_toy_size(tmp_path):
     case = emclutch.load_case(CASES / "switch_on.toml").with_values({**TOY, "time.end": "2 ms", "time.window": "40 us",
         "output.snapshots": 0,
         "field.size_factor": 3.0, "particles.solid_fraction": 0.05,
-        "effects.dipoles": None, "effects.wall_images": None})  # fmt: skip
+        "effects.dipoles": None, "effects.wall_images": None, "effects.back_reaction": None})  # fmt: skip
     result = emclutch.run(case, out=tmp_path / "run")
     history = result.history
     current, voltage = history["current"], history["coil_voltage"]

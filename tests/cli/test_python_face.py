@@ -26,7 +26,7 @@ CELL = {
     "field": {"source": "uniform", "field_strength": "150 kA/m", "direction": "radial"},
     "particles": {"diameter": "0.3 mm", "solid_fraction": 0.35, "sector": "20 deg"},
     "motion": {"rotor": {"speed": "300 rpm"}, "disc": {"speed": 0.0}},
-    "effects": {"magnetic_force": {}, "dipoles": {"cutoff": 2.5}, "saturation": {}},
+    "effects": {"magnetic_force": {}, "dipoles": {"model": "mutual", "cutoff": 2.5}, "saturation": {}},
     "time": {"end": "0.2 ms", "window": "20 us"},
     "output": {"snapshots": 0, "pictures": False, "formats": []},
     "accuracy": {"replicas": 1},

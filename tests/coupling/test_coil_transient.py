@@ -1,5 +1,7 @@
 """The coil's transients as the coupled loop takes them: by windows, with a fill that moves, stopped and resumed."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from graded_lines import graded_lines
@@ -36,20 +38,18 @@ def problem():
 
 def circuit_source(problem, **more):
     more = {"voltage": lambda t: V, "resistance": R, "largest_current": V / R, "current_tolerance": 0.02, **more}
-    volume = np.ones(problem.powder_elements.size)
-    return CircuitCoilField(problem, N, powder_tolerance=0.05, element_volume=volume, **more)
+    return CircuitCoilField(problem, N, powder_tolerance=0.05, **more)
 
 
 def eddy_source(problem, sigma=5e6, **more):
     return EddyCoilField(problem, N, eddy=EddyCurrentProblem(problem, {"core": sigma}, turns=N), **more)
 
 
-def march(source, fill_at=None, windows=WINDOWS, first=0):
+def march(source, windows=WINDOWS, first=0):
     """(rows of the history, fields solved)."""
     rows, new = [], 0
     for k in range(first, windows):
-        fill = None if fill_at is None else fill_at(k)
-        new += source.refresh(k * WINDOW, fill)
+        new += source.refresh(k * WINDOW)
         rows.append(source.window_row((k + 1) * WINDOW))
     return rows, new
 
@@ -87,20 +87,30 @@ def test_moving_powder_changes_the_current_and_not_the_linkage(problem):
     """The fill rises at once: the linkage goes on, the current drops to what the better iron circuit needs."""
     jump = 60
 
-    def fill_at(k):
-        return np.full(problem.powder_elements.size, 0.1 if k < jump else 0.5)
+    class EvenPowder:
+        """A feedback of even powder, in place of that of grains."""
 
-    source = circuit_source(problem, begin_steady=True)
-    rows, _ = march(source, fill_at, jump)
+        residual = SimpleNamespace(total=0.0)
+        fill = 0.1
+
+        def state(self, solution):
+            return np.full(problem.powder_elements.size, self.fill)
+
+        def solved(self, solution):
+            self.residual.total = 0.0
+
+    source = circuit_source(problem, begin_steady=True, feedback=EvenPowder())
+    rows, _ = march(source, jump)
     before = source.circuit
-    source.refresh(jump * WINDOW, fill_at(jump))
+    source.feedback.fill, source.feedback.residual.total = 0.5, 1.0
+    source.refresh(jump * WINDOW)
     after = source.circuit
     assert after.linkage == pytest.approx(before.linkage, rel=1e-6)
     assert after.current < 0.98 * before.current
     assert source.solution.flux_linkage(N) == pytest.approx(after.linkage, rel=1e-9)
     assert rows[-1]["current"] == pytest.approx(V / R, rel=1e-6), "steady before"
     # and comes back to V/R in the end
-    rows, _ = march(source, fill_at, jump + 600, jump + 1)
+    rows, _ = march(source, jump + 600, jump + 1)
     assert rows[-1]["current"] == pytest.approx(V / R, rel=1e-2)
 
 

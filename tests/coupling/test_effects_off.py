@@ -142,39 +142,27 @@ def test_an_attraction_that_is_off_is_no_argument_of_the_step():
 
 
 # the files that do the work of an effect, and nothing else
-EVER = {
+FILES = {
     "magnetic_force": {"coupling/effects/magnetic_force.py"},
     "eddy_currents": {"field/section/eddy_currents.py"},
-}
-FILES = {
-    "fixed": EVER | {
-        "dipoles": {"coupling/dipoles.py", "coupling/effects/dipoles.py", "coupling/neighbour_rows.py"},
-        "wall_images": {"coupling/wall_images.py", "coupling/effects/wall_images.py"},
-        "back_reaction": {"coupling/effects/back_reaction.py", "coupling/deposition.py"},
-    },
-    "near_field": EVER | {
-        "dipoles": {"coupling/mutual_moments.py", "coupling/near_attraction.py", "coupling/effects/dipoles.py",
-                    "coupling/mutually_magnetised_grains.py", "coupling/neighbour_rows.py"},
-        "back_reaction": {"coupling/powder_feedback.py", "coupling/smeared_grains.py"},
-        "wall_images": {"coupling/wall_reflection.py"},
-    },
+    "dipoles": {"coupling/mutual_moments.py", "coupling/near_attraction.py", "coupling/effects/dipoles.py",
+                "coupling/mutually_magnetised_grains.py", "coupling/neighbour_rows.py"},
+    "back_reaction": {"coupling/powder_feedback.py", "coupling/smeared_grains.py"},
+    "wall_images": {"coupling/wall_reflection.py"},
 }  # fmt: skip
 NEEDS = {  # what goes with an effect that is taken out
-    "fixed": {"dipoles": ("wall_images",)},
-    "near_field": {
-        "dipoles": ("wall_images",), "magnetic_force": ("back_reaction",), "wall_images": ("back_reaction",)
-    },
+    "dipoles": ("wall_images", "back_reaction"), "magnetic_force": ("back_reaction",), "wall_images": ("back_reaction",)
 }  # fmt: skip
 CIRCUIT = "field/coil/coil_circuit.py"  # with eddy currents the circuit is an equation of theirs
 
 
-def calls(without=(), model="fixed"):
+def calls(without=()):
     """Calls by file in one coupling window of the clutch that has them all, and its grains."""
     case = emclutch.load_case(ROOT / "cases/switch_on.toml").with_values({
         "field.size_factor": 3.0, "particles.sector": "5 deg", "particles.solid_fraction": 0.2,
-        "effects.dipoles.model": model,
         "effects.eddy_currents": {}, "effects.coil_circuit": {}, "time.window": "5 us", "time.end": "5 us",
         **{f"effects.{name}": None for name in without},
+        **({"effects.dipoles.model": "mutual"} if without == ("saturation",) else {}),  # necks saturate first
         **({"coil.voltage": None, "coil.current": "1 A"} if "coil_circuit" in without else {}),
     })  # fmt: skip
     found: Counter = Counter()
@@ -195,24 +183,23 @@ def calls(without=(), model="fixed"):
 
 @pytest.fixture(scope="module")
 def all_on():
-    return {model: calls(model=model) for model in FILES}
+    return calls()
 
 
-@pytest.mark.parametrize("model", list(FILES))
-def test_every_effect_works_when_all_are_on(all_on, model):
-    found, simulation = all_on[model]
-    for effect, files in FILES[model].items():
+def test_every_effect_works_when_all_are_on(all_on):
+    found, simulation = all_on
+    for effect, files in FILES.items():
         for file in files:
             assert found[file] > 0, f"{effect}: nothing of {file} was called"
     assert simulation.motion.grains.magnetic_moment is not None and simulation.motion.external_force is not None
 
 
-@pytest.mark.parametrize(("model", "effect"), [(m, e) for m, files in FILES.items() for e in files])
-def test_an_effect_that_is_off_is_never_called(model, effect):
-    without = (effect, *NEEDS[model].get(effect, ()))
-    found, _ = calls(without, model)
+@pytest.mark.parametrize("effect", FILES)
+def test_an_effect_that_is_off_is_never_called(effect):
+    without = (effect, *NEEDS.get(effect, ()))
+    found, _ = calls(without)
     for name in without:
-        for file in FILES[model].get(name, ()):
+        for file in FILES[name]:
             assert found[file] == 0, f"{name} is off, and {file} was called {found[file]} times"
 
 
@@ -226,11 +213,11 @@ def test_without_saturation_grains_are_linear_at_any_field(all_on):
     H, phi = np.array([1e3, 1e6, 2e6]), np.zeros(3)
     linear = calls(("saturation",))[1].magnetised.law.magnetisation(H, phi)
     assert linear[1:] == pytest.approx([1e3 * linear[0], 2e3 * linear[0]], rel=1e-12)
-    assert all_on["fixed"][1].magnetised.law.magnetisation(H, phi)[2] < 0.6 * linear[2]
+    assert all_on[1].magnetised.law.magnetisation(H, phi)[2] < 0.6 * linear[2]
 
 
 def test_without_magnetic_effects_nothing_magnetic_is_there():
-    found, simulation = calls((*FILES["fixed"], "coil_circuit", "saturation"))
+    found, simulation = calls((*FILES, "coil_circuit", "saturation"))
     assert not [file for file in found if file.startswith("field/")]
     assert simulation.magnetised is None and simulation.source is None
     assert simulation.motion.grains.magnetic_moment is None and simulation.motion.external_force is None

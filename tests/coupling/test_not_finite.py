@@ -37,7 +37,7 @@ def grains_of(position):
     return Grains.create(position, 1e-4, 7800.0)
 
 
-@pytest.mark.parametrize("kind", ["fixed", "mutual"])
+@pytest.mark.parametrize("kind", ["lone", "mutual"])
 def test_a_run_names_the_grain(kind):
     """By its id: rows change places when the grains are sorted."""
     grains = grains_of(PLACES)
@@ -51,7 +51,7 @@ def test_a_run_names_the_grain(kind):
     sampler = SimpleNamespace(sample=sample)
     motion = SimpleNamespace(grains=grains)
     simulation = SimpleNamespace(motion=motion, rows=lambda reach: neighbour_rows(PLACES, reach), source=None)
-    if kind == "fixed":
+    if kind == "lone":
         magnetised = MagnetisedGrains(sampler, LAW)
     else:
         solver = MutualMoments(grain_table(LAW, "mutual"), near=False, reach=1e-3)

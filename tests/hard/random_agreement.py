@@ -38,16 +38,13 @@ def _moments(scene: Table, effects: Table, particles: Table, contact: Table) -> 
     dipoles = effects.get("dipoles")
     if dipoles is None:
         effects.pop("wall_images", None)
-    if dipoles is None and "magnetic_force" not in effects:
-        effects.pop("saturation", None)
         effects.pop("back_reaction", None)
-    model = (dipoles or {}).get("model", "fixed")
-    if model != "fixed":
-        particles.pop("law", None)
-        dipoles["cutoff"] = max(2.0, dipoles.get("cutoff", 3.0))
-    elif scene.get("field", {}).get("means") == "macroscopic":
-        del scene["field"]["means"]
-    if model == "near_field":
+        if "magnetic_force" not in effects:
+            effects.pop("saturation", None)
+        return
+    particles.pop("law", None)
+    dipoles["cutoff"] = max(2.0, dipoles.get("cutoff", 3.0))
+    if dipoles.get("model", "near_field") == "near_field":
         effects["saturation"] = {}
         for key in ("susceptibility", "saturation"):  # the table of pairs is there for the default grains only
             particles.pop(key, None)

@@ -99,7 +99,7 @@ gravity = some(
     direction=st.sampled_from(([0.0, 0.0, -1.0], [0, -1, 0], [1.0, 2.0, 3.0], [0, 0, 1e-5])),
 )
 dipoles = some(
-    model=st.sampled_from(("fixed", "mutual", "near_field")),
+    model=st.sampled_from(("mutual", "near_field")),
     cutoff=numbers(1.5, 4.0),
     update_every=st.integers(1, 20) | st.just("auto"),
     tolerance=numbers(1e-6, 0.01),
@@ -112,7 +112,7 @@ cohesion = st.fixed_dictionaries({"force": quantities(0.0, 1e-2, "mN", 1e3)}) | 
 PLAIN = {"gravity": gravity, "rolling_friction": resistance, "twisting_friction": resistance, "cohesion": cohesion}
 MAGNETIC = {"dipoles": dipoles, "magnetic_force": st.just({}), "saturation": st.just({}), "wall_images": st.just({})}
 OF_A_COIL = {
-    "back_reaction": some(tolerance=numbers(0.01, 0.5) | st.just("auto")),
+    "back_reaction": some(tolerance=numbers(0.01, 0.5)),
     "coil_circuit": some(begin=st.sampled_from(("off", "steady")), tolerance=numbers(0.01, 0.5)),
     "eddy_currents": some(
         begin=st.sampled_from(("off", "steady")),

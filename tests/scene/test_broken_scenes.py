@@ -49,7 +49,7 @@ EDITS = {
         "effects.dipoles.cutoff", "allowed: at least 2 diameters"),
     "moments fed back in a gap of one grain": (
         {"effects.dipoles.model": "mutual", "effects.back_reaction": {}, "particles.diameter": "0.6 mm"},
-        "effects.back_reaction", "take effects.dipoles.model = 'fixed', or lower particles.diameter"),
+        "effects.back_reaction", "remove its table (the field then holds no grain), or lower particles.diameter"),
     "misspelt kind": ({"geometry.kind": "clucth"}, "geometry.kind", "did you mean 'clutch'?"),
     "unknown material": ({"geometry.materials.disc": "steel_101"}, "geometry.materials.disc",
         "did you mean 'steel_1010'?"),

@@ -36,7 +36,7 @@ SCENE = {
     "particles": {"diameter": "0.5 mm", "count": 60},
     "contact": {"friction": 0.3, "restitution": 0.5},
     "motion": {"rotor": {"speed": "1000 rpm"}, "disc": {"speed": 0.0}},
-    "effects": {"magnetic_force": {}, "dipoles": {"model": "fixed"}, "saturation": {}},
+    "effects": {"magnetic_force": {}, "dipoles": {"model": "mutual"}, "saturation": {}},
     "time": {"end": "0.01 ms"},
     "output": {"snapshots": 2, "pictures": False},
 }
@@ -167,7 +167,7 @@ REFUSED = {
                               "part 'resin' does not meet the half-plane"),
     "oblique coil": ({"geometry": {"file": "oblique.step"}}, "the coil of a field in 3D is one ring of rectangular"),
     "feedback": ({"effects": {"back_reaction": {}}}, "effects.back_reaction is not there for a field in 3D, which "
-                 "geometry.three_dimensional asks for: neither fill nor moments"),
+                 "geometry.three_dimensional asks for: moments of the grains"),
     "tolerance": ({"field": {"tolerance": 1e-3}}, "field.tolerance = 0.001 refines the mesh of a section"),
     "sector": ({"particles": {"sector": "60 deg"}}, "particles.sector = '60 deg' needs a field that repeats"),
     "axis": ({"geometry": {"axis": "x"}}, "geometry.axis = 'x' is of sections"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import json
 import math
 import subprocess
@@ -17,7 +16,6 @@ from emclutch.scene.case import case_from, load_case
 from emclutch.scene.errors import SceneError
 from emclutch.scene.fill import fill_of
 from emclutch.scene.model import Scene
-from emclutch.scene.renamed_keys import RENAMED
 from emclutch.scene.study import read_study
 from emclutch.scene.time_table import points_of
 
@@ -49,9 +47,16 @@ def test_a_scene_is_frozen(good):
 
 
 def test_values_make_a_new_case(good):
-    other = good.with_values({"coil.current": "0.8 A", "effects.gravity": None, "effects.back_reaction.tolerance": 0.1})
+    other = good.with_values(
+        {
+            "coil.current": "0.8 A",
+            "effects.gravity": None,
+            "effects.wall_images": {},
+            "effects.back_reaction.tolerance": 0.1,
+        }
+    )
     assert points_of(other.scene.coil.current) == ((0.0,), (0.8,))
-    assert other.scene.effects.active == ("magnetic_force", "dipoles", "saturation", "back_reaction")
+    assert other.scene.effects.active == ("magnetic_force", "dipoles", "saturation", "wall_images", "back_reaction")
     assert points_of(good.scene.coil.current) == ((0.0, 0.02), (0.0, 0.94))
     assert good.scene.effects.gravity is not None
 
@@ -77,11 +82,11 @@ def test_current_beyond_the_voltage_is_warned_of(good):
         ({"effects.dipoles.cutoff": 2.0}, ("over 2 diameters", "raise effects.dipoles.cutoff")),
         ({"particles.diameter": "0.45 mm", "particles.sector": "9 deg"}, ("over 2.22 diameters", "smaller grains")),
         ({"effects.dipoles.cutoff": 3.0}, ()),
-        ({"effects.dipoles.cutoff": 2.0, "effects.dipoles.model": "fixed"}, ()),
+        ({"effects.dipoles.cutoff": 2.0, "effects.back_reaction": None}, ()),
     ],
 )
 def test_a_smear_that_knows_single_grains_is_warned_of(values, words):
-    """The quickstart's gap is 1 mm; with fixed dipoles no moment is spread."""
+    """The quickstart's gap is 1 mm; without back_reaction no moment is spread."""
     quickstart = load_case(Path(__file__).parents[2] / "cases" / "quickstart.toml")
     told = [text for text in quickstart.with_values(values).warnings if "spreads a grain" in text]
     assert len(told) == bool(words) and all(word in text for word in words for text in told)
@@ -224,29 +229,3 @@ def test_a_resolved_box_loads_again():
     }
     case = case_from(box)
     assert case_from(tomllib.loads(case.toml())).resolved() == case.resolved()
-
-
-FORMER = {"output.energies": False, "contact.dvi.insist": True}
-
-
-@pytest.mark.parametrize(("former", "value"), FORMER.items())
-def test_a_former_key_is_read_with_a_warning_and_written_by_its_name_of_now(former, value):
-    now = RENAMED[former]
-    case = case_from(BOX).with_values({former: value})
-    assert case.scene == case_from(BOX).with_values({now: value}).scene
-    assert case.scene != case_from(BOX).scene
-    *tables, name = former.split(".")
-    nested = copy.deepcopy(BOX)
-    table = nested
-    for key in tables:
-        table = table.setdefault(key, {})
-    table[name] = value
-    read = case_from(nested)
-    assert read.scene == case.scene and name not in read.toml()
-    assert [w for w in read.warnings if former in w and now in w]
-    table[name] = "perhaps"
-    with pytest.raises(SceneError, match=f"{former} = 'perhaps' .*now called {now}"):
-        case_from(nested)
-    table[now.rpartition(".")[2]] = table[name] = value
-    with pytest.raises(SceneError, match=f"{former}.* former name of {now}.* remove it"):
-        case_from(nested)

@@ -146,7 +146,7 @@ def test_misses_before_a_resumption_count():
 def test_magnetic_forces_move_rigid_grains_as_elastic_ones(tmp_path):
     """The thesis' electromagnetic clutch, current on at once: before grains meet, both methods follow one motion."""
     case = Path(__file__).parents[2] / "cases" / "thesis" / "electromagnetic.toml"
-    short = {"time.end": "0.4 ms", "time.window": "0.2 ms", "particles.count": 60, "coil.current": "8 A"}
+    short = {"time.end": "0.1 ms", "time.window": "0.05 ms", "particles.count": 60, "coil.current": "8 A"}
     short |= {"output.snapshots": 1, "output.pictures": False}
     where = {}
     for method in ("dem", "dvi"):

@@ -30,7 +30,6 @@ def test_the_factor_of_chains_is_that_of_the_sum_over_their_dipoles():
     ("values", "words"),
     [
         ({}, "the run feeds back their own moments"),
-        ({"effects.dipoles.model": "fixed"}, "so has the run, with the fill of its grains"),
         ({"effects.back_reaction": None}, "without powder"),
     ],
 )

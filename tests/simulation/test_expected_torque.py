@@ -43,13 +43,13 @@ def test_torque_of_a_cell_is_the_integral_over_its_cylinders():
     assert in_field(60e3) == pytest.approx(found / GAP, rel=1e-3)
 
 
-@pytest.mark.parametrize(("model", "power"), [("near_field", 1.0), ("mutual", 2.0), ("fixed", 2.0)])
+@pytest.mark.parametrize(("model", "power"), [("near_field", 1.0), ("mutual", 2.0)])
 def test_weak_fields_shear_necks_in_proportion_and_dipoles_as_the_square(model, power):
     weak, twice = (in_field(H, **{"effects.dipoles.model": model}) for H in (100.0, 200.0))
     assert np.log2(twice / weak) == pytest.approx(power, abs=0.01)
 
 
-@pytest.mark.parametrize("model", ["near_field", "mutual", "fixed"])
+@pytest.mark.parametrize("model", ["near_field", "mutual"])
 def test_torque_grows_with_the_field_up_to_the_plateau_of_saturated_grains(model):
     torques = [in_field(H, **{"effects.dipoles.model": model}) for H in (-1e3, 10e3, 50e3, 200e3, 800e3, 9e6)]
     assert np.all(np.diff(torques[:-1]) > 0.0)
@@ -98,7 +98,7 @@ def test_a_shot_clutch_has_its_closed_form():
 
 def test_what_is_a_bound_is_called_one():
     assert "within a factor of three" in expected().in_words()
-    assert "at most" in expected(**{"effects.dipoles.model": "fixed"}).in_words()
+    assert "at most" in expected(**{"effects.dipoles": None, "effects.magnetic_force": {}}).in_words()
     coarse = expected(**{"particles.diameter": "0.5 mm", "particles.sector": None}).in_words()
     assert coarse.startswith("of the order of") and "holds 2.4 grains" in coarse
     box = case_from(CELL, {"geometry": {"kind": "box", "size": ["2 mm", "2 mm", "2 mm"]}, "motion": None,

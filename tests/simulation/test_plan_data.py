@@ -36,7 +36,7 @@ FIELD = {
     "field.direction": "radial",
     "effects.magnetic_force": {},
     "effects.saturation": {},
-    "effects.dipoles": {"model": "fixed"},
+    "effects.dipoles": {"model": "mutual"},
 }
 
 
@@ -75,7 +75,7 @@ def test_a_stiffness_that_is_asked_for_may_be_soft_and_is_told_so():
     [
         ({}, None),
         (FIELD, UpdateRule.CONTACT),
-        (FIELD | {"effects.dipoles": {"model": "fixed", "update_every": 7}}, UpdateRule.ASKED),
+        (FIELD | {"effects.dipoles": {"model": "mutual", "update_every": 7}}, UpdateRule.ASKED),
         (FIELD | {"contact.method": "dvi", "particles.sector": None}, UpdateRule.EVERY_STEP),
     ],
 )

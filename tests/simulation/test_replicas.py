@@ -29,7 +29,11 @@ CELL = {
     "field": {"source": "uniform", "field_strength": "300 kA/m", "direction": "radial"},
     "particles": {"diameter": "0.3 mm", "solid_fraction": 0.45, "sector": "20 deg"},
     "motion": {"rotor": {"speed": "6000 rpm"}, "disc": {"speed": 0.0}},
-    "effects": {"magnetic_force": {}, "dipoles": {"cutoff": 2.5, "update_every": 61}, "saturation": {}},
+    "effects": {
+        "magnetic_force": {},
+        "dipoles": {"model": "mutual", "cutoff": 2.5, "update_every": 61},
+        "saturation": {},
+    },
     "contact": {"stiffness": "50 kN/m"},
     "time": {"end": "6 ms", "until": "torque 1 N m", "window": "20 us", "average_from": "0.4 ms"},
     "accuracy": {"replicas": 3},

@@ -92,7 +92,7 @@ FIELD = {"source": "uniform", "field_strength": "1 kA/m", "direction": "axial"}
 ENTRIES = {
     "field": [FIELD, {**FIELD, "direction": "radial"}, {**FIELD, "direction": "q"}, {"source": "uniform"},
               {**FIELD, "means": "macroscopic"}, {**FIELD, "order": 2}, {**FIELD, "field_strength": "3 kg"}],
-    "effects.dipoles": [None, {"model": "near_field", "cutoff": 1.5}, {"model": "mutual"}, {"model": "fixed"}],
+    "effects.dipoles": [None, {"model": "near_field", "cutoff": 1.5}, {"model": "mutual"}],
     "effects.magnetic_force": [None, {}],
     "effects.saturation": [None, {}],
     "effects.back_reaction": [None, {}],

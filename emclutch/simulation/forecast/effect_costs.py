@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from emclutch.scene.grain_smear import moments_are_fed_back
 from emclutch.simulation.forecast.expected_counts import Counts
 from field.factorisation import available_backends
 
@@ -37,15 +36,12 @@ VISIT_NS = 46.0  # a contact in a sweep of the accelerated solver: thesis/centri
 # An update of the magnetic forces, a grain of it, and a row of a neighbour (a pair is seen from both grains)
 UPDATE_S = 0.3e-3
 SAMPLE_NS = 800.0
-DIPOLE_NS = 60.0  # thesis/electromagnetic
-IMAGE_NS = 27.0  # of the walls' images, for each row
 WEAK_NS = 23.0  # a row of moments that magnetise one another, without a field: lock_up's first millisecond
 MUTUAL_NS = 52.0  # with one, of fields set up and forces: quickstart, powder_clutch
 NEAR_PAIR_NS = 18.0  # besides, of near contacts
 SWEEP_NS = 30.0  # a sweep of the moments
 # Of the field
 DEPOSIT_S = 3e-6  # an element of powder: smear of the moments (quickstart, powder_clutch)
-FILL_S = 1e-7  # the same of the fill alone
 ITERATION_S = {"cholmod": 2.4e-6, "superlu": 1.2e-5}  # an unknown and Newton iteration in the section
 ITERATIONS = 2.0  # quickstart, powder_clutch: one with a new factor and three to four steps with the same, a fifth each
 EDDY = 1.8  # times, where eddy currents are solved for: switch_on
@@ -77,9 +73,7 @@ def step_seconds(scene: Scene, grains: int, counts: Counts) -> float:
 def update_seconds(scene: Scene, grains: int, counts: Counts) -> float:
     """Seconds of an evaluation of the magnetic forces: field at the grains, moments, forces."""
     effects, row = scene.effects, 0.0
-    if effects.dipoles is not None and effects.dipoles.model == "fixed":
-        row = DIPOLE_NS + IMAGE_NS * (effects.wall_images is not None)
-    elif effects.dipoles is not None:
+    if effects.dipoles is not None:
         row = WEAK_NS
         if counts.moment_sweeps > 0.0:
             row = MUTUAL_NS + NEAR_PAIR_NS * is_near(scene) + SWEEP_NS * counts.moment_sweeps
@@ -91,15 +85,13 @@ def field_seconds(scene: Scene, device: Device, counts: Counts) -> float:
     coil = device.section_coil
     if coil is None:
         return 0.0 if device.coil is None else counts.solves * SOLID_S * device.coil.problem.n_dofs
-    deposit = anew = 0.0
+    deposit = update = 0.0
     if scene.effects.back_reaction is not None:
-        fed_back = moments_are_fed_back(scene)
-        each = DEPOSIT_S if fed_back else FILL_S
-        anew = update_seconds(scene, device.fill.count, counts) if fed_back else 0.0
-        deposit = each * coil.problem.powder_elements.size
+        update = update_seconds(scene, device.fill.count, counts)
+        deposit = DEPOSIT_S * coil.problem.powder_elements.size
     eddy = EDDY if scene.effects.eddy_currents is not None else 1.0
     solve = ITERATIONS * eddy * ITERATION_S[available_backends()[0]] * coil.problem.n_dofs
-    return deposit + counts.solves * (solve + deposit + anew)
+    return deposit + counts.solves * (solve + deposit + update)
 
 
 def start_seconds(scene: Scene, device: Device) -> float:

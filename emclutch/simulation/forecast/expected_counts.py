@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from emclutch.scene.grain_smear import moments_are_fed_back
 from emclutch.scene.time_table import points_of
 
 if TYPE_CHECKING:
@@ -28,7 +27,6 @@ LOOSE = 0.1  # without either: grains that hit each other now and then
 SKIN = 0.25  # diameters beyond the cut-off: how far rows of neighbours reach
 SWEEPS = 4.0  # of the moments, an update that starts from the last one's: 3 to 5.5 at a tolerance of 1e-3
 SOLVES = 0.25  # of the field in a window of a quarter of a diameter, where moments are fed back: 0.20 to 0.29
-FILL_SOLVES = 0.05  # where only the fill is
 CURRENT_STEP = 0.01  # of the largest current: a change that calls for a solve
 EDDY_SOLVES = 0.35  # a window, with eddy currents: 1 while the field rises, 0.2 later
 OFF = 0.01  # of the largest current: less makes no chains
@@ -142,9 +140,8 @@ def _solves(scene: Scene, device: Device, time: float, window: float) -> float:
     change = abs(coil.current(time + 0.5 * window) - coil.current(time - 0.5 * window)) / coil.largest_current
     called = min(1.0, change / CURRENT_STEP)
     if field_share(device, time) > OFF:
-        fed_back = moments_are_fed_back(scene)
-        moving = SOLVES if fed_back else FILL_SOLVES if scene.effects.back_reaction is not None else 0.0
-        called = max(called, moving)
+        if scene.effects.back_reaction is not None:
+            called = max(called, SOLVES)
         if scene.effects.eddy_currents is not None:
             called = max(called, EDDY_SOLVES)
     return float(np.clip(called, 0.0, 1.0))
