@@ -22,9 +22,9 @@ from field.laws.reluctivity import Law
 from field.spheres.lone_sphere import saturation, sphere_magnetisation
 from field.spheres.pair_table import FADE_TO, fade, pair_table
 from field.spheres.transverse_pair import transverse_excess
-from geometry.inner_functions import inner
-from geometry.lane_functions import logarithm
-from geometry.lanes import as_lanes, larger, where, whole_part
+from geometry.kernels.device_functions import device_function
+from geometry.kernels.simd import from_integers, maximum, select, to_integers
+from geometry.kernels.simd_math import log
 
 GAUSS_PLACES = (0.2386191860831969, 0.6612093864662645, 0.9324695142031521)  # of six points on -1 .. 1
 GAUSS_WEIGHTS = (0.46791393457269104, 0.3607615730481386, 0.17132449237917036)
@@ -139,7 +139,7 @@ def _made_table(law: Law | GrainLaw, model: str) -> GrainLawTable:
 _kept_table = lru_cache(maxsize=8)(_made_table)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def sphere_ratio(table, H):
     """M/H and dM/dH of a lone sphere in H [A/m]; their limit at 0; beyond the grid M is what it was at its end."""
     last = table.sphere_ratio.shape[0] - 1
@@ -160,20 +160,20 @@ def sphere_ratio(table, H):
     return ratio, ratio + (p + t * (2.0 * second + 3.0 * t * third)) / table.sphere_step
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def gap_place(table, gap):
     """Where a gap in radii lies in the tables; not below 0, and without an end."""
-    return larger((logarithm(gap) - table.gap_start) * (1.0 / table.gap_step), 0.0)
+    return maximum((log(gap) - table.gap_start) * (1.0 / table.gap_step), 0.0)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def field_place(table, H):
     """Where a field H [A/m] of either sign lies in the tables; not below 0, and without an end."""
     h = abs(H) * (1.0 / table.scale)
-    return larger((logarithm(h) - table.field_start) * (1.0 / table.field_step), 0.0)
+    return maximum((log(h) - table.field_start) * (1.0 / table.field_step), 0.0)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def field_held(table, y, H):
     """Of a place of `field_place`: j, y, |H| held at the last field; beyond it falls as 1/h: a share."""
     h, share = abs(H), 1.0
@@ -185,7 +185,7 @@ def field_held(table, y, H):
     return j, y - j, h, share
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def place_in(table, gap, H):
     """Where a gap in radii and a field H [A/m] lie in the tables: i, x and what `field_held` says.
 
@@ -199,7 +199,7 @@ def place_in(table, gap, H):
     return i, x - i, j, y, h, share
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def read(values, i, x, j, y):
     """Bilinear value of a table at a place of `place_in`."""
     low = values[i, j] + y * (values[i, j + 1] - values[i, j])
@@ -207,7 +207,7 @@ def read(values, i, x, j, y):
     return low + x * (high - low)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def moment_at(table, x, y, H):
     """dM [A/m] at places of `gap_place` and `field_place`, of the field H [A/m]; odd in H."""
     if not x < table.across.shape[0] - 1:
@@ -217,7 +217,7 @@ def moment_at(table, x, y, H):
     return np.copysign(h, H) * share * read(table.moment, i, x - i, j, y)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def eight_places(table, x, H):
     """Of eight near pairs at places ``x`` of `gap_place` in fields H [A/m], as `near_excess`: rows of the tables and
     how far behind them, the same of columns; |H| held at the last field, a share, and 1.0 (0.0 beyond the last gap)."""
@@ -225,26 +225,26 @@ def eight_places(table, x, H):
     y, h = field_place(table, H), abs(H)
     end = table.scale * np.exp(table.field_start + last_column * table.field_step)
     beyond = y > last_column
-    y, size, share = where(beyond, last_column, y), where(beyond, end, h), where(beyond, end / h, 1.0)
-    row = whole_part(where(x < last_row - 1.0, x, last_row - 1.0))
-    column = whole_part(where(y < last_column - 1.0, y, last_column - 1.0))
-    return row, x - as_lanes(row), column, y - as_lanes(column), size, share, where(x < last_row, 1.0, 0.0)
+    y, size, share = select(beyond, last_column, y), select(beyond, end, h), select(beyond, end / h, 1.0)
+    row = to_integers(select(x < last_row - 1.0, x, last_row - 1.0))
+    column = to_integers(select(y < last_column - 1.0, y, last_column - 1.0))
+    return row, x - from_integers(row), column, y - from_integers(column), size, share, select(x < last_row, 1.0, 0.0)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def excess_moment(table, gap, H):
     """dM [A/m] at a gap in radii and a field H [A/m]; odd in H."""
     return moment_at(table, gap_place(table, gap), field_place(table, H), H)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def excess_force(table, gap, H):
     """dF [mu_0 A^2/m^2 a^2] >= 0 at a gap in radii and a field H [A/m] of either sign."""
     i, x, j, y, h, share = place_in(table, gap, H)
     return 0.0 if i < 0 else read(table.force, i, x, j, y) * h * h * share
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def near_excess(table, x, y, H):
     """dF [mu_0 A^2/m^2 a^2], dM [A/m] and `across` [-] at places of `gap_place` and `field_place`, of the field H."""
     if not x < table.across.shape[0] - 1:
@@ -257,7 +257,7 @@ def near_excess(table, x, y, H):
     return force, moment if H > 0.0 else -moment, across
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def mean_force(table, gap, end, y, H):
     """dF as `near_excess`, its mean over a step that takes the gap to ``end``: by six points of Gauss in ln g."""
     force = 0.0

@@ -1,4 +1,4 @@
-"""Images of grains in steel walls, many side by side: their influence on grains, and their forces.
+"""Images of grains in steel walls, in SIMD vectors of eight: their influence on grains, and their forces.
 
 A grain's image acts on itself and on its neighbours. Of a pair and a wall both halves of the energy of
 `coupling.mirror` are found at once, for both grains: they are the same two pairs of dipoles, j* with i and j with i*.
@@ -10,7 +10,7 @@ p n . P_j to the potential. The field's part seen from j is the transposed one, 
 energy.
 
 Pairs and walls whose images may be within reach are listed, a few hundred at a time, and found eight at a time
-(`geometry.lanes`). A last group that is not full repeats its last image, which adds nothing then.
+(`geometry.kernels.simd`). A last group that is not full repeats its last image, which adds nothing then.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from coupling.kernel_state import ENTRY, FIRST, N_PAIR, SECOND, SHIFT, TWIN
 from coupling.mirror import FACES_NO_WALL, mirrored, pushed
 from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, field_slopes
 from coupling.row_lanes import either
-from geometry.inner_functions import inner
-from geometry.lane_functions import square_root
-from geometry.lane_tables import add_to_rows, columns, eight_of
-from geometry.lanes import LANES, as_lanes, first_lanes, lanes_of, where
+from geometry.kernels.device_functions import device_function
+from geometry.kernels.simd import LANES, from_integers, mask_of_first, select, splat
+from geometry.kernels.simd_math import sqrt
+from geometry.kernels.simd_tables import gather_columns, load, scatter_add
 
 MOST_WALLS = 31  # two bits of a word each
 IMAGED_CHUNK = 256  # pairs, or grains, whose images one thread takes at once
@@ -33,7 +33,7 @@ WALL, N_SEEN = N_PAIR, N_PAIR + 1  # after the columns of a pair
 HEIGHT_I, HEIGHT_J, N_HEIGHTS = range(3)
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@device_function(error_model="numpy", fastmath={"contract"})
 def over_walls(grains):
     """Heights (n, w) [m] at which grains are mirrored; and, as bits (n,), on which side of which walls they are."""
     height, radius = grains.height, grains.radius
@@ -47,7 +47,7 @@ def over_walls(grains):
     return mirrored_at, sides
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _add_seen(i, j, shift, e, t, reach, over, count, seen, heights):
     """List the walls in which grain i may be within reach of the image of j; how many are listed then."""
     mirrored_at, sides = over
@@ -63,7 +63,7 @@ def _add_seen(i, j, shift, e, t, reach, over, count, seen, heights):
     return count
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def of_pairs(h, until, reach, over, imaged, seen, heights):
     """List the images of the pairs h to ``until``; how many. ``over`` is `over_walls`."""
     count = 0
@@ -78,7 +78,7 @@ def of_pairs(h, until, reach, over, imaged, seen, heights):
     return count
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def of_grains(i, until, reach, over, seen, heights):
     """List the images that the grains i to ``until`` have of themselves; how many."""
     count = 0
@@ -88,7 +88,7 @@ def of_grains(i, until, reach, over, seen, heights):
     return count
 
 
-@inner(borrows=True, error_model="numpy", forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", forceinline=True)
 def _fill_up(count, seen, heights):
     for c in range(count, LANES * ((count + LANES - 1) // LANES)):
         for a in range(N_SEEN):
@@ -97,7 +97,7 @@ def _fill_up(count, seen, heights):
             heights[a, c] = heights[a, count - 1]
 
 
-@inner(forceinline=True)
+@device_function(forceinline=True)
 def _of_walls(i, w, n_walls):
     """Rows of eight grains and walls in a table (n w, ...)."""
     return (
@@ -106,48 +106,48 @@ def _of_walls(i, w, n_walls):
     )  # fmt: skip
 
 
-@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def over(x, y, h, tangent_r, tangent_z):
     """Normal of a wall over a place, which it does not have on the axis; and the way (3) from there to the image."""
     rho2 = x * x + y * y
-    out = where(rho2 > 0.0, -tangent_z / square_root(rho2), 0.0)
+    out = select(rho2 > 0.0, -tangent_z / sqrt(rho2), 0.0)
     nx, ny = out * x, out * y
     return nx, ny, tangent_r, -2.0 * h * nx, -2.0 * h * ny, -2.0 * h * tangent_r
 
 
-@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _block(dx, dy, dz, reach, smear):
     """4 pi T (xx, yy, zz, xy, xz, yz) and 4 pi p n at the distance vector d from a moment; 0 beyond reach."""
     r2 = dx * dx + dy * dy + dz * dz
-    r = square_root(r2)
+    r = sqrt(r2)
     per_r = 1.0 / r
     nx, ny, nz = dx * per_r, dy * per_r, dz * per_r
     c1, c2, p = field_factors(r, reach, smear)
-    within = where(r2 < reach * reach, 1.0, 0.0)
+    within = select(r2 < reach * reach, 1.0, 0.0)
     c1, c2, p = c1 * within, c2 * within, p * within
     ax, ay, az = c1 * nx, c1 * ny, c1 * nz
     return ax * nx - c2, ay * ny - c2, az * nz - c2, ax * ny, ax * nz, ay * nz, p * nx, p * ny, p * nz
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _lay(c, seen, heights, place, rows, walls):
     """Of eight images from c on: turn of the partner, strength; of both grains centre [m] and what is `over` it."""
-    crossed = as_lanes(eight_of(seen, SHIFT, c))
-    turn = where(crossed * crossed > 0.0, rows.turn_cos[1], 1.0), rows.turn_sin[1] * crossed
-    tangent_r, tangent_z, _, k = columns(walls, eight_of(seen, WALL, c), 2)
-    xi, yi, zi, _ = columns(place, eight_of(seen, FIRST, c), 0)
-    xj, yj, zj, _ = columns(place, eight_of(seen, SECOND, c), 0)
+    crossed = from_integers(load(seen, SHIFT, c))
+    turn = select(crossed * crossed > 0.0, rows.turn_cos[1], 1.0), rows.turn_sin[1] * crossed
+    tangent_r, tangent_z, _, k = gather_columns(walls, load(seen, WALL, c), 2)
+    xi, yi, zi, _ = gather_columns(place, load(seen, FIRST, c), 0)
+    xj, yj, zj, _ = gather_columns(place, load(seen, SECOND, c), 0)
     xj, yj = turn[0] * xj - turn[1] * yj, turn[1] * xj + turn[0] * yj
-    over_i = over(xi, yi, eight_of(heights, HEIGHT_I, c), tangent_r, tangent_z)
-    over_j = over(xj, yj, eight_of(heights, HEIGHT_J, c), tangent_r, tangent_z)
+    over_i = over(xi, yi, load(heights, HEIGHT_I, c), tangent_r, tangent_z)
+    over_j = over(xj, yj, load(heights, HEIGHT_J, c), tangent_r, tangent_z)
     return turn, k, (xi, yi, zi), over_i, (xj, yj, zj), over_j
 
 
-@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _influence(laid, there, reach, smear):
     """Block of the image of j, and what the image of i makes of the potential at j; none where not ``there``."""
     (c, s), k, (xi, yi, zi), (wx, wy, wz, ox, oy, oz), (jx, jy, jz), (ux, uy, uz, qx, qy, qz) = laid
-    k = OVER_4PI * where(there, k, 0.0)
+    k = OVER_4PI * select(there, k, 0.0)
     # at i of the image of j: T P
     axx, ayy, azz, axy, axz, ayz, fx, fy, fz = _block(xi - (jx + qx), yi - (jy + qy), zi - (jz + qz), reach, smear)
     vx, vy, vz = axx * ux + axy * uy + axz * uz, axy * ux + ayy * uy + ayz * uz, axz * ux + ayz * uy + azz * uz
@@ -172,7 +172,7 @@ def _influence(laid, there, reach, smear):
     )
 
 
-@inner(borrows=True, error_model="numpy", forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", forceinline=True)
 def clear_blocks(h, until, imaged, image):
     """Put 0 into the blocks (k, 12) of the pairs h to ``until``."""
     for g in range(h, until):
@@ -184,54 +184,54 @@ def clear_blocks(h, until, imaged, image):
             image[t, m] = 0.0
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def influences_of_pairs(count, model, place, rows, walls, seen, heights, image):
     """Blocks (k, 12) of the first ``count`` images listed, of pairs: of both entries."""
     for c in range(0, count, LANES):
-        there = first_lanes(count - c)
+        there = mask_of_first(count - c)
         x, y, z, back = _influence(_lay(c, seen, heights, place, rows, walls), there, model.reach, model.smear)
-        e, t = eight_of(seen, ENTRY, c), eight_of(seen, TWIN, c)
-        add_to_rows(image, e, 0, None, None, x)
-        add_to_rows(image, e, 4, None, None, y)
-        add_to_rows(image, e, 8, None, None, z)
-        share = where(as_lanes(t) >= 0.0, 1.0, 0.0)
+        e, t = load(seen, ENTRY, c), load(seen, TWIN, c)
+        scatter_add(image, e, 0, None, None, x)
+        scatter_add(image, e, 4, None, None, y)
+        scatter_add(image, e, 8, None, None, z)
+        share = select(from_integers(t) >= 0.0, 1.0, 0.0)
         back = back[0] * share, back[1] * share, back[2] * share
         to = either(t, e)
-        add_to_rows(image, to, 0, None, None, (x[0] * share, y[0] * share, z[0] * share, back[0]))
-        add_to_rows(image, to, 4, None, None, (x[1] * share, y[1] * share, z[1] * share, back[1]))
-        add_to_rows(image, to, 8, None, None, (x[2] * share, y[2] * share, z[2] * share, back[2]))
+        scatter_add(image, to, 0, None, None, (x[0] * share, y[0] * share, z[0] * share, back[0]))
+        scatter_add(image, to, 4, None, None, (x[1] * share, y[1] * share, z[1] * share, back[1]))
+        scatter_add(image, to, 8, None, None, (x[2] * share, y[2] * share, z[2] * share, back[2]))
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def influences_of_grains(count, model, place, rows, walls, seen, heights, itself, own_image):
     """Add the first ``count`` images listed, of grains themselves, to blocks (n, 12); and what they make of the
     potential: rows (n w, 4)."""
     n_walls = walls.shape[0]
     for c in range(0, count, LANES):
-        there = first_lanes(count - c)
+        there = mask_of_first(count - c)
         x, y, z, _ = _influence(_lay(c, seen, heights, place, rows, walls), there, model.reach, model.smear)
-        i = eight_of(seen, ENTRY, c)
-        add_to_rows(itself, i, 0, None, None, x)
-        add_to_rows(itself, i, 4, None, None, y)
-        add_to_rows(itself, i, 8, None, None, z)
-        add_to_rows(
-            own_image, _of_walls(i, eight_of(seen, WALL, c), n_walls), 0, None, None, (x[3], y[3], z[3], 0.0 * z[3])
+        i = load(seen, ENTRY, c)
+        scatter_add(itself, i, 0, None, None, x)
+        scatter_add(itself, i, 4, None, None, y)
+        scatter_add(itself, i, 8, None, None, z)
+        scatter_add(
+            own_image, _of_walls(i, load(seen, WALL, c), n_walls), 0, None, None, (x[3], y[3], z[3], 0.0 * z[3])
         )
 
 
-@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _pull(ax, ay, az, bx, by, bz, dx, dy, dz, reach, smear):
     """Force on moment a at d from moment b, over mu_0/(4 pi); at a the field of b, at b that of a, on 4 pi.
 
     As `coupling.pair_fields.pair_force`; 0 beyond reach.
     """
     r2 = dx * dx + dy * dy + dz * dz
-    r = square_root(r2)
+    r = sqrt(r2)
     per_r = 1.0 / r
     nx, ny, nz = dx * per_r, dy * per_r, dz * per_r
     c1, c2, _ = field_factors(r, reach, smear)
     c1_r, c2_r = field_slopes(r, reach, smear)
-    within = where(r2 < reach * reach, 1.0, 0.0)
+    within = select(r2 < reach * reach, 1.0, 0.0)
     c1, c2, c1_r, c2_r = c1 * within, c2 * within, c1_r * within, c2_r * within
     an, bn = ax * nx + ay * ny + az * nz, bx * nx + by * ny + bz * nz
     turning = c1 * per_r
@@ -245,7 +245,7 @@ def _pull(ax, ay, az, bx, by, bz, dx, dy, dz, reach, smear):
     )
 
 
-@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _moving_along(x, y, image, k, m, turned, n, g, field):
     """What the force g on a grain's image is on the grain at x, y itself, because the image moves with it.
 
@@ -255,17 +255,17 @@ def _moving_along(x, y, image, k, m, turned, n, g, field):
     along = 2.0 * (g[0] * n[0] + g[1] * n[1] + g[2] * n[2])  # in the section it moves mirrored
     gx, gy, gz = g[0] - along * n[0], g[1] - along * n[1], g[2] - along * n[2]
     rho2 = x * x + y * y
-    per_rho = where(rho2 > 0.0, 1.0 / square_root(rho2), 0.0)
+    per_rho = select(rho2 > 0.0, 1.0 / sqrt(rho2), 0.0)
     ex, ey = -y * per_rho, x * per_rho
     # about the axis by the ratio of radii
-    more = (square_root(image[0] * image[0] + image[1] * image[1]) * per_rho - 1.0) * (gx * ex + gy * ey)
+    more = (sqrt(image[0] * image[0] + image[1] * image[1]) * per_rho - 1.0) * (gx * ex + gy * ey)
     # its moment turns with the half plane: dm*/dphi = z x m* - P (z x m)
     tx, ty, tz = mirrored(k, -m[1], m[0], 0.0, n[0], n[1], n[2])
     more = more + (field[0] * (-turned[1] - tx) + field[1] * (turned[0] - ty) - field[2] * tz) * per_rho
     return gx + more * ex, gy + more * ey, gz
 
 
-@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _forces(laid, there, a, b, reach, smear):
     """Forces of images on i and on j [N], of the moments a and b: -dU/dx, see `coupling.mirror`; 0 if not there."""
     (c, s), k, (xi, yi, zi), (wx, wy, wz, ox, oy, oz), (jx, jy, jz), (ux, uy, uz, qx, qy, qz) = laid
@@ -282,16 +282,16 @@ def _forces(laid, there, a, b, reach, smear):
     p = _moving_along(xi, yi, (ox, oy), k, (ax, ay), own, (wx, wy, wz), g, at_image_i)
     f_on_image = (-f[0], -f[1], -f[2])
     q = _moving_along(jx, jy, (qx, qy), k, (bx, by), others, (ux, uy, uz), f_on_image, at_image_j)
-    half = where(there, 0.5 * MU_0_OVER_4PI, 0.0)
+    half = select(there, 0.5 * MU_0_OVER_4PI, 0.0)
     x, y, z = half * (q[0] - g[0]), half * (q[1] - g[1]), half * (q[2] - g[2])
-    none = lanes_of(0.0)
+    none = splat(0.0)
     return (
         (half * (f[0] + p[0]), half * (f[1] + p[1]), half * (f[2] + p[2]), none),
         (c * x + s * y, c * y - s * x, z, none),  # in the frame of j
     )
 
 
-@inner(borrows=True, error_model="numpy", forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", forceinline=True)
 def clear_forces(h, until, imaged, force):
     """Put 0 into the rows (k, 4) of the pairs h to ``until``."""
     for g in range(h, until):
@@ -301,7 +301,7 @@ def clear_forces(h, until, imaged, force):
         force[t, 0] = force[t, 1] = force[t, 2] = force[t, 3] = 0.0
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def find_forces(count, model, place, source, rows, walls, seen, heights, force):
     """Add the forces of the first ``count`` images listed to rows (k, 4) [N]: of their entries, or of their grains.
 
@@ -309,12 +309,12 @@ def find_forces(count, model, place, source, rows, walls, seen, heights, force):
     """
     for c in range(0, count, LANES):
         laid = _lay(c, seen, heights, place, rows, walls)
-        ax, ay, az, _ = columns(source, eight_of(seen, FIRST, c), 0)
-        bx, by, bz, _ = columns(source, eight_of(seen, SECOND, c), 0)
-        there = first_lanes(count - c)
+        ax, ay, az, _ = gather_columns(source, load(seen, FIRST, c), 0)
+        bx, by, bz, _ = gather_columns(source, load(seen, SECOND, c), 0)
+        there = mask_of_first(count - c)
         here, back = _forces(laid, there, (ax, ay, az), (bx, by, bz), model.reach, model.smear)
-        e, t = eight_of(seen, ENTRY, c), eight_of(seen, TWIN, c)
-        add_to_rows(force, e, 0, None, None, here)
-        share = where(as_lanes(t) >= 0.0, 1.0, 0.0)
+        e, t = load(seen, ENTRY, c), load(seen, TWIN, c)
+        scatter_add(force, e, 0, None, None, here)
+        share = select(from_integers(t) >= 0.0, 1.0, 0.0)
         back = share * back[0], share * back[1], share * back[2], back[3]
-        add_to_rows(force, either(t, e), 0, None, None, back)
+        scatter_add(force, either(t, e), 0, None, None, back)

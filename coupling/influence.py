@@ -14,7 +14,7 @@ from coupling.influence_kernels import (
 )
 from coupling.kernel_state import N_PAIR, Chosen, Influence, MagneticGrains, PairModel, Rows
 from coupling.row_lanes import IMAGED, NEAR
-from geometry.lanes import LANES
+from geometry.kernels.simd import LANES
 
 
 def find_influence(

@@ -4,7 +4,7 @@ Field and potential of a moment are linear in it. Those of a neighbour follow fr
 (`coupling.row_lanes`). A grain's own images, and those of its neighbours in steel, are blocks (3, 4), see
 `coupling.image_lanes`; of near pairs, what gives their drive is kept.
 
-Eight pairs are found side by side (`geometry.lanes`).
+Eight pairs are computed at a time (`geometry.kernels.simd`).
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from coupling.image_lanes import (
 from coupling.kernel_state import ENTRY, FIRST, SECOND, SHIFT, TWIN
 from coupling.pair_fields import OVER_4PI, field_factors
 from coupling.row_lanes import beside, kinds_of_row, turn_of
-from geometry.inner_functions import inner
-from geometry.lane_functions import square_root
-from geometry.lane_tables import columns, eight_of, put_eight
-from geometry.lanes import LANES, larger, where
+from geometry.kernels.device_functions import device_function
+from geometry.kernels.simd import LANES, maximum, select
+from geometry.kernels.simd_math import sqrt
+from geometry.kernels.simd_tables import gather_columns, load, store
 
 # columns of a near pair; PER_TRUE: one over the distance, PER_R: where grains that overlap touch
 NX, NY, NZ, PER_R, MUTUAL, MEAN, PLACE, PER_TRUE, N_NEAR = range(9)
@@ -102,16 +102,16 @@ def image_influences(model, grains, rows, imaged, walls, image, itself, own_imag
         influences_of_grains(m, model, place, rows, walls, seen, heights, itself, own_image)
 
 
-@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def bend_along(x, y, radial, hoop, axial, mixed, nx, ny, nz):
     """n . grad H . n [A/m^2] at x, y, of the slopes of a field of revolution, see `coupling.mutual_moments`."""
     rho2 = x * x + y * y
-    per_rho = where(rho2 > 0.0, 1.0 / square_root(rho2), 0.0)
+    per_rho = select(rho2 > 0.0, 1.0 / sqrt(rho2), 0.0)
     n_r, n_phi = (nx * x + ny * y) * per_rho, (ny * x - nx * y) * per_rho
     return radial * n_r * n_r + hoop * n_phi * n_phi + (axial * nz + mixed * n_r) * nz
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def slope_along(i, nx, ny, nz, grains):
     """n . grad H . n [A/m^2] of the applied field at grain i, n in the grain's own place."""
     slope, position = grains.slope, grains.position
@@ -120,41 +120,41 @@ def slope_along(i, nx, ny, nz, grains):
     )  # fmt: skip
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _near_eight(b, table, model, place, drive, slope, rows, near, near_pair):
-    i, j = eight_of(near.once, b, FIRST), eight_of(near.once, b, SECOND)
+    i, j = load(near.once, b, FIRST), load(near.once, b, SECOND)
     c, s = turn_of(rows, near.once, b)
-    xi, yi, zi, ri = columns(place, i, 0)
-    xj, yj, zj, rj = columns(place, j, 0)
-    hx, hy, hz, _ = columns(drive, i, 0)
-    gx, gy, gz, _ = columns(drive, j, 0)
+    xi, yi, zi, ri = gather_columns(place, i, 0)
+    xj, yj, zj, rj = gather_columns(place, j, 0)
+    hx, hy, hz, _ = gather_columns(drive, i, 0)
+    gx, gy, gz, _ = gather_columns(drive, j, 0)
     hx, hy, hz = hx + (c * gx - s * gy), hy + (s * gx + c * gy), hz + gz
     dx, dy, dz = xi - (c * xj - s * yj), yi - (s * xj + c * yj), zi - zj
     both = ri + rj
-    true_r = square_root(dx * dx + dy * dy + dz * dz)
+    true_r = sqrt(dx * dx + dy * dy + dz * dz)
     per_true = 1.0 / true_r
     nx, ny, nz = dx * per_true, dy * per_true, dz * per_true
-    r = larger(true_r, both)
+    r = maximum(true_r, both)
     per_r = 1.0 / r
-    gap = larger((true_r - both) * both / (2.0 * ri * rj), model.smallest_gap)
+    gap = maximum((true_r - both) * both / (2.0 * ri * rj), model.smallest_gap)
     mean = 0.5 * (hx * nx + hy * ny + hz * nz)
     _, _, p = field_factors(r, model.reach, model.smear)
     if model.smear:  # the partner's smear, which the applied field holds, is not its drive: Q/(4 pi r^3)
         p = per_r * per_r
         # the mean of the cubic, see `coupling.moment_kernels.drive_of_pair`
-        radial, hoop, axial, mixed = columns(slope, i, 0)
+        radial, hoop, axial, mixed = gather_columns(slope, i, 0)
         bend = bend_along(xi, yi, radial, hoop, axial, mixed, nx, ny, nz)
-        radial, hoop, axial, mixed = columns(slope, j, 0)
+        radial, hoop, axial, mixed = gather_columns(slope, j, 0)
         bend = bend - bend_along(xj, yj, radial, hoop, axial, mixed, c * nx + s * ny, c * ny - s * nx, nz)
         mean = mean - r * (1.0 / 12.0) * bend
-    put_eight(near_pair, b, NX, nx)
-    put_eight(near_pair, b, NY, ny)
-    put_eight(near_pair, b, NZ, nz)
-    put_eight(near_pair, b, PER_R, per_r)
-    put_eight(near_pair, b, PER_TRUE, per_true)
-    put_eight(near_pair, b, MUTUAL, OVER_4PI * p * per_r)
-    put_eight(near_pair, b, MEAN, mean)
-    put_eight(near_pair, b, PLACE, gap_place(table, gap))
+    store(near_pair, b, NX, nx)
+    store(near_pair, b, NY, ny)
+    store(near_pair, b, NZ, nz)
+    store(near_pair, b, PER_R, per_r)
+    store(near_pair, b, PER_TRUE, per_true)
+    store(near_pair, b, MUTUAL, OVER_4PI * p * per_r)
+    store(near_pair, b, MEAN, mean)
+    store(near_pair, b, PLACE, gap_place(table, gap))
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})

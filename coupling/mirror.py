@@ -17,12 +17,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 
 FACES_NO_WALL = 1e30
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def height_over(walls, w, x, y, z, reach):
     """Signed height over the line of wall ``w``, `FACES_NO_WALL` where the foot lies beside or farther than reach."""
     dr, dz = np.sqrt(x * x + y * y) - walls[w, 0], z - walls[w, 1]
@@ -31,7 +31,7 @@ def height_over(walls, w, x, y, z, reach):
     return h if 0.0 <= along <= walls[w, 4] and abs(h) < reach else FACES_NO_WALL
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def normal_at(walls, w, x, y):
     """The normal of wall ``w`` in the half plane of a point."""
     rho = np.sqrt(x * x + y * y)
@@ -41,13 +41,13 @@ def normal_at(walls, w, x, y):
     return out * x, out * y, walls[w, 2]
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def pushed(h, radius):
     """The height at which a grain is mirrored: not nearer than its radius, its poles do not enter the steel."""
     return max(h, radius) if h > 0.0 else min(h, -radius)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def mirrored(k, mx, my, mz, nx, ny, nz):
     """P m."""
     twice = 2.0 * (mx * nx + my * ny + mz * nz)

@@ -28,9 +28,9 @@ from coupling.mirror import FACES_NO_WALL, height_over, normal_at, pushed
 from coupling.pair_fields import OVER_4PI, field_factors
 from coupling.pair_lanes import MU_0, N_SCRATCH, excess_of_eight, near_forces_of_eight
 from coupling.row_lanes import beside, dipole_force, field_of_row
-from geometry.inner_functions import inner
-from geometry.lane_functions import square_root
-from geometry.lanes import LANES
+from geometry.kernels.device_functions import device_function
+from geometry.kernels.simd import LANES
+from geometry.kernels.simd_math import sqrt
 
 CONTRAST_POWER = 1.2
 BLOCKS = 32  # of near pairs that one thread takes at once
@@ -77,7 +77,7 @@ def gather_fields(model, grains, rows, known, field, potential, own_image):
             )
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def drive_of_pair(i, j, c, s, nx, ny, nz, r, model, grains):
     """Mean field h [A/m] along n between the centres of i and j, without what each makes at the other.
 
@@ -103,7 +103,7 @@ def drive_of_pair(i, j, c, s, nx, ny, nz, r, model, grains):
     return h
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def drive_at_wall(i, w, nx, ny, nz, h, walls, model, grains):
     """Mean field [A/m] along the wall's normal between a grain and its image, without what each makes at the other."""
     moment, applied, potential, own_image = grains.moment, grains.applied, grains.potential, grains.own_image
@@ -134,7 +134,7 @@ def magnetise(table, model, grains, rows, walls, known, damping, share, contrast
     for b in prange(known.near_once.shape[0]):
         excess_of_eight(b, table, source, rows, known, drawn)
     for i in prange(position.shape[0]):
-        strength = square_root(field[i, 0] ** 2 + field[i, 1] ** 2 + field[i, 2] ** 2)
+        strength = sqrt(field[i, 0] ** 2 + field[i, 1] ** 2 + field[i, 2] ** 2)
         ratio, steepness = sphere_ratio(table, strength)
         contrast[i] = max(ratio * steepness / 9.0, 0.0) ** CONTRAST_POWER  # the slope's rounding may be negative
         vx = vy = vz = square = sum_v = 0.0
@@ -154,11 +154,11 @@ def magnetise(table, model, grains, rows, walls, known, damping, share, contrast
                 vx, vy, vz = vx + v * nx, vy + v * ny, vz + v * nz
                 square += v * v
                 sum_v += abs(v)
-        part = square_root(square) / sum_v if sum_v > 0.0 else 0.0
+        part = sqrt(square) / sum_v if sum_v > 0.0 else 0.0
         mx = ratio * field[i, 0] + part * vx
         my = ratio * field[i, 1] + part * vy
         mz = ratio * field[i, 2] + part * vz
-        most = square_root(mx * mx + my * my + mz * mz)
+        most = sqrt(mx * mx + my * my + mz * mz)
         if near and most > table.scale:
             cut = table.scale / most
             mx, my, mz, part = cut * mx, cut * my, cut * mz, cut * part

@@ -12,15 +12,15 @@ With n the unit vector from b to a and r their distance, the field of b's moment
 The force is the gradient of U at fixed moments, so the third law is exact and angular momentum closes with the torque
 m x H. Both derivatives follow from Q' = 4 pi r^2 K: c2' = -(4 pi K + 3 c2)/r and c1' = 3 c2' + 4 pi K'.
 
-Distances and moments may be numbers, or lanes of eight (`geometry.lanes`).
+Distances and moments may be scalars or SIMD vectors (`geometry.kernels.simd`).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from geometry.inner_functions import inner
-from geometry.lanes import larger
+from geometry.kernels.device_functions import device_function
+from geometry.kernels.simd import maximum
 
 MU_0_OVER_4PI = 1e-7
 OVER_4PI = 1.0 / (4.0 * np.pi)
@@ -32,15 +32,15 @@ def smeared_at_itself(reach: float, smear: bool) -> float:
     return 35.0 / (32.0 * np.pi * reach**3) if smear else 0.0
 
 
-@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _switched(r, reach):
     """The switch s(r) and ds/dr [1/m]."""
     width = (1.0 - SWITCH) * reach
-    t = larger((r - SWITCH * reach) * (1.0 / width), 0.0)
+    t = maximum((r - SWITCH * reach) * (1.0 / width), 0.0)
     return 1.0 - t * t * (3.0 - 2.0 * t), -6.0 * t * (1.0 - t) * (1.0 / width)
 
 
-@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def field_factors(r, reach, smear):
     """c1, c2 [1/m^3] and p [1/m^2] at distance r < reach."""
     per_r = 1.0 / r
@@ -58,7 +58,7 @@ def field_factors(r, reach, smear):
     return 3.0 * c2, c2, switch * per_r2
 
 
-@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def field_slopes(r, reach, smear):
     """dc1/dr and dc2/dr [1/m^4] at distance r < reach."""
     per_r = 1.0 / r
@@ -75,7 +75,7 @@ def field_slopes(r, reach, smear):
     return 3.0 * slope, slope
 
 
-@inner(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def pair_force(ax, ay, az, bx, by, bz, nx, ny, nz, r, reach, smear):
     """Force on moment a [A m^2] from moment b, over mu_0/(4 pi) [A^2]; on b it is the opposite."""
     c1, _, _ = field_factors(r, reach, smear)

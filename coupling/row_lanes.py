@@ -1,4 +1,4 @@
-"""Rows of neighbours, eight entries side by side: which of them are near, what they make of the field, their forces.
+"""Rows of neighbours, in SIMD vectors of eight entries: which are near, the field that they produce, their forces.
 
 Inner functions of `coupling.influence_kernels` and `coupling.moment_kernels`. Every pair is found from each of its
 grains: that costs less than to put the reaction where the partner's row lies. What a distance decides is found from
@@ -15,15 +15,15 @@ from coupling.grain_law_table import FARTHEST_GAP
 from coupling.kernel_state import SHIFT
 from coupling.mirror import FACES_NO_WALL
 from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, pair_force
-from geometry.inner_functions import inner
-from geometry.lane_functions import square_root
-from geometry.lane_tables import column, columns, eight_from, eight_of, entries
-from geometry.lanes import LANES, as_lanes, bits_of, first_lanes, lanes_of, larger, sum_of_lanes, where
+from geometry.kernels.device_functions import device_function
+from geometry.kernels.simd import LANES, from_integers, mask_of_first, maximum, movemask, reduce_add, select, splat
+from geometry.kernels.simd_math import sqrt
+from geometry.kernels.simd_tables import eight_indices, gather, gather_column, gather_columns, load
 
 NEAR, IMAGED = 1, 2  # bits of an entry's kind
 
 
-@inner(error_model="numpy")
+@device_function(error_model="numpy")
 def beside(vector, last):
     """A table (n, 4) of vectors (n, 3) and one number each (n,): rows of it come into lanes at once."""
     table = np.empty((vector.shape[0], 4))
@@ -32,7 +32,7 @@ def beside(vector, last):
     return table
 
 
-@inner(forceinline=True)
+@device_function(forceinline=True)
 def either(t, e):
     """Eight rows t, those of e where there are none (-1)."""
     return (
@@ -42,7 +42,7 @@ def either(t, e):
     )  # fmt: skip
 
 
-@inner(borrows=True, error_model="numpy", forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", forceinline=True)
 def crosses(rows, i):
     """Whether a neighbour of grain i stands beyond a face of the sector."""
     found = 0
@@ -51,18 +51,18 @@ def crosses(rows, i):
     return found != 0
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def turn_of(rows, once, b):
     """Cosine and sine of the turns from the second grains to the first of the pairs in a block of `Chosen.once`."""
-    return _turn(rows, as_lanes(eight_of(once, b, SHIFT)))
+    return _turn(rows, from_integers(load(once, b, SHIFT)))
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _turn(rows, crossed):
-    return where(crossed * crossed > 0.0, rows.turn_cos[1], 1.0), rows.turn_sin[1] * crossed
+    return select(crossed * crossed > 0.0, rows.turn_cos[1], 1.0), rows.turn_sin[1] * crossed
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def kinds_of_row(i, place, height, model, rows, kind):
     """Which neighbours of grain i make a near pair with it, and which have an image that may be within reach.
 
@@ -71,42 +71,42 @@ def kinds_of_row(i, place, height, model, rows, kind):
     x, y, z, ri = place[i, 0], place[i, 1], place[i, 2], place[i, 3]
     stop, crossing = rows.start[i + 1], crosses(rows, i)
     for first in range(rows.start[i], stop, LANES):
-        slot = eight_from(first, stop - 1)
-        j = entries(rows.other, slot)
-        dx, dy, dz, rj = columns(place, j, 0)
+        slot = eight_indices(first, stop - 1)
+        j = gather(rows.other, slot)
+        dx, dy, dz, rj = gather_columns(place, j, 0)
         near = imaged = 0
         if model.near:
             if crossing:
-                c, s = _turn(rows, as_lanes(entries(rows.shift, slot)))
+                c, s = _turn(rows, from_integers(gather(rows.shift, slot)))
                 dx, dy = c * dx - s * dy, s * dx + c * dy
             dx, dy, dz = x - dx, y - dy, z - dz
             both = ri + rj
             farthest = both + FARTHEST_GAP * 2.0 * ri * rj / both
-            near = bits_of(dx * dx + dy * dy + dz * dz < farthest * farthest)
+            near = movemask(dx * dx + dy * dy + dz * dz < farthest * farthest)
         for w in range(height.shape[1]):
             h = height[i, w]
             if abs(h) < FACES_NO_WALL:
                 # never nearer than both heights; one that faces no wall is farther than any reach
-                others = column(height, j, w)
-                imaged |= bits_of(abs(h + others) < model.reach) & bits_of(others * h >= 0.0)
+                others = gather_column(height, j, w)
+                imaged |= movemask(abs(h + others) < model.reach) & movemask(others * h >= 0.0)
         for a in range(min(stop - first, LANES)):
             kind[first + a] = ((near >> a) & 1) * NEAR + ((imaged >> a) & 1) * IMAGED
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _eight_neighbours(i, first, stop, crossing, place, source, rows):
     """Grain i from eight neighbours (3) [m], their radii [m] and moments (3) [A m^2], as grain i sees them."""
-    slot = eight_from(first, stop - 1)
-    j = entries(rows.other, slot)
-    x, y, z, radius = columns(place, j, 0)
-    mx, my, mz, _ = columns(source, j, 0)
+    slot = eight_indices(first, stop - 1)
+    j = gather(rows.other, slot)
+    x, y, z, radius = gather_columns(place, j, 0)
+    mx, my, mz, _ = gather_columns(source, j, 0)
     if crossing:
-        c, s = _turn(rows, as_lanes(entries(rows.shift, slot)))
+        c, s = _turn(rows, from_integers(gather(rows.shift, slot)))
         x, y, mx, my = c * x - s * y, s * x + c * y, c * mx - s * my, s * mx + c * my
     return (place[i, 0] - x, place[i, 1] - y, place[i, 2] - z), radius, (mx, my, mz)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def field_of_row(i, place, source, model, rows):
     """Field (3) [A/m] and potential [A] at grain i of its neighbours' moments.
 
@@ -114,24 +114,24 @@ def field_of_row(i, place, source, model, rows):
     """
     reach, smear = model.reach, model.smear
     ri = place[i, 3]
-    sx = sy = sz = total = lanes_of(0.0)
+    sx = sy = sz = total = splat(0.0)
     stop, crossing = rows.start[i + 1], crosses(rows, i)
     for first in range(rows.start[i], stop, LANES):
         (dx, dy, dz), rj, (ax, ay, az) = _eight_neighbours(i, first, stop, crossing, place, source, rows)
         r2 = dx * dx + dy * dy + dz * dz
-        r = square_root(r2)
+        r = sqrt(r2)
         per_r = 1.0 / r
-        c1, c2, p = field_factors(larger(r, ri + rj), reach, smear)
-        within = where(first_lanes(stop - first), where(r2 < reach * reach, OVER_4PI, 0.0), 0.0)
+        c1, c2, p = field_factors(maximum(r, ri + rj), reach, smear)
+        within = select(mask_of_first(stop - first), select(r2 < reach * reach, OVER_4PI, 0.0), 0.0)
         nx, ny, nz, c2 = dx * per_r, dy * per_r, dz * per_r, c2 * within
         along = (nx * ax + ny * ay + nz * az) * within
         total = total + p * along
         along = c1 * along
         sx, sy, sz = sx + (along * nx - c2 * ax), sy + (along * ny - c2 * ay), sz + (along * nz - c2 * az)
-    return sum_of_lanes(sx), sum_of_lanes(sy), sum_of_lanes(sz), sum_of_lanes(total)
+    return reduce_add(sx), reduce_add(sy), reduce_add(sz), reduce_add(total)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def dipole_force(i, place, source, model, rows):
     """Force (3) [N] of the neighbours' dipoles on grain i, and the torque of their field about z [N m].
 
@@ -140,24 +140,24 @@ def dipole_force(i, place, source, model, rows):
     reach, smear = model.reach, model.smear
     ri = place[i, 3]
     ax, ay, az = source[i, 0], source[i, 1], source[i, 2]
-    total_x = total_y = total_z = total_t = lanes_of(0.0)
+    total_x = total_y = total_z = total_t = splat(0.0)
     stop, crossing = rows.start[i + 1], crosses(rows, i)
     for first in range(rows.start[i], stop, LANES):
         (dx, dy, dz), rj, (bx, by, bz) = _eight_neighbours(i, first, stop, crossing, place, source, rows)
         r2 = dx * dx + dy * dy + dz * dz
-        true_r = square_root(r2)
+        true_r = sqrt(r2)
         per_r = 1.0 / true_r
         nx, ny, nz = dx * per_r, dy * per_r, dz * per_r
-        r = larger(true_r, ri + rj)
+        r = maximum(true_r, ri + rj)
         fx, fy, fz = pair_force(ax, ay, az, bx, by, bz, nx, ny, nz, r, reach, smear)
         # grains that overlap: dipoles at touching, and their torque at the true distance
-        lever = where(true_r < r, r * per_r, 1.0)
+        lever = select(true_r < r, r * per_r, 1.0)
         along = (1.0 - lever) * (fx * nx + fy * ny + fz * nz)
-        within = where(first_lanes(stop - first), where(r2 < reach * reach, MU_0_OVER_4PI, 0.0), 0.0)
+        within = select(mask_of_first(stop - first), select(r2 < reach * reach, MU_0_OVER_4PI, 0.0), 0.0)
         total_x = total_x + within * (along * nx + lever * fx)
         total_y = total_y + within * (along * ny + lever * fy)
         total_z = total_z + within * (along * nz + lever * fz)
         c1, c2, _ = field_factors(r, reach, smear)  # m x B of the neighbour
         turning = c1 * (bx * nx + by * ny + bz * nz) * (ax * ny - ay * nx) - c2 * (ax * by - ay * bx)
         total_t = total_t + within * turning
-    return sum_of_lanes(total_x), sum_of_lanes(total_y), sum_of_lanes(total_z), sum_of_lanes(total_t)
+    return reduce_add(total_x), reduce_add(total_y), reduce_add(total_z), reduce_add(total_t)

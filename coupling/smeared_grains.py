@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 
 CELLS = 2  # of the grid in which grains are found, along the width
 
@@ -88,7 +88,7 @@ class SectionSmear:
         return out
 
 
-@inner(error_model="numpy", fastmath={"contract", "reassoc"})
+@device_function(error_model="numpy", fastmath={"contract", "reassoc"})
 def _sums(r, z, grains, start, low, shape, cell, width, slopes):
     """Sums over the grains near (r, z) of (1 - rho^2/a^2)^(5/2)/sqrt(r r_i) times volume and moment, and their slopes.
 

@@ -20,7 +20,7 @@ from time import perf_counter
 
 import numpy as np
 
-from geometry.kernel_cache import compile_seconds
+from geometry.kernels.cache import compile_seconds
 from particles import DviTotals
 
 

@@ -3,7 +3,7 @@
 The field in 3D, for devices with slots or teeth, is the sub-package `field.three_d`.
 """
 
-import geometry.kernel_cache  # noqa: F401 (before the first kernel is defined)
+import geometry.kernels.cache  # noqa: F401 (before the first kernel is defined)
 from field.coil.coil_circuit import solve_at_flux_linkage
 from field.coil.inductance import FluxLinkageCurve
 from field.coil.magnetic_circuit import Branch, FilledPowder, FluxTube, MagneticCircuit, clutch_circuit

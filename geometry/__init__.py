@@ -1,6 +1,6 @@
 """What the device looks like: parametric cross-sections, meshes with named regions, walls of grains."""
 
-import geometry.threads  # noqa: F401 (before gmsh or numba load the OpenMP library)
+import geometry.kernels.threads  # noqa: F401 (before gmsh or numba load the OpenMP library)
 from geometry.annular_cell import ShearCell
 from geometry.box import Box
 from geometry.centrifugal import CentrifugalClutch, Chamber

@@ -1,6 +1,6 @@
 """Grains: state, neighbours, contact, walls and shafts, DEM, packing."""
 
-import geometry.kernel_cache  # noqa: F401 (before the first kernel is defined)
+import geometry.kernels.cache  # noqa: F401 (before the first kernel is defined)
 from particles.bodies import Body, FreeShaft, PrescribedSpeed
 from particles.dem.attraction import Attraction, contact_share, depth_warning
 from particles.dem.dem import DEM

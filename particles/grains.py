@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geometry.cache_lines import on_lines
+from geometry.kernels.aligned_arrays import aligned_zeros
 
 RECORDS = ("position_radius", "velocity_force", "mass", "particle_id")
 """The arrays of `Grains` that are always there."""
@@ -44,9 +44,9 @@ class Grains:
         magnetic_moment: np.ndarray | None = None,
     ) -> None:
         """From arrays of shapes (n, 3), (n, 3), (n, 3), (n,), (n,), (n,), (n, 3); `create` checks them."""
-        self.position_radius = on_lines((len(radius), 4))
+        self.position_radius = aligned_zeros((len(radius), 4))
         self.position_radius[:, :3], self.position_radius[:, 3] = position, radius
-        self.velocity_force = on_lines((len(radius), 12))
+        self.velocity_force = aligned_zeros((len(radius), 12))
         self.velocity_force[:, :3], self.velocity_force[:, 3:6] = velocity, angular_velocity
         self.mass, self.particle_id, self.magnetic_moment = mass, particle_id, magnetic_moment
 
@@ -167,7 +167,7 @@ class Grains:
         """Put grain ``order[k]`` into place k in every array."""
         for name in RECORDS:
             old = getattr(self, name)
-            new = on_lines(old.shape) if old.ndim > 1 else np.empty_like(old)
+            new = aligned_zeros(old.shape) if old.ndim > 1 else np.empty_like(old)
             setattr(self, name, old.take(order, axis=0, out=new, mode="clip"))  # else numpy takes a copy besides
         if self.magnetic_moment is not None:
             self.magnetic_moment = self.magnetic_moment.take(order, axis=0)

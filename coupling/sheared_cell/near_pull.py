@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from coupling.moment_kernels import MU_0
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 
 FOLLOWED = 0.1  # radii: nearer ones read the table at every step
 PLACE, FACTOR, ACROSS, GAP, PULL, SLOPE, N_GRIP = range(7)
@@ -19,7 +19,7 @@ end), across [N], and beyond FOLLOWED the gap [radii], the pull there [N] and it
 _BESIDE = 1.02
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@device_function(error_model="numpy", fastmath={"contract"})
 def table_pull(table, gap, place, factor, across):
     """Pull [N] at a gap [radii]."""
     x = (np.log(gap) - table.gap_start) / table.gap_step
@@ -35,7 +35,7 @@ def table_pull(table, gap, place, factor, across):
     return factor * (low + x * (high - low)) + across * aside
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@device_function(error_model="numpy", fastmath={"contract"})
 def take_grip(table, gap, H, h_t2, radius, grip, q):
     """Fill ``grip[q]`` from the gap [radii], the drive H [A/m] and the square of the field across [A^2/m^2]."""
     unit = MU_0 * radius * radius
@@ -56,7 +56,7 @@ def take_grip(table, gap, H, h_t2, radius, grip, q):
         grip[q, GAP], grip[q, PULL], grip[q, SLOPE] = gap, pull, (beside - pull) / ((_BESIDE - 1.0) * gap)
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@device_function(error_model="numpy", fastmath={"contract"})
 def held_pull(table, gap, grip, q):
     """Pull [N] at the present gap [radii]."""
     if grip[q, GAP] > 0.0:

@@ -14,8 +14,8 @@ from emclutch.simulation.run_observers import RunObservers
 from emclutch.simulation.run_request import RunRequest
 from emclutch.simulation.started_run import StartedRun
 from emclutch.simulation.summary import summarise
-from geometry.kernel_cache import specialisations
-from geometry.machine_code import machine_code_digest
+from geometry.kernels.cache import specialisations
+from geometry.kernels.machine_code import machine_code_digest
 
 if TYPE_CHECKING:
     from particles.diagnostics.profiles import Profile

@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from geometry.kernel_cache import ROOT, has_entries
-from geometry.threads import default_threads
+from geometry.kernels.cache import ROOT, has_entries
+from geometry.kernels.threads import default_threads
 from geometry.walls import cylinder
 from particles import (
     DEM,
@@ -108,7 +108,7 @@ def start(scene: Any) -> subprocess.Popen | None:
 def step_compiled_beside(scene: Any, tell: Callable[[str], None]) -> Iterator[None]:
     """Compile the grains' step in a second process during the block.
 
-    Whoever asks for the step meanwhile waits for it at the cache's lock (`geometry.kernel_cache`).
+    Whoever asks for the step meanwhile waits for it at the cache's lock (`geometry.kernels.cache`).
     """
     child = start(scene)
     if child is not None:

@@ -29,7 +29,7 @@ from emclutch.results.folder_lock import FolderInUse, has_files, locked_folder
 from emclutch.results.history import last_time
 from emclutch.results.set_aside import set_aside
 from emclutch.scene.replica_count import replica_count, replica_seed
-from geometry.kernel_cache import ROOT
+from geometry.kernels.cache import ROOT
 
 if TYPE_CHECKING:
     import pandas

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from geometry.threads import default_threads, threads_asked_for
+from geometry.kernels.threads import default_threads, requested_threads
 
 
 def use_threads(threads: int | None, replicas: int = 1) -> int:
@@ -22,7 +22,7 @@ def use_threads(threads: int | None, replicas: int = 1) -> int:
 
 def threads_are_open(threads: int | None) -> bool:
     """Whether neither the caller nor ``OMP_NUM_THREADS`` says how many, so that a run may find out what pays."""
-    return threads is None and threads_asked_for() is None
+    return threads is None and requested_threads() is None
 
 
 def threads_in_use() -> int:

@@ -8,7 +8,7 @@ import signal
 import threading
 from concurrent.futures import ProcessPoolExecutor
 
-from geometry.threads import default_threads
+from geometry.kernels.threads import default_threads
 
 
 def worker_pool(jobs: int) -> ProcessPoolExecutor:

@@ -13,7 +13,7 @@ from numba import njit
 from scipy.interpolate import CubicHermiteSpline
 
 from field.laws.reluctivity import NU_0, Law, LinearLaw
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 
 # Cubics of a sampled law: 1e-6 takes 50 to 150 for the laws here, 1e-9 up to a thousand.
 _MOST_INTERVALS = 20_000
@@ -65,7 +65,7 @@ class HSpline:
         return w
 
 
-@inner(error_model="numpy")
+@device_function(error_model="numpy")
 def _interval(B, breaks, last):
     """Index of the interval that holds B, by bisection; `last` is tried first (neighbours in an element are alike)."""
     if breaks[last] <= B and (last == breaks.size - 2 or B < breaks[last + 1]):

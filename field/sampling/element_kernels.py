@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, prange
 
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 
 CHUNK = 1024  # points a task; each point's result depends on that point alone, so any number would do
 
@@ -46,7 +46,7 @@ class TriangleSearch(NamedTuple):
     margin: float
 
 
-@inner(error_model="numpy", inline="always")
+@device_function(error_model="numpy", inline="always")
 def _triangle_at(r, z, hint, affine, start, items, origin, inverse_size, shape, margin):
     """Element (-1 outside) and its last two barycentric coordinates."""
     found, best = -1, -margin

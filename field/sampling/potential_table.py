@@ -26,7 +26,7 @@ from field.sampling.locate import PointOutside
 from field.sampling.result_arrays import result_arrays
 from field.sampling.table_grid import TableGrid
 from field.sampling.thread_count import shared_by
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 
 _CHUNK = 1024  # points a task
 # Powers of t beside one of s; a constant from another file would go stale in the kernel's cache.
@@ -115,7 +115,7 @@ class _Cells(NamedTuple):
     number: np.ndarray
 
 
-@inner(error_model="numpy", inline="always")
+@device_function(error_model="numpy", inline="always")
 def _cell_at(r, z, r_lines, z_lines, r_bins, z_bins, number):
     """Cell of the grid, -1 outside."""
     # written so that a NaN coordinate is outside

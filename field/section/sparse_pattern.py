@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 from numba import njit
 
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 
 
 class FixedPattern:
@@ -121,7 +121,7 @@ def _columns(local, start, owner, in_clique, clique, mark, count, indptr, indice
             indices[indptr[column] : indptr[column] + n].sort()
 
 
-@inner()
+@device_function()
 def _place(indptr, indices, row, column):
     low, high = indptr[column], indptr[column + 1] - 1
     while low < high:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 
 
 class Tetrahedra(NamedTuple):
@@ -58,7 +58,7 @@ class Pattern(NamedTuple):
     indices: np.ndarray
 
 
-@inner(error_model="numpy")
+@device_function(error_model="numpy")
 def _inverse(points, nodes, e, slopes, s, n):
     """Determinant and cofactors of dx/dxi: the nine numbers are the inverse times the determinant."""
     a00 = a01 = a02 = a10 = a11 = a12 = a20 = a21 = a22 = 0.0
@@ -143,7 +143,7 @@ def divergence(elements, quadrature, flow, out):
                     out[k] += slopes[s, i, 0] * u + slopes[s, i, 1] * v + slopes[s, i, 2] * w
 
 
-@inner(error_model="numpy")
+@device_function(error_model="numpy")
 def _position(indptr, indices, row, column):
     low, high = indptr[row], indptr[row + 1]
     while high - low > 1:

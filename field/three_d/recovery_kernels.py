@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 
 
 class Stencils(NamedTuple):
@@ -33,7 +33,7 @@ class Stencils(NamedTuple):
     frame: np.ndarray
 
 
-@inner(error_model="numpy")
+@device_function(error_model="numpy")
 def _monomials(frame, k, dx, dy, dz, parent, axis, m):
     x = frame[k, 0, 0] * dx + frame[k, 0, 1] * dy + frame[k, 0, 2] * dz
     y = frame[k, 1, 0] * dx + frame[k, 1, 1] * dy + frame[k, 1, 2] * dz
@@ -75,7 +75,7 @@ def factorise(nodes, stencils, parent, axis, least, m, factor, good):
             L[i, i] = np.sqrt(pivot)
 
 
-@inner(error_model="numpy")
+@device_function(error_model="numpy")
 def _power(x, n):
     value = 1.0
     for _ in range(n):

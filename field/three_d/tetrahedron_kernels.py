@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, prange
 
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 
 CHUNK = 512  # points a task; each point's result depends on that point alone, so any number would do
 
@@ -76,7 +76,7 @@ class Copies(NamedTuple):
     matrix: np.ndarray
 
 
-@inner(error_model="numpy", inline="always")
+@device_function(error_model="numpy", inline="always")
 def _coordinates(affine, bend, reach, e, x, y, z, margin):
     """Reference coordinates (found, u, v, w) in element e; not found where it is clear that the point is outside."""
     x, y, z = x - affine[e, 0], y - affine[e, 1], z - affine[e, 2]
@@ -112,7 +112,7 @@ def _coordinates(affine, bend, reach, e, x, y, z, margin):
     return False, u, v, w
 
 
-@inner(error_model="numpy", inline="always")
+@device_function(error_model="numpy", inline="always")
 def _slopes(bend, e, i, u, v, w):
     """Derivatives of component i of u + q(u)."""
     return (
@@ -122,7 +122,7 @@ def _slopes(bend, e, i, u, v, w):
     )
 
 
-@inner(error_model="numpy")
+@device_function(error_model="numpy")
 def _tetrahedron_at(x, y, z, hint, search):
     """Element (-1 outside) and its last three barycentric coordinates."""
     affine, bend, reach, start, items, origin, inverse_size, cells, margin = search
@@ -160,7 +160,7 @@ def find(points, search, element, local):
         local[k, 0], local[k, 1], local[k, 2] = u, v, w
 
 
-@inner(error_model="numpy", inline="always")
+@device_function(error_model="numpy", inline="always")
 def _quadratic(powers, e, i, u, v, w):
     return (
         powers[e, i, 0]

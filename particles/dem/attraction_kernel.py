@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from geometry.inner_functions import inner
-from geometry.lane_functions import logarithm
-from geometry.lane_tables import bilinear, linear
-from geometry.lanes import as_lanes, larger, where, whole_part
+from geometry.kernels.device_functions import device_function
+from geometry.kernels.simd import from_integers, maximum, select, to_integers
+from geometry.kernels.simd_math import log
+from geometry.kernels.simd_tables import interpolate_bilinear, interpolate_linear
 
 # columns of a slot's drive
 COLUMN, AMPLITUDE, ACROSS = range(3)
@@ -35,15 +35,17 @@ class HeldAttraction(NamedTuple):
     cross: np.ndarray
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def pulls_at(held, gap, column, amplitude, across_amplitude):
     """Pulls [N] of eight slots at gaps [radii]: linear in ln gap and in the column, 0 beyond the grid."""
     values = held.values
-    place = larger((logarithm(larger(gap, held.smallest_gap)) - held.gap_start) * held.per_gap_step, 0.0)
+    place = maximum((log(maximum(gap, held.smallest_gap)) - held.gap_start) * held.per_gap_step, 0.0)
     # also of what is not a number
     last_row, last_column = values.shape[0] - 2.0, values.shape[1] - 2.0
-    row = whole_part(where(place < last_row, place, last_row))
-    first = whole_part(where(column < last_column, column, last_column))
-    x, y = place - as_lanes(row), column - as_lanes(first)
-    pull = amplitude * bilinear(values, row, x, first, y) + across_amplitude * linear(held.across, row, x)
-    return where(gap < held.last_gap, pull, 0.0)
+    row = to_integers(select(place < last_row, place, last_row))
+    first = to_integers(select(column < last_column, column, last_column))
+    x, y = place - from_integers(row), column - from_integers(first)
+    pull = amplitude * interpolate_bilinear(values, row, x, first, y) + across_amplitude * interpolate_linear(
+        held.across, row, x
+    )
+    return select(gap < held.last_gap, pull, 0.0)

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from geometry.lane_tables import WIDE
+from geometry.kernels.simd_tables import WIDE
 from particles.dem.contact_kernel import LAST_ROLLING, LAST_STORED, LAST_TANGENTIAL, Resistance
 from particles.laws.columns import MU_ROLLING, MU_TWISTING
 from particles.laws.springs import varies
@@ -24,7 +24,7 @@ class ContactColumns(NamedTuple):
     energy_column : int or None
         First column of the energy budget; None: it is not kept.
     total : int
-        Columns in all, whole fours: lanes read and write as many at once (`geometry.lane_tables`).
+        Columns in all, a multiple of 4, the width of SIMD gathers (`geometry.kernels.simd_tables`).
     vectors : ndarray of int64
         First columns of what turns with the grains.
     """

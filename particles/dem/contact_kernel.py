@@ -1,7 +1,7 @@
 """Compiled force of one contact, whoever the partner is: a grain, a smooth wall, a triangle.
 
-Written without branches between contacts, for one alone and for eight side by side (`geometry.lanes`): where "float" is
-said below, lanes are meant as well.
+Written without branches, for scalars and for SIMD vectors of eight contacts (`geometry.kernels.simd`): "float" below
+means either.
 
 The normal spring and the dashpots come from the scene's law, by the type of its table (`particles.laws.springs`). What
 all laws share stands here: the clip (an impact never pulls), cohesion, the tangential spring with its slider, rolling
@@ -25,9 +25,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from geometry.inner_functions import borrowing, inner
-from geometry.lane_functions import square_root
-from geometry.lanes import any_of, larger, where
+from geometry.kernels.device_functions import device_function, njit_without_refcounts
+from geometry.kernels.simd import any_lane, maximum, select
+from geometry.kernels.simd_math import sqrt
 from particles.laws.columns import COHESION_0, COHESION_1, COHESIVE, DAMPING_ROLLING, MU, MU_ROLLING, MU_TWISTING
 from particles.laws.springs import remembers, spring, varies
 
@@ -98,7 +98,7 @@ class ContactForce(NamedTuple):
     last_k_t: float
 
 
-@borrowing(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit_without_refcounts(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def turned(way, phi, n, history, slot, first):
     """The spring in columns ``first`` .. first + 2 of ``history[slot]``, turned with its pair at unchanged length.
 
@@ -118,9 +118,9 @@ def turned(way, phi, n, history, slot, first):
     else:
         before = x * x + y * y + z * z
         x, y, z = x - along * nx, y - along * ny, z - along * nz
-        after = larger(before - along * along, 0.0)
-        scale = where(after > 0.0, square_root(before / after), 0.0)
-        scale = where(along * along > 1e-14 * before, scale, 1.0)  # never on a plane
+        after = maximum(before - along * along, 0.0)
+        scale = select(after > 0.0, sqrt(before / after), 0.0)
+        scale = select(along * along > 1e-14 * before, scale, 1.0)  # never on a plane
         x, y, z = x * scale, y * scale, z * scale
     square = phi * phi
     cos = 1.0 - square * (0.5 - square * (1.0 / 24.0))
@@ -129,29 +129,29 @@ def turned(way, phi, n, history, slot, first):
     return cos * x + sin * cx, cos * y + sin * cy, cos * z + sin * cz
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def closed(k_t, last, held):
     """By what share a spring shrinks whose stiffness was ``last``, and what is lost; ``held`` is its square/2.
 
     One that stiffens while the contact closes keeps its force, one that softens its length (module docstring).
     """
     stiffer = k_t > last
-    share = where(stiffer, last / k_t, 1.0)
-    return share, where(stiffer, last * (1.0 - share), last - k_t) * held
+    share = select(stiffer, last / k_t, 1.0)
+    return share, select(stiffer, last * (1.0 - share), last - k_t) * held
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def slid(trial2, limit, gives):
     """By what share a trial force yields to its limit, and how far the slider slips by unit of the trial force.
 
     ``trial2`` is the square of that force, ``gives`` the way by unit of force of what stretches (spring and dashpot).
     """
-    slides = trial2 > larger(limit * limit, TINY)  # trial > 0 needs a finite ``gives``
-    share = where(slides, limit * square_root(trial2) * (1.0 / trial2), 1.0)  # a quotient beside the root, not after it
-    return share, where(slides, (1.0 - share) * gives, 0.0)
+    slides = trial2 > maximum(limit * limit, TINY)  # trial > 0 needs a finite ``gives``
+    share = select(slides, limit * sqrt(trial2) * (1.0 / trial2), 1.0)  # a quotient beside the root, not after it
+    return share, select(slides, (1.0 - share) * gives, 0.0)
 
 
-@borrowing(error_model="numpy", fastmath={"contract"}, forceinline=True)
+@njit_without_refcounts(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def contact_force(law, kind, energy_column, m_eff, r_eff, dt, touch, history, slot):
     """Force on grain i in the contact ``touch``, and what it has cost: a `ContactForce`.
 
@@ -168,11 +168,11 @@ def contact_force(law, kind, energy_column, m_eff, r_eff, dt, touch, history, sl
         history[slot, MEMORY] = memory
     else:
         f_el, k_t, gamma_n, gamma_t, stored, _ = spring(law, kind, delta, m_eff, r_eff, 0.0)
-    f_rep = larger(f_el + gamma_n * closing, 0.0)  # an impact never pulls
+    f_rep = maximum(f_el + gamma_n * closing, 0.0)  # an impact never pulls
     pull = 0.0
     coheres = law.rows[kind, COHESIVE] > 0.0
-    if any_of(coheres):
-        pull = where(coheres, law.rows[kind, COHESION_0] + law.rows[kind, COHESION_1] * r_eff, 0.0)
+    if any_lane(coheres):
+        pull = select(coheres, law.rows[kind, COHESION_0] + law.rows[kind, COHESION_1] * r_eff, 0.0)
     f_n = f_rep - pull
 
     xi_x, xi_y, xi_z = turned(touch.way, phi, touch.normal, history, slot, 0)
@@ -220,7 +220,7 @@ def contact_force(law, kind, energy_column, m_eff, r_eff, dt, touch, history, sl
     )  # fmt: skip
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def rolling_torque(law, kind, energy_column, arm, inertia, dt, force, touch, p, history, slot, first):
     """Rolling resistance on grain i (`particles.laws.rolling_friction`); p is its spin relative to the partner's.
 
@@ -232,7 +232,7 @@ def rolling_torque(law, kind, energy_column, arm, inertia, dt, force, touch, p, 
     px, py, pz = p
     damping = law.rows[kind, DAMPING_ROLLING]
     k = k_t * arm * arm
-    rate = 2.0 * damping * square_root(k * inertia) * (1.0 / dt)
+    rate = 2.0 * damping * sqrt(k * inertia) * (1.0 / dt)
     x, y, z = turned(touch.way, phi, touch.normal, history, slot, first)
     lost = 0.0 * k
     if varies(law):
@@ -260,7 +260,7 @@ def rolling_torque(law, kind, energy_column, arm, inertia, dt, force, touch, p, 
     return (-tx, -ty, -tz), 0.5 * k * (x * x + y * y + z * z), lost
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def twisting_torque(law, kind, energy_column, arm, inertia, dt, force, spin, history, slot, first):
     """Twisting resistance about the normal on grain i (`particles.laws.twisting_friction`).
 
@@ -269,7 +269,7 @@ def twisting_torque(law, kind, energy_column, arm, inertia, dt, force, spin, his
     """
     k_t, last, damping = force.k_t, force.last_k_t, law.rows[kind, DAMPING_ROLLING]
     k = k_t * arm * arm
-    rate = 2.0 * damping * square_root(k * inertia) * (1.0 / dt)
+    rate = 2.0 * damping * sqrt(k * inertia) * (1.0 / dt)
     angle, step = history[slot, first], spin * dt
     lost = 0.0 * k
     if varies(law):
@@ -290,7 +290,7 @@ def twisting_torque(law, kind, energy_column, arm, inertia, dt, force, spin, his
     return -torque, 0.5 * k * angle * angle, lost
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def left_in_springs(law, kind, resistance, energy_column, arm, closed, history, slot):
     """What a contact that has just parted still held, by the mechanism that it is lost to [J].
 

@@ -1,4 +1,4 @@
-"""Compiled kick and drift of eight grains side by side, whose forces are complete.
+"""Compiled kick and drift of eight grains at a time (SIMD), whose forces are complete.
 
 Velocities are half a step behind positions (`particles.dem.step_kernel`).
 """
@@ -9,9 +9,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from geometry.inner_functions import inner
-from geometry.lane_tables import column, columns, entries, put_column, put_columns, put_two_columns, two_columns
-from geometry.lanes import lanes_of, larger, largest_lane, sum_of_lanes, where
+from geometry.kernels.device_functions import device_function
+from geometry.kernels.simd import maximum, reduce_add, reduce_max, select, splat
+from geometry.kernels.simd_tables import (
+    gather,
+    gather_column,
+    gather_columns,
+    gather_two_columns,
+    scatter_column,
+    scatter_columns,
+    scatter_two_columns,
+)
 from particles.dem import total_columns as total
 from particles.laws.springs import equal
 
@@ -39,54 +47,54 @@ class Drifted(NamedTuple):
     kinetic: Any
 
 
-@inner(borrows=True, error_model="numpy", forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", forceinline=True)
 def none_drifted():
     """`Drifted` of no grain."""
-    none = lanes_of(0.0)
+    none = splat(0.0)
     return Drifted(none, none, (none, none), (none, none), (none, none), none)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def drift_eight(rows, there, now, law, energy_column, attraction, grains, drifted):
     """Kick and drift of the grains ``rows`` under what lies at their places, which is cleared for the next step.
 
     ``there`` says which of the eight count; the others repeat one that does. Returns ``drifted`` with theirs.
     """
     motion, gravity, external = grains.velocity_force, grains.gravity, grains.external
-    vx, vy, vz, wx = columns(motion, rows, VELOCITY)
-    wy, wz = two_columns(motion, rows, SPIN + 1)
-    fx, fy, fz, tx = columns(motion, rows, FORCE)
-    ty, tz = two_columns(motion, rows, TORQUE + 1)
-    x, y, z, radius = columns(grains.position_radius, rows, 0)
+    vx, vy, vz, wx = gather_columns(motion, rows, VELOCITY)
+    wy, wz = gather_two_columns(motion, rows, SPIN + 1)
+    fx, fy, fz, tx = gather_columns(motion, rows, FORCE)
+    ty, tz = gather_two_columns(motion, rows, TORQUE + 1)
+    x, y, z, radius = gather_columns(grains.position_radius, rows, 0)
     dt = now.dt
-    m = lanes_of(grains.mass[0]) if equal(law) else entries(grains.mass, rows)
+    m = splat(grains.mass[0]) if equal(law) else gather(grains.mass, rows)
     kick = dt / m
     turn = kick / (0.4 * radius * radius)
     ax, ay, az = fx, fy, fz
     g = min(now.step, gravity.shape[0] - 1)
     if gravity.shape[0] > 0:
         ax, ay, az = ax + m * gravity[g, 0], ay + m * gravity[g, 1], az + m * gravity[g, 2]
-    none = lanes_of(0.0)
+    none = splat(0.0)
     px = py = pz = hx = hy = hz = none
     if external.shape[0] > 0:
-        hx, hy = two_columns(external, rows, 0)
-        hz = column(external, rows, 2)
+        hx, hy = gather_two_columns(external, rows, 0)
+        hz = gather_column(external, rows, 2)
     if attraction is not None:
-        px, py, pz, _ = columns(attraction.drawn, rows, 0)
-        put_columns(attraction.drawn, rows, 0, none, none, none, none)
+        px, py, pz, _ = gather_columns(attraction.drawn, rows, 0)
+        scatter_columns(attraction.drawn, rows, 0, none, none, none, none)
         hx, hy, hz = hx + px, hy + py, hz + pz  # forces of no contact, booked together
     ax, ay, az = ax + hx, ay + hy, az + hz
     bx, by, bz = vx + kick * ax, vy + kick * ay, vz + kick * az
     ox, oy, oz = wx + turn * tx, wy + turn * ty, wz + turn * tz
-    put_columns(motion, rows, VELOCITY, bx, by, bz, ox)
-    put_two_columns(motion, rows, SPIN + 1, oy, oz)
-    put_columns(motion, rows, FORCE, none, none, none, none)
-    put_two_columns(motion, rows, TORQUE + 1, none, none)
+    scatter_columns(motion, rows, VELOCITY, bx, by, bz, ox)
+    scatter_two_columns(motion, rows, SPIN + 1, oy, oz)
+    scatter_columns(motion, rows, FORCE, none, none, none, none)
+    scatter_two_columns(motion, rows, TORQUE + 1, none, none)
     contact, weight, held, kinetic = drifted.contact, drifted.gravity, drifted.external, drifted.kinetic
     if energy_column is not None:
         # half a kick with the velocities of the drift before it, half with those of the drift after it: the mean closes
         # the balance of kinetic energy exactly, and by drifts it is the trapezoidal rule
-        half = where(there, 0.5 * dt, none)
+        half = select(there, 0.5 * dt, none)
         contact = (
             contact[0] + half * (fx * vx + fy * vy + fz * vz + tx * wx + ty * wy + tz * wz),
             contact[1] + half * (fx * bx + fy * by + fz * bz + tx * ox + ty * oy + tz * oz),
@@ -104,20 +112,20 @@ def drift_eight(rows, there, now, law, energy_column, attraction, grains, drifte
             )
         if now.last:  # at the time of the positions that the forces belong to
             moving = vx * bx + vy * by + vz * bz + 0.4 * radius * radius * (wx * ox + wy * oy + wz * oz)
-            kinetic = kinetic + where(there, 0.5 * m * moving, none)
+            kinetic = kinetic + select(there, 0.5 * m * moving, none)
     x, y, z = x + dt * bx, y + dt * by, z + dt * bz
-    put_columns(grains.position_radius, rows, 0, x, y, z, radius)
+    scatter_columns(grains.position_radius, rows, 0, x, y, z, radius)
     if now.last:
-        put_column(grains.net, rows, 0, fx)
-        put_column(grains.net, rows, 1, fy)
-        put_column(grains.net, rows, 2, fz)
-    at_x, at_y = two_columns(grains.reference, rows, 0)
-    dx, dy, dz = x - at_x, y - at_y, z - column(grains.reference, rows, 2)
+        scatter_column(grains.net, rows, 0, fx)
+        scatter_column(grains.net, rows, 1, fy)
+        scatter_column(grains.net, rows, 2, fz)
+    at_x, at_y = gather_two_columns(grains.reference, rows, 0)
+    dx, dy, dz = x - at_x, y - at_y, z - gather_column(grains.reference, rows, 2)
     way = dx * dx + dy * dy + dz * dz + 0.0 * (ox + oy + oz)  # a spin that is not finite shows here too
-    way = where(way < np.inf, way, np.inf)
+    way = select(way < np.inf, way, np.inf)
     return Drifted(
-        larger(drifted.squared_travel, way),
-        larger(drifted.squared_speed, bx * bx + by * by + bz * bz),
+        maximum(drifted.squared_travel, way),
+        maximum(drifted.squared_speed, bx * bx + by * by + bz * bz),
         contact,
         weight,
         held,
@@ -125,16 +133,16 @@ def drift_eight(rows, there, now, law, energy_column, attraction, grains, drifte
     )
 
 
-@inner(borrows=True, error_model="numpy")
+@device_function(without_refcounts=True, error_model="numpy")
 def add_drifted(drifted, energy_column, row):
     """Add what has drifted to the chunk's sums ``row``."""
-    row[total.MAX_SQUARED_TRAVEL] = max(row[total.MAX_SQUARED_TRAVEL], largest_lane(drifted.squared_travel))
-    row[total.MAX_SQUARED_SPEED] = max(row[total.MAX_SQUARED_SPEED], largest_lane(drifted.squared_speed))
+    row[total.MAX_SQUARED_TRAVEL] = max(row[total.MAX_SQUARED_TRAVEL], reduce_max(drifted.squared_travel))
+    row[total.MAX_SQUARED_SPEED] = max(row[total.MAX_SQUARED_SPEED], reduce_max(drifted.squared_speed))
     if energy_column is not None:
-        row[total.CONTACT_WORK] += sum_of_lanes(drifted.contact[0])
-        row[total.CONTACT_LATER] += sum_of_lanes(drifted.contact[1])
-        row[total.GRAVITY_WORK] += sum_of_lanes(drifted.gravity[0])
-        row[total.GRAVITY_LATER] += sum_of_lanes(drifted.gravity[1])
-        row[total.EXTERNAL_WORK] += sum_of_lanes(drifted.external[0])
-        row[total.EXTERNAL_LATER] += sum_of_lanes(drifted.external[1])
-        row[total.KINETIC] += sum_of_lanes(drifted.kinetic)
+        row[total.CONTACT_WORK] += reduce_add(drifted.contact[0])
+        row[total.CONTACT_LATER] += reduce_add(drifted.contact[1])
+        row[total.GRAVITY_WORK] += reduce_add(drifted.gravity[0])
+        row[total.GRAVITY_LATER] += reduce_add(drifted.gravity[1])
+        row[total.EXTERNAL_WORK] += reduce_add(drifted.external[0])
+        row[total.EXTERNAL_LATER] += reduce_add(drifted.external[1])
+        row[total.KINETIC] += reduce_add(drifted.kinetic)

@@ -1,6 +1,6 @@
 """Compiled search for contacts among the pairs of the list, and the pulls of those that attract each other.
 
-The slots of a chunk are looked through eight at a time. Contacts are noted, and computed side by side when there is
+The slots of a chunk are looked through eight at a time. Contacts are noted, and computed eight at a time when there is
 room for no more (`particles.dem.contact_lanes`); what a pair has pulled goes to its grains at once. Eight that go
 beyond the end of the chunk repeat its last slot, and what comes of these is left out.
 """
@@ -9,19 +9,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from geometry.inner_functions import inner
-from geometry.lane_functions import prefetch_rows, square_root
-from geometry.lane_tables import (
-    add_to_rows,
-    column,
-    columns,
-    eight_at_least,
-    eight_from,
-    eight_of,
-    entries,
-    two_columns,
+from geometry.kernels.device_functions import device_function
+from geometry.kernels.simd import LANES, from_integers, mask_of_first, movemask, select, splat
+from geometry.kernels.simd_math import prefetch_rows, sqrt
+from geometry.kernels.simd_tables import (
+    eight_indices,
+    gather,
+    gather_column,
+    gather_columns,
+    gather_two_columns,
+    load,
+    movemask_at_least,
+    scatter_add,
 )
-from geometry.lanes import LANES, as_lanes, bits_of, first_lanes, lanes_of, where
 from particles.dem.attraction_kernel import ACROSS, COLUMN, pulls_at
 from particles.dem.contact_kernel import left_in_springs
 from particles.laws.springs import equal
@@ -37,7 +37,7 @@ def pair_scratch(n_chunks: int) -> np.ndarray:
     return np.zeros((n_chunks, N_NOTED, ROOM), dtype=np.int32)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def through_faces(pairs, slot, way, x, y):
     """Components across the axis of eight vectors, turned with the images of a sector: there (way 1.0) or back (-1.0).
 
@@ -46,16 +46,16 @@ def through_faces(pairs, slot, way, x, y):
     return _turned_with_images(pairs.turn, pairs.shift, slot, way, x, y)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _turned_with_images(turn, shift, slot, way, x, y):
     if turn is not None:
-        crossed = as_lanes(entries(shift, slot))
-        cosine, sine = where(crossed * crossed > 0.0, turn[0], 1.0), way * turn[1] * crossed
+        crossed = from_integers(gather(shift, slot))
+        cosine, sine = select(crossed * crossed > 0.0, turn[0], 1.0), way * turn[1] * crossed
         x, y = cosine * x - sine * y, sine * x + cosine * y
     return x, y
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _through_face(turn, shift, k, x, y):
     """As `through_faces`, of the partner in slot k alone."""
     if turn is not None:
@@ -65,7 +65,7 @@ def _through_face(turn, shift, k, x, y):
     return x, y
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _pull_eight(there, slot, place, i, j, away, sizes, law, attraction, pairs):
     """Add the pulls of eight pairs to those on their grains.
 
@@ -73,22 +73,22 @@ def _pull_eight(there, slot, place, i, j, away, sizes, law, attraction, pairs):
     """
     dx, dy, dz = away
     d2 = dx * dx + dy * dy + dz * dz
-    d = square_root(d2)
+    d = sqrt(d2)
     ri, rj = sizes
     if equal(law):
         gap = (d - 2.0 * ri) / ri
     else:
         gap = (d - (ri + rj)) * (ri + rj) / (2.0 * ri * rj)
-    at_column, amplitude = two_columns(attraction.pair, slot, COLUMN)
-    pull = pulls_at(attraction, gap, at_column, amplitude, column(attraction.pair, slot, ACROSS))
-    pull = where(there, pull * where(d2 > 0.0, d * (1.0 / d2), 0.0), 0.0)
-    gx, gy, gz, none = pull * dx, pull * dy, pull * dz, lanes_of(0.0)
-    add_to_rows(attraction.drawn, i, 0, None, None, (gx, gy, gz, none))
+    at_column, amplitude = gather_two_columns(attraction.pair, slot, COLUMN)
+    pull = pulls_at(attraction, gap, at_column, amplitude, gather_column(attraction.pair, slot, ACROSS))
+    pull = select(there, pull * select(d2 > 0.0, d * (1.0 / d2), 0.0), 0.0)
+    gx, gy, gz, none = pull * dx, pull * dy, pull * dz, splat(0.0)
+    scatter_add(attraction.drawn, i, 0, None, None, (gx, gy, gz, none))
     gx, gy = through_faces(pairs, slot, -1.0, gx, gy)
-    add_to_rows(attraction.drawn, j, 0, attraction.cross, place, (-gx, -gy, -gz, none))
+    scatter_add(attraction.drawn, j, 0, attraction.cross, place, (-gx, -gy, -gz, none))
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _left_by_pair(k, dt, law, resistance, energy_column, grains, pairs):
     """What the springs of pair k, which has parted, held [J] (4)."""
     position_radius, velocity_force, species = grains.position_radius, grains.velocity_force, grains.species
@@ -101,11 +101,11 @@ def _left_by_pair(k, dt, law, resistance, energy_column, grains, pairs):
     ri, rj = position_radius[i, 3], position_radius[j, 3]
     ux, uy = _through_face(pairs.turn, pairs.shift, k, velocity_force[j, 0], velocity_force[j, 1])
     ux, uy, uz = velocity_force[i, 0] - ux, velocity_force[i, 1] - uy, velocity_force[i, 2] - velocity_force[j, 2]
-    closing = (ux * dx + uy * dy + uz * dz) / square_root(dx * dx + dy * dy + dz * dz)
+    closing = (ux * dx + uy * dy + uz * dz) / sqrt(dx * dx + dy * dy + dz * dz)
     return left_in_springs(law, kind, resistance, energy_column, ri * rj / (ri + rj), closing * dt, pairs.history, k)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _change(k, bits, changed, dt, law, resistance, energy_column, grains, pairs, left):
     """Pairs from slot k on that have met or parted, by their bits; returns ``left`` with what these have lost."""
     for q in range(LANES):
@@ -121,18 +121,18 @@ def _change(k, bits, changed, dt, law, resistance, energy_column, grains, pairs,
     return left
 
 
-@inner(borrows=True, error_model="numpy", forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", forceinline=True)
 def _bits_at(array, k, bound, many):
     """Which of the first ``many`` of eight entries from k on are ``bound`` or more, as bits."""
     if many == LANES:
-        return eight_at_least(array, k, bound)
+        return movemask_at_least(array, k, bound)
     bits = 0
     for q in range(many):
         bits |= (1 if array[np.uint32(k + q)] >= bound else 0) << q
     return bits
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def find_contacts(chunk, cursor, dt, law, resistance, energy_column, attraction, grains, pairs, chunks, left):
     """Note contacts from the slot ``cursor[0]`` on, until the batch is full or the chunk ends; pulls are found besides.
 
@@ -148,17 +148,17 @@ def find_contacts(chunk, cursor, dt, law, resistance, energy_column, attraction,
     radius = position_radius[0, 3]
     alike = 4.0 * radius * radius
     while k < stop and count <= ROOM - LANES:
-        slot = eight_from(k, last)
+        slot = eight_indices(k, last)
         many = min(stop - k, LANES)
-        i, j = entries(pairs.row, slot), entries(pairs.other, slot)
-        xi, yi, zi, ri = columns(position_radius, i, 0)
-        dx, dy, dz, rj = columns(position_radius, j, 0)
+        i, j = gather(pairs.row, slot), gather(pairs.other, slot)
+        xi, yi, zi, ri = gather_columns(position_radius, i, 0)
+        dx, dy, dz, rj = gather_columns(position_radius, j, 0)
         dx, dy = through_faces(pairs, slot, 1.0, dx, dy)
         dx, dy, dz = dx - xi, dy - yi, dz - zi
-        reach2 = lanes_of(alike)
+        reach2 = splat(alike)
         if not equal(law):
             reach2 = (ri + rj) * (ri + rj)
-        now = bits_of(dx * dx + dy * dy + dz * dz < reach2) & ((1 << many) - 1)
+        now = movemask(dx * dx + dy * dy + dz * dz < reach2) & ((1 << many) - 1)
         prefetch_rows(history, k, LANES)  # needed soon, and in no cache of a large scene
         # written in any case, kept by counting it: a branch would often be mispredicted
         crossing = _bits_at(pairs.other, k, end, many)
@@ -182,7 +182,7 @@ def find_contacts(chunk, cursor, dt, law, resistance, energy_column, attraction,
             for q in range(many, LANES):  # what is repeated goes where the last one does: nobody else adds there
                 noted[PLACE_OF_PAIR, q] = noted[PLACE_OF_PAIR, many - 1]
             _pull_eight(
-                first_lanes(many), slot, eight_of(noted, PLACE_OF_PAIR, 0), i, j, (dx, dy, dz), (ri, rj), law,
+                mask_of_first(many), slot, load(noted, PLACE_OF_PAIR, 0), i, j, (dx, dy, dz), (ri, rj), law,
                 attraction, pairs,
             )  # fmt: skip
         k += many

@@ -15,9 +15,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from geometry.inner_functions import inner
-from geometry.lane_tables import eight_from, entries, lane_rows
-from geometry.lanes import LANES, first_lanes
+from geometry.kernels.device_functions import device_function
+from geometry.kernels.simd import LANES, mask_of_first
+from geometry.kernels.simd_tables import eight_indices, gather, stack_table
 from particles.dem import total_columns as column
 from particles.dem.contact_lanes import MOST_REMEMBERED, contacts_in_lanes, law_in_lanes
 from particles.dem.drift_kernel import add_drifted, drift_eight, none_drifted
@@ -28,7 +28,7 @@ from particles.laws.columns import N_LAW
 from particles.laws.springs import with_rows
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def drift_rows(first, until, now, law, energy_column, attraction, grains, late, drifted):
     """Kick and drift of the grains from ``first`` up to ``until`` that are not ``late``; returns ``drifted``."""
     i = first
@@ -38,13 +38,13 @@ def drift_rows(first, until, now, law, energy_column, attraction, grains, late, 
         while many < LANES and i + many < until and late[np.uint32(i + many)] == 0:
             many += 1
         if many > 0:
-            rows, there = eight_from(i, i + many - 1), first_lanes(many)
+            rows, there = eight_indices(i, i + many - 1), mask_of_first(many)
             drifted = drift_eight(rows, there, now, law, energy_column, attraction, grains, drifted)
         i += max(many, 1)
     return drifted
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def sweep_rows(chunk, now, law, resistance, energy_column, attraction, grains, pairs, slots, walls, chunks, totals):
     """Rows of a chunk: contacts of each grain, then its kick and drift where no other chunk has a say."""
     for b in range(totals.chunk_bodies.shape[1]):
@@ -57,8 +57,8 @@ def sweep_rows(chunk, now, law, resistance, energy_column, attraction, grains, p
     done, end = chunks.start[chunk], chunks.start[chunk + 1]
     cursor = pairs.start[done], chunks.cross_start[chunk] - 1
     gone = (0.0, 0.0, 0.0, 0.0)  # what pairs that parted have lost
-    table = law_in_lanes(law, lane_rows(N_LAW))
-    wall_tables = with_rows(law, lane_rows(N_LAW)), lane_rows(MOST_REMEMBERED)
+    table = law_in_lanes(law, stack_table(N_LAW))
+    wall_tables = with_rows(law, stack_table(N_LAW)), stack_table(MOST_REMEMBERED)
     given = grains, slots, walls
     while done < end:
         cursor, count, gone = find_contacts(
@@ -83,7 +83,7 @@ def sweep_rows(chunk, now, law, resistance, energy_column, attraction, grains, p
     add_drifted(drifted, energy_column, row)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def finish_rows(chunk, now, law, energy_column, attraction, grains, chunks, totals):
     """The late grains of a chunk: reactions from earlier chunks, then kick and drift."""
     motion, cross, in_slot = grains.velocity_force, chunks.reaction, chunks.in_slot
@@ -109,6 +109,6 @@ def finish_rows(chunk, now, law, energy_column, attraction, grains, chunks, tota
                     pulls[q, b] = 0.0
     for a in range(first, until, LANES):
         many = min(until - a, LANES)
-        rows = entries(chunks.late_grain, eight_from(a, a + many - 1))
-        drifted = drift_eight(rows, first_lanes(many), now, law, energy_column, attraction, grains, drifted)
+        rows = gather(chunks.late_grain, eight_indices(a, a + many - 1))
+        drifted = drift_eight(rows, mask_of_first(many), now, law, energy_column, attraction, grains, drifted)
     add_drifted(drifted, energy_column, totals.chunk[chunk])

@@ -22,7 +22,7 @@ is a branch at run time, on an empty array or a number: every combination compil
 seconds and more. Rolling and twisting as such a branch too made steps slower, and stayed compiled out.
 
 Functions take tuples of arrays (`particles.dem.kernel_state`), and those that are called for every grain count no
-references to them (`geometry.inner_functions`): counted, a step took twice as long.
+references to them (`geometry.kernels.device_functions`): counted, a step took twice as long.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from geometry.inner_functions import inner
-from geometry.shared_words import LINE, counted, give_way, seen, taken, tell
+from geometry.kernels.atomics import WORDS_APART, compare_exchange, fetch_add, load_acquire, sched_yield, store_release
+from geometry.kernels.device_functions import device_function
 from particles.dem.kernel_state import Now, StepArguments
 from particles.dem.row_kernel import finish_rows, sweep_rows
 from particles.dem.total_columns import (
@@ -62,12 +62,12 @@ from particles.shafts import DRIVE, DRIVE_SLOPE, FREE, INERTIA, LOAD, SPEED
 
 # What threads tell each other during a call: the stage, counted through; chunks of it that are done; answer and steps
 # done; and for each chunk how many stages have taken it
-STAGE, DONE_CHUNKS, ANSWER, STEPS, CHUNKS = 0, LINE, 2 * LINE, 2 * LINE + 1, 3 * LINE
+STAGE, DONE_CHUNKS, ANSWER, STEPS, CHUNKS = 0, WORDS_APART, 2 * WORDS_APART, 2 * WORDS_APART + 1, 3 * WORDS_APART
 OVER = -1
 SPIN = 20_000  # looks at the stage before a thread that waits lets others have its core
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _drive_bodies(step, shafts, walls):
     """Speeds of driven bodies, and where their triangles have turned to."""
     for b in range(shafts.speed.shape[0]):
@@ -77,7 +77,7 @@ def _drive_bodies(step, shafts, walls):
             walls.turn[b, 0], walls.turn[b, 1] = np.cos(shafts.angle[b]), np.sin(shafts.angle[b])
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _turn_bodies(dt, step, shafts, totals):
     """Add the chunks in their order, turn the shafts (`particles.bodies`)."""
     drives, constants, body_angle, body_speed = shafts.drives, shafts.constants, shafts.angle, shafts.speed
@@ -114,7 +114,7 @@ def _turn_bodies(dt, step, shafts, totals):
         body_angle[b] += body_speed[b] * dt
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _wall_travel(shafts):
     """The longest way of a triangle since the list was made [m]."""
     way = 0.0
@@ -123,7 +123,7 @@ def _wall_travel(shafts):
     return way
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _verdict(call, wall_travel, chunk_sums, totals):
     """Add the chunks in their order: energies accumulate, extremes are kept, contacts are the last."""
     contacts = elastic = squared_travel = squared_speed = 0.0
@@ -159,7 +159,7 @@ def _verdict(call, wall_travel, chunk_sums, totals):
     return REBUILD if squared_travel > call.squared_travel or wall_travel > call.wall_travel else DONE
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _run_chunks(worker, workers, given, words):
     """One of the ``workers`` threads: takes chunks of each stage, its own share first, until all steps are done."""
     call, law, resistance, energy_column, attraction, grains, pairs, slots, walls, shafts, chunks, totals = given
@@ -167,7 +167,7 @@ def _run_chunks(worker, workers, given, words):
     # contacts, pulls, kick and drift of grains that no other chunk touches; then kick and drift of the others
     stages = 2 if late else 1
     while True:
-        stage = seen(words, STAGE)
+        stage = load_acquire(words, STAGE)
         if stage == OVER:
             return
         step = stage // stages
@@ -175,8 +175,8 @@ def _run_chunks(worker, workers, given, words):
         for k in range(n_chunks):
             c = worker * n_chunks // workers + k
             c -= n_chunks if c >= n_chunks else 0
-            place = CHUNKS + c * LINE
-            if seen(words, place) != stage or not taken(words, place, stage, stage + 1):
+            place = CHUNKS + c * WORDS_APART
+            if load_acquire(words, place) != stage or not compare_exchange(words, place, stage, stage + 1):
                 continue
             if stage % stages == 0:
                 sweep_rows(
@@ -184,20 +184,20 @@ def _run_chunks(worker, workers, given, words):
                 )
             else:
                 finish_rows(c, now, law, energy_column, attraction, grains, chunks, totals)
-            if counted(words, DONE_CHUNKS) == n_chunks:  # the last one goes on for all
-                tell(words, DONE_CHUNKS, 0)
+            if fetch_add(words, DONE_CHUNKS, 1) == n_chunks - 1:  # the last one continues for all
+                store_release(words, DONE_CHUNKS, 0)
                 over = False
                 if stage % stages == stages - 1:
                     over = _end_step(step, call, shafts, walls, totals, words)
-                tell(words, STAGE, OVER if over else stage + 1)
+                store_release(words, STAGE, OVER if over else stage + 1)
         turns = 0
-        while seen(words, STAGE) == stage:
+        while load_acquire(words, STAGE) == stage:
             turns += 1
             if turns > SPIN:
-                give_way()
+                sched_yield()
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _end_step(step, call, shafts, walls, totals, words):
     """Shafts and totals of a step, and bodies at the speeds of the next one; whether there is none."""
     _turn_bodies(call.dt, step, shafts, totals)
@@ -232,7 +232,7 @@ def run_steps(call, law, resistance, energy_column, attraction, grains, pairs, s
     if call.n_steps < 1:
         return DONE, 0
     n_chunks = chunks.start.shape[0] - 1
-    words = np.zeros(CHUNKS + n_chunks * LINE, dtype=np.int64)
+    words = np.zeros(CHUNKS + n_chunks * WORDS_APART, dtype=np.int64)
     workers = min(call.threads, n_chunks)
     _drive_bodies(0, shafts, walls)
     for w in prange(workers):
@@ -240,4 +240,6 @@ def run_steps(call, law, resistance, energy_column, attraction, grains, pairs, s
             call, law, resistance, energy_column, attraction, grains, pairs, slots, walls, shafts, chunks, totals
         )
         _run_chunks(np.int64(w), workers, given, words)  # numba's own index is unsigned
-    return seen(words, ANSWER), seen(words, STEPS)  # by calls: numba would read an element before the loop
+    return load_acquire(words, ANSWER), load_acquire(
+        words, STEPS
+    )  # by calls: numba would read an element before the loop

@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 from particles.dem.contact_kernel import left_in_springs
 from particles.walls.triangle_kernels import LEADER, SLOT, triangle_contacts
 from particles.walls.wall_kernels import _wall_gap
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def add_left(law, kind, resistance, energy_column, radius, slots, slot, left):
     """Add to ``left`` (4) [J] what the springs of a wall's slot held when the grain left it."""
     a, b, c, d = left_in_springs(law, kind, resistance, energy_column, radius, 0.0, slots.history, slot)
     return left[0] + a, left[1] + b, left[2] + c, left[3] + d
 
 
-@inner(borrows=True, error_model="numpy", forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", forceinline=True)
 def _note(row, slot, distance, nx, ny, nz, i):
     row[0], row[1], row[2], row[3], row[4], row[5] = slot, distance, nx, ny, nz, i
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def touching_walls(i, law, resistance, energy_column, attraction, grains, slots, walls, found, near, many, left):
     """What grain i touches among its wall slots, in rows of ``found``: slot, distance, unit vector towards the wall, i.
 

@@ -24,7 +24,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 from particles.dvi.anderson_vectors import HISTORY, N_PRODUCTS, Vectors, extrapolate, gather, remember
 from particles.dvi.contact_torques import no_contact_torques, residual, sweep, weigh_contact_torques
 from particles.dvi.gauss_seidel import IWN, grouped
@@ -41,7 +41,7 @@ FURTHEST = 1e2  # largest coefficient: beyond, changes do not shrink, as of cont
 OVER = 1.6  # over-relaxation of the sweeps after a stall; beyond 1.8 sheared beds do not converge
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@device_function(error_model="numpy", fastmath={"contract"})
 def solve(convex, compliance, search, records, contact_torques, chunk=None, alone=True):
     """Plain sweeps, then (unless the method is GAUSS_SEIDEL) accelerated ones.
 
@@ -62,7 +62,7 @@ def solve(convex, compliance, search, records, contact_torques, chunk=None, alon
     return first + done, reached, 1
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@device_function(error_model="numpy", fastmath={"contract"})
 def anderson(convex, compliance, search, cap, records, contact_torques, chunk=None, alone=True):
     """Up to ``cap`` accelerated sweeps from the impulses in the records; returns their number and the residual."""
     tolerance = search.tolerance
@@ -131,7 +131,7 @@ def anderson(convex, compliance, search, cap, records, contact_torques, chunk=No
     return done, _residual(convex, compliance, records, contact_torques, chunk, alone)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _weights(weight, records, contact_torques):
     """sqrt(w_n) for each component of an impulse, sqrt(1/J) for the loads of shafts, sqrt(W) for torques."""
     pair, wall, body = records.pair, records.wall, records.body
@@ -148,7 +148,7 @@ def _weights(weight, records, contact_torques):
 
 
 # What follows is done in one piece, or in chunks: numba leaves out a branch that asks for something that is None
-@inner(inline="always", error_model="numpy", fastmath={"contract"})
+@device_function(inline="always", error_model="numpy", fastmath={"contract"})
 def _sweep(convex, relax, compliance, records, contact_torques, chunk, alone):
     change = 0.0
     if alone is not None:
@@ -158,7 +158,7 @@ def _sweep(convex, relax, compliance, records, contact_torques, chunk, alone):
     return change
 
 
-@inner(inline="always", error_model="numpy", fastmath={"contract"})
+@device_function(inline="always", error_model="numpy", fastmath={"contract"})
 def _residual(convex, compliance, records, contact_torques, chunk, alone):
     reached = 0.0
     if alone is not None:
@@ -168,7 +168,7 @@ def _residual(convex, compliance, records, contact_torques, chunk, alone):
     return reached
 
 
-@inner(inline="always", error_model="numpy", fastmath={"contract"})
+@device_function(inline="always", error_model="numpy", fastmath={"contract"})
 def _gather(g, vectors, records, contact_torques, chunk, alone):
     if alone is not None:
         gather(whole(records), g, vectors, vectors.products, records, contact_torques)
@@ -176,7 +176,7 @@ def _gather(g, vectors, records, contact_torques, chunk, alone):
         gather_chunks(g, vectors, records, contact_torques, chunk)
 
 
-@inner(inline="always", error_model="numpy", fastmath={"contract"})
+@device_function(inline="always", error_model="numpy", fastmath={"contract"})
 def _remember(better, first, slot, known, vectors, records, contact_torques, chunk, alone):
     if alone is not None:
         remember(whole(records), better, first, slot, known, vectors, vectors.products, records, contact_torques)
@@ -184,7 +184,7 @@ def _remember(better, first, slot, known, vectors, records, contact_torques, chu
         store_chunks(better, first, slot, known, vectors, records, contact_torques, chunk)
 
 
-@inner(inline="always", error_model="numpy", fastmath={"contract"})
+@device_function(inline="always", error_model="numpy", fastmath={"contract"})
 def _extrapolate(g, c, known, vectors, records, contact_torques, chunk, alone):
     if alone is not None:
         extrapolate(whole(records), g, c, known, vectors, records, contact_torques)
@@ -192,7 +192,7 @@ def _extrapolate(g, c, known, vectors, records, contact_torques, chunk, alone):
         extrapolate_chunks(g, c, known, vectors, records, contact_torques, chunk)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _largest(c, n):
     worst = 0.0
     for q in range(n):
@@ -200,7 +200,7 @@ def _largest(c, n):
     return worst
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@device_function(error_model="numpy", fastmath={"contract"})
 def _solve_gram(gram, c, n):
     """Solve gram x = c (leading n) by Cholesky; x replaces c. False where the history is dependent."""
     trace = 0.0

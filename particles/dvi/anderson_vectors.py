@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 from particles.dvi.contact_torques import CX
 from particles.dvi.gauss_seidel import BRAKE, PX, PY, PZ, RX, SPEED, VX, VY, VZ
 
@@ -46,7 +46,7 @@ class Vectors(NamedTuple):
     products: np.ndarray
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _contacts(contacts, bodies, contact_torques):
     """Where the velocities begin."""
     if contact_torques.law.shape[0] == 0:
@@ -54,7 +54,7 @@ def _contacts(contacts, bodies, contact_torques):
     return 6 * contacts + bodies
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _impulses(p0, p1, w0, w1, pairs, loads, own, bodies, contact_torques):
     """Stretches of impulses, loads and torques."""
     first = loads + bodies
@@ -64,7 +64,7 @@ def _impulses(p0, p1, w0, w1, pairs, loads, own, bodies, contact_torques):
     return (3 * p0, 3 * p1), (3 * (pairs + w0), 3 * (pairs + w1)), (loads, loads + own), (a0, a1), (b0, b1)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def gather(part, g, vectors, products, records, contact_torques):
     """Read impulses and velocities into ``g``, weigh how far it is from r, f = weight (g - r), and add up f.f."""
     p0, p1, w0, w1, i0, i1, shafts = part
@@ -101,14 +101,14 @@ def gather(part, g, vectors, products, records, contact_torques):
     products[0] = product
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _weigh(lo, hi, g, r, weight, f):
     for q in range(lo, hi):
         f[q] = weight[q] * (g[q] - r[q])
     return _dot(f[lo:hi], f[lo:hi])
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def remember(part, better, first, slot, known, vectors, products, records, contact_torques):
     """Keep the changes since the last time, unless this is the ``first``, and ``g`` also where it is ``better``."""
     p0, p1, w0, w1, i0, i1, shafts = part
@@ -138,7 +138,7 @@ def remember(part, better, first, slot, known, vectors, products, records, conta
                 products[HISTORY + q] += _dot(d_f[q, lo:hi], f[lo:hi])
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@device_function(error_model="numpy", fastmath={"contract"})
 def extrapolate(part, g, c, known, vectors, records, contact_torques):
     """r = g less the changes of g times ``c``, into the records as well."""
     p0, p1, w0, w1, i0, i1, shafts = part
@@ -175,9 +175,9 @@ def extrapolate(part, g, c, known, vectors, records, contact_torques):
                 contact_torque[k, CX], contact_torque[k, CX + 1], contact_torque[k, CX + 2] = r[q], r[q + 1], r[q + 2]
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _dot(a, b):
-    """Sum of products in eight partial sums: a fixed order that the processor can still do side by side."""
+    """Sum of products in eight partial sums: a fixed order that the compiler can still vectorise."""
     s0 = s1 = s2 = s3 = s4 = s5 = s6 = s7 = 0.0
     whole = 8 * (a.shape[0] // 8)
     for k in range(0, whole, 8):

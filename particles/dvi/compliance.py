@@ -33,7 +33,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 from particles.dvi.gauss_seidel import (
     DASHPOT,
     EX,
@@ -114,7 +114,7 @@ def rebound(root: np.ndarray, fraction: np.ndarray) -> np.ndarray:
     return speed
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def implicit_fraction(root, row):
     """K for sqrt(a) = ``root`` from a row of the table."""
     if root <= FIRST_ROOT:
@@ -127,7 +127,7 @@ def implicit_fraction(root, row):
     return np.exp(row[SHARES + k] + (x - k) * (row[SHARES + k + 1] - row[SHARES + k]))
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def remember(h, compliance, kind, gap, row, offset):
     """Put springs into a contact's row, which holds its geometry, masses and the impulse of the step before.
 
@@ -151,7 +151,7 @@ def remember(h, compliance, kind, gap, row, offset):
     return -1.0 if root <= compliance[kind, MET] or (gap <= 0.0 and r_n > 0.0) else 1.0 / fraction
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def strike(e, before, give, row, offset):
     """Newton's restitution for a contact that `remember` has filled, with c_n/w_n = ``give``; ``before`` is u_n [m/s].
 
@@ -165,7 +165,7 @@ def strike(e, before, give, row, offset):
     row[B] = (e + (1.0 + e) * hard) * before
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def stored(compliance, kind, gap, x, y, z, ex, ey, ez):
     """Energy [J] in the normal spring at ``gap`` [m], and in the tangential one that carries the impulse (x, y, z)."""
     r_n = x * ex + y * ey + z * ez

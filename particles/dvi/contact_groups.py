@@ -16,8 +16,8 @@ from __future__ import annotations
 
 from numba.cpython.unsafe.numbers import trailing_zeros
 
-from geometry.inner_functions import inner
-from geometry.lanes import LANES
+from geometry.kernels.device_functions import device_function
+from geometry.kernels.simd import LANES
 
 # rows of a group: contacts, their grains, their second grains or bodies; how many they are
 CONTACT, FIRST, SECOND, SIZE = range(4)
@@ -26,14 +26,14 @@ WINDOW = 60  # open groups, bits of an integer
 _ALL, _NEWEST = (1 << WINDOW) - 1, 1 << (WINDOW - 1)
 
 
-@inner(borrows=True, error_model="numpy")
+@device_function(without_refcounts=True, error_model="numpy")
 def group_contacts(part, body, column, records):
     """Fill the groups of a part; bodies whose ``column`` of ``body`` is more than 0 are changed by contacts."""
     _group(part.p0, part.p1, None, column, records.pair_index, records.pair_group, records.seen)
     _group(part.w0, part.w1, body, column, records.wall_index, records.wall_group, records.seen)
 
 
-@inner(borrows=True, error_model="numpy")
+@device_function(without_refcounts=True, error_model="numpy")
 def _group(lo, hi, body, column, index, table, seen):
     """Groups of the contacts lo <= k < hi, with bodies, or None: with each other."""
     for k in range(lo, hi):
@@ -78,18 +78,18 @@ def _group(lo, hi, body, column, index, table, seen):
         table[end, CONTACT, 0] = -1
 
 
-@inner(borrows=True, error_model="numpy")
+@device_function(without_refcounts=True, error_model="numpy")
 def _taken(seen, i, oldest):
     """Bits of the groups from the oldest one on that grain i is in."""
     past = oldest - seen[i, 1]
     return seen[i, 0] >> past if past < WINDOW else 0
 
 
-@inner(borrows=True, error_model="numpy")
+@device_function(without_refcounts=True, error_model="numpy")
 def _take(seen, i, oldest, place):
     seen[i, 0], seen[i, 1] = _taken(seen, i, oldest) | place, oldest
 
 
-@inner(borrows=True, error_model="numpy")
+@device_function(without_refcounts=True, error_model="numpy")
 def _put(table, g, lane, k, i, j):
     table[g, CONTACT, lane], table[g, FIRST, lane], table[g, SECOND, lane] = k, i, j

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import prange
 
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.compliance import remember, strike
 from particles.dvi.gauss_seidel import (
@@ -35,7 +35,7 @@ from particles.dvi.triangle_contacts import record, search
 from particles.walls.wall_kernels import _wall_gap
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def free_velocities(h, step, grains, grain):
     """Fill the records of the grains with v + h F/m; their bounds: the larger speed of before and after."""
     gravity, external, velocity, spin = grains.gravity, grains.external, grains.velocity, grains.spin
@@ -59,7 +59,7 @@ def free_velocities(h, step, grains, grain):
     return fastest
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def find_contacts(rows, numbers, near, look, compliance, grains, pair_slots, slots, walls, old_speed, records):
     """Fill the records of contacts, from the ``numbers`` of a pair and a wall on, of the rows[0] <= i < rows[1].
 
@@ -151,7 +151,7 @@ def find_contacts(rows, numbers, near, look, compliance, grains, pair_slots, slo
     return pairs, met
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _near(lo, hi, look, grains, pair_slots, near):
     """Mark the pairs of rows lo <= i < hi whose gap may close within the step; returns how many."""
     h, margin, slop, _ = look
@@ -169,7 +169,7 @@ def _near(lo, hi, look, grains, pair_slots, near):
     return count
 
 
-@inner(parallel=True, error_model="numpy", fastmath={"contract"})
+@device_function(parallel=True, error_model="numpy", fastmath={"contract"})
 def find_in_chunks(look, compliance, grains, pair_slots, slots, walls, old_speed, records, chunk, ends):
     """`find_contacts` and `record` by chunks: pairs without gaps, walls from the first slot of each chunk to ``ends``.
 
@@ -202,7 +202,7 @@ def find_in_chunks(look, compliance, grains, pair_slots, slots, walls, old_speed
         ends[c] = end
 
 
-@inner(parallel=True, error_model="numpy", fastmath={"contract"})
+@device_function(parallel=True, error_model="numpy", fastmath={"contract"})
 def search_in_chunks(look, grains, slots, walls, shafts, body, chunk):
     """`search` by chunks."""
     rows, sums = chunk.rows, chunk.sums

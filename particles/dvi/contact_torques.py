@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.gauss_seidel import (
     EX,
@@ -61,7 +61,7 @@ def no_contact_torques() -> Torques:
     return Torques(np.zeros((0, 2)), np.zeros((0, N_TORQUE)), np.zeros((0, N_TORQUE)))
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def begin_contact_torques(compliance, radius, pairs, slots, walls, records, contact_torques):
     """Fill the records of the torques, those of the last step first in line, and let them act on the velocities.
 
@@ -104,7 +104,7 @@ def begin_contact_torques(compliance, radius, pairs, slots, walls, records, cont
     apply_contact_torques(1.0, records, contact_torques)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _remember(give, gap, row):
     """Put the spring into a torque's row, which holds the torque of the step before."""
     row[GIVE] = give
@@ -113,7 +113,7 @@ def _remember(give, gap, row):
         row[OX + a] = -give * row[CX + a] if gap <= 0.0 else 0.0
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def apply_contact_torques(sign, records, contact_torques):
     """Add to the spins ``sign`` times what the torques in the records do."""
     grain, body, pair_index, wall_index = records.grain, records.body, records.pair_index, records.wall_index
@@ -130,7 +130,7 @@ def apply_contact_torques(sign, records, contact_torques):
         )  # fmt: skip
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _turn_pair(grain, i, j, row, x, y, z):
     """What the torque (x, y, z) adds to the spins of two grains."""
     a, b = 2.5 * row[QI] * grain[i, IM], 2.5 * row[QJ] * grain[j, IM]
@@ -142,7 +142,7 @@ def _turn_pair(grain, i, j, row, x, y, z):
     grain[j, PZ] -= b * z
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _turn_at_wall(grain, body, i, b, row, x, y, z):
     """The same for a grain and a body."""
     a = 2.5 * grain[i, IM]
@@ -153,7 +153,7 @@ def _turn_at_wall(grain, body, i, b, row, x, y, z):
         body[b, SPEED] -= body[b, IJ] * row[QJ] * z
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _admissible(row, r_n, ex, ey, ez, x, y, z):
     """The nearest torque to (x, y, z) that the contact bears under the normal impulse r_n."""
     load = max(r_n, 0.0)
@@ -168,7 +168,7 @@ def _admissible(row, r_n, ex, ey, ez, x, y, z):
     return x + along * ex, y + along * ey, z + along * ez
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _pair_velocity(compliance, grain, i, j, row):
     """w [m/s] of two grains, and what their spring gives."""
     a, b = row[QI], row[QJ]
@@ -183,7 +183,7 @@ def _pair_velocity(compliance, grain, i, j, row):
     return x, y, z
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _wall_velocity(compliance, grain, body, i, b, row):
     """The same of a grain at a body."""
     x, y, z = grain[i, PX], grain[i, PY], grain[i, PZ] - row[QJ] * body[b, SPEED]
@@ -193,7 +193,7 @@ def _wall_velocity(compliance, grain, body, i, b, row):
     return x, y, z
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def sweep_contact_torques(part, relax, compliance, records, contact_torques):
     """Visit every torque of a part once; returns the largest change of a torque times W [m/s]."""
     grain, body, pair_index, pair, wall_index, wall = records[:6]
@@ -238,7 +238,7 @@ def sweep_contact_torques(part, relax, compliance, records, contact_torques):
     return np.sqrt(largest)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _at_free_shaft(own, free, row, r_n, ex, ey, ez, wx, wy, wz):
     """The new torque at a body that its z-component turns: W = own + free R^2 e_z e_z^T; (wx, wy, wz) is w."""
     load = max(r_n, 0.0)
@@ -264,7 +264,7 @@ def _at_free_shaft(own, free, row, r_n, ex, ey, ez, wx, wy, wz):
     return twist * ex + f * fx + g * gx, twist * ey + f * fy + g * gy, twist * ez + f * fz + g * gz
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def contact_torque_residual(part, compliance, records, contact_torques):
     """Largest natural map |c - P(c - w/W)| W over the torques of a part [m/s], P the nearest admissible one."""
     grain, body, pair_index, pair, wall_index, wall = records[:6]
@@ -279,7 +279,7 @@ def contact_torque_residual(part, compliance, records, contact_torques):
     return worst
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _violation(row, contact, k, wx, wy, wz):
     ex, ey, ez = contact[k, EX], contact[k, EY], contact[k, EZ]
     r_n = contact[k, RX] * ex + contact[k, RY] * ey + contact[k, RZ] * ez
@@ -289,7 +289,7 @@ def _violation(row, contact, k, wx, wy, wz):
     return np.sqrt(x * x + y * y + z * z) / step
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def sweep(convex, relax, compliance, records, contact_torques):
     """One sweep over impulses and, where there are ``torques``, these; returns the largest change [m/s]."""
     change = gs.sweep(convex, relax, compliance, records)
@@ -298,7 +298,7 @@ def sweep(convex, relax, compliance, records, contact_torques):
     return change
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def residual(part, convex, compliance, records, contact_torques):
     """The honest residual of a part of the impulses and, where there are ``torques``, of these [m/s]."""
     worst = gs.residual(part, convex, compliance, records)
@@ -307,7 +307,7 @@ def residual(part, convex, compliance, records, contact_torques):
     return worst
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def weigh_contact_torques(weight, first, pairs, walls, contact_torques):
     """sqrt(W) of so many pairs and walls, from place ``first`` on."""
     for k in range(pairs):
@@ -317,7 +317,7 @@ def weigh_contact_torques(weight, first, pairs, walls, contact_torques):
         weight[first + 3 * k : first + 3 * k + 3] = 1.0 / np.sqrt(contact_torques.wall[k, IW])
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def record_contact_torques(
     h, compliance, mean_speed, grains, pairs, slots, records, contact_torques, totals, torque, body_work
 ):

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from geometry.lanes import LANES
+from geometry.kernels.simd import LANES
 from geometry.walls import Wall
 from particles import checkpoint
 from particles.bodies import Body

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import prange
 
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.compliance import stored
 from particles.dvi.gauss_seidel import (
@@ -43,7 +43,7 @@ LOADED_NOW, KEPT_NOW, IMPACT_NOW, SLIDING_NOW, WORK_NOW, SPRING_N, SPRING_T = ra
 N_BOOKED = 7
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def book(part, h, compliance, body_speed, mean_speed, grains, pair_slots, slots, records, sums, body_sums):
     """Keep the impulses of a part for the next step; book work and torques with the mean of old and new velocity."""
     velocity, spin, radius = grains.velocity, grains.spin, grains.radius
@@ -129,7 +129,7 @@ def book(part, h, compliance, body_speed, mean_speed, grains, pair_slots, slots,
     sums[WORK_NOW], sums[SPRING_N], sums[SPRING_T] = work, spring_n, spring_t
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def enter(compliance, booked, totals):
     """Add the energy budget of a step, one row a chunk."""
     run, springs = totals.run, totals.springs
@@ -149,7 +149,7 @@ def enter(compliance, booked, totals):
     run[SLIDING] += sliding
 
 
-@inner(parallel=True, error_model="numpy", fastmath={"contract"})
+@device_function(parallel=True, error_model="numpy", fastmath={"contract"})
 def record_chunks(h, compliance, body_speed, mean_speed, grains, pair_slots, slots, records, chunk, body_totals):
     """`book` by chunks."""
     rows, pairs, walls, sums, body_sums = chunk.rows, chunk.pairs, chunk.walls, chunk.sums, chunk.body_sums
@@ -166,7 +166,7 @@ def record_chunks(h, compliance, body_speed, mean_speed, grains, pair_slots, slo
                 body_totals[b, q] += body_sums[c, b, q]
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def move(h, drift, step, grains, grain, totals):
     """Take the new velocities and drift; returns the largest squared distance from the list's positions."""
     position, velocity, spin, radius, mass, gravity, external, reference, _ = grains

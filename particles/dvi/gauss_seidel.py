@@ -27,9 +27,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from geometry.inner_functions import inner
-from geometry.lane_tables import columns, eight_of, put_columns
-from geometry.lanes import LANES, lanes_of, largest_lane, root, where
+from geometry.kernels.device_functions import device_function
+from geometry.kernels.simd import LANES, llvm_sqrt, reduce_max, select, splat
+from geometry.kernels.simd_tables import gather_columns, load, scatter_columns
 from particles.dvi.contact_groups import CONTACT, FIRST, N_GROUP, SECOND, group_contacts
 from particles.dvi.kernel_state import Records, whole
 from particles.dvi.local_problem import coulomb_block, natural_map
@@ -52,7 +52,7 @@ PAIRS, WALLS = 0, 1
 STIFFNESS, TANGENTIAL, MET, DASHPOT, SHARES = range(5)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def apply_impulses(sign, records):
     """Add to the velocities ``sign`` times what the impulses in the records do."""
     grain, body, pair_index, pair, wall_index, wall = records[:6]
@@ -94,17 +94,17 @@ def apply_impulses(sign, records):
         body[b, SPEED] -= sign * body[b, IJ] * body[b, BRAKE]
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _springs(compliance, kind, row, contacts, behind):
     """Offset and compliances of contacts, or None of rigid ones; their columns begin ``behind`` the others."""
     if compliance is None:
         return None
     else:
-        ox, oy, oz, c_n = columns(row, contacts, behind)
+        ox, oy, oz, c_n = gather_columns(row, contacts, behind)
         return ox, oy, oz, c_n, compliance[kind, TANGENTIAL]
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _velocity(e, arm, r, u, s, b, springs):
     """u_n with its offset, u_t in world axes, and r_n, of the velocities u of centres and the spins s about them."""
     ex, ey, ez = e
@@ -126,7 +126,7 @@ def _velocity(e, arm, r, u, s, b, springs):
     return u_n, ux, uy, uz, was
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _change(convex, relax, e, r, inverse, slow, mu, velocity):
     """By how much the local law changes the impulses r, and the square of that."""
     ex, ey, ez = e
@@ -138,89 +138,89 @@ def _change(convex, relax, e, r, inverse, slow, mu, velocity):
     tx, ty, tz = rx - was * ex - slow * ux, ry - was * ey - slow * uy, rz - was * ez - slow * uz
     size2 = tx * tx + ty * ty + tz * tz
     if convex is None:
-        r_n = where(r_n > 0.0, r_n, 0.0)
+        r_n = select(r_n > 0.0, r_n, 0.0)
         limit = mu * r_n
-        scale = where(size2 > limit * limit, limit / root(size2), 1.0)
+        scale = select(size2 > limit * limit, limit / llvm_sqrt(size2), 1.0)
     else:
-        size = root(size2)  # the nearest point of the cone in the metric of W
+        size = llvm_sqrt(size2)  # the nearest point of the cone in the metric of W
         nearest = (slow * r_n + inverse * mu * size) / (slow + inverse * mu * mu)
-        r_n = where(size > mu * r_n, nearest, r_n)
-        r_n = where(r_n > 0.0, r_n, 0.0)
-        scale = where(size > mu * r_n, mu * r_n / size, 1.0)
+        r_n = select(size > mu * r_n, nearest, r_n)
+        r_n = select(r_n > 0.0, r_n, 0.0)
+        scale = select(size > mu * r_n, mu * r_n / size, 1.0)
     x, y, z = r_n * ex + scale * tx - rx, r_n * ey + scale * ty - ry, r_n * ez + scale * tz - rz
     return x, y, z, x * x + y * y + z * z
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def sweep_pairs(lo, hi, convex, relax, compliance, records):
     """Visit the pairs lo <= k < hi; returns the largest change of an impulse times w_n, squared [m^2/s^2].
 
     ``convex`` None: exact Coulomb, over-relaxed by ``relax`` (1: not), which the convex law does not read.
     """
     grain, table, pair = records.grain, records.pair_group, records.pair
-    largest = lanes_of(0.0)
+    largest = splat(0.0)
     for g in range(lo, hi):
         if table[g, CONTACT, 0] < 0:
             break
-        k, i, j = eight_of(table, g, CONTACT), eight_of(table, g, FIRST), eight_of(table, g, SECOND)
-        vx, vy, vz, a = columns(grain, i, VX)
-        px, py, pz, rest = columns(grain, i, PX)
-        wx, wy, wz, b = columns(grain, j, VX)
-        qx, qy, qz, other_rest = columns(grain, j, PX)
-        ex, ey, ez, arm = columns(pair, k, EX)
-        rx, ry, rz, offset = columns(pair, k, RX)
-        inverse, slow, mu, _ = columns(pair, k, IWN)
+        k, i, j = load(table, g, CONTACT), load(table, g, FIRST), load(table, g, SECOND)
+        vx, vy, vz, a = gather_columns(grain, i, VX)
+        px, py, pz, rest = gather_columns(grain, i, PX)
+        wx, wy, wz, b = gather_columns(grain, j, VX)
+        qx, qy, qz, other_rest = gather_columns(grain, j, PX)
+        ex, ey, ez, arm = gather_columns(pair, k, EX)
+        rx, ry, rz, offset = gather_columns(pair, k, RX)
+        inverse, slow, mu, _ = gather_columns(pair, k, IWN)
         springs = _springs(compliance, PAIRS, pair, k, N_PAIR)
         e, r = (ex, ey, ez), (rx, ry, rz)
         u, s = (vx - wx, vy - wy, vz - wz), (px + qx, py + qy, pz + qz)
         velocity = _velocity(e, arm, r, u, s, offset, springs)
         x, y, z, change = _change(convex, relax, e, r, inverse, slow, mu, velocity)
         change = change / (inverse * inverse)
-        largest = where(change > largest, change, largest)
-        put_columns(pair, k, RX, rx + x, ry + y, rz + z, offset)
-        put_columns(grain, i, VX, vx + a * x, vy + a * y, vz + a * z, a)
-        put_columns(grain, j, VX, wx - b * x, wy - b * y, wz - b * z, b)
+        largest = select(change > largest, change, largest)
+        scatter_columns(pair, k, RX, rx + x, ry + y, rz + z, offset)
+        scatter_columns(grain, i, VX, vx + a * x, vy + a * y, vz + a * z, a)
+        scatter_columns(grain, j, VX, wx - b * x, wy - b * y, wz - b * z, b)
         arm = -2.5 * arm
         sx, sy, sz = arm * (ey * z - ez * y), arm * (ez * x - ex * z), arm * (ex * y - ey * x)
-        put_columns(grain, i, PX, px + a * sx, py + a * sy, pz + a * sz, rest)
-        put_columns(grain, j, PX, qx + b * sx, qy + b * sy, qz + b * sz, other_rest)
-    return largest_lane(largest) if convex is not None else largest_lane(largest) / (relax * relax)
+        scatter_columns(grain, i, PX, px + a * sx, py + a * sy, pz + a * sz, rest)
+        scatter_columns(grain, j, PX, qx + b * sx, qy + b * sy, qz + b * sz, other_rest)
+    return reduce_max(largest) if convex is not None else reduce_max(largest) / (relax * relax)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def sweep_walls(lo, hi, convex, relax, compliance, records):
     """The same for contacts with walls."""
     grain, body, table, wall = records.grain, records.body, records.wall_group, records.wall
-    largest, at_shafts = lanes_of(0.0), 0.0
+    largest, at_shafts = splat(0.0), 0.0
     for g in range(lo, hi):
         if table[g, CONTACT, 0] < 0:
             break
         if body[table[g, SECOND, 0], IJ] > 0.0:
             at_shafts = max(at_shafts, _visit_shaft(table[g, CONTACT, 0], convex, relax, compliance, records))
             continue
-        k, i = eight_of(table, g, CONTACT), eight_of(table, g, FIRST)
-        vx, vy, vz, a = columns(grain, i, VX)
-        px, py, pz, rest = columns(grain, i, PX)
-        omega, _, _, _ = columns(body, eight_of(table, g, SECOND), SPEED)
-        ex, ey, ez, arm = columns(wall, k, EX)
-        rx, ry, rz, offset = columns(wall, k, RX)
-        inverse, slow, mu, _ = columns(wall, k, IWN)
-        lx, ly, _, _ = columns(wall, k, LX)
+        k, i = load(table, g, CONTACT), load(table, g, FIRST)
+        vx, vy, vz, a = gather_columns(grain, i, VX)
+        px, py, pz, rest = gather_columns(grain, i, PX)
+        omega, _, _, _ = gather_columns(body, load(table, g, SECOND), SPEED)
+        ex, ey, ez, arm = gather_columns(wall, k, EX)
+        rx, ry, rz, offset = gather_columns(wall, k, RX)
+        inverse, slow, mu, _ = gather_columns(wall, k, IWN)
+        lx, ly, _, _ = gather_columns(wall, k, LX)
         springs = _springs(compliance, WALLS, wall, k, N_WALL_CONTACT)
         e, r = (ex, ey, ez), (rx, ry, rz)
         velocity = _velocity(e, arm, r, (vx - omega * lx, vy - omega * ly, vz), (px, py, pz), offset, springs)
         x, y, z, change = _change(convex, relax, e, r, inverse, slow, mu, velocity)
         change = change / (inverse * inverse)
-        largest = where(change > largest, change, largest)
-        put_columns(wall, k, RX, rx + x, ry + y, rz + z, offset)
-        put_columns(grain, i, VX, vx + a * x, vy + a * y, vz + a * z, a)
+        largest = select(change > largest, change, largest)
+        scatter_columns(wall, k, RX, rx + x, ry + y, rz + z, offset)
+        scatter_columns(grain, i, VX, vx + a * x, vy + a * y, vz + a * z, a)
         arm = -2.5 * a * arm
         sx, sy, sz = arm * (ey * z - ez * y), arm * (ez * x - ex * z), arm * (ex * y - ey * x)
-        put_columns(grain, i, PX, px + sx, py + sy, pz + sz, rest)
-    return max(largest_lane(largest), at_shafts)
+        scatter_columns(grain, i, PX, px + sx, py + sy, pz + sz, rest)
+    return max(reduce_max(largest), at_shafts)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _visit_shaft(k, convex, relax, compliance, records):
     """Visit a contact with a free shaft."""
     grain, body, wall = records.grain, records.body, records.wall
@@ -261,7 +261,7 @@ def _visit_shaft(k, convex, relax, compliance, records):
     return (x * x + y * y + z * z) / (inverse * inverse)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _frame(wall, k):
     """Lever along the normal, lever in the tangent plane, and the unit tangent vector along it."""
     along = wall[k, LX] * wall[k, EX] + wall[k, LY] * wall[k, EY]
@@ -277,7 +277,7 @@ def _frame(wall, k):
     return along, 0.0, x / size, y / size, z / size
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _block(wall, k, free, mu, u_n, ux, uy, uz, was):
     """The new impulse (world axes) of a contact with a free shaft; u_t in world axes, ``was`` the old r_n."""
     ex, ey, ez = wall[k, EX], wall[k, EY], wall[k, EZ]
@@ -294,7 +294,7 @@ def _block(wall, k, free, mu, u_n, ux, uy, uz, was):
     return n * ex + a * fx + b * gx, n * ey + a * fy + b * gy, n * ez + a * fz + b * gz
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def sweep_loads(body):
     """Dry friction on the free shafts: the brake's impulse stops them, up to its limit; returns the largest change."""
     largest = 0.0
@@ -309,7 +309,7 @@ def sweep_loads(body):
     return largest
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def sweep(convex, relax, compliance, records):
     """One sweep over everything; returns the largest change [m/s]."""
     first = np.int64(0)  # a plain 0 is a type of its own
@@ -319,58 +319,58 @@ def sweep(convex, relax, compliance, records):
     return np.sqrt(max(a, b))
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def residual(part, convex, compliance, records):
     """Largest natural map over the contacts of a part [m/s], all at the same velocities."""
     grain, body, pair, wall = records.grain, records.body, records.pair, records.wall
     pairs, walls = records.pair_group, records.wall_group
-    worst = lanes_of(0.0)
+    worst = splat(0.0)
     for g in range(part.p0, part.p1):
         if pairs[g, CONTACT, 0] < 0:
             break
-        k = eight_of(pairs, g, CONTACT)
-        i, j = eight_of(pairs, g, FIRST), eight_of(pairs, g, SECOND)
-        vx, vy, vz, _ = columns(grain, i, VX)
-        px, py, pz, _ = columns(grain, i, PX)
-        wx, wy, wz, _ = columns(grain, j, VX)
-        qx, qy, qz, _ = columns(grain, j, PX)
+        k = load(pairs, g, CONTACT)
+        i, j = load(pairs, g, FIRST), load(pairs, g, SECOND)
+        vx, vy, vz, _ = gather_columns(grain, i, VX)
+        px, py, pz, _ = gather_columns(grain, i, PX)
+        wx, wy, wz, _ = gather_columns(grain, j, VX)
+        qx, qy, qz, _ = gather_columns(grain, j, PX)
         u, s = (vx - wx, vy - wy, vz - wz), (px + qx, py + qy, pz + qz)
         missed = _map(convex is not None, pair, k, u, s, _springs(compliance, PAIRS, pair, k, N_PAIR))
-        worst = where(missed > worst, missed, worst)
+        worst = select(missed > worst, missed, worst)
     for g in range(part.w0, part.w1):
         if walls[g, CONTACT, 0] < 0:
             break
-        k, i = eight_of(walls, g, CONTACT), eight_of(walls, g, FIRST)
-        vx, vy, vz, _ = columns(grain, i, VX)
-        px, py, pz, _ = columns(grain, i, PX)
-        omega, _, _, _ = columns(body, eight_of(walls, g, SECOND), SPEED)
-        lx, ly, _, _ = columns(wall, k, LX)
+        k, i = load(walls, g, CONTACT), load(walls, g, FIRST)
+        vx, vy, vz, _ = gather_columns(grain, i, VX)
+        px, py, pz, _ = gather_columns(grain, i, PX)
+        omega, _, _, _ = gather_columns(body, load(walls, g, SECOND), SPEED)
+        lx, ly, _, _ = gather_columns(wall, k, LX)
         u, s = (vx - omega * lx, vy - omega * ly, vz), (px, py, pz)
         missed = _map(convex is not None, wall, k, u, s, _springs(compliance, WALLS, wall, k, N_WALL_CONTACT))
-        worst = where(missed > worst, missed, worst)
-    return largest_lane(worst)
+        worst = select(missed > worst, missed, worst)
+    return reduce_max(worst)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _map(convex, row, contacts, u, s, springs):
     """Natural map of contacts from velocities of centres and spins."""
-    ex, ey, ez, arm = columns(row, contacts, EX)
-    rx, ry, rz, offset = columns(row, contacts, RX)
-    inverse, _, mu, _ = columns(row, contacts, IWN)
+    ex, ey, ez, arm = gather_columns(row, contacts, EX)
+    rx, ry, rz, offset = gather_columns(row, contacts, RX)
+    inverse, _, mu, _ = gather_columns(row, contacts, IWN)
     u_n, ux, uy, uz, r_n = _velocity((ex, ey, ez), arm, (rx, ry, rz), u, s, offset, springs)
     tx, ty, tz = rx - r_n * ex, ry - r_n * ey, rz - r_n * ez
     # two coordinates span the tangent plane: along t (along u without t), and what is left of u across it
-    size = root(tx * tx + ty * ty + tz * tz)
-    holds, all_of_u = size > 0.0, root(ux * ux + uy * uy + uz * uz)
+    size = llvm_sqrt(tx * tx + ty * ty + tz * tz)
+    holds, all_of_u = size > 0.0, llvm_sqrt(ux * ux + uy * uy + uz * uz)
     a = (ux * tx + uy * ty + uz * tz) / size
     x, y, z = ux - a * tx / size, uy - a * ty / size, uz - a * tz / size
-    b = root(x * x + y * y + z * z)
-    a, b = where(holds, a, all_of_u), where(holds, b, 0.0)
-    return natural_map(convex, 1.0 / inverse, mu, r_n, size, lanes_of(0.0), u_n, a, b)
+    b = llvm_sqrt(x * x + y * y + z * z)
+    a, b = select(holds, a, all_of_u), select(holds, b, 0.0)
+    return natural_map(convex, 1.0 / inverse, mu, r_n, size, splat(0.0), u_n, a, b)
 
 
 # The same for calls from Python: these have a cache, and no kernel calls them
-@inner(error_model="numpy", fastmath={"contract"})
+@device_function(error_model="numpy", fastmath={"contract"})
 def grouped(grain, body, pair_index, pair, wall_index, wall):
     """Records of so many contacts, with their groups."""
     pair_group = np.empty((pair.shape[0], N_GROUP, LANES), dtype=np.int32)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 from particles.shafts import Shafts
 
 if TYPE_CHECKING:
@@ -264,7 +264,7 @@ class StepArguments(NamedTuple):
     totals: Totals
 
 
-@inner(error_model="numpy")
+@device_function(error_model="numpy")
 def first_of(records, pairs, walls):
     """The records of the first contacts, so many pairs and walls."""
     return Records(
@@ -273,7 +273,7 @@ def first_of(records, pairs, walls):
     )  # fmt: skip
 
 
-@inner(borrows=True, error_model="numpy")
+@device_function(without_refcounts=True, error_model="numpy")
 def whole(records):
     """All of it as one part."""
     none, one = np.int64(0), np.int64(1)  # plain numbers are types of their own

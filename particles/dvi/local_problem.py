@@ -28,7 +28,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from geometry.lanes import root, where
+from geometry.kernels.simd import llvm_sqrt, select
 
 
 @njit(error_model="numpy", fastmath={"contract"})
@@ -133,17 +133,17 @@ def natural_map(convex, w_n, mu, r_n, r_1, r_2, u_n, u_1, u_2):
     Of one contact, or of eight.
     """
     if not convex:
-        u_n = u_n + mu * root(u_1 * u_1 + u_2 * u_2)
+        u_n = u_n + mu * llvm_sqrt(u_1 * u_1 + u_2 * u_2)
     n, x, y = r_n - u_n / w_n, r_1 - u_1 / w_n, r_2 - u_2 / w_n
-    t = root(x * x + y * y)
-    opens = w_n * root(r_n * r_n + r_1 * r_1 + r_2 * r_2)
+    t = llvm_sqrt(x * x + y * y)
+    opens = w_n * llvm_sqrt(r_n * r_n + r_1 * r_1 + r_2 * r_2)
     # from the velocity, not from the difference of impulses: where these have run away it would round to nothing
-    sticks = root(u_n * u_n + u_1 * u_1 + u_2 * u_2)
+    sticks = llvm_sqrt(u_n * u_n + u_1 * u_1 + u_2 * u_2)
     out = w_n * (t - mu * n) / (1.0 + mu * mu)  # from the cone's surface
     d_n, d_1, d_2 = u_n - mu * out, u_1 + out * x / t, u_2 + out * y / t
-    slides = root(d_n * d_n + d_1 * d_1 + d_2 * d_2)
+    slides = llvm_sqrt(d_n * d_n + d_1 * d_1 + d_2 * d_2)
     # whether it opens comes first: see `on_cone`
-    return where(mu * t <= 0.0 - n, opens, where(t <= mu * n, sticks, slides))
+    return select(mu * t <= 0.0 - n, opens, select(t <= mu * n, sticks, slides))
 
 
 @njit(error_model="numpy", fastmath={"contract"})

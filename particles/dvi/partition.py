@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, prange
 
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 from particles.dvi.anderson_vectors import N_PRODUCTS, extrapolate, gather, remember
 from particles.dvi.contact_groups import group_contacts
 from particles.dvi.contact_torques import residual, sweep_contact_torques
@@ -98,7 +98,7 @@ def _furthest(start, other, furthest):
         furthest[i] = last
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def sort_walls(chunk, slots, records):
     """Put the wall contacts that chunks have met in their order, those of free shafts last; returns how many."""
     rows, walls, ends, from_index, from_slot, from_row = (
@@ -120,7 +120,7 @@ def sort_walls(chunk, slots, records):
     return to
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def part_of(c, rows, pairs, walls):
     """What share c has of contacts and grains; c = number of chunks: what belongs to the free shafts."""
     count = rows.shape[0] - 1
@@ -128,7 +128,7 @@ def part_of(c, rows, pairs, walls):
     return Part(pairs[c], pairs[after], walls[c], walls[c + 1], rows[c], rows[after], 1 if c == count else 0)
 
 
-@inner(parallel=True, error_model="numpy", fastmath={"contract"})
+@device_function(parallel=True, error_model="numpy", fastmath={"contract"})
 def group_chunks(records, chunk):
     """`group_contacts` by chunks."""
     rows, pairs, walls = chunk.rows, chunk.pairs, chunk.walls
@@ -139,7 +139,7 @@ def group_chunks(records, chunk):
     group_contacts(part_of(count, rows, pairs, walls), records.body, IJ, records)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _sweep(part, convex, relax, compliance, records, contact_torques):
     """Impulses of a part, then its torques; returns the largest change [m/s]."""
     a = sweep_pairs(part.p0, part.p1, convex, relax, compliance, records)
@@ -150,7 +150,7 @@ def _sweep(part, convex, relax, compliance, records, contact_torques):
     return change
 
 
-@inner(parallel=True, error_model="numpy", fastmath={"contract"})
+@device_function(parallel=True, error_model="numpy", fastmath={"contract"})
 def sweep_chunks(convex, relax, compliance, records, contact_torques, chunk):
     """One sweep over everything; returns the largest change [m/s]."""
     rows, pairs, walls, sums = chunk.rows, chunk.pairs, chunk.walls, chunk.sums
@@ -166,7 +166,7 @@ def sweep_chunks(convex, relax, compliance, records, contact_torques, chunk):
     return largest
 
 
-@inner(parallel=True, error_model="numpy", fastmath={"contract"})
+@device_function(parallel=True, error_model="numpy", fastmath={"contract"})
 def residual_of_chunks(convex, compliance, records, contact_torques, chunk):
     """Largest natural map over all contacts [m/s], all at the same velocities."""
     rows, pairs, walls, sums = chunk.rows, chunk.pairs, chunk.walls, chunk.sums
@@ -178,7 +178,7 @@ def residual_of_chunks(convex, compliance, records, contact_torques, chunk):
     return largest
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _add_products(products, sums):
     for q in range(N_PRODUCTS):
         products[q] = 0.0
@@ -186,7 +186,7 @@ def _add_products(products, sums):
             products[q] += sums[c, q]
 
 
-@inner(parallel=True, error_model="numpy", fastmath={"contract"})
+@device_function(parallel=True, error_model="numpy", fastmath={"contract"})
 def gather_chunks(g, vectors, records, contact_torques, chunk):
     """`gather` by chunks."""
     rows, pairs, walls, sums = chunk.rows, chunk.pairs, chunk.walls, chunk.sums
@@ -195,7 +195,7 @@ def gather_chunks(g, vectors, records, contact_torques, chunk):
     _add_products(vectors.products, sums)
 
 
-@inner(parallel=True, error_model="numpy", fastmath={"contract"})
+@device_function(parallel=True, error_model="numpy", fastmath={"contract"})
 def store_chunks(better, first, slot, known, vectors, records, contact_torques, chunk):
     """`remember` by chunks."""
     rows, pairs, walls, sums = chunk.rows, chunk.pairs, chunk.walls, chunk.sums
@@ -204,7 +204,7 @@ def store_chunks(better, first, slot, known, vectors, records, contact_torques, 
     _add_products(vectors.products, sums)
 
 
-@inner(parallel=True, error_model="numpy", fastmath={"contract"})
+@device_function(parallel=True, error_model="numpy", fastmath={"contract"})
 def extrapolate_chunks(g, c, known, vectors, records, contact_torques, chunk):
     """`extrapolate` by chunks."""
     rows, pairs, walls = chunk.rows, chunk.pairs, chunk.walls

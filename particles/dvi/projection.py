@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numba import prange
 
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 from particles.dvi.triangle_contacts import overlapping
 from particles.walls.triangle_kernels import DISTANCE, TOWARDS_X, TOWARDS_Y, TOWARDS_Z
 from particles.walls.wall_kernels import _wall_gap
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@device_function(error_model="numpy", fastmath={"contract"})
 def project(slop, cap, step, grains, pair_slots, slots, walls, chunk=None, alone=True):
     """Push overlapping grains apart, positions only, by inverse masses, until none overlaps by more than slop*radius.
 
@@ -36,7 +36,7 @@ def project(slop, cap, step, grains, pair_slots, slots, walls, chunk=None, alone
     return deepest, at, work, sweeps
 
 
-@inner(parallel=True, error_model="numpy", fastmath={"contract"})
+@device_function(parallel=True, error_model="numpy", fastmath={"contract"})
 def _project_chunks(first, slop, step, grains, pair_slots, slots, walls, chunk):
     """`_project_rows` by chunks."""
     rows, sums = chunk.rows, chunk.sums
@@ -56,7 +56,7 @@ def _project_chunks(first, slop, step, grains, pair_slots, slots, walls, chunk):
     return worst, deepest, at, work
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _project_rows(lo, hi, first, slop, step, grains, pair_slots, slots, walls):
     """One sweep over the rows lo <= i < hi; returns the largest overlap as a share of the radius and, the first time,
     of the diameter, whose it is, and the work."""
@@ -128,7 +128,7 @@ def _project_rows(lo, hi, first, slop, step, grains, pair_slots, slots, walls):
     return worst, deepest, at, work
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _shift(step, grains, i, x, y, z):
     """Move grain i; returns the work of gravity and the held force on it."""
     position, gravity, external = grains.position, grains.gravity, grains.external

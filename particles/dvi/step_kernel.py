@@ -22,7 +22,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.accelerated import solve
 from particles.dvi.contact_groups import group_contacts
@@ -64,7 +64,7 @@ DONE, REBUILD, NOT_FINITE, OVERLAP = 0, 1, 2, 3
 PROJECTION_SWEEPS = 5  # a jam that needs more gets them in the next steps
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _drift_half(call, grains, shafts, walls):
     """Stage 1: to the middle of the step."""
     h, theta = call.h, call.theta
@@ -76,7 +76,7 @@ def _drift_half(call, grains, shafts, walls):
     turn_bodies(h, theta, shafts, walls)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _free_bodies(h, step, shafts, body):
     """Fill the records of the bodies: speeds without contacts, and what the load of a shaft can do."""
     drives, constants, n_sectors = shafts.drives, shafts.constants, shafts.n_sectors
@@ -92,7 +92,7 @@ def _free_bodies(h, step, shafts, body):
         body[b, BRAKE] = min(max(body[b, BRAKE], -body[b, gs.LOAD]), body[b, gs.LOAD])
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@device_function(error_model="numpy", fastmath={"contract"})
 def _search(look, grains, slots, walls, shafts, body, chunk, alone):
     """What grains may meet of triangles within the step; the largest speed that these push one to [m/s]."""
     if alone is not None:
@@ -102,7 +102,7 @@ def _search(look, grains, slots, walls, shafts, body, chunk, alone):
     return raised
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@device_function(error_model="numpy", fastmath={"contract"})
 def _find(look, compliance, grains, pairs, slots, walls, shafts, records, chunk, alone):
     """The contacts that may close within the step, with the impulses of the last one; their numbers."""
     if alone is not None:
@@ -127,7 +127,7 @@ def _find(look, compliance, grains, pairs, slots, walls, shafts, records, chunk,
     return met, met_walls
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@device_function(error_model="numpy", fastmath={"contract"})
 def _begin(call, step, compliance, grains, pairs, slots, walls, shafts, records, contact_torques, partition, totals):
     """Stages 1 to 3: half drift, overlap, free velocities, contacts, warm start.
 
@@ -160,7 +160,7 @@ def _begin(call, step, compliance, grains, pairs, slots, walls, shafts, records,
     return met, met_walls, fastest
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _count(tolerance, contacts, sweeps, reached, taken, run):
     """Book what the impulses of a step have cost."""
     run[SWEEPS] += sweeps
@@ -172,7 +172,7 @@ def _count(tolerance, contacts, sweeps, reached, taken, run):
         run[MISSED] += 1.0
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _turn_shafts(call, step, shafts, body, mean, body_totals):
     """New speeds and angles of the bodies, and ``mean`` of old and new speeds (n_bodies,) [rad/s]; works of shafts."""
     h, drives = call.h, shafts.drives
@@ -187,7 +187,7 @@ def _turn_shafts(call, step, shafts, body, mean, body_totals):
         shafts.angle[b] += call.theta * h * shafts.speed[b]
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@device_function(error_model="numpy", fastmath={"contract"})
 def _book(h, compliance, mean, grains, pairs, slots, shafts, contacts, chunk, alone, totals):
     """Keep the impulses, and book their works and torques."""
     booked = np.zeros((1, N_BOOKED))
@@ -201,7 +201,7 @@ def _book(h, compliance, mean, grains, pairs, slots, shafts, contacts, chunk, al
     enter(compliance, booked, totals)
 
 
-@inner(error_model="numpy", fastmath={"contract"})
+@device_function(error_model="numpy", fastmath={"contract"})
 def _finish(call, step, compliance, grains, pairs, slots, shafts, contacts, contact_torques, partition, totals):
     """Stages 5 and 6: work recorded, and drift; returns how far from its list a grain is [m]."""
     h, run = call.h, totals.run
@@ -218,7 +218,7 @@ def _finish(call, step, compliance, grains, pairs, slots, shafts, contacts, cont
     return np.sqrt(move(h, call.theta * h, step, grains, contacts.grain, run))
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _verdict(call, travel, shafts, walls):
     """Whether to go on: a grain or a triangle may be ``travel`` [m], or further, from its list after the next step."""
     if not travel < np.inf:

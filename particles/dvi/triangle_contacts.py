@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 from particles.dvi.compliance import remember, strike
 from particles.dvi.gauss_seidel import (
     ARM,
@@ -53,7 +53,7 @@ COS, SIN, COS_STEP, SIN_STEP = range(4)
 N_TURN = 4
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def turn_bodies(h, theta, shafts, walls):
     """Half drift of the bodies, to the middle of the step, and the frames that the triangles are met in."""
     body_angle, body_speed, turn = shafts.angle, shafts.speed, walls.turn
@@ -65,7 +65,7 @@ def turn_bodies(h, theta, shafts, walls):
             turn[b, COS_STEP], turn[b, SIN_STEP] = np.cos(h * body_speed[b]), np.sin(h * body_speed[b])
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def search(lo, hi, look, grains, slots, walls, shafts, body):
     """Contacts of grains lo <= i < hi with triangles into ``found``, ``tally``; bounds that walls push grains to.
 
@@ -111,7 +111,7 @@ def search(lo, hi, look, grains, slots, walls, shafts, body):
     return raised
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def pass_on(h, grains, pair_slots):
     """Raise the bounds of grains that others push: once down the list and once up it."""
     bound, position, radius = grains.bound, grains.position, grains.radius
@@ -134,7 +134,7 @@ def pass_on(h, grains, pair_slots):
                     bound[i], bound[j] = max(bound[i], pushed), max(bound[j], pushed)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def record(rows, met, look, compliance, grains, slots, walls, old_speed, records):
     """Fill the records of rows[0] <= i < rows[1], from number ``met`` on, of what may close within the step.
 
@@ -202,7 +202,7 @@ def record(rows, met, look, compliance, grains, slots, walls, old_speed, records
     return met
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def overlapping(walls, other, first, last, x, y, z, radius, found):
     """Triangles of one body that a grain overlaps, among slots first <= k < last; directions in world axes."""
     b = walls.body[other[first]]

@@ -6,7 +6,7 @@ every law. What a spring may be missing (a dashpot, a second stiffness) is 0.
 
 from __future__ import annotations
 
-N_LAW = 16  # whole fours, as lanes read them (`geometry.lane_tables`); the last ones are empty
+N_LAW = 16  # a multiple of 4, as SIMD gathers need (`geometry.kernels.simd_tables`); the last ones are empty
 
 # linear: k_n, k_t [N/m], zeta_n, zeta_t [-]
 # hertz_mindlin: E*, G* [Pa], gamma_n and gamma_t over sqrt(m_eff a), a = sqrt(r_eff delta) [sqrt(Pa)]

@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from geometry.inner_functions import borrowing
-from geometry.lane_functions import square_root
+from geometry.kernels.device_functions import njit_without_refcounts
+from geometry.kernels.simd_math import sqrt
 from particles.laws.columns import DAMPING_N, DAMPING_T, STIFFNESS_N, STIFFNESS_T
 from particles.laws.contact_law import check_parameters, law_row
 from particles.laws.hertz_impact import impact_time, loaded_depth, tangent_stiffness
@@ -31,10 +31,10 @@ class HertzTable(NamedTuple):
     rows: np.ndarray
 
 
-@borrowing(error_model="numpy", fastmath={"contract"})
+@njit_without_refcounts(error_model="numpy", fastmath={"contract"})
 def hertz_spring(table, kind, delta, m_eff, r_eff, memory):
     """Spring and dashpots of `HertzContact` (signature: `particles.laws.contact_law`)."""
-    root = square_root(delta)
+    root = sqrt(delta)
     f = table.rows[kind, STIFFNESS_N] * root * delta
     gamma_n, gamma_t = table.rows[kind, DAMPING_N], table.rows[kind, DAMPING_T]
     return f, table.rows[kind, STIFFNESS_T] * root, gamma_n, gamma_t, 0.4 * f * delta, memory

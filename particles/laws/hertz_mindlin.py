@@ -19,8 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from geometry.inner_functions import borrowing
-from geometry.lane_functions import square_root
+from geometry.kernels.device_functions import njit_without_refcounts
+from geometry.kernels.simd_math import sqrt
 from particles.laws.columns import DAMPING_N, DAMPING_T, SHEAR, YOUNG
 from particles.laws.contact_law import check_parameters, law_row
 from particles.laws.elastic import Elastic, effective_modulus, effective_shear_modulus
@@ -34,12 +34,12 @@ class HertzMindlinTable(NamedTuple):
     rows: np.ndarray
 
 
-@borrowing(error_model="numpy", fastmath={"contract"})
+@njit_without_refcounts(error_model="numpy", fastmath={"contract"})
 def hertz_mindlin_spring(table, kind, delta, m_eff, r_eff, memory):
     """Spring and dashpots of `HertzMindlin` (signature: `particles.laws.contact_law`)."""
-    a = square_root(r_eff * delta)
+    a = sqrt(r_eff * delta)
     f = 4.0 / 3.0 * table.rows[kind, YOUNG] * a * delta
-    unit = square_root(m_eff * a)
+    unit = sqrt(m_eff * a)
     k_t = 8.0 * table.rows[kind, SHEAR] * a
     return f, k_t, table.rows[kind, DAMPING_N] * unit, table.rows[kind, DAMPING_T] * unit, 0.4 * f * delta, memory
 

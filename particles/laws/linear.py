@@ -32,8 +32,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from geometry.inner_functions import borrowing
-from geometry.lane_functions import square_root
+from geometry.kernels.device_functions import njit_without_refcounts
+from geometry.kernels.simd_math import sqrt
 from particles.laws.columns import DAMPING_N, DAMPING_T, STIFFNESS_N, STIFFNESS_T
 from particles.laws.contact_law import check_parameters, law_row
 from particles.laws.restitution import damping_ratio, restitution_of
@@ -45,11 +45,11 @@ class LinearTable(NamedTuple):
     rows: np.ndarray
 
 
-@borrowing(error_model="numpy", fastmath={"contract"})
+@njit_without_refcounts(error_model="numpy", fastmath={"contract"})
 def linear_spring(table, kind, delta, m_eff, r_eff, memory):
     """Spring and dashpots of `LinearContact` (signature: `particles.laws.contact_law`)."""
     f = table.rows[kind, STIFFNESS_N] * delta
-    unit = 2.0 * square_root(table.rows[kind, STIFFNESS_N] * m_eff)
+    unit = 2.0 * sqrt(table.rows[kind, STIFFNESS_N] * m_eff)
     gamma_n, gamma_t = table.rows[kind, DAMPING_N] * unit, table.rows[kind, DAMPING_T] * unit
     return f, table.rows[kind, STIFFNESS_T], gamma_n, gamma_t, 0.5 * f * delta, memory
 
@@ -60,7 +60,7 @@ class EqualLinearTable(NamedTuple):
     rows: np.ndarray
 
 
-@borrowing(error_model="numpy", fastmath={"contract"})
+@njit_without_refcounts(error_model="numpy", fastmath={"contract"})
 def equal_linear_spring(table, kind, delta, m_eff, r_eff, memory):
     """`linear_spring` between grains of one size and mass: its dashpots are constants."""
     row = table.rows

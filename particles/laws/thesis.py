@@ -26,9 +26,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from geometry.inner_functions import borrowing
-from geometry.lane_functions import square_root
-from geometry.lanes import where
+from geometry.kernels.device_functions import njit_without_refcounts
+from geometry.kernels.simd import select
+from geometry.kernels.simd_math import sqrt
 from particles.laws.columns import DAMPING_N, DAMPING_T, DIAMETER, EXPONENT, STIFFNESS_N, STIFFNESS_T
 from particles.laws.contact_law import check_parameters, law_row
 from particles.laws.hertz_impact import impact_time, loaded_depth, tangent_stiffness
@@ -47,11 +47,11 @@ class ThesisTable(NamedTuple):
     rows: np.ndarray
 
 
-@borrowing(error_model="numpy", fastmath={"contract"})
+@njit_without_refcounts(error_model="numpy", fastmath={"contract"})
 def thesis_spring(table, kind, delta, m_eff, r_eff, memory):
     """Spring and dashpots of `ThesisContact` (signature: `particles.laws.contact_law`)."""
     bent = table.rows[kind, EXPONENT] > 0.0
-    f, share = where(bent, square_root(delta / table.rows[kind, DIAMETER]), 1.0), where(bent, 0.4, 0.5)
+    f, share = select(bent, sqrt(delta / table.rows[kind, DIAMETER]), 1.0), select(bent, 0.4, 0.5)
     force = f * table.rows[kind, STIFFNESS_N] * delta
     unit = f * m_eff
     k_t = f * table.rows[kind, STIFFNESS_T]

@@ -21,9 +21,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from geometry.inner_functions import borrowing
-from geometry.lane_functions import square_root
-from geometry.lanes import larger
+from geometry.kernels.device_functions import njit_without_refcounts
+from geometry.kernels.simd import maximum
+from geometry.kernels.simd_math import sqrt
 from particles.laws.columns import DAMPING_T, STIFFNESS_N, STIFFNESS_T, UNLOADING
 from particles.laws.contact_law import check_parameters, law_row
 from particles.laws.restitution import checked_restitution, damping_ratio
@@ -35,13 +35,13 @@ class WaltonBraunTable(NamedTuple):
     rows: np.ndarray
 
 
-@borrowing(error_model="numpy", fastmath={"contract"})
+@njit_without_refcounts(error_model="numpy", fastmath={"contract"})
 def walton_braun_spring(table, kind, delta, m_eff, r_eff, memory):
     """Spring of `WaltonBraun` (signature: `particles.laws.contact_law`); ``memory`` is the peak overlap [m]."""
     k_1, k_2 = table.rows[kind, STIFFNESS_N], table.rows[kind, UNLOADING]
-    peak = larger(memory, delta)
-    f = larger(k_1 * peak - k_2 * (peak - delta), 0.0)
-    gamma_t = 2.0 * table.rows[kind, DAMPING_T] * square_root(k_1 * m_eff)
+    peak = maximum(memory, delta)
+    f = maximum(k_1 * peak - k_2 * (peak - delta), 0.0)
+    gamma_t = 2.0 * table.rows[kind, DAMPING_T] * sqrt(k_1 * m_eff)
     return f, table.rows[kind, STIFFNESS_T], 0.0, gamma_t, 0.5 * f * f / k_2, peak
 
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 
 # columns of ``grid``. AXIS (3): the axis (0 x, 1 y, 2 z) that runs fastest, in the middle, slowest; COUNT (3): cells
 # along these, cell (a, b, c) has the number (c*count[1] + b)*count[0] + a. Of a search: its first entry and the one
@@ -72,7 +72,7 @@ def not_finite(position: np.ndarray) -> ValueError:
     )
 
 
-@inner(error_model="numpy")
+@device_function(error_model="numpy")
 def bounds(points, low, high):
     """Corners (3,) of the box around the points; False if a coordinate is not finite."""
     x0, y0, z0, x1, y1, z1 = np.inf, np.inf, np.inf, -np.inf, -np.inf, -np.inf
@@ -87,7 +87,7 @@ def bounds(points, low, high):
     return odd == 0.0
 
 
-@inner(error_model="numpy")
+@device_function(error_model="numpy")
 def lay_grid(low, high, size, grid, length):
     """Cells of edge ``size`` over the box from ``low`` to ``high`` (3,); returns how many there are.
 
@@ -114,7 +114,7 @@ def lay_grid(low, high, size, grid, length):
     return cells
 
 
-@inner(error_model="numpy")
+@device_function(error_model="numpy")
 def number_grains(points, begin, end, grid, length, number):
     """Fill in the cell numbers of the points from ``begin`` to ``end``; returns whether they never descend."""
     fast, middle, slow = grid[AXIS], grid[AXIS + 1], grid[AXIS + 2]
@@ -133,7 +133,7 @@ def number_grains(points, begin, end, grid, length, number):
     return ascends
 
 
-@inner(error_model="numpy")
+@device_function(error_model="numpy")
 def counting_sort(number, begin, end, table, cells, order):
     """Stable order of ``number[begin:end]``, in the same places of ``order``.
 

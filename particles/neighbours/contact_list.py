@@ -19,8 +19,8 @@ import numba
 import numpy as np
 from numba import njit, prange
 
-from geometry.cache_lines import on_lines
-from geometry.inner_functions import inner
+from geometry.kernels.aligned_arrays import aligned_zeros
+from geometry.kernels.device_functions import device_function
 from particles.neighbours.neighbour_list import WORTH_SHARING, PairList, find_pairs
 from particles.neighbours.partition import Chunks, make_chunks
 from particles.sector import CyclicSector
@@ -68,7 +68,7 @@ class SlotMemory(NamedTuple):
     @classmethod
     def empty(cls, count: int, columns: int) -> SlotMemory:
         """Of so many slots that touch nothing."""
-        return cls(np.zeros(count, dtype=np.uint8), on_lines((count, columns)))
+        return cls(np.zeros(count, dtype=np.uint8), aligned_zeros((count, columns)))
 
     def copied(self) -> SlotMemory:
         """The same in arrays of its own."""
@@ -286,7 +286,7 @@ def _touching_rows(start, other, shift, touching, history, wall_start, wall_othe
     )  # fmt: skip
 
 
-@inner(error_model="numpy")
+@device_function(error_model="numpy")
 def _touching(start, touching):
     """First place of each row among the slots that touch, and which these are."""
     slots, kept = touching.shape[0], np.uint64(0)
@@ -302,7 +302,7 @@ def _touching(start, touching):
     return kept_start, place[: np.int64(kept)]
 
 
-@inner(error_model="numpy")
+@device_function(error_model="numpy")
 def _rows_of(history, place):
     found = np.empty((place.shape[0], history.shape[1]))
     for p in range(place.shape[0]):
@@ -323,7 +323,7 @@ def _carry(vectors, turned, memory, pairs, walls, most):
             _carry_walls(old_i, vectors, turned, memory, walls)
 
 
-@inner(borrows=True, error_model="numpy")
+@device_function(without_refcounts=True, error_model="numpy")
 def _carry_pairs(old_i, vectors, turned, memory, to):
     rank, parts = turned.rank, turned.parts
     for k in range(memory.start[old_i], memory.start[old_i + 1]):
@@ -342,7 +342,7 @@ def _carry_pairs(old_i, vectors, turned, memory, to):
                 break
 
 
-@inner(borrows=True, error_model="numpy")
+@device_function(without_refcounts=True, error_model="numpy")
 def _carry_walls(old_i, vectors, turned, memory, to):
     i = turned.rank[old_i]
     for k in range(memory.wall_start[old_i], memory.wall_start[old_i + 1]):
@@ -353,7 +353,7 @@ def _carry_walls(old_i, vectors, turned, memory, to):
                 break
 
 
-@inner(borrows=True, error_model="numpy")
+@device_function(without_refcounts=True, error_model="numpy")
 def _put(k, slot, angle, sign, vectors, history, to):
     """Contact k of the old list in its slot of the new one, its vectors turned by ``angle`` [rad] and with a sign."""
     to.touching[slot] = 1

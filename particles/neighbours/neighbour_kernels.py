@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 from particles.neighbours.cells import AXIS, BEGIN, COUNT, END, INVERSE, LOW, MARGIN, NUMBER, REACH, TABLE
 from particles.neighbours.search import Search, heap_sort, longer, make_search
 
@@ -85,7 +85,7 @@ def find(points, ghosts, ghost_code, beside_face, limit, most, start):
     return ordered, other, shift
 
 
-@inner(error_model="numpy")
+@device_function(error_model="numpy")
 def fill_rows(search, row, stop, start, pairs, begin, room):
     """Rows from ``row`` to ``stop``, from place ``begin`` of ``pairs`` (partners, shifts) on; returns their pairs.
 
@@ -188,7 +188,7 @@ def fill_rows(search, row, stop, start, pairs, begin, room):
     return found
 
 
-@inner(error_model="numpy")
+@device_function(error_model="numpy")
 def _span(u, width, inverse, count):
     """Cells from .. to (exclusive) of one axis that [u - width, u + width] touches; both zero if there are none."""
     low, high = (u - width) * inverse, (u + width) * inverse
@@ -197,7 +197,7 @@ def _span(u, width, inverse, count):
     return int(max(low, 0.0)), int(min(high, count - 1.0)) + 1
 
 
-@inner(error_model="numpy")
+@device_function(error_model="numpy")
 def _first_from(value, ascending, begin, end):
     """First place in ``ascending[begin:end]`` that holds ``value`` or more."""
     while begin < end:

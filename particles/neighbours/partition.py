@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 
 GRAIN, PAIR, CONTACT, WALL = 1, 2, 7, 12  # measured: a grain, a listed pair, one that touches, a wall near a grain
 LAYERS = 4  # of grains in a chunk, at the least: thinner chunks have more interface than inside
@@ -79,7 +79,7 @@ def make_chunks(
     return _share(pair_start, pair_other, start)
 
 
-@inner(borrows=True, error_model="numpy")
+@device_function(without_refcounts=True, error_model="numpy")
 def _work_before(i, pair_start, contacts, wall_start):
     """What the rows before row i take."""
     return GRAIN * i + PAIR * pair_start[i] + CONTACT * contacts[pair_start[i]] + WALL * wall_start[i]

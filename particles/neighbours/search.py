@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 from particles.neighbours.cells import (
     BEGIN,
     END,
@@ -63,7 +63,7 @@ class Search(NamedTuple):
     number: np.ndarray
 
 
-@inner(error_model="numpy")
+@device_function(error_model="numpy")
 def make_search(points, ghosts, ghost_code, limit):
     """Sort grains, and their ghosts beyond the faces, into the cells of their levels.
 
@@ -118,7 +118,7 @@ def make_search(points, ghosts, ghost_code, limit):
     return finite, n_grids, own, ordered, grids, lengths, slot, entry, code, table, number
 
 
-@inner(error_model="numpy")
+@device_function(error_model="numpy")
 def sort_by_level(points, first, top):
     """Points of like reach, one level behind the other, and which these are.
 
@@ -161,7 +161,7 @@ def sort_by_level(points, first, top):
     return found, member
 
 
-@inner(error_model="numpy")
+@device_function(error_model="numpy")
 def _sort_places(number, begin, end, place):
     """Stable order of ``number[begin:end]``, in the same places of ``place``: shell sort, no table of cells."""
     for k in range(begin, end):
@@ -181,7 +181,7 @@ def _sort_places(number, begin, end, place):
         gap //= 3
 
 
-@inner(error_model="numpy")
+@device_function(error_model="numpy")
 def longer(array, length):
     """A copy at the beginning of so many places."""
     made = np.empty(length, dtype=array.dtype)
@@ -190,7 +190,7 @@ def longer(array, length):
     return made
 
 
-@inner(error_model="numpy")
+@device_function(error_model="numpy")
 def heap_sort(key, near, count):
     """Sort the first ``count`` of both by key, equal ones by near."""
     for end in range(2 * count - 1, 0, -1):
@@ -215,6 +215,6 @@ def heap_sort(key, near, count):
         key[root], near[root] = moved, whose
 
 
-@inner(error_model="numpy")
+@device_function(error_model="numpy")
 def _before(key, whose, other_key, other_whose):
     return key < other_key or (key == other_key and whose < other_whose)

@@ -35,7 +35,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 
 # columns of a triangle's row: point A, axes e1 and e2, normal, and the flat coordinates of B and C
 AX, AY, AZ, UX, UY, UZ, VX, VY, VZ, NX, NY, NZ, LENGTH, CX, CY = range(15)
@@ -52,7 +52,7 @@ FEATURE_ANGLE = np.deg2rad(21.0)  # tessellated circles of 18 sides, 20 degrees 
 _TILT = float(np.cos(FEATURE_ANGLE))
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _offset(rows, t, x, y, z):
     """Closest point minus centre in the frame of the triangle: along e1, along e2, and the height s above it."""
     x, y, z = x - rows[t, AX], y - rows[t, AY], z - rows[t, AZ]
@@ -90,7 +90,7 @@ def closest_on_triangle(rows, t, x, y, z):
     )
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _hides(found, a, counts, c):
     x, y, z = found[c, TOWARDS_X], found[c, TOWARDS_Y], found[c, TOWARDS_Z]
     d = found[c, DISTANCE]
@@ -101,7 +101,7 @@ def _hides(found, a, counts, c):
     return d * (x * found[a, PLANE_X] + y * found[a, PLANE_Y] + z * found[a, PLANE_Z]) >= _TILT * found[a, HEIGHT]
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"})
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def triangle_contacts(rows, other, first, last, x, y, z, radius, found):
     """Contacts of one grain with the triangles ``other[first:last]`` of one body.
 

@@ -5,21 +5,21 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from geometry.inner_functions import inner
-from geometry.lane_functions import square_root
+from geometry.kernels.device_functions import device_function
+from geometry.kernels.simd_math import sqrt
 
 # columns of the wall table (`particles.walls.wall_table`)
 KIND, R0, Z0, R1, Z1, UR, UZ, OWN0, NR0, NZ0, OWN1, NR1, NZ1 = range(13)
 N_WALL = 13
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _wall_gap(wall, w, x, y, z):
     """Distance of the centre to a wall, unit vector towards it (3), and whether this wall owns the point."""
     if wall[w, KIND] == 1.0:  # plane: point in columns 1-3, normal in 4-6
         s = (x - wall[w, 1]) * wall[w, 4] + (y - wall[w, 2]) * wall[w, 5] + (z - wall[w, 3]) * wall[w, 6]
         return s, -wall[w, 4], -wall[w, 5], -wall[w, 6], True
-    r = square_root(x * x + y * y)
+    r = sqrt(x * x + y * y)
     owned = True
     a, b = r - wall[w, R0], z - wall[w, Z0]
     if a * wall[w, UR] + b * wall[w, UZ] <= 0.0:  # the start is the closest point
@@ -32,7 +32,7 @@ def _wall_gap(wall, w, x, y, z):
         else:
             p = b * wall[w, UR] - a * wall[w, UZ]
             a, b = -p * wall[w, UZ], p * wall[w, UR]
-    distance = square_root(a * a + b * b)
+    distance = sqrt(a * a + b * b)
     inverse = 1.0 / distance if distance > 0.0 else 0.0
     nr, nz = -a * inverse, -b * inverse
     if r > 0.0:

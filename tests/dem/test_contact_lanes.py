@@ -7,7 +7,7 @@ import pytest
 from numba import njit
 
 from geometry import Box
-from geometry.lane_functions import logarithm, square_root
+from geometry.kernels.simd_math import log, sqrt
 from particles import DEM, Body, Grains, LinearContact
 from particles.dem.contact_kernel import Touch, contact_force
 from particles.dem.pair_kernel import ROOM
@@ -103,7 +103,7 @@ def test_a_grain_with_more_contacts_than_a_batch_has_room_for():
 def _by_kernel(x):
     roots, logs = np.empty_like(x), np.empty_like(x)
     for k in range(x.shape[0]):
-        roots[k], logs[k] = square_root(x[k]), logarithm(x[k])
+        roots[k], logs[k] = sqrt(x[k]), log(x[k])
     return roots, logs
 
 
@@ -114,4 +114,4 @@ def test_root_and_logarithm_are_those_of_the_library():
     assert np.array_equal(roots, np.sqrt(x))
     np.testing.assert_allclose(logs, np.log(x), rtol=1e-15, atol=1e-300)
     assert np.isnan(_by_kernel(np.array([-1.0]))[0]).all()
-    assert square_root(2.0) == math.sqrt(2.0) and logarithm(2.0) == math.log(2.0)
+    assert sqrt(2.0) == math.sqrt(2.0) and log(2.0) == math.log(2.0)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from geometry.inner_functions import borrowing
+from geometry.kernels.device_functions import njit_without_refcounts
 from particles.dem.contact_kernel import Touch, contact_force, turned
 from particles.laws.columns import COHESION_0, COHESIVE, DAMPING_N, DAMPING_T, MU, N_LAW
 from particles.laws.elastic import Elastic
@@ -204,7 +204,7 @@ class ConstantTable(NamedTuple):
     rows: np.ndarray
 
 
-@borrowing(error_model="numpy")
+@njit_without_refcounts(error_model="numpy")
 def constant_spring(table, kind, delta, m_eff, r_eff, memory):
     f = table.rows[kind, 0]
     return f, 0.0, 0.0, 0.0, f * delta, memory

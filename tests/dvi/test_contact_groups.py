@@ -5,7 +5,7 @@ import pytest
 from dvi_scenes import DOWN, in_ring
 from numba import njit
 
-from geometry.lanes import LANES
+from geometry.kernels.simd import LANES
 from particles import Body, FreeShaft, PrescribedSpeed
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.contact_groups import CONTACT, FIRST, SECOND, SIZE, WINDOW

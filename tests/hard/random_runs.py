@@ -21,7 +21,7 @@ from random_faults import drawn
 from random_scenes import RandomScene
 from scene_verdict import Verdict, judge
 
-from geometry.kernel_cache import specialisations
+from geometry.kernels.cache import specialisations
 
 LONGEST = 120  # seconds of processor time: no scene that is run here takes a tenth of it
 COUNT = 1000

@@ -8,7 +8,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = """
 import numpy as np
-from geometry.machine_code import machine_code_digest
+from geometry.kernels.machine_code import machine_code_digest
 before = machine_code_digest()
 
 import coupling.neighbour_rows as rows

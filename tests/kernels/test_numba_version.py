@@ -8,13 +8,12 @@ from pathlib import Path
 import numba
 import pytest
 
-from geometry.numba_version import TESTED, NumbaVersionError, require_tested_version
+from geometry.kernels.numba_version import TESTED, NumbaVersionError, require_tested_version
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "how_to" / "numba_version.md").read_text(encoding="utf-8")
 PUBLIC = {"numba", "numba.extending", "numba.typed"}
-LANES = ("lanes", "lane_functions", "lane_tables", "shared_words")
-INFRASTRUCTURE = ("inner_functions", "kernel_cache", "kernel_stamp", "machine_code", *LANES)
+INFRASTRUCTURE = ("simd", "simd_math", "simd_tables", "atomics", "device_functions", "cache", "stamp", "machine_code")
 PYTHON = {"_fields", "_replace"}  # of named tuples
 
 
@@ -62,7 +61,7 @@ def test_the_page_lists_every_private_attribute():
     listed = set(re.findall(r"[`.](_[a-z_]+)`", PAGE))
     used = set()
     for path, tree in modules():
-        if path.parent.name != "geometry" or path.stem not in INFRASTRUCTURE:
+        if path.parent.name != "kernels" or path.stem not in INFRASTRUCTURE:
             continue
         own = {n.name for n in ast.walk(tree) if isinstance(n, (ast.FunctionDef, ast.ClassDef))}
         own |= {n.attr for n in ast.walk(tree) if isinstance(n, ast.Attribute) and isinstance(n.ctx, ast.Store)
@@ -73,5 +72,5 @@ def test_the_page_lists_every_private_attribute():
                   and re.match(r"_[a-z]", n.args[1].value)}  # fmt: skip
         used |= found - own
     assert used - listed - PYTHON == set()
-    text = "".join((ROOT / "geometry" / f"{name}.py").read_text() for name in INFRASTRUCTURE)
+    text = "".join((ROOT / "geometry" / "kernels" / f"{name}.py").read_text() for name in INFRASTRUCTURE)
     assert all(name in text for name in listed)

@@ -25,7 +25,7 @@ from scipy.sparse.linalg import splu
 
 from emclutch.results.atomic_file import replace_json
 from field.spheres.table_files import cache_folder
-from geometry.threads import default_threads
+from geometry.kernels.threads import default_threads
 
 # Processor time of the probes on the reference machine [s]: one core of a Xeon at 2.8 GHz (x86-64, 2 cores, 2026).
 LOOPS_S, SOLVES_S = 0.0125, 0.026

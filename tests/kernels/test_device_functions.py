@@ -11,13 +11,13 @@ import pytest
 from numba import njit, prange
 from numba.core.errors import NumbaError
 
-from geometry.inner_functions import borrowing, inner
-from geometry.kernel_cache import ROOT
+from geometry.kernels.cache import ROOT
+from geometry.kernels.device_functions import device_function, njit_without_refcounts
 
 PROGRAM = """
 from numba import njit
 from numba.core.codegen import JITCPUCodegen
-from geometry.inner_functions import inner
+from geometry.kernels.device_functions import device_function
 
 with_code = []
 add = JITCPUCodegen._add_module
@@ -46,7 +46,7 @@ def of(decorate):
     return sum(with_code)
 
 of(njit)  # numba's own are compiled once
-print(of(inner), of(njit))
+print(of(device_function), of(njit))
 """
 
 
@@ -57,13 +57,13 @@ def test_only_the_kernel_becomes_machine_code():
 
 
 def test_an_error_raised_inside_reaches_python():
-    @inner()
+    @device_function()
     def checked(x):
         if x < 0.0:
             raise ValueError("below zero", x)
         return x**0.5
 
-    @inner()
+    @device_function()
     def deeper(x):
         return 2.0 * checked(x)
 
@@ -78,7 +78,7 @@ def test_an_error_raised_inside_reaches_python():
 
 
 def test_in_a_parallel_loop_and_for_two_types():
-    @inner()
+    @device_function()
     def doubled(x):
         return x + x
 
@@ -98,7 +98,7 @@ class Arrays(NamedTuple):
 
 
 def test_who_borrows_leaves_the_count_of_references_as_it_was():
-    @borrowing()
+    @njit_without_refcounts()
     def product(arrays):
         total, first = 0.0, arrays.first
         for i in range(first.shape[0]):
@@ -116,7 +116,7 @@ def test_who_borrows_leaves_the_count_of_references_as_it_was():
 
 
 def test_who_borrows_can_allocate_nothing():
-    @borrowing()
+    @njit_without_refcounts()
     def sums(n):
         return np.zeros(n).sum()
 

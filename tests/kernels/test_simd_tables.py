@@ -6,33 +6,33 @@ import numpy as np
 import pytest
 from numba import njit
 
-from geometry.lane_functions import logarithm, square_root
-from geometry.lane_tables import (
-    add_to_rows,
-    column,
-    columns,
-    eight_at_least,
-    eight_of,
-    entries,
-    lane_rows,
-    put_column,
-    put_columns,
-    put_eight,
-    put_two_columns,
-    two_columns,
-)
-from geometry.lanes import (
+from geometry.kernels.simd import (
     LANES,
-    any_of,
-    as_lanes,
-    bits_of,
-    first_lanes,
-    lanes_of,
-    larger,
-    numbers_of,
-    sum_of_lanes,
-    where,
-    whole_part,
+    any_lane,
+    from_integers,
+    mask_of_first,
+    maximum,
+    movemask,
+    reduce_add,
+    select,
+    splat,
+    to_integers,
+    to_tuple,
+)
+from geometry.kernels.simd_math import log, sqrt
+from geometry.kernels.simd_tables import (
+    gather,
+    gather_column,
+    gather_columns,
+    gather_two_columns,
+    load,
+    movemask_at_least,
+    scatter_add,
+    scatter_column,
+    scatter_columns,
+    scatter_two_columns,
+    stack_table,
+    store,
 )
 
 ROWS = np.array([[5, 0, 9, 2, 7, 1, 8, 3]], dtype=np.int32)
@@ -46,16 +46,16 @@ def table():
 def test_columns_and_entries(table):
     @njit
     def kernel(table, picked, real, whole, out):
-        rows = eight_of(picked, 0, 0)
-        a, b = two_columns(table, rows, 5)
-        c = column(table, rows, 11)
-        d, e = two_columns(table, rows, entries(whole, rows))
-        f, g = entries(real, rows), as_lanes(entries(whole, rows))
-        every = eight_of(picked, 0, 0)
-        put_two_columns(out, every, 0, a, b)
-        put_two_columns(out, every, 2, c, d)
-        put_two_columns(out, every, 4, e, f)
-        put_column(out, every, 6, g)
+        rows = load(picked, 0, 0)
+        a, b = gather_two_columns(table, rows, 5)
+        c = gather_column(table, rows, 11)
+        d, e = gather_two_columns(table, rows, gather(whole, rows))
+        f, g = gather(real, rows), from_integers(gather(whole, rows))
+        every = load(picked, 0, 0)
+        scatter_two_columns(out, every, 0, a, b)
+        scatter_two_columns(out, every, 2, c, d)
+        scatter_two_columns(out, every, 4, e, f)
+        scatter_column(out, every, 6, g)
 
     real, whole, out = np.arange(10) * 0.5, (np.arange(10, dtype=np.uint32) * 7) % 10, np.zeros((10, 7))
     kernel(table, ROWS, real, whole, out)
@@ -68,8 +68,8 @@ def test_columns_and_entries(table):
 def test_blocks_of_eight_neighbours(table):
     @njit
     def kernel(flat, blocks, grains):
-        put_eight(blocks, 1, 2, eight_of(flat, 3, 4) + as_lanes(eight_of(grains, 1, 2)))
-        put_eight(flat, 0, 1, eight_of(blocks, 1, 2) + 1.0)
+        store(blocks, 1, 2, load(flat, 3, 4) + from_integers(load(grains, 1, 2)))
+        store(flat, 0, 1, load(blocks, 1, 2) + 1.0)
 
     flat, blocks, grains = table.copy(), np.zeros((2, 3, 8)), np.arange(48, dtype=np.int32).reshape(2, 3, 8)
     kernel(flat, blocks, grains)
@@ -83,15 +83,15 @@ def test_blocks_of_eight_neighbours(table):
 def test_rows_that_are_the_same_are_added_to_one_after_the_other(many):
     @njit
     def kernel(target, other, numbers, added):
-        rows, places = eight_of(numbers, 0, 0), eight_of(numbers, 1, 0)
-        a, b, c, d = columns(added, eight_of(numbers, 2, 0), 0)
-        e, f = two_columns(added, eight_of(numbers, 2, 0), 4)
+        rows, places = load(numbers, 0, 0), load(numbers, 1, 0)
+        a, b, c, d = gather_columns(added, load(numbers, 2, 0), 0)
+        e, f = gather_two_columns(added, load(numbers, 2, 0), 4)
         if many == 4:
-            add_to_rows(target, rows, 1, other, places, (a, b, c, d))
-            add_to_rows(target, rows, 1, None, None, (a, b, c, d))
+            scatter_add(target, rows, 1, other, places, (a, b, c, d))
+            scatter_add(target, rows, 1, None, None, (a, b, c, d))
         else:
-            add_to_rows(target, rows, 1, other, places, (a, b, c, d, e, f))
-            add_to_rows(target, rows, 1, None, None, (a, b, c, d, e, f))
+            scatter_add(target, rows, 1, other, places, (a, b, c, d, e, f))
+            scatter_add(target, rows, 1, None, None, (a, b, c, d, e, f))
 
     numbers = np.array([[2, 2, 2, 0, 1, 1, 2, 0], [-1, 1, -1, 0, -1, 1, -1, -1], np.arange(8)], dtype=np.int32)
     added = np.random.default_rng(0).normal(size=(8, 6))
@@ -111,13 +111,13 @@ def test_rows_that_are_the_same_are_added_to_one_after_the_other(many):
 def test_rows_of_lanes_hold_what_is_put_there_and_numbers_become_lanes(table):
     @njit
     def kernel(table, picked, choice, out):
-        rows = eight_of(picked, 0, 0)
-        kept, x = lane_rows(3), 1.5
-        kept[0, 0], kept[0, 1], kept[0, 2], _ = columns(table, rows, 0)
+        rows = load(picked, 0, 0)
+        kept, x = stack_table(3), 1.5
+        kept[0, 0], kept[0, 1], kept[0, 2], _ = gather_columns(table, rows, 0)
         if choice:  # a number on one way, lanes on the other
             x = kept[7, 1]
         kept[0, choice] = kept[0, 0] * x
-        put_columns(out, rows, 0, kept[0, 0], kept[0, 1], kept[0, 2], lanes_of(0.0))
+        scatter_columns(out, rows, 0, kept[0, 0], kept[0, 1], kept[0, 2], splat(0.0))
 
     r = ROWS[0]
     for choice in (0, 1):
@@ -131,14 +131,16 @@ def test_rows_of_lanes_hold_what_is_put_there_and_numbers_become_lanes(table):
 def test_functions_of_lanes_are_those_of_numbers(table):
     @njit(error_model="numpy")
     def kernel(table, picked, out):
-        rows = eight_of(picked, 0, 0)
-        a, b, _, _ = columns(table, rows, 0)
-        put_columns(out, rows, 0, larger(a, b), abs(a), square_root(abs(a)), logarithm(abs(b)))
-        put_columns(out, rows, 8, abs(a), max(a, 0.25), np.sqrt(a * a), math.sqrt(a**2))
-        put_columns(out, rows, 12, a**3, a**0 * 2.0 / a, a**-2, b * 2.0)
-        put_columns(out, rows, 4, as_lanes(whole_part(a)), where(first_lanes(3), a, b), -a, larger(a, 0.25))
-        truths = any_of(a > -9.0), any_of(a > 9.0), any_of(numbers_of(a)[0] > -9.0)
-        return sum_of_lanes(a), bits_of(a > b), numbers_of(a), truths
+        rows = load(picked, 0, 0)
+        a, b, _, _ = gather_columns(table, rows, 0)
+        scatter_columns(out, rows, 0, maximum(a, b), abs(a), sqrt(abs(a)), log(abs(b)))
+        scatter_columns(out, rows, 8, abs(a), max(a, 0.25), np.sqrt(a * a), math.sqrt(a**2))
+        scatter_columns(out, rows, 12, a**3, a**0 * 2.0 / a, a**-2, b * 2.0)
+        scatter_columns(
+            out, rows, 4, from_integers(to_integers(a)), select(mask_of_first(3), a, b), -a, maximum(a, 0.25)
+        )
+        truths = any_lane(a > -9.0), any_lane(a > 9.0), any_lane(to_tuple(a)[0] > -9.0)
+        return reduce_add(a), movemask(a > b), to_tuple(a), truths
 
     out, r = np.zeros((10, 16)), ROWS[0]
     total, bits, numbers, truths = kernel(table, ROWS, out)
@@ -157,7 +159,7 @@ def test_functions_of_lanes_are_those_of_numbers(table):
 def test_what_is_not_a_number_is_not_lost_in_the_larger():
     @njit
     def kernel(x):
-        return numbers_of(larger(lanes_of(x), 0.0))[3], larger(x, 0.0)
+        return to_tuple(maximum(splat(x), 0.0))[3], maximum(x, 0.0)
 
     assert np.isnan(kernel(np.nan)).all()
 
@@ -166,7 +168,7 @@ def test_what_is_not_a_number_is_not_lost_in_the_larger():
 def test_bounds_of_neighbours_as_bits(kind):
     @njit
     def kernel(array, first, bound):
-        return eight_at_least(array, first, bound)
+        return movemask_at_least(array, first, bound)
 
     array = np.random.default_rng(1).integers(0, 200, 40).astype(kind)
     for first in (0, 3, 32):

@@ -21,9 +21,9 @@ from numba.core.caching import IndexDataCacheFile, NullCache
 from numba.core.dispatcher import Dispatcher
 from numba.extending import overload
 
-from geometry import kernel_cache
-from geometry.kernel_cache import _Stamp, specialisations
-from geometry.kernel_stamp import callees, kernel_stamp
+from geometry.kernels import cache as kernel_cache
+from geometry.kernels.cache import _Stamp, specialisations
+from geometry.kernels.stamp import callees, kernel_stamp
 
 CALLEE = """
 FACTOR = 2.0
@@ -123,7 +123,7 @@ def test_the_stamp_changes(what, change):
 def test_the_stamp_is_the_same_in_every_process():
     """Hash seeds order sets differently."""
     code = (
-        "from geometry.kernel_stamp import kernel_stamp\n"
+        "from geometry.kernels.stamp import kernel_stamp\n"
         "from particles.dem.step_kernel import run_steps\n"
         "from particles.dvi.step_kernel import run_steps as rigid\n"
         "print(kernel_stamp(run_steps.py_func), kernel_stamp(rigid.py_func))"
@@ -142,7 +142,7 @@ def test_the_stamp_is_the_same_in_every_process():
 def test_kernels_of_ours_are_cached_by_syntax_and_those_of_others_are_not():
     from particles.dem.step_kernel import run_steps
 
-    assert type(run_steps._cache._impl.locator).__module__ == "geometry.kernel_cache"
+    assert type(run_steps._cache._impl.locator).__module__ == "geometry.kernels.cache"
 
     @njit(cache=True)
     def foreign(x):
@@ -235,7 +235,7 @@ def test_a_file_system_without_locks_is_no_reason_to_stop(tmp_path, monkeypatch)
     def refuse(file, how):
         raise OSError(errno.ENOLCK, "no locks available")
 
-    monkeypatch.setattr("geometry.kernel_cache.fcntl.flock", refuse)
+    monkeypatch.setattr("geometry.kernels.cache.fcntl.flock", refuse)
     file = IndexDataCacheFile(str(tmp_path), "kernel-s.py311", "stamp")
     file.save("key", "code")
     assert file.load("key") == "code"

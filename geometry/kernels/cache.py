@@ -1,19 +1,18 @@
-"""The cache of compiled kernels follows their syntax, and may be shared by processes that run at the same time.
+"""The cache of compiled kernels: keyed by their content, safe for concurrent processes.
 
-Numba's own cache has two faults that matter here. It asks whether the *file* of a kernel has changed: a comma in a
-docstring compiles everything in that file anew, while a change of a callee or of a constant in another file goes
-unseen, and a stale kernel comes back silently. And it numbers its files by how many entries its index holds: two
-processes that compile one function for different arguments at the same time may take each other's code.
+Numba's own cache has two defects that matter here. It is keyed by the modification time of a kernel's *file*: a comma
+in a docstring recompiles everything in that file, while a change of a callee or of a constant in another file goes
+unnoticed, and a stale kernel is loaded silently. And it numbers its files by the number of entries in its index: two
+processes that compile one function for different arguments at the same time may load each other's code.
 
-So (1) a kernel's stamp is a hash of what it is made of (`kernel_stamp`): its own instructions and constants, without
-docstrings, comments and line numbers, the values of the globals that it reads, and the same of every compiled function
-that it calls, whichever file it stands in, also of one that is chosen by types or found in a table; (2) index and
-code are read and written under a lock, and who finds another process compiling a kernel waits for its code instead of
-compiling it too; (3) a cache only saves time: where its disk is full, nothing can be written, or a file in it is
-damaged, kernels are compiled, and a warning says so.
+Here (1) a kernel's stamp is a hash of its content (`kernel_stamp`): its instructions and constants, without docstrings,
+comments and line numbers, the values of the globals that it reads, and the same of every compiled function that it
+calls, in any file, including those chosen by types or found in a table; (2) index and code are read and written under
+a lock, and a process that finds another one compiling a kernel waits for its code; (3) where the disk is full, the
+folder is not writable, or a file is damaged, kernels are compiled and a warning is given.
 
-It stands in this package because `field` and `particles` both have kernels and import nothing else in common; each
-imports it before its first kernel is defined. Kernels of other packages keep numba's own rule.
+Every package with kernels imports this module before its first kernel is defined. Kernels of other packages keep
+numba's own cache.
 """
 
 from __future__ import annotations
@@ -35,15 +34,15 @@ import numba
 from numba.core import caching, event
 from numba.core.dispatcher import Dispatcher
 
-from geometry.kernel_stamp import PACKAGES, is_own, kernel_stamp
-from geometry.numba_version import require_tested_version
+from geometry.kernels.numba_version import require_tested_version
+from geometry.kernels.stamp import PACKAGES, is_own, kernel_stamp
 
 try:
     import fcntl
 except ImportError:  # no such locks on Windows: there numba's own rule holds
     fcntl = None  # type: ignore[assignment]
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 LONGEST_WAIT, POLL = 180.0, 0.1  # s, for another process that compiles; between two looks
 
 
@@ -123,7 +122,7 @@ class AskedFor(_BySyntax, caching.UserProvidedCacheLocator):
 
 
 class BesideSource(_BySyntax, caching.InTreeCacheLocator):
-    """In the ``__pycache__`` beside the source."""
+    """In the ``__pycache__`` of the source folder."""
 
 
 class OfUser(_BySyntax, caching.UserWideCacheLocator):
@@ -150,7 +149,7 @@ def _warn(fault: str) -> None:
     """Say once that kernels are not kept."""
     if fault not in _told:
         _told.add(fault)
-        text = f"{fault}: they are compiled anew by every run, which takes a minute; make room or permissions there, or"
+        text = f"{fault}: they are recompiled by every run, which takes a minute; make room or permissions there, or"
         warnings.warn(f"{text} set NUMBA_CACHE_DIR to another folder", RuntimeWarning, stacklevel=2)
 
 
@@ -274,7 +273,7 @@ def _install() -> None:
         except OSError:
             raise
         except Exception as error:
-            raise OSError(f"{name} is damaged") from error  # for numba it is not there, and is written anew
+            raise OSError(f"{name} is damaged") from error  # for numba it does not exist, and is rewritten
 
     caching.IndexDataCacheFile._load_index = index_or_none  # type: ignore[method-assign]
     caching.IndexDataCacheFile._load_data = data_or_none  # type: ignore[method-assign]

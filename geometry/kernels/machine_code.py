@@ -18,7 +18,7 @@ from typing import Any
 
 from numba.core.dispatcher import Dispatcher
 
-from geometry.kernel_stamp import PACKAGES
+from geometry.kernels.stamp import PACKAGES
 
 CODE = (b".text", b".ltext", b".rodata.cst")
 """Beginnings of the names of sections with code and numeric constants; other read-only data hold names."""

@@ -1,7 +1,7 @@
-"""Square root and logarithm for compiled functions of numbers and of lanes (`geometry.lanes`), and a look ahead.
+"""Square root and logarithm of scalars and SIMD vectors (`geometry.kernels.simd`) in kernels, and prefetching.
 
-Numba's own root and logarithm call the C library (the root wherever a number may be negative: it must set errno
-there), and a loop with such a call is never compiled to instructions that take many numbers side by side.
+Numba's square root and logarithm call the C library (the root wherever its argument may be negative, to set errno),
+and a loop with such a call is not vectorised.
 """
 
 from __future__ import annotations
@@ -15,26 +15,26 @@ from numba.core import cgutils
 from numba.extending import intrinsic, overload
 from numba.np.arrayobj import make_array
 
-from geometry.inner_functions import INTO_CALLER
-from geometry.lanes import lanes, root, where
+from geometry.kernels.device_functions import INLINE
+from geometry.kernels.simd import f64x8, llvm_sqrt, select
 
-LINE = 8  # numbers in a line of the cache
+DOUBLES_A_LINE = 8  # in a cache line of 64 bytes
 EXPONENT_BIAS, MANTISSA, ONE = 1023, (1 << 52) - 1, 1023 << 52  # of the 64 bits of a number
 
 
-def square_root(x):
-    """The square root; in a kernel NaN of what is negative, and of lanes too. Of a float in Python as in a kernel."""
+def sqrt(x):
+    """The square root of a scalar or vector; in a kernel NaN for negative numbers. Also callable from Python."""
     return math.sqrt(x)
 
 
-def logarithm(x):
-    """The natural logarithm of a normal number above 0, to 4e-16 of itself; as `square_root`."""
+def log(x):
+    """The natural logarithm of normal numbers above 0, relative error below 4e-16. Also callable from Python."""
     return math.log(x)
 
 
 def _parts(typing_context, x):
-    """Exponent and mantissa, 1 <= m < 2, of a normal number above 0, both as numbers; of lanes as lanes."""
-    kind = lanes if x == lanes else types.float64
+    """Exponent and mantissa, 1 <= m < 2, of a normal number above 0, both as floats; of a vector as vectors."""
+    kind = f64x8 if x == f64x8 else types.float64
 
     def code(context, builder, signature, arguments):
         (value,) = arguments
@@ -53,9 +53,9 @@ def _parts(typing_context, x):
 
 
 def _prefetch(typing_context, array, row, many):
-    """Ask for the lines of the cache that hold ``many`` rows from ``row`` on of a float array (n, m); nothing is read.
+    """Prefetch the cache lines that hold ``many`` rows from ``row`` on of a float array (n, m).
 
-    ``many`` is a constant, a multiple of 8: rows of m numbers fill m many/8 lines of 8 numbers.
+    ``many`` is a constant, a multiple of 8: rows of m doubles fill m many/8 lines.
     """
     if not isinstance(many, types.IntegerLiteral):
         return None
@@ -68,9 +68,9 @@ def _prefetch(typing_context, array, row, many):
         function = cgutils.get_or_insert_function(
             builder.module, ir.FunctionType(ir.VoidType(), [byte, word, word, word]), "llvm.prefetch.p0"
         )
-        lines = builder.mul(width, ir.Constant(width.type, many.literal_value // LINE))
+        lines = builder.mul(width, ir.Constant(width.type, many.literal_value // DOUBLES_A_LINE))
         with cgutils.for_range(builder, lines) as loop:
-            at = builder.gep(place, [builder.mul(loop.index, ir.Constant(width.type, LINE))])
+            at = builder.gep(place, [builder.mul(loop.index, ir.Constant(width.type, DOUBLES_A_LINE))])
             builder.call(function, [builder.bitcast(at, byte), *(ir.Constant(word, k) for k in (0, 3, 1))])
         return context.get_dummy_value()
 
@@ -81,19 +81,19 @@ prefetch_rows: Any = intrinsic(_prefetch)
 _parts_of: Any = intrinsic(_parts)
 
 
-@overload(square_root, jit_options=INTO_CALLER)
+@overload(sqrt, jit_options=INLINE)
 def _square_root(x):
-    return lambda x: root(x)
+    return lambda x: llvm_sqrt(x)
 
 
-@overload(logarithm, jit_options=INTO_CALLER)
+@overload(log, jit_options=INLINE)
 def _logarithm(x):
     """ln(2^e m) = e ln 2 + 2 artanh((m - 1)/(m + 1)), with m between sqrt(1/2) and sqrt(2): ten terms of the series."""
 
     def of_number(x):
         e, m = _parts_of(x)
         large = m > 1.4142135623730951
-        m, e = where(large, 0.5 * m, m), where(large, e + 1.0, e)
+        m, e = select(large, 0.5 * m, m), select(large, e + 1.0, e)
         s = (m - 1.0) / (m + 1.0)
         t = s * s
         series = t * (1.0 / 3.0 + t * (1.0 / 5.0 + t * (1.0 / 7.0 + t * (1.0 / 9.0 + t * (1.0 / 11.0 + t * (

@@ -1,11 +1,11 @@
-"""Lanes from tables and back: eight rows that may lie anywhere, a few neighbouring columns of each.
+"""Gather and scatter: SIMD vectors from tables and back, eight rows at any places, a few adjacent columns of each.
 
-`columns` reads four neighbouring columns of eight rows, and `put_columns` writes them: eight short reads and a
-transposition in registers, where an index for each number would cost several times as much. No two rows that are
-written may be the same one, unless the same is written there; to rows that may be the same, `add_to_rows` adds.
+`gather_columns` reads four adjacent columns of eight rows and `scatter_columns` writes them: eight short loads and a
+transposition in registers, which costs a fraction of a gather with one index per number. The rows of a scatter must
+differ, unless equal values are written; `scatter_add` accepts repeated rows.
 
-`LaneRows` is a table on the stack whose numbers are lanes: a function that reads and writes ``rows[slot, column]`` of
-an array finds eight there, whatever the slot is called.
+`StackTable` is a table on the stack whose entries are vectors: a function that reads and writes ``rows[slot, column]``
+of an array finds a vector there, whatever the slot is.
 """
 
 from __future__ import annotations
@@ -20,32 +20,32 @@ from numba.core.imputils import lower_builtin
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import models, register_model
 
-from geometry.inner_functions import inner
-from geometry.lanes import _DOUBLE, _EIGHT, LANES, Lanes, _chosen, intrinsic, lanes
+from geometry.kernels.device_functions import device_function
+from geometry.kernels.simd import _DOUBLE, _EIGHT, LANES, F64x8, _shuffle, f64x8, intrinsic
 
-WIDE = 4  # columns of a table that are read at once
+WIDE = 4  # columns of a table that one load takes
 _FOUR = ir.VectorType(_DOUBLE, WIDE)
 
 
-class LaneRows(types.Type):
-    """One row of a table whose columns are lanes; it lies on the stack of the kernel that has made it."""
+class StackTable(types.Type):
+    """One row of a table whose columns are vectors, on the stack of the kernel that made it."""
 
     def __init__(self) -> None:
-        super().__init__("LaneRows")
+        super().__init__("StackTable")
 
 
-lane_rows_type = LaneRows()
+stack_table_type = StackTable()
 
 
-@register_model(LaneRows)
-class _LaneRowsModel(models.PrimitiveModel):
+@register_model(StackTable)
+class _StackTableModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, _EIGHT.as_pointer())
 
 
 @intrinsic
-def lane_rows(typing, columns):
-    """Room for so many columns, a constant; what they hold is not told. It ends with the function that asks for it."""
+def stack_table(typing, columns):
+    """A table of ``columns`` vectors (a constant), not initialised, which lives as long as the calling function."""
     if not isinstance(columns, types.IntegerLiteral):
         return None
 
@@ -55,40 +55,40 @@ def lane_rows(typing, columns):
             room.align = 64
         return builder.bitcast(room, _EIGHT.as_pointer())
 
-    return lane_rows_type(columns), code
+    return stack_table_type(columns), code
 
 
 @infer_global(operator.getitem)
 class _Get(AbstractTemplate):
     def generic(self, args, kws):
         rows = args[0]
-        return signature(lanes, rows, types.UniTuple(types.intp, 2)) if isinstance(rows, LaneRows) else None
+        return signature(f64x8, rows, types.UniTuple(types.intp, 2)) if isinstance(rows, StackTable) else None
 
 
 @infer_global(operator.setitem)
 class _Put(AbstractTemplate):
     def generic(self, args, kws):
         rows = args[0]
-        if not isinstance(rows, LaneRows):
+        if not isinstance(rows, StackTable):
             return None
-        return signature(types.none, rows, types.UniTuple(types.intp, 2), lanes)
+        return signature(types.none, rows, types.UniTuple(types.intp, 2), f64x8)
 
 
-@lower_builtin(operator.getitem, LaneRows, types.UniTuple)
+@lower_builtin(operator.getitem, StackTable, types.UniTuple)
 def _get_lane(context: Any, builder: Any, kind: Any, values: Any) -> Any:
     return builder.load(builder.gep(values[0], [builder.extract_value(values[1], 1)]))
 
 
-@lower_builtin(operator.setitem, LaneRows, types.UniTuple, Lanes)
+@lower_builtin(operator.setitem, StackTable, types.UniTuple, F64x8)
 def _put_lane(context: Any, builder: Any, kind: Any, values: Any) -> Any:
     builder.store(values[2], builder.gep(values[0], [builder.extract_value(values[1], 1)]))
     return context.get_dummy_value()
 
 
 @intrinsic
-def eight_of(typing, table, row, column):
-    """Eight numbers of rows: ``table[row, column, :]`` of an integer table (rows, columns, 8), of one (rows, columns)
-    those from ``column`` on; of a float table as lanes."""
+def load(typing, table, row, column):
+    """Load eight adjacent numbers: ``table[row, column, :]`` of a table (rows, columns, 8), or those from ``column`` on
+    of a table (rows, columns). A vector from a float table, a tuple of eight integers from another."""
     real = isinstance(table.dtype, types.Float)
 
     def code(context, builder, kind, values):
@@ -101,12 +101,12 @@ def eight_of(typing, table, row, column):
         found = [builder.sext(builder.load(place), ir.IntType(64)) for place in places]
         return context.make_tuple(builder, kind.return_type, found)
 
-    return (lanes if real else types.UniTuple(types.intp, LANES))(table, types.intp, types.intp), code
+    return (f64x8 if real else types.UniTuple(types.intp, LANES))(table, types.intp, types.intp), code
 
 
 @intrinsic
-def put_eight(typing, table, row, column, a):
-    """The opposite of `eight_of`, of lanes."""
+def store(typing, table, row, column, a):
+    """Store a vector where `load` reads it."""
 
     def code(context, builder, kind, values):
         view = context.make_array(table)(context, builder, values[0])
@@ -115,12 +115,12 @@ def put_eight(typing, table, row, column, a):
         builder.store(values[3], builder.bitcast(place, _EIGHT.as_pointer()), align=8)
         return context.get_dummy_value()
 
-    return types.void(table, types.intp, types.intp, lanes), code
+    return types.void(table, types.intp, types.intp, f64x8), code
 
 
 @intrinsic
-def eight_at_least(typing, array, first, bound):
-    """Which of eight neighbours from ``first`` on of an array of unsigned integers are ``bound`` or more, as bits."""
+def movemask_at_least(typing, array, first, bound):
+    """Compare eight adjacent unsigned integers from ``first`` on: bit k of the result is that the k-th >= bound."""
 
     def code(context, builder, kind, values):
         view = context.make_array(array)(context, builder, values[0])
@@ -130,44 +130,44 @@ def eight_at_least(typing, array, first, bound):
         least = builder.insert_element(
             ir.Constant(eight, ir.Undefined), builder.trunc(values[2], eight.element), ir.Constant(ir.IntType(32), 0)
         )
-        bits = builder.icmp_unsigned(">=", found, _chosen(builder, least, least, [0] * LANES))
+        bits = builder.icmp_unsigned(">=", found, _shuffle(builder, least, least, [0] * LANES))
         return builder.zext(builder.bitcast(bits, ir.IntType(LANES)), ir.IntType(64))
 
     return types.intp(array, types.intp, types.intp), code
 
 
 @intrinsic
-def columns(typing, table, rows, first):
-    """The four columns from ``first`` on of eight rows of ``table`` (n, columns), as four `Lanes`."""
+def gather_columns(typing, table, rows, first):
+    """Gather four columns from ``first`` on of eight ``rows`` of ``table`` (n, columns), as four vectors."""
 
     def code(context, builder, kind, values):
         rows = [builder.load(place, align=8) for place in _places(context, builder, table, values)]
         halves = [_transposed(builder, rows[k : k + WIDE]) for k in range(0, LANES, WIDE)]
-        found = [_chosen(builder, a, b, list(range(LANES))) for a, b in zip(*halves, strict=True)]
+        found = [_shuffle(builder, a, b, list(range(LANES))) for a, b in zip(*halves, strict=True)]
         return context.make_tuple(builder, kind.return_type, found)
 
-    return types.UniTuple(lanes, WIDE)(table, types.UniTuple(types.intp, LANES), types.intp), code
+    return types.UniTuple(f64x8, WIDE)(table, types.UniTuple(types.intp, LANES), types.intp), code
 
 
 @intrinsic
-def two_columns(typing, table, rows, first):
-    """The two columns from ``first`` on, as `columns`; ``first`` may be eight numbers, one a row."""
+def gather_two_columns(typing, table, rows, first):
+    """Gather two columns from ``first`` on; ``first`` may be eight integers, one a row."""
 
     def code(context, builder, kind, values):
         rows = [builder.load(place, align=8) for place in _places(context, builder, table, values, width=2)]
         while len(rows) > 1:
             both = list(range(2 * rows[0].type.count))
-            rows = [_chosen(builder, one, next_one, both) for one, next_one in zip(rows[::2], rows[1::2], strict=True)]
-        found = [_chosen(builder, rows[0], rows[0], list(range(k, 2 * LANES, 2))) for k in range(2)]
+            rows = [_shuffle(builder, one, next_one, both) for one, next_one in zip(rows[::2], rows[1::2], strict=True)]
+        found = [_shuffle(builder, rows[0], rows[0], list(range(k, 2 * LANES, 2))) for k in range(2)]
         return context.make_tuple(builder, kind.return_type, found)
 
     kind = types.intp if isinstance(first, types.Integer) else types.UniTuple(types.intp, LANES)
-    return types.UniTuple(lanes, 2)(table, types.UniTuple(types.intp, LANES), kind), code
+    return types.UniTuple(f64x8, 2)(table, types.UniTuple(types.intp, LANES), kind), code
 
 
 @intrinsic
-def column(typing, table, rows, first):
-    """One column of eight rows."""
+def gather_column(typing, table, rows, first):
+    """Gather one column of eight rows."""
 
     def code(context, builder, kind, values):
         made = ir.Constant(_EIGHT, ir.Undefined)
@@ -176,12 +176,12 @@ def column(typing, table, rows, first):
             made = builder.insert_element(made, x, ir.Constant(ir.IntType(32), lane))
         return made
 
-    return lanes(table, types.UniTuple(types.intp, LANES), types.intp), code
+    return f64x8(table, types.UniTuple(types.intp, LANES), types.intp), code
 
 
 @intrinsic
-def entries(typing, array, rows):
-    """``array[k]`` for eight k of an array (n,): lanes of a float array, eight integers of another."""
+def gather(typing, array, rows):
+    """Gather ``array[k]`` for eight k of an array (n,): a vector of a float array, eight integers of another."""
     real = isinstance(array.dtype, types.Float)
 
     def code(context, builder, kind, values):
@@ -197,37 +197,37 @@ def entries(typing, array, rows):
             made = builder.insert_element(made, x, ir.Constant(ir.IntType(32), lane))
         return made
 
-    return (lanes if real else types.UniTuple(types.intp, LANES))(array, types.UniTuple(types.intp, LANES)), code
+    return (f64x8 if real else types.UniTuple(types.intp, LANES))(array, types.UniTuple(types.intp, LANES)), code
 
 
-@inner(borrows=True, error_model="numpy", forceinline=True)
-def eight_from(k, last):
-    """k and the seven numbers after it, ``last`` at most."""
+@device_function(without_refcounts=True, error_model="numpy", forceinline=True)
+def eight_indices(k, last):
+    """The integers k to k + 7, limited to ``last``, as a tuple."""
     return (
         k, min(k + 1, last), min(k + 2, last), min(k + 3, last),
         min(k + 4, last), min(k + 5, last), min(k + 6, last), min(k + 7, last),
     )  # fmt: skip
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def bilinear(values, row, x, column, y):
-    """Eight numbers between the nodes of ``values`` (r, c), ``x`` behind rows and ``y`` behind columns, 0 to 1 each."""
-    low, low_next = two_columns(values, row, column)
-    high, high_next = two_columns(values[1:], row, column)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def interpolate_bilinear(values, row, x, column, y):
+    """Interpolate ``values`` (r, c) at eight points: fractions ``x`` past rows and ``y`` past columns, in [0, 1]."""
+    low, low_next = gather_two_columns(values, row, column)
+    high, high_next = gather_two_columns(values[1:], row, column)
     low, high = low + y * (low_next - low), high + y * (high_next - high)
     return low + x * (high - low)
 
 
-@inner(borrows=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def linear(values, row, x):
-    """Eight numbers between the nodes of ``values`` (r,): ``x`` behind rows [0, 1]."""
-    here, after = entries(values, row), entries(values[1:], row)
+@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def interpolate_linear(values, row, x):
+    """Interpolate ``values`` (r,) at eight points: fractions ``x`` past rows, in [0, 1]."""
+    here, after = gather(values, row), gather(values[1:], row)
     return here + x * (after - here)
 
 
-@inner(borrows=True, error_model="numpy", forceinline=True)
-def entries_2d(table, a, b):
-    """``table[a, b]`` for eight pairs of indices, as a tuple."""
+@device_function(without_refcounts=True, error_model="numpy", forceinline=True)
+def gather_2d(table, a, b):
+    """Gather ``table[a, b]`` for eight pairs of indices, as a tuple."""
     return (
         table[a[0], b[0]], table[a[1], b[1]], table[a[2], b[2]], table[a[3], b[3]],
         table[a[4], b[4]], table[a[5], b[5]], table[a[6], b[6]], table[a[7], b[7]],
@@ -235,35 +235,35 @@ def entries_2d(table, a, b):
 
 
 @intrinsic
-def put_columns(typing, table, rows, first, a, b, c, d):
-    """The opposite of `columns`."""
+def scatter_columns(typing, table, rows, first, a, b, c, d):
+    """Scatter four vectors where `gather_columns` reads them."""
 
     def code(context, builder, kind, values):
         rows = []
         for k in range(0, LANES, WIDE):
-            rows += _transposed(builder, [_chosen(builder, x, x, list(range(k, k + WIDE))) for x in values[3:]])
+            rows += _transposed(builder, [_shuffle(builder, x, x, list(range(k, k + WIDE))) for x in values[3:]])
         for row, place in zip(rows, _places(context, builder, table, values), strict=True):
             builder.store(row, place, align=8)
         return context.get_dummy_value()
 
-    return types.void(table, types.UniTuple(types.intp, LANES), types.intp, lanes, lanes, lanes, lanes), code
+    return types.void(table, types.UniTuple(types.intp, LANES), types.intp, f64x8, f64x8, f64x8, f64x8), code
 
 
 @intrinsic
-def put_two_columns(typing, table, rows, first, a, b):
-    """The opposite of `two_columns`."""
+def scatter_two_columns(typing, table, rows, first, a, b):
+    """Scatter two vectors where `gather_two_columns` reads them."""
 
     def code(context, builder, kind, values):
         for lane, place in enumerate(_places(context, builder, table, values, width=2)):
-            builder.store(_chosen(builder, values[3], values[4], [lane, LANES + lane]), place, align=8)
+            builder.store(_shuffle(builder, values[3], values[4], [lane, LANES + lane]), place, align=8)
         return context.get_dummy_value()
 
-    return types.void(table, types.UniTuple(types.intp, LANES), types.intp, lanes, lanes), code
+    return types.void(table, types.UniTuple(types.intp, LANES), types.intp, f64x8, f64x8), code
 
 
 @intrinsic
-def put_column(typing, table, rows, column, a):
-    """Write one column of eight rows of ``table`` (n, columns)."""
+def scatter_column(typing, table, rows, column, a):
+    """Scatter one column of eight rows of ``table`` (n, columns)."""
 
     def code(context, builder, kind, values):
         for lane, place in enumerate(_places(context, builder, table, values, width=1)):
@@ -271,14 +271,14 @@ def put_column(typing, table, rows, column, a):
             builder.store(x, builder.bitcast(place, _DOUBLE.as_pointer()), align=8)
         return context.get_dummy_value()
 
-    return types.void(table, types.UniTuple(types.intp, LANES), types.intp, lanes), code
+    return types.void(table, types.UniTuple(types.intp, LANES), types.intp, f64x8), code
 
 
 @intrinsic
-def add_to_rows(typing, table, rows, first, other, places, added):
-    """Add four or six lanes to neighbouring columns of eight rows, one row after the other: rows may be the same.
+def scatter_add(typing, table, rows, first, other, places, added):
+    """Add four or six vectors to adjacent columns of eight rows, one row after the other: rows may repeat.
 
-    They are the columns from ``first`` on of ``table[rows]``, or, where a place is not negative, the first ones of
+    Columns from ``first`` on of ``table[rows]`` are added to or, where a place is not negative, the first columns of
     ``other[places]``; both are None where there is no other table.
     """
     many = len(added)
@@ -296,21 +296,21 @@ def add_to_rows(typing, table, rows, first, other, places, added):
         return context.get_dummy_value()
 
     eight = types.UniTuple(types.intp, LANES)
-    return types.void(table, eight, types.intp, other, places, types.UniTuple(lanes, many)), code
+    return types.void(table, eight, types.intp, other, places, types.UniTuple(f64x8, many)), code
 
 
 def _rows_of(builder: Any, six: Any) -> tuple[list, list]:
     """Four or six columns of eight rows as rows: four numbers, and two or None."""
     fours = []
     for k in range(0, LANES, WIDE):
-        fours += _transposed(builder, [_chosen(builder, x, x, list(range(k, k + WIDE))) for x in six[:4]])
+        fours += _transposed(builder, [_shuffle(builder, x, x, list(range(k, k + WIDE))) for x in six[:4]])
     if len(six) == WIDE:
         return fours, [None] * LANES
-    return fours, [_chosen(builder, six[4], six[5], [lane, LANES + lane]) for lane in range(LANES)]
+    return fours, [_shuffle(builder, six[4], six[5], [lane, LANES + lane]) for lane in range(LANES)]
 
 
 def _add(builder: Any, place: Any, four: Any, two: Any) -> None:
-    """Add to four numbers that lie side by side, and to the two after them."""
+    """Add to four adjacent numbers, and to the two after them."""
     builder.store(builder.fadd(builder.load(place, align=8), four), place, align=8)
     if two is None:
         return
@@ -319,7 +319,7 @@ def _add(builder: Any, place: Any, four: Any, two: Any) -> None:
 
 
 def _places(context: Any, builder: Any, table: Any, values: Any, width: int = WIDE) -> list:
-    """Addresses of so many neighbouring numbers in each of eight rows; ``values`` are table, rows and first column."""
+    """Addresses of ``width`` adjacent numbers in each of eight rows; ``values`` are table, rows and first column."""
     value, rows, first = values[:3]
     view = context.make_array(table)(context, builder, value)
     stride, byte = builder.extract_value(view.strides, 0), ir.IntType(8).as_pointer()
@@ -334,7 +334,7 @@ def _places(context: Any, builder: Any, table: Any, values: Any, width: int = WI
 
 def _transposed(builder: Any, rows: list) -> list:
     """Four vectors of four, columns for rows."""
-    a, b = (_chosen(builder, rows[0], rows[1], places) for places in ([0, 4, 2, 6], [1, 5, 3, 7]))
-    c, d = (_chosen(builder, rows[2], rows[3], places) for places in ([0, 4, 2, 6], [1, 5, 3, 7]))
+    a, b = (_shuffle(builder, rows[0], rows[1], places) for places in ([0, 4, 2, 6], [1, 5, 3, 7]))
+    c, d = (_shuffle(builder, rows[2], rows[3], places) for places in ([0, 4, 2, 6], [1, 5, 3, 7]))
     low, high = [0, 1, 4, 5], [2, 3, 6, 7]
-    return [_chosen(builder, *pair, half) for half in (low, high) for pair in ((a, c), (b, d))]
+    return [_shuffle(builder, *pair, half) for half in (low, high) for pair in ((a, c), (b, d))]

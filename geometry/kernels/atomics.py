@@ -1,7 +1,7 @@
-"""Words that threads of a compiled loop share: read, written, taken and counted so that each sees what others did.
+"""Atomic operations on int64 words that the threads of a compiled loop share, with the memory orders of C++11.
 
-``words`` is an array of int64, ``place`` an index into it. Whoever reads a word by `seen` also sees all that its writer
-had written before `tell`; `taken` and `counted` are both at once.
+``words`` is an array of int64, ``place`` an index into it. `load_acquire` sees all that the writer had written before
+its `store_release`; `compare_exchange` and `fetch_add` are both acquire and release.
 """
 
 from __future__ import annotations
@@ -14,7 +14,9 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
-LINE = 16  # words from one place to the next that another thread writes: two lines of the cache, fetched as a pair
+WORDS_APART = (
+    16  # words from one place to the next that another thread writes: two lines of the cache, fetched as a pair
+)
 
 
 def _pointer(context, builder, signature, arguments):
@@ -22,8 +24,8 @@ def _pointer(context, builder, signature, arguments):
     return builder.gep(source.data, [arguments[1]])
 
 
-def _seen(typing_context, words, place):
-    """The word at ``place``."""
+def _load_acquire(typing_context, words, place):
+    """Load the word at ``place``."""
 
     def code(context, builder, signature, arguments):
         return builder.load_atomic(_pointer(context, builder, signature, arguments), "acquire", 8)
@@ -31,8 +33,8 @@ def _seen(typing_context, words, place):
     return types.int64(words, types.int64), code
 
 
-def _tell(typing_context, words, place, value):
-    """Put ``value`` at ``place``."""
+def _store_release(typing_context, words, place, value):
+    """Store ``value`` at ``place``."""
 
     def code(context, builder, signature, arguments):
         builder.store_atomic(arguments[2], _pointer(context, builder, signature, arguments), "release", 8)
@@ -41,8 +43,8 @@ def _tell(typing_context, words, place, value):
     return types.void(words, types.int64, types.int64), code
 
 
-def _taken(typing_context, words, place, before, after):
-    """Whether the word was ``before`` and this thread made it ``after``: of several that try, one does."""
+def _compare_exchange(typing_context, words, place, before, after):
+    """Replace ``before`` by ``after``; True if the word was ``before``. Of several threads that try, one succeeds."""
 
     def code(context, builder, signature, arguments):
         pointer = _pointer(context, builder, signature, arguments)
@@ -52,19 +54,17 @@ def _taken(typing_context, words, place, before, after):
     return types.boolean(words, types.int64, types.int64, types.int64), code
 
 
-def _counted(typing_context, words, place):
-    """Add one; returns the sum."""
+def _fetch_add(typing_context, words, place, value):
+    """Add ``value``; returns the word before."""
 
     def code(context, builder, signature, arguments):
-        one = ir.Constant(ir.IntType(64), 1)
-        before = builder.atomic_rmw("add", _pointer(context, builder, signature, arguments), one, "acq_rel")
-        return builder.add(before, one)
+        return builder.atomic_rmw("add", _pointer(context, builder, signature, arguments), arguments[2], "acq_rel")
 
-    return types.int64(words, types.int64), code
+    return types.int64(words, types.int64, types.int64), code
 
 
-def _give_way(typing_context):
-    """Let another thread have this core."""
+def _sched_yield(typing_context):
+    """Yield the processor to another thread."""
 
     def code(context, builder, signature, arguments):
         function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(ir.IntType(32), []), "sched_yield")
@@ -74,8 +74,8 @@ def _give_way(typing_context):
     return types.void(), code
 
 
-seen: Any = intrinsic(_seen)
-tell: Any = intrinsic(_tell)
-taken: Any = intrinsic(_taken)
-counted: Any = intrinsic(_counted)
-give_way: Any = intrinsic(_give_way)
+load_acquire: Any = intrinsic(_load_acquire)
+store_release: Any = intrinsic(_store_release)
+compare_exchange: Any = intrinsic(_compare_exchange)
+fetch_add: Any = intrinsic(_fetch_add)
+sched_yield: Any = intrinsic(_sched_yield)

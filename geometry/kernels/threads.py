@@ -22,7 +22,7 @@ if "OMP_WAIT_POLICY" not in os.environ:
     os.environ.setdefault("GOMP_SPINCOUNT", str(SPIN))
 
 
-def threads_asked_for() -> int | None:
+def requested_threads() -> int | None:
     """What ``OMP_NUM_THREADS`` says; None where it is not set to a number."""
     asked = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()  # a list has one number a nesting level
     return int(asked) if asked.isdigit() and int(asked) > 0 else None
@@ -36,4 +36,4 @@ def default_threads(available: int) -> int:
     available : int
         Cores that this process may use; no more are taken.
     """
-    return min(available, threads_asked_for() or available)
+    return min(available, requested_threads() or available)

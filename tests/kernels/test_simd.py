@@ -6,22 +6,22 @@ import numpy as np
 import pytest
 from numba import njit
 
-from geometry.kernel_stamp import kernel_stamp
-from geometry.lane_tables import columns, eight_of, put_columns
-from geometry.lanes import LANES, lanes_of, largest_lane, root, where
+from geometry.kernels.simd import LANES, llvm_sqrt, reduce_max, select, splat
+from geometry.kernels.simd_tables import gather_columns, load, scatter_columns
+from geometry.kernels.stamp import kernel_stamp
 
 ROWS = np.array([5, 0, 9, 2, 7, 1, 8, 3], dtype=np.int32)
 
 
 @njit
 def _computed(table, picked, plain):
-    rows = eight_of(picked, 0, 0)
-    a, b, c, d = columns(table, rows, 0)
-    put_columns(table, rows, 4, a + b * c, plain - a / d, root(c) * plain, 2.0 + a - (b + plain))
-    put_columns(
-        table, rows, 8, where(a < b, c, d), where(a >= plain, a, 0.0), where(b > c, 1.0, d), where(plain <= c, b, a)
+    rows = load(picked, 0, 0)
+    a, b, c, d = gather_columns(table, rows, 0)
+    scatter_columns(table, rows, 4, a + b * c, plain - a / d, llvm_sqrt(c) * plain, 2.0 + a - (b + plain))
+    scatter_columns(
+        table, rows, 8, select(a < b, c, d), select(a >= plain, a, 0.0), select(b > c, 1.0, d), select(plain <= c, b, a)
     )
-    return largest_lane(a)
+    return reduce_max(a)
 
 
 def test_every_lane_is_what_numpy_says():
@@ -40,7 +40,7 @@ def test_every_lane_is_what_numpy_says():
 def test_plain_numbers_pass_as_well():
     @njit
     def kernel(x, y):
-        return where(x < y, root(x), y), largest_lane(lanes_of(x))
+        return select(x < y, llvm_sqrt(x), y), reduce_max(splat(x))
 
     assert kernel(4.0, 5.0) == (2.0, 4.0)
     assert kernel(4.0, 3.0) == (3.0, 4.0)
@@ -49,14 +49,14 @@ def test_plain_numbers_pass_as_well():
 def test_what_is_not_a_number_takes_the_other_side():
     @njit
     def kernel(x):
-        return largest_lane(where(lanes_of(x) > 0.0, 1.0, 2.0))
+        return reduce_max(select(splat(x) > 0.0, 1.0, 2.0))
 
     assert kernel(np.nan) == 2.0
 
 
 def test_a_kernels_stamp_follows_the_code_of_its_lanes(monkeypatch):
     def kernel(x):
-        return largest_lane(lanes_of(x))
+        return reduce_max(splat(x))
 
     kernel.__module__ = "particles.of_a_test"
     before = kernel_stamp(kernel)
