@@ -2,7 +2,7 @@
 
 from coupling.circuit_coil_field import CircuitCoilField
 from coupling.cluster import Cluster, magnetised_cluster
-from coupling.coil_field import CoilField, ImposedField
+from coupling.coil_field import CoilField, ImposedField, SolvedCoilField
 from coupling.coil_field_3d import CoilField3D
 from coupling.eddy_coil_field import EddyCoilField
 from coupling.effects import Dipoles, Effect, MagneticForce
@@ -42,6 +42,7 @@ __all__ = [
     "NearAttraction",
     "PowderFeedback",
     "Simulation",
+    "SolvedCoilField",
     "chain_magnetisation",
     "grain_table",
     "magnetic_load",

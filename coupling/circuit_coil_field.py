@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from coupling.coil_field import CoilField, unset_profile
+from coupling.coil_field import SolvedCoilField
 from field.coil.coil_circuit import CircuitState, LinearisedCoil, solve_at_flux_linkage
 
 
-@dataclass(slots=True)
-class CircuitCoilField(CoilField):
+@dataclass
+class CircuitCoilField(SolvedCoilField):
     """A coil at a voltage, V(t) = R i + d lambda/dt, with the flux linkage of the field (effect `coil_circuit`).
 
     The linkage is integrated exactly along a line i(lambda) about the last solve; when the current or the linkage have
@@ -22,8 +22,6 @@ class CircuitCoilField(CoilField):
 
     Attributes
     ----------
-    current : callable t [s] -> I [A]
-        Not given: from the present circuit, without changing it; for times after the last `refresh`.
     voltage : callable t [s] -> V [V]
     resistance : float
         Of the coil [ohm], > 0.
@@ -38,24 +36,22 @@ class CircuitCoilField(CoilField):
         The largest |V|/R to come [A]: what the current's tolerance refers to from the start.
     """
 
-    current: Callable[[float], float] = unset_profile
-    voltage: Callable[[float], float] = unset_profile
-    resistance: float = np.nan
+    voltage: Callable[[float], float]
+    resistance: float
     breaks: tuple[float, ...] = ()
     begin_steady: bool = False
-    circuit: CircuitState | None = None
-    coil: LinearisedCoil | None = None
-    largest_linkage: float = 0.0
-    stride: float = np.inf
-    _began: float = -np.inf
+    circuit: CircuitState | None = field(default=None, init=False)
+    coil: LinearisedCoil | None = field(default=None, init=False)
+    largest_linkage: float = field(default=0.0, init=False)
+    stride: float = field(default=np.inf, init=False)
+    _began: float = field(default=-np.inf, init=False)
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.resistance) and self.resistance > 0.0):
             raise ValueError(f"`resistance` = {self.resistance} ohm of the coil must be a finite number above 0")
-        self.current = self._current_at
 
     def refresh(self, time: float) -> bool:
-        """See `CoilField.refresh`."""
+        """See `SolvedCoilField.refresh`."""
         begin = perf_counter()
         if self.circuit is None or self.coil is None or time == self._began:
             # at the first instant it is the current that is given; later the linkage, whatever the moments answer
@@ -77,16 +73,16 @@ class CircuitCoilField(CoilField):
             moved = abs(linkage - self.coil.linkage) > stride * self.largest_linkage
             if not self.is_stale(self.circuit.current) and not moved:
                 return False
-            foretold = self.circuit.current
+            predicted = self.circuit.current
             solution = solve_at_flux_linkage(
                 self.problem,
                 self.circuit.linkage / self.turns,
-                self._powder(foretold),
+                self._powder(predicted),
                 self.solution,
                 tolerance=self.newton_tolerance,
             )
             # the line's error is of second order in the stride: keep it at half the tolerance
-            miss = abs(foretold - solution.ampere_turns / self.turns) / max(self.largest_current, 1e-300)
+            miss = abs(predicted - solution.ampere_turns / self.turns) / max(self.largest_current, 1e-300)
             factor = np.sqrt(0.5 * self.current_tolerance / max(miss, 1e-12))
             self.stride = float(np.clip(stride * np.clip(factor, 0.2, 2.0), 1e-4, self.current_tolerance))
         self.coil = LinearisedCoil.about(solution, self.turns, self.resistance)
@@ -102,7 +98,8 @@ class CircuitCoilField(CoilField):
             return self.circuit
         return self.coil.advanced(self.circuit, time, self.voltage, self.breaks)
 
-    def _current_at(self, time: float) -> float:
+    def current(self, time: float) -> float:
+        """Return the current [A] at `time` [s] from the present circuit; of times after the last `refresh`."""
         return self._advanced(time).current
 
     def window_row(self, time: float) -> dict[str, float]:
@@ -118,8 +115,8 @@ class CircuitCoilField(CoilField):
         }
 
     def state(self) -> dict[str, Any] | None:
-        """See `CoilField.state`."""
-        saved = CoilField.state(self)  # super() does not find its class in a dataclass with slots
+        """See `SolvedCoilField.state`."""
+        saved = super().state()
         if saved is None or self.circuit is None or self.coil is None:
             return saved
         circuit, coil = self.circuit, self.coil
@@ -135,8 +132,8 @@ class CircuitCoilField(CoilField):
         return saved
 
     def restore(self, saved: dict[str, Any]) -> None:
-        """See `CoilField.restore`."""
-        CoilField.restore(self, saved)
+        """See `SolvedCoilField.restore`."""
+        super().restore(saved)
         self.largest_linkage, self.stride = float(saved["largest_linkage"]), float(saved["stride"])
         self.circuit = CircuitState(**{name: float(value) for name, value in saved["circuit"].items()})
         self.coil = LinearisedCoil(

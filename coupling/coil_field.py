@@ -1,4 +1,4 @@
-"""Where H comes from: a coil's finite-element field that follows current and grains, or an imposed field.
+"""Sources of H: a coil's finite-element field that follows current and grains, or an imposed field.
 
 Of the coil's field there are three, by what its current follows from: a course in time (`CoilField`), the circuit of
 a voltage and the nonlinear flux linkage (`coupling.circuit_coil_field`), and the diffusion of the field into solid
@@ -7,8 +7,9 @@ conductors (`coupling.eddy_coil_field`, at a current or at a voltage).
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any, ClassVar
 
@@ -18,17 +19,15 @@ from coupling.powder_feedback import PowderFeedback
 from field import AxisymmetricProblem, FieldSampler, MagneticField, PowderState, field_sampler
 
 
-def unset_profile(time: float) -> float:
-    """In place of a course in time that is set when the source is built."""
-    raise AssertionError("the source's course in time is set when it is built")
-
-
 @dataclass(slots=True)
 class ImposedField:
     """A field that nothing in the scene changes; `sampler` has sample(position) -> H, grad H."""
 
     sampler: FieldSampler
     solution: ClassVar[None] = None
+    solves: ClassVar[int] = 0
+    carrier: ClassVar[None] = None
+    feedback: ClassVar[None] = None
 
     def refresh(self, time: float) -> bool:
         """Nothing to solve."""
@@ -46,15 +45,14 @@ class ImposedField:
         """Nothing was kept."""
 
 
-@dataclass(slots=True)
-class CoilField:
-    """The coil's field, solved again when current or grains have moved beyond their tolerances.
+@dataclass
+class SolvedCoilField(ABC):
+    """A coil's field, solved again when current or grains have moved beyond their tolerances.
 
     Attributes
     ----------
     problem : AxisymmetricProblem
     turns : float
-    current : callable t [s] -> I [A]
     current_tolerance : float
         Change of the current, relative to the largest so far, that calls for a new solve.
     powder_tolerance : float
@@ -67,37 +65,29 @@ class CoilField:
 
     problem: AxisymmetricProblem
     turns: float
-    current: Callable[[float], float]
-    newton_tolerance: float = 1e-8
-    current_tolerance: float = 0.01
-    powder_tolerance: float = 0.05
-    feedback: PowderFeedback | None = None
-    solution: MagneticField | None = None
-    sampler: FieldSampler | None = None
-    solved_current: float = np.nan
-    largest_current: float = 0.0
-    powder_change: float = 0.0
-    solves: int = 0
-    seconds: float = 0.0
+    newton_tolerance: float = field(default=1e-8, kw_only=True)
+    current_tolerance: float = field(default=0.01, kw_only=True)
+    powder_tolerance: float = field(default=0.05, kw_only=True)
+    feedback: PowderFeedback | None = field(default=None, kw_only=True)
+    largest_current: float = field(default=0.0, kw_only=True)
+    solution: MagneticField | None = field(default=None, init=False)
+    sampler: FieldSampler | None = field(default=None, init=False)
+    solved_current: float = field(default=np.nan, init=False)
+    powder_change: float = field(default=0.0, init=False)
+    solves: int = field(default=0, init=False)
+    seconds: float = field(default=0.0, init=False)
+    carrier: ClassVar[None] = None
 
+    @abstractmethod
+    def current(self, time: float) -> float:
+        """Return the current [A] at `time` [s]."""
+
+    @abstractmethod
     def refresh(self, time: float) -> bool:
         """Solve if needed for the current at `time` [s] and the moments of the grains, where they are fed back.
 
         Returns True when the field is new. Raises field.ConvergenceError when Newton fails.
         """
-        current = self.current(time)
-        if not self.is_stale(current):
-            return False
-        begin = perf_counter()
-        guess = self.solution if self.solution is not None and self.solved_current != 0.0 else None
-        powder = self._powder(current)
-        self.set_solution(
-            self.problem.solve(self.turns * current, fill=powder, guess=guess, tolerance=self.newton_tolerance),
-            current,
-        )
-        self.solves += 1
-        self.seconds += perf_counter() - begin
-        return True
 
     def is_stale(self, current: float) -> bool:
         """Whether a current [A] or the grains call for a new solve; notes the largest current and the change."""
@@ -165,3 +155,35 @@ class CoilField:
             self.feedback.restore(saved["feedback"])
             self.sampler = self.feedback.sampler(solution)
         self.largest_current, self.solves = saved["largest_current"], saved["solves"]
+
+
+@dataclass
+class CoilField(SolvedCoilField):
+    """The field of a coil with a given current.
+
+    Attributes
+    ----------
+    course : callable t [s] -> I [A]
+    """
+
+    course: Callable[[float], float]
+
+    def current(self, time: float) -> float:
+        """See `SolvedCoilField.current`."""
+        return self.course(time)
+
+    def refresh(self, time: float) -> bool:
+        """See `SolvedCoilField.refresh`."""
+        current = self.current(time)
+        if not self.is_stale(current):
+            return False
+        begin = perf_counter()
+        guess = self.solution if self.solution is not None and self.solved_current != 0.0 else None
+        powder = self._powder(current)
+        self.set_solution(
+            self.problem.solve(self.turns * current, fill=powder, guess=guess, tolerance=self.newton_tolerance),
+            current,
+        )
+        self.solves += 1
+        self.seconds += perf_counter() - begin
+        return True

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -55,7 +55,7 @@ class CoilField3D:
     carrier : Body
         The slotted body.
     newton_tolerance, current_tolerance : float
-        As in `CoilField`.
+        As in `SolvedCoilField`.
     known : Field3D or None
         A field of this problem that was solved for from nothing, to the same tolerance: it is not solved for again
         where the first current is its own.
@@ -68,6 +68,7 @@ class CoilField3D:
     newton_tolerance: float = 1e-8
     current_tolerance: float = 0.01
     known: Field3D | None = None
+    feedback: ClassVar[None] = None
     solution: Field3D | None = None
     sampler: FieldSampler | None = None
     solved_current: float = np.nan

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from coupling.coil_field import CoilField, unset_profile
+from coupling.coil_field import SolvedCoilField
 from field.newton import norm
 from field.section.eddy_currents import CurrentDrive, EddyCurrentProblem, TransientState, VoltageDrive
 from field.section.powder_state import Powder
 
 
-@dataclass(slots=True)
-class EddyCoilField(CoilField):
+@dataclass
+class EddyCoilField(SolvedCoilField):
     """The coil's field with eddy currents in solid parts (effect `eddy_currents`), at a current or at a voltage.
 
     The field takes steps of its own, of one or several windows: as long as it is expected to change by
@@ -24,12 +23,10 @@ class EddyCoilField(CoilField):
 
     Attributes
     ----------
-    current : callable t [s] -> I [A]
-        Where the coil has a prescribed current; at a voltage it is not given and follows from the field.
+    drive : CurrentDrive or VoltageDrive
+        A prescribed current, or a voltage, whose current follows from the field.
     eddy : EddyCurrentProblem
         With `problem` and `turns`.
-    voltage : VoltageDrive or None
-        None: at a prescribed current.
     breaks : tuple of float
         Instants [s] where the drive is not smooth: steps end there.
     begin_steady : bool
@@ -38,35 +35,32 @@ class EddyCoilField(CoilField):
         Change of the field in one of its steps, relative to the largest so far.
     """
 
-    current: Callable[[float], float] = unset_profile
-    eddy: EddyCurrentProblem | None = None
-    voltage: VoltageDrive | None = None
+    drive: CurrentDrive | VoltageDrive
+    eddy: EddyCurrentProblem
     breaks: tuple[float, ...] = ()
     begin_steady: bool = False
     change_tolerance: float = 0.02
-    transient: TransientState | None = None
-    due: float = -np.inf
-    largest: float = 0.0
-    _before: TransientState | None = None
-    _begun: float = -np.inf
-    _base: TransientState | None = None
+    transient: TransientState | None = field(default=None, init=False)
+    due: float = field(default=-np.inf, init=False)
+    largest: float = field(default=0.0, init=False)
+    _before: TransientState | None = field(default=None, init=False)
+    _begun: float = field(default=-np.inf, init=False)
+    _base: TransientState | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
-        if self.eddy is None or self.eddy.problem is not self.problem or self.eddy.turns != self.turns:
+        if self.eddy.problem is not self.problem or self.eddy.turns != self.turns:
             raise ValueError("the eddy-current problem must be one of the same field problem and the same turns")
-        if self.voltage is None and self.current is unset_profile:
-            raise ValueError("a field with eddy currents needs its coil's current or a voltage drive")
-        if self.voltage is not None:
-            self.current = self._current_now
 
-    @property
-    def _drive(self) -> VoltageDrive | CurrentDrive:
-        return CurrentDrive(self.current) if self.voltage is None else self.voltage
+    def current(self, time: float) -> float:
+        """Return the current [A] at `time` [s]; of a voltage that of the present field."""
+        if isinstance(self.drive, CurrentDrive):
+            return self.drive.current(time)
+        assert self.transient is not None, "refresh(time) comes first"
+        return self.transient.current
 
     def refresh(self, time: float) -> bool:
-        """See `CoilField.refresh`."""
+        """See `SolvedCoilField.refresh`."""
         begin = perf_counter()
-        assert self.eddy is not None
         if self.transient is None or (self._base is None and time == self.transient.time):
             current = self._first_current(time)
             if not self.is_stale(current):
@@ -77,7 +71,7 @@ class EddyCoilField(CoilField):
         else:
             if time > self._begun:  # a window with feedback asks again until field and moments agree
                 self._before, self._begun = self.transient, time
-            current = self.transient.current if self.voltage is not None else self.current(time)
+            current = self.current(time)
             changed = self.is_stale(current)
             stops = [b for b in self.breaks if self.transient.time < b < time]
             # to within round-off of the windows' sum of steps
@@ -100,13 +94,12 @@ class EddyCoilField(CoilField):
 
     def _first_current(self, time: float) -> float:
         """Current [A] of the field that the coil begins with."""
-        drive = self._drive
+        drive = self.drive
         if not self.begin_steady:
             return 0.0
         return drive.voltage(time) / drive.resistance if isinstance(drive, VoltageDrive) else drive.current(time)
 
     def _beginning(self, time: float, powder: Powder) -> TransientState:
-        assert self.eddy is not None
         if not self.begin_steady:
             return self.eddy.at_rest(time)
         ampere_turns = self.turns * self._first_current(time)
@@ -115,18 +108,13 @@ class EddyCoilField(CoilField):
 
     def _stepped(self, before: TransientState, time: float, powder: Powder) -> TransientState:
         """One step of the field, and when the next one is due."""
-        assert self.eddy is not None
         dt = time - before.time
-        now = self.eddy.step(before, dt, self._drive, powder, tolerance=self.newton_tolerance)
+        now = self.eddy.step(before, dt, self.drive, powder, tolerance=self.newton_tolerance)
         self.largest = max(self.largest, norm(now.psi))
         change = norm(now.psi - before.psi) / max(self.largest, 1e-300)
         # a field that rests may take a step four times as long as the last one, one that moves a shorter one
         self.due = time + min(4.0, max(0.2, self.change_tolerance / max(change, 1e-300))) * dt
         return now
-
-    def _current_now(self, time: float) -> float:
-        assert self.transient is not None, "refresh(time) comes first"
-        return self.transient.current
 
     def window_row(self, time: float) -> dict[str, float]:
         """The coil, and the energies [J] of the field's step, if the window began with one."""
@@ -137,13 +125,13 @@ class EddyCoilField(CoilField):
             "coil_supplied": now.supplied - before.supplied,
             "eddy_loss": now.eddy_loss - before.eddy_loss,
         }
-        if self.voltage is not None:
-            row |= {"coil_voltage": self.voltage.voltage(time), "copper_loss": now.copper_loss - before.copper_loss}
+        if isinstance(self.drive, VoltageDrive):
+            row |= {"coil_voltage": self.drive.voltage(time), "copper_loss": now.copper_loss - before.copper_loss}
         return row
 
     def state(self) -> dict[str, Any] | None:
-        """See `CoilField.state`."""
-        saved = CoilField.state(self)
+        """See `SolvedCoilField.state`."""
+        saved = super().state()
         if saved is None or self.transient is None:
             return saved
         now = self.transient
@@ -160,8 +148,8 @@ class EddyCoilField(CoilField):
         return saved
 
     def restore(self, saved: dict[str, Any]) -> None:
-        """See `CoilField.restore`."""
-        CoilField.restore(self, saved)
+        """See `SolvedCoilField.restore`."""
+        super().restore(saved)
         assert self.solution is not None
         numbers = {name: float(value) for name, value in saved["transient"].items()}
         self.transient = TransientState(psi=self.solution.psi, newton=self.solution.newton, **numbers)

@@ -1,15 +1,15 @@
-"""What every source of the field offers to the loop, and to those who watch and keep it.
-
-Optional, asked for by name: `solves` (how many so far: the column `field_solves`), `carrier` (the body that carries the
-field round), `feedback` (what gives the grains' moments to it).
-"""
+"""The interface of every source of the field, for the loop, observers and checkpoints."""
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from field import FieldSampler
 from field.solved_field import SolvedField
+
+if TYPE_CHECKING:
+    from coupling.powder_feedback import PowderFeedback
+    from particles import Body
 
 
 class FieldSource(Protocol):
@@ -22,6 +22,18 @@ class FieldSource(Protocol):
     @property
     def solution(self) -> SolvedField | None:
         """The present solution; None before the first solve, and of a field that is not solved."""
+
+    @property
+    def solves(self) -> int:
+        """Solves of the field so far."""
+
+    @property
+    def carrier(self) -> Body | None:
+        """The body that carries the field round because it has slots; None: the field is one of revolution."""
+
+    @property
+    def feedback(self) -> PowderFeedback | None:
+        """What gives the grains' moments to the field; None where it does not see the grains."""
 
     def refresh(self, time: float) -> bool:
         """Bring the field to the time [s] and to the grains; True when it is new."""

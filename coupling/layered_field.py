@@ -63,6 +63,9 @@ class LayeredField:
     """
 
     solution: ClassVar[None] = None
+    solves: ClassVar[int] = 0
+    carrier: ClassVar[None] = None
+    feedback: ClassVar[None] = None
 
     def __init__(self, imposed: RadialField, cell: ShearCell, angle: float, width: float) -> None:
         inner, outer = cell.inner_radius, cell.outer_radius

@@ -89,7 +89,7 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
     def _refresh_walls(self, source) -> None:
         if self.mirrors is None:
             return
-        solution = getattr(source, "solution", None)
+        solution = None if source is None else source.solution
         if self._walls_of is None or solution is not self._walls_of:
             solved = solution if isinstance(solution, MagneticField) else None
             self.solver.walls = steel_walls(self.mirrors, solved)

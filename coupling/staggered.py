@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coupling.coil_field import CoilField
+from coupling.coil_field import SolvedCoilField
 from coupling.effects.effect import Effect
 from coupling.field_source import FieldSource
 from coupling.magnetised_grains import MagnetisedGrains
@@ -58,7 +58,7 @@ class Simulation:
     @property
     def field_carrier(self) -> Body | None:
         """The body that carries the field round because it has slots; None: the field is one of revolution."""
-        return getattr(self.source, "carrier", None)
+        return None if self.source is None else self.source.carrier
 
     @property
     def holds_forces(self) -> bool:
@@ -148,7 +148,7 @@ def refresh_field(simulation: Simulation) -> None:
     source, magnetised = simulation.source, simulation.magnetised
     if source is None or magnetised is None:
         return
-    if not isinstance(source, CoilField) or source.feedback is None:
+    if not isinstance(source, SolvedCoilField) or source.feedback is None:
         source.refresh(simulation.motion.time)
         magnetised.sampler = source.sampler
         return

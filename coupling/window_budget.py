@@ -39,7 +39,7 @@ class WindowBudget:
         self._steps: list = []
         self._momentum = simulation.motion.grains.angular_momentum_z()
         self._weight = _weight_torque(simulation.motion)
-        self._solves = getattr(simulation.source, "solves", 0)
+        self._solves = 0 if simulation.source is None else simulation.source.solves
 
     def clock(self, part: str | None) -> None:
         """From now on time counts for `part` ("field", "magnetic", "contact"; None: for nothing), less compiling."""
@@ -98,11 +98,11 @@ class WindowBudget:
             self._close_energy(row)
         if simulation.magnetised is not None:
             row |= simulation.magnetised.window_row()
-        if hasattr(simulation.source, "solves"):
-            row["field_solves"] = simulation.source.solves - self._solves
-        feedback = getattr(simulation.source, "feedback", None)
-        if feedback is not None:
-            row |= feedback.window_row()
+        source = simulation.source
+        if source is not None and source.solution is not None:
+            row["field_solves"] = source.solves - self._solves
+        if source is not None and source.feedback is not None:
+            row |= source.feedback.window_row()
         row["n_contacts"] = steps[-1].n_contacts
         row["max_overlap"] = max(s.max_overlap for s in steps)
         row["max_speed"] = max(s.max_speed for s in steps)

@@ -7,11 +7,14 @@ of a sub-cycle (`add_forces`, which returns its bookings for the balances). To a
 
 from coupling.effects.dipoles import Dipoles
 from coupling.effects.effect import Effect
+from coupling.effects.fluid_drag import CouetteFlow, FluidDrag
 from coupling.effects.magnetic_force import MagneticForce, body_torque, gradient_force
 
 __all__ = [
+    "CouetteFlow",
     "Dipoles",
     "Effect",
+    "FluidDrag",
     "MagneticForce",
     "body_torque",
     "gradient_force",

@@ -197,7 +197,7 @@ class Device:
 
 def field_is_needed(scene: Scene) -> bool:
     """Whether any effect of the scene samples the field."""
-    return scene.effects.magnetic_force is not None or scene.effects.dipoles is not None
+    return scene.effects.magnetise
 
 
 def build_device(scene: Scene) -> Device:
@@ -230,7 +230,7 @@ def build_coil_device(scene: Scene) -> CoilDevice:
     shape, source, coil = scene.shape(), scene.coil_field, scene.coil
     assert not isinstance(shape, (Box, ShearCell, CentrifugalClutch))  # by the schema, as the next line
     assert source is not None and coil is not None
-    powder = PowderLaw(grain_law(scene)) if scene.effects.back_reaction is not None else None
+    powder = PowderLaw(grain_law(scene)) if scene.effects.feedback is not None else None
     boxes = [] if scene.particles is None else shape.boxes_to_fill(scene.particles.region)
     window = shape.coil_area, shape.coil_mean_radius
     winding = coil.winding_in(*window)

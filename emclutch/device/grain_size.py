@@ -40,6 +40,6 @@ class GrainSize:
 
 def grain_size(scene: Scene, device: Device) -> GrainSize | None:
     """Of a scene whose gap is sheared and whose grains attract one another; None of others, such as shot."""
-    if scene.effects.dipoles is None or not device.shear_gap:
+    if scene.effects.attraction is None or not device.shear_gap:
         return None
     return GrainSize(device.shear_gap / scene.grains.mean_diameter)

@@ -11,7 +11,7 @@ from geometry import Mesh3D, SectionMesh
 def grain_law(scene: Scene) -> GrainLaw:
     """Law of the grains; linear when the effect `saturation` is off."""
     particles = scene.grains
-    saturation = particles.saturation if scene.effects.saturation is not None else None
+    saturation = particles.saturation if scene.effects.saturate else None
     return (ThesisLaw if particles.law == "thesis" else GrainLaw)(particles.susceptibility, saturation)
 
 
@@ -27,7 +27,7 @@ def region_materials(scene: Scene, mesh: SectionMesh | Mesh3D) -> dict[str, str]
 
 def conductivities(scene: Scene, mesh: SectionMesh) -> dict[str, float] | None:
     """Conductivity [S/m] of the solid regions, the winding excepted; None without eddy currents."""
-    effect = scene.effects.eddy_currents
+    effect = scene.effects.eddy
     if effect is None:
         return None
     return {

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from emclutch.effects import EFFECTS
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.output_error import OutputError
 
@@ -25,13 +26,6 @@ if TYPE_CHECKING:
 COLUMNS: dict[str, tuple[str, str]] = {
     "time": ("s", "end of the window"),
     "current": ("A", "coil current"),
-    "torque_disc_field": ("N m", "part of torque_disc: reaction of the grains' pull in the field of its slots"),
-    "torque_rotor_field": ("N m", "part of torque_rotor: reaction of the grains' pull in the field of its slots"),
-    "coil_voltage": ("V", "voltage at the coil, its resistance included"),
-    "coil_supplied": ("J", "energy that the coil's supply gave in the window"),
-    "copper_loss": ("J", "part of coil_supplied that heats the winding"),
-    "into_field": ("J", "part of coil_supplied that goes into the field: integral of i d(flux linkage)"),
-    "eddy_loss": ("J", "part of coil_supplied that eddy currents turn into heat; of the field's step in the window"),
     "rotor_speed": ("rad/s", "speed of the rotor (input shaft)"),
     "disc_speed": ("rad/s", "speed of the disc (output shaft)"),
     "torque_disc": ("N m", "torque of the grains on the disc about z, window mean, whole device"),
@@ -42,9 +36,6 @@ COLUMNS: dict[str, tuple[str, str]] = {
         "minus the field's torque on the grains: nothing by the laws for coil and steel of revolution, so what the "
         "moments are off their fixed point",
     ),
-    "torque_field_gradient": ("N m", "part of torque_field from the gradient force of the field"),
-    "torque_field_dipoles": ("N m", "part of torque_field from pairs of dipoles, booked as m x B"),
-    "torque_field_images": ("N m", "part of torque_field from image dipoles in steel walls"),
     "torque_disc_normal": ("N m", "part of torque_disc from the springs along the contacts' normals"),
     "torque_disc_damping": ("N m", "part of torque_disc from the dashpots along the contacts' normals"),
     "torque_disc_tangential": ("N m", "part of torque_disc from tangential contact forces"),
@@ -60,13 +51,10 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "work_walls": ("J", "work of the walls on the grains in the window"),
     "work_magnetic": ("J", "work of the magnetic forces on the grains in the window"),
     "work_held": ("J", "work of all held forces on the grains in the window, where some are not magnetic"),
-    "work_gravity": ("J", "work of gravity on the grains in the window"),
     "dissipated_normal_damping": ("J", "part of dissipated in the dashpots along the normals"),
     "dissipated_tangential_damping": ("J", "part of dissipated in the tangential dashpots"),
     "dissipated_sliding": ("J", "part of dissipated by sliding friction"),
     "dissipated_impact": ("J", "part of dissipated along the normals, where rigid grains meet"),
-    "dissipated_rolling": ("J", "part of dissipated by rolling friction"),
-    "dissipated_twisting": ("J", "part of dissipated by twisting friction"),
     "dissipated": ("J", "energy turned into heat in the contacts in the window"),
     "energy_residual": ("J", "balance of the energies: what is left, each term computed independently"),
     "n_contacts": ("1", "contacts that carry force, at the window's end"),
@@ -77,17 +65,8 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "field_iterations": ("1", "Newton iterations of the field in the window"),
     "field_residual": ("1", "relative residual of the last field solve"),
     "field_solves": ("1", "field solves in the window"),
-    "feedback_residual": ("1", "the grains' magnetisation against that of the field's solve, root mean square"),
-    "feedback_across": ("1", "part that the last solve took as given: across the field, where no permeability has it"),
-    "feedback_clipped": ("1", "part that it took as given where the powder's demagnetising factor is at its bounds"),
-    "feedback_lagged": ("1", "part that it took as given elsewhere: within an element, and the factor's way"),
     "sweeps": ("1", "sweeps of the solver of rigid contacts a step, mean of the window"),
     "largest_sweeps": ("1", "sweeps of the window's hardest step"),
-    "moment_residual": (
-        "1",
-        "undamped step of the grains' moments over the magnetisation, or of their layers' field, worst of a window",
-    ),
-    "moment_sweeps": ("1", "sweeps over the grains' moments in the window"),
     "solver_residual": ("m/s", "largest natural map of the contacts at the end of a step, worst of the window"),
     "missed_steps": ("1", "steps of the window that did not reach the solver's tolerance"),
     "warm_hits": ("1", "share of the loaded contacts that began from the impulse of the step before"),
@@ -99,6 +78,8 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "wall_contact": ("s", "wall-clock time for contacts and motion"),
     "wall_total": ("s", "wall-clock time of the window"),
 }
+for _effect in EFFECTS:
+    COLUMNS |= _effect.columns()
 
 LONGEST_ROW = 8192  # bytes; a row has some sixty columns of at most 25
 

@@ -1,4 +1,4 @@
-"""What the sections of a scene demand of each other. Each check is a small function that yields faults."""
+"""Checks between the sections of a scene. Each is a small function that yields faults."""
 
 from __future__ import annotations
 
@@ -6,21 +6,13 @@ import math
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
+from emclutch.effects import EFFECTS
 from emclutch.scene.draft import Draft, size_key
 from emclutch.scene.errors import Fault
 from emclutch.scene.fill import fill_of
 from emclutch.scene.geometry import ClutchGeometry
 from emclutch.scene.grains import MOST_GRAINS
-from emclutch.scene.magnetic_checks import (
-    coil_transients,
-    field_is_3d,
-    materials,
-    needs_of_effects,
-    needs_of_moments,
-    room_for_the_layers,
-    room_for_the_smear,
-    source_fits,
-)
+from emclutch.scene.magnetic_checks import field_is_3d, field_of_effects, materials, source_fits
 from emclutch.scene.mesh_checks import fine_enough_for_moments, finished_mesh
 from emclutch.scene.motion import HELD
 from emclutch.scene.replica_count import packs_alike
@@ -28,7 +20,6 @@ from emclutch.scene.sector_checks import (
     sector_3d,
     sector_in_field,
     sector_in_geometry,
-    sector_in_gravity,
     sector_in_surfaces,
     sector_width,
 )
@@ -146,10 +137,6 @@ def _rigid(draft: Draft) -> Iterator[Fault]:
             "particles.sector",
             "cannot stand beside contact.method = 'dvi'; remove it (the full ring is simulated), or take 'dem'",
         )
-    if scene.effects is not None and scene.effects.cohesion is not None:
-        yield Fault(
-            "effects.cohesion", "", "exists with contact.method = 'dem' only; remove the table, or take method = 'dem'"
-        )
 
 
 def _fill(draft: Draft) -> Iterator[Fault]:
@@ -188,8 +175,10 @@ def _fill(draft: Draft) -> Iterator[Fault]:
 
 
 def _pour(draft: Draft) -> Iterator[Fault]:
-    if draft.scene.particles.packing == "pour" and draft.scene.effects.gravity is None:
-        yield draft.fault("particles.packing", "needs weight; add [effects.gravity], or take another packing")
+    effects = draft.scene.effects
+    if draft.scene.particles.packing == "pour" and effects.weight is None:
+        needed = effects.tables(role="weight")
+        yield draft.fault("particles.packing", f"needs weight; add {needed}, or take another packing")
 
 
 def _motion(draft: Draft) -> Iterator[Fault]:
@@ -235,17 +224,13 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (sector_in_geometry, (GEOMETRY_KIND, "particles")),
     (_surfaces, ("geometry", "surfaces")),
     (sector_in_surfaces, ("particles", "surfaces")),
-    (sector_in_gravity, ("particles", "effects")),
     (sector_in_field, ("particles", "field")),
     (_fill, ("geometry", "particles")),
     (_pour, ("particles", "effects")),
     (_rigid, ("contact",)),
     (sector_width, ("geometry", "particles", "effects")),
-    (needs_of_effects, ("effects",)),
-    (room_for_the_layers, ("geometry", "particles", "effects", "field")),
-    (needs_of_moments, ("effects", "particles")),
-    (room_for_the_smear, ("geometry", "particles", "effects", "field")),
-    (coil_transients, ("effects", "coil", "field", GEOMETRY_KIND, "materials")),
+    (field_of_effects, ("effects",)),
+    *(check for effect in EFFECTS for check in effect.CHECKS),
     (field_is_3d, (GEOMETRY_KIND, "effects", "field")),
     (sector_3d, (GEOMETRY_KIND, "field", "particles")),
     (_motion, (GEOMETRY_KIND, "motion", "surfaces")),

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from emclutch.scene.errors import Fault, shown
-from emclutch.scene.fault_report import entry_at
+from emclutch.scene.errors import Fault, entry_at, shown
 
 
 @dataclass(frozen=True, slots=True)

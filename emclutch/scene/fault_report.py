@@ -10,8 +10,8 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from emclutch.scene.effects import PLANNED_EFFECTS
-from emclutch.scene.errors import Fault, shown
+from emclutch.effects import PLANNED_EFFECTS
+from emclutch.scene.errors import Fault, entry_at, shown
 from emclutch.scene.section import Choice, Section, did_you_mean, not_one_of
 from emclutch.scene.units import Quantity
 
@@ -28,16 +28,6 @@ def faults_from(error: ValidationError, root: type[Section], data: dict[str, Any
     data : the file's content as the user wrote it
     """
     return [_fault(details, root, data) for details in error.errors(include_url=False)]
-
-
-def entry_at(data: Any, path: Sequence[str | int]) -> Any:
-    """Return the user's entry at a path, or None where there is none."""
-    for step in path:
-        try:
-            data = data[step]
-        except (KeyError, IndexError, TypeError):
-            return None
-    return data
 
 
 def dotted(path: Sequence[str | int]) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from emclutch.scene.model import Scene
 
-LEAST_WIDTH = 2.0
+MIN_WIDTH = 2.0
 """Grain diameters: below it the field would follow single grains."""
 
 TRUE_WIDTH = 2.5
@@ -19,7 +19,7 @@ ELEMENTS_A_WIDTH = 4.0
 
 def moments_are_fed_back(scene: Scene) -> bool:
     """Whether the field is solved with the grains' own moments in it."""
-    return scene.effects.back_reaction is not None and scene.effects.dipoles is not None
+    return scene.effects.feedback is not None and scene.effects.attraction is not None
 
 
 def layers_change_the_field(scene: Scene) -> bool:
@@ -31,7 +31,7 @@ def layers_change_the_field(scene: Scene) -> bool:
         and field.direction == "radial"
         and geometry.is_annulus
         and geometry.may_have_steel_faces
-        and scene.effects.wall_images is not None
+        and scene.effects.images is not None
     )
 
 
@@ -43,9 +43,9 @@ def narrowest_gap(scene: Scene) -> float:
 
 
 def smear_width(scene: Scene) -> float:
-    """Width a [m]: the dipoles' cut-off, but not more than the gap, whose two faces would else fold one grain back."""
-    assert scene.effects.dipoles is not None  # see the two functions above
-    return min(scene.effects.dipoles.cutoff * scene.grains.largest_diameter, narrowest_gap(scene))
+    """Width a [m]: the cut-off of the attraction, at most the gap, whose two faces would else fold one grain back."""
+    assert scene.effects.attraction is not None  # see the two functions above
+    return min(scene.effects.attraction.cutoff * scene.grains.largest_diameter, narrowest_gap(scene))
 
 
 def element_layers(scene: Scene, asked: int) -> int:

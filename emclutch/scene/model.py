@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import AfterValidator, Field, StringConstraints
 
+from emclutch.effects import EffectsSection
 from emclutch.scene.coil import CoilSection
 from emclutch.scene.contact import ContactSection
-from emclutch.scene.effects import EffectsSection
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.field_source import CoilFieldSection, FieldSection, UniformFieldSection
 from emclutch.scene.geometry import Geometry

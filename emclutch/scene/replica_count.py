@@ -48,7 +48,7 @@ def has_steady_torque(scene: Scene) -> bool:
     return (
         scene.geometry.has_axis
         and all(shaft.free is None and not isinstance(shaft.speed, TimeTable) for shaft in shafts)
-        and scene.effects.coil_circuit is None
+        and scene.effects.circuit is None
         and not isinstance(drive, TimeTable)
     )
 

@@ -1,4 +1,4 @@
-"""What a cyclic sector must fit: geometry, surfaces, weight, field, and the reach of its grains."""
+"""Checks of a cyclic sector: geometry, surfaces, field, and the reach of its grains."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterator
 
 from emclutch.scene.draft import Draft, size_key
-from emclutch.scene.errors import Fault, shown
+from emclutch.scene.errors import Fault
 from emclutch.scene.grain_smear import moments_are_fed_back, smear_width
 
-# Reach of a contact in grain diameters: the Verlet list holds pairs that may touch before it is built anew.
+# Reach of a contact in grain diameters: the Verlet list holds pairs that may touch before it is rebuilt.
 _CONTACT_REACH = 1.3
 
 
@@ -27,18 +27,6 @@ def sector_in_surfaces(draft: Draft) -> Iterator[Fault]:
         yield draft.fault(
             "particles.sector",
             "cannot stand beside [surfaces]: a mesh does not repeat from sector to sector; remove one of them",
-        )
-
-
-def sector_in_gravity(draft: Draft) -> Iterator[Fault]:
-    """Weight may act along the axis of a sector only."""
-    gravity = draft.scene.effects.gravity
-    if draft.scene.particles.sector is not None and gravity is not None and any(gravity.direction[:2]):
-        yield Fault(
-            "effects.gravity.direction",
-            shown(list(gravity.direction)),
-            "turns from sector to sector; with particles.sector it must lie along the axis: take [0, 0, -1], "
-            "or remove particles.sector or [effects.gravity]",
         )
 
 
@@ -89,8 +77,8 @@ def sector_width(draft: Draft) -> Iterator[Fault]:
     largest = particles.largest_diameter
     if shape.faults(None):
         return
-    dipoles = draft.scene.effects.dipoles
-    reach = largest * (_CONTACT_REACH if dipoles is None else max(dipoles.cutoff, _CONTACT_REACH))
+    attraction = draft.scene.effects.attraction
+    reach = largest * (_CONTACT_REACH if attraction is None else max(attraction.cutoff, _CONTACT_REACH))
     if moments_are_fed_back(draft.scene) and draft.scene.geometry.has_coil:
         reach = max(smear_width(draft.scene), largest * _CONTACT_REACH)  # in a narrow gap the shorter of the two
     radius = _innermost_radius(draft) + 0.5 * largest
@@ -98,7 +86,7 @@ def sector_width(draft: Draft) -> Iterator[Fault]:
     if chord < 2.0 * reach:
         narrowest = 2.0 * math.asin(min(1.0, reach / radius))
         wider = 360.0 / max(1, math.floor(2.0 * math.pi / narrowest))
-        shorter = "" if dipoles is None else ", or lower effects.dipoles.cutoff"
+        shorter = "" if attraction is None else f", or lower effects.{attraction.name}.cutoff"
         yield draft.fault(
             "particles.sector",
             f"is {1e3 * chord:.4g} mm wide at r = {1e3 * radius:.4g} mm, less than two "

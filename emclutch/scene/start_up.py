@@ -21,5 +21,4 @@ OTHER = 5.0
 
 def start_up_strain(scene: Scene) -> float:
     """Shear strain of the gap [-] before which no torque of a scene is averaged."""
-    attract = scene.effects.dipoles is not None or scene.effects.magnetic_force is not None
-    return MAGNETISED_POWDER if attract else OTHER
+    return MAGNETISED_POWDER if scene.effects.magnetise else OTHER

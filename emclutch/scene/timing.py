@@ -56,10 +56,10 @@ class AccuracySection(Section):
     smear: tuple[Annotated[float, number("2.5", 2.0, 10.0)], ...] = Field(
         default=(2.0, 2.5, 3.0, 3.5),
         min_length=2,
-        description="values of effects.dipoles.cutoff where moments are fed back to the field; not above the gap",
+        description="values of the cutoff of the attraction where moments are fed back to the field; not above the gap",
     )
     refresh: tuple[Annotated[int, Whole(1, 10_000, "20")], ...] = Field(
-        default=(160, 80, 40, 20), min_length=2, description="values of effects.dipoles.update_every"
+        default=(160, 80, 40, 20), min_length=2, description="values of update_every of the attraction"
     )
     time_end: Time | None = Field(default=None, description="end of these runs; default: time.end")
     replicas: Annotated[Annotated[int, Whole(1, 64, "4")] | None, Automatic()] = Field(

@@ -50,8 +50,6 @@ FRICTION = UsualRange(0.05, 1.0, "", "lubricated steel to rough grains; dry stee
                       "is a decimal point missing?")  # fmt: skip
 RESTITUTION = UsualRange(0.05, 0.98, "", "plastic impacts to bearing balls on glass; W. Goldsmith, Impact, 1960",
                          "1 loses nothing, and such a powder never comes to rest")  # fmt: skip
-ROLLING = UsualRange(0.0, 0.5, "", "smooth to angular grains; C. M. Wensrich and A. Katterfeld, Powder Technol. 217 "
-                     "(2012) 409", "it counts in effective radii, is a length meant?")  # fmt: skip
 DENSITY = UsualRange(2000.0, 9000.0, "kg/m^3", "glass 2500, ferrite 5000, steel 7700, nickel 8900",
                      "it is that of the grains, not of the heap; is g/cm^3 meant, as in '7.7 g/cm^3'?")  # fmt: skip
 SPEED = UsualRange(0.0, 100.0, "m/s", "rims of steel wheels; grinding wheels run at 30 to 100",
@@ -64,7 +62,7 @@ FLUX_DENSITY = UsualRange(0.0, 2.5, "T", "iron saturates at 2.2 T; more takes su
 
 def unusual_entries(scene: Any) -> Iterator[str]:
     """Yield a remark for each entry of a scene that is outside its usual range; a friction of 0 is asked for."""
-    contact, effects = scene.contact, scene.effects
+    contact = scene.contact
     entries: list[tuple[UsualRange, str, float | None]] = [
         (RESTITUTION, "contact.restitution", contact.restitution),
         (RESTITUTION, "contact.wall_restitution", contact.wall_restitution),
@@ -76,11 +74,8 @@ def unusual_entries(scene: Any) -> Iterator[str]:
         for key in ("friction", "wall_friction")
         if (value := getattr(contact, key))  # neither left out nor 0
     ]
-    if effects.rolling_friction is not None:
-        entries += [
-            (ROLLING, f"effects.rolling_friction.{key}", getattr(effects.rolling_friction, key))
-            for key in ("coefficient", "wall_coefficient")
-        ]
+    for one in scene.effects.present:
+        entries += [(usual, f"effects.{one.name}.{key}", getattr(one, key)) for key, usual in one.USUAL.items()]
     if (prescribed := scene.prescribed_field) is not None:
         entries.append((FLUX_DENSITY, "mu_0 field.field_strength", abs(_MU_0 * prescribed.field_strength)))
     yield from (told for usual, key, value in entries if value is not None and (told := usual.remark(key, value)))

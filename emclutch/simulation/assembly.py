@@ -9,35 +9,27 @@ from math import pi
 import numpy as np
 
 from coupling import (
-    CircuitCoilField,
     CoilField,
     CoilField3D,
-    Dipoles,
-    EddyCoilField,
-    Effect,
     ImposedField,
     LayeredField,
-    MagneticForce,
     MagnetisedGrains,
-    MutuallyMagnetisedGrains,
-    MutualMoments,
-    NearAttraction,
-    PowderFeedback,
     Simulation,
-    grain_table,
+    SolvedCoilField,
 )
+from coupling.field_source import FieldSource
 from emclutch.device.device import CoilDevice, Device
 from emclutch.device.materials import grain_law
 from emclutch.scene.case import Case
-from emclutch.scene.grain_smear import layers_change_the_field, moments_are_fed_back, smear_width
+from emclutch.scene.grain_smear import layers_change_the_field, smear_width
 from emclutch.scene.model import Scene
 from emclutch.scene.motion import FreeShaftSection
 from emclutch.scene.time_table import points_of
 from emclutch.simulation.dvi_plan import RigidContacts
 from emclutch.simulation.initial_packing import grains_of, packed, settled
 from emclutch.simulation.plan import Plan
-from field import AxisymmetricProblem, MagneticField, RadialField
-from field.section.eddy_currents import EddyCurrentProblem, VoltageDrive
+from field import MagneticField, RadialField
+from field.section.eddy_currents import CurrentDrive
 from field.three_d import Field3D
 from geometry import ShearCell
 from geometry.time_profile import TimeProfile
@@ -64,11 +56,9 @@ def assemble(case: Case, device: Device, plan: Plan) -> Simulation:
 
 def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Simulation:
     """The simulation around given grains (packed, or of a checkpoint)."""
-    scene, chosen = case.scene, case.scene.effects
+    scene, effects = case.scene, case.scene.effects
     walls = device.walls()
-    gravity = None
-    if chosen.gravity is not None:
-        gravity = np.asarray(chosen.gravity.vector, dtype=float)
+    gravity = None if effects.weight is None else np.asarray(effects.weight.vector, dtype=float)
     bodies = shafts(scene, walls)
     motion: GrainMotion
     if isinstance(plan.contact, RigidContacts):
@@ -84,16 +74,15 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
             sector=plan.sector,
             energy_budget=scene.output.energy_budget,
         )
-    source = field_source(scene, device, motion.bodies, plan.peak_field)
-    if moments_are_fed_back(scene) and isinstance(source, CoilField):
-        source.feedback = feedback_of(scene, source.problem, walls)
-    magnetised = None if source is None else magnetised_grains(scene, source.sampler, walls, motion)
+    source = field_source(scene, device, motion.bodies, walls, plan.peak_field)
+    magnetised = None
+    if source is not None and effects.attraction is not None:
+        magnetised = effects.attraction.magnetised_grains(scene, source.sampler, walls, motion)
+    elif source is not None:
+        magnetised = MagnetisedGrains(source.sampler, grain_law(scene))
     n_sectors = 1 if plan.sector is None else plan.sector.n_sectors
-    effects = effects_of(scene)
-    simulation = Simulation(motion, effects, magnetised, source, plan.steps_per_update, plan.updates, n_sectors)
-    if simulation.holds_forces and plan.division.rule is None:
-        raise AssertionError("effects hold forces, and the plan has one evaluation a window; say so in `make_plan`")
-    return simulation
+    acting = [each for one in effects.present for each in one.acting(scene, motion.bodies)]
+    return Simulation(motion, acting, magnetised, source, plan.steps_per_update, plan.updates, n_sectors)
 
 
 def rigid_grains(scene: Scene, plan: Plan, rigid: RigidContacts, grains: Grains, walls, bodies, gravity) -> DVI:
@@ -117,46 +106,9 @@ def rigid_grains(scene: Scene, plan: Plan, rigid: RigidContacts, grains: Grains,
     )
 
 
-def effects_of(scene: Scene) -> list[Effect]:
-    """The effects of the scene, in the order in which they act; gravity and rolling live in the grains' own step."""
-    effects: list[Effect] = []
-    chosen = scene.effects
-    if chosen.magnetic_force is not None:
-        effects.append(MagneticForce())
-    if chosen.dipoles is not None:
-        effects.append(Dipoles())
-    return effects
-
-
-def magnetised_grains(scene: Scene, sampler, walls, motion: GrainMotion) -> MagnetisedGrains:
-    """What gives the grains their moments: the field alone, or also the other grains and their images."""
-    law, dipoles = grain_law(scene), scene.effects.dipoles
-    if dipoles is None:
-        return MagnetisedGrains(sampler, law)
-    fed_back = moments_are_fed_back(scene)
-    spread = fed_back or layers_change_the_field(scene)
-    solver = MutualMoments(
-        grain_table(law, dipoles.model),
-        near=dipoles.model == "near_field",
-        reach=smear_width(scene) if spread else dipoles.cutoff * scene.grains.largest_diameter,
-        smear=fed_back or (scene.prescribed_field is not None and scene.prescribed_field.is_macroscopic),
-        smallest_gap=dipoles.surface_gap,
-    )
-    mirrors = walls if scene.effects.wall_images is not None else None
-    near = NearAttraction(solver, walls) if solver.near and isinstance(motion, DEM) else None
-    return MutuallyMagnetisedGrains(
-        sampler, law, solver=solver, tolerance=dipoles.tolerance, mirrors=mirrors, near=near
-    )
-
-
-def feedback_of(scene: Scene, problem: AxisymmetricProblem, walls) -> PowderFeedback:
-    """What gives the grains' moments to the field of `problem` and back."""
-    return PowderFeedback(problem, grain_law(scene), smear_width(scene), scene.grains.sector or 2 * pi, walls)
-
-
 def field_source(
-    scene: Scene, device: Device, bodies: Sequence[Body], peak: MagneticField | Field3D | None
-) -> CoilField | CoilField3D | ImposedField | LayeredField | None:
+    scene: Scene, device: Device, bodies: Sequence[Body], walls, peak: MagneticField | Field3D | None
+) -> FieldSource | None:
     """Where the scene's field comes from; None when no effect needs one. `peak` is solved at the largest current."""
     if device.imposed is not None:
         if not layers_change_the_field(scene):
@@ -170,45 +122,26 @@ def field_source(
         carrier = next(body for body in bodies if body.name == coil.carrier)
         known = peak if isinstance(peak, Field3D) else None
         return CoilField3D(coil.problem, coil.turns, coil.current, carrier, coil.newton_tolerance, known=known)
-    source = coil_source(scene, device.coil)
-    if scene.effects.back_reaction is not None:
-        source.powder_tolerance = scene.effects.back_reaction.tolerance
-    return source
+    return coil_source(scene, device.coil, walls)
 
 
-def coil_source(scene: Scene, coil: CoilDevice) -> CoilField:
-    """The coil's field by what its current follows from: a course, the circuit, eddy currents."""
-    circuit, eddy = scene.effects.coil_circuit, scene.effects.eddy_currents
-    if circuit is None and eddy is None:
-        return CoilField(coil.problem, coil.turns, coil.current, coil.newton_tolerance)
-    if eddy is None:
-        assert circuit is not None and coil.resistance is not None  # by the checks between sections
-        return CircuitCoilField(
-            coil.problem,
-            coil.turns,
-            newton_tolerance=coil.newton_tolerance,
-            current_tolerance=circuit.tolerance,
-            voltage=coil.voltage,
-            resistance=coil.resistance,
-            breaks=coil.currents.times,
-            begin_steady=circuit.begin == "steady",
-            largest_current=coil.largest_current,
-        )
-    voltage = None
+def coil_source(scene: Scene, coil: CoilDevice, walls) -> SolvedCoilField:
+    """The coil's field by what its current follows from: a course in time, the circuit, eddy currents."""
+    circuit, eddy, reaction = scene.effects.circuit, scene.effects.eddy, scene.effects.feedback
+    feedback = None if reaction is None else reaction.powder_feedback(scene, coil.problem, walls)
+    tolerance = 0.0 if reaction is None else reaction.tolerance
+    if eddy is not None:
+        drive = CurrentDrive(coil.current) if circuit is None else circuit.drive(coil)
+        return eddy.source(coil, drive, feedback, tolerance)
     if circuit is not None:
-        assert coil.resistance is not None  # by the checks between sections
-        voltage = VoltageDrive(coil.voltage, coil.resistance)
-    return EddyCoilField(
+        return circuit.source(coil, feedback, tolerance)
+    return CoilField(
         coil.problem,
         coil.turns,
         coil.current,
-        coil.newton_tolerance,
-        eddy=EddyCurrentProblem(coil.problem, coil.conductivity or {}, turns=coil.turns),
-        voltage=voltage,
-        breaks=coil.currents.times,
-        begin_steady=eddy.begin == "steady",
-        change_tolerance=eddy.tolerance,
-        largest_current=coil.largest_current,
+        newton_tolerance=coil.newton_tolerance,
+        powder_tolerance=tolerance,
+        feedback=feedback,
     )
 
 

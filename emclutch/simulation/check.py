@@ -20,7 +20,7 @@ from emclutch.simulation.plan_in_words import paths_in_words, plan_in_words
 from field import MagneticField
 
 if TYPE_CHECKING:
-    from emclutch.results.left_out import LeftOut
+    from emclutch.effects.left_out import LeftOut
     from emclutch.simulation.forecast.expected_torque import ExpectedTorque
 
 

@@ -9,13 +9,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from coupling import chain_magnetisation, magnetic_load, neck_load, neck_stiffness, snap_in_overlap, weight_load
+from coupling import magnetic_load, snap_in_overlap
 from emclutch.device.device import Device
-from emclutch.device.materials import grain_law
+from emclutch.effects.effect import Load
 from emclutch.scene.contact import ContactSection
 from emclutch.simulation.contacts_in_words import load_in_words
 from emclutch.simulation.forecast.expected_speeds import impact_speed
-from emclutch.simulation.stiffness import NECK_MARGIN, Load, LoadKind, Stiffness
+from emclutch.simulation.stiffness import Stiffness
 from particles import PairLaws, choose_time_step
 from particles.dem.overlap_limits import SOFT, STOPS
 from particles.dem.time_step import StepTooLong, TimeStep
@@ -55,7 +55,7 @@ def elastic_contacts(scene, device: Device, M_max: float, speed: float) -> Elast
             0.5 * particles.smallest_diameter,
             speed=speed,
             load=stiffness.load.force,
-            rolling=scene.effects.rolling_friction is not None,
+            rolling="rolling" in scene.effects.contact_terms(),
             steps_per_contact=scene.span.steps_per_contact,
             dt=scene.span.step,
         )
@@ -91,11 +91,12 @@ def contacts_under_load(scene, device: Device, M_max: float, speed: float) -> tu
 
     ValueError where nothing says how stiff they are, or they are so soft that a run would stop.
     """
-    particles, contact, effects = scene.particles, scene.contact, scene.effects
+    particles, contact, attraction = scene.particles, scene.contact, scene.effects.attraction
     d = particles.largest_diameter  # overlap / diameter grows with the size under every load
     mass = particles.density * pi / 6.0 * d**3
-    chained, neck = _in_chains(scene, M_max), _necks(scene)
-    load = max(_loads(scene, device, M_max, chained, neck), key=lambda load: load.force)
+    chained = M_max if attraction is None else attraction.magnetisation_in_chains(scene, M_max)
+    neck = 0.0 if attraction is None else attraction.neck_stiffness(scene)
+    load = max(_loads(scene, device, M_max, chained), key=lambda load: load.force)
     if contact.needs_a_load and load.force <= 0.0 and speed <= 0.0:
         raise ValueError(
             "nothing loads the contacts (no weight, no magnetism, no motion), so no stiffness follows; "
@@ -116,43 +117,15 @@ def contacts_under_load(scene, device: Device, M_max: float, speed: float) -> tu
     value = between.stiffness_at(deepest, 0.25 * d)
     snap = snap_in_overlap(chained, d, value) if M_max > 0.0 else None
     stiffness = Stiffness(value, not contact.needs_a_load, contact.law, deepest / d, load, speed, snap, neck)
-    rolls, twists = effects.rolling_friction, effects.twisting_friction
-    rolling = None if rolls is None else rolls.law()
-    twisting = None if twists is None else twists.law()
-    cohesion = None if effects.cohesion is None else effects.cohesion.law()
-    laws = PairLaws.of_one(between, at_walls=at_walls, rolling=rolling, twisting=twisting, cohesion=cohesion)
-    return laws, stiffness
+    return PairLaws.of_one(between, at_walls=at_walls, **scene.effects.contact_terms()), stiffness
 
 
-def _in_chains(scene, M_max: float) -> float:
-    """Magnetisation of grains that magnetise one another in chains [A/m]."""
-    mutual = scene.effects.dipoles is not None and scene.effects.dipoles.model == "mutual"
-    return chain_magnetisation(grain_law(scene), M_max) if mutual and M_max > 0.0 else M_max
-
-
-def _necks(scene) -> float:
-    """Negative stiffness of saturated necks between near grains [N/m]; 0 where they are not simulated."""
-    if scene.effects.dipoles is None or scene.effects.dipoles.model != "near_field":
-        return 0.0
-    at_walls = scene.effects.wall_images is not None
-    return neck_stiffness(grain_law(scene), scene.particles.largest_diameter, at_walls=at_walls)
-
-
-def _loads(scene, device: Device, M_max: float, chained: float, neck: float) -> Iterator[Load]:
+def _loads(scene, device: Device, M_max: float, chained: float) -> Iterator[Load]:
     """Everything that presses grains together, each at its largest."""
-    particles, contact, effects = scene.particles, scene.contact, scene.effects
-    d = particles.largest_diameter
-    yield Load(LoadKind.MAGNETISM, magnetic_load(chained, d), chained)
-    if effects.dipoles is not None and effects.dipoles.model == "near_field":
-        yield Load(LoadKind.NECKS, neck_load(grain_law(scene), M_max, d, effects.dipoles.surface_gap), M_max)
-        if contact.needs_a_load:
-            yield Load(LoadKind.NECK_STIFFNESS, NECK_MARGIN * neck * contact.max_overlap * d, neck)
-    if effects.gravity is not None:
-        height = 2.0 * device.largest_radius if device.box is None else device.box.size[2]
-        yield Load(LoadKind.WEIGHT, weight_load(particles.density, effects.gravity.acceleration, height, d))
-    if effects.cohesion is not None:
-        pull = effects.cohesion.law().table()
-        yield Load(LoadKind.COHESION, float(max(pull[0] @ (1.0, 0.25 * d), pull[1] @ (1.0, 0.5 * d))))
+    force = magnetic_load(chained, scene.particles.largest_diameter)
+    yield Load("magnetism", force, f"grains magnetised to {chained / 1e3:.3g} kA/m")
+    for one in scene.effects.present:
+        yield from one.loads(scene, device, M_max)
 
 
 def _too_soft(contact: ContactSection, overlap: Callable[[ContactSection], float], why: str) -> str:

@@ -6,8 +6,9 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from emclutch.device.decision import with_warnings
+from emclutch.effects.effect import Load
 from emclutch.simulation.dvi_plan import TOLERANCE, RigidContacts
-from emclutch.simulation.stiffness import NECK_MARGIN, Load, LoadKind, Stiffness
+from emclutch.simulation.stiffness import NECK_MARGIN, Stiffness
 from particles.dem.overlap_limits import SOFT
 
 if TYPE_CHECKING:
@@ -53,14 +54,7 @@ def stiffness_in_words(stiffness: Stiffness) -> str:
 
 def load_in_words(load: Load, speed: float) -> str:
     """What presses grains in, a load and impacts at a speed [m/s]; empty where nothing does."""
-    causes = {
-        LoadKind.MAGNETISM: f"grains magnetised to {load.cause / 1e3:.3g} kA/m",
-        LoadKind.NECKS: f"necks between grains magnetised to {load.cause / 1e3:.3g} kA/m",
-        LoadKind.NECK_STIFFNESS: f"{NECK_MARGIN:g} times the stiffness of saturated necks, {load.cause:.3g} N/m,",
-        LoadKind.WEIGHT: "the weight of the bed",
-        LoadKind.COHESION: "cohesion",
-    }
-    loaded = f"{load.force:.3g} N from {causes[load.kind]}" if load.force > 0.0 else ""
+    loaded = f"{load.force:.3g} N from {load.text}" if load.force > 0.0 else ""
     hit = f"impacts at {speed:.3g} m/s" if speed > 0.0 else ""
     return " and ".join(filter(None, (loaded, hit)))
 

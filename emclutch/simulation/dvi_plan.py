@@ -81,10 +81,10 @@ def rigid_contacts(
         dt=scene.span.step if section.step is None else section.step,
         allow_long_step=section.allow_long_step,
     )
-    gravity = scene.effects.gravity
+    weight = scene.effects.weight
     threshold = section.threshold
     if threshold is None:
-        pull = 0.0 if gravity is None else float(np.linalg.norm(gravity.vector))
+        pull = 0.0 if weight is None else float(np.linalg.norm(weight.vector))
         threshold = max(2.0 * step.dt * pull, LEAST_THRESHOLD)
     tolerance = max(TOLERANCE * speed, LEAST_TOLERANCE) if section.tolerance is None else section.tolerance
     rigid = DviContact(
@@ -94,8 +94,6 @@ def rigid_contacts(
         contact.wall_restitution,
         threshold=threshold,
     )
-    rolls, twists = scene.effects.rolling_friction, scene.effects.twisting_friction
-    rolling = None if rolls is None else rolls.law()
-    twisting = None if twists is None else twists.law()
+    terms = scene.effects.contact_terms()
     given, stiffness = (None, None) if springs is None else springs
-    return RigidContacts(rigid, rolling, twisting, tolerance, step, given, stiffness)
+    return RigidContacts(rigid, terms.get("rolling"), terms.get("twisting"), tolerance, step, given, stiffness)

@@ -43,9 +43,9 @@ def packed(
     if particles.packing == "lattice":
         return lattice_packing(space, radius, kind=particles.lattice, noise=particles.noise, seed=seed)
     if particles.packing == "pour":
-        if scene.effects.gravity is None:
-            raise PackingError("particles.packing = 'pour' needs weight; add [effects.gravity]")
-        return poured_packing(space, radius, up=-np.asarray(scene.effects.gravity.vector), seed=seed)
+        if scene.effects.weight is None:
+            raise PackingError(f"particles.packing = 'pour' needs weight; add {scene.effects.tables(role='weight')}")
+        return poured_packing(space, radius, up=-np.asarray(scene.effects.weight.vector), seed=seed)
     return random_packing(space, radius, seed=seed)
 
 

@@ -44,11 +44,11 @@ def kind_of(scene: Any) -> list[str]:
     """What decides which step a scene by DEM has: its law, and the parts that cost in the loop over pairs."""
     effects = scene.effects
     parts = {
-        "resistance": effects.rolling_friction is not None or effects.twisting_friction is not None,
+        "resistance": bool({"rolling", "twisting"} & set(effects.contact_terms())),
         "sizes": scene.particles.sizes is not None,
         "sector": scene.particles.sector is not None,
         "energies": scene.output.energy_budget,
-        "attraction": effects.dipoles is not None and effects.dipoles.model == "near_field",
+        "attraction": effects.attraction is not None and effects.attraction.has_necks,
     }
     return [scene.contact.law, *(name for name, on in parts.items() if on)]
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from emclutch.effects.left_out import LeftOut
 from emclutch.results import Result
-from emclutch.results.left_out import LeftOut
 from emclutch.scene.case import load_case
 from emclutch.scene.errors import SceneError
 from emclutch.simulation.check import check

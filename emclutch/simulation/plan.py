@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from emclutch.device.device import Device, build_device, field_is_needed
+from emclutch.device.device import Device, build_device
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import bad_input_for
 from emclutch.scene.replica_count import replica_count
@@ -122,7 +122,7 @@ def make_plan(
     else:
         contact = elastic_contacts(scene, device, M_max, speed)
     layers = max(fall_speed(scene, device), layer_speed(scene, device, speed))
-    division = coupling_windows(scene, contact.step.dt, speed, layers, held=field_is_needed(scene))
+    division = coupling_windows(scene, contact.step.dt, speed, layers, held=scene.effects.hold_forces)
     rhythm = division.steps_per_update, division.updates, division.count
     cost = foretell(scene, device, division.dt, rhythm, threads or _threads_of_a_replica(scene), machine)
     return device, Plan(device.fill.count, sector, contact, division, field, M_max, cost)

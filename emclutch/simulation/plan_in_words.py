@@ -67,8 +67,8 @@ def device_in_words(scene, device: Device) -> Iterator[tuple[str, str]]:
     yield "packing", packing_in_words(scene, device)
     for surface in device.surfaces:
         text = f"{len(surface.triangles)} triangles, {extent_in_words(*surface.bounds)} mm, on body {surface.body}"
-        if scene.effects.wall_images is not None:
-            text += "; taken as not magnetic: it mirrors no dipoles (effects.wall_images), the field's solve has it not"
+        if scene.effects.images is not None:
+            text += f"; not magnetic: it has no images (effects.{scene.effects.images.name}) and is not in the field"
         yield f"surface {surface.name}", text
     if scene.geometry.has_regions:
         yield (
@@ -80,7 +80,7 @@ def device_in_words(scene, device: Device) -> Iterator[tuple[str, str]]:
 
 def packing_in_words(scene, device: Device) -> str:
     """How the grains are packed, and to what they settle."""
-    particles, gravity = scene.particles, scene.effects.gravity
+    particles, gravity = scene.particles, scene.effects.weight
     lattice = f" ({particles.lattice})" if particles.packing == "lattice" else ""
     if not particles.settles:
         return f"{particles.packing}{lattice}; time 0 begins with the grains as packed"
@@ -104,7 +104,7 @@ def coil_in_words(scene, coil: CoilDevice, field: MagneticField) -> str:
     assert coil.resistance is not None
     loss = coil.resistance * coil.largest_current**2
     text = f"{coil.resistance:.3g} ohm: up to {coil.largest_current:.3g} A, {loss:.3g} W of copper loss"
-    if scene.effects.coil_circuit is not None and coil.largest_current > 0.0:
+    if scene.effects.circuit is not None and coil.largest_current > 0.0:
         inductance = apparent_inductance(field, coil.turns)
         tau = inductance / coil.resistance
         text += f"; {inductance:.3g} H at that current (incremental {incremental_inductance(field, coil.turns):.3g} H)"
@@ -131,8 +131,9 @@ def feedback_in_words(scene, coil: CoilDevice) -> str:
     """Over which width moments are fed back, and why."""
     width, d = smear_width(scene), scene.particles.largest_diameter
     text = f"moments spread over {1e3 * width:.3g} mm ({width / d:.3g} diameters"
-    if width < scene.effects.dipoles.cutoff * d:
-        text += f": the gap's width, less than effects.dipoles.cutoff = {scene.effects.dipoles.cutoff:g}"
+    if width < scene.effects.attraction.cutoff * d:
+        attraction = scene.effects.attraction
+        text += f": the gap's width, less than effects.{attraction.name}.cutoff = {attraction.cutoff:g}"
     return text + f"); {len(coil.problem.powder_elements)} elements of powder and beside it"
 
 

@@ -3,40 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum, auto
 
+from emclutch.effects.effect import Load
 from particles.dem.overlap_limits import SOFT
 
 NECK_MARGIN = 10.0  # of a contact's stiffness over the negative one of its neck
-
-
-class LoadKind(Enum):
-    """What presses grains together."""
-
-    MAGNETISM = auto()
-    NECKS = auto()
-    NECK_STIFFNESS = auto()  # so stiff that no neck pulls a contact in by itself
-    WEIGHT = auto()
-    COHESION = auto()
-
-
-@dataclass(frozen=True, slots=True)
-class Load:
-    """The largest force on a contact that is to be expected of one kind.
-
-    Attributes
-    ----------
-    kind : LoadKind
-    force : float
-        [N]
-    cause : float
-        What it follows from: the grains' magnetisation [A/m] of magnetism and necks, the necks' negative stiffness
-        [N/m]; 0 of others.
-    """
-
-    kind: LoadKind
-    force: float
-    cause: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -69,7 +69,7 @@ def summarise(
             "worst_residual": float(history["feedback_residual"].max()),
         } | {part: float(history[f"feedback_{part}"].iloc[-1]) for part in ("across", "clipped", "lagged")}
     if "moment_residual" in history:
-        summary["moments"] = moments_summary(case.scene.effects.dipoles, history, plan, simulation.motion)
+        summary["moments"] = moments_summary(case.scene.effects.attraction, history, plan, simulation.motion)
     if "missed_steps" in history:
         summary["solver"] = solver_summary(history, simulation.motion.tolerance)
     if "inertial_number" in history:
@@ -143,11 +143,11 @@ def replicas_summary(case, histories, torque: Estimate) -> dict[str, Any]:
     }
 
 
-def moments_summary(dipoles, history, plan, motion) -> dict[str, float | str]:
+def moments_summary(attraction, history, plan, motion) -> dict[str, float | str]:
     """How the moments of grains that magnetise one another did; a caution where their contacts are too soft for it."""
     summary: dict[str, float | str] = {
-        "model": dipoles.model,
-        "tolerance": dipoles.tolerance,
+        "model": attraction.model,
+        "tolerance": attraction.tolerance,
         "worst_residual": float(history["moment_residual"].max()),
         "sweeps_per_update": float(history["moment_sweeps"].sum()) * plan.steps_per_update / history["steps"].sum(),
     }

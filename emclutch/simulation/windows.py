@@ -88,13 +88,13 @@ def coupling_windows(scene, dt: float, speed: float, between_layers: float, held
 
 def _steps_per_update(scene, dt: float, speed: float, between_layers: float) -> tuple[int, UpdateRule]:
     """Steps between evaluations of the held forces, and what decides them."""
-    dipoles = scene.effects.dipoles
-    if dipoles is not None and dipoles.update_every:
-        return dipoles.update_every, UpdateRule.ASKED
+    attraction = scene.effects.attraction
+    if attraction is not None and attraction.update_every:
+        return attraction.update_every, UpdateRule.ASKED
     if scene.contact.method == "dvi":
         return 1, UpdateRule.EVERY_STEP
     # near pulls follow every step (`coupling.near_attraction`): what is held then changes with the places of layers
-    followed = dipoles is not None and dipoles.model == "near_field"
+    followed = attraction is not None and attraction.has_necks
     moved, contacts = (between_layers, 2.5) if followed else (speed, 0.5)
     travel = 0.01 * scene.particles.smallest_diameter / (moved * dt) if moved > 0.0 else np.inf
     steps = max(1, floor(min(travel, contacts * scene.time.steps_per_contact)))

@@ -132,7 +132,7 @@ def field_study(
     if scene.coil_field is None or not (scene.particles is None or field_is_needed(scene)):
         raise ValueError(
             "the scene has no coil's field to solve: it needs field.source = 'coil' and an effect that samples it, "
-            "magnetic_force or dipoles"
+            f"{scene.effects.tables(needs_moments=True)}"
         )
     coil = solved_coil(scene)
     if isinstance(coil, CoilDevice3D):
@@ -151,7 +151,7 @@ def field_study(
         raise OutputError(f"{folder} exists; name another folder with --out")
     currents = [coil.largest_current] if currents is None else list(currents)
     amount = None if scene.particles is None else fill_of(coil.shape, scene.particles, scene.scene.seed)
-    phi = None if amount is None or scene.effects.back_reaction is None else amount.solid_fraction
+    phi = None if amount is None or scene.effects.feedback is None else amount.solid_fraction
     fill = None if phi is None else coil.uniform_fill(phi)
     folder.mkdir(parents=True)
     series = PvdSeries(folder, "field")

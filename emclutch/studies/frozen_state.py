@@ -10,7 +10,7 @@ from time import perf_counter
 
 import numpy as np
 
-from coupling import CoilField, MutuallyMagnetisedGrains
+from coupling import MutuallyMagnetisedGrains, SolvedCoilField
 from coupling.staggered import held_forces, refresh_field
 from coupling.window_budget import WindowBudget
 from emclutch.scene.case import Case
@@ -61,7 +61,7 @@ def frozen_state(case: Case, position: np.ndarray, diameter: np.ndarray | float 
         raise ValueError("the scene has no magnetic effect: there is nothing to hold still")
     if isinstance(magnetised, MutuallyMagnetisedGrains):
         magnetised.tolerance = MOMENTS_TOLERANCE
-    if isinstance(source, CoilField) and source.feedback is not None:
+    if isinstance(source, SolvedCoilField) and source.feedback is not None:
         source.powder_tolerance = FEEDBACK_TOLERANCE
     for effect in simulation.effects:
         effect.begin_window(simulation)

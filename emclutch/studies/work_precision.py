@@ -102,7 +102,7 @@ class SmearWidth:
         return True
 
     def turned(self, case: Case, setting: float) -> Case:
-        return case.with_values({"effects.dipoles.cutoff": setting})
+        return case.with_values({f"effects.{case.scene.effects.attraction.name}.cutoff": setting})
 
     def measure(self, case: Case, points: np.ndarray, folder: Path) -> Measurement:
         found = standing_grains(case, points)  # H itself depends on the width: it holds what is farther
@@ -116,11 +116,12 @@ class MomentRefresh:
     name = "moment refresh"
 
     def settings(self, case: Case) -> tuple[float, ...]:
-        model = None if case.scene.effects.dipoles is None else case.scene.effects.dipoles.model
+        attraction = case.scene.effects.attraction
+        model = None if attraction is None else attraction.model
         return case.scene.accuracy.refresh if model == "near_field" and case.scene.contact.method == "dem" else ()
 
     def turned(self, case: Case, setting: float) -> Case:
-        return case.with_values({"effects.dipoles.update_every": int(setting)})
+        return case.with_values({f"effects.{case.scene.effects.attraction.name}.update_every": int(setting)})
 
     def measure(self, case: Case, points: np.ndarray, folder: Path) -> Measurement:
         return run_torque(case, folder)

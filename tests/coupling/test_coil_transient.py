@@ -11,7 +11,7 @@ from coupling import CircuitCoilField, CoilField, EddyCoilField
 from field import AxisymmetricProblem, GrainLaw, LinearLaw, PowderLaw, material
 from field.coil.inductance import apparent_inductance
 from field.coil.winding import Winding
-from field.section.eddy_currents import EddyCurrentProblem, VoltageDrive
+from field.section.eddy_currents import CurrentDrive, EddyCurrentProblem, VoltageDrive
 from geometry import Clutch, mesh_clutch
 
 pytestmark = pytest.mark.physics
@@ -42,7 +42,9 @@ def circuit_source(problem, **more):
 
 
 def eddy_source(problem, sigma=5e6, **more):
-    return EddyCoilField(problem, N, eddy=EddyCurrentProblem(problem, {"core": sigma}, turns=N), **more)
+    eddy = EddyCurrentProblem(problem, {"core": sigma}, turns=N)
+    voltage, current = more.pop("voltage", None), more.pop("current", None)
+    return EddyCoilField(problem, N, CurrentDrive(current) if voltage is None else voltage, eddy, **more)
 
 
 def march(source, windows=WINDOWS, first=0):
@@ -180,10 +182,8 @@ def test_bad_circuits_are_explained(problem, arguments, words):
 
 
 def test_bad_eddy_sources_are_explained(problem):
-    with pytest.raises(ValueError, match="current or a voltage"):
-        eddy_source(problem)
     with pytest.raises(ValueError, match="same field problem"):
-        EddyCoilField(problem, 2 * N, current=lambda t: 1.0, eddy=EddyCurrentProblem(problem, {}, turns=N))
+        EddyCoilField(problem, 2 * N, CurrentDrive(lambda t: 1.0), EddyCurrentProblem(problem, {}, turns=N))
 
 
 def test_rise_of_a_clutch_at_a_voltage():

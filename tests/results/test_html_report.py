@@ -8,11 +8,11 @@ from typer.testing import CliRunner
 from written_run import written_run, written_study
 
 from emclutch.cli.main import app
+from emclutch.effects import EffectsSection
 from emclutch.results import OutputError, RunFolder, load_result
 from emclutch.results.report.html import run_page, study_page, write_page
 from emclutch.results.report.verdict import Mark, verdict
 from emclutch.results.study_folder import read_study
-from emclutch.scene.effects import EffectsSection
 from emclutch.simulation.left_out_of_run import left_out_of
 
 HOSTILE = "<script>alert(1)</script> & \"><img src=x onerror='x'>"

@@ -166,7 +166,7 @@ REFUSED = {
     "no slots in a section": ({"geometry": {**SLOTTED, "three_dimensional": False}},
                               "part 'resin' does not meet the half-plane"),
     "oblique coil": ({"geometry": {"file": "oblique.step"}}, "the coil of a field in 3D is one ring of rectangular"),
-    "feedback": ({"effects": {"back_reaction": {}}}, "effects.back_reaction is not there for a field in 3D, which "
+    "feedback": ({"effects": {"back_reaction": {}}}, "effects.back_reaction is not available in a 3D field, which "
                  "geometry.three_dimensional asks for: moments of the grains"),
     "tolerance": ({"field": {"tolerance": 1e-3}}, "field.tolerance = 0.001 refines the mesh of a section"),
     "sector": ({"particles": {"sector": "60 deg"}}, "particles.sector = '60 deg' needs a field that repeats"),

@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
+from emclutch.effects.coil_circuit import CoilCircuitSection
+from emclutch.effects.eddy_currents import EddyCurrentsSection
 from emclutch.scene.coil import CoilSection
-from emclutch.scene.effects import CoilCircuitSection, EddyCurrentsSection
 from emclutch.scene.time_table import points_of
 
 AREA, RADIUS = 36e-6, 26e-3

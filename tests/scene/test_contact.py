@@ -5,8 +5,8 @@ import math
 import pytest
 from pydantic import ValidationError
 
+from emclutch.effects import EffectsSection
 from emclutch.scene.contact import KEYS_OF_LAWS, ContactSection
-from emclutch.scene.effects import EffectsSection
 from particles.laws.elastic import Elastic
 
 GRAIN = {"mass": 1e-6, "diameter": 5e-4}

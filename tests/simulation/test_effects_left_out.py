@@ -8,8 +8,8 @@ import pytest
 from typer.testing import CliRunner
 
 from emclutch.cli.main import app
+from emclutch.effects import PLANNED_EFFECTS, EffectsSection
 from emclutch.scene.case import case_from, load_case
-from emclutch.scene.effects import PLANNED_EFFECTS, EffectsSection
 from emclutch.simulation.forecast.effects_left_out import left_out
 from emclutch.simulation.forecast.expected_torque import expected_torque
 from emclutch.simulation.plan import make_plan

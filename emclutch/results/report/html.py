@@ -16,16 +16,16 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from emclutch import __version__
+from emclutch.effects import EffectsSection
+from emclutch.effects.left_out import ALWAYS, OFF, LeftOut
 from emclutch.results import COLUMNS, OutputError, Result, RunFolder, load_result
 from emclutch.results.grain_profiles import profile_column, read_profiles
-from emclutch.results.left_out import ALWAYS, OFF, LeftOut
 from emclutch.results.replicated_mean import drift_in_words
 from emclutch.results.report.markdown import PICTURES, summary_rows
 from emclutch.results.report.verdict import Mark, effects_of, verdict
 from emclutch.results.study_folder import StudyFolder, is_study, read_study, refresh_in_words
 from emclutch.results.time_unit import time_in_words
 from emclutch.results.torque_in_words import torque_in_words
-from emclutch.scene.effects import EffectsSection
 
 LeftOutOf = Callable[[Result], Sequence[LeftOut]]
 """What the scene of a run leaves out."""

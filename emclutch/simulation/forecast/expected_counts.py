@@ -64,13 +64,12 @@ class Counts:
 
 def counts_at(scene: Scene, device: Device, time: float, window: float) -> Counts:
     """What is to be done at `time` [s] in a run whose coupling window is `window` [s] long."""
-    attracted = scene.effects.dipoles is not None and field_share(device, time) > OFF
+    attracted = scene.effects.attraction is not None and field_share(device, time) > OFF
     contacts = CHAINED if attracted else _contacts_without_field(scene, device, time)
-    model = None if scene.effects.dipoles is None else scene.effects.dipoles.model
     return Counts(
         contacts,
         neighbours(scene, device),
-        SWEEPS if attracted and model in ("mutual", "near_field") else 0.0,
+        SWEEPS if attracted else 0.0,
         _solves(scene, device, time, window),
         _sweeps(contacts, device.fill.solid_fraction) if scene.contact.method == "dvi" else 0.0,
     )
@@ -87,7 +86,7 @@ def field_share(device: Device, time: float) -> float:
 
 def _contacts_without_field(scene: Scene, device: Device, time: float) -> float:
     """Contacts a grain in a bed, in one that is stirred faster than it falls, and where nothing presses grains."""
-    if scene.effects.gravity is None:
+    if scene.effects.weight is None:
         return LOOSE
     rotor = scene.motion.rotor
     if rotor.free is not None:
@@ -96,30 +95,30 @@ def _contacts_without_field(scene: Scene, device: Device, time: float) -> float:
     else:
         assert rotor.speed is not None  # by the schema: one of the two
         speed = abs(float(np.interp(time, *points_of(rotor.speed))))
-    if speed**2 * device.largest_radius > scene.effects.gravity.acceleration:
+    if speed**2 * device.largest_radius > scene.effects.weight.acceleration:
         return STIRRED
     return BEDDED if time > settling_time(scene, device) else LOOSE
 
 
 def settling_time(scene: Scene, device: Device) -> float:
     """Time [s] from which grains lie in a bed: twice a fall through the device; infinite without one."""
-    assert scene.effects.gravity is not None
-    weight = scene.effects.gravity.acceleration
+    assert scene.effects.weight is not None
+    weight = scene.effects.weight.acceleration
     if scene.grains.settles:
         return 0.0
     return 2.0 * sqrt(2.0 * max(2.0 * device.largest_radius, device.narrowest_gap) / weight) if weight > 0.0 else inf
 
 
 def neighbours(scene: Scene, device: Device) -> float:
-    """Neighbours of a grain within the dipoles' cut-off and a skin, at the density of the filled space.
+    """Neighbours of a grain within the cut-off of the attraction and a skin, at the density of the filled space.
 
     In a gap of width w a sphere of radius R around a grain lies outside of it by 3 R/(8 w) of its volume on average
     (the mean of both caps over the width, for R < w); narrower gaps hold a disc of it.
     """
-    dipoles = scene.effects.dipoles
-    if dipoles is None:
+    attraction = scene.effects.attraction
+    if attraction is None:
         return 0.0
-    d, reach = scene.grains.largest_diameter, dipoles.cutoff + SKIN
+    d, reach = scene.grains.largest_diameter, attraction.cutoff + SKIN
     whole = device.fill.solid_fraction * 8.0 * reach**3 * (pi / 6.0 * d**3 / scene.grains.grain_volume)
     share = reach * d / device.narrowest_gap
     return whole * (1.0 - 0.375 * share if share < 1.0 else 0.625 / share)
@@ -140,8 +139,8 @@ def _solves(scene: Scene, device: Device, time: float, window: float) -> float:
     change = abs(coil.current(time + 0.5 * window) - coil.current(time - 0.5 * window)) / coil.largest_current
     called = min(1.0, change / CURRENT_STEP)
     if field_share(device, time) > OFF:
-        if scene.effects.back_reaction is not None:
+        if scene.effects.feedback is not None:
             called = max(called, SOLVES)
-        if scene.effects.eddy_currents is not None:
+        if scene.effects.eddy is not None:
             called = max(called, EDDY_SOLVES)
     return float(np.clip(called, 0.0, 1.0))

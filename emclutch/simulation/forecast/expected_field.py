@@ -38,7 +38,7 @@ def expected_magnetisation(case: Case, device: Device) -> tuple[MagneticField | 
     if device.coil is None:
         return None, 0.0
     phi = device.fill.solid_fraction
-    coupled = scene.effects.back_reaction is not None
+    coupled = scene.effects.feedback is not None
     fill = device.section_coil.uniform_fill(phi) if coupled and device.section_coil is not None else None
     field = device.coil.solve_at_peak(fill)
     points = _sample_points(device.coil.powder_boxes, scene.grains.largest_diameter)
@@ -57,8 +57,8 @@ def powder_in_words(scene, phi: float | None) -> str:
     """With which powder of the fill `phi` the field before a run is solved, and what the run has instead."""
     if phi is None:
         return "none: a scene without [particles]"
-    if scene.effects.back_reaction is None:
-        return "without powder (no effects.back_reaction)"
+    if scene.effects.feedback is None:
+        return "without powder (its effect on the field is off)"
     even = f"powder spread evenly to {phi:.3g} with Maxwell Garnett's permeability, as of grains without order"
     if not moments_are_fed_back(scene):
         return f"{even} (so has the run, with the fill of its grains)"

@@ -21,7 +21,7 @@ def fall_speed(scene, device: Device) -> float:
 
     In a box it falls through what the heap of all others leaves empty.
     """
-    gravity = scene.effects.gravity
+    gravity = scene.effects.weight
     if gravity is None:
         return 0.0
     along = np.abs(gravity.direction)

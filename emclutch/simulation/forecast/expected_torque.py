@@ -173,23 +173,21 @@ def expected_torque(scene, device: Device, field: MagneticField | Field3D | None
         return _friction(scene, device)
     strength = np.linalg.norm(H, axis=1)
     phi = device.fill.solid_fraction
-    in_powder = phi if scene.effects.back_reaction is not None else 0.0  # as `plan.expected_magnetisation`
+    in_powder = phi if scene.effects.feedback is not None else 0.0  # as `plan.expected_magnetisation`
     law = grain_law(scene)
     M = law.magnetisation(strength, np.full(len(strength), in_powder))
     slope = np.linalg.norm(np.einsum("ni,nij->nj", H, grad_H), axis=1) / np.maximum(strength, np.finfo(float).tiny)
     H_mean, M_mean, force = (float(np.average(v, weights=zone.lever)) for v in (across, M, MU_0 * M * slope))
-    if scene.effects.dipoles is None:
+    if scene.effects.attraction is None:
         return replace(_friction(scene, device), H=H_mean, M=M_mean, gradient_force=force)
     tau, words = neck_stress(phi, across, scene.particles.saturation), "Carlson's law of iron suspensions"
-    model = scene.effects.dipoles.model
-    if model != "near_field":
+    if not scene.effects.attraction.has_necks:
         tau, words = np.minimum(tau, chain_stress(phi, M)), "straight chains of point dipoles"
     torque = float((tau * zone.lever).sum())
     layers = device.narrowest_gap / scene.particles.largest_diameter
     if layers < FEW:
         words += f"; the gap holds {layers:.2g} grains, no powder"
-    if scene.effects.rolling_friction is not None:
-        words += "; rolling friction may double it"
+    words = "; ".join((words, *(one.torque_note for one in scene.effects.present if one.torque_note)))
     return ExpectedTorque(
         torque,
         torque / float(zone.lever.sum()),
@@ -218,7 +216,7 @@ def _sampled(device: Device, field) -> tuple[ShearedZone, np.ndarray, np.ndarray
 
 def _friction(scene, device: Device) -> ExpectedTorque:
     """Coulomb friction of all the powder's weight and centrifugal force on the outer wall."""
-    shape, fill, gravity = device.shape, device.fill, scene.effects.gravity
+    shape, fill, gravity = device.shape, device.fill, scene.effects.weight
     friction, mass, radius = scene.contact.friction_at_walls, fill.mass, device.shear_radius
     speed = max(scene.motion.rotor.largest_speed, scene.motion.disc.largest_speed)
     weight = 0.0 if gravity is None else mass * gravity.acceleration
@@ -239,5 +237,5 @@ def _friction(scene, device: Device) -> ExpectedTorque:
     zone = sheared_zone(device)
     torque = friction * radius * (weight + mass * speed**2 * radius)
     stress = torque / float(zone.lever.sum()) if zone is not None else 0.0
-    without = "no field across the gap" if scene.effects.dipoles is not None else "no attraction"
+    without = "no field across the gap" if scene.effects.attraction is not None else "no attraction"
     return ExpectedTorque(torque, stress, law=f"{without}, so no more than friction of weight and centrifugal force")

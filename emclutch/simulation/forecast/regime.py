@@ -92,7 +92,7 @@ def regime_of(scene, device: Device, plan: Plan, expected: ExpectedTorque) -> Re
     particles, motion = scene.particles, scene.motion
     d, rho = particles.mean_diameter, particles.density
     mass = pi / 6.0 * d**3 * rho
-    gravity = scene.effects.gravity
+    gravity = scene.effects.weight
     weight = mass * (G if gravity is None or gravity.acceleration == 0.0 else gravity.acceleration)
     speed = max(motion.rotor.largest_speed, motion.disc.largest_speed)
     centrifugal = mass * speed**2 * device.largest_radius
@@ -148,7 +148,7 @@ def _switching_time(scene, device: Device, coil_time: float | None) -> float | N
     """The shortest in which the drive goes from one current to another; that of the circuit where it is simulated."""
     if device.coil is None:
         return None
-    if scene.effects.coil_circuit is not None:
+    if scene.effects.circuit is not None:
         return coil_time
     course = pairwise(zip(device.coil.currents.times, device.coil.currents.values, strict=True))
     return min((later - time for (time, i), (later, j) in course if i != j), default=None)

@@ -1,0 +1,174 @@
+"""[effects.back_reaction]: the grains' moments are part of the solved field (`coupling.powder_feedback`)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import pi
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+from pydantic import Field
+
+from emclutch.effects.effect import EffectSection
+from emclutch.effects.left_out import OFF, LeftOut
+from emclutch.scene.draft import Draft, size_key
+from emclutch.scene.errors import Fault
+from emclutch.scene.fill import fill_of
+from emclutch.scene.grain_smear import MIN_WIDTH, TRUE_WIDTH, moments_are_fed_back, narrowest_gap, smear_width
+from emclutch.scene.units import number
+
+if TYPE_CHECKING:
+    from coupling import PowderFeedback
+    from emclutch.scene.model import Scene
+    from field.section.axisymmetric import AxisymmetricProblem
+
+
+def _solved_field_and_moments(draft: Draft) -> Iterator[Fault]:
+    """Feedback needs moments, and a field that is solved."""
+    scene = draft.scene
+    if scene.effects.feedback is None or draft.is_of_the_field_alone:
+        return
+    prescribed, needed = scene.prescribed_field is not None, scene.effects.tables(role="attraction")
+    if scene.effects.attraction is None and not prescribed:
+        yield Fault(
+            "effects.back_reaction",
+            "",
+            f"needs grains that magnetise one another, whose moments it gives to the field; add {needed}, or "
+            "remove its table",
+        )
+    if prescribed:
+        yield Fault(
+            "effects.back_reaction",
+            "",
+            "needs a field that is solved, and field.source = 'uniform' is "
+            "prescribed; take field.source = 'coil', or remove its table",
+        )
+
+
+def _all_parts_of_the_feedback(draft: Draft) -> Iterator[Fault]:
+    """Effects that hold a part of the attraction between grains whose moments are fed back to the field.
+
+    The solved field then has every grain in it, spread out over the cut-off and mirrored in steel. Pairs within the
+    cut-off add what that smear misses; what it has itself acts as `magnetic_force`, and its mirror images are taken
+    out for those of the grains by `wall_images`. Without one of them a part is missing or counts twice.
+    """
+    effects = draft.scene.effects
+    if not moments_are_fed_back(draft.scene):
+        return
+    stands = f"is missing beside [effects.back_reaction] with effects.dipoles.model = '{effects.attraction.model}'"
+    if "magnetic_force" not in effects.active:
+        yield Fault(
+            "effects.magnetic_force",
+            "",
+            f"{stands}: the field's gradient holds what grains beyond the cut-off, and the smear of nearer ones, do to "
+            "each other; without it axial forces of pairs are 4 to 41 % too strong. Add [effects.magnetic_force], or "
+            "remove [effects.back_reaction]",
+        )
+    if effects.images is None and draft.scene.geometry.may_have_steel_faces:
+        yield Fault(
+            "effects.wall_images",
+            "",
+            f"{stands}: the solved field mirrors the grains in its steel, spread out, and only the images of single "
+            "grains take that out again. Add [effects.wall_images], or remove [effects.back_reaction]",
+        )
+
+
+def _room_for_the_smear(draft: Draft) -> Iterator[Fault]:
+    """What spreading the grains' moments over the section needs: a gap of two diameters, and room about the axis."""
+    scene = draft.scene
+    if not (moments_are_fed_back(scene) and scene.geometry.has_coil):
+        return
+    shape = scene.shape()
+    if shape.faults(None) or scene.prescribed_field is not None:
+        return
+    largest, gap = scene.particles.largest_diameter, narrowest_gap(scene)
+    if gap < MIN_WIDTH * largest:
+        yield draft.fault(
+            "effects.back_reaction",
+            f"spreads each grain over at least {MIN_WIDTH:g} diameters, and the gap of {1e3 * gap:.3g} mm has "
+            f"{gap / largest:.3g}; remove its table (the field then holds no grain), or lower "
+            f"particles.{size_key(scene.particles)}",
+        )
+        return
+    width = max(smear_width(scene), MIN_WIDTH * largest)
+    if scene.effects.attraction.cutoff < MIN_WIDTH:
+        yield draft.fault(
+            "effects.dipoles.cutoff",
+            f"is the width over which back_reaction spreads a grain; allowed: at least {MIN_WIDTH:g} diameters (2.5 "
+            "to 3 are usual)",
+        )
+    radius = fill_of(shape, scene.particles).inner_radius
+    if radius < 4.0 * width:
+        yield draft.fault(
+            "effects.back_reaction",
+            f"cannot spread grains so near the axis: powder begins at {1e3 * radius:.3g} mm, allowed are 4 widths, "
+            f"{4e3 * width:.3g} mm; remove its table, or lower effects.dipoles.cutoff",
+        )
+
+
+class BackReactionSection(EffectSection):
+    """The powder changes the field: the grains' moments are part of its solution."""
+
+    name = "back_reaction"
+    summary = "the powder changes the field"
+    role = "feedback"
+    needs_field = True
+    deposit_seconds: ClassVar[float] = 3e-6  # of an element of powder in a window (quickstart, powder_clutch)
+    not_in_3d = "moments of the grains are not spread over tetrahedra"
+    CHECKS: ClassVar = (
+        (_solved_field_and_moments, ("effects",)),
+        (_all_parts_of_the_feedback, ("effects", "particles")),
+        (_room_for_the_smear, ("geometry", "particles", "effects", "field")),
+    )
+
+    tolerance: Annotated[float, number("0.02", 1e-6, 1.0)] = Field(
+        default=0.02, description="how far the magnetisation of the solution and that of the grains may differ"
+    )
+
+    def powder_feedback(self, scene: Scene, problem: AxisymmetricProblem, walls) -> PowderFeedback | None:
+        """Build what gives the grains' moments to the field of `problem` and back; None without moments."""
+        if not moments_are_fed_back(scene):
+            return None
+        from coupling import PowderFeedback
+        from emclutch.device.materials import grain_law
+
+        return PowderFeedback(problem, grain_law(scene), smear_width(scene), scene.grains.sector or 2 * pi, walls)
+
+    def warnings(self, scene):
+        """Yield a width at which the field still knows single grains around the axis as if they were an even ring."""
+        fed_back = scene.particles is not None and moments_are_fed_back(scene)
+        if not (fed_back and scene.coil_field is not None):
+            return
+        largest = scene.particles.largest_diameter
+        width, cutoff = smear_width(scene) / largest, scene.effects.attraction.cutoff
+        if width < TRUE_WIDTH - 1e-9:
+            remedy = (
+                f"raise effects.dipoles.cutoff = {cutoff:g} to {TRUE_WIDTH:g}"
+                if width > cutoff - 1e-9
+                else "the gap allows no more; smaller grains have it"
+            )
+            yield (
+                f"[effects.back_reaction] spreads a grain over {width:.3g} diameters: below {TRUE_WIDTH:g} forces "
+                f"on grains beside steel are wrong by up to 3 %, on single ones in loose powder by 12 %; {remedy}"
+            )
+
+    @classmethod
+    def columns(cls):
+        """Return the columns of how far the powder of the solved field is from its grains."""
+        return {
+            "feedback_residual": ("1", "the grains' magnetisation against that of the field's solve, root mean square"),
+            "feedback_across": (
+                "1",
+                "part that the last solve took as given: across the field",
+            ),
+            "feedback_clipped": (
+                "1",
+                "part that it took as given: demagnetising factor at its bounds",
+            ),
+            "feedback_lagged": ("1", "part that it took as given: within an element, lag of the factor"),
+        }
+
+    @classmethod
+    def left_out(cls, at):
+        """Yield the powder's magnetisation over H."""
+        if at.M > 0.0 and at.solved:
+            yield LeftOut(cls.name, OFF, "powder's magnetisation over H", at.powder_susceptibility, 0.1)

@@ -1,0 +1,101 @@
+"""[effects.coil_circuit]: a voltage drives the coil, V = R i + d lambda/dt (`coupling.CircuitCoilField`)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+from pydantic import Field
+
+from emclutch.effects.drive import BEGINNING, ENERGY_COLUMNS, need_of_a_coil, switching_left_out
+from emclutch.effects.effect import EffectSection
+from emclutch.scene.draft import Draft
+from emclutch.scene.errors import Fault
+from emclutch.scene.section import Choice
+from emclutch.scene.units import number
+
+if TYPE_CHECKING:
+    from coupling import CircuitCoilField, PowderFeedback
+    from emclutch.device.device import CoilDevice
+    from field.section.eddy_currents import VoltageDrive
+
+
+def _has_a_voltage(draft: Draft) -> Iterator[Fault]:
+    """A circuit needs a coil with a voltage, and computes the current."""
+    coil = draft.scene.coil
+    yield from need_of_a_coil(draft, CoilCircuitSection)
+    if draft.scene.effects.circuit is None or coil is None:
+        return
+    if coil.current is not None and coil.voltage is not None:
+        yield draft.fault(
+            "coil.current",
+            "stands beside coil.voltage, but [effects.coil_circuit] computes it; remove it, or the effect's table",
+        )
+    elif coil.voltage is None:
+        yield Fault(
+            "coil.voltage",
+            "",
+            "is missing: [effects.coil_circuit] computes the current from it; give coil.voltage, e.g. '24 V', "
+            "instead of coil.current, or remove the effect's table",
+        )
+
+
+class CoilCircuitSection(EffectSection):
+    """The coil's voltage drives its current through resistance and flux linkage, V = R i + d lambda/dt."""
+
+    name = "coil_circuit"
+    summary = "resistance and inductance delay the current"
+    role = "circuit"
+    acts_on_field = True
+    not_in_3d = "a circuit is solved together with the field of a section only"
+    CHECKS: ClassVar = ((_has_a_voltage, ("effects", "coil", "field", "geometry.kind", "materials")),)
+
+    begin: Annotated[str, Choice(BEGINNING)] = Field(
+        default="off",
+        description="off: without current, the voltage is switched on at t = 0; steady: with the current V/R",
+    )
+    tolerance: Annotated[float, number("0.02", 1e-6, 1.0)] = Field(
+        default=0.02,
+        description="change of the current, relative to the largest V/R, that triggers a new solve; between solves the "
+        "flux linkage follows a line, whose error is of its square",
+    )
+
+    def source(self, coil: CoilDevice, feedback: PowderFeedback | None, powder_tolerance: float) -> CircuitCoilField:
+        """Build the coil's field with the current of its circuit."""
+        from coupling import CircuitCoilField  # local: the schema itself needs no fields
+
+        assert coil.resistance is not None  # by the checks between sections
+        return CircuitCoilField(
+            coil.problem,
+            coil.turns,
+            coil.voltage,
+            coil.resistance,
+            newton_tolerance=coil.newton_tolerance,
+            current_tolerance=self.tolerance,
+            breaks=coil.currents.times,
+            begin_steady=self.begin == "steady",
+            largest_current=coil.largest_current,
+            feedback=feedback,
+            powder_tolerance=powder_tolerance,
+        )
+
+    def drive(self, coil: CoilDevice) -> VoltageDrive:
+        """Build the voltage behind a resistance, for a solver that has the current among its unknowns."""
+        from field.section.eddy_currents import VoltageDrive
+
+        assert coil.resistance is not None  # by the checks between sections
+        return VoltageDrive(coil.voltage, coil.resistance)
+
+    @classmethod
+    def columns(cls):
+        """Return the columns of the circuit."""
+        return {
+            "coil_voltage": ("V", "voltage at the coil, its resistance included"),
+            "into_field": ("J", "part of coil_supplied that goes into the field: integral of i d(flux linkage)"),
+            **ENERGY_COLUMNS,
+        }
+
+    @classmethod
+    def left_out(cls, at):
+        """Yield the time constant of the coil over the time of switching."""
+        yield from switching_left_out(at, cls.name, "time constant L/R of the coil", at.coil_time)

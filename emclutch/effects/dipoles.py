@@ -1,0 +1,222 @@
+"""[effects.dipoles]: attraction between magnetised grains (`coupling.mutual_moments`, `coupling.Dipoles`)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+from pydantic import Field
+
+from emclutch.effects.effect import EffectSection, Load
+from emclutch.effects.left_out import OFF, LeftOut
+from emclutch.scene.draft import Draft, size_key
+from emclutch.scene.errors import Fault
+from emclutch.scene.grain_smear import (
+    MIN_WIDTH,
+    layers_change_the_field,
+    moments_are_fed_back,
+    narrowest_gap,
+    smear_width,
+)
+from emclutch.scene.section import Automatic, Choice, Whole
+from emclutch.scene.units import number
+
+if TYPE_CHECKING:
+    from coupling import MagnetisedGrains
+    from emclutch.scene.model import Scene
+    from geometry.walls import Wall
+    from particles import GrainMotion
+
+_NEAR_REACH = 1.8
+"""Grain diameters: two radii and the farthest gap of a near pair, 1.2 radii, beyond which dipoles are exact."""
+
+# Processor time [ns], measured on quickstart, powder_clutch and lock_up (tests/benchmarks/moment_cost.py)
+WEAK_ROW_NS, ROW_NS, NEAR_ROW_NS, SWEEP_NS = 23.0, 52.0, 18.0, 30.0  # a neighbour and update; without current the first
+NEAR_GRAIN_NS, NEAR_CONTACT_NS = 30.0, 46.0  # of near contacts, a grain and a contact in each step of DEM
+
+
+def _valid_moments(draft: Draft) -> Iterator[Fault]:
+    """What mutual magnetisation needs, and what it excludes."""
+    effects, particles = draft.scene.effects, draft.scene.particles
+    attraction = effects.attraction
+    if attraction is None:
+        return
+    prescribed = draft.scene.prescribed_field
+    if particles.law == "thesis":
+        yield Fault(
+            "effects.dipoles",
+            "",
+            "does not go with particles.law = 'thesis': M = chi H has no material behind it, in which grains could "
+            "magnetise one another; remove [effects.dipoles] and keep [effects.magnetic_force], or take law = 'sphere'",
+        )
+    if attraction.has_necks and not effects.saturate:
+        yield draft.fault(
+            "effects.dipoles.model",
+            f"needs grains that saturate, their necks do so first; add {effects.tables(saturates=True)}, or take "
+            "model = 'mutual'",
+        )
+    if prescribed is not None and prescribed.is_macroscopic and attraction.cutoff < 2.0:
+        yield draft.fault(
+            "effects.dipoles.cutoff",
+            "is the width over which field.means = 'macroscopic' spreads a grain; allowed: at least 2 diameters "
+            "(2.5 to 3 are usual)",
+        )
+    elif attraction.has_necks and attraction.cutoff < _NEAR_REACH:
+        yield draft.fault(
+            "effects.dipoles.cutoff",
+            f"ends inside the range of near grains; allowed with model = 'near_field': at least {_NEAR_REACH:g} "
+            "diameters",
+        )
+
+
+def _room_for_the_layers(draft: Draft) -> Iterator[Fault]:
+    """Between steel faces grains are spread over no more than the gap, and over no less than two diameters."""
+    scene = draft.scene
+    if scene.effects.attraction is None or not layers_change_the_field(scene) or scene.shape().faults(None):
+        return
+    largest, gap = scene.particles.largest_diameter, narrowest_gap(scene)
+    if gap < MIN_WIDTH * largest:
+        yield draft.fault(
+            "field.means",
+            f"spreads each grain over at least {MIN_WIDTH:g} diameters between steel faces, and the gap of "
+            f"{1e3 * gap:.3g} mm has {gap / largest:.3g}; take means = 'applied', or lower "
+            f"particles.{size_key(scene.particles)}",
+        )
+
+
+class DipolesSection(EffectSection):
+    """Forces between the grains' moments within a cut-off."""
+
+    name = "dipoles"
+    summary = "forces between magnetised grains"
+    role = "attraction"
+    needs_field = True
+    needs_moments = True
+    holds_forces = True
+    CHECKS: ClassVar = (
+        (_room_for_the_layers, ("geometry", "particles", "effects", "field")),
+        (_valid_moments, ("effects", "particles")),
+    )
+
+    model: Annotated[str, Choice(("mutual", "near_field"))] = Field(
+        default="near_field",
+        description="mutual: grains magnetise one another as dipoles and saturate; near_field: besides, the flux in "
+        "the necks of grains that nearly touch, without which contacts are too weak",
+    )
+    cutoff: Annotated[float, number("3", 1.1, 10.0)] = Field(default=3.0, description="reach, in grain diameters")
+    update_every: Annotated[Annotated[int, Whole(1, 10_000, "10")] | None, Automatic()] = Field(
+        default=None, description="steps between evaluations of the magnetic forces, which are held meanwhile"
+    )
+    tolerance: Annotated[float, number("1e-3", 1e-12, 0.05)] = Field(
+        default=1e-3, description="residual of the moments, relative to the magnetisation"
+    )
+    surface_gap: Annotated[float, number("0.003", 3e-4, 0.5)] = Field(
+        default=3e-3,
+        description="near_field: least gap between surfaces that touch (oxide, roughness), in grain radii; at "
+        "18 kA/m a gap of 0.02 costs 30 % of the force, at 80 kA/m nothing",
+    )
+
+    @property
+    def has_necks(self) -> bool:
+        """Whether near contacts have the flux in their necks, and a force that follows every step of DEM."""
+        return self.model == "near_field"
+
+    def acting(self, scene, bodies):
+        """Yield the forces between moments."""
+        from coupling import Dipoles  # local: the schema itself needs no particles
+
+        yield Dipoles()
+
+    def magnetised_grains(
+        self, scene: Scene, sampler: Any, walls: Sequence[Wall], motion: GrainMotion
+    ) -> MagnetisedGrains:
+        """Build what gives the grains their moments: the field, the other grains, and their images where there are any.
+
+        Parameters
+        ----------
+        scene : Scene
+        sampler : FieldSampler
+            Of the field without the grains, or with all of them spread out where moments are fed back.
+        walls : sequence of Wall
+        motion : GrainMotion
+        """
+        from coupling import MutuallyMagnetisedGrains, MutualMoments, NearAttraction, grain_table
+        from emclutch.device.materials import grain_law
+        from particles import DEM
+
+        law, fed_back = grain_law(scene), moments_are_fed_back(scene)
+        spread = fed_back or layers_change_the_field(scene)
+        solver = MutualMoments(
+            grain_table(law, self.model),
+            near=self.has_necks,
+            reach=smear_width(scene) if spread else self.cutoff * scene.grains.largest_diameter,
+            smear=fed_back or (scene.prescribed_field is not None and scene.prescribed_field.is_macroscopic),
+            smallest_gap=self.surface_gap,
+        )
+        mirrors = None if scene.effects.images is None else walls
+        near = NearAttraction(solver, walls) if solver.near and isinstance(motion, DEM) else None
+        return MutuallyMagnetisedGrains(
+            sampler, law, solver=solver, tolerance=self.tolerance, mirrors=mirrors, near=near
+        )
+
+    def magnetisation_in_chains(self, scene: Scene, M_max: float) -> float:
+        """Magnetisation of grains in chains of dipoles [A/m], from that of single ones; that of necks stays."""
+        from coupling import chain_magnetisation
+        from emclutch.device.materials import grain_law
+
+        return M_max if self.has_necks or M_max <= 0.0 else chain_magnetisation(grain_law(scene), M_max)
+
+    def neck_stiffness(self, scene: Scene) -> float:
+        """Negative stiffness of saturated necks between near grains [N/m]; 0 where they are not simulated."""
+        from coupling import neck_stiffness
+        from emclutch.device.materials import grain_law
+
+        if not self.has_necks:
+            return 0.0
+        at_walls = scene.effects.images is not None
+        return neck_stiffness(grain_law(scene), scene.grains.largest_diameter, at_walls=at_walls)
+
+    def loads(self, scene, device, M_max):
+        """Yield the force of necks, and the stiffness that keeps them from closing by themselves."""
+        if not self.has_necks:
+            return
+        from coupling import neck_load
+        from emclutch.device.materials import grain_law
+        from emclutch.simulation.stiffness import NECK_MARGIN
+
+        d, contact = scene.grains.largest_diameter, scene.contact
+        force = neck_load(grain_law(scene), M_max, d, self.surface_gap)
+        yield Load(self.name, force, f"necks between grains magnetised to {M_max / 1e3:.3g} kA/m")
+        if contact.needs_a_load:
+            neck = self.neck_stiffness(scene)
+            text = f"{NECK_MARGIN:g} times the stiffness of saturated necks, {neck:.3g} N/m,"
+            yield Load(self.name, NECK_MARGIN * neck * contact.max_overlap * d, text)
+
+    def row_ns(self, moment_sweeps: float) -> float:
+        """Processor time of a neighbour in an update of the moments [ns]."""
+        if moment_sweeps <= 0.0:
+            return WEAK_ROW_NS
+        return ROW_NS + NEAR_ROW_NS * self.has_necks + SWEEP_NS * moment_sweeps
+
+    @property
+    def step_ns(self) -> tuple[float, float]:
+        """Processor time of near contacts in each step of DEM [ns]: a grain, a contact."""
+        return (NEAR_GRAIN_NS, NEAR_CONTACT_NS) if self.has_necks else (0.0, 0.0)
+
+    @classmethod
+    def columns(cls):
+        """Return the columns of the torque of pairs, and how the moments converged."""
+        return {
+            "torque_field_dipoles": ("N m", "part of torque_field from pairs of dipoles, booked as m x B"),
+            "moment_residual": (
+                "1",
+                "undamped step of the moments over the magnetisation, or of their layers' field, worst of a window",
+            ),
+            "moment_sweeps": ("1", "sweeps over the grains' moments in the window"),
+        }
+
+    @classmethod
+    def left_out(cls, at):
+        """Yield the pull of touching grains over their weight."""
+        if at.M > 0.0:
+            yield LeftOut(cls.name, OFF, "pull of touching grains over weight", at.pull / at.weight, 0.1)

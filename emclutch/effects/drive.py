@@ -1,0 +1,48 @@
+"""Shared by effects on the coil's drive: state at the start, need of a coil, time of switching."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from emclutch.effects.effect import EffectSection
+from emclutch.effects.left_out import OFF, LeftOut
+from emclutch.scene.draft import Draft
+from emclutch.scene.errors import Fault
+from emclutch.scene.units import two_digits
+
+if TYPE_CHECKING:
+    from emclutch.simulation.forecast.regime import Regime
+
+BEGINNING = ("off", "steady")
+
+ENERGY_COLUMNS = {
+    "coil_supplied": ("J", "energy that the coil's supply gave in the window"),
+    "copper_loss": ("J", "part of coil_supplied that heats the winding"),
+}
+
+
+def need_of_a_coil(draft: Draft, effect: type[EffectSection]) -> Iterator[Fault]:
+    """Yield a fault where the effect has no field of a coil to act on, or nothing feels that field."""
+    effects = draft.scene.effects
+    if effect.name not in effects.active or draft.is_of_the_field_alone:
+        return
+    if draft.scene.coil_field is None or not effects.magnetise:
+        yield Fault(
+            f"effects.{effect.name}",
+            "",
+            "needs the field of a coil and an effect that feels it; take [field] source = 'coil' with "
+            f"{effects.tables(needs_moments=True)}, or remove the effect's table",
+        )
+
+
+def switching_left_out(at: Regime, name: str, number: str, time: float | None) -> Iterator[LeftOut]:
+    """Yield a time constant [s] over the shortest time in which the drive changes."""
+    if not at.solved or at.M == 0.0:
+        return
+    text = number if time is None else f"{number}, {two_digits(time)} s,"
+    if at.switching_time is None:
+        yield LeftOut(name, OFF, f"{text} over that of switching", 0.0, 0.1, note="the current is constant")
+    else:
+        ratio = None if time is None else time / at.switching_time
+        yield LeftOut(name, OFF, f"{text} over that of switching", ratio, 0.1)

@@ -1,0 +1,101 @@
+"""[effects.eddy_currents]: eddy currents in solid conductors delay the field (`coupling.EddyCoilField`)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+from pydantic import Field
+
+from emclutch.effects.drive import BEGINNING, ENERGY_COLUMNS, need_of_a_coil, switching_left_out
+from emclutch.effects.effect import EffectSection
+from emclutch.scene.draft import Draft
+from emclutch.scene.errors import Fault
+from emclutch.scene.section import Choice
+from emclutch.scene.units import Quantity, number
+
+if TYPE_CHECKING:
+    from coupling import EddyCoilField, PowderFeedback
+    from emclutch.device.device import CoilDevice
+    from field.section.eddy_currents import CurrentDrive, VoltageDrive
+
+_Conductivity = Annotated[float, Quantity("a conductivity", "S/m", "5 MS/m", 0.0, 1e9)]
+
+
+def _known_conductors(draft: Draft) -> Iterator[Fault]:
+    """Eddy currents need a coil's field, and conductivities of materials that the device has."""
+    yield from need_of_a_coil(draft, EddyCurrentsSection)
+    eddy = draft.scene.effects.eddy
+    if eddy is None or "geometry.materials" in draft.of_geometry:
+        return
+    in_use = dict(getattr(draft.scene.geometry, "materials", None) or {}).values()
+    known = {*(draft.scene.materials or {}), *in_use}
+    for name in eddy.conductivity:
+        if name not in known:
+            yield draft.fault(
+                f"effects.eddy_currents.conductivity.{name}",
+                f"is for no material of this device; it has {', '.join(sorted(known))}",
+            )
+
+
+class EddyCurrentsSection(EffectSection):
+    """Eddy currents in the solid parts delay the field."""
+
+    name = "eddy_currents"
+    summary = "solid conductors delay the field"
+    role = "eddy"
+    acts_on_field = True
+    solve_factor: ClassVar[float] = 1.8  # cost of a solve over that of a static one (cases/switch_on.toml)
+    not_in_3d = "they need a vector potential, and the field in 3D is that of a scalar one"
+    CHECKS: ClassVar = ((_known_conductors, ("effects", "coil", "field", "geometry.kind", "materials")),)
+
+    begin: Annotated[str, Choice(BEGINNING)] = Field(
+        default="off", description="off: without a field; steady: with the static field of the drive at t = 0"
+    )
+    tolerance: Annotated[float, number("0.02", 1e-6, 1.0)] = Field(
+        default=0.02, description="change of the field, relative to its largest, in one of its steps"
+    )
+    conductivity: dict[str, _Conductivity] = Field(
+        default={}, description="conductivity by name of the material, where it is not that of the library"
+    )
+
+    def source(
+        self,
+        coil: CoilDevice,
+        drive: CurrentDrive | VoltageDrive,
+        feedback: PowderFeedback | None,
+        powder_tolerance: float,
+    ) -> EddyCoilField:
+        """Build the coil's field with eddy currents."""
+        from coupling import EddyCoilField  # local: the schema itself needs no fields
+        from field.section.eddy_currents import EddyCurrentProblem
+
+        return EddyCoilField(
+            coil.problem,
+            coil.turns,
+            drive,
+            EddyCurrentProblem(coil.problem, coil.conductivity or {}, turns=coil.turns),
+            newton_tolerance=coil.newton_tolerance,
+            breaks=coil.currents.times,
+            begin_steady=self.begin == "steady",
+            change_tolerance=self.tolerance,
+            largest_current=coil.largest_current,
+            feedback=feedback,
+            powder_tolerance=powder_tolerance,
+        )
+
+    @classmethod
+    def columns(cls):
+        """Return the columns of the losses."""
+        return {
+            "eddy_loss": (
+                "J",
+                "part of coil_supplied that eddy currents turn into heat, in the field's step",
+            ),
+            **ENERGY_COLUMNS,
+        }
+
+    @classmethod
+    def left_out(cls, at):
+        """Yield the diffusion time of the steel over the time of switching."""
+        yield from switching_left_out(at, cls.name, "diffusion time of the steel", at.diffusion_time)

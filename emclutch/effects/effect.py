@@ -1,0 +1,117 @@
+"""The base of an effect: its table of the scene, and all that generic code may ask of it.
+
+An effect is one module of this package. Generic code loops over the effects that a scene has (`EffectsSection.present`)
+or over all (`EFFECTS`), or asks for the one with a role (`EffectsSection.attraction`, ...); it knows none by name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from emclutch.scene.errors import Fault
+from emclutch.scene.section import Section
+from emclutch.scene.usual_ranges import UsualRange
+
+if TYPE_CHECKING:
+    from coupling import Effect
+    from emclutch.device.device import Device
+    from emclutch.effects.left_out import LeftOut
+    from emclutch.scene.draft import Draft
+    from emclutch.scene.model import Scene
+    from emclutch.simulation.forecast.regime import Regime
+    from particles import Body
+
+Check = Callable[["Draft"], Iterator[Fault]]
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """A force that presses grains together.
+
+    Attributes
+    ----------
+    source : str
+        Name of the effect that causes it, or "magnetism".
+    force : float
+        The largest on one contact that is to be expected [N].
+    text : str
+        Its cause in words, after "from".
+    """
+
+    source: str
+    force: float
+    text: str
+
+
+class EffectSection(Section):
+    """Table [effects.NAME]; the defaults below are those of an effect that asks for nothing.
+
+    Attributes
+    ----------
+    name, summary : str
+        The key in the scene, and what it is in a few words.
+    role : str
+        What generic code finds it by, where it must: `attraction`, `feedback`, `images`, `weight`, `circuit`, `eddy`.
+    CHECKS : tuple of (check, sections)
+        Checks between sections, and the sections that must be valid for each (`emclutch.scene.consistency`).
+    USUAL : dict of str to UsualRange
+        Usual ranges by key; a value outside gives a warning.
+    needs_field : bool
+        Whether the scene must have a [field].
+    needs_moments : bool
+        Whether it acts on magnetised grains: the field is sampled at them.
+    holds_forces : bool
+        Whether it adds to the forces that are held over several steps.
+    saturates : bool
+        Whether the grains' law saturates.
+    acts_on_field : bool
+        Whether it needs the field of a coil, and effects that feel that field.
+    not_in_3d : str
+        Why it cannot be computed in a 3D field; empty where it can.
+    contact_ns : float
+        Processor time that it adds to each contact and step of DEM [ns].
+    torque_note : str
+        What the estimate of the torque says of it.
+    """
+
+    name: ClassVar[str] = ""
+    summary: ClassVar[str] = ""
+    role: ClassVar[str] = ""
+    CHECKS: ClassVar[tuple[tuple[Check, tuple[str, ...]], ...]] = ()
+    USUAL: ClassVar[dict[str, UsualRange]] = {}
+    needs_field: ClassVar[bool] = False
+    needs_moments: ClassVar[bool] = False
+    holds_forces: ClassVar[bool] = False
+    saturates: ClassVar[bool] = False
+    acts_on_field: ClassVar[bool] = False
+    not_in_3d: ClassVar[str] = ""
+    contact_ns: ClassVar[float] = 0.0
+    torque_note: ClassVar[str] = ""
+
+    @classmethod
+    def left_out(cls, at: Regime) -> Iterator[LeftOut]:
+        """Yield what a scene without the effect leaves out, with the number that says whether it matters."""
+        yield from ()
+
+    def warnings(self, scene: Scene) -> Iterator[str]:
+        """Yield what is allowed and yet likely not meant."""
+        yield from ()
+
+    def loads(self, scene: Scene, device: Device, M_max: float) -> Iterator[Load]:
+        """Yield forces that press grains together; ``M_max`` is the largest magnetisation to be expected [A/m]."""
+        yield from ()
+
+    def contact_terms(self) -> dict[str, Any]:
+        """Return parts of every contact, by the keyword of `particles.PairLaws.of_one`."""
+        return {}
+
+    def acting(self, scene: Scene, bodies: Sequence[Body]) -> Iterator[Effect]:
+        """Yield the objects that act in the coupled loop (`coupling.effects`); ``bodies`` are those of the walls."""
+        yield from ()
+
+    @classmethod
+    def columns(cls) -> dict[str, tuple[str, str]]:
+        """Return the columns that it adds to the history: unit and description by name."""
+        return {}

@@ -1,0 +1,97 @@
+"""[effects]: what generic code asks of all effects of a scene together."""
+
+from __future__ import annotations
+
+from typing import Any, get_args
+
+from emclutch.effects.effect import EffectSection
+from emclutch.scene.section import Section
+
+
+class BaseEffectsSection(Section):
+    """The effects of a scene; one without its table does not exist."""
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """Return the names of the effects that this version has."""
+        return tuple(cls.model_fields)
+
+    @property
+    def active(self) -> tuple[str, ...]:
+        """Names of the effects that the scene has."""
+        return tuple(name for name in self.names() if getattr(self, name) is not None)
+
+    @property
+    def present(self) -> tuple[EffectSection, ...]:
+        """The tables that the scene has, in the order in which they act."""
+        return tuple(getattr(self, name) for name in self.active)
+
+    def get(self, name: str) -> Any:
+        """Return the table of an effect by its name; None where the scene, or this version, has none."""
+        return getattr(self, name, None)
+
+    def _in_role(self, role: str) -> Any:
+        return next((one for one in self.present if one.role == role), None)
+
+    @property
+    def weight(self) -> Any:
+        """The effect with `acceleration` [m/s^2], `direction` and `vector` that acts on every grain; None without."""
+        return self._in_role("weight")
+
+    @property
+    def attraction(self) -> Any:
+        """The effect by which magnetised grains attract one another; None without.
+
+        It has `model`, `cutoff` [grain diameters], `update_every`, `tolerance`, `surface_gap`, `has_necks`.
+        """
+        return self._in_role("attraction")
+
+    @property
+    def images(self) -> Any:
+        """The effect by which steel walls mirror the grains' moments; None without."""
+        return self._in_role("images")
+
+    @property
+    def feedback(self) -> Any:
+        """The effect by which the grains change the solved field, with its `tolerance`; None without."""
+        return self._in_role("feedback")
+
+    @property
+    def circuit(self) -> Any:
+        """The effect by which the coil's current follows from its voltage; None without."""
+        return self._in_role("circuit")
+
+    @property
+    def eddy(self) -> Any:
+        """The effect by which solid conductors delay the field; None without."""
+        return self._in_role("eddy")
+
+    @property
+    def magnetise(self) -> bool:
+        """Whether an effect acts on magnetised grains."""
+        return any(one.needs_moments for one in self.present)
+
+    @property
+    def hold_forces(self) -> bool:
+        """Whether an effect adds to the forces that are held over several steps."""
+        return any(one.holds_forces for one in self.present)
+
+    @property
+    def saturate(self) -> bool:
+        """Whether the grains saturate."""
+        return any(one.saturates for one in self.present)
+
+    def contact_terms(self) -> dict[str, Any]:
+        """Return the parts of every contact, by the keyword of `particles.PairLaws.of_one`."""
+        return {name: part for one in self.present for name, part in one.contact_terms().items()}
+
+    @classmethod
+    def kinds(cls) -> tuple[type[EffectSection], ...]:
+        """Return the tables that this version has."""
+        return tuple(get_args(field.annotation)[0] for field in cls.model_fields.values())
+
+    @classmethod
+    def tables(cls, **of: Any) -> str:
+        """Return "[effects.A] or [effects.B]": the effects whose attributes have the values given."""
+        named = [one.name for one in cls.kinds() if all(getattr(one, key) == value for key, value in of.items())]
+        return " or ".join(f"[effects.{name}]" for name in sorted(named))

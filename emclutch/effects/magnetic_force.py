@@ -1,0 +1,49 @@
+"""[effects.magnetic_force]: the force mu_0 V (M . grad) H of the field on each grain (`coupling.MagneticForce`)."""
+
+from __future__ import annotations
+
+from emclutch.effects.effect import EffectSection
+from emclutch.effects.left_out import OFF, LeftOut
+
+
+class MagneticForceSection(EffectSection):
+    """Force mu_0 V (M . grad) H of the field on each grain."""
+
+    name = "magnetic_force"
+    summary = "force of the field on each grain"
+    needs_field = True
+    needs_moments = True
+    holds_forces = True
+
+    def acting(self, scene, bodies):
+        """Yield the force of the field's gradient."""
+        from coupling import MagneticForce  # local: the schema itself needs no fields
+
+        yield MagneticForce()
+
+    def warnings(self, scene):
+        """Yield that grains without attraction form no chains."""
+        effects = scene.effects
+        if effects.attraction is None:
+            yield (
+                f"{effects.tables(role='attraction')} is missing: without the forces between magnetised grains the "
+                "powder forms no chains, and the torque will be near nothing"
+            )
+
+    @classmethod
+    def columns(cls):
+        """Return the columns of the torque of the gradient force."""
+        return {
+            "torque_disc_field": ("N m", "part of torque_disc: reaction to the pull of the field of its slots"),
+            "torque_rotor_field": (
+                "N m",
+                "part of torque_rotor: reaction to the pull of the field of its slots",
+            ),
+            "torque_field_gradient": ("N m", "part of torque_field from the gradient force of the field"),
+        }
+
+    @classmethod
+    def left_out(cls, at):
+        """Yield the pull of the field over that of touching grains."""
+        if at.M > 0.0:
+            yield LeftOut(cls.name, OFF, "pull of the field over that of touching grains", at.gradient, 0.1)

@@ -1,0 +1,51 @@
+"""[effects.rolling_friction]: resistance of rough, angular grains to rolling (`particles.laws.rolling_friction`)."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+from pydantic import Field
+
+from emclutch.effects.effect import EffectSection
+from emclutch.effects.left_out import OFF, LeftOut
+from emclutch.scene.units import number
+from emclutch.scene.usual_ranges import UsualRange
+
+_USUAL = UsualRange(0.0, 0.5, "", "smooth to angular grains; C. M. Wensrich and A. Katterfeld, Powder Technol. 217 "
+                     "(2012) 409", "it counts in effective radii, is a length meant?")  # fmt: skip
+
+
+class RollingFrictionSection(EffectSection):
+    """Resistance of rough, angular grains to rolling; perfect spheres roll on smooth walls like a bearing."""
+
+    name = "rolling_friction"
+    summary = "grains resist rolling"
+    contact_ns = 11.0  # tests/benchmarks/dem_cost.py
+    USUAL: ClassVar = {"coefficient": _USUAL, "wall_coefficient": _USUAL}
+    torque_note = "rolling friction may double it"
+
+    coefficient: Annotated[float, number("0.2", 0.0, 10.0)] = Field(
+        default=0.2, description="torque over (effective radius times normal force), between grains"
+    )
+    wall_coefficient: Annotated[float, number("0.2", 0.0, 10.0)] | None = Field(
+        default=None, description="at walls; default: as between grains"
+    )
+
+    def contact_terms(self):
+        """Return the resistance for the contacts."""
+        from particles.laws.rolling_friction import RollingFriction  # local: the schema itself needs no particles
+
+        return {"rolling": RollingFriction(self.coefficient, self.wall_coefficient)}
+
+    @classmethod
+    def columns(cls):
+        """Return the columns of what rolling loses."""
+        return {
+            "dissipated_rolling": ("J", "part of dissipated by rolling friction"),
+        }
+
+    @classmethod
+    def left_out(cls, at):
+        """Yield that the shape of the grains decides."""
+        doubled = "0 for smooth shot; 0.2 for rough grains doubled the torque of the shipped clutches"
+        yield LeftOut(cls.name, OFF, "the shape of the grains decides", note=doubled)

@@ -1,0 +1,44 @@
+"""[effects.twisting_friction]: resistance to spin about the contact normal (`particles.laws.twisting_friction`)."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from emclutch.effects.effect import EffectSection
+from emclutch.effects.left_out import OFF, LeftOut
+from emclutch.scene.units import number
+
+
+class TwistingFrictionSection(EffectSection):
+    """Resistance of rough, flattened contacts to the spin of two grains about their common normal."""
+
+    name = "twisting_friction"
+    summary = "grains resist twisting"
+    contact_ns = 5.0  # tests/benchmarks/dem_cost.py
+
+    coefficient: Annotated[float, number("0.05", 0.0, 10.0)] = Field(
+        default=0.05, description="torque over (effective radius times normal force), between grains"
+    )
+    wall_coefficient: Annotated[float, number("0.05", 0.0, 10.0)] | None = Field(
+        default=None, description="at walls; default: as between grains"
+    )
+
+    def contact_terms(self):
+        """Return the resistance for the contacts."""
+        from particles.laws.twisting_friction import TwistingFriction  # local: the schema itself needs no particles
+
+        return {"twisting": TwistingFriction(self.coefficient, self.wall_coefficient)}
+
+    @classmethod
+    def columns(cls):
+        """Return the columns of what twisting loses."""
+        return {
+            "dissipated_twisting": ("J", "part of dissipated by twisting friction"),
+        }
+
+    @classmethod
+    def left_out(cls, at):
+        """Yield the torque of a contact's twist over that of its sliding."""
+        yield LeftOut(cls.name, OFF, "torque of a contact's twist over that of its sliding", at.twist, 0.1)

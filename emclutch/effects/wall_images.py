@@ -1,0 +1,65 @@
+"""[effects.wall_images]: image dipoles of the grains in steel faces (`coupling.image_lanes`)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import ClassVar
+
+from emclutch.effects.effect import EffectSection
+from emclutch.effects.left_out import OFF, LeftOut
+from emclutch.scene.draft import Draft
+from emclutch.scene.errors import Fault
+from emclutch.scene.grain_smear import layers_change_the_field
+
+
+def _something_to_mirror(draft: Draft) -> Iterator[Fault]:
+    """Images are those of dipoles."""
+    effects = draft.scene.effects
+    if effects.images is not None and effects.attraction is None and not draft.is_of_the_field_alone:
+        needed = effects.tables(role="attraction")
+        yield Fault("effects.wall_images", "", f"needs dipoles to mirror; add {needed}, or remove its table")
+
+
+class WallImagesSection(EffectSection):
+    """Images of the dipoles in the steel faces."""
+
+    name = "wall_images"
+    summary = "images of the dipoles in steel faces"
+    role = "images"
+    CHECKS: ClassVar = ((_something_to_mirror, ("effects",)),)
+
+    def warnings(self, scene):
+        """Yield where images have no effect, or are not those of the device."""
+        geometry = scene.geometry
+        slotted = next(iter(geometry.slotted), "")
+        if slotted:
+            yield f"[effects.wall_images] mirrors dipoles in the slots of geometry.{slotted} too, as if they were steel"
+        if geometry.is_from_file and scene.shape().carriers:
+            yield (
+                "[effects.wall_images] mirrors dipoles all around in what is steel in the half-plane y = 0, x > 0: in "
+                "the slots of the other parts too"
+            )
+        if not geometry.may_have_steel_faces:
+            yield f"[effects.wall_images] has no effect: geometry.kind = '{geometry.kind}' has no steel faces"
+        elif not any(wall.magnetic for wall in scene.shape().walls()):
+            yield "[effects.wall_images] has no effect: no wall is of a magnetic material"
+        prescribed = scene.prescribed_field
+        if prescribed is not None and prescribed.is_macroscopic and not layers_change_the_field(scene):
+            yield (
+                "[effects.wall_images] beside field.means = 'macroscopic': the mean field is taken as even up to the "
+                "steel; what layers of grains there change in it is followed with geometry.kind = 'shear_cell' and "
+                "field.direction = 'radial' only"
+            )
+
+    @classmethod
+    def columns(cls):
+        """Return the columns of the torque of images."""
+        return {
+            "torque_field_images": ("N m", "part of torque_field from image dipoles in steel walls"),
+        }
+
+    @classmethod
+    def left_out(cls, at):
+        """Yield the share of the grains that touch steel."""
+        if at.M > 0.0 and at.wall_share is not None:
+            yield LeftOut(cls.name, OFF, "share of the grains that touch steel", at.wall_share, 0.1)
