@@ -28,6 +28,7 @@ def magnetic_load(M: float, diameter: float) -> float:
     return PEAK * pi / 6.0 * MU_0 * M**2 * (0.5 * diameter) ** 2
 
 
+NECK_MARGIN = 10.0  # least stiffness of a contact over the negative one of its neck
 NECK_PEAK = 4.0  # of the pair's force at the smallest gap: 2 to 2.7 in a chain, more on the chains of a sheared packing
 
 

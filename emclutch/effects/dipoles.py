@@ -180,9 +180,8 @@ class DipolesSection(EffectSection):
         """Yield the force of necks, and the stiffness that keeps them from closing by themselves."""
         if not self.has_necks:
             return
-        from coupling import neck_load
+        from coupling.expected_load import NECK_MARGIN, neck_load
         from emclutch.device.materials import grain_law
-        from emclutch.simulation.stiffness import NECK_MARGIN
 
         d, contact = scene.grains.largest_diameter, scene.contact
         force = neck_load(grain_law(scene), M_max, d, self.surface_gap)

@@ -73,13 +73,15 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "stabilisation_work": ("J", "work of the held forces on displacements that removed overlap"),
     "rebuilds": ("1", "rebuilds of the neighbour list in the window"),
     "steps": ("1", "time steps of the grains in the window"),
+}
+for _effect in EFFECTS:
+    COLUMNS |= _effect.columns()
+COLUMNS |= {
     "wall_field": ("s", "wall-clock time for the field"),
     "wall_magnetic": ("s", "wall-clock time for moments and held forces"),
     "wall_contact": ("s", "wall-clock time for contacts and motion"),
     "wall_total": ("s", "wall-clock time of the window"),
 }
-for _effect in EFFECTS:
-    COLUMNS |= _effect.columns()
 
 LONGEST_ROW = 8192  # bytes; a row has some sixty columns of at most 25
 

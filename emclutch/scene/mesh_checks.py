@@ -54,6 +54,7 @@ def fine_enough_for_moments(draft: Draft) -> Iterator[Fault]:
         yield draft.fault(
             "geometry.file",
             f"is too coarse for effects.{scene.effects.feedback.name}, which spreads a grain over {1e3 * width:.3g} "
-            f"mm: the powder's triangles are {1e3 * row:.3g} mm high, allowed are {1e3 * width / (_ENOUGH * ELEMENTS_A_WIDTH):.3g} mm; "
+            f"mm: the powder's triangles are {1e3 * row:.3g} mm high, allowed are "
+            f"{1e3 * width / (_ENOUGH * ELEMENTS_A_WIDTH):.3g} mm; "
             "mesh it more finely, or remove the effect's table",
         )

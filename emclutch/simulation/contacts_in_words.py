@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from coupling.expected_load import NECK_MARGIN
 from emclutch.device.decision import with_warnings
 from emclutch.effects.effect import Load
 from emclutch.simulation.dvi_plan import TOLERANCE, RigidContacts
-from emclutch.simulation.stiffness import NECK_MARGIN, Stiffness
+from emclutch.simulation.stiffness import Stiffness
 from particles.dem.overlap_limits import SOFT
 
 if TYPE_CHECKING:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from coupling.expected_load import NECK_MARGIN
 from emclutch.effects.effect import Load
 from particles.dem.overlap_limits import SOFT
-
-NECK_MARGIN = 10.0  # of a contact's stiffness over the negative one of its neck
 
 
 @dataclass(frozen=True, slots=True)

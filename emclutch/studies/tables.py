@@ -34,12 +34,8 @@ def write_tables(folder: Path, study: StudySection, done: Sequence[Done]) -> Non
         write_empty_table(folder, study.values)
         return
     write_torques(folder, study, [row_of(values, result) for values, _, result in done])
-    courses = {
-        label_of(study, values) or result.folder.path.name: result.history
-        for values, _, result in done
-        if speeds_vary(result.history)
-    }
-    if courses:
+    courses = {label_of(study, values) or result.folder.path.name: result.history for values, _, result in done}
+    if any(map(speeds_vary, courses.values())):  # then an output that stands still is drawn too
         speed_picture(folder / "speeds.png", courses, title=study.title or None)
     if METHOD in study.values:
         compared = compare_methods([(values, result) for values, _, result in done])

@@ -68,7 +68,7 @@ def test_layers_between_steel_faces_change_the_mean_field(tmp_path):
     assert 0.0 < history["moment_residual"].max() <= 1e-3
     case = case_from(CELL, LAYERS | values)
     device = build_device(case.scene)
-    layers = field_source(case.scene, device, [], None)
+    layers = field_source(case.scene, device, [], [], None)
     layers.restore({"h": found["whole"]["h"]})
     before = layers.strength
     dem = found["whole"]
@@ -81,7 +81,7 @@ def test_layers_between_steel_faces_change_the_mean_field(tmp_path):
 def test_without_images_or_steel_the_macroscopic_field_is_even():
     for off in ({"effects.wall_images": None}, {"geometry.steel": False}, {"field.means": "applied"}):
         case = case_from(CELL, LAYERS | off)
-        assert isinstance(field_source(case.scene, build_device(case.scene), [], None), ImposedField), off
+        assert isinstance(field_source(case.scene, build_device(case.scene), [], [], None), ImposedField), off
 
 
 def test_where_layers_are_left_out_it_is_told():
@@ -101,7 +101,7 @@ def test_the_pull_of_every_step_is_the_held_one_where_that_is_renewed_at_every_s
         for own in (True, False):
             with monkeypatch.context() as patch:
                 if not own:
-                    patch.setattr("emclutch.simulation.assembly.NearAttraction", lambda solver, walls: None)
+                    patch.setattr("coupling.NearAttraction", lambda solver, walls: None)
                 run(tmp_path, f"{every}-{own}", NEAR | steel | {"effects.dipoles.update_every": every})
             dem = state(tmp_path, f"{every}-{own}")
             ends[every, own] = dem["velocity_force"][np.argsort(dem["particle_id"])][:, :3]

@@ -8,7 +8,6 @@ from emclutch import plan
 from emclutch.device.device import build_device
 from emclutch.scene.case import case_from
 from emclutch.simulation.plan_in_words import plan_in_words
-from emclutch.simulation.stiffness import LoadKind
 from emclutch.simulation.windows import UpdateRule
 
 CELL = """
@@ -47,13 +46,13 @@ def planned(changes=()):
 
 
 @pytest.mark.parametrize(
-    ("changes", "kind", "cause"),
-    [({}, LoadKind.WEIGHT, "the weight of the bed"), (FIELD, LoadKind.MAGNETISM, "grains magnetised to")],
+    ("changes", "source", "cause"),
+    [({}, "gravity", "the weight of the bed"), (FIELD, "magnetism", "grains magnetised to")],
 )
-def test_the_largest_load_sets_the_stiffness(changes, kind, cause):
+def test_the_largest_load_sets_the_stiffness(changes, source, cause):
     made, words = planned(changes)
     stiffness = made.contact.stiffness
-    assert stiffness.load.kind is kind and cause in words["stiffness"]
+    assert stiffness.load.source == source and cause in words["stiffness"]
     assert stiffness.value == made.stiffness and not stiffness.asked
     # k_n delta carries at least the load, at an overlap no larger than the one that the scene allows
     assert stiffness.load.force <= made.stiffness * stiffness.overlap * 0.3e-3 * 1.001
