@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from coupling.grain_law_table import grain_table
-from coupling.mutual_moments import SMALLEST_GAP, MutualMoments
+from coupling.mutual_moments import MIN_GAP, MutualMoments
 from coupling.neighbour_rows import neighbour_rows
 from field.laws.powder_law import GrainLaw
 from field.laws.reluctivity import Law
@@ -31,7 +31,7 @@ def magnetised_cluster(
     field: np.ndarray,
     *,
     model: str = "near_field",
-    smallest_gap: float = SMALLEST_GAP,
+    smallest_gap: float = MIN_GAP,
     tolerance: float = 1e-12,
     most_sweeps: int = 2000,
 ) -> Cluster:

@@ -90,7 +90,7 @@ class SolvedCoilField(ABC):
         """
 
     def is_stale(self, current: float) -> bool:
-        """Whether a current [A] or the grains call for a new solve; notes the largest current and the change."""
+        """Return whether a current [A] or the grains call for a new solve; notes the largest current and the change."""
         self.largest_current = max(self.largest_current, abs(current))
         stale = self.solution is None
         if not stale and abs(current - self.solved_current) > self.current_tolerance * self.largest_current:
@@ -112,17 +112,17 @@ class SolvedCoilField(ABC):
             self.sampler = field_sampler(solution, "powder")
 
     def _powder(self, current: float) -> PowderState | None:
-        """What the next solve takes of the powder."""
+        """Return what the next solve takes of the powder."""
         if self.feedback is None:
             return None
         return self.feedback.state(self.solution if current != 0.0 else None)
 
     def window_row(self, time: float) -> dict[str, float]:
-        """What a window that ends at `time` [s] adds to the history beside the field's own quantities."""
+        """Return what a window that ends at `time` [s] adds to the history beside the field's own quantities."""
         return {"current": self.current(time)}
 
     def state(self) -> dict[str, Any] | None:
-        """What a bit-exact continuation needs; None before the first solve."""
+        """Return what a bit-exact continuation needs; None before the first solve."""
         if self.solution is None:
             return None
         saved = {

@@ -100,11 +100,11 @@ class CoilField3D:
         self.sampler = TurningSampler(solution.sampler("powder"), self.carrier)
 
     def window_row(self, time: float) -> dict[str, float]:
-        """What a window that ends at `time` [s] adds to the history beside the field's own quantities."""
+        """Return what a window that ends at `time` [s] adds to the history beside the field's own quantities."""
         return {"current": self.current(time)}
 
     def state(self) -> dict[str, Any] | None:
-        """What a bit-exact continuation needs; None before the first solve."""
+        """Return what a bit-exact continuation needs; None before the first solve."""
         if self.solution is None:
             return None
         return {

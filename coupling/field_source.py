@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class FieldSource(Protocol):
-    """Where H comes from: a coil's field, solved again and again, or one that is given."""
+    """Source of H: a coil's field, solved repeatedly, or a given one."""
 
     @property
     def sampler(self) -> FieldSampler | None:
@@ -33,16 +33,16 @@ class FieldSource(Protocol):
 
     @property
     def feedback(self) -> PowderFeedback | None:
-        """What gives the grains' moments to the field; None where it does not see the grains."""
+        """Return what gives the grains' moments to the field; None where it does not see the grains."""
 
     def refresh(self, time: float) -> bool:
         """Bring the field to the time [s] and to the grains; True when it is new."""
 
     def window_row(self, time: float) -> dict[str, float]:
-        """What a window that ends at `time` [s] adds to the history beside the field's own quantities."""
+        """Return what a window that ends at `time` [s] adds to the history beside the field's own quantities."""
 
     def state(self) -> dict[str, Any] | None:
-        """What a bit-exact continuation needs; None where that is nothing."""
+        """Return what a bit-exact continuation needs; None where that is nothing."""
 
     def restore(self, saved: dict[str, Any]) -> None:
         """Take up the state of a checkpoint."""

@@ -1,4 +1,4 @@
-"""What kernels read of two magnetised spheres: the lone sphere's magnetisation, and the excess of a near pair over it.
+"""Tables of two magnetised spheres for kernels: magnetisation of a lone sphere, and the excess of a near pair over it.
 
 Both on grids that are even in the logarithms, fine enough to be read linearly (the pair) and by cubics (the sphere).
 Lengths in grain radii, fields and magnetisations in `scale` [A/m] (the saturation of the material; infinite for a
@@ -162,13 +162,13 @@ def sphere_ratio(table, H):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def gap_place(table, gap):
-    """Where a gap in radii lies in the tables; not below 0, and without an end."""
+    """Return where a gap in radii lies in the tables; not below 0, and without an end."""
     return maximum((log(gap) - table.gap_start) * (1.0 / table.gap_step), 0.0)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def field_place(table, H):
-    """Where a field H [A/m] of either sign lies in the tables; not below 0, and without an end."""
+    """Return where a field H [A/m] of either sign lies in the tables; not below 0, and without an end."""
     h = abs(H) * (1.0 / table.scale)
     return maximum((log(h) - table.field_start) * (1.0 / table.field_step), 0.0)
 
@@ -187,7 +187,7 @@ def field_held(table, y, H):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def place_in(table, gap, H):
-    """Where a gap in radii and a field H [A/m] lie in the tables: i, x and what `field_held` says.
+    """Return where a gap in radii and a field H [A/m] lie in the tables: i, x and what `field_held` says.
 
     i < 0 beyond the farthest gap, where there is no excess.
     """

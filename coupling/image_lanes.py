@@ -26,7 +26,7 @@ from geometry.kernels.simd import LANES, from_integers, mask_of_first, select, s
 from geometry.kernels.simd_math import sqrt
 from geometry.kernels.simd_tables import gather_columns, load, scatter_add
 
-MOST_WALLS = 31  # two bits of a word each
+MAX_WALLS = 31  # two bits of a word each
 IMAGED_CHUNK = 256  # pairs, or grains, whose images one thread takes at once
 # of an image: both grains, shift and entries of the pair (of a grain itself: the grain), wall; and heights of mirroring
 WALL, N_SEEN = N_PAIR, N_PAIR + 1  # after the columns of a pair
@@ -247,7 +247,7 @@ def _pull(ax, ay, az, bx, by, bz, dx, dy, dz, reach, smear):
 
 @device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _moving_along(x, y, image, k, m, turned, n, g, field):
-    """What the force g on a grain's image is on the grain at x, y itself, because the image moves with it.
+    """Return what the force g on a grain's image is on the grain at x, y itself, because the image moves with it.
 
     ``image`` (2), ``n`` (3): its place and the wall's normal; ``m`` and ``turned``: the grain's moment and that of its
     image; ``field`` (3): at the image.

@@ -33,7 +33,7 @@ def find_influence(
     Of the grains their places, the applied field and its slope, which drive the near pairs, are read.
 
     ``room`` may be an earlier one, whose largest arrays are written over where they are large enough: to fetch them
-    from the system anew takes as long as to fill them. ``twin`` (p,) is where each entry's pair stands in the row of
+    from the system again takes as long as to fill them. ``twin`` (p,) is where each entry's pair stands in the row of
     the other grain: what both see is found once. None: every entry for itself.
     """
     n, p = len(grains.position), len(rows.other)

@@ -1,4 +1,4 @@
-"""What the magnetic kernels read and write: tuples of arrays, named by what they belong to.
+"""State of the magnetic kernels: named tuples of arrays.
 
 An array that a loop over `numba.prange` only writes to is an argument of its own: numba takes one out of a tuple for a
 local array, and leaves out what fills it.
@@ -14,7 +14,7 @@ FIRST, SECOND, SHIFT, ENTRY, TWIN, N_PAIR = range(6)  # of a pair: its grains, a
 
 
 class PairModel(NamedTuple):
-    """How two grains see each other.
+    """Relative position of two grains.
 
     Attributes
     ----------
@@ -103,7 +103,7 @@ class Chosen(NamedTuple):
 
 
 class Influence(NamedTuple):
-    """What `coupling.influence_kernels` finds from places alone, and the applied field in near pairs.
+    """Results of `coupling.influence_kernels` from positions alone, and the applied field in near pairs.
 
     Numba takes no tuple within a tuple into a loop over `numba.prange`: both `Chosen` stand here by their fields.
 

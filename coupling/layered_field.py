@@ -36,7 +36,7 @@ from geometry import ShearCell
 
 NODES_A_WIDTH = 24
 """A grain is shared by two nodes before it is spread: that widens the kernel by 0.1 %."""
-MOST_CHI = 100.0
+MAX_CHI = 100.0
 """Of a layer: b/h has no bound where h is near 0, and a step would then change nothing."""
 
 
@@ -126,7 +126,7 @@ class LayeredField:
         )
         self.magnetisation = b / self.radius
         before = self._h
-        chi = np.clip(np.divide(b, before, out=np.zeros(last + 1), where=before != 0.0), 0.0, MOST_CHI)
+        chi = np.clip(np.divide(b, before, out=np.zeros(last + 1), where=before != 0.0), 0.0, MAX_CHI)
         answer, rest = 1.0 / (1.0 + chi), b - chi * before
         flux = (self._given + self._share @ (answer * rest)) / (self._share @ answer)
         self._take(answer * (flux - rest))
@@ -138,7 +138,7 @@ class LayeredField:
         return {}
 
     def state(self) -> dict[str, Any]:
-        """What a bit-exact continuation needs."""
+        """Return what a bit-exact continuation needs."""
         return {"h": self._h}
 
     def restore(self, saved: dict[str, Any]) -> None:

@@ -42,7 +42,7 @@ class MagnetisedGrains:
         """Take the sum of all held forces (n, 3) [N] of this update: there is nothing to add to it."""
 
     def window_row(self) -> dict[str, float]:
-        """What the history says of the moments, once a window: nothing, they follow from the field."""
+        """Return what the history says of the moments, once a window: nothing, they follow from the field."""
         return {}
 
 

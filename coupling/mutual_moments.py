@@ -35,19 +35,19 @@ import numpy as np
 
 from coupling.finite_grains import NotFiniteGrains, refuse_not_finite
 from coupling.grain_law_table import GrainLawTable
-from coupling.image_lanes import MOST_WALLS
+from coupling.image_lanes import MAX_WALLS
 from coupling.influence import find_influence, room_for
 from coupling.kernel_state import Influence, MagneticGrains, PairModel
 from coupling.moment_kernels import contact_forces, gather_fields, magnetise, wall_heights
 from coupling.neighbour_rows import NeighbourRows
 from coupling.pair_fields import smeared_at_itself
 
-SMALLEST_GAP = 3e-3
+MIN_GAP = 3e-3
 """Default of the gap between surfaces that touch [radii]."""
 
 # Of an undamped step: where sweeps of this share do not shrink the residual it is lowered.
-FIRST_DAMPING, LEAST_DAMPING = 0.5, 0.05
-# Moments so many times those of lone grains are of an earlier field: begin anew.
+FIRST_DAMPING, MIN_DAMPING = 0.5, 0.05
+# Moments so many times those of lone grains are of an earlier field: begin again.
 FAR_START = 10.0
 
 
@@ -118,7 +118,7 @@ class MutualMoments:
         near: bool,
         reach: float,
         smear: bool = False,
-        smallest_gap: float = SMALLEST_GAP,
+        smallest_gap: float = MIN_GAP,
         walls: np.ndarray | None = None,
     ) -> None:
         if not (np.isfinite(reach) and reach > 0.0):
@@ -173,12 +173,12 @@ class MutualMoments:
         Raises
         ------
         ValueError
-            For more than MOST_WALLS steel walls.
+            For more than MAX_WALLS steel walls.
         NotFiniteGrains
             A position, a field or a moment is not a finite number; the first such grain is named.
         """
-        if len(self.walls) > MOST_WALLS:
-            raise ValueError(f"{len(self.walls)} steel walls; grains are mirrored in {MOST_WALLS} at most")
+        if len(self.walls) > MAX_WALLS:
+            raise ValueError(f"{len(self.walls)} steel walls; grains are mirrored in {MAX_WALLS} at most")
         n = len(position)
         volume = 4.0 / 3.0 * np.pi * radius**3
         applied = np.ascontiguousarray(applied, dtype=float)
@@ -226,14 +226,14 @@ class MutualMoments:
             moment = result.moment = mixed
             grains = grains._replace(moment=moment)
             if sweep > 1 and step > 0.96 * before:
-                damping, last = max(0.7 * damping, LEAST_DAMPING), None
+                damping, last = max(0.7 * damping, MIN_DAMPING), None
             elif sweep == 1 and start is None:
                 damping = FIRST_DAMPING
             before = step
         return result
 
     def _is_far(self, moment: np.ndarray, volume: np.ndarray, applied: np.ndarray) -> bool:
-        """Whether moments to begin with are of another scale than the field: after a fast fall of it."""
+        """Return whether moments to begin with are of another scale than the field: after a fast fall of it."""
         ratio = self.table.sphere_ratio[0]
         lone = np.minimum(ratio * np.sqrt((applied**2).sum(axis=1)), self.table.scale)
         return float((moment**2).sum()) > FAR_START**2 * float(((volume * lone) ** 2).sum())

@@ -21,7 +21,7 @@ from coupling.wall_reflection import steel_walls
 from field import ConvergenceError, MagneticField
 from particles import DEM
 
-MOST_SWEEPS, MOST_ROUNDS = 200, 30
+MAX_SWEEPS, MAX_ROUNDS = 200, 30
 LOST = 0.1
 """Residual beyond which moments, or the field of their layers, are not those of the law: the run stops."""
 
@@ -57,12 +57,12 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
         self._refresh_walls(simulation.source)
         rows = simulation.rows(self.solver.reach)
         layers = self.sampler if isinstance(self.sampler, LayeredField) else None
-        for _ in range(MOST_ROUNDS):
+        for _ in range(MAX_ROUNDS):
             self.H, self.grad_H = self.sampler.sample(grains.position)
             refuse_not_finite(grains.position, self.H, grains.particle_id)
             found = self.solver.solve(
                 grains.position, grains.radius, self.H, rows, gradient=self.grad_H if self.solver.smear else None,
-                start=grains.magnetic_moment, tolerance=self.tolerance, most_sweeps=MOST_SWEEPS,
+                start=grains.magnetic_moment, tolerance=self.tolerance, most_sweeps=MAX_SWEEPS,
             )  # fmt: skip
             if found.residual > LOST:
                 raise MomentError(found.residual, found.sweeps)
@@ -108,5 +108,5 @@ class MomentError(ConvergenceError):
             [(residual, 1.0)],
             remedy,
             f"the moments of the grains did not converge: residual {residual:.2g} after {sweeps} sweeps (at most "
-            f"{LOST:g} is gone on with); {remedy}",
+            f"{LOST:g} is accepted); {remedy}",
         )

@@ -2,7 +2,7 @@
 
 The held forces of an update hold every pair's near pull at the places of that update. Of the pairs in the DEM's list it
 is taken out again and handed over as a drive (`particles.dem.attraction`); the others, farther apart, stay held. When
-the list is made anew between two updates both are found again, from the same places, fields and moments: the DEM sorts
+the list is rebuilt between two updates both are found again, from the same places, fields and moments: the DEM sorts
 and turns them with its grains.
 """
 

@@ -34,14 +34,14 @@ from field import (
 )
 from field.laws.reluctivity import MU_0, NU_0
 
-LEAST_FACTOR, LARGEST_FACTOR = 0.03, 0.4
-LEAST_FILL = 0.01
+MIN_FACTOR, MAX_FACTOR = 0.03, 0.4
+MIN_FILL = 0.01
 WEAK, SATURATED = 1e-4, 0.98  # of the saturation: H and M beyond which N says nothing
 
 
 @dataclass(frozen=True, slots=True)
 class FeedbackResidual:
-    """What separates the solved magnetisation from the deposited one, relative to it (root mean square, [-]).
+    """Difference of the solved magnetisation from the deposited one, relative to it (root mean square, [-]).
 
     Attributes
     ----------
@@ -145,12 +145,12 @@ class PowderFeedback:
         along = np.divide(mean_H, strength[:, None], out=np.zeros_like(mean_H), where=strength[:, None] > 0.0)
         mean_M = (self._M * self._share[:, None, :]).sum(axis=2)
         M = np.divide((mean_M * along).sum(axis=1), self._fill, out=np.zeros_like(strength), where=self._fill > 0.0)
-        says = (strength > WEAK * min(self._scale, 1e9)) & (self._fill > LEAST_FILL) & (M > 0.0)
+        says = (strength > WEAK * min(self._scale, 1e9)) & (self._fill > MIN_FILL) & (M > 0.0)
         says &= M < SATURATED * self._scale
         before = self.law.demagnetising_factors(self._fill)[0] if self._factor is None else self._factor
         M = np.where(says, M, 1.0)
         wanted = np.where(says, (strength - self.law.field_inside(M)) / M, before)
-        target = np.clip(wanted, LEAST_FACTOR, LARGEST_FACTOR)
+        target = np.clip(wanted, MIN_FACTOR, MAX_FACTOR)
         factor = target if self._factor is None else before + 0.5 * (target - before)
         held = PowderState(self._fill, factor)
         # at the B that the deposited moments make with the present H: grains follow H, and so does what is lagged
@@ -194,7 +194,7 @@ class PowderFeedback:
         }
 
     def checkpoint(self) -> dict[str, Any]:
-        """What a bit-exact continuation needs beside the field's own psi, fill, factor and source."""
+        """Return what a bit-exact continuation needs beside the field's own psi, fill, factor and source."""
         residual = self.residual
         return {
             "factor": self._factor,

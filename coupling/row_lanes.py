@@ -44,7 +44,7 @@ def either(t, e):
 
 @device_function(without_refcounts=True, error_model="numpy", forceinline=True)
 def crosses(rows, i):
-    """Whether a neighbour of grain i stands beyond a face of the sector."""
+    """Return whether a neighbour of grain i stands beyond a face of the sector."""
     found = 0
     for q in range(rows.start[i], rows.start[i + 1]):
         found |= rows.shift[q]
@@ -64,7 +64,7 @@ def _turn(rows, crossed):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def kinds_of_row(i, place, height, model, rows, kind):
-    """Which neighbours of grain i make a near pair with it, and which have an image that may be within reach.
+    """Return which neighbours of grain i make a near pair with it, and which have an image that may be within reach.
 
     ``height`` (n, w) [m]: at which they are mirrored, see `coupling.mirror.pushed`.
     """

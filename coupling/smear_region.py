@@ -1,4 +1,4 @@
-"""Where the smear of the grains goes: which elements it reaches, and at which points steel folds it back."""
+"""Region of the smeared moments: the elements that it reaches, and the points at which steel folds it back."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from geometry import SectionMesh
 def mirror_points_in_steel(
     points: np.ndarray, walls: np.ndarray, problem: AxisymmetricProblem, reach: float
 ) -> np.ndarray:
-    """Whether each wall (w, 6) of `coupling.mirror` mirrors each point (p, 2) [m] within reach into steel; (p, w)."""
+    """True where a wall (w, 6) of `coupling.mirror` mirrors each point (p, 2) [m] within reach into steel; (p, w)."""
     found = np.zeros((len(points), len(walls)), dtype=bool)
     steel = np.zeros(len(problem.mesh.triangles), dtype=bool)
     for region in magnetic_regions(problem.laws):

@@ -24,7 +24,7 @@ CELLS = 2  # of the grid in which grains are found, along the width
 
 
 class SectionSmear:
-    """Grains, spread with the width a; made anew when they have moved or changed.
+    """Grains, spread with the width a; rebuilt when they have moved or changed.
 
     Parameters
     ----------

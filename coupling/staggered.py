@@ -23,7 +23,7 @@ from coupling.powder_feedback import FeedbackError
 from coupling.window_budget import WindowBudget
 from particles import Body, GrainMotion
 
-MOST_SOLVES = 30
+MAX_SOLVES = 30
 """Of one window: beyond it field and moments do not agree, and the run stops."""
 
 
@@ -62,19 +62,19 @@ class Simulation:
 
     @property
     def holds_forces(self) -> bool:
-        """Whether anything acts on the grains between contacts and gravity: a field, or another effect."""
+        """True if anything acts on the grains between contacts and gravity: a field, or another effect."""
         return self.magnetised is not None or any(effect.holds_forces for effect in self.effects)
 
     def rows(self, cutoff: float) -> NeighbourRows:
         """Neighbour rows out to `cutoff` [m], one list's skin wider where a sector leaves room for it.
 
-        They are made anew with the grains' list, which sorts the grains, and when grains have moved too far for them.
+        They are rebuilt with the grains' list, which sorts the grains, and when grains have moved too far for them.
         """
         key = (cutoff, self.motion.list_version)
         position = self.motion.grains.position
         if self._rows is None or key != self._rows_key or not self._rows.hold(position, cutoff):
             reach, sector = cutoff + self.motion.list_skin, self.motion.sector
-            if sector is not None:  # in a narrow one with less to spare: the rows are made anew more often
+            if sector is not None:  # in a narrow one with less to spare: the rows are rebuilt more often
                 reach = max(cutoff, min(reach, sector.widest_cutoff(position)))
             self._rows = neighbour_rows(position, reach, sector)
             self._rows_key = key
@@ -83,7 +83,7 @@ class Simulation:
     def rows_state(self) -> dict | None:
         """The present rows for a checkpoint: their order fixes the order of sums, bit for bit."""
         if self._rows is None or self._rows_key[1] != self.motion.list_version:
-            return None  # stale: they would be built anew in any case
+            return None  # stale: they would be rebuilt in any case
         return {
             "cutoff": self._rows_key[0],
             "start": self._rows.start,
@@ -97,7 +97,7 @@ class Simulation:
         }
 
     def restore_rows(self, state: dict | None) -> None:
-        """Take the rows of a checkpoint; those that do not say where the grains were are left, and made anew."""
+        """Take the rows of a checkpoint; those that do not say where the grains were are left, and rebuilt."""
         if state is not None and "position" in state:
             state = dict(state)
             self._rows_key = (state.pop("cutoff"), self.motion.list_version)
@@ -155,9 +155,9 @@ def refresh_field(simulation: Simulation) -> None:
     feedback = source.feedback
     magnetised.sampler = source.sampler  # of a checkpoint, where nothing has changed since
     grains = simulation.motion.grains
-    for solves in range(MOST_SOLVES + 1):
+    for solves in range(MAX_SOLVES + 1):
         feedback.deposit(grains.position, grains.volume, grains.magnetic_moment, source.solution)
-        if solves == MOST_SOLVES and source.is_stale(source.solved_current):
+        if solves == MAX_SOLVES and source.is_stale(source.solved_current):
             raise FeedbackError(feedback.residual.total, solves, source.powder_tolerance)
         if not source.refresh(simulation.motion.time):
             return

@@ -1,4 +1,4 @@
-"""How strongly a steel wall mirrors the grains: k = (mu_e - 1)/(mu_e + 1) from the permeability of the wall as solved.
+"""Reflection coefficient of a steel wall, k = (mu_e - 1)/(mu_e + 1), from the permeability of the solved field.
 
 With B across the wall the mirror charges are spread by the differential permeability along B and by the secant one
 across it: mu_e = sqrt(mu_n mu_t), mu_n = dB/dH, mu_t = B/H (an anisotropic half-space, Landau and Lifshitz,

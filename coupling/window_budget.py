@@ -141,7 +141,7 @@ class WindowBudget:
 
 
 def _solver_row(steps: list) -> dict[str, float]:
-    """What the solver of rigid contacts has done: sweeps a step, worst residual [m/s], steps that missed, ..."""
+    """Return what the solver of rigid contacts has done: sweeps a step, worst residual [m/s], steps that missed, ..."""
     n = sum(s.steps for s in steps)
     return {
         "sweeps": sum(s.sweeps for s in steps) / n,

@@ -16,7 +16,9 @@ def check_siblings() -> None:
         where = None if spec is None else Path(spec.origin or next(iter(spec.submodule_search_locations or [""])))
         ours = home / name
         if where is None:
-            raise ImportError(f"emclutch needs its package {name!r} in {ours}, which is missing; install emclutch anew")
+            raise ImportError(
+                f"emclutch needs its package {name!r} in {ours}, which is missing; install emclutch again"
+            )
         if ours not in (where.resolve(), where.resolve().parent):
             raise ImportError(
                 f"{where} hides emclutch's package {name!r} in {ours}; rename or move that file, or "

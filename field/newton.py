@@ -60,7 +60,7 @@ class LinearSolver(Protocol):
 
     @property
     def again_is_cheap(self) -> bool:
-        """Whether `solve_again` costs little beside `solve`: a factor does that, iterations do not."""
+        """True if `solve_again` costs little beside `solve`: a factor does that, iterations do not."""
 
     def solve(self, matrix: sp.csc_matrix, right: np.ndarray) -> np.ndarray:
         """Solve with a new matrix."""

@@ -1,4 +1,4 @@
-"""What every solved field offers, whatever it was solved on: the section of a device of revolution, or space."""
+"""Interface of every solved field, in the section of a device of revolution or in 3D."""
 
 from __future__ import annotations
 

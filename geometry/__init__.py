@@ -1,4 +1,4 @@
-"""What the device looks like: parametric cross-sections, meshes with named regions, walls of grains."""
+"""Geometry of devices: parametric cross-sections, meshes with named regions, walls of grains."""
 
 import geometry.kernels.threads  # noqa: F401 (before gmsh or numba load the OpenMP library)
 from geometry.annular_cell import ShearCell

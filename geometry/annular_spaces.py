@@ -1,4 +1,4 @@
-"""What a device of rings is filled with: all of its spaces, unless it has regions to choose from."""
+"""Spaces of an annular device that grains fill: all, unless it has regions to choose from."""
 
 from __future__ import annotations
 

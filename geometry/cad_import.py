@@ -178,7 +178,7 @@ def _read(gmsh: Any, path: Path) -> dict[tuple[int, int], str]:
     except CadError:
         raise
     except Exception as error:  # gmsh raises plain Exception, with its own last message
-        raise CadError(f"{path} cannot be read ({error}); export it anew, best as STEP AP214 or AP242") from None
+        raise CadError(f"{path} cannot be read ({error}); export it again, best as STEP AP214 or AP242") from None
     if not shapes:
         raise CadError(f"{path} holds neither solids nor faces; export parts or the faces of a section, not curves")
     return shapes

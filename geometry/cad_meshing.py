@@ -19,7 +19,7 @@ import numpy as np
 
 from geometry.cad_import import imported_section
 from geometry.cad_parts import CadError, CadPart, list_of
-from geometry.element_count import MOST_TRIANGLES, expected_triangles, refuse_too_many
+from geometry.element_count import MAX_TRIANGLES, expected_triangles, refuse_too_many
 from geometry.meshing import (
     CORNER,
     GROWTH,
@@ -36,7 +36,7 @@ from geometry.section import SectionMesh
 _OVERLAP = 1e-6
 _SLIVER = 1e-6  # m; no gap of a device is as narrow, and a STEP file's coordinates are rounded more finely
 _CHORDS = 24  # of a curved edge of the powder's outline, as grains see it
-_MOST_SAMPLES = 2000
+_MAX_SAMPLES = 2000
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +132,7 @@ def mesh_cad(
             gmsh.model.addPhysicalGroup(1, tags, name=name)
         layers = max(float(gap_layers), MINIMUM_LAYERS * size_factor)
         expected = _set_sizes(gmsh, parts, surfaces, powder, layers, air_factor) / size_factor**2
-        refuse_too_many(expected, MOST_TRIANGLES, "triangles")
+        refuse_too_many(expected, MAX_TRIANGLES, "triangles")
         gmsh.model.mesh.generate(2)
         if target is not None:
             gmsh.write(str(target))
@@ -312,7 +312,7 @@ def _along(gmsh: Any, curves: Sequence[int], size: float, reach: float, far: flo
     length = max(gmsh.model.occ.getMass(1, curve) for curve in curves) * MILLIMETRE
     near = field.add("Distance")
     field.setNumbers(near, "CurvesList", list(curves))
-    field.setNumber(near, "Sampling", min(_MOST_SAMPLES, 2 + math.ceil(2.0 * length / size)))
+    field.setNumber(near, "Sampling", min(_MAX_SAMPLES, 2 + math.ceil(2.0 * length / size)))
     grown = field.add("Threshold")
     field.setNumber(grown, "InField", near)
     numbers = {"SizeMin": size, "SizeMax": far, "DistMin": reach, "DistMax": reach + (far - size) / GROWTH}

@@ -57,7 +57,7 @@ class CadPart:
 
 
 def list_of(parts: Sequence[CadPart] | Sequence[CadSolid]) -> str:
-    """What was found in a file, a line a part."""
+    """Return what was found in a file, a line a part."""
     return "\n".join(["found in the file:", *(f"  {part}" for part in parts)])
 
 

@@ -1,4 +1,4 @@
-"""What grains see of a device from CAD: the powder's outline as walls of bodies, and the boxes to fill.
+"""Shape of a device from CAD: the powder's outline as walls of bodies, and the boxes to fill.
 
 The section of `cad_meshing` says what lies behind each edge of the powder's outline; each region belongs to a body
 (shaft), and runs of edges of one body become one outline, whose inner corners have an owner each (`walls.outline`).
@@ -100,7 +100,7 @@ class CadShape(AnnularSpaces):
 
     @property
     def ring_width(self) -> float:
-        """What the middle of the gap leaves out [m]: nothing, a file does not say where poles end."""
+        """Return what the middle of the gap leaves out [m]: nothing, a file does not say where poles end."""
         return 0.0
 
     def gap_midline(self, count: int = 101) -> np.ndarray:
@@ -120,7 +120,7 @@ class CadShape(AnnularSpaces):
         return self.gap_midline(count)
 
     def faults(self, grain_diameter: float | None = None) -> list[GeometryFault]:
-        """Why grains cannot be put in: no powder's region, one that is no set of rectangles, a gap below a grain."""
+        """Return why grains cannot be filled in: no powder region, not a set of rectangles, a gap below a grain."""
         if not self._edges():
             return [_fault("no part of the file is the powder: grains have no space", "a part named powder",
                            "draw the space of the grains as a part of its own, named powder")]  # fmt: skip

@@ -17,7 +17,7 @@ import numpy as np
 from geometry.cad_import import imported_solids
 from geometry.cad_meshing import CadSection
 from geometry.cad_parts import CadError, CadPart, CadSolid, list_of
-from geometry.element_count import MOST_TETRAHEDRA, refuse_too_many
+from geometry.element_count import MAX_TETRAHEDRA, refuse_too_many
 from geometry.mesh_3d import Mesh3D
 from geometry.meshing import GROWTH, MILLIMETRE, ROW_HEIGHT
 from geometry.meshing_3d import (
@@ -121,7 +121,7 @@ def mesh_cad_solids(
         radius = 0.5 * air_factor * device
         sizes = _sizes(solids, device, size_factor, section, gap_layers)
         expected = sum(volume / (_OF_CUBE * size**3) for size, _, volume in sizes)
-        refuse_too_many(expected, MOST_TETRAHEDRA, "tetrahedra")
+        refuse_too_many(expected, MAX_TETRAHEDRA, "tetrahedra")
         coil = [] if section is None else [part for part in section.parts if part.region == "coil"]
         volumes = _fragments(gmsh, Path(path), solids, tags, coil, middle / MILLIMETRE, radius / MILLIMETRE)
         formulas = [(size, distance) for size, distance, _ in sizes]

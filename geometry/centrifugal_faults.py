@@ -1,4 +1,4 @@
-"""Which sizes of a centrifugal clutch contradict each other, and what to do about it."""
+"""Inconsistent sizes of a centrifugal clutch, with remedies."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def _ribs(clutch: CentrifugalClutch) -> list[GeometryFault]:
 
 
 def _grain(clutch: CentrifugalClutch, d: float) -> list[GeometryFault]:
-    """Where no grain fits, and where all of them would escape the vanes."""
+    """Return where no grain fits, and where all of them would escape the vanes."""
     found, grain = [], millimetres(d)
     ring = clutch.rib_radius - clutch.hub_radius
     if ring < d:

@@ -1,4 +1,4 @@
-"""How much of a triangle's solid of revolution lies in rectangles of the section."""
+"""Part of a triangle's solid of revolution that lies in rectangles of the section."""
 
 from __future__ import annotations
 

@@ -202,7 +202,7 @@ class Clutch(AnnularSpaces):
         return self.bore_radius
 
     def shears_faces(self, region: str = "cavity") -> bool:
-        """Whether powder in a region of the chamber is, or would be, sheared at the faces; of both the greater area."""
+        """True if powder in a region of the chamber is sheared at the faces; of both the greater area."""
         return region not in AT_RIM and (region == "faces" or self.face_area > self.rim_area)
 
     def sheared_gap(self, region: str = "cavity") -> ShearedGap:
@@ -245,7 +245,7 @@ class Clutch(AnnularSpaces):
         return find_faults(self, grain_diameter)
 
     def walls(self) -> list[RevolvedWall]:
-        """What grains touch: the rotor's chamber, from seal rim to seal rim, and the disc in it.
+        """Return what grains touch: the rotor's chamber, from seal rim to seal rim, and the disc in it.
 
         A wall is magnetic when the region that it belongs to is.
         """

@@ -1,4 +1,4 @@
-"""Which sizes of a clutch contradict each other, and what to do about it.
+"""Inconsistent sizes of a clutch, with remedies.
 
 The layout stacks its parts radially, so most parts cannot overlap whatever their sizes. What can go wrong
 is listed here: sizes that are not lengths, seal and shaft against the disc, ring and coil against the axial

@@ -1,4 +1,4 @@
-"""What every shape of a device offers, whatever turns in it, or if nothing does.
+"""Interface of every shape of a device.
 
 What a coil needs beside it (`coil_area`, `coil_mean_radius`, `gap_midline`, ...) has `Clutch` and `CadShape` only.
 """
@@ -24,7 +24,7 @@ class DeviceShape(Protocol):
         """Every inconsistency of its sizes; with a grain diameter [m], also gaps that no grain fits into."""
 
     def walls(self) -> Sequence[Wall]:
-        """What grains touch."""
+        """Return what grains touch."""
 
     def boxes_to_fill(self, region: str = "cavity") -> list[AnnularBox]:
         """The rings that a region of it is filled in; none where it is filled as a whole."""

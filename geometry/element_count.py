@@ -1,4 +1,4 @@
-"""How many elements a mesh will have, from its sizes, before it is made: what is far too much is refused at once.
+"""Estimated number of elements of a mesh from its sizes: far too large ones are refused before meshing.
 
 A size field is s inside a shape and s + g d at a distance d from it, as in `geometry.meshing`. An equilateral triangle
 of side h has the area sqrt(3)/4 h^2, so that a shape of area A and perimeter P asks for
@@ -14,9 +14,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-MOST_TRIANGLES = 3e5
+MAX_TRIANGLES = 3e5
 """Of a section; of order 2 their field takes 2.4 GB."""
-MOST_TETRAHEDRA = 1e6
+MAX_TETRAHEDRA = 1e6
 """Of a sector in 3D; of order 2 their field takes some 7 GB."""
 
 _TRIANGLE = math.sqrt(3.0) / 4.0  # area over the side squared

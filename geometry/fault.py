@@ -1,4 +1,4 @@
-"""What is wrong with a geometry: one frozen record a fault, so that all of them can be reported at once."""
+"""Errors of a geometry: one frozen record each, so that all of them are reported at once."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ _ONE_ORDER = "mesh the section by triangles of first order"
 
 @dataclass(frozen=True, slots=True)
 class MeshBlocks:
-    """What a mesh file holds.
+    """Content of a mesh file.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ def _of_gmsh(path: Path) -> MeshBlocks:
         try:
             gmsh.merge(str(copy))
         except Exception as error:  # gmsh raises plain Exception, with its own last message
-            raise CadError(f"{path} cannot be read ({error}); write it anew from gmsh as .msh") from None
+            raise CadError(f"{path} cannot be read ({error}); write it again from gmsh as .msh") from None
         triangles, edges = _groups(gmsh, 2, 2, 3), _groups(gmsh, 1, 1, 2)
         total = len(gmsh.model.mesh.getElementsByType(2)[0])
         tags, coordinates, _ = gmsh.model.mesh.getNodes()
@@ -109,7 +109,7 @@ def _of_meshio(path: Path, is_meant: Callable[[str], bool]) -> MeshBlocks:
         mesh = meshio.read(path)
     except (Exception, SystemExit) as error:  # each of meshio's readers fails in a way of its own
         reason = " ".join(str(error).split()) or type(error).__name__
-        raise CadError(f"{path} cannot be read as {path.suffix.lower()} ({reason}); export it anew") from None
+        raise CadError(f"{path} cannot be read as {path.suffix.lower()} ({reason}); export it again") from None
     kinds = sorted({block.type for block in mesh.cells} - {"vertex", "line", "triangle"})
     if kinds:
         raise CadError(f"{path} holds cells of the kind {', '.join(kinds)}; {_ONE_ORDER}")

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from geometry.clutch import Clutch
-from geometry.element_count import MOST_TRIANGLES, expected_triangles, refuse_too_many
+from geometry.element_count import MAX_TRIANGLES, expected_triangles, refuse_too_many
 from geometry.fault import GeometryError
 from geometry.section import SectionMesh
 
@@ -86,7 +86,7 @@ def mesh_clutch(
     if not 0.1 <= size_factor <= 4.0:
         raise ValueError(f"`size_factor` = {size_factor:g}: allowed are 0.1 to 4; the default is 1")
     layers = max(float(gap_layers), MINIMUM_LAYERS * size_factor)
-    refuse_too_many(_expected(clutch, layers, size_factor), MOST_TRIANGLES, "triangles")
+    refuse_too_many(_expected(clutch, layers, size_factor), MAX_TRIANGLES, "triangles")
     target = None if path is None else _writable(Path(path))
     options = _OPTIONS | {"Mesh.MeshSizeFactor": size_factor}
     with gmsh_model(options) as gmsh:

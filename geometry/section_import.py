@@ -134,7 +134,7 @@ def _plane(path: Path, blocks: MeshBlocks, scale: float) -> tuple[np.ndarray, li
     used = np.unique(flat)
     points = scale * blocks.points[used]
     if not np.isfinite(points).all():
-        raise CadError(f"{path} holds coordinates that are not finite; export it anew")
+        raise CadError(f"{path} holds coordinates that are not finite; export it again")
     size = float(np.ptp(points, axis=0).max())
     y, z = (float(np.abs(points[:, k]).max()) for k in (1, 2))
     if min(y, z) > _FLAT * size:
@@ -149,7 +149,7 @@ def _plane(path: Path, blocks: MeshBlocks, scale: float) -> tuple[np.ndarray, li
         triangles = np.searchsorted(used, block).astype(np.int64)
         area = _area(points[triangles])
         if np.any(area == 0.0):
-            raise CadError(f"{path}: {np.count_nonzero(area == 0.0)} triangle(s) have no area; mesh it anew")
+            raise CadError(f"{path}: {np.count_nonzero(area == 0.0)} triangle(s) have no area; mesh it again")
         triangles[area < 0.0, 1:] = triangles[area < 0.0, :0:-1]
         corners.append(triangles)
     return points, corners, used

@@ -13,7 +13,7 @@ AT_RIM = ("rim", "poles")
 
 @dataclass(frozen=True, slots=True)
 class ShearedGap:
-    """Where the powder is sheared between two bodies.
+    """Gap in which the powder is sheared between two bodies.
 
     Attributes
     ----------

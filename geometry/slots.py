@@ -15,7 +15,7 @@ import numpy as np
 from geometry.fault import GeometryFault, millimetres
 
 # Finer teeth than this are an effective medium, not a geometry to mesh.
-MOST_SLOTS = 500
+MAX_SLOTS = 500
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,12 +46,12 @@ class Slots:
 
     @property
     def mirrored(self) -> bool:
-        """Whether the slots are their own mirror image at the plane of angle 0."""
+        """True if the slots are their own mirror image at the plane of angle 0."""
         turns = 2.0 * self.angle / self.pitch
         return abs(turns - round(turns)) < 1e-9
 
     def cuts(self, angle: float) -> bool:
-        """Whether the direction ``angle`` [rad] lies in a slot."""
+        """Return whether the direction ``angle`` [rad] lies in a slot."""
         offset = (angle - self.angle) / self.pitch
         return abs(offset - round(offset)) < 0.5 * self.share
 
@@ -67,7 +67,7 @@ class Slots:
 
 
 def slot_faults(slots: Slots, key: str, body: str, room: float, limit: str) -> list[GeometryFault]:
-    """What is impossible about the slots of a body.
+    """Return what is impossible about the slots of a body.
 
     Parameters
     ----------
@@ -81,10 +81,10 @@ def slot_faults(slots: Slots, key: str, body: str, room: float, limit: str) -> l
         What ends that room, in words.
     """
     found = []
-    if not 2 <= slots.count <= MOST_SLOTS or slots.count != int(slots.count):
+    if not 2 <= slots.count <= MAX_SLOTS or slots.count != int(slots.count):
         found.append(
             GeometryFault(f"{key}.count", f"{slots.count:g}", "it is not a number of slots around a body",
-                  f"a whole number from 2 to {MOST_SLOTS}", f"correct `{key}.count`, or leave out `{key}`")
+                  f"a whole number from 2 to {MAX_SLOTS}", f"correct `{key}.count`, or leave out `{key}`")
         )  # fmt: skip
     if not 0.0 < slots.share < 1.0:
         found.append(

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from geometry.clutch import Clutch
-from geometry.element_count import MOST_TETRAHEDRA, expected_triangles, refuse_too_many
+from geometry.element_count import MAX_TETRAHEDRA, expected_triangles, refuse_too_many
 from geometry.meshing import CORNER, GROWTH, MILLIMETRE, ROW_HEIGHT, Extent, gmsh_model
 from geometry.meshing_3d import (
     SOLID_OPTIONS,
@@ -80,7 +80,7 @@ def _section_faces(gmsh: Any, clutch: Clutch) -> tuple[list[str], list[int]]:
 
 
 def _slot_polygons(clutch: Clutch) -> list[tuple[str, np.ndarray]]:
-    """Where the slots are in the section, (r, z) [m]."""
+    """Return where the slots are in the section, (r, z) [m]."""
     found = []
     if clutch.disc_slots is not None:
         rim, half = clutch.disc_radius, 0.5 * clutch.disc_thickness
@@ -104,7 +104,7 @@ def gap_size(gap: float, layers: int, factor: float) -> float:
 def refuse_too_many_layers(sizes: Sequence[tuple[float, Extent]], layers: int) -> None:
     """Refuse a section of these sizes that is swept through so many layers, three tetrahedra a prism."""
     triangles = expected_triangles(((size, r1 - r0, z1 - z0) for size, (r0, r1, z0, z1) in sizes), GROWTH)
-    refuse_too_many(3.0 * triangles * layers, MOST_TETRAHEDRA, "tetrahedra")
+    refuse_too_many(3.0 * triangles * layers, MAX_TETRAHEDRA, "tetrahedra")
 
 
 def section_sizes(clutch: Clutch, layers: int, factor: float) -> list[tuple[float, Extent]]:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from geometry.element_count import MOST_TRIANGLES
+from geometry.element_count import MAX_TRIANGLES
 from geometry.file_content import SHAPE_FORMATS, content_fault, size_fault
 from geometry.meshing import MILLIMETRE, gmsh_model
 from geometry.triangle_wall import MERGED, TriangleWall, _heights
@@ -85,9 +85,9 @@ def triangle_wall_from_file(
     vertices, triangles = _mesh(path) if is_mesh else _cad(path, None if size is None else size / scale)
     vertices = scale * vertices
     if len(triangles) == 0:
-        raise SurfaceError(f"{path} holds no triangles; export it anew: the surface, not curves or solid cells alone")
+        raise SurfaceError(f"{path} holds no triangles; export it again: the surface, not curves or solid cells alone")
     if not np.isfinite(vertices[triangles]).all():
-        raise SurfaceError(f"{path} holds coordinates that are not finite; export it anew")
+        raise SurfaceError(f"{path} holds coordinates that are not finite; export it again")
     extent = float(np.ptp(vertices[triangles].reshape(-1, 3), axis=0).max())
     if extent > LARGEST:
         raise SurfaceError(
@@ -98,7 +98,7 @@ def triangle_wall_from_file(
     # exports hold needles of no area; twice the limit, as merging may still move their corners
     triangles = triangles[_heights(vertices, triangles) > 2.0 * MERGED * diagonal]
     if len(triangles) == 0:
-        raise SurfaceError(f"{path}: none of its triangles has an area; export it anew")
+        raise SurfaceError(f"{path}: none of its triangles has an area; export it again")
     return TriangleWall(name, body, vertices, triangles, magnetic)
 
 
@@ -111,12 +111,12 @@ def _mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
             mesh = meshio.read(path)
     except (Exception, SystemExit) as error:  # each of meshio's readers fails in a way of its own
         if path.suffix.lower() == ".stl":
-            raise SurfaceError(f"{path} {_wrong_stl(path)}; export it anew") from None
+            raise SurfaceError(f"{path} {_wrong_stl(path)}; export it again") from None
         reason = " ".join(str(error).split()) or type(error).__name__
-        raise SurfaceError(f"{path} cannot be read as {path.suffix.lower()} ({reason}); export it anew") from None
+        raise SurfaceError(f"{path} cannot be read as {path.suffix.lower()} ({reason}); export it again") from None
     if len(mesh.points) == 0:  # also what is made of some files that are no STL
         found_instead = _wrong_stl(path) if path.suffix.lower() == ".stl" else "holds no triangles"
-        raise SurfaceError(f"{path} {found_instead}; export it anew")
+        raise SurfaceError(f"{path} {found_instead}; export it again")
     points = np.asarray(mesh.points, dtype=float).reshape(len(mesh.points), -1)
     vertices = np.zeros((len(points), 3))
     vertices[:, : points.shape[1]] = points
@@ -131,7 +131,7 @@ def _mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _wrong_stl(path: Path) -> str:
-    """What is wrong with an STL file that could not be read."""
+    """Return what is wrong with an STL file that could not be read."""
     content = path.read_bytes()
     is_text = content.lstrip()[:5].lower() == b"solid" and b"\0" not in content
     announced = int.from_bytes(content[80:84], "little") if len(content) >= 84 else -1
@@ -157,7 +157,7 @@ def _cad(path: Path, size: float | None) -> tuple[np.ndarray, np.ndarray]:
         except SurfaceError:
             raise
         except Exception as error:  # gmsh raises plain Exception, with its own last message
-            raise SurfaceError(f"{path} cannot be read and meshed ({error}); export it anew, best as STEP") from None
+            raise SurfaceError(f"{path} cannot be read and meshed ({error}); export it again, best as STEP") from None
         tags, coordinates, _ = gmsh.model.mesh.getNodes()
         _, corners = gmsh.model.mesh.getElementsByType(2)
     position = np.empty((int(tags.max(initial=0)) + 1, 3))
@@ -170,8 +170,8 @@ def _refuse_too_fine(gmsh: Any, path: Path, side: float) -> None:
     """Refuse sides [mm] with which the faces of a CAD file would have more triangles than any wall needs."""
     area = sum(gmsh.model.occ.getMass(2, tag) for _, tag in gmsh.model.getEntities(2))
     count = area / (math.sqrt(3.0) / 4.0 * side**2)
-    if count > MOST_TRIANGLES:
+    if count > MAX_TRIANGLES:
         raise SurfaceError(
-            f"{path} would have about {count:.2g} triangles; allowed: at most {MOST_TRIANGLES:.2g}; raise `size`, or "
+            f"{path} would have about {count:.2g} triangles; allowed: at most {MAX_TRIANGLES:.2g}; raise `size`, or "
             "leave it out"
         )

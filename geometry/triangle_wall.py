@@ -94,7 +94,7 @@ class TriangleWall:
 
     @property
     def is_closed(self) -> bool:
-        """Whether it is watertight: every edge belongs to two triangles, or to four, six..."""
+        """True if it is watertight: every edge belongs to two triangles, or to four, six..."""
         ends = self.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
         _, edge = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True)
         return bool(np.all(np.bincount(edge.ravel()) % 2 == 0))

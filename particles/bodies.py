@@ -96,10 +96,10 @@ class Body:
 
     @property
     def is_free(self) -> bool:
-        """Whether torques move it."""
+        """True if torques move it."""
         return isinstance(self.motion, FreeShaft)
 
     @property
     def can_turn(self) -> bool:
-        """Whether it ever turns."""
+        """True if it ever turns."""
         return not isinstance(self.motion, PrescribedSpeed) or any(w != 0.0 for w in self.motion.values)

@@ -1,4 +1,4 @@
-"""What the checkpoints of both engines have in common: grains, bodies, held force, and the list of contacts."""
+"""Common part of the checkpoints of both engines: grains, bodies, held force, list of contacts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What stops a run of grains, and in which words."""
+"""Errors that stop a run of grains."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class PackingError(ParticleError):
 
 
 class DemErrorKind(Enum):
-    """Why one grain stopped a run."""
+    """Reason why one grain stopped a run."""
 
     OVERLAP = "overlap"
     TOO_FAST = "too fast"

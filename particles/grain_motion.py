@@ -1,4 +1,4 @@
-"""What both engines of the grains promise, `particles.DEM` and `particles.DVI`: who moves grains asks for no more."""
+"""Common interface of `particles.DEM` and `particles.DVI`."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class GrainMotion(Protocol):
 
     @property
     def list_skin(self) -> float:
-        """How much further than touching the present list reaches [m]."""
+        """Return how much further than touching the present list reaches [m]."""
         ...
 
     @property

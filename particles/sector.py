@@ -37,7 +37,7 @@ class CyclicSector:
 
     @property
     def n_sectors(self) -> int:
-        """How many sectors make the full ring."""
+        """Number of sectors make the full ring."""
         return round(2.0 * math.pi / self.angle)
 
     def rotation(self, shift: int | np.ndarray) -> np.ndarray:

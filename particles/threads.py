@@ -1,4 +1,4 @@
-"""How many threads a compiled step uses, and by which layer.
+"""Number of threads of a compiled step, and the threading layer.
 
 OpenMP first: a parallel loop costs about a microsecond; tbb was slower than a single thread on rows of this size. Below
 a few hundred grains one thread is faster still. The result is the same, bit for bit, with any number.

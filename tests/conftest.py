@@ -1,6 +1,6 @@
 """One thread a test worker, one cache of kernels for all of them, and a count of what was compiled.
 
-The machine code of a kernel is made anew for every combination of its arguments' types. That is what made the test run
+The machine code of a kernel is rebuilt for every combination of its arguments' types. That is what made the test run
 slow once, so the number of combinations is printed after it, and a run with more of them than `MOST` fails: whoever
 needs one more raises the number, and says in the commit what for.
 """

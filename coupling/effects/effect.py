@@ -1,4 +1,4 @@
-"""What the staggered loop may ask of an effect."""
+"""Interface of an effect to the staggered loop."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Effect:
 
     @property
     def holds_forces(self) -> bool:
-        """Whether it adds to the held forces."""
+        """True if it adds to the held forces."""
         return type(self).add_forces is not Effect.add_forces
 
     def begin_window(self, simulation: Simulation) -> None:

@@ -51,7 +51,7 @@ class SquareBox:
         position[:, 1] -= Ly * np.floor(position[:, 1] / Ly)
 
     def image_shift(self, image: np.ndarray, offset: float) -> np.ndarray:
-        """Where images (g, 3) by whole numbers stand beside their grains, (g, 3) [m]."""
+        """Return where images (g, 3) by whole numbers stand beside their grains, (g, 3) [m]."""
         shift = image * np.array(self.lengths)
         shift[:, 0] += image[:, 2] * offset
         return shift

@@ -18,7 +18,7 @@ from coupling.grain_law_table import GrainLawTable
 from coupling.influence import find_influence, room_for
 from coupling.kernel_state import Influence, MagneticGrains, PairModel
 from coupling.moment_kernels import gather_fields, magnetise
-from coupling.mutual_moments import FIRST_DAMPING, LEAST_DAMPING
+from coupling.mutual_moments import FIRST_DAMPING, MIN_DAMPING
 from coupling.pair_fields import smeared_at_itself
 from coupling.sheared_cell.cell import CellPairs, SquareBox
 from coupling.sheared_cell.held_forces import NEAR, HeldPairs, held_forces
@@ -127,7 +127,7 @@ class CellMoments:
             if self.residual <= tolerance:
                 return number
             if number > 1 and self.residual > 0.98 * before:
-                self.damping = max(0.7 * self.damping, LEAST_DAMPING)
+                self.damping = max(0.7 * self.damping, MIN_DAMPING)
             before = self.residual
         return most_sweeps
 

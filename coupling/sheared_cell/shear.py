@@ -35,7 +35,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from coupling.grain_law_table import grain_table
-from coupling.mutual_moments import SMALLEST_GAP
+from coupling.mutual_moments import MIN_GAP
 from coupling.sheared_cell import step_kernel as column
 from coupling.sheared_cell.cell import CellPairs, cell_pairs
 from coupling.sheared_cell.cell_moments import CellMoments
@@ -54,13 +54,13 @@ SKIN = 0.3  # of the lists, in diameters
 OVERLAP = 0.005  # of a diameter, under the load of a chain
 NECK = 10.0  # contact stiffness over the neck's negative one
 DIPOLES_SUFFICE = 0.15  # of Ms: the field above which a chain of mutual dipoles holds as strongly as one with necks
-LEAST_STRESS = 10.0  # Pa: rate of a cell without a field
+MIN_STRESS = 10.0  # Pa: rate of a cell without a field
 FIRST_TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShearParameters:
-    """What a run is made of; lengths in diameters, everything else in SI.
+    """Parameters of a run; lengths in diameters, everything else in SI.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ class ShearParameters:
     inertial_number: float = 5e-3
     friction: float = 0.3
     restitution: float = 0.5
-    smallest_gap: float = SMALLEST_GAP
+    smallest_gap: float = MIN_GAP
     width: float = 2.5
     steps_per_contact: float = 24.0
     steps_per_look: int = 8
@@ -136,7 +136,7 @@ class Series:
 
 
 def list_reach(parameters: ShearParameters) -> float:
-    """How far lists of pairs reach [diameters], without their skin."""
+    """Return how far lists of pairs reach [diameters], without their skin."""
     magnetic = parameters.law is not None and parameters.H > 0.0
     return max(parameters.width if magnetic else 0.0, NEAR)
 
@@ -166,7 +166,7 @@ class Shear:
         load = min(2.0 * np.pi * p.H / Ms, 0.7) * unit * self.radius if Ms else 0.0
         if Ms and not near:
             load *= min(1.0, (p.H / (DIPOLES_SUFFICE * Ms)) ** 1.2)
-        self.stress_estimate = max(0.86 * p.fill * load / p.diameter**2 * 0.3, LEAST_STRESS)
+        self.stress_estimate = max(0.86 * p.fill * load / p.diameter**2 * 0.3, MIN_STRESS)
         soft = p.diameter * self.stress_estimate / OVERLAP
         stiffness = p.stiffness * max(load / (OVERLAP * p.diameter), NECK * 0.5 * np.pi * unit if near else 0.0, soft)
         self.contact = LinearContact.from_restitution(stiffness, p.restitution, p.friction)
@@ -204,7 +204,7 @@ class Shear:
 
     @property
     def offset(self) -> float:
-        """How far the cell above has moved on, wrapped when the lists were made [m]."""
+        """Return how far the cell above has moved on, wrapped when the lists were made [m]."""
         return self._offset_then + (self.strain - self._pairs.strain) * self.box.lengths[2]
 
     @property
@@ -276,7 +276,7 @@ class Shear:
         self.strain += steps * self.dt * self.rate
 
     def _lists_are_old(self) -> bool:
-        """Whether a pair may have come into reach: by what grains moved beside the flow, and the flow itself."""
+        """Return whether a pair may have come into reach: by what grains moved beside the flow, and the flow itself."""
         strained = self.strain - self._pairs.strain
         moved = self.position - self._pairs.position
         moved[:, 0] -= strained * (self._pairs.position[:, 2] + 0.5 * moved[:, 2])

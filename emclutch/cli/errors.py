@@ -1,4 +1,4 @@
-"""What a command says of what a user can mend, and its exit code."""
+"""Error messages of commands, and their exit codes."""
 
 from __future__ import annotations
 

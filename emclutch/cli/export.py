@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Format(StrEnum):
-    """What tables may be written as."""
+    """Formats of exported tables."""
 
     CSV = "csv"
     PARQUET = "parquet"

@@ -1,4 +1,4 @@
-"""What a command reads: the scene with the values that were set, the folder of a run."""
+"""Input of commands: the scene with the values that were set, the folder of a run."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def assignments(sets: list[str] | None) -> dict[str, Any]:
 def search(
     file: Path, vary: str | None, target: str | None, sets: list[str] | None = None, trust_scripts: bool = False
 ) -> Search:
-    """What a design search is asked: by a design file, or by a scene with options."""
+    """Return what a design search is asked: by a design file, or by a scene with options."""
     from emclutch.scene.design import read_design, search_of
 
     if "design" in read_toml(file):

@@ -51,7 +51,7 @@ class Characteristics:
     conductivity_is_rough : bool
     also : tuple of str
         Other names of the same material.
-    caution : str
+    warning : str
         What of a table's points is not used; empty where all are.
     """
 
@@ -64,11 +64,11 @@ class Characteristics:
     conductivity_is_rough: bool
     also: tuple[str, ...]
     source: str
-    caution: str = ""
+    warning: str = ""
 
 
 def characteristics(law: Law) -> Characteristics:
-    """What the list says of a law."""
+    """Return what the list says of a law."""
     name = canonical_name(law.name)
     conducts: Conductivity | None = None if name is None else conductivity(name)
     H, slope = law.H_of_B(_CURVE_B)
@@ -85,7 +85,7 @@ def characteristics(law: Law) -> Characteristics:
         conducts is not None and conducts.rough,
         also,
         law.source,
-        law.caution if isinstance(law, TableLaw) else "",
+        law.warning if isinstance(law, TableLaw) else "",
     )
 
 
@@ -139,8 +139,8 @@ def materials_page(names: list[str] | None) -> None:
         also = f" (also {', '.join(one.also)})" if one.also else ""
         sigma_source = "" if one.conductivity is None else f" Conductivity: {conductivity(one.name).source}."
         lines.append(f"{one.name}{also}: {one.source}.{sigma_source}")
-        if one.caution:
-            lines.append(f"warning: {one.name}: {one.caution}")
+        if one.warning:
+            lines.append(f"warning: {one.name}: {one.warning}")
     if not names:
         lines.append("grains of powders, as [particles] takes susceptibility and saturation:")
         for name in grain_names():

@@ -63,10 +63,10 @@ Sets = Annotated[
     ),
 ]
 Resume = Annotated[
-    bool, typer.Option("--resume", help="go on from the last checkpoint; killed before the first, start anew")
+    bool, typer.Option("--resume", help="go on from the last checkpoint; killed before the first, start again")
 ]
 Threads = Annotated[int | None, typer.Option("--threads", help="threads; results do not depend on them")]
-Insist = Annotated[bool, typer.Option("--insist", help="run also where more memory or disk is needed than is free")]
+Force = Annotated[bool, typer.Option("--force", help="run also where more memory or disk is needed than is free")]
 Jobs = Annotated[int, typer.Option("--jobs", min=1, help="points that run at a time, each in a process of its own")]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="stop after the plan; nothing is written")]
 TrustScripts = Annotated[

@@ -1,4 +1,4 @@
-"""What commands print: a plan, a torque, a study, a design, JSON."""
+"""Output of commands: a plan, a torque, a study, a design, JSON."""
 
 from __future__ import annotations
 
@@ -63,9 +63,9 @@ def tell_plan(case: Case, as_json: bool, threads: int | None = None) -> None:
 
 
 def tell_study(study: StudySection, jobs: int, as_json: bool) -> None:
-    from emclutch.studies.forecast import foretell_study, time_in_words  # local: it needs the packages of the physics
+    from emclutch.studies.forecast import predict_study, time_in_words  # local: it needs the packages of the physics
 
-    found = foretell_study(study, jobs)
+    found = predict_study(study, jobs)
     if as_json:
         print_json(found.as_dict())
         return

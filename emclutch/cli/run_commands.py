@@ -15,7 +15,7 @@ from emclutch.cli.options import (
     Confirm,
     DesignSource,
     DryRun,
-    Insist,
+    Force,
     Jobs,
     Like,
     Out,
@@ -41,7 +41,7 @@ def run(
     dry_run: DryRun = False,
     as_json: AsJson = False,
     trust_scripts: TrustScripts = False,
-    insist: Insist = False,
+    force: Force = False,
 ) -> None:
     """Simulate one scene."""
     with explained():
@@ -59,7 +59,7 @@ def run(
         from emclutch.simulation.run import run as run_scene
 
         with nullcontext() if as_json else Progress() as progress:
-            result = run_scene(read, out=out, threads=threads, resume=resume, progress=progress, insist=insist)
+            result = run_scene(read, out=out, threads=threads, resume=resume, progress=progress, force=force)
         if as_json:
             print_json(result.summary)
         else:
@@ -93,7 +93,7 @@ def sweep(
     jobs: Jobs = 1,
     threads: Threads = None,
     trust_scripts: TrustScripts = False,
-    insist: Insist = False,
+    force: Force = False,
 ) -> None:
     """Simulate every point of a parameter study, several at a time with --jobs."""
     with explained():
@@ -105,17 +105,15 @@ def sweep(
             raise SceneError([Fault("--resume", "", message)], "command line")
         read = read_study(study, trust_scripts=trust_scripts)
         from emclutch.results.study_table import StudyTable
-        from emclutch.studies.forecast import foretell_study
+        from emclutch.studies.forecast import predict_study
         from emclutch.studies.points import points_in
         from emclutch.studies.sweep import sweep as sweep_study
 
         begun = points_in(read, out) if resume and out is not None else []
-        if (foretold := foretell_study(read, jobs, begun)).points:
-            typer.echo(foretold.in_words(), err=True)
+        if (predicted := predict_study(read, jobs, begun)).points:
+            typer.echo(predicted.in_words(), err=True)
         with StudyTable() as table:
-            folder = sweep_study(
-                read, out=out, threads=threads, resume=resume, jobs=jobs, progress=table, insist=insist
-            )
+            folder = sweep_study(read, out=out, threads=threads, resume=resume, jobs=jobs, progress=table, force=force)
         compared = folder / "methods.txt"
         if compared.is_file():
             typer.echo(compared.read_text(encoding="utf-8"), nl=False)

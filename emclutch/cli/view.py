@@ -76,7 +76,7 @@ def open_in_paraview(folder: Path) -> str:
 
 
 def has_screen() -> bool:
-    """Whether a window can open."""
+    """Return whether a window can open."""
     return not sys.platform.startswith("linux") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 

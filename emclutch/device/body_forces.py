@@ -105,5 +105,5 @@ def stress_force(solution: MagneticField, regions: Sequence[str]) -> float | Non
 
 
 def _yielding(solution: MagneticField) -> list[str]:
-    """Powder gives way to a body, as a fluid at constant fill."""
+    """Powder flows around a body, as a fluid at constant fill."""
     return [name for name in ("powder",) if name in solution.problem.mesh.regions]

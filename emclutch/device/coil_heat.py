@@ -1,4 +1,4 @@
-"""What the coil's copper makes of its current in heat, and how warm that makes the device in the end.
+"""Heat of the coil's copper, and the steady temperature rise of the device.
 
 Copper loss P = R I^2 leaves through the housing's surface S by still air and radiation, Delta T = P/(alpha S), with
 alpha = 12 W/(m^2 K): natural convection of about 6, and radiation of painted steel, 4 epsilon sigma T^3 = 6 at 320 K. A

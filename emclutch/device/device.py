@@ -92,7 +92,7 @@ class CoilDevice(Excitation):
         return self.shape.face_midline(201) if faces or len(under) < 10 else under
 
     def mesh_in_words(self) -> str:
-        """What the field is solved on."""
+        """Return what the field is solved on."""
         text = (
             f"{len(self.mesh.triangles)} triangles, {self.problem.n_dofs} unknowns of order "
             f"{self.problem.elements.order}; coil of {self.turns:.0f} turns; "
@@ -108,7 +108,7 @@ class CoilDevice(Excitation):
 
 @dataclass(frozen=True, slots=True)
 class Device:
-    """What the scene describes before any powder is in it.
+    """The device of a scene, without grains.
 
     Attributes
     ----------
@@ -161,7 +161,7 @@ class Device:
 
     @property
     def shears_faces(self) -> bool:
-        """Whether the powder is sheared in a clutch's face gaps, and not in its rim gap.
+        """True if the powder is sheared in a clutch's face gaps, and not in its rim gap.
 
         Powder in the whole cavity is in both; the gap with the greater area counts then.
         """
@@ -196,7 +196,7 @@ class Device:
 
 
 def field_is_needed(scene: Scene) -> bool:
-    """Whether any effect of the scene samples the field."""
+    """Return whether any effect of the scene samples the field."""
     return scene.effects.magnetise
 
 
@@ -285,7 +285,7 @@ def build_coil_device(scene: Scene) -> CoilDevice:
 
 
 def field_goals(mesh: SectionMesh) -> tuple[FluxLinkage | MeanFluxDensity, ...]:
-    """What a mesh is refined for: flux linkage, and the field where the powder is, or would be."""
+    """Return what a mesh is refined for: flux linkage, and the field where the powder is, or would be."""
     return (FluxLinkage(), MeanFluxDensity("powder")) if "powder" in mesh.regions else (FluxLinkage(),)
 
 

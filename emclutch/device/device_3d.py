@@ -60,7 +60,7 @@ class CoilDevice3D(Excitation):
         return line[np.abs(line[:, 1]) > 0.5 * shape.ring_width]
 
     def mesh_in_words(self) -> str:
-        """What the field is solved on."""
+        """Return what the field is solved on."""
         return (
             f"in 3D, for the slots: {len(self.mesh.tetrahedra)} tetrahedra in 1/{self.mesh.n_sectors} of the ring, "
             f"{self.problem.n_dofs} unknowns; coil of {self.turns:.0f} turns; {self.problem.linear_solver}"

@@ -41,7 +41,7 @@ class Excitation(ABC):
 
     @abstractmethod
     def mesh_in_words(self) -> str:
-        """What the field is solved on."""
+        """Return what the field is solved on."""
 
     def current(self, time: float) -> float:
         """I [A] at a time [s]."""

@@ -19,7 +19,7 @@ FINE = 16.0
 
 @dataclass(frozen=True, slots=True)
 class GrainSize:
-    """How coarse the grains of a sheared, magnetised powder are.
+    """Coarseness of the grains of a sheared, magnetised powder.
 
     Attributes
     ----------

@@ -21,7 +21,7 @@ ACROSS, ALONG = 5, 41
 
 @dataclass(frozen=True, slots=True)
 class PoleZone:
-    """Where the gap lies between steel pole faces.
+    """Part of the gap between steel pole faces.
 
     Attributes
     ----------

@@ -73,7 +73,7 @@ def _all_parts_of_the_feedback(draft: Draft) -> Iterator[Fault]:
 
 
 def _room_for_the_smear(draft: Draft) -> Iterator[Fault]:
-    """What spreading the grains' moments over the section needs: a gap of two diameters, and room about the axis."""
+    """Room that spreading the grains' moments over the section needs: two diameters of gap, and about the axis."""
     scene = draft.scene
     if not (moments_are_fed_back(scene) and scene.geometry.has_coil):
         return

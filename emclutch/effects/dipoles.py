@@ -36,7 +36,7 @@ NEAR_GRAIN_NS, NEAR_CONTACT_NS = 30.0, 46.0  # of near contacts, a grain and a c
 
 
 def _valid_moments(draft: Draft) -> Iterator[Fault]:
-    """What mutual magnetisation needs, and what it excludes."""
+    """Return what mutual magnetisation needs, and what it excludes."""
     effects, particles = draft.scene.effects, draft.scene.particles
     attraction = effects.attraction
     if attraction is None:
@@ -118,7 +118,7 @@ class DipolesSection(EffectSection):
 
     @property
     def has_necks(self) -> bool:
-        """Whether near contacts have the flux in their necks, and a force that follows every step of DEM."""
+        """True if near contacts have the flux in their necks, and a force that follows every step of DEM."""
         return self.model == "near_field"
 
     def acting(self, scene, bodies):

@@ -68,17 +68,17 @@ class BaseEffectsSection(Section):
 
     @property
     def magnetise(self) -> bool:
-        """Whether an effect acts on magnetised grains."""
+        """True if an effect acts on magnetised grains."""
         return any(one.needs_moments for one in self.present)
 
     @property
     def hold_forces(self) -> bool:
-        """Whether an effect adds to the forces that are held over several steps."""
+        """True if an effect adds to the forces that are held over several steps."""
         return any(one.holds_forces for one in self.present)
 
     @property
     def saturate(self) -> bool:
-        """Whether the grains saturate."""
+        """True if the grains saturate."""
         return any(one.saturates for one in self.present)
 
     def contact_terms(self) -> dict[str, Any]:

@@ -42,7 +42,7 @@ def remove_unfinished(folder: Path) -> None:
 
 
 def is_unfinished(path: Path) -> bool:
-    """Whether a file is one that was being written."""
+    """Return whether a file is one that was being written."""
     return path.match(f"*.[0-9]*{UNFINISHED}")
 
 

@@ -55,7 +55,7 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
             if version is None or "state" not in file:
                 raise OutputError(
                     f"{path} is an HDF5 file, but no checkpoint that this program wrote; name the right folder, or "
-                    "start the run anew, without --resume and elsewhere with --out"
+                    "start the run again, without --resume and elsewhere with --out"
                 )
             if version != VERSION:
                 raise OutputError(
@@ -64,12 +64,12 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
             state = _read(file["state"], Path(path).stat().st_size)
     except (OSError, *DAMAGED) as error:
         raise OutputError(
-            f"cannot read {path}: {error}; put a good one there, or start the run anew, without --resume and elsewhere "
+            f"cannot read {path}: {error}; put a good one there, or start again, without --resume and elsewhere "
             "with --out"
         ) from error
     if not isinstance(state, dict):
         raise OutputError(
-            f"{path} holds no state of a run; start the run anew, without --resume and elsewhere with --out"
+            f"{path} holds no state of a run; start the run again, without --resume and elsewhere with --out"
         )
     return state
 

@@ -1,4 +1,4 @@
-"""An HDF5 file that may come from a stranger is read without leaving it.
+"""An HDF5 file that may be untrusted is read without leaving it.
 
 HDF5 follows links by itself: a name in a file may stand for another file (external links, datasets whose values lie
 elsewhere, virtual datasets), for another name (soft links), or for a group that it lies in. What this program writes
@@ -43,5 +43,5 @@ def _number_of(node: h5py.Group | h5py.Dataset) -> int:
 def _refused(path: str | Path, place: str, what: str) -> OutputError:
     return OutputError(
         f"{path}: {place} {what}; this program writes no such files and reads none: do not trust it, start the run "
-        "anew without --resume"
+        "again without --resume"
     )

@@ -7,12 +7,12 @@ from typing import Any
 
 from emclutch.results.time_unit import time_in_words
 
-CURE = "the same scene fails there again: change it and start it anew with another --out"
+CURE = "the same scene fails there again: change it and start it again with another --out"
 
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """What a run ended with that neither a machine nor a user has stopped.
+    """The error that ended a run.
 
     Attributes
     ----------
@@ -30,6 +30,6 @@ class Failure:
         return {"time": self.time, "reason": self.reason}
 
     def in_words(self) -> str:
-        """When and why, and that going on helps nothing."""
+        """Return when and why, and that going on helps nothing."""
         when = "before its first window" if self.time is None else f"after {time_in_words(self.time)}"
         return f"the run failed {when}: {self.reason.rstrip('.')}; {CURE}"

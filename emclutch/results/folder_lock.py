@@ -74,7 +74,7 @@ def locked_folder(folder: str | Path) -> Iterator[None]:
 
 
 def has_files(folder: str | Path) -> bool:
-    """Whether anything lies in a folder but a lock and what a killed process had begun to write."""
+    """Return whether anything lies in a folder but a lock and what a killed process had begun to write."""
     return any(entry.name != LOCK and not is_unfinished(entry) for entry in Path(folder).iterdir())
 
 
@@ -121,7 +121,7 @@ def _flock(descriptor: int) -> bool:
 
 
 def _is_still(path: Path, descriptor: int) -> bool:
-    """Whether an open file is the one of that name."""
+    """Return whether an open file is the one of that name."""
     try:
         return os.path.samestat(os.stat(path), os.fstat(descriptor))
     except FileNotFoundError:
@@ -134,7 +134,7 @@ def _own_words() -> bytes:
 
 
 def _holder(path: Path) -> dict | None:
-    """What the holder wrote; None where it has not yet, or it cannot be read."""
+    """Return what the holder wrote; None where it has not yet, or it cannot be read."""
     try:
         holder = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -151,7 +151,7 @@ def _in_use(path: Path, remedy: str) -> FolderInUse:
 
 
 def _left_or_in_use(path: Path) -> OutputError:
-    """Why a file that is there means a lock, where the file itself is the lock."""
+    """Return why a file that is there means a lock, where the file itself is the lock."""
     holder = _holder(path)
     if holder is not None and holder.get("host") == platform.node() and not _runs(holder["pid"]):
         return OutputError(
@@ -162,7 +162,7 @@ def _left_or_in_use(path: Path) -> OutputError:
 
 
 def _runs(pid: int) -> bool:
-    """Whether a process of that number runs on this host; True where that cannot be told."""
+    """Return whether a process of that number runs on this host; True where that cannot be told."""
     if os.name != "posix" or pid <= 0:  # elsewhere `kill` would end it
         return True
     try:

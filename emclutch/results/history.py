@@ -83,7 +83,7 @@ COLUMNS |= {
     "wall_total": ("s", "wall-clock time of the window"),
 }
 
-LONGEST_ROW = 8192  # bytes; a row has some sixty columns of at most 25
+MAX_ROW = 8192  # bytes; a row has some sixty columns of at most 25
 
 
 class HistoryWriter:
@@ -93,7 +93,7 @@ class HistoryWriter:
 
     Parameters
     ----------
-    path : the file. A new run starts it anew.
+    path : the file. A new run starts it again.
     resume_time : time of the checkpoint [s] that a run resumes from: the rows up to it are kept, later
         ones and a last row that was cut off are removed.
 
@@ -153,7 +153,7 @@ def rows_until(path: Path, end: float) -> list[list[str]]:
     """
     rows = _rows_of(path) if path.is_file() else []
     kept, reached = rows[:1], 0.0
-    slack = 1e-12 * abs(end)  # round-off of a time that was added up anew
+    slack = 1e-12 * abs(end)  # round-off of a time that was added up again
     for row in rows[1:]:
         time = _time_of(row, rows[0])
         if time is None or not time <= end + slack:
@@ -164,7 +164,7 @@ def rows_until(path: Path, end: float) -> list[list[str]]:
         there = "holds no row that can be read" if len(kept) < 2 else f"can be read to t = {reached:.6g} s"
         raise OutputError(
             f"{path} {there}, and the checkpoint is at t = {end:.6g} s: the rows in between are missing; put the file "
-            "back as the run left it, or start anew in another folder with --out"
+            "back as the run left it, or start again in another folder with --out"
         )
     return kept
 
@@ -222,7 +222,7 @@ def last_time(path: Path) -> float | None:
     try:
         with path.open("rb") as file:
             file.seek(0, io.SEEK_END)
-            file.seek(max(0, file.tell() - LONGEST_ROW))
+            file.seek(max(0, file.tell() - MAX_ROW))
             lines = file.read().split(b"\n")
         return float(lines[-2].split(b",", 1)[0])  # after the last line's end nothing whole stands; time comes first
     except (OSError, IndexError, ValueError):  # no file, no line, the names alone

@@ -31,7 +31,7 @@ from typing import Any
 
 import numpy as np
 
-LEAST_POINTS = 4  # of a curve: three always leave a line of one degree of freedom and nothing that could end it
+MIN_POINTS = 4  # of a curve: three always leave a line of one degree of freedom and nothing that could end it
 SIGNIFICANCE = 0.05  # of both tests: a true line is cut short by a point in one case of ten
 END = 1.96  # standard errors of the same significance
 KNEE = 3.0  # standard errors by which the next torque must lie below the line: 1 in 700 by chance
@@ -87,12 +87,12 @@ def linear_range(current: Any, torque: Any, error: Any, converged: Any = None) -
     order = np.argsort(x, kind="stable")
     x, y, sigma = x[order], y[order], sigma[order]
     there = np.isfinite(x) & np.isfinite(y)
-    if np.unique(x[there]).size < LEAST_POINTS:
+    if np.unique(x[there]).size < MIN_POINTS:
         return _nothing(
-            f"no linear range: torques at {np.unique(x[there]).size} currents, {LEAST_POINTS} needed; add currents"
+            f"no linear range: torques at {np.unique(x[there]).size} currents, {MIN_POINTS} needed; add currents"
         )
     known = there & np.isfinite(sigma) & (sigma > 0.0)
-    if np.unique(x[known]).size < LEAST_POINTS:
+    if np.unique(x[known]).size < MIN_POINTS:
         return _unweighted(x[there], y[there], int(np.count_nonzero(known)))
     steady = np.ones(x.size, dtype=bool) if converged is None else np.asarray(converged, dtype=bool)[order]
     x, y, sigma, steady = x[known], y[known], sigma[known], steady[known]
@@ -119,7 +119,7 @@ def _unweighted(x: np.ndarray, y: np.ndarray, known: int) -> LinearRange:
     scatter = math.sqrt(float(np.sum((y - slope * (x - offset)) ** 2)) / (x.size - 2))
     return LinearRange(
         slope, scatter * errors[0], offset, scatter * errors[1], None, None, float(x[0]), float(x[-1]), x.size, False,
-        f"a line through all points, unweighted: {known} of them have an error, {LEAST_POINTS} needed to tell where it "
+        f"a line through all points, unweighted: {known} of them have an error, {MIN_POINTS} needed to tell where it "
         "holds; run longer",
     )  # fmt: skip
 
@@ -148,7 +148,7 @@ def _is_line(x: np.ndarray, y: np.ndarray, sigma: np.ndarray) -> bool:
 
 
 def _off_the_line(x: np.ndarray, y: np.ndarray, sigma: np.ndarray, at: float, torque: float, error: float) -> float:
-    """How far above the nearest line of some points another one lies, in standard errors of that distance."""
+    """Return how far above the nearest line of some points another one lies, in standard errors of that distance."""
     middle, level, slope, of_level, of_slope = _nearest(x, y, sigma)
     return (torque - level - slope * (at - middle)) / math.hypot(error, of_level, of_slope * (at - middle))
 
@@ -193,7 +193,7 @@ def _with_knee(x: np.ndarray, y: np.ndarray, sigma: np.ndarray, first: int, last
 
 
 def _shifts(x: np.ndarray, y: np.ndarray, sigma: np.ndarray) -> tuple[float, float]:
-    """How far slope and offset move at most when the range loses its first or its last point."""
+    """Return how far slope and offset move at most when the range loses its first or its last point."""
     slope, offset, _ = _line(x, y, sigma)
     others = [_line(x[part], y[part], sigma[part])[:2] for part in (slice(1, None), slice(None, -1))]
     return max(abs(one - slope) for one, _ in others), max(abs(one - offset) for _, one in others)
@@ -244,7 +244,7 @@ def _corner(
 
 
 def _allowed(rest: np.ndarray, sigma: np.ndarray, numbers: int) -> bool:
-    """Whether chi^2 of what is left beside a fit of so many numbers is one that noise alone would leave."""
+    """Return whether chi^2 of what is left beside a fit of so many numbers is one that noise alone would leave."""
     from scipy.special import chdtrc
 
     square = float(np.sum((rest / sigma) ** 2))

@@ -1,4 +1,4 @@
-"""What goes wrong when results are written or read: always with the path and a remedy."""
+"""Error of writing or reading results, with the path and a remedy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far a run is: a bar with the time left on a terminal, plain lines elsewhere."""
+"""Progress of a run: a bar with the time left on a terminal, plain lines elsewhere."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LINE_EVERY_SECONDS = 5.0
 LINE_EVERY_FRACTION = 0.1
 # The first windows compile kernels: they say nothing about the rest, and the time left is guessed without them.
 FIRST_STEPS, FIRST_FRACTION = 2, 0.01
-LEAST_DONE = 0.03  # below, no time left is shown
+MIN_DONE = 0.03  # below, no time left is shown
 
 
 class Progress:
@@ -93,7 +93,7 @@ class Progress:
                 self._clock = now, fraction
             return ""
         passed, advanced = now - self._clock[0], fraction - self._clock[1]
-        if done < LEAST_DONE or advanced <= 0.0 or passed < 0.5:  # too early for an honest guess
+        if done < MIN_DONE or advanced <= 0.0 or passed < 0.5:  # too early for an honest guess
             return ""
         return f"{duration_text(passed * (1.0 - fraction) / advanced)} left"
 

@@ -1,4 +1,4 @@
-"""Where a result came from: versions, commit, seed, mesh, threads and machine."""
+"""Provenance of a result: versions, commit, seed, mesh, threads and machine."""
 
 from __future__ import annotations
 

@@ -192,7 +192,7 @@ def steadiness(found: Estimate, wanted: float) -> Steadiness:
 
 
 def creeps_for_certain(found: Estimate, wanted: float) -> bool:
-    """Whether a drift beyond `CREEP` times `wanted` is certain (95 %): more replicas do not cure it."""
+    """Return whether a drift beyond `CREEP` times `wanted` is certain (95 %): more replicas do not cure it."""
     if found.drift is None or found.drift_error is None or found.drift_freedom is None:
         return False
     drift, error = _nominal_drift(found)

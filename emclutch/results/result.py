@@ -1,4 +1,4 @@
-"""What a run found, read back from its folder."""
+"""Results of a run, read from its folder."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Result:
 
     @property
     def stopped(self) -> str | None:
-        """Who ended the run before its scene does (the callback of `emclutch.run`), and when; None: nobody."""
+        """Return who ended the run before its scene does (the callback of `emclutch.run`), and when; None: nobody."""
         return self.summary.get("stopped")
 
     @property

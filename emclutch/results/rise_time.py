@@ -1,4 +1,4 @@
-"""How long current, field of the gap and torque take to come: the times to 63 and 90 % of the value that they go to.
+"""Rise times of current, gap field and torque: to 63 and 90 % of their final values.
 
 The current's final value is known beforehand: V/R of the circuit, or the last value of its table. What the field goes
 to is known only once the current is there: a saturated field is not proportional to it. The torque goes to what it is
@@ -99,6 +99,6 @@ def _begins_low(value: np.ndarray, final: float) -> bool:
 
 
 def _still_moves(time: np.ndarray, value: np.ndarray) -> bool:
-    """Whether the last tenth of the run changes a quantity by more than `SETTLED` of its value."""
+    """Return whether the last tenth of the run changes a quantity by more than `SETTLED` of its value."""
     late = value[time >= 0.9 * time[-1]]
     return bool(np.ptp(late) > SETTLED * value[-1])

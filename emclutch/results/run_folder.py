@@ -73,9 +73,9 @@ class RunFolder:
         return folder
 
     def has_checkpoint(self) -> bool:
-        """Whether a run that is to be resumed goes on from a checkpoint; False: it was killed before it wrote one.
+        """True if a run that is to be resumed has a checkpoint; False: it was killed before it wrote one.
 
-        Such a run starts anew in its folder: it has lost what was before the end of its first window, no more.
+        Such a run starts again in its folder: it has lost what was before the end of its first window, no more.
 
         Raises
         ------
@@ -84,12 +84,12 @@ class RunFolder:
         if not self.is_begun():
             raise OutputError(
                 f"nothing to resume in {self.path}: it has no {self.checkpoint.name}; "
-                "start anew without --resume, elsewhere with --out or after removing it"
+                "start again without --resume, elsewhere with --out or after removing it"
             )
         return self.checkpoint.is_file()
 
     def is_begun(self) -> bool:
-        """Whether there is a run that can be resumed, without losing anything if it has no checkpoint."""
+        """Return whether there is a run that can be resumed, without losing anything if it has no checkpoint."""
         nothing_yet = self.case.is_file() and not self.summary.is_file() and whole_rows(self.history) <= 1
         return self.checkpoint.is_file() or nothing_yet
 
@@ -129,12 +129,12 @@ class RunFolder:
 
     @property
     def failure(self) -> Path:
-        """Why the run failed for its scene, where it did."""
+        """Return why the run failed for its scene, where it did."""
         return self.path / "failure.json"
 
     @property
     def plan(self) -> Path:
-        """What was decided before the first window, as numbers and as words."""
+        """Return what was decided before the first window, as numbers and as words."""
         return self.path / "plan.json"
 
     @property
@@ -202,7 +202,7 @@ class RunFolder:
             text = self.case.read_text(encoding="utf-8")
             tomllib.loads(text)
         except (OSError, ValueError) as error:
-            raise OutputError(f"cannot read {self.case}: {error}; put it back, or start anew with --out") from error
+            raise OutputError(f"cannot read {self.case}: {error}; put it back, or start again with --out") from error
         return text
 
     def write_provenance(self, **known: Any) -> None:
@@ -255,7 +255,7 @@ class RunFolder:
             replace_json(self.failure, Failure(last_time(self.history), reason).as_dict())
 
     def read_failure(self) -> Failure | None:
-        """What the run failed of, None where it did not for its scene; raises as `read_provenance`."""
+        """Return what the run failed of, None where it did not for its scene; raises as `read_provenance`."""
         found = _read_json(self.failure)
         return Failure(found.get("time"), str(found.get("reason", ""))) if found else None
 
@@ -273,9 +273,9 @@ def _read_json(path: Path) -> dict[str, Any]:
     except FileNotFoundError:
         return {}
     except (OSError, ValueError) as error:
-        raise OutputError(f"cannot read {path}: {error}; remove it, or start anew with --out") from error
+        raise OutputError(f"cannot read {path}: {error}; remove it, or start again with --out") from error
     if not isinstance(found, dict):
-        raise OutputError(f"{path} is none that a run writes; remove it, or start anew with --out")
+        raise OutputError(f"{path} is none that a run writes; remove it, or start again with --out")
     return found
 
 

@@ -1,4 +1,4 @@
-"""The folder of a run that has no checkpoint gives way to a new one, and keeps what it holds."""
+"""The folder of a run that has no checkpoint is renamed for a new one, and keeps what it holds."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ HOLDS = 0.01  # of the rotor's fastest speed: shafts whose slip falls below it d
 
 @dataclass(frozen=True, slots=True)
 class SteadyConditions:
-    """What the verdict needs beside the history; it lies in the run's folder from its first window on.
+    """Data that the verdict needs in addition to the history, in the run's folder from its first window on.
 
     Attributes
     ----------
@@ -131,7 +131,7 @@ def steady_torque(
 
 
 def _is_negligible(histories: Sequence[pandas.DataFrame], conditions: SteadyConditions) -> bool:
-    """Whether the disc's torque is below what counts in every window of the later half, while the gap is sheared."""
+    """True if the disc's torque is negligible in every window of the later half, while the gap is sheared."""
     if not conditions.negligible:
         return False
     for history in histories:
@@ -174,7 +174,7 @@ def _how_much_longer(
 
 
 def _imbalance(late: pandas.DataFrame, duration: np.ndarray, mean: float, error: float) -> tuple[str, float]:
-    """What is wrong with the balance of mean torques on all that touches the powder; and how much longer [s] helps.
+    """Return the error in the balance of mean torques on the powder, and how much longer [s] helps.
 
     Empty where it holds.
     """
@@ -195,7 +195,7 @@ def _imbalance(late: pandas.DataFrame, duration: np.ndarray, mean: float, error:
 def _little_shear(
     history: pandas.DataFrame, duration: np.ndarray, late: np.ndarray, conditions: SteadyConditions
 ) -> tuple[str, float]:
-    """What is wrong with the shear of the gap while averaging, and how much longer [s] helps.
+    """Return what is wrong with the shear of the gap while averaging, and how much longer [s] helps.
 
     Empty where it suffices or the shafts hold.
     """
@@ -228,7 +228,7 @@ def _strain(history: pandas.DataFrame, duration: np.ndarray, conditions: SteadyC
 
 
 def _holds(history: pandas.DataFrame) -> bool:
-    """Whether the shafts do not slip in some window of the later half."""
+    """Return whether the shafts do not slip in some window of the later half."""
     slip = (history["rotor_speed"] - history["disc_speed"]).abs().to_numpy()
     return float(slip[len(slip) // 2 :].min()) <= HOLDS * max(float(history["rotor_speed"].abs().max()), 1e-300)
 

@@ -1,4 +1,4 @@
-"""What a study's folder holds, read back: its values, its points and their results."""
+"""The folder of a study: its values, its points and their results."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def _end_of(folder: Path) -> float | None:
 
 
 def is_study(path: Path) -> bool:
-    """Whether a folder is that of a study with a point that is done, or one that has failed."""
+    """Return whether a folder is that of a study with a point that is done, or one that has failed."""
     return (path / TABLE).is_file()
 
 

@@ -1,4 +1,4 @@
-"""What a study found, read back from its folder."""
+"""Results of a study, read from its folder."""
 
 from __future__ import annotations
 

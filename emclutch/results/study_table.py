@@ -1,4 +1,4 @@
-"""How far a study is: one live table with a row a point and the time left on a terminal, plain lines elsewhere."""
+"""Progress of a study: a live table with a row per point and the time left on a terminal, plain lines elsewhere."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 WAITING, RUNNING, DONE, KEPT, FAILED, STOPPED = "waiting", "running", "done", "kept", "failed", "stopped"
-LEAST_DONE = 0.01  # of the work since the start; below, no time left is guessed
+MIN_DONE = 0.01  # of the work since the start; below, no time left is guessed
 FRAME = 7  # lines of a terminal beside the points: title, head, rules, what is going on
 STYLES = {RUNNING: "bold", FAILED: "red", STOPPED: "yellow", WAITING: "dim"}
 
 
 @dataclass(slots=True)
 class PointRow:
-    """What the table says of a point.
+    """Row of the table for a point.
 
     Attributes
     ----------
@@ -152,11 +152,11 @@ class StudyTable:
         seen = [(row, row.marched) for row in self.rows if row.marched is not None and row.state in (RUNNING, DONE)]
         advanced = sum(row.fraction - row.first for row, _ in seen)
         left = sum(1.0 - row.fraction for row in self.rows)
-        if not seen or advanced < LEAST_DONE * (advanced + left):
+        if not seen or advanced < MIN_DONE * (advanced + left):
             return None
         guess = (now - min(since for _, since in seen)) * left / advanced
         for row, since in seen:
-            if row.state == RUNNING and row.fraction - row.first > LEAST_DONE:
+            if row.state == RUNNING and row.fraction - row.first > MIN_DONE:
                 guess = max(guess, (now - since) * (1.0 - row.fraction) / (row.fraction - row.first))
         return guess
 

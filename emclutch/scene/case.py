@@ -21,7 +21,7 @@ from emclutch.scene.likely_mistakes import warnings_of
 from emclutch.scene.model import NO_GRAINS, Scene
 from emclutch.scene.section import Section
 
-LARGEST_FILE = 20_000_000
+MAX_FILE = 20_000_000
 """Bytes of a scene or study: half a million points of a table; a larger file is refused before it is parsed."""
 DEEPEST = 20
 """Tables and lists in one another; a scene needs five."""
@@ -134,7 +134,7 @@ def case_from(
 
 
 def removes(key: str, value: object) -> bool:
-    """Whether an entry of a setting takes its key out of a scene: ``none``, and for ``effects.NAME`` ``off`` too."""
+    """True if a value removes its key from a scene: ``none``, and for ``effects.NAME`` ``off`` too."""
     return value == "none" or (value == "off" and key.startswith("effects.") and key.count(".") == 1)
 
 
@@ -148,13 +148,13 @@ def read_toml(path: Path) -> dict[str, Any]:
     """
     try:
         with open(path, "rb") as stream:
-            content = stream.read(LARGEST_FILE + 1)
-        if len(content) <= LARGEST_FILE:
+            content = stream.read(MAX_FILE + 1)
+        if len(content) <= MAX_FILE:
             data = tomllib.loads(content.decode())
             if not (faults := _not_of_a_scene(data, path)):
                 return data
             raise SceneError(faults, str(path))
-        reason = f"is larger than {LARGEST_FILE // 1_000_000} MB; put long tables into files of their own"
+        reason = f"is larger than {MAX_FILE // 1_000_000} MB; put long tables into files of their own"
     except FileNotFoundError:
         reason = "does not exist; check the path"
     except IsADirectoryError:
@@ -174,7 +174,7 @@ _TOO_DEEP = f"has tables in one another more than {DEEPEST} deep; a scene needs 
 
 
 def _not_of_a_scene(data: dict[str, Any], path: Path) -> list[Fault]:
-    """What no scene needs and Python would stumble on: deep nesting, whole numbers of more than TOML's 64 bits."""
+    """Return errors that Python would stumble on: deep nesting, whole numbers of more than TOML's 64 bits."""
     level: list[tuple[str, Any]] = [("", data)]
     for _ in range(DEEPEST):
         below: list[tuple[str, Any]] = []

@@ -69,7 +69,7 @@ class CoilSection(Section):
 
     @property
     def is_at_voltage(self) -> bool:
-        """Whether a voltage drives the coil."""
+        """True if a voltage drives the coil."""
         return self.current is None
 
     @property

@@ -65,7 +65,7 @@ def _table(path: str, field: FieldInfo, data: dict[str, Any] | None) -> Iterator
 
 
 def _is_the_one(model: type[Section], data: dict[str, Any]) -> bool:
-    """Whether a member of a tagged union is the one that an entry names."""
+    """Return whether a member of a tagged union is the one that an entry names."""
     return all(
         data.get(key) in get_args(field.annotation) for key, field in model.model_fields.items() if tag_of(field)
     )
@@ -97,7 +97,7 @@ def _line(key: str, field: FieldInfo, data: dict[str, Any]) -> Iterator[str]:
 
 
 def _said(field: FieldInfo) -> str:
-    """What a key is for, with its unit, or what may be chosen."""
+    """Return what a key is for, with its unit, or what may be chosen."""
     if tag_of(field):
         return "the keys below are those of this kind"
     entry = entry_in_words(field.annotation, tuple(field.metadata)).replace("`", "")

@@ -11,7 +11,7 @@ from emclutch.scene.draft import Draft, size_key
 from emclutch.scene.errors import Fault
 from emclutch.scene.fill import fill_of
 from emclutch.scene.geometry import ClutchGeometry
-from emclutch.scene.grains import MOST_GRAINS
+from emclutch.scene.grains import MAX_GRAINS
 from emclutch.scene.magnetic_checks import field_is_3d, field_of_effects, materials, source_fits
 from emclutch.scene.mesh_checks import fine_enough_for_moments, finished_mesh
 from emclutch.scene.motion import HELD
@@ -128,7 +128,7 @@ def _surfaces(draft: Draft) -> Iterator[Fault]:
 
 
 def _rigid(draft: Draft) -> Iterator[Fault]:
-    """What rigid grains cannot do yet."""
+    """Return what rigid grains cannot do yet."""
     scene = draft.scene
     if scene.contact.method != "dvi":
         return
@@ -161,10 +161,10 @@ def _fill(draft: Draft) -> Iterator[Fault]:
             f"cm^3), more than can be packed; allowed: at most {limits[key]}; lower it, or enlarge the "
             "region",
         )
-    elif fill.count > MOST_GRAINS:
+    elif fill.count > MAX_GRAINS:
         yield draft.fault(
             f"particles.{key}",
-            f"makes {fill.count:.3g} grains; allowed: at most {MOST_GRAINS:.3g}; lower it, take a narrower "
+            f"makes {fill.count:.3g} grains; allowed: at most {MAX_GRAINS:.3g}; lower it, take a narrower "
             f"particles.sector, or raise particles.{size_key(particles)}",
         )
     if fill.count < 1:

@@ -159,7 +159,7 @@ class ContactSection(Section):
 
     @property
     def needs_a_load(self) -> bool:
-        """Whether the stiffness is left to follow from the largest load."""
+        """True if the stiffness is left to follow from the largest load."""
         given = {"hertz_mindlin": self.youngs_modulus, "hertz": self.hertz_stiffness}.get(self.law, self.stiffness)
         return given is None
 

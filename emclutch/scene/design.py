@@ -46,7 +46,7 @@ class DesignFile(Section):
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """What is searched: a key of a case between two values, and the torque that is wanted.
+    """Design search: a key of a case between two values, and the torque that is wanted.
 
     Attributes
     ----------

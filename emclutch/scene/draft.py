@@ -23,7 +23,7 @@ class Draft:
 
     @property
     def is_of_the_field_alone(self) -> bool:
-        """Whether the scene has no [particles]; one whose [particles] are faulty has."""
+        """True if the scene has no [particles]; one whose [particles] are faulty has."""
         return self.scene.particles is None and "particles" not in self.broken
 
     def fault(self, key: str, message: str) -> Fault:

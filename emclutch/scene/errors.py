@@ -1,4 +1,4 @@
-"""What a user's mistake looks like: faults of a scene, all at once, each with key, entry and remedy."""
+"""Errors of a scene, reported all at once, each with key, entry and remedy."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ class UniformFieldSection(Section):
 
     @property
     def is_macroscopic(self) -> bool:
-        """Whether it is the mean field of an even powder, and not that without grains."""
+        """True if it is the mean field of an even powder, and not that without grains."""
         return self.means == "macroscopic"
 
 

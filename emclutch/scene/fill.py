@@ -1,4 +1,4 @@
-"""How many grains a scene has: from the mass, the solid fraction or the count to the other two.
+"""Number of grains of a scene: from the mass, the solid fraction or the count to the other two.
 
 Of grains of different sizes, as many are drawn as come nearest to the wanted volume: mass and solid fraction are met to
 half a grain. Without a seed the number is the one to be expected, by their mean volume: good enough for checks.

@@ -138,7 +138,7 @@ class ShearCellGeometry(GeometrySection):
 
     @property
     def may_have_steel_faces(self) -> bool:
-        """Whether its cylinders are of steel."""
+        """True if its cylinders are of steel."""
         return self.steel
 
     def shape(self, own: Mapping[str, Material] = NO_MATERIALS) -> ShearCell:
@@ -271,7 +271,7 @@ class CadGeometry(GeometrySection):
 
     @property
     def is_meshed(self) -> bool:
-        """Whether the file is a finished mesh, which is taken as it is."""
+        """True if the file is a finished mesh, which is taken as it is."""
         from geometry.mesh_blocks import MESH_SUFFIXES
 
         return Path(self.file).suffix.lower() in MESH_SUFFIXES

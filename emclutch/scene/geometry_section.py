@@ -1,4 +1,4 @@
-"""What every kind of geometry answers to the rest of the scene, so that few need to ask which kind it is.
+"""Interface of every kind of geometry to the rest of the scene.
 
 What is drawn, meshed or estimated in its own way still asks.
 """
@@ -47,17 +47,17 @@ class GeometrySection(Section):
 
     @property
     def may_have_steel_faces(self) -> bool:
-        """Whether grains may touch walls of steel, in which they see their images."""
+        """True if grains may touch walls of steel, in which they see their images."""
         return self.has_coil
 
     @property
     def is_solved_in_3d(self) -> bool:
-        """Whether its coil's field is solved in 3D, and not in the section of a device of revolution."""
+        """True if its coil's field is solved in 3D, and not in the section of a device of revolution."""
         return False
 
     @property
     def is_meshed(self) -> bool:
-        """Whether it comes with a finished mesh, which is taken as it is."""
+        """True if it comes with a finished mesh, which is taken as it is."""
         return False
 
     @property

@@ -1,4 +1,4 @@
-"""What is known of a geometry that has faults: its kind, its materials, and the sizes that are right.
+"""Sketch of a geometry with errors: its kind, its materials, and its valid sizes.
 
 Most of what the sections of a scene demand of the geometry concerns its kind alone. It is judged on a sketch, so that
 one wrong size hides no fault of another section.

@@ -1,4 +1,4 @@
-"""Where grains are spread into the field that magnetises them, solved or layered, and over which width."""
+"""Smearing of grains into the field that magnetises them, solved or layered, and its width."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ ELEMENTS_A_WIDTH = 4.0
 
 
 def moments_are_fed_back(scene: Scene) -> bool:
-    """Whether the field is solved with the grains' own moments in it."""
+    """Return whether the field is solved with the grains' own moments in it."""
     return scene.effects.feedback is not None and scene.effects.attraction is not None
 
 
 def layers_change_the_field(scene: Scene) -> bool:
-    """Whether the field is the mean one of even powder between steel faces, across which layers of grains change it."""
+    """True if the field is the mean one of even powder between steel faces, across which layers change it."""
     field, geometry = scene.prescribed_field, scene.geometry
     return (
         field is not None

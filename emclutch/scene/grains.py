@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from particles.packing.packing import Packing
     from particles.packing.sizes import GrainSizes
 
-LARGEST_SOLID_FRACTION = 0.60
+MAX_SOLID_FRACTION = 0.60
 """Fill beyond which equal spheres are not packed at random without pressing them (close packing: 0.64)."""
 
-MOST_GRAINS = 10_000_000
+MAX_GRAINS = 10_000_000
 """That are simulated: 40 GB of them; their sizes alone are drawn in a second."""
 
 _LATTICE_DENSITY = {"sc": math.pi / 6.0, "fcc": math.pi / math.sqrt(18.0), "hcp": math.pi / math.sqrt(18.0)}
@@ -40,7 +40,7 @@ class ParticlesSection(Section):
     solid_fraction: Annotated[float, number("0.4", 0.0, 1.0, above=True)] | None = Field(
         default=None, description="volume of grains / volume of the region; at random at most 0.60 can be packed"
     )
-    count: Annotated[int, Whole(1, MOST_GRAINS, "1000")] | None = Field(
+    count: Annotated[int, Whole(1, MAX_GRAINS, "1000")] | None = Field(
         default=None, description="number of simulated grains (those of the sector, where there is one)"
     )
     density: Density = Field(default=7700.0, description="density of the grain's material")
@@ -141,7 +141,7 @@ class ParticlesSection(Section):
 
     @property
     def settles(self) -> bool:
-        """Whether the grains come to rest before time 0."""
+        """True if the grains come to rest before time 0."""
         return self.settle or self.packing == "pour"
 
     @property
@@ -176,7 +176,7 @@ class ParticlesSection(Section):
             from particles.packing.grown_packing import close_packing_of_moments  # local: see `distribution`
 
             return close_packing_of_moments(self.distribution().moment)
-        return LARGEST_SOLID_FRACTION
+        return MAX_SOLID_FRACTION
 
     def distribution(self) -> GrainSizes:
         """Return the distribution of diameters."""

@@ -33,8 +33,8 @@ def warnings_of(scene: Any) -> Iterator[str]:
     if slotted and scene.coil_field is None:
         yield f"geometry.{slotted} has no effect: only the field of a coil sees slots, grains meet smooth walls"
     for name, own in scene.materials.items():
-        if isinstance(own, TableMaterial) and own.caution:
-            yield f"materials.{name}: {own.caution}"
+        if isinstance(own, TableMaterial) and own.warning:
+            yield f"materials.{name}: {own.warning}"
     coil = scene.coil
     window = scene.shape() if scene.geometry.has_coil else None
     if coil is not None and coil.current is not None and coil.voltage is not None and window is not None:
@@ -45,5 +45,5 @@ def warnings_of(scene: Any) -> Iterator[str]:
 
 
 def _is_told(scene: Any, name: str) -> bool:
-    """Whether a section says anything; a resolved scene has the defaults written out."""
+    """Return whether a section says anything; a resolved scene has the defaults written out."""
     return getattr(scene, name) != type(scene).model_fields[name].default

@@ -63,7 +63,7 @@ def field_of_effects(draft: Draft) -> Iterator[Fault]:
 
 
 def field_is_3d(draft: Draft) -> Iterator[Fault]:
-    """What a field in 3D, of slots or of solids from CAD, cannot do, or not yet."""
+    """Return what a field in 3D, of slots or of solids from CAD, cannot do, or not yet."""
     source, effects, slotted = draft.scene.coil_field, draft.scene.effects, draft.scene.geometry.slotted
     if source is None or not draft.scene.geometry.is_solved_in_3d:
         return

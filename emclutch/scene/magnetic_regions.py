@@ -1,4 +1,4 @@
-"""Which regions of a device are magnetic, by the laws of their materials: their faces mirror the grains' dipoles."""
+"""Magnetic regions of a device, by the laws of their materials: their faces mirror the grains' dipoles."""
 
 from __future__ import annotations
 

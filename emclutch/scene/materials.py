@@ -22,7 +22,7 @@ _Conductivity = Annotated[float, Quantity("a conductivity", "S/m", "7e6 S/m", 0.
 
 
 class _OwnMaterial(Section):
-    """What every own material may say beside its law."""
+    """Keys of every user-defined material besides its law."""
 
     density: Density | None = None
     conductivity: _Conductivity | None = Field(default=None, description="electrical, at 20 degrees C; default: none")
@@ -146,9 +146,9 @@ class TableMaterial(_OwnMaterial):
         return TableLaw(np.array(self.H), np.array(self.B), name, "the scene")
 
     @property
-    def caution(self) -> str:
-        """What of the points is not used, in words; empty where all are."""
-        return self.magnetic_law("this material").caution
+    def warning(self) -> str:
+        """Return what of the points is not used, in words; empty where all are."""
+        return self.magnetic_law("this material").warning
 
 
 def _with_columns(given: Any, info: ValidationInfo) -> Any:

@@ -1,4 +1,4 @@
-"""What a device from a finished mesh leaves the other sections to say."""
+"""Checks of a device from a finished mesh."""
 
 from __future__ import annotations
 

@@ -89,7 +89,7 @@ def _row(key: str, field: FieldInfo) -> str:
 
 
 def entry_in_words(annotation: Any, marks: tuple[Any, ...] = ()) -> str:
-    """What may stand after the key, in words."""
+    """Return what may stand after the key, in words."""
     marks, annotation = unwrapped(annotation, marks)
     automatic = ', or `"auto"`' if any(isinstance(mark, Automatic) for mark in marks) else ""
     for mark in marks:

@@ -1,4 +1,4 @@
-"""How many replicas of a scene are run, and which seed each has."""
+"""Number of replicas of a scene, and their seeds."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ AUTOMATIC = 4
 
 
 def replica_count(scene: Scene) -> int:
-    """What the scene asks for; where it asks for nothing, with how many packings a run of it begins."""
+    """Return what the scene asks for; where it asks for nothing, with how many packings a run of it begins."""
     return automatic_count(scene) if scene.accuracy.replicas is None else scene.accuracy.replicas
 
 
 def max_replica_count(scene: Scene) -> int:
-    """How many packings a run with `time.until` may take."""
+    """Return the number of packings a run with `time.until` may take."""
     count = replica_count(scene)
     return max(count, scene.accuracy.max_replicas) if scene.accuracy.replicas is None and count > 1 else count
 
@@ -31,7 +31,7 @@ def automatic_count(scene: Scene) -> int:
 
 
 def replicas_side_by_side(count: int, threads: int) -> int:
-    """How many of `count` replicas run at a time on the cores at hand, each on `threads` threads."""
+    """Return the number of of `count` replicas run at a time on the cores at hand, each on `threads` threads."""
     return max(1, min(count, cores_at_hand() // max(1, threads)))
 
 
@@ -41,7 +41,7 @@ def cores_at_hand() -> int:
 
 
 def has_steady_torque(scene: Scene) -> bool:
-    """Whether current and speeds are constant from the start on, so that a torque comes to a steady mean."""
+    """Return whether current and speeds are constant from the start on, so that a torque comes to a steady mean."""
     shafts = (scene.motion.rotor, scene.motion.disc)
     coil = scene.coil
     drive = None if coil is None else coil.voltage if coil.current is None else coil.current
@@ -54,7 +54,7 @@ def has_steady_torque(scene: Scene) -> bool:
 
 
 def packs_alike(scene: Scene) -> bool:
-    """Whether the seed has no part in where the grains begin."""
+    """Return whether the seed has no part in where the grains begin."""
     particles = scene.grains
     if particles.packing == "file":
         return True

@@ -1,4 +1,4 @@
-"""What every section of a scene shares: frozen, no unknown keys, entries checked in the user's words.
+"""Base of all sections of a scene: frozen, no unknown keys, entries checked in the user's words.
 
 The model of a table has the table's name with the suffix `Section`, so that nobody takes `FreeShaftSection`, which is
 what the file says, for `particles.bodies.FreeShaft`, which turns. Geometries, materials and courses in time are chosen
@@ -37,7 +37,7 @@ class Choice:
     planned: tuple[str, ...] = ()
 
     def refusal(self, given: object) -> str:
-        """What is wrong with an entry that is not available."""
+        """Return what is wrong with an entry that is not available."""
         return not_one_of(given, self.available, self.planned)
 
     def _validate(self, given: object) -> str:

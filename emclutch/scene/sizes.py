@@ -18,7 +18,7 @@ _Weight = Annotated[float, number("0.2", 0.0)]
 
 
 class _Distribution(Section):
-    """What all kinds share: they are right if the distribution can be made."""
+    """Base of all kinds: valid if the distribution can be made."""
 
     @model_validator(mode="after")
     def _can_be_drawn(self) -> Self:

@@ -19,7 +19,7 @@ from emclutch.scene.fault_report import faults_from, key_fault
 from emclutch.scene.model import NO_GRAINS, Scene
 from emclutch.scene.section import Section
 
-MOST_POINTS = 10_000
+MAX_POINTS = 10_000
 """Of a study, each of them a run."""
 
 
@@ -81,7 +81,7 @@ class StudySection(Section):
         return found
 
     def changes(self, point: dict[str, Any]) -> dict[str, Any]:
-        """What a point changes in the scene; None removes a key, as in `Case.with_values`."""
+        """Return what a point changes in the scene; None removes a key, as in `Case.with_values`."""
         given = {**self.set, **point}
         return {key: None if removes(key, value) else value for key, value in given.items()}
 
@@ -102,7 +102,7 @@ class StudyFile(Section):
 
 
 class _PartialStudySection(StudySection):
-    """What is right of a study whose other keys are not."""
+    """The valid part of a study with errors."""
 
     case: str | None = None  # type: ignore[assignment]
     values: Annotated[dict[str, Any], BeforeValidator(flat_keys)] = {}
@@ -128,8 +128,8 @@ def read_study(path: str | Path, *, trust_scripts: bool = False) -> StudySection
         study._path, study._trust_scripts = path, trust_scripts
         faults += [*_key_faults(study), *_warm_start_faults(study)]
         number = math.prod(len(values) for values in study.values.values() if isinstance(values, list))
-        if number > MOST_POINTS:
-            message = f"makes {number:.4g} points; allowed: at most {MOST_POINTS}; take fewer values, or more studies"
+        if number > MAX_POINTS:
+            message = f"makes {number:.4g} points; allowed: at most {MAX_POINTS}; take fewer values, or more studies"
             faults.append(Fault("study.values", "", message))
         elif study.case is not None:
             faults += _faults_of_points(study)
@@ -172,7 +172,7 @@ def _is_list(values: Any) -> bool:
 
 
 def _warm_start_faults(study: StudySection) -> list[Fault]:
-    """What is wrong with the axis along which grains are handed on."""
+    """Return what is wrong with the axis along which grains are handed on."""
     key = study.warm_start
     if key is None:
         return []

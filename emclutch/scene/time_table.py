@@ -27,7 +27,7 @@ class TimeTable(Section):
                 f"has {len(self.times)} times and {len(self.values)} values; give as many of one as of the other"
             )
         if any(later <= earlier for earlier, later in pairwise(self.times)):
-            raise refuse("must increase from each instant to the next; sort it and drop what is double", key="times")
+            raise refuse("must increase from each instant to the next; sort it and remove duplicates", key="times")
         return self
 
 

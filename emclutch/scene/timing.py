@@ -86,7 +86,7 @@ class AccuracySection(Section):
 
 
 class OutputSection(Section):
-    """What a run writes."""
+    """Output of a run."""
 
     folder: str | None = Field(default=None, min_length=1, description="folder of the run; --out wins over it")
     snapshots: Annotated[int, Whole(0, 100_000, "20")] = Field(default=20, description="number of VTK snapshots")

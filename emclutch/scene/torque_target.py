@@ -1,4 +1,4 @@
-"""How well a run's torque is to be known: ``until = "torque 2 %"``."""
+"""Target precision of the torque: ``until = "torque 2 %"``."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class TorqueTarget:
         examples = "write " + ", ".join(f"'{one}'" for one in EXAMPLES)
         match = re.fullmatch(r"\s*torque\s+(.+)", text) if isinstance(text, str) else None
         if match is None:
-            raise ValueError(f"is no aim for the torque; {examples}")
+            raise ValueError(f"is not a valid torque target; {examples}")
         parts = re.split(r"\s+or\s+", match[1])
         shares = [part.strip().removesuffix("%").strip() for part in parts if part.strip().endswith("%")]
         torques = [part.strip() for part in parts if not part.strip().endswith("%")]

@@ -28,7 +28,7 @@ _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+(?:[eE][+-]?\d+)?(?:\s*[^\d\s,].*)?
 # reaches pint, which would compute 9**9**9.
 _NAME = r"\(*[A-Za-zµμΩ°%]+(?:(?:\^|\*\*)?-?\d(?:\.5)?|[²³])?\)*"
 _UNIT_TEXT = re.compile(rf"(?:1\s*/\s*)?{_NAME}(?:\s*[*/·\s]\s*{_NAME})*")
-_LONGEST_UNIT = 40
+_MAX_UNIT = 40
 _ANGLE_UNITS = {
     "radian",
     "milliradian",
@@ -90,7 +90,7 @@ def _names_of_dimensions() -> dict[Any, str]:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """What a float of the scene means: physical quantity, SI unit, allowed range and an example.
+    """Meaning of a float in a scene: physical quantity, SI unit, allowed range and an example.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ class Quantity:
                 "millimetres are meant"
             )
         if 0.0 < value < self.least:
-            raise ValueError(f"is next to nothing; allowed: at least {self.least:g} {self.unit}".rstrip())
+            raise ValueError(f"is below the minimum; allowed: at least {self.least:g} {self.unit}".rstrip())
         below = value < self.minimum or (self.open_minimum and value == self.minimum)
         if below or value > self.maximum:
             raise ValueError(f"is out of range; allowed: {self.range_text}, e.g. {self.given_example}")
@@ -224,7 +224,7 @@ class Quantity:
 @lru_cache(maxsize=256)
 def _parse_unit(text: str) -> Any:
     """Return pint's unit for a text, or None where there is none."""
-    if len(text) > _LONGEST_UNIT or _UNIT_TEXT.fullmatch(text) is None:
+    if len(text) > _MAX_UNIT or _UNIT_TEXT.fullmatch(text) is None:
         return None
     # Habits that pint does not know: "g/cm3", "rev/min", "N·m".
     text = re.sub(r"([A-Za-z])(-?\d)", r"\1^\2", text).replace("·", "*")

@@ -36,7 +36,7 @@ class UsualRange:
     ask: str
 
     def remark(self, name: str, value: float) -> str | None:
-        """What is to be said of a value in `unit`; None within the range."""
+        """Return what is to be said of a value in `unit`; None within the range."""
         if self.low <= value <= self.high:
             return None
         unit = f" {self.unit}" if self.unit else ""

@@ -109,7 +109,7 @@ def rigid_grains(scene: Scene, plan: Plan, rigid: RigidContacts, grains: Grains,
 def field_source(
     scene: Scene, device: Device, bodies: Sequence[Body], walls, peak: MagneticField | Field3D | None
 ) -> FieldSource | None:
-    """Where the scene's field comes from; None when no effect needs one. `peak` is solved at the largest current."""
+    """Return the source of the scene's field; None when no effect needs one. `peak` is that at the largest current."""
     if device.imposed is not None:
         if not layers_change_the_field(scene):
             return ImposedField(device.imposed)

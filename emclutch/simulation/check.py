@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """What follows from a right scene, as `emclutch check` says it.
+    """Plan of a valid scene, as `emclutch check` prints it.
 
     Attributes
     ----------

@@ -65,7 +65,7 @@ def elastic_contacts(scene, device: Device, M_max: float, speed: float) -> Elast
 
 
 def dvi_springs(scene, device: Device, M_max: float, speed: float) -> tuple[np.ndarray, Stiffness] | None:
-    """Springs of rigid grains that give way, and what they follow from; None for grains without.
+    """Springs of compliant contacts, and what they follow from; None for grains without.
 
     The springs are [[k_n, k_t] between grains, [k_n, k_t] at walls] [N/m]; of a law that is not linear, the stiffness
     at the largest overlap to be expected.
@@ -129,7 +129,7 @@ def _loads(scene, device: Device, M_max: float, chained: float) -> Iterator[Load
 
 
 def _too_soft(contact: ContactSection, overlap: Callable[[ContactSection], float], why: str) -> str:
-    """What is said of a stiffness with which the run would stop; `overlap` over the diameter."""
+    """Return what is said of a stiffness with which the run would stop; `overlap` over the diameter."""
     key, unit = contact.stiffness_entry.name, contact.stiffness_entry.unit
     given = {name: value for name in (key, f"wall_{key}") if (value := getattr(contact, name)) is not None}
     factor = 1.0

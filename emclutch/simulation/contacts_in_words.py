@@ -33,7 +33,7 @@ def contacts_in_words(scene: Scene, contacts: ElasticContacts | RigidContacts) -
 
 
 def stiffness_in_words(stiffness: Stiffness) -> str:
-    """How stiff contacts between grains are, why, and what speaks against it."""
+    """Return how stiff contacts between grains are, why, and what speaks against it."""
     why = load_in_words(stiffness.load, stiffness.speed)
     kind = "" if stiffness.law == "linear" else f"law {stiffness.law}, at that overlap "
     text = (
@@ -54,24 +54,24 @@ def stiffness_in_words(stiffness: Stiffness) -> str:
 
 
 def load_in_words(load: Load, speed: float) -> str:
-    """What presses grains in, a load and impacts at a speed [m/s]; empty where nothing does."""
+    """Return what presses grains in, a load and impacts at a speed [m/s]; empty where nothing does."""
     loaded = f"{load.force:.3g} N from {load.text}" if load.force > 0.0 else ""
     hit = f"impacts at {speed:.3g} m/s" if speed > 0.0 else ""
     return " and ".join(filter(None, (loaded, hit)))
 
 
 def rigidity_in_words(section: DviSection, contacts: RigidContacts) -> str:
-    """The friction of rigid grains, and whether they give way."""
+    """The friction of rigid grains, and whether their contacts are compliant."""
     text = f"rigid grains, {FRICTION[section.friction_law]}; "
     if contacts.springs is None:
         return f"{text}stiffness and contact law are not used"
     between, at_walls = contacts.springs[:, 0]
     walls = "" if between == at_walls else f", {at_walls:.3g} N/m at walls"
-    return f"{text}contacts give way by springs of {between:.3g} N/m{walls}, taken implicitly"
+    return f"{text}compliant contacts with springs of {between:.3g} N/m{walls}, taken implicitly"
 
 
 def solver_in_words(section: DviSection, contacts: RigidContacts) -> str:
-    """How exactly the contacts of rigid grains are solved, and which of them rebound."""
+    """Return how exactly the contacts of rigid grains are solved, and which of them rebound."""
     share = "" if section.tolerance is not None else f", {TOLERANCE:g} of the speed expected"
     return (
         f"{section.solver}: to {contacts.tolerance:.3g} m/s on the natural map{share}, at most {section.max_sweeps} "

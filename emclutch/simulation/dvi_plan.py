@@ -1,4 +1,4 @@
-"""What a scene of rigid grains (contact.method = 'dvi') starts from: contact, step and solver."""
+"""Plan of a scene of rigid grains (contact.method = 'dvi'): contact, step and solver."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from particles import DviContact, RollingFriction, TwistingFriction, choose_dvi_
 from particles.dem.time_step import TimeStep
 
 TOLERANCE = 1e-4  # of the largest speed to be expected
-LEAST_TOLERANCE = 1e-7  # [m/s]
-LEAST_THRESHOLD = 1e-3  # [m/s], of restitution
+MIN_TOLERANCE = 1e-7  # [m/s]
+MIN_THRESHOLD = 1e-3  # [m/s], of restitution
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class RigidContacts:
         On the natural map [m/s].
     step : TimeStep
     springs : ndarray, shape (2, 2), or None
-        [[k_n, k_t] between grains, [k_n, k_t] at walls] [N/m] of contacts that give way.
+        [[k_n, k_t] between grains, [k_n, k_t] at walls] [N/m] of compliant contacts.
     stiffness : Stiffness or None
         What the springs follow from.
     """
@@ -48,7 +48,7 @@ class RigidContacts:
 
     @property
     def normal_stiffness(self) -> float | None:
-        """Between grains [N/m]; None of those that do not give way."""
+        """Between grains [N/m]; None of rigid ones."""
         return None if self.springs is None else float(self.springs[0, 0])
 
 
@@ -64,12 +64,12 @@ def rigid_contacts(
     speed : float
         Largest speed to be expected [m/s].
     springs : tuple, or None
-        Of contacts that give way, see `emclutch.simulation.contact_plan.dvi_springs`.
+        Of compliant contacts, see `emclutch.simulation.contact_plan.dvi_springs`.
 
     Raises
     ------
     ValueError
-        If the step asked for is longer than the rules allow and is not insisted upon, or none follows.
+        If the step asked for is longer than the rules allow and is not allowed by `allow_long_step`, or none follows.
     """
     section, contact, particles = scene.contact.dvi, scene.contact, scene.grains
     lightest = particles.density * pi / 6.0 * particles.smallest_diameter**3
@@ -85,8 +85,8 @@ def rigid_contacts(
     threshold = section.threshold
     if threshold is None:
         pull = 0.0 if weight is None else float(np.linalg.norm(weight.vector))
-        threshold = max(2.0 * step.dt * pull, LEAST_THRESHOLD)
-    tolerance = max(TOLERANCE * speed, LEAST_TOLERANCE) if section.tolerance is None else section.tolerance
+        threshold = max(2.0 * step.dt * pull, MIN_THRESHOLD)
+    tolerance = max(TOLERANCE * speed, MIN_TOLERANCE) if section.tolerance is None else section.tolerance
     rigid = DviContact(
         contact.friction,
         contact.restitution,

@@ -1,4 +1,4 @@
-"""What ends a run before its last window: its torque is known, its orders say so, or the user's callback."""
+"""Early end of a run: its torque is known, its orders say so, or the user's callback."""
 
 from __future__ import annotations
 
@@ -37,23 +37,23 @@ class EarlyEnd:
 
     @property
     def torque_is_known(self) -> bool:
-        """Whether it has ended the run."""
+        """True if it has ended the run."""
         return self.trigger is not None and self.trigger.reached
 
     @property
     def is_by_callback(self) -> bool:
-        """Whether the user's callback has ended the run."""
+        """True if the user's callback has ended the run."""
         return self.asked is not None and self.asked.stopped
 
     @property
     def has_come(self) -> bool:
-        """Whether the run ends with the present window."""
+        """True if the run ends with the present window."""
         ended = self.trigger is not None and self.trigger.ended
         return ended or (self.orders is not None and self.orders.reached) or self.is_by_callback
 
 
 def early_end(request: RunRequest, planned: PlannedRun, reached: float) -> EarlyEnd:
-    """What may end the run of a scene before its last window; it goes on from the time `reached` [s]."""
+    """Return what may end the run of a scene before its last window; it goes on from the time `reached` [s]."""
     plan, replicas = planned.plan, request.replicas
     trigger = asked = None
     replicas.tolerance = 0.5 * window(plan)

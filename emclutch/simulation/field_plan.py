@@ -1,4 +1,4 @@
-"""What follows from a scene of the field alone, without grains: `emclutch check` prints it."""
+"""Plan of a scene without grains, as `emclutch check` prints it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from field import MagneticField
 
 
 def field_plan(case: Case) -> dict[str, str]:
-    """What is solved, on which mesh, and what comes of it at the largest current: label -> text."""
+    """Return what is solved, on which mesh, and what comes of it at the largest current: label -> text."""
     scene = case.scene
     coil = solved_coil(scene)
     words = {

@@ -1,4 +1,4 @@
-"""What is being compiled while a run waits for it, how long it took, and how many kernels a run has."""
+"""Report of kernels that are compiled while a run waits, and their compile time."""
 
 from __future__ import annotations
 

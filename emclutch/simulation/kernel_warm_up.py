@@ -41,7 +41,7 @@ RADIUS, MASS = 1e-3, 1e-5
 
 
 def kind_of(scene: Any) -> list[str]:
-    """What decides which step a scene by DEM has: its law, and the parts that cost in the loop over pairs."""
+    """Return what decides which step a scene by DEM has: its law, and the parts that cost in the loop over pairs."""
     effects = scene.effects
     parts = {
         "resistance": bool({"rolling", "twisting"} & set(effects.contact_terms())),

@@ -1,4 +1,4 @@
-"""What the scene of a finished run leaves out, found again for its report."""
+"""Effects that the scene of a finished run leaves out, for its report."""
 
 from __future__ import annotations
 

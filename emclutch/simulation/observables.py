@@ -1,4 +1,4 @@
-"""What a window's row holds beside the balances: coil, gap and dimensionless numbers.
+"""Observables of a window besides the balances: coil, gap and dimensionless numbers.
 
 Fill and inertial number belong to a gap that is sheared as a whole. A box has none, and neither has a centrifugal
 clutch: its shot is a heap in front of each vane, a thin ring, or at rest between the vanes, and what says how it

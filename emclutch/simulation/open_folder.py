@@ -56,7 +56,7 @@ def open_folder(case: Case, target: str | Path, resume: bool, progress: RunProgr
         folder = RunFolder.create(target, case.toml(), resume=resume)
         with folder.logging(), compilation_told(progress.announce) as compiled:
             if resume and not goes_on:
-                progress.announce(f"{folder.path} has no checkpoint yet: the run starts anew")
+                progress.announce(f"{folder.path} has no checkpoint yet: the run starts again")
             with failures_told(case, folder):
                 yield OpenFolder(folder, goes_on, compiled, begin)
 
@@ -79,12 +79,12 @@ def failures_told(case: Case, folder: RunFolder) -> Iterator[None]:
     except OSError as error:
         text = f"{error.filename or folder.path}: {error.strerror or error}"
         log.error("%s", text)
-        how = f"go on with: emclutch run {folder.path} --resume" if folder.is_begun() else "start anew"
+        how = f"go on with: emclutch run {folder.path} --resume" if folder.is_begun() else "start again"
         raise OutputError(f"{text}; see to the path, its room and its permissions, then {how}") from error
 
 
 def remedy_in_scene(case: Case, error: Exception) -> str:
-    """Which keys of the scene mend grains that were pressed in too far; empty for other errors."""
+    """Return which keys of the scene mend grains that were pressed in too far; empty for other errors."""
     contact = case.scene.contact
     if contact.method != "dem" or not isinstance(error, DemError) or error.kind is not DemErrorKind.OVERLAP:
         return ""

@@ -1,6 +1,6 @@
 """Tells once when a run falls behind its plan by a factor of two, and why.
 
-What the parts of the windows take is compared with what was foretold for the same span of simulated time
+What the parts of the windows take is compared with what was predicted for the same span of simulated time
 (`emclutch.simulation.forecast.cost`), from the first windows on that compile nothing.
 """
 
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from coupling import Simulation
 
 log = logging.getLogger(__name__)
-BEHIND = 2.0  # times the seconds foretold
+BEHIND = 2.0  # times the seconds predicted
 WINDOWS = 10  # at least, and
 SHARE = 0.02  # of the run, and
-LEAST_S = 20.0  # have passed before anything is said: short runs need no plan, and short jams pass
+MIN_S = 20.0  # have passed before anything is said: short runs need no plan, and short jams pass
 WAITED_S, ASLEEP = 5.0, 0.1  # a window so long in which the process had no more than this share of a core slept
 BUSY = 1.4  # processor time that was to be had over what was got: other programs take the cores
 _WORK = {
@@ -42,7 +42,7 @@ class RunPace:
     tell : callable or None
         Takes the text, which is logged as a warning too.
     compiled : callable
-        How many kernels this process has compiled so far: the clock begins anew whenever it has compiled another one.
+        How many kernels this process has compiled so far: the clock restarts whenever it has compiled another one.
     """
 
     def __init__(
@@ -82,28 +82,28 @@ class RunPace:
 
     def _is_time(self, now: float) -> bool:
         passed = (now - self._begin) / self._cost.time[-1]
-        return self._windows >= WINDOWS and passed >= SHARE and sum(self._spent.values()) >= LEAST_S
+        return self._windows >= WINDOWS and passed >= SHARE and sum(self._spent.values()) >= MIN_S
 
     def _reason(self, now: float) -> str:
-        """What is wrong, or nothing."""
+        """Return what is wrong, or nothing."""
         before, after = self._cost.until(self._begin), self._cost.until(now)
-        foretold = {part: after[part] - before[part] for part in _WORK}
-        spent, planned = sum(self._spent.values()), sum(foretold.values())
+        predicted = {part: after[part] - before[part] for part in _WORK}
+        spent, planned = sum(self._spent.values()), sum(predicted.values())
         if spent <= BEHIND * planned:
             return ""
         wall, processor = time.perf_counter() - self._wall, time.process_time() - self._processor
         cost = self._cost
-        at_work = cost.gain / cost.machine.delay(cost.threads)  # cores at work, on a machine as when it was foretold
+        at_work = cost.gain / cost.machine.delay(cost.threads)  # cores at work, on a machine as when it was predicted
         if BUSY * processor < at_work * wall:
             why = (
                 f"the machine is busy: of {wall:.0f} s this run had {processor:.0f} s of a core; end other programs, "
                 "or wait"
             )
         else:
-            part = max(_WORK, key=lambda part: self._spent[part] - foretold[part])
-            why = f"{_WORK[part]} took {spoken(self._spent[part])} where {spoken(foretold[part])} were foretold"
+            part = max(_WORK, key=lambda part: self._spent[part] - predicted[part])
+            why = f"{_WORK[part]} took {spoken(self._spent[part])} where {spoken(predicted[part])} were predicted"
         left = spent / planned * (self._cost.seconds["total"] - sum(after.values()))
         return (
-            f"this run is behind its plan, {spent / planned:.1f} times as slow as foretold, about {spoken(left)} left: "
+            f"the run is behind its plan, {spent / planned:.1f} times as slow as predicted, about {spoken(left)} left: "
             f"{why}"
         )

@@ -11,7 +11,7 @@ from emclutch.scene.errors import bad_input_for
 from emclutch.scene.replica_count import replica_count
 from emclutch.simulation.contact_plan import ElasticContacts, dvi_springs, elastic_contacts
 from emclutch.simulation.dvi_plan import RigidContacts, rigid_contacts
-from emclutch.simulation.forecast.cost import Cost, foretell
+from emclutch.simulation.forecast.cost import Cost, predict
 from emclutch.simulation.forecast.expected_field import expected_magnetisation
 from emclutch.simulation.forecast.expected_speeds import fall_speed, largest_speed, layer_speed
 from emclutch.simulation.forecast.machine_speed import MachineSpeed, threads_at_hand
@@ -87,7 +87,7 @@ class Plan:
 
     @property
     def contact_data(self) -> dict[str, str | bool | float | None]:
-        """How contacts are solved, for those who read a run's folder: method, whether grains press in, stiffness [N/m].
+        """Method, compliance and stiffness [N/m] of contacts, for readers of a run's folder.
 
         By DEM they always do; by DVI where the scene gives them springs.
         """
@@ -124,7 +124,7 @@ def make_plan(
     layers = max(fall_speed(scene, device), layer_speed(scene, device, speed))
     division = coupling_windows(scene, contact.step.dt, speed, layers, held=scene.effects.hold_forces)
     rhythm = division.steps_per_update, division.updates, division.count
-    cost = foretell(scene, device, division.dt, rhythm, threads or _threads_of_a_replica(scene), machine)
+    cost = predict(scene, device, division.dt, rhythm, threads or _threads_of_a_replica(scene), machine)
     return device, Plan(device.fill.count, sector, contact, division, field, M_max, cost)
 
 

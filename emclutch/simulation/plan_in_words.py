@@ -38,7 +38,7 @@ UPDATE_RULES = {
 
 
 def plan_in_words(scene: Scene, device: Device, plan: Plan) -> dict[str, str]:
-    """What was decided for a run, and why: label -> text, in the order in which `emclutch check` says it."""
+    """Return what was decided for a run, and why: label -> text, in the order in which `emclutch check` says it."""
     words = dict(device_in_words(scene, device))
     coil, in_section, field = device.coil, device.section_coil, plan.peak_section
     if in_section is not None and in_section.resistance is not None and field is not None:
@@ -79,7 +79,7 @@ def device_in_words(scene, device: Device) -> Iterator[tuple[str, str]]:
 
 
 def packing_in_words(scene, device: Device) -> str:
-    """How the grains are packed, and to what they settle."""
+    """Return how the grains are packed, and to what they settle."""
     particles, gravity = scene.particles, scene.effects.weight
     lattice = f" ({particles.lattice})" if particles.packing == "lattice" else ""
     if not particles.settles:
@@ -115,7 +115,7 @@ def coil_in_words(scene, coil: CoilDevice, field: MagneticField) -> str:
 
 
 def windows_in_words(division: Windows) -> Iterator[tuple[str, str]]:
-    """How often magnetic forces are evaluated, why, and the windows: label and text."""
+    """Return how often magnetic forces are evaluated, why, and the windows: label and text."""
     if division.rule is not None:
         steps = division.steps_per_update
         every = f"every {steps} steps" if steps > 1 else "every step"
@@ -164,7 +164,7 @@ def end_in_words(scene, device: Device, plan: Plan) -> Iterator[tuple[str, str]]
 
 
 def paths_in_words(case: Case) -> dict[str, str]:
-    """What of the scene lies outside its folder; nothing where all lies within."""
+    """Return what of the scene lies outside its folder; nothing where all lies within."""
     elsewhere = paths_elsewhere(case.scene, case.data, Path() if case.path is None else case.path.parent)
     if not elsewhere:
         return {}

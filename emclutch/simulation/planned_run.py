@@ -23,7 +23,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class PlannedRun:
-    """What a run starts from.
+    """A planned run: device, plan and replicas.
 
     Attributes
     ----------
@@ -51,9 +51,9 @@ def planned(request: RunRequest) -> PlannedRun:
         log.info("%s: %s", label, reason)
         if isinstance(reason, WarningText):
             progress.announce(f"{label}: {reason}")
-    refuse_too_much(request.replicas.count * plan.cost.memory, insist=request.insist)
+    refuse_too_much(request.replicas.count * plan.cost.memory, force=request.force)
     if not request.opened.goes_on:  # else most of it is there
-        refuse_full_disk(plan.cost.disk, folder.path, insist=request.insist)
+        refuse_full_disk(plan.cost.disk, folder.path, force=request.force)
     folder.write_provenance(
         seed=scene.scene.seed,
         mesh_hash=None if device.coil is None else device.coil.mesh.hash(),
@@ -68,7 +68,7 @@ def planned(request: RunRequest) -> PlannedRun:
 
 
 def steady_conditions(scene: Scene, device: Device) -> SteadyConditions:
-    """What the verdict on a run's torque needs of its scene."""
+    """Return what the verdict on a run's torque needs of its scene."""
     until = scene.span.until
     negligible, share = (0.0, 0.0) if until is None else (until.absolute or 0.0, until.relative or 0.0)
     return SteadyConditions(

@@ -49,13 +49,13 @@ class ProfileAverage:
             self._speeds[body.name] = self._speeds.get(body.name, 0.0) + body.speed
 
     def state(self) -> dict[str, Any]:
-        """What a run that is resumed goes on with."""
+        """Return what a run that is resumed goes on with."""
         bins = [{"kind": type(one).__name__, **_fields(one)} for one in self._bins]
         sums = [_fields(one) for one in self._sums]
         return {"start": self._start, "bins": bins, "sums": sums, "speeds": self._speeds}
 
     def restore(self, state: dict[str, Any] | None) -> None:
-        """Go on from the sums of a checkpoint; averaging begins anew where it has none, or those from another time."""
+        """Go on from the sums of a checkpoint; averaging restarts where it has none, or those from another time."""
         if state is None or state["start"] != self._start:
             return
         kinds = {kind.__name__: kind for kind in (RingBins, SlabBins)}

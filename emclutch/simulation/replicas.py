@@ -64,11 +64,11 @@ class ReplicaProcess:
 
     @property
     def is_done(self) -> bool:
-        """Whether it has ended with a result."""
+        """True if it has ended with a result."""
         return self.process.poll() == 0
 
     def failure(self) -> str:
-        """Why it ended without a result; empty while it runs, and where it is done."""
+        """Return why it ended without a result; empty while it runs, and where it is done."""
         if not self.process.poll():
             return ""
         self.errors.seek(0)
@@ -123,7 +123,7 @@ class Replicas:
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Number of there are."""
         return max(1, len(self.folders))
 
     def request(self, count: int, length: float) -> None:
@@ -168,7 +168,7 @@ class Replicas:
         return last_time(self.folders[number].history) or 0.0
 
     def have_reached(self) -> int:
-        """How many of the others have come to the time that all are to reach, or have ended."""
+        """Return the number of of the others have come to the time that all are to reach, or have ended."""
         return sum(self._has_reached(number) for number in range(1, self.count))
 
     def _has_reached(self, number: int) -> bool:
@@ -194,19 +194,19 @@ class Replicas:
         return True
 
     def failure(self) -> str:
-        """Why one of them ended without a result; empty where none has."""
+        """Return why one of them ended without a result; empty where none has."""
         return next(filter(None, (one.failure() for one in self.processes.values())), "")
 
     def failed_for_the_scene(self) -> bool:
-        """Whether one of them failed as it will again when it is resumed."""
+        """Return whether one of them failed as it will again when it is resumed."""
         return any(one.failure() and one.folder.read_failure() is not None for one in self.processes.values())
 
     def are_running(self) -> bool:
-        """Whether one of the processes has not ended."""
+        """Return whether one of the processes has not ended."""
         return any(one.process.poll() is None for one in self.processes.values())
 
     def histories(self, until: float | None = None) -> list[pandas.DataFrame]:
-        """What all have so far, in their order; rows up to the first that ends at `until` [s] or later."""
+        """Return what all have so far, in their order; rows up to the first that ends at `until` [s] or later."""
         found = [read_history(each.history) for each in self.folders if each.history.is_file()]
         if until is not None:
             found = [each.iloc[: int(each["time"].searchsorted(until - self.tolerance)) + 1] for each in found]
@@ -288,7 +288,7 @@ def other_replicas(
 
 
 def _goes_on(folder: RunFolder) -> bool:
-    """Whether a replica has a checkpoint to go on from; what lies there without one is put aside."""
+    """Return whether a replica has a checkpoint to go on from; what lies there without one is put aside."""
     _wait_for_the_former(folder)
     if folder.checkpoint.is_file():
         return True

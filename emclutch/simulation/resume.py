@@ -1,4 +1,4 @@
-"""What a run may be resumed with: its own checkpoint, the same input files, the same scene but for end and output."""
+"""Conditions of a resume: its own checkpoint, the same input files, the same scene but for end and output."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ def run_checkpoint(path: str | Path) -> dict[str, Any]:
     state = read_checkpoint(path)
     missing = [name for name in _OF_A_RUN if name not in state]
     if missing:
-        raise OutputError(f"{path} is no checkpoint of a run: it lacks {', '.join(missing)}; start anew with --out")
+        raise OutputError(f"{path} is no checkpoint of a run: it lacks {', '.join(missing)}; start again with --out")
     return state
 
 
 def may_go_on(case: Case, folder: RunFolder) -> bool:
-    """Whether a run goes on from a checkpoint; OutputError where scene or files differ, or nothing is left to do."""
+    """True if a run continues from a checkpoint; OutputError where scene or files differ, or nothing is left to do."""
     goes_on = folder.has_checkpoint()
     if goes_on:
         state = run_checkpoint(folder.checkpoint)
@@ -62,7 +62,7 @@ def refuse_other_scene(old_text: str, new_text: str, target: str | Path) -> None
         contact = any(text.startswith("contact.") for text in differing)
         why = "a changed contact needs a new run: " if contact else ""
         raise OutputError(
-            f"the run in {target} belongs to another scene ({'; '.join(differing)}); {why}start anew in another "
+            f"the run in {target} belongs to another scene ({'; '.join(differing)}); {why}start again in another "
             f"folder with --out, or continue the old scene with emclutch run {target} --resume"
         )
 
@@ -89,7 +89,7 @@ def checkpoint_time(path: Path, dem: dict[str, Any], method: str) -> float:
     try:
         return float(dem["counters"][0] * dem["scalars"][0 if method == "dvi" else 2])
     except (KeyError, IndexError, TypeError) as error:
-        raise OutputError(f"{path} is no checkpoint of a run ({error!r}); start anew with --out") from error
+        raise OutputError(f"{path} is no checkpoint of a run ({error!r}); start again with --out") from error
 
 
 def refuse_changed_files(case: Case, folder: RunFolder) -> None:
@@ -114,7 +114,7 @@ def refuse_changed_files(case: Case, folder: RunFolder) -> None:
     if changed:
         raise OutputError(
             f"the run in {folder.path} began with another content of {', '.join(changed)} (its sha256 differs from the "
-            f"one in {folder.provenance.name}); put the former file back, or start anew in another folder with --out"
+            f"one in {folder.provenance.name}); put the former file back, or start again in another folder with --out"
         )
 
 
@@ -134,7 +134,7 @@ def differing_keys(old: dict[str, Any], new: dict[str, Any]) -> list[str]:
 
 
 def may_change(key: str) -> bool:
-    """Whether a continued run may have another value of a dotted key."""
+    """Return whether a continued run may have another value of a dotted key."""
     return key not in MUST_STAY and key.startswith(MAY_CHANGE)
 
 

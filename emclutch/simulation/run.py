@@ -35,7 +35,7 @@ def run(
     resume: bool = False,
     progress=None,
     start: str | Path | None = None,
-    insist: bool = False,
+    force: bool = False,
     callback: Callable[[WindowState], object] | None = None,
 ) -> Result:
     """Run a scene and return its result: the first of its replicas, with the torque of all of them.
@@ -49,13 +49,13 @@ def run(
     out : folder of the run; default: the scene's `output.folder`, or the next free runs/<case>-<nnn>.
     threads : of the kernels of each replica; default: ``OMP_NUM_THREADS``, or what a trial in the first windows finds
         to pay of the cores, shared out among the replicas. The result does not depend on it.
-    resume : continue from the checkpoint in `out`; a run that was killed before it wrote one starts anew there.
+    resume : continue from the checkpoint in `out`; a run that was killed before it wrote one starts again there.
     progress : object with update(fraction, text), or None; if it has announce(text) too, what is being compiled, and
         why a run falls behind its plan; if it has stop_asked, and that is true after a window, the run ends there as
         after Ctrl-C.
     start : folder of a finished run whose grains this one begins with (`emclutch.simulation.warm_start`), in place of
         a packing; it says nothing more where a run is resumed from a checkpoint.
-    insist : run also where more memory or disk is needed than is free.
+    force : run also where more memory or disk is needed than is free.
     callback : called with the `emclutch.WindowState` after every window of the first replica; where it returns true,
         all replicas end with a checkpoint, and the result, of what was run, says so (`Result.stopped`).
 
@@ -90,7 +90,7 @@ def run(
                 case, folder, count, threads=threads, slots=slots, threads_are_open=are_open, resume=resume, start=start
             ) as replicas,
         ):
-            return _run(RunRequest(case, opened, telling, replicas, stop, are_open, insist, grains, machine, callback))
+            return _run(RunRequest(case, opened, telling, replicas, stop, are_open, force, grains, machine, callback))
 
 
 def run_replica(
@@ -118,7 +118,7 @@ def run_replica(
             Replicas(number),
             orders.stopped,
             threads_are_open,
-            insist=True,
+            force=True,
             grains=grains,
             orders=orders,
         )

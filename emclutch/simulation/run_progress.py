@@ -1,4 +1,4 @@
-"""What is said of a run while it goes on: to the user, where somebody listens, and into its log."""
+"""Progress messages of a run, to the listener and into its log."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class RunProgress:
     listener: Any = None
 
     def say(self, fraction: float, text: str) -> None:
-        """How far the run is, and what it does."""
+        """Return how far the run is, and what it does."""
         if self.listener is not None:
             self.listener.update(fraction, text)
 
@@ -35,10 +35,10 @@ class RunProgress:
 
     @property
     def tell(self) -> Callable[[str], None] | None:
-        """What shows a line that stays; None where nobody does."""
+        """Return what shows a line that stays; None where nobody does."""
         return getattr(self.listener, "announce", None)
 
     @property
     def stop_asked(self) -> bool:
-        """Whether the listener wants the run to stop."""
+        """True if the listener wants the run to stop."""
         return bool(getattr(self.listener, "stop_asked", False))

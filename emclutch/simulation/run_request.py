@@ -1,4 +1,4 @@
-"""What one run is given: its scene, its open folder, and what it may do."""
+"""Input of one run: its scene, its open folder, and its options."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ class RunRequest:
         Set where the run is to end with a checkpoint.
     threads_are_open : bool
         It may take fewer threads where fewer pay.
-    insist : bool
+    force : bool
     grains : StartingGrains or None
         None packs its own.
     machine : MachineSpeed or None
-        That the cost is foretold for; None: the one at hand, measured then.
+        That the cost is predicted for; None: the one at hand, measured then.
     callback : callable or None
     orders : Orders or None
         Of one of the other replicas.
@@ -51,7 +51,7 @@ class RunRequest:
     replicas: Replicas
     stop: threading.Event
     threads_are_open: bool
-    insist: bool
+    force: bool
     grains: StartingGrains | None
     machine: MachineSpeed | None = None
     callback: Callable[[WindowState], object] | None = None
@@ -64,11 +64,11 @@ class RunRequest:
 
     @property
     def how_to_go_on(self) -> str:
-        """What to type after a run that was stopped or failed beside the scene."""
+        """Return what to type after a run that was stopped or failed beside the scene."""
         return f"go on with: emclutch run {self.folder.path} --resume"
 
     def is_stopped(self) -> bool:
-        """Whether the run is to end after its present window, for the user or because another replica has failed."""
+        """True if the run is to end after its present window, for the user or because another replica has failed."""
         if self.progress.stop_asked:
             self.stop.set()
         return self.stop.is_set() or bool(self.replicas.failure())

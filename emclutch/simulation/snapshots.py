@@ -1,4 +1,4 @@
-"""What a run shows while it runs: history, record and ParaView series, as callbacks of the loop."""
+"""Callbacks of the loop that write history, record and ParaView series."""
 
 from __future__ import annotations
 

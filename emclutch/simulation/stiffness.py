@@ -1,4 +1,4 @@
-"""How stiff the contacts of a run are, and what loads them."""
+"""Stiffness of the contacts of a run, and the load on them."""
 
 from __future__ import annotations
 
@@ -44,10 +44,10 @@ class Stiffness:
 
     @property
     def is_below_necks(self) -> bool:
-        """Whether it is less than `NECK_MARGIN` times that of necks; round-off of what follows from it is not."""
+        """True if it is less than `NECK_MARGIN` times that of necks; round-off of what follows from it is not."""
         return self.value < 0.999 * NECK_MARGIN * self.neck
 
     @property
     def is_soft(self) -> bool:
-        """Whether grains press in so far that peaks of the torque mean little."""
+        """True if grains press in so far that peaks of the torque mean little."""
         return self.overlap > SOFT

@@ -71,7 +71,7 @@ def lengths(end: float, start_up: float) -> tuple[float, ...]:
 
 
 def is_known(torque: Estimate, target: TorqueTarget) -> bool:
-    """Whether a torque is steady, and its 95 % interval narrow enough."""
+    """Return whether a torque is steady, and its 95 % interval narrow enough."""
     half = torque.half_width()
     if not torque.converged or half is None or torque.mean is None:
         return False
@@ -97,12 +97,12 @@ class StoppingRule:
     max_count: int
 
     def first(self, count: int = FIRST_COUNT, reached: float = 0.0) -> GoOn:
-        """What to run before the first look; of a run that goes on, from the time `reached` [s] on."""
+        """Return what to run before the first look; of a run that goes on, from the time `reached` [s] on."""
         length = next((one for one in self.lengths if one >= reached * (1.0 - 1e-9)), self.lengths[-1])
         return GoOn(min(count, self.max_count), length)
 
     def after(self, torque: Estimate, now: GoOn) -> GoOn | Stop:
-        """What follows from the torque of `now.count` packings up to `now.length`."""
+        """Return what follows from the torque of `now.count` packings up to `now.length`."""
         if is_known(torque, self.target):
             return Stop(True)
         longer = [one for one in self.lengths if one > now.length * (1.0 + 1e-9)]
@@ -119,7 +119,7 @@ class StoppingRule:
     def _time_is_cheaper(
         self, torque: Estimate, now: GoOn, longer: Sequence[float], more: Sequence[int], wanted: float
     ) -> bool:
-        """Whether running all packings longer is estimated to need less simulated time than more packings."""
+        """Return whether running all packings longer is estimated to need less simulated time than more packings."""
         if torque.converged and not torque.drift_error:  # what is missing are balance and shear
             return True
         if not more_packings_suffice(torque, more[-1], wanted):
@@ -148,12 +148,12 @@ def strain_rate(scene: Scene, device: Device) -> float:
 
 
 def more_packings_suffice(torque: Estimate, count: int, wanted: float) -> bool:
-    """Whether `count` packings of the same length are expected to reach the half width `wanted` [N m]."""
+    """Return whether `count` packings of the same length are expected to reach the half width `wanted` [N m]."""
     return _expected(torque, count, 1.0) <= MARGIN * wanted and _expected_drift(torque, count, 1.0, wanted)
 
 
 def more_time_suffices(torque: Estimate, length: float, wanted: float) -> bool:
-    """Whether the same packings are expected to reach the half width `wanted` [N m] at the time `length` [s]."""
+    """Return whether the same packings are expected to reach the half width `wanted` [N m] at the time `length` [s]."""
     start, end = torque.start or 0.0, torque.end or length
     start = max(start, 0.5 * length)
     if torque.end is None or torque.start is None or length <= start or end <= torque.start:
@@ -175,7 +175,7 @@ def _expected(torque: Estimate, count: int, factor: float) -> float:
 
 
 def _expected_drift(torque: Estimate, count: int, factor: float, wanted: float) -> bool:
-    """Whether a drift is expected to be excluded, if there is none."""
+    """Return whether a drift is expected to be excluded, if there is none."""
     from scipy.special import stdtrit
 
     if torque.drift_error is None or torque.end is None or torque.settled is None:
@@ -185,7 +185,7 @@ def _expected_drift(torque: Estimate, count: int, factor: float, wanted: float) 
 
 
 def remedy(torque: Estimate, target: TorqueTarget, end: float) -> str:
-    """Why a torque is not known well enough at the end of its run at `end` [s], and what helps."""
+    """Return why a torque is not known well enough at the end of its run at `end` [s], and what helps."""
     half = torque.half_width()
     if half is None or torque.mean is None:
         return torque.reason

@@ -1,4 +1,4 @@
-"""How the grains of a run stand at its end: contacts a grain, their directions, chains of force; into summary.json."""
+"""Structure of the grains at the end of a run: contacts per grain, their directions, force chains."""
 
 from __future__ import annotations
 

@@ -79,13 +79,13 @@ def summarise(
     summary |= {"grains": plan.count, "sectors": simulation.n_sectors, "dt": plan.dt} | numerics_summary(history)
     measured = {part: f"wall_{part}" for part in ("field", "magnetic", "contact", "total")}
     summary["seconds"] = {part: float(history[name].sum()) for part, name in measured.items() if name in history}
-    summary["seconds"] |= {**seconds, "foretold": plan.cost.seconds}
+    summary["seconds"] |= {**seconds, "predicted": plan.cost.seconds}
     summary |= {"contact": plan.contact_data, "plan": planned.decisions}
     folder.write_summary(summary)
 
 
 def coil_summary(coil, source, history) -> dict[str, Any]:
-    """What the coil's field was at the run's end, how it rose, and how exactly it was solved."""
+    """Return what the coil's field was at the run's end, how it rose, and how exactly it was solved."""
     return {
         "current": float(history["current"].iloc[-1]),
         "turns": coil.turns,
@@ -143,9 +143,9 @@ def replicas_summary(case, histories, torque: Estimate) -> dict[str, Any]:
     }
 
 
-def moments_summary(attraction, history, plan, motion) -> dict[str, float | str]:
-    """How the moments of grains that magnetise one another did; a caution where their contacts are too soft for it."""
-    summary: dict[str, float | str] = {
+def moments_summary(attraction, history, plan, motion) -> dict[str, float | str | list[str]]:
+    """Return how the moments converged; with a warning where contacts are too soft for their attraction."""
+    summary: dict[str, float | str | list[str]] = {
         "model": attraction.model,
         "tolerance": attraction.tolerance,
         "worst_residual": float(history["moment_residual"].max()),
@@ -154,33 +154,34 @@ def moments_summary(attraction, history, plan, motion) -> dict[str, float | str]
     if isinstance(motion, DEM) and motion.attraction is not None:
         summary["strongest_near_pull"] = motion.attraction.strongest
         summary["necks_over_contact_stiffness"] = contact_share(motion.attraction, motion.laws, motion.grains.radius)
-        caution = depth_warning(motion.attraction, motion.laws, motion.grains.radius)
-        if caution is not None:
-            summary["caution"] = caution
+        warning = depth_warning(motion.attraction, motion.laws, motion.grains.radius)
+        if warning is not None:
+            summary["warnings"] = [warning]
     return summary
 
 
-def solver_summary(history, tolerance: float) -> dict[str, float | str]:
-    """How the solver of rigid contacts did; a caution where steps ended far from the law of contact."""
+def solver_summary(history, tolerance: float) -> dict[str, float | list[str]]:
+    """Return how the solver of rigid contacts converged, and warnings where steps are far from the law."""
     missed, worst = int(history["missed_steps"].sum()), float(history["solver_residual"].max())
-    summary: dict[str, float | str] = {
+    share = missed / float(history["steps"].sum())
+    summary: dict[str, float | list[str]] = {
         "tolerance": tolerance,
         "sweeps_per_step": float(np.average(history["sweeps"], weights=history["steps"])),
-        "missed_share": missed / float(history["steps"].sum()),
+        "missed_share": share,
         "worst_residual": worst,
         "stabilisation_work": float(history["stabilisation_work"].sum()),
     }
-    share = float(summary["missed_share"])
+    warnings = []
     if share > MANY_MISSES:
-        summary["warning"] = (
+        warnings.append(
             f"{100.0 * share:.2g} % of the steps missed the tolerance of the contacts; raise contact.dvi.max_sweeps"
         )
     if worst > JAM * tolerance:
-        summary["caution"] = (
+        warnings.append(
             f"contacts ended a step {worst:.2g} m/s off the law of contact: rigid grains were jammed between walls "
             "that push, where no finite force may exist; torques near that time are not to be trusted"
         )
-    return summary
+    return summary | ({"warnings": warnings} if warnings else {})
 
 
 def lock_up_time(history) -> float | None:

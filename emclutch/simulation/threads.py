@@ -1,4 +1,4 @@
-"""How many threads the compiled kernels of a run take, and by which layer."""
+"""Number of threads of the compiled kernels, and the threading layer."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def use_threads(threads: int | None, replicas: int = 1) -> int:
 
 
 def threads_are_open(threads: int | None) -> bool:
-    """Whether neither the caller nor ``OMP_NUM_THREADS`` says how many, so that a run may find out what pays."""
+    """Return whether neither the caller nor ``OMP_NUM_THREADS`` says how many, so that a run may find out what pays."""
     return threads is None and requested_threads() is None
 
 

@@ -107,7 +107,7 @@ class TorqueTrigger:
 
 
 def how_it_ended(torque: Estimate, history: pandas.DataFrame, target: TorqueTarget) -> dict[str, Any]:
-    """What the summary says of `time.until`: asked, reached, half width [N m], and where it was not reached, why."""
+    """Return `time.until` for the summary: asked, reached, half width [N m], and why it was not reached."""
     reached = is_known(torque, target)
     found: dict[str, Any] = {"asked": str(target), "reached": reached, "half_width": torque.half_width()}
     if not reached:

@@ -1,4 +1,4 @@
-"""What a user's callback is told of each coupling window, and how it stops a run.
+"""State of a coupling window for a user's callback, which may stop the run.
 
 def watch(state: emclutch.WindowState) -> bool:
     return state.row["torque_disc"] > 1.0  # true: stop after this window

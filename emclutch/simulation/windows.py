@@ -1,4 +1,4 @@
-"""How many steps, force updates and coupling windows a run is divided into."""
+"""Division of a run into steps, force updates and coupling windows."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from math import ceil, floor
 
 import numpy as np
 
-MOST_STEPS = 1e12
+MAX_STEPS = 1e12
 """Of a run: at 170 ns a step one grain alone takes two days."""
 
 
 class UpdateRule(Enum):
-    """What decides how often held forces are evaluated."""
+    """Rule for the interval between evaluations of held forces."""
 
     ASKED = auto()
     EVERY_STEP = auto()  # the step of rigid grains follows the forces themselves
@@ -57,7 +57,7 @@ class Windows:
 
 
 def parts_of(duration: float, part: float) -> int:
-    """How many parts [s] reach the end of a duration [s]; round-off of their quotient adds none."""
+    """Return the number of parts [s] reach the end of a duration [s]; round-off of their quotient adds none."""
     return max(1, ceil(duration / part - 1e-9))
 
 
@@ -66,10 +66,10 @@ def coupling_windows(scene, dt: float, speed: float, between_layers: float, held
 
     `held`: whether effects hold forces, which are evaluated several times a window.
     """
-    if scene.time.end / dt > MOST_STEPS:
+    if scene.time.end / dt > MAX_STEPS:
         raise ValueError(
             f"time.end = {scene.time.end:.3g} s is {scene.time.end / dt:.2g} steps of {dt:.2g} s; allowed: at most "
-            f"{MOST_STEPS:.0e}, which take days to years; lower it, raise particles.diameter or contact.max_overlap, "
+            f"{MAX_STEPS:.0e}, which take days to years; lower it, raise particles.diameter or contact.max_overlap, "
             "or check the units of what the step follows from"
         )
     if scene.time.window is not None:

@@ -1,7 +1,7 @@
-"""Which value of one quantity gives a wanted torque: root finding over the torque that `emclutch check` expects.
+"""Design search: the value of one quantity that gives a wanted torque, by root finding over the expected torque.
 
 The expectation T(x) is the law tau(H, phi) of `emclutch.simulation.forecast.expected_torque`, integrated over the
-sheared gap in the field that is solved anew for each x (`emclutch.simulation.forecast.expected_field`). Brent's method
+sheared gap in the field that is solved again for each x (`emclutch.simulation.forecast.expected_field`). Brent's method
 (R. P. Brent, Algorithms for Minimization without Derivatives, 1973, chapter 4; `scipy.optimize.brentq`) finds
 T(x) = T_wanted between two values of x that give less and more; T need not be monotone between them, and where the
 values that were tried show that it is not, there may be other answers, and it is said.
@@ -45,7 +45,7 @@ SHARP, BLUNT = (
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """What a run says of the law.
+    """Torque of a run beside that of the law.
 
     Attributes
     ----------
@@ -126,7 +126,7 @@ class DesignResult:
 
     @property
     def is_monotone(self) -> bool:
-        """Whether the torque rises or falls all along the values that were tried."""
+        """True if the torque rises or falls all along the values that were tried."""
         steps = [b[1] - a[1] for a, b in zip(self.tried, self.tried[1:], strict=False)]
         return all(step >= 0.0 for step in steps) or all(step <= 0.0 for step in steps)
 
@@ -280,7 +280,7 @@ def _out_of_range(search: Search, law: _Expectation, correction: Correction | No
 
 
 def _write(result: DesignResult) -> None:
-    """design.csv and design.json, anew after the run."""
+    """design.csv and design.json, again after the run."""
     search = result.search
     rows = "".join(f"{value!r},{torque!r}\n" for value, torque in result.tried)
     replace_text(result.folder / "design.csv", f"{search.key},expected_torque\n{rows}")
@@ -341,7 +341,7 @@ def _correction_in_words(correction: Correction) -> str:
 
 
 def run_in_words(result: DesignResult) -> list[str]:
-    """What the run of the scene says, beside its expectation."""
+    """Return what the run of the scene says, beside its expectation."""
     if result.ratio is None:
         return []
     text = f"run over expected: {result.ratio:.2f}; "

@@ -219,7 +219,7 @@ def field_study(
 
 
 def tables_of(summary: dict) -> list[Table]:
-    """What `field.json` holds, for a terminal: a row a current, and what is known at the last one."""
+    """Return what `field.json` holds, for a terminal: a row a current, and what is known at the last one."""
     rows, tables = summary["currents"], []
     for columns in IN_TERMINAL:
         shown = [name for name in columns if name in rows[0]]
@@ -323,12 +323,12 @@ def _resistance(case: Case, coil: CoilDevice) -> float:
 
 
 def _at_the_faces(case: Case, shape: Clutch) -> bool:
-    """Whether the gap that is meant is that at a clutch's faces."""
+    """Return whether the gap that is meant is that at a clutch's faces."""
     return shape.shears_faces("cavity" if case.scene.particles is None else case.scene.particles.region)
 
 
 def _details(case: Case, coil: CoilDevice, solution: MagneticField, phi: float | None) -> dict:
-    """What is computed once, at the last current: powder in chains, error estimate, forces, winding, solver."""
+    """Return what is computed once, at the last current: powder in chains, error estimate, forces, winding, solver."""
     details: dict = {
         "powder": powder_in_words(case.scene, phi),
         "unknowns": solution.problem.n_dofs,

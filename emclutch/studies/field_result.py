@@ -1,4 +1,4 @@
-"""What the field alone gives, in Python: `emclutch.field(case)`."""
+"""Results of the field alone: `emclutch.field(case)`."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class FieldResult:
 
     @property
     def at_last_current(self) -> dict[str, Any]:
-        """What is computed once: error estimate, forces [N], winding, solver, powder in chains."""
+        """Return what is computed once: error estimate, forces [N], winding, solver, powder in chains."""
         return self.summary["at_last_current"]
 
     @cached_property

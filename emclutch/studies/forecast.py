@@ -1,4 +1,4 @@
-"""What a study will cost before its first point runs: each point's plan, and all of them so many at a time."""
+"""Predicted cost of a study: the plan of each point, and all of them so many at a time."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SEED = "scene.seed"
 
 @dataclass(frozen=True, slots=True)
 class PointForecast:
-    """What one point is foretold.
+    """Prediction for one point.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class PointForecast:
 
 @dataclass(frozen=True, slots=True)
 class StudyForecast:
-    """What a study is foretold.
+    """Prediction for a study.
 
     Attributes
     ----------
@@ -90,7 +90,7 @@ class StudyForecast:
         text = (
             f"{len(self.points)} {'point' if len(self.points) == 1 else 'points'}{kept}, {self.jobs} at a time: "
             f"{time_in_words(self.seconds, self.earliest)}, up to {self.memory:.0f} MiB of memory, "
-            f"{self.disk:.0f} MiB on disk; foretold, without compiling"
+            f"{self.disk:.0f} MiB on disk; predicted, without compiling"
         )
         warning = shortage(self.memory)
         return f"{text}; WARNING: {warning}; or take fewer --jobs" if warning else text
@@ -103,10 +103,10 @@ def time_in_words(seconds: float, earliest: float) -> str:
     return f"about {spoken(seconds)} at the latest, {spoken(earliest)} at the earliest"
 
 
-def foretell_study(study: StudySection, jobs: int = 1, folders: Sequence[PointFolder] = ()) -> StudyForecast:
+def predict_study(study: StudySection, jobs: int = 1, folders: Sequence[PointFolder] = ()) -> StudyForecast:
     """Plan every point of a study that is not done, and say what they cost, `jobs` at a time.
 
-    `folders` are those of all points where the study goes on: of a point that has begun the rest is foretold.
+    `folders` are those of all points where the study goes on: of a point that has begun the rest is predicted.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def foretell_study(study: StudySection, jobs: int = 1, folders: Sequence[PointFo
         alike = repr((reached, {key: value for key, value in flat_scene(case.toml()).items() if key != SEED}))
         try:
             if alike not in planned:
-                planned[alike] = _foretell(case, label, jobs, reached)
+                planned[alike] = _predict(case, label, jobs, reached)
         except ValueError as error:
             faults.append(Fault("", "", f"{error} (at {label})"))
             continue
@@ -146,7 +146,7 @@ def foretell_study(study: StudySection, jobs: int = 1, folders: Sequence[PointFo
     )
 
 
-def _foretell(case: Case, label: str, jobs: int, reached: float) -> PointForecast:
+def _predict(case: Case, label: str, jobs: int, reached: float) -> PointForecast:
     """One point, which goes on from the simulated time `reached` [s]."""
     replicas = replica_count(case.scene)
     device, plan = make_plan(case, threads=threads_of_a_worker(jobs * replicas) if jobs > 1 else None)

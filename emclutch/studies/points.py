@@ -1,4 +1,4 @@
-"""Which folder of a study holds which point: a point is known by its resolved scene, not by its place in the list.
+"""Folders of the points of a study: a point is identified by its resolved scene, not by its place in the list.
 
 Each point's folder has its scene in ``case.toml``. A point of the study takes the folder whose scene is its own; where
 there is none, the folder whose scene differs only in what a resumed run may change (its end, its output), unless such a
@@ -43,7 +43,7 @@ class PointFolder:
 
     @property
     def reached(self) -> float:
-        """Simulated time [s] from which a run that is resumed goes on, to a minute of its work; 0: it begins anew."""
+        """Simulated time [s] from which a run that is resumed goes on, to a minute of its work; 0: it restarts."""
         folder = RunFolder(self.path)
         return (last_time(folder.history) or 0.0) if folder.checkpoint.is_file() else 0.0
 
@@ -121,7 +121,7 @@ def _scene_in(case: Path) -> dict[str, Any]:
 
 
 def _is_of(old: dict[str, Any], new: dict[str, Any], exactly: bool, fixed: Collection[str]) -> bool:
-    """Whether a run of one scene is, or may become, that of another."""
+    """Return whether a run of one scene is, or may become, that of another."""
     keys = differing_keys(old, new)
     return not keys or (not exactly and all(may_change(key) and not _is_in(key, fixed) for key in keys))
 
@@ -131,7 +131,7 @@ def _is_in(key: str, tables: Collection[str]) -> bool:
 
 
 def _is_done(path: Path, scene: dict[str, Any], fixed: Collection[str]) -> bool:
-    """Whether a folder holds a finished run of exactly this scene, or of one with an end that makes no difference."""
+    """True if a folder holds a finished run of exactly this scene, or of one with an equivalent end."""
     folder = RunFolder(path)
     if not folder.summary.is_file():
         return False

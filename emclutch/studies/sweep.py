@@ -1,7 +1,7 @@
 """A parameter study: every point is a run in a folder of its own; tables and pictures over all of them.
 
 Points are tasks (`emclutch.studies.tasks`) that this process runs one after the other, or hands to an executor. It
-alone writes the study's tables, anew after each point and in the study's order, so that they depend on the points
+alone writes the study's tables, again after each point and in the study's order, so that they depend on the points
 alone: not on how many run at a time, nor on which is done first.
 """
 
@@ -47,7 +47,7 @@ def sweep(
     jobs: int | None = None,
     executor: Executor | None = None,
     progress: StudyTable | None = None,
-    insist: bool = False,
+    force: bool = False,
 ) -> Path:
     """Run every point of a study and return the study's folder.
 
@@ -72,7 +72,7 @@ def sweep(
     executor : where points run instead: any `concurrent.futures.Executor`, of a cluster too, whose workers see the same
         file system. It gets `jobs` points at a time, by default all; it is not shut down.
     progress : table of the points to keep up to date.
-    insist : run also points that need more memory than is free.
+    force : run also points that need more memory than is free.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def sweep(
         with logging_to(folder / "study.log", [__name__]):
             share = 1 if executor is not None else jobs or 1
             table = progress or StudyTable(stream=io.StringIO())
-            run = _StudyRun(study, folder, threads, share, resume, table, insist)
+            run = _StudyRun(study, folder, threads, share, resume, table, force)
             try:
                 if executor is None and share == 1:
                     run.here()
@@ -124,10 +124,10 @@ class _StudyRun:
         share: int,
         resume: bool,
         table: StudyTable,
-        insist: bool,
+        force: bool,
     ) -> None:
         self.study, self.folder, self.threads, self.resume, self.table = study, folder, threads, resume, table
-        self.insist = insist
+        self.force = force
         self.share = share  # processes of this study on this machine
         self.points = list(study.cases())
         self.targets = folders_of_points(folder, [case for _, case in self.points], fixed=study.values)
@@ -212,7 +212,7 @@ class _StudyRun:
             )
 
     def goes_on(self) -> bool:
-        """Whether a point waits that can run."""
+        """Return whether a point waits that can run."""
         return not self.stopped and any(self.before[n] is None or self.before[n] in self.done for n in self.waiting)
 
     def fail_what_waits_for_failed_points(self) -> None:
@@ -256,7 +256,7 @@ class _StudyRun:
         if threads is None and self.share > 1:
             threads = threads_of_a_worker(self.share * replica_count(case.scene))
         return PointTask(
-            case.data, path, case.trust_scripts, str(point.path.resolve()), threads, resumed, start, self.insist
+            case.data, path, case.trust_scripts, str(point.path.resolve()), threads, resumed, start, self.force
         )
 
     def _take(self, number: int, outcome: PointOutcome) -> None:
@@ -306,14 +306,14 @@ def _outcome(future: Future[PointOutcome]) -> PointOutcome:
 
 
 def _goes_on(case: Case, point: PointFolder, resume: bool) -> bool:
-    """Whether a point goes on from its checkpoint; what lies there without one is put aside."""
+    """Return whether a point goes on from its checkpoint; what lies there without one is put aside."""
     name = point.path.name
     if resume and RunFolder(point.path).checkpoint.is_file():
         log.info("%s goes on from its checkpoint to t = %g s", name, case.scene.span.end)
         return True
     if point.path.is_dir() and has_files(point.path):
         aside = set_aside(point.path)
-        log.warning("%s has no checkpoint to go on from: started anew, its files are kept as %s", name, aside.name)
+        log.warning("%s has no checkpoint to go on from: restarted, its files are kept as %s", name, aside.name)
     else:
         log.info("%s starts", name)
     return False

@@ -1,4 +1,4 @@
-"""Tables and pictures over the points of a study, written anew after each point that is done."""
+"""Tables and pictures over the points of a study, rewritten after each point that is done."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ def output_start(history: Any) -> tuple[float, float] | None:
 
 
 def label_of(study: StudySection, values: dict[str, Any]) -> str:
-    """What tells a point from the others: the last part of each key that has several values, with the value."""
+    """Return what tells a point from the others: the last part of each key that has several values, with the value."""
     several = [key for key, options in study.values.items() if len(options) > 1]
     parts = (f"{key.rpartition('.')[2].replace('_', ' ')} {values[key]}" for key in several)
     return ", ".join(parts) if not any(isinstance(values[key], (dict, list)) for key in several) else ""

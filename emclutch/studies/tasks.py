@@ -28,7 +28,7 @@ LOOK_SECONDS = 0.2  # between two looks for the file: windows may be shorter, an
 
 @dataclass(frozen=True, slots=True)
 class PointTask:
-    """What a point is made of.
+    """Input of one point.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class PointTask:
     threads : of the kernels; None: ``OMP_NUM_THREADS``, or all cores.
     resume : go on from the checkpoint in `folder`.
     start : folder of the run whose grains the point begins with; None packs its own.
-    insist : run also where more memory is needed than is free.
+    force : run also where more memory is needed than is free.
     """
 
     data: dict[str, Any]
@@ -48,12 +48,12 @@ class PointTask:
     threads: int | None = None
     resume: bool = False
     start: str | None = None
-    insist: bool = False
+    force: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class PointOutcome:
-    """How a task ended.
+    """Outcome of a task.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ def run_point(task: PointTask, progress: Any = None) -> PointOutcome:
             progress=asked,
             resume=task.resume,
             start=task.start,
-            insist=task.insist,
+            force=task.force,
         )
     except (Interrupted, KeyboardInterrupt):
         return PointOutcome(STOPPED)

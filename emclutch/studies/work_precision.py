@@ -1,4 +1,4 @@
-"""What accuracy costs in time: each knob of a scene is turned, and error against the finest stands beside seconds.
+"""Work-precision study: each numerical setting of a scene is varied, error against the finest over seconds.
 
 A knob is one small object: a name, the settings from coarse to fine, how a setting changes the case, and the
 quantities it moves. To add one: a class here, a line in `KNOBS`, and its ladder in `emclutch.scene.timing`.
@@ -146,7 +146,7 @@ KNOBS: tuple[Knob, ...] = (FieldMesh(), SmearWidth(), MomentRefresh(), ContactSt
 
 
 def has_solved_field(case: Case) -> bool:
-    """Whether the case solves for the field of a coil."""
+    """Return whether the case solves for the field of a coil."""
     return case.scene.coil_field is not None and field_is_needed(case.scene)
 
 

@@ -17,7 +17,7 @@ def worker_pool(jobs: int) -> ProcessPoolExecutor:
 
 
 def begin_worker() -> None:
-    """What a process of the pool does first."""
+    """Return what a process of the pool does first."""
     leave_ctrl_c_to_the_study()
     threading.Thread(target=end_with_the_study, name="end with the study", daemon=True).start()
 

@@ -125,7 +125,7 @@ class _LinkageEnergy:
 
 @dataclass(frozen=True, slots=True)
 class CircuitState:
-    """Where the circuit is, and the energies since its start.
+    """State of the circuit, and the energies since its start.
 
     Attributes
     ----------

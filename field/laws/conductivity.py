@@ -13,7 +13,7 @@ from field.laws.materials import canonical_name, material
 
 @dataclass(frozen=True, slots=True)
 class Conductivity:
-    """What a material conducts.
+    """Conductivity of a material.
 
     Attributes
     ----------

@@ -16,11 +16,11 @@ from field.laws.reluctivity import NU_0, Law, LinearLaw
 from geometry.kernels.device_functions import device_function
 
 # Cubics of a sampled law: 1e-6 takes 50 to 150 for the laws here, 1e-9 up to a thousand.
-_MOST_INTERVALS = 20_000
+_MAX_INTERVALS = 20_000
 # Where a sampled law is compared with its cubic: off the middle as well, where a symmetric error would hide.
 _PROBES = np.array([0.25, 0.5, 0.8])
 # Field strength [A/m] from which downwards the error counts against this one: far below the earth's 40 A/m.
-_SMALLEST_H = 1e-3
+_MIN_H = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,9 +139,9 @@ def spline_of(law: Law, tolerance: float = 1e-6) -> HSpline:
         coarse = _too_coarse(law, B, H, slope, tolerance)
         if not np.any(coarse):
             return HSpline.through(CubicHermiteSpline(B, H, slope))
-        if B.size > _MOST_INTERVALS:
+        if B.size > _MAX_INTERVALS:
             raise ValueError(
-                f"{law.name!r} needs more than {_MOST_INTERVALS} cubics for H to within {tolerance:g}: "
+                f"{law.name!r} needs more than {_MAX_INTERVALS} cubics for H to within {tolerance:g}: "
                 "its slope jumps or is not that of H; raise `tolerance`, or mend the law"
             )
         middles = 0.5 * (B[:-1] + B[1:])[coarse]
@@ -171,11 +171,11 @@ def _saturated_from(law: Law, tolerance: float) -> float:
 
 
 def _too_coarse(law: Law, B: np.ndarray, H: np.ndarray, slope: np.ndarray, tolerance: float) -> np.ndarray:
-    """Which intervals' cubics are off by more than the tolerance, or may not be monotone; shape (m,)."""
+    """Return which intervals' cubics are off by more than the tolerance, or may not be monotone; shape (m,)."""
     width, spline = np.diff(B), CubicHermiteSpline(B, H, slope)
     points = B[:-1, None] + width[:, None] * _PROBES
     exact = law.H_of_B(points)[0]
-    off = np.abs(spline(points) - exact) > 0.7 * tolerance * np.maximum(exact, _SMALLEST_H)
+    off = np.abs(spline(points) - exact) > 0.7 * tolerance * np.maximum(exact, _MIN_H)
     # Fritsch and Carlson: end slopes of at most three times the chord's make a cubic monotone
     chord = 3.0 * np.diff(H) / width
     return off.any(axis=1) | (slope[:-1] > chord) | (slope[1:] > chord)

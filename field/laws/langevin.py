@@ -24,7 +24,7 @@ from field.laws.reluctivity import MU_0, NU_0
 _SMALL = 0.1
 _COTH_SERIES = (1 / 3, -1 / 45, 2 / 945, -1 / 4725, 2 / 93555, -1382 / 638512875)  # of a, a^3, a^5, ...
 # Newton needs 5 to 12 steps from the lower bound at chi = 1 to 1e5; more than this is a defect.
-_MOST_STEPS = 60
+_MAX_STEPS = 60
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class LangevinLaw:
         scale = self.Ms / (3.0 * self.chi)
         low = np.maximum(b - self.Ms, b / (1.0 + self.chi))
         H = low
-        for _ in range(_MOST_STEPS):
+        for _ in range(_MAX_STEPS):
             L, slope = _langevin(H / scale)
             step = (b - H - self.Ms * L) / (1.0 + 3.0 * self.chi * slope)
             new = np.clip(H + step, low, b)

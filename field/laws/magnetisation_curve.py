@@ -20,11 +20,11 @@ from field.laws.h_spline import HSpline
 from field.laws.reluctivity import MU_0
 
 # Slope at a table's ends, at least, over that of the interval beside it.
-_LEAST_END = 0.1
+_MIN_END = 0.1
 # Beside the origin; fewer say nothing of the knee.
-_LEAST_POINTS = 3
+_MIN_POINTS = 3
 # No material has a saturation polarisation of more (iron-cobalt: 2.45 T).
-_LARGEST_POLARISATION = 3.0
+_MAX_POLARISATION = 3.0
 
 # A published table rounds its figures: a last slope 2 % under mu_0 is a rounding, not a fault.
 SLOPE_ROUNDING = 0.02
@@ -33,7 +33,7 @@ _SATURATION_SHARE = 0.5
 
 
 def too_flat(H: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """Which intervals of a curve (n,) [A/m], [T] rise more slowly than mu_0 H, beyond a rounding; bool (n-1,)."""
+    """True for intervals of a curve (n,) [A/m], [T] rise more slowly than mu_0 H, beyond a rounding; bool (n-1,)."""
     return np.diff(B) < (1.0 - SLOPE_ROUNDING) * MU_0 * np.diff(H)
 
 
@@ -51,7 +51,7 @@ def last_before_tail(H: np.ndarray, B: np.ndarray) -> int | None:
     polarisation = B - MU_0 * H
     rounding = SLOPE_ROUNDING * MU_0 * (H[last + 1 :] - H[last])
     rises_again = np.any(polarisation[last + 1 :] > polarisation[last] + rounding)
-    if rises_again or np.count_nonzero(H[: last + 1]) < _LEAST_POINTS or B[last] < _SATURATION_SHARE * B[-1]:
+    if rises_again or np.count_nonzero(H[: last + 1]) < _MIN_POINTS or B[last] < _SATURATION_SHARE * B[-1]:
         return None
     return last
 
@@ -73,7 +73,7 @@ class TableLaw:
     ----------
     H, B : ndarray
         The points that the curve goes through: the origin first, without a tail in which dB/dH is below mu_0.
-    caution : str
+    warning : str
         What was replaced by the slope of vacuum, for the user; empty where nothing was.
 
     Raises
@@ -88,7 +88,7 @@ class TableLaw:
     name: str = "table"
     source: str = "a table of the user"
     curve: HSpline = field(init=False, repr=False)
-    caution: str = field(init=False, repr=False, default="")
+    warning: str = field(init=False, repr=False, default="")
 
     def __post_init__(self) -> None:
         H = np.atleast_1d(np.asarray(self.H, dtype=float))
@@ -103,7 +103,7 @@ class TableLaw:
             lowest = float((np.diff(B) / np.diff(H))[last:].min())
             object.__setattr__(
                 self,
-                "caution",
+                "warning",
                 f"the last {left_out} point{'s' * (left_out > 1)} of the table, from H = {H[last + 1]:g} A/m on, "
                 f"{'are' if left_out > 1 else 'is'} not used: dB/dH falls to {lowest:.3g} H/m there, below "
                 f"mu_0 = {MU_0:.4g} H/m; from H = {H[last]:g} A/m, B = {B[last]:g} T on the curve has the slope of "
@@ -114,8 +114,8 @@ class TableLaw:
         object.__setattr__(self, "B", B)
         slope = PchipInterpolator(B, H).derivative()(B)
         # PCHIP's rule for the ends gives 0 beside an interval three times as steep: mu_r would be infinite there
-        slope[0] = max(slope[0], _LEAST_END * H[1] / B[1])
-        slope[-1] = max(slope[-1], _LEAST_END * (H[-1] - H[-2]) / (B[-1] - B[-2]))
+        slope[0] = max(slope[0], _MIN_END * H[1] / B[1])
+        slope[-1] = max(slope[-1], _MIN_END * (H[-1] - H[-2]) / (B[-1] - B[-2]))
         object.__setattr__(self, "curve", HSpline.through(CubicHermiteSpline(B, H, slope)))
 
     def _check_shape(self, H: np.ndarray, B: np.ndarray) -> None:
@@ -126,10 +126,10 @@ class TableLaw:
             )
         if not (np.all(np.isfinite(H)) and np.all(np.isfinite(B))):
             raise ValueError(f"the table of {self.name!r} holds a value that is not a finite number")
-        if np.count_nonzero(H) < _LEAST_POINTS:
+        if np.count_nonzero(H) < _MIN_POINTS:
             raise ValueError(
                 f"the table of {self.name!r} has {np.count_nonzero(H)} points beside the "
-                f"origin; a curve needs at least {_LEAST_POINTS}, better 10 up to saturation"
+                f"origin; a curve needs at least {_MIN_POINTS}, better 10 up to saturation"
             )
 
     def _check_curve(self, H: np.ndarray, B: np.ndarray) -> None:
@@ -148,11 +148,11 @@ class TableLaw:
                     "sort it and remove repeated points"
                 )
         polarisation = B - MU_0 * H
-        if polarisation.max() > _LARGEST_POLARISATION:
+        if polarisation.max() > _MAX_POLARISATION:
             i = int(np.argmax(polarisation))
             raise ValueError(
                 f"the table of {self.name!r} has B - mu_0 H = {polarisation[i]:.3g} T at H = {H[i]:g} A/m; no material "
-                f"has more than {_LARGEST_POLARISATION:g} T: check the unit of B (mT, G?)"
+                f"has more than {_MAX_POLARISATION:g} T: check the unit of B (mT, G?)"
             )
         flat = too_flat(H, B)
         if np.any(flat) and last_before_tail(H, B) is None:

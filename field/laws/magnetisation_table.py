@@ -30,12 +30,12 @@ _UNITS = {
 _UNITS["J"] = _UNITS["B"]
 # "H [A/m]", "B (T)", "J / mT", "H in kA/m"
 _HEADING = re.compile(r"\s*([A-Za-z]+)\s*(?:\[\s*(.*?)\s*\]|\(\s*(.*?)\s*\)|(?:/|in\s)\s*(\S.*?))?\s*")
-_LEAST_POINTS = 3
-_LARGEST_FILE = 10_000_000  # bytes: a wrong file is refused before it is read
+_MIN_POINTS = 3
+_MAX_FILE = 10_000_000  # bytes: a wrong file is refused before it is read
 
 
 class TableFault(ValueError):
-    """What is wrong with a file of a magnetisation curve, with the line and the remedy."""
+    """Error in a file of a magnetisation curve, with the line and the remedy."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +58,8 @@ def read_table(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
     path = Path(path)
     if path.exists() and not (path.is_file() or path.is_dir()):
         raise TableFault("is a device or a pipe, not a file; name a text file")
-    if path.stat().st_size > _LARGEST_FILE:
-        raise TableFault(f"is larger than {_LARGEST_FILE // 1_000_000} MB, which no magnetisation curve is")
+    if path.stat().st_size > _MAX_FILE:
+        raise TableFault(f"is larger than {_MAX_FILE // 1_000_000} MB, which no magnetisation curve is")
     try:
         # utf-8-sig: spreadsheets write a byte order mark in front
         lines = path.read_text(encoding="utf-8-sig").splitlines()
@@ -165,10 +165,10 @@ def _number(text: str, comma_is_decimal: bool) -> float | None:
 
 
 def _check(H: np.ndarray, B: np.ndarray, lines: list[int], given: str) -> None:
-    """What `TableLaw` demands, told with the file's lines."""
-    if np.count_nonzero(H) < _LEAST_POINTS:
+    """Return what `TableLaw` demands, told with the file's lines."""
+    if np.count_nonzero(H) < _MIN_POINTS:
         raise TableFault(
-            f"has {np.count_nonzero(H)} points beside the origin; a curve needs at least {_LEAST_POINTS}, better 10 "
+            f"has {np.count_nonzero(H)} points beside the origin; a curve needs at least {_MIN_POINTS}, better 10 "
             "up to saturation"
         )
     if (H[0] != 0.0 or B[0] != 0.0) and not (H[0] > 0.0 and B[0] > 0.0):

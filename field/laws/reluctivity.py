@@ -1,4 +1,4 @@
-"""What a magnetic law is to the field solver, and the linear one.
+"""Interface of a magnetic law to the field solver, and the linear law.
 
 The solver works with the flux density as the given quantity, so a law answers H(B), its slope and
 its energy density.  H must grow with B: then the stored energy is a convex functional of psi and
@@ -30,7 +30,7 @@ class Law(Protocol):
 
     @property
     def source(self) -> str:
-        """Where the numbers come from."""
+        """Return where the numbers come from."""
 
     def H_of_B(self, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Field strength and slope.

@@ -21,7 +21,7 @@ _INSIDE = 1e-9
 
 
 class TriangleSearch(NamedTuple):
-    """What finds a triangle (`field.sampling.locate.TriangleLocator`).
+    """Search tables of triangles (`field.sampling.locate.TriangleLocator`).
 
     Attributes
     ----------

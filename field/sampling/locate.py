@@ -1,4 +1,4 @@
-"""Which triangle is a point in: a bucket grid and a barycentric test, compiled.
+"""Point location in triangles: a bucket grid and a barycentric test, compiled.
 
 The triangles of a bucket are tried in the order of how well they hold its centre: with buckets a quarter as
 wide as a triangle the first test mostly finds the point.
@@ -92,7 +92,7 @@ class TriangleLocator:
 
     @property
     def search(self) -> element_kernels.TriangleSearch:
-        """What the kernels need to find a triangle."""
+        """Return what the kernels need to find a triangle."""
         return element_kernels.TriangleSearch(
             self._affine, self.start, self.items, self.origin, self.inverse_size, self.shape, _MARGIN
         )

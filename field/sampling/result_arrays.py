@@ -1,4 +1,4 @@
-"""Where a sampler writes H and grad H: the caller's arrays, checked, or new ones."""
+"""Output arrays of a sampler for H and grad H: the caller's, checked, or new ones."""
 
 from __future__ import annotations
 

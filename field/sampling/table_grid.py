@@ -21,7 +21,7 @@ from field.sampling.recovery import RegionRecovery
 DEGREE = 4
 GAUSS_POINTS = 4
 # Fewer cells than this between two steps of a wall would let one spline reach across the wall.
-_LEAST_CELLS = DEGREE
+_MIN_CELLS = DEGREE
 _MAX_CELLS = 20_000
 # Weight of the gradients in the fit, in cell sizes: the recovered grad H is as trustworthy as the slope of
 # the recovered H over a third of a cell.
@@ -77,7 +77,7 @@ class TableGrid:
             steps = np.unique(np.round(wall[along[:, i], 0, i] / tolerance)) * tolerance
             # walls' own coordinates, not the rounded ones
             steps = np.array([wall[along[:, i], 0, i][np.argmin(np.abs(wall[along[:, i], 0, i] - s))] for s in steps])
-            counts = np.maximum(np.ceil(np.diff(steps) / size - 1e-6).astype(int), _LEAST_CELLS)
+            counts = np.maximum(np.ceil(np.diff(steps) / size - 1e-6).astype(int), _MIN_CELLS)
             pieces = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(steps, steps[1:], counts, strict=False)]
             knots.append(np.concatenate((*pieces, steps[-1:])))
         self.knots = (knots[0], knots[1])

@@ -1,4 +1,4 @@
-"""Whether a compiled loop over points is worth sharing, and among how many threads."""
+"""Number of threads among which a compiled loop over points is shared."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ from geometry.section import SectionMesh
 _MAX_ROUNDS = 60
 # Of the error that elements at a corner of steel carry, psi ~ d^(2/3), halving them takes 1 - 2^(-4/3) away.
 _GAIN = 0.6
-_LEAST_MARKING = 0.1
+_MIN_MARKING = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class AdaptiveStep:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AdaptiveResult:
-    """What `adapt` ended with.
+    """Result of `adapt`.
 
     Attributes
     ----------
@@ -171,7 +171,7 @@ def adapt(
         missing = np.array([goal.relative > tolerance for goal in estimate.goals])
         # near the tolerance no more than what is still needed
         needed = (1.0 - tolerance / history[-1].worst) / _GAIN
-        share = min(marking, max(needed, _LEAST_MARKING))
+        share = min(marking, max(needed, _MIN_MARKING))
         refined = refine(problem.mesh, mark(estimate.indicators[missing].sum(axis=0), share), circles)
         finer = make_problem(refined.mesh)
         if finer.n_dofs > max_dofs:

@@ -132,7 +132,7 @@ class AxisymmetricProblem:
 
     @property
     def factorisation_backend(self) -> Backend:
-        """Which sparse factorisation is in use."""
+        """Return which sparse factorisation is in use."""
         return self._solver.backend
 
     @property

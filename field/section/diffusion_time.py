@@ -1,4 +1,4 @@
-"""How long eddy currents keep a field in solid conductors, from its static solution alone.
+"""Diffusion time of a field in solid conductors, from its static solution alone.
 
 A field psi = r A_phi left to itself decays as exp(-t/tau) in its slowest mode, curl(nu curl A) = sigma A/tau.
 Rayleigh's quotient with the static field of the coil as the trial function,

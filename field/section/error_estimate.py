@@ -1,4 +1,4 @@
-"""How far a solved field is from the exact one, in the numbers that are wanted: flux linkage, field in the gap.
+"""Error estimates of a solved field in the quantities of interest: flux linkage, field in the gap.
 
 On the same mesh the space of the next order is larger; its solution psi_h + e, a few warm Newton steps away,
 gives goal(psi_h + e) - goal(psi_h), a goal's error with its sign, linear or not.  Where the error comes from
@@ -40,7 +40,7 @@ _CORNER = 8.0 / 3.0
 _CANCELLING = 0.05
 # Residual of the next order's solution relative to what psi_h leaves; and the least that rounding allows.
 _STEP = 1e-3
-_LEAST_RESIDUAL = 1e-11
+_MIN_RESIDUAL = 1e-11
 
 
 class Goal(Protocol):
@@ -57,7 +57,7 @@ class Goal(Protocol):
         """Derivative by the unknowns, (n_dofs,)."""
 
     def distance(self, space: EnrichedSpace, psi: np.ndarray, other: np.ndarray) -> float:
-        """How much the goal of two fields differs, >= 0."""
+        """Return how much the goal of two fields differs, >= 0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,7 +262,7 @@ class EnrichedSpace:
             field.ampere_turns,
             powder,
             start,
-            tolerance=max(_STEP * left, _LEAST_RESIDUAL),
+            tolerance=max(_STEP * left, _MIN_RESIDUAL),
             boundary_field=boundary_field,
         )
 

@@ -1,6 +1,6 @@
 """Axial force on a body: Maxwell stress through the air around it, virtual work, and J x B in the coil.
 
-Displace the body by d along z and let the air around it give way with a weight w(r, z), 1 on the body and 0 on
+Displace the body by d along z and let the air around it deform with a weight w(r, z), 1 on the body and 0 on
 everything that stays.  The field is the stationary point of L(psi) = integral r w_m(|B|) - J psi, so the force
 is dL/dd at fixed psi alone (Coulomb 1983; Henrotte and Hameyer 2004):
 
@@ -18,7 +18,7 @@ w is s(u) with u the solution of Laplace's equation between body and surrounding
 whose slope vanishes at both ends: the shell then keeps away from faces and corners of iron, where the field is
 singular (u itself has the worst of its slope there).
 
-Only air may give way: of a body that touches iron or powder the shell would cut them, and its force would depend
+Only air may deform: of a body that touches iron or powder the shell would cut them, and its force would depend
 on where.  Regions through which a force is asked all the same (powder, as a fluid at constant fill) are named in
 `yielding`.  Two weights, the smooth one and one that falls within a single layer of elements, must agree: their
 difference is the error that is reported.
@@ -121,7 +121,7 @@ def axial_force(
     body : str or sequence of str
         Regions that move together; the coil may be one.
     yielding : sequence of str
-        Regions that are no air and give way nevertheless.
+        Regions that are no air and deform nevertheless.
     virtual_work : bool
         Also by two more solves with the body displaced; with one more factorisation for both.
     displacement : float or None
@@ -132,7 +132,7 @@ def axial_force(
     Raises
     ------
     UndefinedForce
-        A body without room to move, or one that touches what cannot give way.
+        A body without room to move, or one that touches what cannot deform.
     ValueError
         An unknown region.
     """
@@ -216,7 +216,7 @@ def body_weight(
     ]
     if touching:
         raise UndefinedForce(
-            f"the body {', '.join(body)} touches {', '.join(sorted(touching))}, which cannot give way: no force "
+            f"the body {', '.join(body)} touches {', '.join(sorted(touching))}, which cannot deform: no force "
             "between them is defined",
             "take them as one body, leave air between them, or name the region in `yielding`",
         )
@@ -228,7 +228,7 @@ def body_weight(
 
 
 def gives_way(problem: AxisymmetricProblem, name: str, solution: MagneticField | None) -> bool:
-    """Whether a region is as good as air: no iron, no current, no powder in it."""
+    """Return whether a region is as good as air: no iron, no current, no powder in it."""
     if name == problem.coil_region:
         return False
     if problem.powder_law is not None and name == problem.powder_region:

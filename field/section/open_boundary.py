@@ -39,7 +39,7 @@ from geometry.section import SectionMesh
 # What remains of a mode's energy beside the others, relative to the greatest, when it is round-off.
 _NEGLIGIBLE = 1e-12
 # The tail of the series falls like (reach/radius)^n.
-_LARGEST_REACH = 0.95
+_MAX_REACH = 0.95
 _TAIL = 1e-12
 _FEWEST_MODES = 16
 # A distance from the axis that is one of rounding, relative to the radius of the boundary.
@@ -47,7 +47,7 @@ _ON_AXIS = 1e-9
 
 
 class Elements(Protocol):
-    """What the operator needs to know of the finite elements."""
+    """Data of the finite elements for the operator."""
 
     mesh: SectionMesh
     order: int
@@ -228,17 +228,17 @@ def _distance(edges: np.ndarray, centre: float) -> float:
 
 
 def _reach(mesh: SectionMesh, centre: float, radius: float) -> float:
-    """How far anything but air reaches from the centre, over `radius`: there the multipoles converge."""
+    """Return how far anything but air reaches from the centre, over `radius`: there the multipoles converge."""
     largest = 0.0
     for name, elements in mesh.regions.items():
         if name == "air":
             continue
         points = mesh.points[mesh.triangles[elements].ravel()]
         reach = float(np.hypot(points[:, 0], points[:, 1] - centre).max())
-        if reach > _LARGEST_REACH * radius:
+        if reach > _MAX_REACH * radius:
             raise ValueError(
                 f"region {name!r} reaches {1e3 * reach:.4g} mm from (r, z) = (0, {1e3 * centre:.4g} mm), the open "
-                f"boundary is {1e3 * radius:.4g} mm away; it allows at most {_LARGEST_REACH:g} of that: "
+                f"boundary is {1e3 * radius:.4g} mm away; it allows at most {_MAX_REACH:g} of that: "
                 "enlarge the air (`air_factor`, or in a finished mesh), or take `open_boundary` = false"
             )
         largest = max(largest, reach / radius)

@@ -1,4 +1,4 @@
-"""What the powder of a section is at an instant: how much of it stands where, and how it is magnetised.
+"""State of the powder in a section: its distribution and magnetisation.
 
 In an element of the solid fraction phi the powder's magnetisation is
 

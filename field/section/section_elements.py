@@ -82,7 +82,7 @@ class SectionElements:
         )
 
     def _place(self) -> None:
-        """What follows from where the points are."""
+        """Return what follows from where the points are."""
         corner, second, third = (self.skfem_mesh.p[:, vertex] for vertex in self.skfem_mesh.t)
         u, v = second - corner, third - corner
         determinant = u[0] * v[1] - u[1] * v[0]

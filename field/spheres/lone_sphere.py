@@ -18,7 +18,7 @@ from field.laws.powder_law import GrainLaw, ThesisLaw
 from field.laws.reluctivity import MU_0, NU_0, Law, LinearLaw
 
 # Newton in a bracket: 5 to 12 steps for the laws of the library; halving alone reaches round-off in 53.
-_MOST_STEPS = 80
+_MAX_STEPS = 80
 # Flux density [T] at which a law without a stated saturation is asked for it; every law that saturates has the
 # slope of vacuum there.
 _FAR = 100.0
@@ -76,7 +76,7 @@ def sphere_flux_density(law: Law | GrainLaw, h: np.ndarray | float) -> np.ndarra
     low, high = MU_0 * h, 3.0 * MU_0 * h
     slope = (2.0 * law.H_of_B(np.zeros_like(h))[1] + NU_0) / 3.0
     B = np.clip(h / slope, low, high)
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         H, dH_dB = law.H_of_B(B)
         excess = (2.0 * H + NU_0 * B) / 3.0 - h
         high, low = np.where(excess > 0.0, B, high), np.where(excess > 0.0, low, B)

@@ -19,7 +19,7 @@ Mutual dipoles are left out of the excess, for those who add them up over all pa
 taken smoothly (a cubic, C1) to zero between g = 1 and g = 1.2; the dipole force is that between the moments that the
 pair really has, M_sph is the lone sphere's law.  dM changes its sign near saturation.
 
-Tables ship for Froehlich's law at several susceptibilities; `python -m field.spheres.pair_table` makes them anew.
+Tables ship for Froehlich's law at several susceptibilities; `python -m field.spheres.pair_table` makes them again.
 """
 
 from __future__ import annotations
@@ -321,7 +321,7 @@ def _read_shipped(chi: float) -> dict[str, np.ndarray] | None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Build the shipped tables anew: `python -m field.spheres.pair_table [CHI ...]`."""
+    """Build the shipped tables again: `python -m field.spheres.pair_table [CHI ...]`."""
     chosen = [float(text) for text in (sys.argv[1:] if arguments is None else arguments)] or _SHIPPED_CHI
     for chi in chosen:
         table = build_table(FroehlichLaw(chi, 1.0e6))

@@ -1,4 +1,4 @@
-"""Where tables of pairs live: shipped with the package, and in the user's cache; what tells one law from another.
+"""Files of pair tables: shipped with the package, or in the user's cache, by the identity of their law.
 
 A table depends on the shape of the law alone, B/(mu_0 Ms) over H/Ms, on the grid and on how it is made, so its name
 in the cache is a hash of these three.  The cache is the folder that the environment names in EMCLUTCH_CACHE, else

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class BodyForce:
-    """What the field does to a body of the whole machine.
+    """Force and torque of the field on a body of the whole machine.
 
     Attributes
     ----------

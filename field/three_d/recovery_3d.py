@@ -31,11 +31,11 @@ if TYPE_CHECKING:
 _MAX_RINGS = 4
 # Share of a monomial that the ones before it leave unexplained on the stencil (square of a Cholesky pivot over
 # the diagonal): below it the fit follows noise.
-_LEAST_PIVOT = 2e-4
+_MIN_PIVOT = 2e-4
 # Largest change of a derivative at the corner, over the stencil's reach, that noise of size 1 in the samples may
 # make.  A good quartic has 30 to 150; where the stencil is a layer or two thick single pivots pass, but their
 # errors multiply to 1e4, and the fit then recovers noise.
-_MOST_NOISE = 200.0
+_MAX_NOISE = 200.0
 _CHUNK = 4096
 
 
@@ -170,10 +170,10 @@ class Recovery3D:
         factor = np.empty((corners.size, n_terms, n_terms))
         good = np.empty(corners.size, dtype=bool)
         stencils = Stencils(indptr, samples, centre, frame)
-        kernels.factorise(self.nodes, stencils, terms.parent, terms.axis, _LEAST_PIVOT, np.empty(n_terms), factor, good)
+        kernels.factorise(self.nodes, stencils, terms.parent, terms.axis, _MIN_PIVOT, np.empty(n_terms), factor, good)
         good &= count >= n_terms
         at_corner = np.einsum("kab,kb->ka", frame, self.nodes[corners] - centre)
-        kernels.limit_noise(at_corner, terms.exponents, factor, count, _MOST_NOISE, np.empty(n_terms), good)
+        kernels.limit_noise(at_corner, terms.exponents, factor, count, _MAX_NOISE, np.empty(n_terms), good)
         if good.any():
             kept = good[owner]
             pairs = self.nodes[corners][owner[kept]]

@@ -28,7 +28,7 @@ _MAX_STEPS = 12
 
 
 class TetrahedronSearch(NamedTuple):
-    """What finds a tetrahedron (`field.three_d.tetrahedron_locator.TetrahedronLocator`).
+    """Search tables of tetrahedra (`field.three_d.tetrahedron_locator.TetrahedronLocator`).
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class TetrahedronSearch(NamedTuple):
 
 
 class Copies(NamedTuple):
-    """How the sector's copies are turned into the mesh.
+    """Rotation of the sector's copies into the mesh.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Which tetrahedron is a point in, and where in it: a bucket grid over the elements, searched by compiled kernels."""
+"""Point location in tetrahedra: a bucket grid over the elements, searched by compiled kernels."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class TetrahedronLocator:
 
     @property
     def search(self) -> tetrahedron_kernels.TetrahedronSearch:
-        """What the kernels need to find a tetrahedron."""
+        """Return what the kernels need to find a tetrahedron."""
         return tetrahedron_kernels.TetrahedronSearch(
             self._affine, self._bend, self._reach, self._start, self._items, self._origin, self._inverse_size,
             self._cells, _MARGIN,

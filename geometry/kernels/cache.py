@@ -43,7 +43,7 @@ except ImportError:  # no such locks on Windows: there numba's own rule holds
     fcntl = None  # type: ignore[assignment]
 
 ROOT = Path(__file__).resolve().parents[2]
-LONGEST_WAIT, POLL = 180.0, 0.1  # s, for another process that compiles; between two looks
+MAX_WAIT, POLL = 180.0, 0.1  # s, for another process that compiles; between two looks
 
 
 def specialisations() -> set[str]:
@@ -64,7 +64,7 @@ def specialisations() -> set[str]:
 
 
 def has_entries(kernel: Any) -> bool:
-    """Whether the cache holds code of a kernel as it is now, for whatever types; False for one without a cache."""
+    """True if the cache holds code of the present kernel, for any types; False for one without a cache."""
     file = getattr(getattr(kernel, "_cache", None), "_cache_file", None)  # without a compiler it is a plain function
     if file is None:
         return False
@@ -189,7 +189,7 @@ def _wait_to_compile(path: str) -> None:
         file = open(f"{path}.compiling", "a")
     except OSError:
         return
-    for _ in range(round(LONGEST_WAIT / POLL)):
+    for _ in range(round(MAX_WAIT / POLL)):
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

@@ -280,7 +280,7 @@ def movemask(typing, condition):
 
 @intrinsic
 def any_lane(typing, condition):
-    """Whether any lane of a mask, or a boolean, is true."""
+    """Return whether any lane of a mask, or a boolean, is true."""
 
     def code(context, builder, kind, values):
         if condition != mask8:

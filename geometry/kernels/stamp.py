@@ -18,7 +18,7 @@ PACKAGES = ("geometry", "field", "particles", "coupling", "emclutch")
 
 
 def is_own(function: Callable) -> bool:
-    """Whether a function stands in one of the five packages."""
+    """Return whether a function stands in one of the five packages."""
     return function.__module__.partition(".")[0] in PACKAGES
 
 

@@ -1,4 +1,4 @@
-"""How threads of compiled loops wait for one another: they spin for half a millisecond, then sleep.
+"""Waiting of the threads of compiled loops: they spin for half a millisecond, then sleep.
 
 A call of the step is one parallel loop, whose threads wait for one another by themselves (`particles.dem.step_kernel`);
 rigid contacts and lists have many short ones. Measured with two loops a step of 1 000 grains, on two idle cores of a
@@ -23,7 +23,7 @@ if "OMP_WAIT_POLICY" not in os.environ:
 
 
 def requested_threads() -> int | None:
-    """What ``OMP_NUM_THREADS`` says; None where it is not set to a number."""
+    """Return what ``OMP_NUM_THREADS`` says; None where it is not set to a number."""
     asked = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()  # a list has one number a nesting level
     return int(asked) if asked.isdigit() and int(asked) > 0 else None
 

@@ -12,11 +12,11 @@ g = max(2 (h - r_i)/r_i, smallest_gap): that of a grain and its mirror image.
 
 **What is held.** Amplitudes and columns belong to the slots of the DEM's list: every pair nearer than touching and a
 skin when it was made. Grains may come nearer to each other by a skin before the next one is made; so the list reaches
-further by ``near_gap``, and up to that gap it holds every pair at every step. It is made anew, and the grains sorted
+further by ``near_gap``, and up to that gap it holds every pair at every step. It is rebuilt, and the grains sorted
 and wrapped, inside a run: the DEM asks for the drives by a callable that finds them from arrays of the grains, and it
 keeps these arrays in the present order.
 
-**Each pair once.** Pairs that the list does not hold are the caller's, as held forces. A list made anew inside a run
+**Each pair once.** Pairs that the list does not hold are the caller's, as held forces. A list rebuilt inside a run
 holds others than the last one: `drives` may then set `DEM.external_force`, it is read afterwards.
 
 **Energy budget.** Pulls are no contact forces: friction is limited by the contact's repulsion alone, which they raise
@@ -109,7 +109,7 @@ class Attraction:
 
     @property
     def last_gap(self) -> float:
-        """Where the pull ends [radii]."""
+        """Return where the pull ends [radii]."""
         return float(np.exp(self.gap_start + (len(self.across) - 1) * self.gap_step))
 
     @property
@@ -246,7 +246,7 @@ def contact_share(attraction: Attraction, contact: ContactLaw | PairLaws, radius
 def depth_warning(
     attraction: Attraction, contact: ContactLaw | PairLaws, radius: float | np.ndarray, limit: float = DEEPEST
 ) -> str | None:
-    """What to say where the strongest present pull presses a contact by more than ``limit`` of a radius; else None.
+    """Return a warning where the strongest pull presses a contact by more than ``limit`` of a radius; else None.
 
     A pull that holds on from a gap of some thousandths of a radius must not be drowned in the overlap of the contact.
     """

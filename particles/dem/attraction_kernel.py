@@ -16,7 +16,7 @@ COLUMN, AMPLITUDE, ACROSS = range(3)
 
 
 class HeldAttraction(NamedTuple):
-    """What the step reads: the table, the drive of each slot of the present list, and places to gather pulls.
+    """Input of the step: the table, the drive of each slot of the present list, and buffers of pulls.
 
     ``drawn`` (n, 4) [N] and ``cross`` (x, 4) [N], the last column empty, are for pulls what columns 6 to 8 of
     `GrainState.velocity_force` and `Chunks.reaction` are for contact forces: apart from these, because their work is

@@ -1,4 +1,4 @@
-"""What is prescribed ahead of time in steps to come: gravity, speeds and torques of the bodies."""
+"""Prescribed gravity, speeds and torques of the bodies in the coming steps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which parts the compiled step has, and where a contact keeps what it remembers of each."""
+"""Parts of the compiled step, and the columns of a contact's history that each uses."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ class Resistance(NamedTuple):
 
 
 class Touch(NamedTuple):
-    """How grain i touches its partner.
+    """Kinematics of a contact: grain i and its partner.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class Touch(NamedTuple):
 
 
 class ContactForce(NamedTuple):
-    """What one step of a contact gives.
+    """Results of one step of a contact.
 
     Attributes
     ----------
@@ -292,7 +292,7 @@ def twisting_torque(law, kind, energy_column, arm, inertia, dt, force, spin, his
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def left_in_springs(law, kind, resistance, energy_column, arm, closed, history, slot):
-    """What a contact that has just parted still held, by the mechanism that it is lost to [J].
+    """Return what a contact that has just parted still held, by the mechanism that it is lost to [J].
 
     ``closed`` is the distance by which its last drift closed it (negative: opened) [m]. Returns the losses to normal
     damping, sliding, rolling and twisting.

@@ -36,7 +36,7 @@ from particles.dem.pair_kernel import PLACE, SLOT, through_faces
 from particles.laws.columns import N_LAW
 from particles.laws.springs import equal, with_rows
 
-MOST_REMEMBERED = 20  # columns of a history, 18 and two empty ones (`particles.dem.contact_columns`)
+MAX_REMEMBERED = 20  # columns of a history, 18 and two empty ones (`particles.dem.contact_columns`)
 SPIN, FORCE = 3, 6  # columns of a grain's velocities and forces
 
 
@@ -89,7 +89,7 @@ def contacts_in_lanes(chunk, count, dt, law, table, resistance, energy_column, g
     """
     position_radius, velocity_force = grains.position_radius, grains.velocity_force
     noted, history, record = pairs.noted[chunk], pairs.history, pairs.record
-    kept = stack_table(MOST_REMEMBERED)
+    kept = stack_table(MAX_REMEMBERED)
     contacts, elastic, lost_n, lost_t, lost_s, lost_r, lost_w, left, deepest, deepest_at = tally
     sums = splat(0.0), splat(0.0), splat(0.0), splat(0.0), splat(0.0), splat(0.0)
     for c in range(count, LANES * ((count + LANES - 1) // LANES)):

@@ -48,7 +48,7 @@ from particles.shafts import Shafts
 from particles.threads import threads_for
 
 STEPS_PER_CALL = 512  # bounds the tables in time (speeds, torques, gravity)
-WALL_SKIN = 0.5  # of the skin: how far triangles may turn before the list is made anew
+WALL_SKIN = 0.5  # of the skin: how far triangles may turn before the list is rebuilt
 
 FASTEST = 1.0  # radii of the smallest grain in a step: beyond it a grain may pass through another
 
@@ -219,7 +219,7 @@ class DEM(ListedGrains):
         return run_summary.summary(n_steps, self.dt, ring, self.bodies, totals, body_totals, energy, rebuilds)
 
     def contacts(self) -> ContactTable:
-        """The contacts of now, with the forces that the next step will feel; changes nothing."""
+        """the present contacts, with the forces that the next step will feel; changes nothing."""
         kept = self._list
         if self._stale:  # a list of its own, in the present order; the run will make another one when it goes on
             self._contacts = self._fresh_list(*self._reaches())
@@ -349,7 +349,7 @@ class DEM(ListedGrains):
         )
 
     def _stored_now(self) -> float:
-        """Elastic energy [J] of the contacts of now, by what they remember."""
+        """Elastic energy [J] of the present contacts, by what they remember."""
         c, totals = self._list, np.zeros(total_columns.N_SUMS)
         records = np.zeros((c.pairs.count, 3)), np.zeros((len(c.wall_other), 7))
         with threads_for(self.grains.count):

@@ -27,7 +27,7 @@ VELOCITY, SPIN, FORCE, TORQUE = 0, 3, 6, 9  # columns of a grain's motion
 
 
 class Drifted(NamedTuple):
-    """What grains of a chunk that have drifted add up to, each eight numbers.
+    """Sums over the drifted grains of a chunk, as SIMD vectors.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What the compiled step reads and writes: tuples of arrays, named by what they belong to.
+"""State of the compiled step: named tuples of arrays.
 
 Each is one argument of `particles.dem.step_kernel.run_steps`. Numba knows a tuple by its class, so classes stand at the
 level of a module, and a field that is left out of the compiled code is None in every step of that kind.
@@ -180,7 +180,7 @@ class Totals(NamedTuple):
 
 
 class Tally(NamedTuple):
-    """What the rows of a chunk have added up so far in one step.
+    """Sums over the rows of a chunk so far in one step.
 
     Attributes
     ----------

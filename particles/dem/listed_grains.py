@@ -90,7 +90,7 @@ class ListedGrains:
 
     @property
     def list_skin(self) -> float:
-        """How much further than touching the present list reaches [m]."""
+        """Return how much further than touching the present list reaches [m]."""
         return self.skin
 
     @property
@@ -127,7 +127,7 @@ class ListedGrains:
         self._stale = True
 
     def renew_list(self) -> bool:
-        """Make the neighbour list anew if it is outdated, as `DEM.run` would; whether it was.
+        """Make the neighbour list again if it is outdated, as `DEM.run` would; whether it was.
 
         For who needs to know, before a run, which pairs its list holds. Grains may be sorted and wrapped.
         """
@@ -203,7 +203,7 @@ class ListedGrains:
         return self._stale or (self.attraction is not None and not self.attraction.listed)
 
     def _rebuild(self) -> None:
-        """Wrap, sort by cells, list the neighbours anew, and carry what contacts remember into the new list."""
+        """Wrap, sort by cells, list the neighbours again, and carry what contacts remember into the new list."""
         g = self.grains
         if self._enclosure is not None:
             gone = np.flatnonzero(self._enclosure.outside(g.position, 2.0 * float(g.radius.max())))

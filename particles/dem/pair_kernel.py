@@ -90,7 +90,7 @@ def _pull_eight(there, slot, place, i, j, away, sizes, law, attraction, pairs):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _left_by_pair(k, dt, law, resistance, energy_column, grains, pairs):
-    """What the springs of pair k, which has parted, held [J] (4)."""
+    """Return what the springs of pair k, which has parted, held [J] (4)."""
     position_radius, velocity_force, species = grains.position_radius, grains.velocity_force, grains.species
     i, j, kind = pairs.row[k], pairs.other[k], 0
     if species.shape[0] > 0:
@@ -123,7 +123,7 @@ def _change(k, bits, changed, dt, law, resistance, energy_column, grains, pairs,
 
 @device_function(without_refcounts=True, error_model="numpy", forceinline=True)
 def _bits_at(array, k, bound, many):
-    """Which of the first ``many`` of eight entries from k on are ``bound`` or more, as bits."""
+    """Return which of the first ``many`` of eight entries from k on are ``bound`` or more, as bits."""
     if many == LANES:
         return movemask_at_least(array, k, bound)
     bits = 0

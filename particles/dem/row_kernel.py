@@ -19,7 +19,7 @@ from geometry.kernels.device_functions import device_function
 from geometry.kernels.simd import LANES, mask_of_first
 from geometry.kernels.simd_tables import eight_indices, gather, stack_table
 from particles.dem import total_columns as column
-from particles.dem.contact_lanes import MOST_REMEMBERED, contacts_in_lanes, law_in_lanes
+from particles.dem.contact_lanes import MAX_REMEMBERED, contacts_in_lanes, law_in_lanes
 from particles.dem.drift_kernel import add_drifted, drift_eight, none_drifted
 from particles.dem.kernel_state import Tally
 from particles.dem.pair_kernel import find_contacts
@@ -58,7 +58,7 @@ def sweep_rows(chunk, now, law, resistance, energy_column, attraction, grains, p
     cursor = pairs.start[done], chunks.cross_start[chunk] - 1
     gone = (0.0, 0.0, 0.0, 0.0)  # what pairs that parted have lost
     table = law_in_lanes(law, stack_table(N_LAW))
-    wall_tables = with_rows(law, stack_table(N_LAW)), stack_table(MOST_REMEMBERED)
+    wall_tables = with_rows(law, stack_table(N_LAW)), stack_table(MAX_REMEMBERED)
     given = grains, slots, walls
     while done < end:
         cursor, count, gone = find_contacts(

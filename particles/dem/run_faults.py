@@ -1,4 +1,4 @@
-"""What stops a run by DEM, in words that say which grain it was and what to change."""
+"""Errors that stop a run by DEM, with the grain and the remedy."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def escaped(grains: Grains, gone: np.ndarray, time: float) -> DemError:
 def stopped(
     answer: int, totals: np.ndarray, grains: Grains, dt: float, overlap_limit: float, fastest: float, time: float
 ) -> DemError:
-    """Why the step gave an ``answer`` other than that it is done or needs a list.
+    """Return why the step gave an ``answer`` other than that it is done or needs a list.
 
     ``totals`` are its sums; ``overlap_limit`` is a share of the diameter, ``fastest`` radii of the smallest grain a
     step, ``time`` [s] now.

@@ -25,7 +25,7 @@ def summary(
     energy: EnergyTotals | None,
     rebuilds: int,
 ) -> StepTotals:
-    """What ``steps`` of ``dt`` [s] did; ``ring`` is the number of sectors, of one of which the sums are."""
+    """Return what ``steps`` of ``dt`` [s] did; ``ring`` is the number of sectors, of one of which the sums are."""
     share = ring / max(steps, 1)
     rows = dict(zip([body.name for body in bodies], of_bodies, strict=True))
     parts = {

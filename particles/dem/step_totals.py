@@ -1,4 +1,4 @@
-"""What a call of `DEM.run` did: torques, work, losses, extremes.
+"""Totals of a call of `DEM.run`: torques, work, losses, extremes.
 
 All energies, works, torques and forces are those of the whole device: a sector's times the number of sectors.
 
@@ -52,7 +52,7 @@ class EnergyTotals:
 
     @property
     def integration_error(self) -> float:
-        """What the balance and the mechanisms differ by: the step's own error, of either sign, second order in dt."""
+        """Difference of the balance and the mechanisms: the step's error, of either sign, second order in dt."""
         return self.dissipated - sum(self.dissipation.values())
 
 

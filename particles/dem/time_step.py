@@ -33,9 +33,9 @@ from particles.laws.pair_table import PairLaws
 from particles.laws.springs import SPRINGS
 
 TRAVEL = 0.1  # largest share of a radius that a grain may move in one step
-LEAST_STEPS = 5.0  # a contact, for a step that the user asks for
-RAYLEIGH, LARGEST_RAYLEIGH = 0.2, 0.4  # share of the Rayleigh time: chosen, and allowed to the user
-DAMPING, LARGEST_DAMPING = 0.5, 1.0  # share of m_eff/gamma_n
+MIN_STEPS = 5.0  # a contact, for a step that the user asks for
+RAYLEIGH, MAX_RAYLEIGH = 0.2, 0.4  # share of the Rayleigh time: chosen, and allowed to the user
+DAMPING, MAX_DAMPING = 0.5, 1.0  # share of m_eff/gamma_n
 REFERENCE_OVERLAP = 0.005  # share of the diameter at which a Hertzian contact is judged when speed and load are unknown
 CHECKED_OVERLAP = 1e-5  # the same to check a step: it refuses what is too long for all but the lightest touch
 
@@ -129,7 +129,7 @@ def choose_time_step(
     for name, value, unit in (("speed", speed, "m/s"), ("load", load, "N"), ("attraction", attraction, "N/m")):
         if not 0.0 <= value < math.inf:
             raise ValueError(f"expected {name} = {value:g} {unit}; allowed: 0 or more")
-    if not LEAST_STEPS <= steps_per_contact < math.inf:
+    if not MIN_STEPS <= steps_per_contact < math.inf:
         raise ValueError(f"steps_per_contact = {steps_per_contact:g}; allowed: 5 or more (20 is usual)")
     meeting = _Meeting(
         lightest, smallest, speed, load, REFERENCE_OVERLAP if dt is None else CHECKED_OVERLAP, steps_per_contact
@@ -140,7 +140,7 @@ def choose_time_step(
         limits.append(
             StepLimit(
                 half / steps_per_contact,
-                half / LEAST_STEPS,
+                half / MIN_STEPS,
                 f"{steps_per_contact:g} steps a time {half:.3g} s of near grains' attraction ({attraction:.3g} N/m)",
                 "5 steps a time pi sqrt(m_eff/S) of the attraction",
             )
@@ -211,7 +211,7 @@ def _of_contact(law: ContactLaw, m_eff: float, r_eff: float, turning: float, mee
     limits = [
         StepLimit(
             duration / steps,
-            duration / LEAST_STEPS,
+            duration / MIN_STEPS,
             f"{steps:g} steps a contact of {duration:.3g} s (k_n = {stiffness:.3g} N/m{at_depth}, lightest grain "
             f"{meeting.mass:.3g} kg)",
             "5 steps a contact",
@@ -223,7 +223,7 @@ def _of_contact(law: ContactLaw, m_eff: float, r_eff: float, turning: float, mee
         limits.append(
             StepLimit(
                 half / steps,
-                half / LEAST_STEPS,
+                half / MIN_STEPS,
                 f"{steps:g} steps a half period {half:.3g} s of {name} (k_t = {k_t:.3g} N/m{at_depth})",
                 f"5 steps a half period of {name}",
             )
@@ -233,7 +233,7 @@ def _of_contact(law: ContactLaw, m_eff: float, r_eff: float, turning: float, mee
         limits.append(
             StepLimit(
                 DAMPING * decay,
-                LARGEST_DAMPING * decay,
+                MAX_DAMPING * decay,
                 f"half of the time {decay:.3g} s in which the dashpot brakes the lightest grain (m_eff/gamma_n)",
                 "m_eff/gamma_n: a longer step turns the closing speed round and gains energy",
             )
@@ -244,9 +244,9 @@ def _of_contact(law: ContactLaw, m_eff: float, r_eff: float, turning: float, mee
         limits.append(
             StepLimit(
                 RAYLEIGH * wave,
-                LARGEST_RAYLEIGH * wave,
+                MAX_RAYLEIGH * wave,
                 f"{100.0 * RAYLEIGH:g} % of the Rayleigh time {wave:.3g} s of the smallest grain",
-                f"{100.0 * LARGEST_RAYLEIGH:g} % of the Rayleigh time",
+                f"{100.0 * MAX_RAYLEIGH:g} % of the Rayleigh time",
             )
         )
     return limits

@@ -22,7 +22,7 @@ def _note(row, slot, distance, nx, ny, nz, i):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def touching_walls(i, law, resistance, energy_column, attraction, grains, slots, walls, found, near, many, left):
-    """What grain i touches among its wall slots, in rows of ``found``: slot, distance, unit vector towards the wall, i.
+    """Find the walls that grain i touches, as rows of ``found``: slot, distance, unit vector towards the wall, i.
 
     Smooth walls that it is near to go into such rows of ``near``, from row ``many`` on, where there is an attraction. A
     grain that rolls from one face of a body onto the next keeps its springs: they are handed to the new slot. Returns

@@ -1,1 +1,1 @@
-"""What the grains look like and carry, as pure functions of grains and contacts: nothing here changes a state."""
+"""Diagnostics of grains and contacts, as pure functions: nothing here changes a state."""

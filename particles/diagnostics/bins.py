@@ -61,7 +61,7 @@ class RingBins:
 
     @property
     def n_sectors(self) -> float:
-        """What is simulated, times this, is the full ring."""
+        """Return what is simulated, times this, is the full ring."""
         return 2.0 * math.pi / self.angle
 
     def coordinate(self, points: np.ndarray) -> np.ndarray:
@@ -77,7 +77,7 @@ class RingBins:
         return cylindrical_frame(points)[:, [1, 0, 2] if self.along == "r" else [1, 2, 0]]
 
     def holds(self, points: np.ndarray) -> np.ndarray:
-        """Which points lie between the limits of the other coordinate: bool, shape (n,)."""
+        """Return which points lie between the limits of the other coordinate: bool, shape (n,)."""
         other = points[:, 2] if self.along == "r" else _radius(points)
         margin = 1e-6 * (self.high - self.low)  # where a limit is a wall, contacts lie on it but for round-off
         return (other >= self.low - margin) & (other <= self.high + margin)

@@ -43,7 +43,7 @@ class ContactGeometry:
 
 
 def contact_geometry(grains: Grains, contacts: ContactTable, sector: CyclicSector | None = None) -> ContactGeometry:
-    """Where the contacts run."""
+    """Return where the contacts run."""
     x, is_pair = grains.position, contacts.j >= 0
     end = np.array(contacts.point, dtype=float)
     partner = x[contacts.j[is_pair]]

@@ -53,7 +53,7 @@ def contacts_per_grain(contacts: ContactTable, count: int, *, with_walls: bool =
 
 
 def rattlers(contacts: ContactTable, count: int, *, least: int = WITH_FRICTION, repeat: bool = False) -> np.ndarray:
-    """Which grains have fewer than ``least`` contacts: bool, shape (count,).
+    """Return which grains have fewer than ``least`` contacts: bool, shape (count,).
 
     With ``repeat`` contacts with rattlers are removed and the rest is judged again until nothing changes: what is left
     is the backbone.

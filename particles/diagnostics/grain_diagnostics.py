@@ -31,7 +31,7 @@ from particles.neighbours.contact_table import ContactTable
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GrainDiagnostics:
-    """What the grains look like and carry at ``time`` [s].
+    """Diagnostics of the grains at ``time`` [s].
 
     Attributes
     ----------

@@ -131,7 +131,7 @@ class Profile:
 
 
 def profile_sums(grains: Grains, contacts: ContactTable, bins: Bins, sector: CyclicSector | None = None) -> ProfileSums:
-    """What one moment adds to a profile in ``bins``."""
+    """Return what one moment adds to a profile in ``bins``."""
     part = bins.grain_volumes(grains)
     x = grains.position
     s, lever = bins.coordinate(x), bins.lever(x)
@@ -257,5 +257,5 @@ def _slope(at: np.ndarray, value: np.ndarray) -> np.ndarray:
 
 
 def _apart(at: np.ndarray) -> np.ndarray:
-    """Which of the increasing means lie beyond the one before; a lone grain in two bins is the mean of both."""
+    """Return which of the increasing means lie beyond the one before; a lone grain in two bins is the mean of both."""
     return np.append(True, np.diff(at) > 1e-9 * np.abs(at).max(initial=0.0))[: len(at)]

@@ -21,7 +21,7 @@ N_PRODUCTS = 2 * HISTORY
 
 
 class Vectors(NamedTuple):
-    """What is kept of the last sweeps, for ``size`` impulses and velocities of which ``contacts`` are impulses.
+    """History of the last sweeps, for ``size`` impulses and velocities of which ``contacts`` are impulses.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Vectors(NamedTuple):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _contacts(contacts, bodies, contact_torques):
-    """Where the velocities begin."""
+    """Return where the velocities begin."""
     if contact_torques.law.shape[0] == 0:
         return 3 * contacts + bodies
     return 6 * contacts + bodies

@@ -1,4 +1,4 @@
-r"""Contacts that give way: springs and dashpots taken implicitly, so that a jam has finite forces.
+r"""Compliant contacts: springs and dashpots taken implicitly, so that a jam has finite forces.
 
 Between perfectly rigid bodies that are driven against each other a grain has no finite force, and in a packing with
 more contacts than it needs the forces are not unique. With the stiffness k of the scene both are, and the step may
@@ -61,7 +61,7 @@ PHASES = (np.arange(16) + 0.5) / 16.0  # of the first gap, in ways of a step
 
 
 def spring_table(dt: float, stiffness: np.ndarray, restitution: np.ndarray) -> np.ndarray:
-    """What `remember` needs, between grains and at walls, shape (2, SHARES + n): log K at sqrt(a) of `ROOTS` (n,).
+    """Return tables for `remember`, between grains and at walls, (2, SHARES + n): log K at sqrt(a) of `ROOTS` (n,).
 
     Parameters
     ----------

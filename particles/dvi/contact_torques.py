@@ -6,7 +6,7 @@ R_eff c, to i and its opposite to j; c is an impulse [N s], dual to the velocity
 
     |c_t| <= mu_r r_n,   c_t opposite to w_t where it is equal;      |c_n| <= mu_w r_n,   c_n opposite to w_n.
 
-A torque below its limit allows no w at all; where contacts give way (`particles.dvi.compliance`), its spring has the
+A torque below its limit allows no w at all; of compliant contacts (`particles.dvi.compliance`) its spring has the
 stiffness k_t R_eff^2 of DEM, without the dashpot: w' + c_t (c' - c) = 0, with the c_t of the tangential spring, c the
 torque of the step before, and energy c_t c^2/2. With q_i = R_eff/R_i and the scaled
 spins p = R omega of `particles.dvi.gauss_seidel`,
@@ -17,7 +17,7 @@ so that W = (5/2)(q_i^2/m_i + q_j^2/m_j) times the identity: the nearest point o
 c - w/W solves one torque alone. At a wall w = p_i - R_i omega_b e_z, and a free shaft adds R_i^2/J e_z e_z^T to W:
 twisting is solved first, then rolling on the axes of its 2 x 2 block, by the secular equation of the disc.
 
-A sweep visits the torques after all impulses, with their r_n of now. The bounds follow r_n, but r_n does not see the
+A sweep visits the torques after all impulses, with their present r_n. The bounds follow r_n, but r_n does not see the
 torques' law: it is the same beside exact Coulomb and beside the convex relaxation.
 """
 
@@ -132,7 +132,7 @@ def apply_contact_torques(sign, records, contact_torques):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _turn_pair(grain, i, j, row, x, y, z):
-    """What the torque (x, y, z) adds to the spins of two grains."""
+    """Return what the torque (x, y, z) adds to the spins of two grains."""
     a, b = 2.5 * row[QI] * grain[i, IM], 2.5 * row[QJ] * grain[j, IM]
     grain[i, PX] += a * x
     grain[i, PY] += a * y

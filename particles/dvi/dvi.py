@@ -91,7 +91,7 @@ class DVI:
     overlap_limit : float
         Overlap, as a share of the diameter, at which the run is stopped.
     stiffness : array_like, shape (2, 2), optional
-        [[k_n, k_t] between grains, [k_n, k_t] at walls] [N/m] of contacts that give way (`particles.dvi.compliance`);
+        [[k_n, k_t] between grains, [k_n, k_t] at walls] [N/m] of compliant contacts (`particles.dvi.compliance`);
         rigid ones without.
     rolling, twisting : optional
         Resistance to rolling and to twisting (`particles.dvi.contact_torques`).
@@ -177,7 +177,7 @@ class DVI:
 
     @property
     def list_skin(self) -> float:
-        """How much further than touching the present list reaches [m]: more than `skin` where grains are fast."""
+        """Reach of the present list beyond touching [m]: more than `skin` where grains are fast."""
         return self._reach
 
     @property
@@ -366,7 +366,7 @@ class DVI:
         self._found, self._tally = np.zeros((triangles, N_FOUND)), np.zeros((triangles, 2), dtype=np.int64)
 
     def _rebuild(self) -> None:
-        """Sort by cells, list the neighbours anew, and carry the impulses into it."""
+        """Sort by cells, list the neighbours again, and carry the impulses into it."""
         g = self.grains
         if self._enclosure is not None:
             gone = np.flatnonzero(self._enclosure.outside(g.position, float(g.radius.max())))

@@ -1,4 +1,4 @@
-"""What a rigid contact is made of: Coulomb friction and restitution, nothing that deforms."""
+"""Parameters of a rigid contact: Coulomb friction and restitution."""
 
 from __future__ import annotations
 

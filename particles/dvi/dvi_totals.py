@@ -1,4 +1,4 @@
-"""What a call of `DVI.run` did: the totals of any engine, and what the solver needed; from the sums of the step."""
+"""Totals of a call of `DVI.run`: those of any engine, and those of the solver."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def dvi_totals(
     energy: EnergyTotals,
     rebuilds: int,
 ) -> DviTotals:
-    """What ``steps`` of ``dt`` [s] did, by the sums of the run and of its bodies."""
+    """Return what ``steps`` of ``dt`` [s] did, by the sums of the run and of its bodies."""
     per_step = 1.0 / max(steps, 1)
     names = [body.name for body in bodies]
     normal = of_bodies[:, end_of_step.NORMAL_X : end_of_step.NORMAL_Z + 1] * per_step

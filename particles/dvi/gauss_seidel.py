@@ -3,8 +3,8 @@
 Unknown are the velocities v = v_free + M^-1 H r after the step and one impulse r a contact, in world axes, that acts
 on the first grain; e is the unit vector from the partner (or wall) to the first grain, u the velocity of the first
 relative to the second at the contact. A sweep visits contact by contact, solves its local problem for the velocities
-of now (`particles.dvi.local_problem`) and passes the change of its impulse on to the two bodies at once (Jean, Comput.
-Methods Appl. Mech. Engrg. 177 (1999) 235).
+just updated (`particles.dvi.local_problem`) and passes the change of its impulse on to the two bodies at once (Jean,
+Comput. Methods Appl. Mech. Engrg. 177 (1999) 235).
 
 **Scaled spins.** With p = R omega a solid sphere (J = 2/5 m R^2) that takes the impulse r at the lever arm a R obeys
 
@@ -17,9 +17,9 @@ distance of the centres (a = 1 where they touch): angular momentum is conserved 
 after another (`particles.dvi.contact_groups`); those of all rows of the neighbour list, or in chunks of them
 (`particles.dvi.partition`); it follows from the list alone. No branch within a group: wrong guesses would cost more.
 
-**Springs.** With ``compliance`` every contact gives way like the springs of `LinearContact`, taken at the end of the
+**Springs.** With ``compliance`` every contact is compliant like the springs of `LinearContact`, taken at the end of the
 step (`particles.dvi.compliance`): instead of u the laws hold for u + o + C r, with C = diag(c_n, c_t, c_t), and
-an offset o that holds the springs of now. 1/w_n and 1/w_t then hold c as well. None: rigid.
+an offset o that holds the present springs. 1/w_n and 1/w_t then hold c as well. None: rigid.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ class ImpulseList:
     angles : ndarray, shape (n_bodies,)
         Angles of the bodies [rad] at that time.
     wall_way : float
-        How far triangles may move from there before the list is made anew, the step to come included [m].
+        How far triangles may move from there before the list is rebuilt, the step to come included [m].
     """
 
     pairs: PairList

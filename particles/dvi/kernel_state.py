@@ -1,4 +1,4 @@
-"""What the compiled step of rigid grains reads and writes: tuples of arrays, named by what they belong to.
+"""State of the compiled step of rigid grains: named tuples of arrays.
 
 Each is one argument of `particles.dvi.step_kernel.run_steps`; the bodies' is that of the DEM (`particles.shafts`). What
 a function takes as an argument of its own may be None, and numba leaves its branches out; what is None inside a tuple
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Search(NamedTuple):
-    """How the impulses of a step are sought.
+    """Settings of the solver of a step.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class Call(NamedTuple):
 
 
 class Look(NamedTuple):
-    """How contacts are looked for in the present step: h [s], beyond the grains' own ways by ``margin`` [m], what
+    """Search for contacts in the present step: h [s], beyond the grains' own travel by ``margin`` [m], what
     ``slop`` lets be, by which ``law``, as in `Call`."""
 
     h: float
@@ -169,7 +169,7 @@ class WallState(NamedTuple):
 
 
 class Records(NamedTuple):
-    """What the sweeps work on: the contacts of a step and whom they move (columns: `particles.dvi.gauss_seidel`).
+    """Input of the sweeps: the contacts of a step and their bodies (columns: `particles.dvi.gauss_seidel`).
 
     Attributes
     ----------
@@ -226,7 +226,7 @@ class Part(NamedTuple):
 
 
 class Partition(NamedTuple):
-    """Who sweeps: one thread, ``alone`` True and ``chunk`` None; or threads in chunks, ``alone`` None."""
+    """Threads of the sweeps: one, ``alone`` True and ``chunk`` None; or threads in chunks, ``alone`` None."""
 
     chunk: Chunks | None
     alone: bool | None
@@ -239,7 +239,7 @@ class Totals(NamedTuple):
     ----------
     run, bodies : ndarray, shapes (N_SUMS,), (n_bodies, N_BODY_SUMS)
     springs : ndarray, shape (4,)
-        Energy of now [J] in the normal and tangential springs, in those of rolling and of twisting.
+        Present energy [J] in the normal and tangential springs, in those of rolling and of twisting.
     """
 
     run: np.ndarray

@@ -122,7 +122,7 @@ def sort_walls(chunk, slots, records):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def part_of(c, rows, pairs, walls):
-    """What share c has of contacts and grains; c = number of chunks: what belongs to the free shafts."""
+    """Return what share c has of contacts and grains; c = number of chunks: what belongs to the free shafts."""
     count = rows.shape[0] - 1
     after = min(c + 1, count)
     return Part(pairs[c], pairs[after], walls[c], walls[c + 1], rows[c], rows[after], 1 if c == count else 0)

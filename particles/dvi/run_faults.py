@@ -1,4 +1,4 @@
-"""What stops a run of rigid grains, in words that say which grain it was and what to change."""
+"""Errors that stop a run of rigid grains, with the grain and the remedy."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def refuse_shot_off(fastest: float, grains: Grains, dt: float, tolerance: float,
 def stopped(
     answer: int, totals: np.ndarray, grains: Grains, dt: float, overlap_limit: float, tolerance: float, time: float
 ) -> ParticleError:
-    """Why the step gave an ``answer`` other than that it is done or needs a list.
+    """Return why the step gave an ``answer`` other than that it is done or needs a list.
 
     ``totals`` are its sums; ``overlap_limit`` is a share of the diameter, ``tolerance`` [m/s] that of the natural map,
     ``time`` [s] now.

@@ -94,7 +94,7 @@ def _free_bodies(h, step, shafts, body):
 
 @device_function(error_model="numpy", fastmath={"contract"})
 def _search(look, grains, slots, walls, shafts, body, chunk, alone):
-    """What grains may meet of triangles within the step; the largest speed that these push one to [m/s]."""
+    """Return what grains may meet of triangles within the step; the largest speed that these push one to [m/s]."""
     if alone is not None:
         raised = search(np.int64(0), grains.mass.shape[0], look, grains, slots, walls, shafts, body)
     if chunk is not None:
@@ -220,7 +220,7 @@ def _finish(call, step, compliance, grains, pairs, slots, shafts, contacts, cont
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _verdict(call, travel, shafts, walls):
-    """Whether to go on: a grain or a triangle may be ``travel`` [m], or further, from its list after the next step."""
+    """Return NOT_FINITE, REBUILD (a grain or triangle may be too far from its place in the list), or DONE."""
     if not travel < np.inf:
         return NOT_FINITE
     if travel > call.travel:

@@ -8,7 +8,7 @@ Nothing vibrates between rigid grains; what a step must resolve is the motion it
 * **attraction**: h <= 0.1 sqrt(m a/F). Two free grains of radius a that attract each other with F close a gap of a
   radius in about sqrt(m a/F): magnetic forces, held during a step, change by their own size in that time.
 
-These are rules of accuracy. The scheme itself is stable at any step, so that a longer one may be insisted upon.
+These are rules of accuracy. The scheme itself is stable at any step, so that a longer one may be allowed.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def choose_dvi_step(
     longest, why = min(limits)
     if not allow_long_step:
         raise ValueError(
-            f"dt = {dt:g} s; allowed: at most {longest:.3g} s ({why}); leave it out, or insist on it "
+            f"dt = {dt:g} s; allowed: at most {longest:.3g} s ({why}); leave it out, or allow it "
             "(contact.dvi.allow_long_step = true)"
         )
-    return TimeStep(dt, f"dt = {dt:.3g} s as insisted upon: {dt / longest:.3g} times what the rule allows ({why})")
+    return TimeStep(dt, f"dt = {dt:.3g} s as forced: {dt / longest:.3g} times what the rule allows ({why})")

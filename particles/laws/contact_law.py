@@ -1,4 +1,4 @@
-"""What every contact law offers: a row of the compiled table, and the scales that a step and a stiffness follow from.
+"""Interface of a contact law: a row of the compiled table, and the scales of time step and stiffness.
 
 ``kernel`` names the compiled spring (`particles.laws.springs`), which all contacts of a scene share:
 

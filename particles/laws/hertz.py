@@ -26,7 +26,7 @@ from particles.laws.restitution import check_reference, damping_ratio, power_law
 
 
 class HertzTable(NamedTuple):
-    """What `hertz_spring` reads: parameters by pair of materials (`particles.laws.columns`)."""
+    """Table of `hertz_spring`: parameters by pair of materials (`particles.laws.columns`)."""
 
     rows: np.ndarray
 

@@ -29,7 +29,7 @@ from particles.laws.restitution import damping_ratio, restitution_of
 
 
 class HertzMindlinTable(NamedTuple):
-    """What `hertz_mindlin_spring` reads: parameters by pair of materials (`particles.laws.columns`)."""
+    """Table of `hertz_mindlin_spring`: parameters by pair of materials (`particles.laws.columns`)."""
 
     rows: np.ndarray
 

@@ -40,7 +40,7 @@ from particles.laws.restitution import damping_ratio, restitution_of
 
 
 class LinearTable(NamedTuple):
-    """What `linear_spring` reads: parameters by pair of materials (`particles.laws.columns`)."""
+    """Table of `linear_spring`: parameters by pair of materials (`particles.laws.columns`)."""
 
     rows: np.ndarray
 
@@ -55,7 +55,7 @@ def linear_spring(table, kind, delta, m_eff, r_eff, memory):
 
 
 class EqualLinearTable(NamedTuple):
-    """What `equal_linear_spring` reads: as `LinearTable`, but gamma_n and gamma_t [kg/s] in place of their shares."""
+    """Table of `equal_linear_spring`: as `LinearTable`, but gamma_n and gamma_t [kg/s] in place of their shares."""
 
     rows: np.ndarray
 

@@ -32,7 +32,7 @@ Pair = tuple[str, str]
 
 @dataclass(frozen=True, slots=True)
 class ContactMaterial:
-    """How a material touches its like: elastic constants, restitution [-] and Coulomb friction [-]."""
+    """Contact parameters of like materials: elastic constants, restitution [-] and Coulomb friction [-]."""
 
     elastic: Elastic
     restitution: float

@@ -30,7 +30,7 @@ polynomial,
 
 which is integrated to round-off (DOP853) and inverted (Brent). 20 to 50 ms, kept for the session.
 
-e = 0 needs infinite damping. `LEAST_RESTITUTION` is the least computed and stands for smaller ones, 0 included: the
+e = 0 needs infinite damping. `MIN_RESTITUTION` is the least computed and stands for smaller ones, 0 included: the
 impact keeps 1e-4 of its energy.
 """
 
@@ -39,11 +39,11 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 
-LEAST_RESTITUTION = 0.01
+MIN_RESTITUTION = 0.01
 
 
 def checked_restitution(restitution: float) -> float:
-    """``restitution`` [-] in [0, 1], raised to `LEAST_RESTITUTION`.
+    """``restitution`` [-] in [0, 1], raised to `MIN_RESTITUTION`.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def checked_restitution(restitution: float) -> float:
     """
     if not 0.0 <= restitution <= 1.0:
         raise ValueError(f"restitution = {restitution:g}; allowed: 0 to 1 (speed after / before a head-on impact)")
-    return max(restitution, LEAST_RESTITUTION)
+    return max(restitution, MIN_RESTITUTION)
 
 
 def check_reference(m_eff: float, speed: float) -> None:

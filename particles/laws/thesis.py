@@ -42,7 +42,7 @@ from particles.laws.restitution import (
 
 
 class ThesisTable(NamedTuple):
-    """What `thesis_spring` reads: parameters by pair of materials (`particles.laws.columns`)."""
+    """Table of `thesis_spring`: parameters by pair of materials (`particles.laws.columns`)."""
 
     rows: np.ndarray
 

@@ -30,7 +30,7 @@ from particles.laws.restitution import checked_restitution, damping_ratio
 
 
 class WaltonBraunTable(NamedTuple):
-    """What `walton_braun_spring` reads: parameters by pair of materials (`particles.laws.columns`)."""
+    """Table of `walton_braun_spring`: parameters by pair of materials (`particles.laws.columns`)."""
 
     rows: np.ndarray
 

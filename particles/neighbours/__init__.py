@@ -1,1 +1,1 @@
-"""Who is near whom: neighbours, contacts and their history."""
+"""Neighbours, contacts and their history."""

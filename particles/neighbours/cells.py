@@ -28,7 +28,7 @@ LOW, INVERSE, REACH, N_LENGTH = 0, 3, 6, 7
 # A cell is larger than asked by this share: two grains nearer than the edge are then never two cells apart
 # by rounding, which is below 2 eps times the number of cells along an axis.
 MARGIN = 1e-8
-MOST_ALONG_AXIS = 2**20  # cells; three axes together stay within an int64
+MAX_ALONG_AXIS = 2**20  # cells; three axes together stay within an int64
 TABLE_PER_GRAIN = 16  # cells a grain (of 4 bytes) up to which the table of starts is kept; a dense bed has one
 FIXED_TABLE = 1000  # cells that even a handful of grains may have
 LONGER = 1.25  # so much longer is an axis that runs slower than usual
@@ -63,7 +63,7 @@ def cell_order(position: np.ndarray, size: float) -> np.ndarray:
 
 
 def not_finite(position: np.ndarray) -> ValueError:
-    """What to say where one of these positions (n, 3 or more) [m] is not a finite number."""
+    """Return what to say where one of these positions (n, 3 or more) [m] is not a finite number."""
     x = position[:, :3]
     k = int(np.flatnonzero(~np.isfinite(x).all(axis=1))[0])
     return ValueError(
@@ -92,7 +92,7 @@ def lay_grid(low, high, size, grid, length):
     """Cells of edge ``size`` over the box from ``low`` to ``high`` (3,); returns how many there are.
 
     Axes run x, y, z from fastest to slowest, unless one earlier is clearly longer: with a bare comparison a cloud as
-    long as it is wide would be stored anew in another order whenever round-off tips the balance.
+    long as it is wide would be stored again in another order whenever round-off tips the balance.
     """
     slow = 2
     for a in range(1, -1, -1):
@@ -107,7 +107,7 @@ def lay_grid(low, high, size, grid, length):
     for k in range(3):
         a = grid[AXIS + k]
         extent = high[a] - low[a]
-        edge = max((1.0 + MARGIN) * size * (0.5 if k == 0 else 1.0), extent / (MOST_ALONG_AXIS - 1))
+        edge = max((1.0 + MARGIN) * size * (0.5 if k == 0 else 1.0), extent / (MAX_ALONG_AXIS - 1))
         length[LOW + k], length[INVERSE + k] = low[a], 1.0 / edge
         grid[COUNT + k] = np.int64(extent * length[INVERSE + k]) + 1
         cells *= grid[COUNT + k]

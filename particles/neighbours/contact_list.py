@@ -1,7 +1,7 @@
 """Verlet list of the grains and of the walls near them, with the history of each contact beside its slot.
 
 A list made with a skin stays complete until a grain has moved by half the skin. When a new one is made the
-grains may have been sorted anew and wrapped through the faces of the sector; the history of every touching
+grains may have been sorted again and wrapped through the faces of the sector; the history of every touching
 contact finds its new slot by the pair's two ids. Were grains turned by R^w, the pair (i, j, shift) becomes
 
     (i', j', shift + w_i - w_j)   with xi' = R^w_i xi,
@@ -49,7 +49,7 @@ class ListedWalls(NamedTuple):
 
 
 class SlotMemory(NamedTuple):
-    """What the slots of a list remember, a row a slot: the one place that names these arrays.
+    """History of the slots of a list, one row per slot: the one place that names these arrays.
 
     A new list makes them by `empty`, the step takes them in this order (`particles.dem.kernel_state`), a checkpoint has
     them by these names.
@@ -110,7 +110,7 @@ class _Slots(NamedTuple):
 
 
 class _Turned(NamedTuple):
-    """How the grains of the new list come from those of the old one.
+    """Map of the grains of the new list from those of the old one.
 
     Attributes
     ----------
@@ -189,7 +189,7 @@ class ContactList:
 
     @property
     def chunks(self) -> Chunks:
-        """How its rows are shared among threads: by what touches when they are first asked for, before any step."""
+        """Partition of its rows among threads: by the contacts when it is first asked for, before any step."""
         if self._chunks is None:
             touching = self.pair_memory.touching
             self._chunks = make_chunks(self.pairs.start, self.pairs.other, touching, self.wall_start, self.chunk_start)
@@ -201,7 +201,7 @@ class ContactList:
         return np.repeat(np.arange(len(self.wall_start) - 1), np.diff(self.wall_start))
 
     def memory(self) -> ContactMemory:
-        """What the touching contacts remember; the list itself can be dropped then."""
+        """Return what the touching contacts remember; the list itself can be dropped then."""
         pairs = self.pairs
         return _touching_rows(
             pairs.start, pairs.other, pairs.shift, *self.pair_memory,
@@ -255,7 +255,7 @@ class ContactList:
 
 
 def reaches(radius: np.ndarray, skin: float, gap: float) -> tuple[np.ndarray, float]:
-    """How far each grain looks (n,) [m], and the largest distance of a pair [m].
+    """Return how far each grain looks (n,) [m], and the largest distance of a pair [m].
 
     Surfaces count as touching up to a ``gap`` [radii].
     """

@@ -20,7 +20,7 @@ LAYERS = 4  # of grains in a chunk, at the least: thinner chunks have more inter
 
 
 class Chunks(NamedTuple):
-    """How n rows with p pairs are shared out.
+    """Partition of n rows with p pairs.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ def make_chunks(
 
 @device_function(without_refcounts=True, error_model="numpy")
 def _work_before(i, pair_start, contacts, wall_start):
-    """What the rows before row i take."""
+    """Return what the rows before row i take."""
     return GRAIN * i + PAIR * pair_start[i] + CONTACT * contacts[pair_start[i]] + WALL * wall_start[i]
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-LARGEST_FILE = 50_000_000
+MAX_FILE = 50_000_000
 """Bytes: half a million grains; a larger table is refused before it is read, of which each byte takes twenty."""
 
 _HEAD = re.compile(r"\s*([A-Za-z_][A-Za-z0-9_]*)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
@@ -37,9 +37,9 @@ def read_columns(path: str | Path) -> dict[str, np.ndarray]:
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"{path} does not exist; check the path")
-    if path.stat().st_size > LARGEST_FILE:
+    if path.stat().st_size > MAX_FILE:
         raise ValueError(
-            f"{path} is larger than {LARGEST_FILE // 1_000_000} MB; keep what is needed, a packing of many grains in "
+            f"{path} is larger than {MAX_FILE // 1_000_000} MB; keep what is needed, a packing of many grains in "
             "an npz archive"
         )
     try:

@@ -26,11 +26,11 @@ from particles.packing.columns_file import read_columns
 from particles.packing.packing import Packing, require_fit
 from particles.packing.space import Space
 
-MOST_BYTES = 2_000_000_000
+MAX_BYTES = 2_000_000_000
 """Of a file's arrays, unpacked: 10 million grains with all that there is of them; more is refused unread."""
 OVERLAP_LIMIT = 0.05  # of a diameter: beds at rest have a few tenths of a per cent, wrong units far more
 _NUMBER_OF_POINTS = re.compile(rb"NumberOfPoints\s*=\s*[\"'](\d{1,18})")
-_LEAST_BYTES_OF_A_POINT = 24
+_MIN_BYTES_OF_A_POINT = 24
 
 
 def read_packing(path: str | Path, *, radius: float | None = None) -> Packing:
@@ -140,7 +140,7 @@ def _from_npz(path: Path) -> dict[str, np.ndarray]:
             with archive:
                 assert archive.zip is not None  # it is open
                 size = sum(int(entry.file_size) for entry in archive.zip.infolist())
-                if size <= MOST_BYTES:
+                if size <= MAX_BYTES:
                     return dict(archive)
     # memory: of an array whose head says that it has more numbers than the file; not implemented: zipfile says so of a
     # compression that it lacks
@@ -151,7 +151,7 @@ def _from_npz(path: Path) -> dict[str, np.ndarray]:
 
 def _too_much(path: Path, size: int) -> ValueError:
     return ValueError(
-        f"{path} holds {size:.2g} bytes of arrays; allowed: at most {MOST_BYTES:.2g}; keep positions and radii of the "
+        f"{path} holds {size:.2g} bytes of arrays; allowed: at most {MAX_BYTES:.2g}; keep positions and radii of the "
         "grains that are needed"
     )
 
@@ -161,10 +161,10 @@ def _from_vtp(path: Path) -> dict[str, np.ndarray]:
 
     with open(path, "rb") as stream:
         if b"<VTKFile" not in stream.read(1000):
-            raise ValueError(f"{path} is no VTK file in XML: it does not begin with <VTKFile; export it anew")
+            raise ValueError(f"{path} is no VTK file in XML: it does not begin with <VTKFile; export it again")
         with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
             points = max(map(int, _NUMBER_OF_POINTS.findall(content)), default=0)
-    if (size := max(path.stat().st_size, points * _LEAST_BYTES_OF_A_POINT)) > MOST_BYTES:
+    if (size := max(path.stat().st_size, points * _MIN_BYTES_OF_A_POINT)) > MAX_BYTES:
         raise _too_much(path, size)
     try:
         with pyvista.vtk_verbosity("off"), warnings.catch_warnings():
@@ -172,7 +172,7 @@ def _from_vtp(path: Path) -> dict[str, np.ndarray]:
             warnings.filterwarnings("error", message="The VTK reader")
             mesh = pyvista.read(path)
     except Exception as error:  # VTK's and pyvista's readers fail each in a way of their own
-        raise ValueError(f"{path} cannot be read as VTK PolyData ({error}); export it anew") from None
+        raise ValueError(f"{path} cannot be read as VTK PolyData ({error}); export it again") from None
     if not isinstance(mesh, pyvista.PolyData):
         raise ValueError(f"{path} holds {type(mesh).__name__}, not the points of a PolyData")
     return {

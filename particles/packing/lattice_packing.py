@@ -161,7 +161,7 @@ def _bent(place: AnnularBox, kind: str, a: float, between: tuple[float, float]) 
 
 
 def _cut(place: AnnularBox, kind: str, a: float) -> np.ndarray:
-    """What the full ring cuts out of the straight lattice."""
+    """Return what the full ring cuts out of the straight lattice."""
     width = 2.0 * place.r1 - a
     corner = np.array([-0.5 * width, -0.5 * width, place.z0 + 0.5 * a])
     sites = corner + _stack(kind, a, np.array([width, width, place.z1 - place.z0 - a]))

@@ -1,4 +1,4 @@
-"""What every packing hands out: centres and the radii that belong to them."""
+"""Packing: centres and their radii."""
 
 from __future__ import annotations
 

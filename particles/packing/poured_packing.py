@@ -15,7 +15,7 @@ from particles.packing.random_packing import DENSEST, part_or_refuse
 from particles.packing.space import Space
 
 LOOSE = 0.3  # solid fraction above the lid
-_LEAST_HEIGHT = 4.0  # between lid and ceiling, in largest diameters: less would be a layer
+_MIN_HEIGHT = 4.0  # between lid and ceiling, in largest diameters: less would be a layer
 _PROBES = 65_536  # points that measure the volume above a height: to 0.4 %
 _THROWS = 2000  # each leaves more than a few per cent of the grains below the lid
 
@@ -46,7 +46,7 @@ def poured_packing(space: Space, radius: np.ndarray, *, up: np.ndarray, seed: in
     rng = np.random.default_rng(seed)
     heights = space.scatter(rng, np.zeros(_PROBES)) @ direction
     share = min(1.0, space.solid_fraction(size) / LOOSE)
-    lid = min(float(np.quantile(heights, 1.0 - share)), float(heights.max()) - _LEAST_HEIGHT * largest)
+    lid = min(float(np.quantile(heights, 1.0 - share)), float(heights.max()) - _MIN_HEIGHT * largest)
     position = np.empty((len(size), 3))
     below = np.arange(len(size))
     for _ in range(_THROWS):

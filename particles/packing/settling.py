@@ -35,12 +35,12 @@ from particles.grain_motion import GrainMotion
 KINETIC = 1e-6  # of the reference energy (module docstring)
 _FALLS_OVER = 1e-3  # of the reference energy: from there on damping acts
 _LOOK_STEPS = 200
-_LONGEST_FALLS = 100.0  # times the fall through the bed
+_MAX_FALLS = 100.0  # times the fall through the bed
 
 
 @dataclass(frozen=True, slots=True)
 class Settling:
-    """How it went.
+    """Result of a settling.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ def settle(
     if g > 0.0:
         height = float(np.ptp(grains.position, axis=0).max() + diameter.max())
         look = math.ceil(math.sqrt(float(diameter.max()) / g) / dem.dt)
-        limit = _LONGEST_FALLS * math.sqrt(2.0 * height / g) if longest is None else longest
+        limit = _MAX_FALLS * math.sqrt(2.0 * height / g) if longest is None else longest
     else:
         look, limit = _LOOK_STEPS, 1e5 * dem.dt if longest is None else longest
     rate = (math.sqrt(g / float(diameter.max())) if g > 0.0 else 0.0) if damping is None else damping

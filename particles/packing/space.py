@@ -28,7 +28,7 @@ _RETHROWS = 200  # a place that is solid to nine tenths still gets all but 1e-9 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Space:
-    """Where a packing has its place.
+    """Space of a packing.
 
     Attributes
     ----------
@@ -107,13 +107,13 @@ class Space:
         return worst
 
     def wall_overlap(self, position: np.ndarray, radius: np.ndarray) -> np.ndarray:
-        """How far the walls push each grain [m], shape (n,); 0 where it is clear of all."""
+        """Return how far the walls push each grain [m], shape (n,); 0 where it is clear of all."""
         clear = np.array(position, dtype=float, order="C")
         self.push_off(clear, np.ascontiguousarray(radius))
         return np.sqrt(np.sum((clear - position) ** 2, axis=1))
 
     def in_solids(self, position: np.ndarray) -> np.ndarray:
-        """Which centres lie inside a watertight triangle wall (a vane, a rib): bool, shape (n,).
+        """Return which centres lie inside a watertight triangle wall (a vane, a rib): bool, shape (n,).
 
         A triangle wall that holds a place to fill inside it, a drum, is a container and no solid.
         """

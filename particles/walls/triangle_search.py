@@ -1,4 +1,4 @@
-"""Which triangles are near each grain: a grid of cells over the triangles of each body, in that body's frame.
+"""Triangles near each grain: a grid of cells over the triangles of each body, in that body's frame.
 
 There the triangles never move, so that a grid is made once and lasts as long as the reach asked for hardly changes. A
 cell lists every triangle within reach of it, in ascending order: a grain looks into its own cell only.
@@ -26,7 +26,7 @@ from particles.walls.triangle_kernels import (
 from particles.walls.wall_table import TriangleTable
 
 _SPARE = 1.2  # a grid is made for a little more than the reach that is asked for
-MOST_CELLS = 2_000_000
+MAX_CELLS = 2_000_000
 VISITS = 100_000, 250  # cells looked at while a grid is made: in all, and for each triangle
 
 
@@ -104,6 +104,6 @@ def _cell_size(size: np.ndarray, boxes: np.ndarray, reach: float) -> float:
     """Edge of a cell [m]: the reach, larger where large triangles or an empty space would make too many cells."""
     cell = reach
     visits = VISITS[0] + VISITS[1] * len(boxes)
-    while np.prod(size / cell + 1.0) > MOST_CELLS or np.prod(boxes / cell + 1.0, axis=1).sum() > visits:
+    while np.prod(size / cell + 1.0) > MAX_CELLS or np.prod(boxes / cell + 1.0, axis=1).sum() > visits:
         cell *= 1.25
     return cell

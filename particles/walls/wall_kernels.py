@@ -90,7 +90,7 @@ def push_off_walls(position, radius, wall):
 
 @njit(cache=True, error_model="numpy")
 def beyond(position, planes, radius, bottom, top, margin):
-    """Which centres lie more than ``margin`` behind one of the ``planes`` (rows) or out of a cylinder; bool (n,)."""
+    """True for centres more than ``margin`` behind one of the ``planes`` (rows) or out of a cylinder; bool (n,)."""
     out = np.zeros(position.shape[0], dtype=np.bool_)
     for i in range(position.shape[0]):
         x, y, z = position[i, 0], position[i, 1], position[i, 2]

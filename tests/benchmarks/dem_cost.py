@@ -4,7 +4,7 @@
 
 FOLDER holds settled_1000.npz, settled_10000.npz and settled_100000.npz (`scene_a.write_state`; made where they are
 missing, the last one in some minutes). Beds above 100 000 grains are that bed side by side. Nanoseconds a grain and
-step are processor time, the least of some windows of scene A: gravity turns, the bed rolls over, lists are made anew.
+step are processor time, the least of some windows of scene A: gravity turns, the bed rolls over, lists are rebuilt.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ pull across the gap, against the reference of the knob (the last setting), mean 
 
 Refresh: the grains move on with held moments for so many steps; by then the moments that the law asks for have changed
 by so much, and so does the pull that the grains feel, near pulls at their gaps of that step, differ from the one found
-anew. In the mean over the interval it is half of that.
+again. In the mean over the interval it is half of that.
 """
 
 import os

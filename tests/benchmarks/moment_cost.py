@@ -79,13 +79,13 @@ def shares(folder: Path) -> str:
     whole = seconds["whole_run"]
     parts = {name: seconds[name] for name in ("field", "magnetic", "contact") if name in seconds}
     parts["rest"] = whole - sum(parts.values())
-    foretold = seconds.get("foretold", {})
+    predicted = seconds.get("predicted", {})
     lines = [
         f"{summary['title']}: {summary['steps']} steps of {summary['grains']} grains in {whole:.4g} s, of which "
         f"{seconds.get('compiling', 0.0):.3g} s compiled kernels, within the parts that called them first"
     ]
     for name, spent in parts.items():
-        beside = f", foretold {foretold[name]:.3g} s" if name in foretold else ""
+        beside = f", predicted {predicted[name]:.3g} s" if name in predicted else ""
         lines.append(f"  {name:9}{100.0 * spent / whole:5.1f} %  {spent:8.4g} s{beside}")
     if "moments" in summary:
         lines.append(f"  {summary['moments']['sweeps_per_update']:.2g} sweeps of the moments an update")

@@ -82,8 +82,8 @@ def test_quickstart_at_toy_size(tmp_path):
     # the mesh of the quickstart is a coarse one
     assert 0.0 < result.summary["field_error_estimate"]["flux linkage"] < 0.01
     seconds = result.summary["seconds"]
-    assert set(seconds["foretold"]) == {"field", "magnetic", "contact", "output", "start", "total"}
-    assert all(value > 0.0 for value in seconds["foretold"].values())
+    assert set(seconds["predicted"]) == {"field", "magnetic", "contact", "output", "start", "total"}
+    assert all(value > 0.0 for value in seconds["predicted"].values())
     page = report(result)
     for row in (
         "flux density under the poles",
@@ -91,7 +91,7 @@ def test_quickstart_at_toy_size(tmp_path):
         "energy balance",
         "inertial number",
         "wall-clock: contact",
-        "wall-clock foretold",
+        "wall-clock predicted",
         "error of the field",
     ):
         assert row in page

@@ -85,7 +85,7 @@ def test_a_lock_and_soft_grains_are_told_last():
     soft = {"contact": compliant, "max_overlap": 0.05, "lock_up_time": 1.25}
     assert closing_lines(SimpleNamespace(summary=soft, history=last)) == [
         "output locked at 1.25 s, at 270 rpm at the end",
-        "caution: the largest overlap is 5 % of the diameter: grains too soft; torque peaks are not to be trusted",
+        "warning: the largest overlap is 5 % of the diameter: grains too soft; torque peaks are not to be trusted",
     ]
     slips = {"contact": compliant, "max_overlap": 0.02, "lock_up_time": None}
     (line,) = closing_lines(SimpleNamespace(summary=slips, history=last))

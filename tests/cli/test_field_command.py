@@ -184,7 +184,7 @@ def test_a_force_that_is_not_defined_is_told_with_its_reason(thin_disc):
     _, _, solution = thin_disc
     told = forces_on(solution, [("rotor", ["rotor"])])["rotor"]
     assert told["regions"] == ["rotor"] and "maxwell_stress" not in told
-    assert "touches cover, which cannot give way" in told["not_defined"] and "yielding" not in told["not_defined"]
+    assert "touches cover, which cannot deform" in told["not_defined"] and "yielding" not in told["not_defined"]
 
 
 def test_a_displaced_solve_that_fails_is_told(thin_disc, monkeypatch):

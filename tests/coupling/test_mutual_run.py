@@ -116,11 +116,11 @@ def test_how_the_moments_did_is_in_the_summary(tmp_path):
     moments = run(tmp_path, "told", values).summary["moments"]
     assert moments["model"] == "near_field" and 0.0 < moments["worst_residual"] <= moments["tolerance"]
     assert 1.0 <= moments["sweeps_per_update"] <= 60.0
-    assert 0.0 < moments["necks_over_contact_stiffness"] < 0.1 and "caution" not in moments
+    assert 0.0 < moments["necks_over_contact_stiffness"] < 0.1 and "warnings" not in moments
 
 
 def test_moments_that_do_not_converge_stop_the_run(tmp_path, monkeypatch):
-    monkeypatch.setattr("coupling.mutually_magnetised_grains.MOST_SWEEPS", 1)
+    monkeypatch.setattr("coupling.mutually_magnetised_grains.MAX_SWEEPS", 1)
     monkeypatch.setattr("coupling.mutually_magnetised_grains.LOST", 1e-9)
     with pytest.raises(RunError, match=r"moments of the grains did not converge: residual .* after 1 sweeps"):
         run(tmp_path, "lost", NEAR)

@@ -78,7 +78,7 @@ def test_the_wide_list_of_fast_rigid_grains_makes_wide_rows():
 
 
 def test_a_checkpoint_keeps_where_the_rows_were_made():
-    """Resumed, they are made anew at the same moment as without the interruption."""
+    """Resumed, they are rebuilt at the same moment as without the interruption."""
     position = np.random.default_rng(2).uniform(-6e-3, 6e-3, (30, 3))
     simulation = Simulation(KeptList(position, 0.4e-3), [], None, None, 1, 1)
     rows = simulation.rows(CUTOFF)

@@ -204,7 +204,7 @@ class BesideIron:
 
 
 def test_actio_and_reactio_along_the_axis():
-    """Grains, coil (J x B) and iron (virtual displacement at held moments, M deposited anew) add up to nothing.
+    """Grains, coil (J x B) and iron (virtual displacement at held moments, M deposited again) add up to nothing.
 
     The empty device closes to 0.2 % of its forces on this mesh. Grains whose smear meets no image's add to that less
     than 1 % of their own force. Nearer, smear and smear of the image interact as two spread moments in the energy and

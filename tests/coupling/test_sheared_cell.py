@@ -65,15 +65,15 @@ def test_a_pair_through_a_face_is_a_pair(axis, apart):
 
 
 def test_a_wrap_changes_nothing():
-    """Lists made anew in the middle (grains wrapped through faces) against lists kept: the same flight and springs."""
+    """Lists rebuilt in the middle (grains wrapped through faces) against lists kept: the same flight and springs."""
     ends = []
-    for anew in (False, True):
+    for again in (False, True):
         shear = Shear(dataclasses.replace(DRY, fill=0.5, count=110))
         shear.velocity += np.random.default_rng(3).normal(0.0, 2.0, shear.velocity.shape) * shear.rate * D
         sums = np.zeros(column.N_SUMS)
         for turn in range(8):
             shear.advance(50, sums)
-            if anew and turn == 3:
+            if again and turn == 3:
                 shear.position[:, 2] += 0.5 * shear.box.lengths[2]  # nothing but names: half of them change sides
                 shear.velocity[:, 0] += 0.5 * shear.box.lengths[2] * shear.rate
                 shear._make_lists()
@@ -84,7 +84,7 @@ def test_a_wrap_changes_nothing():
 
 
 def test_momentum_stays():
-    """Beside the flow, which a wrap takes along: contacts, held forces and pulls, lists made anew."""
+    """Beside the flow, which a wrap takes along: contacts, held forces and pulls, lists rebuilt."""
 
     def momentum(shear):
         beside = shear.velocity.copy()

@@ -39,7 +39,7 @@ def far_away(grains, law, species=None):
 
 
 def one_by_one(dem, law_of):
-    """Forces (p, 3) of the contacts of now, each by a call of its own."""
+    """Forces (p, 3) of the present contacts, each by a call of its own."""
     table, grains, found = dem.contacts(), dem.grains, []
     for i, j in zip(table.i, table.j, strict=True):
         x, r, m = grains.position, grains.radius, grains.mass

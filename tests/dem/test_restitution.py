@@ -11,7 +11,7 @@ from particles.laws.hertz import HertzContact
 from particles.laws.hertz_impact import impact_depth, stiffness_for_depth
 from particles.laws.hertz_mindlin import HertzMindlin
 from particles.laws.linear import LinearContact
-from particles.laws.restitution import LEAST_RESTITUTION, damping_ratio, power_law_damping, restitution_of
+from particles.laws.restitution import MIN_RESTITUTION, damping_ratio, power_law_damping, restitution_of
 from particles.laws.springs import SPRINGS, spring
 from particles.laws.thesis import ThesisContact
 from particles.laws.walton_braun import WaltonBraun
@@ -64,7 +64,7 @@ def impact(law, m_eff=M, r_eff=R, speed=V, pressed_by=0.0, start=0.0):
     return -speed * last.y[1, -1], depth, force, T * last.y[2, -1]
 
 
-RESTITUTIONS = [LEAST_RESTITUTION, 0.05, 0.2, 0.5, 0.9, 0.999, 1.0]
+RESTITUTIONS = [MIN_RESTITUTION, 0.05, 0.2, 0.5, 0.9, 0.999, 1.0]
 MADE = {
     "linear": lambda e: LinearContact.from_restitution(1e4, e, 0.3),
     "hertz_mindlin": lambda e: HertzMindlin.from_restitution(GLASS, e, 0.3),
@@ -176,7 +176,7 @@ def test_restitution_falls_with_damping():
 
 @pytest.mark.parametrize("solve", [damping_ratio, lambda e: power_law_damping(e, 1.5, 0.0)])
 def test_restitution_of_nothing_is_the_least_that_is_computed(solve):
-    assert solve(0.0) == solve(LEAST_RESTITUTION) > solve(0.05)
+    assert solve(0.0) == solve(MIN_RESTITUTION) > solve(0.05)
 
 
 @pytest.mark.parametrize("e", [-0.1, 1.1, float("nan")])

@@ -49,7 +49,7 @@ from particles.dvi.gauss_seidel import (
 TRIALS = 6  # updates of the shift
 POLISH = 300  # accelerated sweeps after each
 CENTRING = 0.1  # least share of the gap that an iteration with a linearised shift aims at
-LEAST_FRICTION = 1e-6  # the cone of a frictionless contact has no inside
+MIN_FRICTION = 1e-6  # the cone of a frictionless contact has no inside
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +124,7 @@ def cone_problem(
     free = np.concatenate([grain[:, [VX, VX + 1, VX + 2, PX, PX + 1, PX + 2]].ravel(), body[free_bodies, SPEED]])
     return ConeProblem(
         relative, mass, free, np.stack([offset, 0 * offset, 0 * offset], axis=1) + moving,
-        np.maximum(friction, LEAST_FRICTION), 1.0 / inverse_mass, frame,
+        np.maximum(friction, MIN_FRICTION), 1.0 / inverse_mass, frame,
     )  # fmt: skip
 
 

@@ -300,7 +300,7 @@ def test_a_restart_goes_on_bit_for_bit():
 
 
 def test_couples_start_from_those_of_the_step_before():
-    """A bed at rest needs a sweep or two a step, also after its list is made anew."""
+    """A bed at rest needs a sweep or two a step, also after its list is rebuilt."""
     dvi = bed(tolerance=1e-7)
     dvi.run(600)
     assert dvi.run(20).sweeps <= 60
@@ -354,7 +354,7 @@ def test_a_ball_stops_on_triangles_as_on_a_plane():
 
 
 def test_a_ball_on_springs_stops_as_far_on():
-    """Contacts that give way have the same torque; it follows their normal impulse, which is m g h once they rest."""
+    """Compliant contacts have the same torque; it follows their normal impulse, which is m g h once they rest."""
     v, mu_r, h = 0.5, 0.05, 1e-3
     k = np.full((2, 2), 1e4)
     dvi = ball(h, (v, 0.0, 0.0), (0.0, v / R, 0.0), RollingFriction(mu_r), theta=0.5, stiffness=k)

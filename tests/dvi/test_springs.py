@@ -1,4 +1,4 @@
-"""Rigid grains that give way: restitution, statics, the limits h -> 0 (DEM) and k -> infinity (rigid), jams, energy."""
+"""Compliant contacts: restitution, statics, the limits h -> 0 (DEM) and k -> infinity (rigid), jams, energy."""
 
 import numpy as np
 import pytest

@@ -15,9 +15,9 @@ def test_travel_is_a_tenth_of_a_diameter():
     assert "a tenth of a diameter" in step.reason
     with pytest.raises(ValueError, match=r"at most 0\.0001 s"):
         choose_dvi_step(4e-3, 5e-3, speed=speed, dt=1e-3)
-    insisted = choose_dvi_step(4e-3, 5e-3, speed=speed, dt=1e-3, allow_long_step=True)
-    assert insisted.dt == 1e-3
-    assert "insisted upon: 10 times" in insisted.reason
+    forced = choose_dvi_step(4e-3, 5e-3, speed=speed, dt=1e-3, allow_long_step=True)
+    assert forced.dt == 1e-3
+    assert "forced: 10 times" in forced.reason
 
 
 def test_attraction_is_resolved():

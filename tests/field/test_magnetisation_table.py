@@ -98,8 +98,8 @@ def test_a_tail_below_vacuum_is_replaced_by_vacuum_and_told(tmp_path):
         assert np.array_equal(ours, theirs)
     beyond = points > 2.2
     assert np.allclose(law.H_of_B(points)[0][beyond], 1e5 + (points[beyond] - 2.2) / MU_0, rtol=1e-12)
-    assert law.caution.startswith("the last 2 points of the table, from H = 200000 A/m on")
-    assert without.caution == ""
+    assert law.warning.startswith("the last 2 points of the table, from H = 200000 A/m on")
+    assert without.warning == ""
 
 
 @pytest.mark.parametrize("after", [(4e5, 2.2 + 1.5 * MU_0 * 3e5), (4e5, 2.2)])
@@ -115,7 +115,7 @@ def test_a_curve_that_rises_or_falls_after_its_flat_part_is_refused(after, tmp_p
 def test_a_published_table_that_stays_above_vacuum_is_used_whole(tmp_path):
     """The last slope of the workshop's steel, from 2.25 T to 2.3 T, is 1.6 mu_0."""
     law = table_law(written(tmp_path, ["B [T],H [A/m]", *(f"{b},{h}" for b, h in _TEAM_STEEL)]))
-    assert law.caution == "" and np.array_equal(law.B, _TEAM_STEEL[:, 0])
+    assert law.warning == "" and np.array_equal(law.B, _TEAM_STEEL[:, 0])
 
 
 def test_what_is_no_text_is_told(tmp_path):

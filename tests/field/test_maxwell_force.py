@@ -142,7 +142,7 @@ def test_virtual_work_is_the_maxwell_stress(plungers):
 
 
 def test_displaced_solves_share_one_factorisation_and_are_those_of_the_moved_mesh(plungers):
-    """Both forces for one factorisation; unknowns that moved with the body solve the problem built anew there."""
+    """Both forces for one factorisation; unknowns that moved with the body solve the problem rebuilt there."""
     field = plungers[1]
     before = field.problem._solver.factorisations
     weight = axial_force(field, "iron", virtual_work=True).weight
@@ -150,11 +150,11 @@ def test_displaced_solves_share_one_factorisation_and_are_those_of_the_moved_mes
     points = field.problem.mesh.points + 0.2e-3 * np.column_stack((np.zeros_like(weight), weight))
     moved = field.problem.displaced(points).solve(3000.0, guess=field, factorised=True, tolerance=1e-12)
     mesh = dataclasses.replace(field.problem.mesh, points=points)
-    anew = AxisymmetricProblem(mesh, {"iron": material("steel_1010")}).solve(3000.0, tolerance=1e-12)
-    assert np.abs(moved.psi - anew.psi).max() < 1e-10 * np.abs(anew.psi).max()
-    assert moved.energy == pytest.approx(anew.energy, rel=1e-12)
+    again = AxisymmetricProblem(mesh, {"iron": material("steel_1010")}).solve(3000.0, tolerance=1e-12)
+    assert np.abs(moved.psi - again.psi).max() < 1e-10 * np.abs(again.psi).max()
+    assert moved.energy == pytest.approx(again.energy, rel=1e-12)
     inside = np.array([[5e-3, 0.0]])
-    assert moved.flux_density(inside) == pytest.approx(anew.flux_density(inside), rel=1e-9)
+    assert moved.flux_density(inside) == pytest.approx(again.flux_density(inside), rel=1e-9)
 
 
 def test_action_is_reaction(plungers):

@@ -297,7 +297,7 @@ def test_recovery_preserves_polynomials(bend):
 def test_recovery_does_not_amplify_noise_in_a_thin_layer():
     """Random tetrahedra one or two layers thick carry no quartic: a lower degree must take over, not a wild fit.
 
-    Noise of size 1 in the potential may change H by 200 over the stencil's half thickness at most, by `_MOST_NOISE`.
+    Noise of size 1 in the potential may change H by 200 over the stencil's half thickness at most, by `_MAX_NOISE`.
     """
     random = np.random.default_rng(3)
     thickness = 0.1

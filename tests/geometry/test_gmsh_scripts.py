@@ -20,7 +20,7 @@ Physical Surface("disc") = {1}; Physical Surface("powder") = {2}; Physical Surfa
 """
 MESH = """$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n1\n2 1 "coil"\n$EndPhysicalNames
 $Nodes\n3\n1 0 0 0\n2 20 0 0\n3 20 20 0\n$EndNodes\n$Elements\n1\n1 2 2 1 1 1 2 3\n$EndElements\n"""
-# what each kind begins with, so that a script behind it is no stranger by its first line
+# what each kind begins with, so that a script behind it is not taken for another by its first line
 BEGINNINGS = {
     ".step": "ISO-10303-21;\n", ".stp": "ISO-10303-21;\n", ".brep": "DBRep_DrawableShape\n", ".msh": "$MeshFormat\n",
     ".iges": f"{'':72}S      1\n", ".igs": f"{'':72}S      1\n", ".stl": "solid a\n",

@@ -1,7 +1,7 @@
 """Random scenes: hypothesis strategies over the whole schema, most of them right, all of them small.
 
 A scene is nested dictionaries as TOML reads them, with the files that it names. Amounts, sizes and times are drawn so
-that most runs take a second or less; which of them are run is decided by what they are foretold (`scene_verdict`). They
+that most runs take a second or less; the predicted cost decides which of them are run (`scene_verdict`). They
 are broken on purpose by `random_faults`.
 """
 

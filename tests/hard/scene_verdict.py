@@ -1,7 +1,7 @@
 """What the program makes of a scene, through the command line, and whether it keeps its promises there.
 
 Whatever it is given: exit code 0, 1 or 2, no traceback; a refusal names a key, a run that fails says why, and what a
-run leaves behind holds finite numbers only. What is right is run if it is foretold to be short, and if its kernels are
+run leaves behind holds finite numbers only. What is right is run if it is predicted to be short, and if its kernels are
 among those that the other tests compile; else it is only checked.
 """
 
@@ -34,8 +34,8 @@ from emclutch.simulation.plan_in_words import plan_in_words
 
 KEYS = {*_all_keys(Scene), "study", "study.case"}
 UNDEFINED = ("inertial_number",)  # of a history: without a torque there is none
-MOST_VISITS, MOST_STEPS, MOST_WINDOWS = 400_000, 30_000, 250  # steps times grains; of a field that is solved 12 windows
-MOST_SOLVED_WINDOWS = 12
+MAX_VISITS, MAX_STEPS, MAX_WINDOWS = 400_000, 30_000, 250  # steps times grains; of a field that is solved 12 windows
+MAX_SOLVED_WINDOWS = 12
 # Kinds of step (`emclutch.simulation.kernel_warm_up.kind_of`) that other tests compile too, but for the energy
 # budget, which all have; sizes count in the linear law only
 KINDS = {
@@ -160,9 +160,9 @@ def _not_run(case: Any, plan: dict[str, str]) -> str:
     settles = scene.particles.settles and (scene.particles.settle_longest or 1.0) > 2e-3
     if "replicas" in plan:
         return "several packings"
-    if steps > MOST_STEPS or steps * grains > MOST_VISITS or settles:
+    if steps > MAX_STEPS or steps * grains > MAX_VISITS or settles:
         return "too long"
-    if windows > (MOST_SOLVED_WINDOWS if "mesh" in plan else MOST_WINDOWS):
+    if windows > (MAX_SOLVED_WINDOWS if "mesh" in plan else MAX_WINDOWS):
         return "too many windows"
     return "" if _is_compiled(scene) else "another kind of step"
 

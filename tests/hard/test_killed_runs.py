@@ -47,7 +47,7 @@ def test_a_run_that_is_killed_four_times_ends_as_an_undisturbed_one(undisturbed,
     assert run.live() is not None
     assert run.moments["mesh, packing"] >= 1 and sum(run.moments.values()) == 4
     assert len(whole) > 100 and differences(record_of(run.folder), whole) == []
-    assert "has no checkpoint yet: the run starts anew" in (run.folder / "run.log").read_text()
+    assert "has no checkpoint yet: the run starts again" in (run.folder / "run.log").read_text()
 
 
 class At:
@@ -75,7 +75,7 @@ def test_on_a_full_disk_a_run_stops_and_goes_on_once_there_is_room(undisturbed, 
 
 def test_a_folder_that_vanishes_is_told(tmp_path):
     out = tmp_path / "run"
-    with pytest.raises(OutputError, match=r"run/.*: No such file or directory; .* then start anew"):
+    with pytest.raises(OutputError, match=r"run/.*: No such file or directory; .* then start again"):
         emclutch.run(CASE, out=out, progress=At(0.5, lambda: shutil.rmtree(out)))
     assert not out.exists()
 

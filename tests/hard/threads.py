@@ -26,7 +26,7 @@ from emclutch.simulation.plan import make_plan
 CASES = ROOT / "cases"
 REFERENCE = (1, "passive")
 OTHERS = ((2, "passive"), (4, "passive"), (2, "active"), (4, "active"))
-MOST_THREADS = max(threads for threads, _ in OTHERS)
+MAX_THREADS = max(threads for threads, _ in OTHERS)
 WINDOWS = 3
 QUIET = {"output.pictures": False, "output.snapshots": 1, "accuracy.replicas": 1, "time.average_from": None}
 
@@ -58,7 +58,7 @@ def shortened(path: Path) -> Case:
 def run(scene: Path, folder: Path, threads: int, policy: str) -> dict[str, Any]:
     """What a run leaves, in a process of its own."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_WAIT_POLICY": policy}
-    environment["NUMBA_NUM_THREADS"] = str(MOST_THREADS)
+    environment["NUMBA_NUM_THREADS"] = str(MAX_THREADS)
     environment.pop("OMP_NUM_THREADS", None)
     command = [sys.executable, "-c", "from emclutch.cli.main import main; main()", "run", str(scene)]
     done = subprocess.run(

@@ -275,8 +275,8 @@ def test_a_damaged_file_of_the_cache_is_compiled_anew(tmp_path, ending, share):
     whole = path.read_bytes()
     path.write_bytes(whole[: int(share * len(whole))])
     assert file.load("key") is None
-    file.save("key", "code anew")
-    assert file.load("key") == "code anew"
+    file.save("key", "code again")
+    assert file.load("key") == "code again"
 
 
 def kernel_of(folder, monkeypatch):

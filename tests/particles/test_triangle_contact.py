@@ -307,7 +307,7 @@ def test_near_triangles_are_those_of_the_brute_search(reach):
     search = TriangleSearch(table)
     rng = np.random.default_rng(3)
     angle = [0.3, 0.0, -1.1]
-    for factor in (1.0, 0.9, 3.0):  # a second and third reach: the grid is kept, and made anew
+    for factor in (1.0, 0.9, 3.0):  # a second and third reach: the grid is kept, and rebuilt
         position = rng.uniform(-0.12, 0.12, (300, 3))
         reaches = factor * reach * rng.uniform(0.5, 1.0, len(position))
         start, other = search.near(position, reaches, angle)

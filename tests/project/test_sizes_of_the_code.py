@@ -12,7 +12,7 @@ LONGEST = 400
 REASON = "in one file"
 """Words of the module's docstring that give the reason why it is longer."""
 
-MOST_ARGUMENTS = 12
+MAX_ARGUMENTS = 12
 
 
 def functions(tree: ast.AST, prefix: str) -> Iterator[tuple[str, int]]:
@@ -37,7 +37,7 @@ def test_functions_take_few_arguments_by_position():
     }
     assert len(counted) > 1000
     assert max(counted.values()) > 10  # a count that finds nothing would pass
-    assert {name: number for name, number in counted.items() if number > MOST_ARGUMENTS} == {}
+    assert {name: number for name, number in counted.items() if number > MAX_ARGUMENTS} == {}
 
 
 def test_files_are_short_or_say_why_not():

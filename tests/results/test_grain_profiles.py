@@ -117,7 +117,7 @@ def test_an_average_goes_on_from_a_checkpoint_as_if_nothing_had_been(tmp_path):
             assert first.moments == second.moments == 2
             for name in ("volume", "torque", "temperature", "shear_rate"):
                 np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
-        other.restore(read_checkpoint(tmp_path / "checkpoint.h5"))  # of another time: averaging begins anew
+        other.restore(read_checkpoint(tmp_path / "checkpoint.h5"))  # of another time: averaging restarts
         assert other.profiles() == []
 
 

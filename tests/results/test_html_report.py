@@ -1,4 +1,4 @@
-"""A report in one page: the verdict first, every effect named, a stranger's text only shown, nothing from elsewhere."""
+"""A report in one page: the verdict first, every effect named, untrusted text only shown, nothing from elsewhere."""
 
 import re
 from html.parser import HTMLParser
@@ -69,7 +69,7 @@ def test_the_verdict_comes_first(page):
     assert [heading for heading in page.headings if heading in wanted] == wanted
 
 
-def test_a_strangers_text_is_shown_and_does_nothing(page):
+def test_untrusted_text_is_shown_and_does_nothing(page):
     """The title stands in the page as it was given, and adds no element."""
     assert HOSTILE in page.text
     assert {tag for tag, _ in page.elements}.isdisjoint({"script", "iframe", "object", "link"})

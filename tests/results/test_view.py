@@ -71,7 +71,7 @@ def constants(script):
 
 
 def test_script_names_files_arrays_and_regions_that_are_there(run):
-    """Also a title from a stranger stays a text."""
+    """Also an untrusted title stays a text."""
     known = constants(run / NAME)
     files = read_run_files(run)
     head = {name: read_head(written[0][1]) for name, written in files.series.items()}
@@ -169,7 +169,7 @@ for look in LOOKS:
     renderer = view.plotter.renderer
     renderer.SetWorldPoint(*view.plotter.actors["device" if look == "device" else "grains"].center, 1.0)
     renderer.WorldToView()
-    assert abs(renderer.GetViewPoint()[0] + 2.0 * BESIDE) < 1e-3, f"{look} does not give way to its bars"
+    assert abs(renderer.GetViewPoint()[0] + 2.0 * BESIDE) < 1e-3, f"{look} does not make room for its bars"
     path = screenshot(view, out / f"{look}.png", None)
     colours = np.unique(np.asarray(Image.open(path).convert("RGB")).reshape(-1, 3), axis=0)
     assert len(colours) > 50, f"{look} is blank"

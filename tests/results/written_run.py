@@ -30,7 +30,7 @@ def written_run(path, title="a run", *, mean=2.0, off=1e-4, seed=0, windows=200,
         return folder
     columns = {name: np.array([row[name] for row in rows]) for name in ("time", "torque_disc")}
     seconds = {"field": 1.0, "contact": 3.0, "total": 4.0, "whole_run": 5.0, "compiling": 0.0,
-               "foretold": {"field": 2.0, "contact": 3.0, "start": 1.0, "output": 1.0, "total": 7.0}}  # fmt: skip
+               "predicted": {"field": 2.0, "contact": 3.0, "start": 1.0, "output": 1.0, "total": 7.0}}  # fmt: skip
     folder.write_summary({
         "title": title, "effects": list(effects), "torque": steady_mean(**{"time": columns["time"],
         "value": columns["torque_disc"]}).as_dict(), "time": 1e-3 * windows, "grains": 10, "max_overlap": 0.01,

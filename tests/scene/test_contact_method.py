@@ -108,11 +108,11 @@ def test_it_resumes_bit_for_bit(tmp_path, runs):
         assert np.array_equal(whole[key], parts[key])
 
 
-def test_a_step_beyond_the_rule_is_refused_unless_insisted_upon(tmp_path):
+def test_a_step_beyond_the_rule_is_refused_unless_allowed(tmp_path):
     with pytest.raises(RunError, match="allow_long_step = true"):
         emclutch.run(scene("dvi", **{"contact.dvi.step": "5 ms"}), out=tmp_path / "refused")
-    insisted = {"contact.dvi.step": "5 ms", "contact.dvi.allow_long_step": True, "time.end": "20 ms"}
-    assert emclutch.run(scene("dvi", **insisted), out=tmp_path / "taken").summary["dt"] == 5e-3
+    forced = {"contact.dvi.step": "5 ms", "contact.dvi.allow_long_step": True, "time.end": "20 ms"}
+    assert emclutch.run(scene("dvi", **forced), out=tmp_path / "taken").summary["dt"] == 5e-3
 
 
 def test_too_many_misses_stop_the_run(tmp_path):

@@ -244,7 +244,7 @@ def test_aims_for_the_torque(text, target):
 @pytest.mark.parametrize(
     ("text", "answer"),
     [
-        ("2 %", "is no aim for the torque"),
+        ("2 %", "is not a valid torque target"),
         ("torque 2", "has no unit"),
         ("torque 2 % or 3 %", "two aims of one kind"),
         ("torque 90 %", "out of range"),

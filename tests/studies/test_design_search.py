@@ -102,7 +102,7 @@ def test_a_run_confirms_it_and_corrects_the_law(tmp_path, monkeypatch):
 
 
 def test_a_gap_is_found_again_by_the_torque_of_its_own_field(tmp_path):
-    """From the command line, the field solved anew for each gap; a wider one has less field and less torque."""
+    """From the command line, the field solved again for each gap; a wider one has less field and less torque."""
     coarse = {"field.size_factor": 2.5, "field.gap_layers": 3}
     target = expectation_of(emclutch.load_case(QUICKSTART, coarse | {"geometry.gap": "1.1 mm"})).torque
     values = [word for key, value in coarse.items() for word in ("--set", f"{key}={value}")]

@@ -1,4 +1,4 @@
-"""A study is foretold before it runs: each point, so many at a time, and all faults of its points at once."""
+"""A study is predicted before it runs: each point, so many at a time, and all faults of its points at once."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from emclutch.scene.study import read_study
 from emclutch.simulation.forecast import cost
 from emclutch.simulation.forecast.machine_speed import MachineSpeed
 from emclutch.simulation.stopping_rule import stopping_rule
-from emclutch.studies.forecast import foretell_study, total_seconds
+from emclutch.studies.forecast import predict_study, total_seconds
 from emclutch.studies.points import PointFolder
 
 CELL = """
@@ -54,14 +54,14 @@ def study(tmp_path):
     return written
 
 
-def foretold(*arguments):
+def predicted(*arguments):
     told = CliRunner().invoke(app, ["check", *map(str, arguments), "--json"])
     assert told.exit_code == 0, told.output
     return json.loads(told.output)
 
 
-def test_every_point_is_foretold_and_seeds_cost_the_same(study):
-    found = foretold(study('"scene.seed" = [1, 2]\n"time.end" = ["60 ms", "120 ms"]'))
+def test_every_point_is_predicted_and_seeds_cost_the_same(study):
+    found = predicted(study('"scene.seed" = [1, 2]\n"time.end" = ["60 ms", "120 ms"]'))
     short, long, *others = found["points"]
     assert others[0] == short | {"label": others[0]["label"]} and others[0]["label"] != short["label"]
     assert long["steps"] == pytest.approx(2 * short["steps"], rel=0.01) and long["seconds"] > short["seconds"]
@@ -72,13 +72,13 @@ def test_every_point_is_foretold_and_seeds_cost_the_same(study):
 
 def test_a_target_may_end_points_early_and_the_words_say_so(study):
     path = study('"time.until" = ["none", "torque 5 %"]')
-    plain, aimed = foretold(path)["points"]
+    plain, aimed = predicted(path)["points"]
     assert plain["earliest"] == plain["seconds"] and 0.0 < aimed["earliest"] < aimed["seconds"]
     told = CliRunner().invoke(app, ["check", str(path)], env={"COLUMNS": "200"})
     assert "at the latest" in told.output and "2 points, 1 at a time" in told.output
 
 
-def test_of_a_point_that_has_begun_the_rest_is_foretold(study, tmp_path, monkeypatch):
+def test_of_a_point_that_has_begun_the_rest_is_predicted(study, tmp_path, monkeypatch):
     """Half of a run at constant speed is half the work of its loop; what is done at its end is still to come."""
     monkeypatch.setattr(cost, "machine_speed", lambda: MachineSpeed(1.0, 1.0, 2, 0.0))
     folders = [PointFolder(tmp_path / f"point-{number:03d}") for number in range(3)]
@@ -87,11 +87,11 @@ def test_of_a_point_that_has_begun_the_rest_is_foretold(study, tmp_path, monkeyp
         folder.path.mkdir()
         run.checkpoint.touch()
         run.history.write_text(f"time\n{time}\n")
-    found = foretell_study(read_study(study('"scene.seed" = [1, 2, 3]')), folders=folders)
+    found = predict_study(read_study(study('"scene.seed" = [1, 2, 3]')), folders=folders)
     whole, half, none = (point.seconds for point in found.points)
     assert 0.0 < none < half < whole and half - none == pytest.approx(0.5 * (whole - none), rel=0.01)
-    RunFolder(folders[1].path).checkpoint.unlink()  # it begins anew
-    assert foretell_study(read_study(study('"scene.seed" = [1, 2, 3]')), folders=folders).points[1].seconds == whole
+    RunFolder(folders[1].path).checkpoint.unlink()  # it restarts
+    assert predict_study(read_study(study('"scene.seed" = [1, 2, 3]')), folders=folders).points[1].seconds == whole
 
 
 def test_the_first_look_comes_after_three_times_the_start_up():

@@ -31,7 +31,7 @@ class Runs:
         self.asked = []
         self.dies = False
 
-    def __call__(self, case, *, out, threads, progress, resume, start, insist):
+    def __call__(self, case, *, out, threads, progress, resume, start, force):
         folder = RunFolder.create(out, case.toml(), resume=resume)
         self.asked.append((Path(out).name, resume, case.scene.time.end))
         if self.dies:
@@ -134,7 +134,7 @@ def test_a_point_resumed_alone_makes_the_table_old_and_sweep_renews_it(tmp_path,
     out = sweep(study, out=tmp_path / "out")
     assert read_folder(out).outdated() == []
     (_, case), _ = study.cases()
-    alone = {"out": out / "point-000", "threads": 1, "progress": None, "resume": True, "start": None, "insist": False}
+    alone = {"out": out / "point-000", "threads": 1, "progress": None, "resume": True, "start": None, "force": False}
     monkeypatch.setitem(TORQUE, "mean", 1.5)
     runs(case.with_values({"time.end": "5 ms"}), **alone)
     assert read_folder(out).outdated() == ["point-000"]
@@ -186,7 +186,7 @@ def test_a_point_killed_before_its_first_checkpoint_is_started_anew(tmp_path, ru
     out = sweep(study, out=tmp_path / "out", resume=True)
     assert [asked[:2] for asked in runs.asked] == [("point-000", False), ("point-001", False)]
     assert (out / "point-000-set-aside-1" / "history.csv").read_text() == "half"
-    assert "point-000 has no checkpoint to go on from: started anew" in (out / "study.log").read_text()
+    assert "point-000 has no checkpoint to go on from: restarted" in (out / "study.log").read_text()
     runs.asked.clear()
     sweep(study, out=out, resume=True)
     assert not runs.asked

@@ -49,7 +49,7 @@ def test_grains_go_on_where_the_point_before_has_left_them(studied):
     origin = emclutch.load_result(folder / "point-002").folder.read_provenance()["grains_from"]
     before, after = (emclutch.load_result(folder / f"point-00{k}").history for k in (0, 2))
     assert origin["time"] == pytest.approx(before["time"].iloc[-1]) and len(origin["checkpoint_sha256"]) == 64
-    assert after["time"].iloc[0] == pytest.approx(2e-3, rel=0.01)  # time begins anew
+    assert after["time"].iloc[0] == pytest.approx(2e-3, rel=0.01)  # time restarts
     # shot that 500 rpm has thrown out still flies: from rest, 250 rpm would give it a fourth of that at most
     assert after["kinetic_energy"].iloc[0] > 0.3 * before["kinetic_energy"].iloc[-1]
 

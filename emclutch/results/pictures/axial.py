@@ -15,7 +15,7 @@ from emclutch.results.pictures.grains import WALL_COLOURS
 from emclutch.results.pictures.picture_file import save_picture
 
 MM = 1e3
-MOST_CHAINS = 98  # percentile of the forces that is drawn at full width: a few outliers would hide all others
+MAX_CHAINS = 98  # percentile of the forces that is drawn at full width: a few outliers would hide all others
 
 
 def axial_picture(
@@ -74,7 +74,7 @@ def axial_picture(
             axis.plot(MM * r * np.cos(theta), MM * r * np.sin(theta), color=shade, lw=2.0)
             reach.append(r)
     if chains is not None and np.any(chains[2]):
-        strongest = float(np.percentile(np.abs(chains[2]), MOST_CHAINS)) or 1.0
+        strongest = float(np.percentile(np.abs(chains[2]), MAX_CHAINS)) or 1.0
         width = 2.5 * np.minimum(np.abs(chains[2]) / strongest, 1.0)
         ends = MM * np.stack([chains[0][:, :2], chains[1][:, :2]], axis=1)
         axis.add_collection(LineCollection(list(ends), colors="crimson", linewidths=width, alpha=0.8))

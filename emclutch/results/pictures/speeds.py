@@ -21,13 +21,13 @@ MOTOR = "#c4540a"  # as the rotor in the other pictures
 OUTPUTS = ("#0b5fa5", "#2a8c3f", "#8a1c7c", "#b5179e", "#0a7d7d", "#7f6000")
 MARKERS = "osD^v<>P"
 LINES = ("-", "--", "-.", ":")  # the next one when the colours are used up
-LEAST_EXPLAINED = 0.5  # of the torque's variance: a parabola that explains less is not drawn
-LEAST_SLIP = 0.05  # of the motor's speed: below it the shot begins to hold
+MIN_EXPLAINED = 0.5  # of the torque's variance: a parabola that explains less is not drawn
+MIN_SLIP = 0.05  # of the motor's speed: below it the shot begins to hold
 VARIES = 1e-3  # of the fastest speed: a free shaft that is held by dry friction trembles
 
 
 def speeds_vary(history: Any) -> bool:
-    """Whether a history has both shafts and the speed of one of them changes."""
+    """Return whether a history has both shafts and the speed of one of them changes."""
     if "rotor_speed" not in history or "disc_speed" not in history:
         return False
     speeds = [_column(history, name) for name in ("rotor_speed", "disc_speed")]
@@ -107,7 +107,7 @@ def torque_speed_picture(path: str | Path, runs: Mapping[str, Any], *, title: st
 
     Once locked the clutch carries the load, whatever it could: those windows are left out. The parabola is that of the
     windows in which the output stands, or nearly; a turning output meets the shot at another speed. Its R^2 is in the
-    legend; below `LEAST_EXPLAINED` there is no parabola to speak of.
+    legend; below `MIN_EXPLAINED` there is no parabola to speak of.
 
     Parameters
     ----------
@@ -123,8 +123,8 @@ def torque_speed_picture(path: str | Path, runs: Mapping[str, Any], *, title: st
     for number, (name, history) in enumerate(runs.items()):
         motor, output = _column(history, "rotor_speed"), _column(history, "disc_speed")
         speed, torque = np.abs(motor), _column(history, "torque_disc")
-        slips = np.abs(motor - output) > LEAST_SLIP * speed
-        stands = slips & (np.abs(output) <= LEAST_SLIP * speed)
+        slips = np.abs(motor - output) > MIN_SLIP * speed
+        stands = slips & (np.abs(output) <= MIN_SLIP * speed)
         colour, of = OUTPUTS[number % len(OUTPUTS)], f"{name}: " if len(runs) > 1 else ""
         axis.plot(RPM * speed[stands], torque[stands], ls="", marker=".", ms=3.5, alpha=0.6, color=colour)
         moving = slips & ~stands
@@ -132,7 +132,7 @@ def torque_speed_picture(path: str | Path, runs: Mapping[str, Any], *, title: st
                   color=colour, label=f"{of}the output turns" if moving.any() else None)  # fmt: skip
         factor = quadratic_factor(speed[stands], torque[stands])
         explained = None if factor is None else explained_share(factor, speed[stands], torque[stands])
-        if factor is not None and explained is not None and explained >= LEAST_EXPLAINED:
+        if factor is not None and explained is not None and explained >= MIN_EXPLAINED:
             along = np.linspace(0.0, float(speed[slips].max()), 101)
             at_1000 = factor * (1000.0 / RPM) ** 2
             axis.plot(RPM * along, factor * along**2, color=colour, lw=1.6,
@@ -240,7 +240,7 @@ def _column(history: Any, name: str) -> np.ndarray:
 
 
 def _alike(one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]) -> bool:
-    """Whether two courses agree to 1 % of the larger one's peak, at the times of the first."""
+    """Return whether two courses agree to 1 % of the larger one's peak, at the times of the first."""
     scale = max(np.max(np.abs(one[1]), initial=0.0), np.max(np.abs(other[1]), initial=0.0))
     if not len(one[0]) or not len(other[0]):
         return False

@@ -109,7 +109,7 @@ def _draw_drives(axis: Any, time: np.ndarray, history: Any, drives: list[str]) -
 
 
 def varies(values: Any) -> bool:
-    """Whether a column changes by more than round-off."""
+    """Return whether a column changes by more than round-off."""
     array = np.asarray(values, dtype=np.float64)
     return bool(array.size and np.ptp(array) > 1e-6 * np.max(np.abs(array)))
 

@@ -1,6 +1,6 @@
 """A run or a study as one page of HTML that needs nothing else: pictures are inside it, nothing is fetched.
 
-The page opens without a network, on a telephone and on paper. Text of scenes is a stranger's: every value is escaped by
+The page opens without a network, on a telephone and on paper. Text of scenes is untrusted: every value is escaped by
 the templates, and the page's own policy forbids scripts and anything from elsewhere.
 """
 
@@ -268,11 +268,11 @@ def _balances(result: Result) -> list[tuple[str, str]]:
 
 
 def _cost(summaries: Sequence[dict[str, Any]]) -> list[dict[str, str]]:
-    """Foretold and measured wall-clock seconds by part, summed over runs, and measured over foretold."""
+    """Predicted and measured wall-clock seconds by part, summed over runs, and measured over predicted."""
     seconds = [summary["seconds"] for summary in summaries]
     rows = []
     for part in (*PARTS, "compiling", "total"):
-        told = [one["foretold"].get(part) for one in seconds if part in one.get("foretold", {})]
+        told = [one["predicted"].get(part) for one in seconds if part in one.get("predicted", {})]
         measured = [one.get("whole_run" if part == "total" else part) for one in seconds]
         found = [value for value in measured if value is not None]
         if not any(told) and not any(found):
@@ -281,7 +281,7 @@ def _cost(summaries: Sequence[dict[str, Any]]) -> list[dict[str, str]]:
         rows.append(
             {
                 "part": part,
-                "foretold": f"{sum(told):.1f} s" if told else "not foretold",
+                "predicted": f"{sum(told):.1f} s" if told else "not predicted",
                 "measured": f"{sum(found):.1f} s" if found else "not measured by itself",
                 "ratio": f"{sum(found) / sum(told):.2g}" if both else "",
             }

@@ -27,7 +27,7 @@ PICTURES = {
 
 
 def closing_lines(result: Result) -> list[str]:
-    """What a run says last, beside its torque: whether the output locked, the torque is known, grains are too soft."""
+    """Return the last lines of a run: lock-up, target precision, warnings."""
     summary, lines = result.summary, []
     if "stopped" in summary:
         lines.append(f"stopped {summary['stopped']}")
@@ -47,14 +47,13 @@ def closing_lines(result: Result) -> list[str]:
         )
     if "grain_size_note" in summary:
         lines.append(summary["grain_size_note"])
-    if missed := (summary.get("solver") or {}).get("warning"):
-        lines.append(f"warning: {missed}")
-    caution = soft_grains(summary)
-    return lines + ([f"caution: {caution}"] if caution else [])
+    lines += [f"warning: {text}" for text in (summary.get("solver") or {}).get("warnings", ())]
+    warning = soft_grains(summary)
+    return lines + ([f"warning: {warning}"] if warning else [])
 
 
 def soft_grains(summary: dict[str, Any]) -> str:
-    """A caution where grains that press in overlapped too much; else empty."""
+    """A warning where grains that press in overlapped too much; else empty."""
     overlap = summary.get("max_overlap") or 0.0
     # summaries of earlier versions do not say; those of DVI, rigid or not, are known by their solver
     contact = summary.get("contact") or {"compliant": "solver" not in summary}
@@ -98,8 +97,8 @@ def report(result: Result, page_folder: Path | None = None) -> str:
     lines += [f"**{line[:1].upper()}{line[1:]}.**\n" for line in closing_lines(result)]
     rows = [("effects", ", ".join(summary["effects"]) or "none"), *summary_rows(summary)]
     for part, value in summary["seconds"].items():
-        if part == "foretold":
-            rows.append(("wall-clock foretold", f"{value['total']:.1f} s"))
+        if part == "predicted":
+            rows.append(("wall-clock predicted", f"{value['total']:.1f} s"))
         else:
             rows.append((f"wall-clock: {part.replace('_', ' ')}", f"{value:.1f} s"))
     lines += ["| | |", "|---|---|", *(f"| {label} | {text} |" for label, text in rows), "", "## Decisions", ""]
@@ -133,7 +132,7 @@ def _failed_page(result: Result, failed: Failure) -> str:
 
 
 def summary_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
-    """What a summary says in numbers of the device, the course and the numerics: label and value with its unit."""
+    """Return rows of device, course and numerics of a summary: label and value with its unit."""
     rows: list[tuple[str, str]] = []
     for key, label, unit in (
         ("current", "current at the end", "A"),

@@ -1,4 +1,4 @@
-"""What is to be said first of a run: is its torque known and to what, do its balances close, what is missing."""
+"""Verdict on a run: precision of the torque, closure of the balances, missing physics."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ROUGH = 0.1
 
 
 class Mark(Enum):
-    """How a statement is to be taken."""
+    """Rating of a statement."""
 
     GOOD = "good"
     POOR = "poor"
@@ -50,7 +50,7 @@ def verdict(result: Result) -> list[Statement]:
         place = len(found) if failed else 0  # that it failed comes before the torque until then
         found[place:place] = _of_the_torque(result, summary)
     found += _of_the_balances(result, summary)
-    found += [Statement(Mark.POOR, text) for text in _cautions(summary)]
+    found += [Statement(Mark.POOR, text) for text in _warnings(summary)]
     return found + list(_of_what_is_missing(result, summary))
 
 
@@ -109,13 +109,12 @@ def _closes(what: str, share: float | None, of: str) -> Statement:
     return Statement(Mark.POOR, f"The balance of {what} does not close: it is off by {size}.")
 
 
-def _cautions(summary: dict[str, Any]) -> Iterator[str]:
+def _warnings(summary: dict[str, Any]) -> Iterator[str]:
     if summary and (soft := soft_grains(summary)):
         yield f"{soft[:1].upper()}{soft[1:]}."
     for part in ("solver", "moments"):
-        for kind in ("warning", "caution"):
-            if text := (summary.get(part) or {}).get(kind):
-                yield f"{text[:1].upper()}{text[1:]}."
+        for text in (summary.get(part) or {}).get("warnings", ()):
+            yield f"{text[:1].upper()}{text[1:]}."
 
 
 def _of_what_is_missing(result: Result, summary: dict[str, Any]) -> Iterator[Statement]:

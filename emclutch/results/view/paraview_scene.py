@@ -254,7 +254,7 @@ def cropped(field):
 
 
 def caption(view, series):
-    """What is shown, and when."""
+    """Return what is shown, and when."""
     first = next(iter(series.values()))
     time = pv.AnnotateTimeFilter(registrationName="time", Input=first, Format="t = {time:.3f} ms", Scale=1e3)
     for text, place in ((time, (0.02, 0.9)), (pv.Text(registrationName="title", Text=TITLE), (0.02, 0.945))):

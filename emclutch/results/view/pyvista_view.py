@@ -31,7 +31,7 @@ SHOWN_AS: dict[str, dict[str, Any]] = {
 
 
 class RunView:
-    """One view of a run, drawn anew for each moment.
+    """One view of a run, redrawn for each moment.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the files of a run hold that can be looked at: moments, arrays, regions, bodies."""
+"""Viewable content of the files of a run: times, arrays, regions, bodies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What stands in the head of a VTK XML file that `vtk_xml` wrote: names of arrays and lists of texts.
+"""Header of a VTK XML file that `vtk_xml` wrote: names of arrays and lists of texts.
 
 Read without the vtk package, whose import takes longer than all else that a run writes.
 """

@@ -1,1 +1,1 @@
-"""What is known of a run before its first step: field, torque, cost, and what the effects that are off would matter."""
+"""Predictions before the first step of a run: field, torque, cost, and the importance of effects that are off."""

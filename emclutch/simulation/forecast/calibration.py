@@ -41,7 +41,7 @@ def point_digest(parameters: ShearParameters) -> str:
 
 
 def point_file(parameters: ShearParameters) -> Path:
-    """Where a point is kept."""
+    """Return where a point is kept."""
     return cache_folder() / f"sheared-{point_digest(parameters)[:32]}.json"
 
 

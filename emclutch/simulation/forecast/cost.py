@@ -1,10 +1,10 @@
-"""What a run will cost, foretold before its first step: seconds by part and through its time, memory, disk.
+"""Predicted cost of a run: seconds by part and through its time, memory, disk.
 
 Seconds are counts (`expected_counts`) times what each effect costs on the reference machine (`effect_costs`), times how
 fast the machine at hand is (`machine_speed`). Parts have the names under which a run measures them: `field` (deposit
 and solves), `magnetic` (moments and forces), `contact` (the grains' steps); beside them `output` (history, snapshots,
 pictures) and `start` (imports, mesh, plan, packing). Compiling kernels, once for each kind of scene, and settling are
-not foretold.
+not predicted.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from emclutch.device.device import Device
     from emclutch.scene.model import Scene
 
-INSTANTS = 64  # at which the course of a run is foretold
+INSTANTS = 64  # at which the course of a run is predicted
 # MiB of the program, of what a field and what pictures load; bytes a grain, a neighbour's row, an unknown of the field.
 # Largest resident sizes: centrifugal 224 MiB, quickstart 368, with pictures 431, ten times its sector 481, slotted_disc
 # 590; compiling takes some 200 more, once
@@ -42,7 +42,7 @@ FIELD_BYTES, CHECKPOINT_BYTES, UNKNOWN_CHECKPOINT_BYTES, REST_MIB = 39.0, 1200.0
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """What a run will cost on a machine with a number of threads.
+    """Cost of a run on a machine with a number of threads.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ class Cost:
 
     @property
     def gain(self) -> float:
-        """How many times as fast the threads make the loops over grains."""
+        """Number of times as fast the threads make the loops over grains."""
         return gain(self.machine, self.grains, self.threads)
 
     def until(self, time: float) -> dict[str, float]:
@@ -110,7 +110,7 @@ class Cost:
         return with_warnings(text, shortage(self.replicas * self.memory), long if seconds["total"] > 86400.0 else "")
 
 
-def foretell(
+def predict(
     scene: Scene,
     device: Device,
     dt: float,
@@ -164,7 +164,7 @@ def foretell(
 
 
 def gain(machine: MachineSpeed, grains: int, threads: int) -> float:
-    """How many times as fast `threads` threads make the loops over so many grains; a few are not shared."""
+    """Return the number of times as fast `threads` threads make the loops over so many grains; a few are not shared."""
     return machine.gain(threads) if grains >= WORTH_SHARING else 1.0
 
 

@@ -1,7 +1,7 @@
 """Cost of the parts of a run on the reference machine: one core of a Xeon at 2.8 GHz, one thread, processor time.
 
 What an effect adds stands in its module (`emclutch.effects`). Each number was measured on the scenes named beside it;
-`tests/benchmarks/cost_foretold.py` measures their sum again, `dem_cost.py`, `moment_cost.py` and `dvi_cost.py` some of
+`tests/benchmarks/predicted_cost.py` measures their sum again, `dem_cost.py`, `moment_cost.py` and `dvi_cost.py` some of
 them alone. ``_NS`` are nanoseconds, ``_S`` seconds. Those of grains and moments were scaled by how much faster the
 kernels became on another machine (before and after in one sitting), when they were vectorised.
 """
@@ -66,7 +66,7 @@ def update_seconds(scene: Scene, grains: int, counts: Counts) -> float:
 
 
 def field_seconds(scene: Scene, device: Device, counts: Counts) -> float:
-    """Seconds of a window's field: deposit, solves, and the moments that are found anew after each."""
+    """Seconds of a window's field: deposit, solves, and the moments that are found again after each."""
     coil = device.section_coil
     if coil is None:
         return 0.0 if device.coil is None else counts.solves * SOLID_S * device.coil.problem.n_dofs
@@ -94,5 +94,5 @@ def output_seconds(scene: Scene, grains: int, windows: int) -> float:
 
 
 def is_of_revolution(device: Device) -> bool:
-    """Whether the field, where there is one, is solved in the section."""
+    """Return whether the field, where there is one, is solved in the section."""
     return device.coil is None or device.section_coil is not None

@@ -1,4 +1,4 @@
-"""What a scene leaves out, each with the number that says when it matters.
+"""Effects that a scene leaves out, each with the number that says when it matters.
 
 The numbers are orders of magnitude, from the plan alone: the field at the largest current in even powder, the expected
 torque (`expected_torque`), the largest speeds of the scene. `emclutch.simulation.forecast.regime` has them with their

@@ -1,4 +1,4 @@
-"""How much a scene asks of the kernels at an instant: contacts, neighbours, sweeps, field solves.
+"""Work of the kernels at an instant: contacts, neighbours, sweeps, field solves.
 
 None of these is known before a run. They follow from the density of the powder and from a few numbers that were counted
 in runs: grains in a field stand in chains of two contacts a grain, shot under its weight lies in a bed, sheared powder
@@ -63,7 +63,7 @@ class Counts:
 
 
 def counts_at(scene: Scene, device: Device, time: float, window: float) -> Counts:
-    """What is to be done at `time` [s] in a run whose coupling window is `window` [s] long."""
+    """Return what is to be done at `time` [s] in a run whose coupling window is `window` [s] long."""
     attracted = scene.effects.attraction is not None and field_share(device, time) > OFF
     contacts = CHAINED if attracted else _contacts_without_field(scene, device, time)
     return Counts(

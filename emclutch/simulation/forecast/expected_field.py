@@ -75,7 +75,7 @@ def chains_in_words(coil: CoilDevice, even: MagneticField, chains: MagneticField
 
 
 def _corners(device: Device) -> np.ndarray:
-    """Where an imposed field is strongest: at the smallest radius that grains reach, (1, 3) [m]."""
+    """Return where an imposed field is strongest: at the smallest radius that grains reach, (1, 3) [m]."""
     radius = device.shape.inner_radius if isinstance(device.shape, ShearCell) else 0.0
     return np.array([[radius, 0.0, 0.0]])
 

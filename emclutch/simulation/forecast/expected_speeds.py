@@ -1,4 +1,4 @@
-"""How fast walls and grains of a scene will be, from which its steps and windows follow."""
+"""Expected speeds of walls and grains, from which steps and windows follow."""
 
 from __future__ import annotations
 

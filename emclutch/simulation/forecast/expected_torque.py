@@ -120,7 +120,7 @@ def sheared_zone(device: Device, angles: np.ndarray | None = None) -> ShearedZon
 
 @dataclass(frozen=True, slots=True)
 class ExpectedTorque:
-    """What the output is likely to feel, and by which law.
+    """Expected torque on the output, and its law.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What disk a run may fill where it writes, and the refusal of a run that needs more."""
+"""Free disk space, and the refusal of a run that needs more."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from emclutch.simulation.forecast.free_memory import MIB
 
 
 class NotEnoughDisk(ValueError):
-    """A run needs more disk than is free, and nobody insists on it."""
+    """A run needs more disk than is free."""
 
 
-def refuse_full_disk(needed: float, folder: str | Path, *, insist: bool = False) -> None:
-    """Raise `NotEnoughDisk` where `needed` [MiB] is more than is free in `folder`, unless one insists."""
+def refuse_full_disk(needed: float, folder: str | Path, *, force: bool = False) -> None:
+    """Raise `NotEnoughDisk` where `needed` [MiB] is more than is free in `folder`, unless `force`."""
     with suppress(OSError):  # not told: the run finds out
         free = shutil.disk_usage(folder).free / MIB
-        if needed > free and not insist:
+        if needed > free and not force:
             raise NotEnoughDisk(
                 f"the run needs about {needed:.0f} MiB of disk, and {free:.0f} MiB are free in {folder}: write "
                 "elsewhere with --out, take fewer snapshots (output.snapshots) or formats (output.formats), a longer "
-                "time.window, or go on all the same with --insist"
+                "time.window, or run all the same with --force"
             )

@@ -1,4 +1,4 @@
-"""What memory a run may have on this machine, and the refusal of a run that needs more."""
+"""Free memory, and the refusal of a run that needs more."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ _NAMES = ((_GROUP, "memory.max", "memory.current"), (_OLD_GROUP, "memory.limit_i
 
 
 class NotEnoughMemory(ValueError):
-    """A run needs more memory than is free, and nobody insists on it."""
+    """A run needs more memory than is free."""
 
 
-def refuse_too_much(needed: float, *, insist: bool = False) -> None:
-    """Raise `NotEnoughMemory` where `needed` [MiB] is more than is free, unless one insists or nothing is known."""
-    if not insist and (text := shortage(needed)):
-        raise NotEnoughMemory(f"{text}; or go on all the same with --insist")
+def refuse_too_much(needed: float, *, force: bool = False) -> None:
+    """Raise `NotEnoughMemory` where `needed` [MiB] is more than is free, unless `force`, or nothing is known."""
+    if not force and (text := shortage(needed)):
+        raise NotEnoughMemory(f"{text}; or run all the same with --force")
 
 
 def shortage(needed: float) -> str:

@@ -1,4 +1,4 @@
-"""How fast this machine is beside the reference one, and whether its cores are free.
+"""Speed of this machine relative to the reference one, and the share of its cores that is free.
 
 Two probes of a few tens of milliseconds stand for what a run spends its time in: a gather, a square root and a scatter
 over a list of pairs (contacts, moments, forces), and sparse factorisations of a Laplacian (the field). They are made of
@@ -39,7 +39,7 @@ TELL = 0.5  # cores taken by others, from which on it is said
 
 @dataclass(frozen=True, slots=True)
 class MachineSpeed:
-    """What the machine at hand makes of a second of the reference machine.
+    """Speed of the machine at hand relative to the reference machine.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class MachineSpeed:
     taken: float
 
     def gain(self, threads: int) -> float:
-        """How many times as fast `threads` threads make the parallel loops; Amdahl's law with a measured share."""
+        """Speed-up of the parallel loops by `threads` threads; Amdahl's law with a measured share."""
         return 1.0 / (SERIAL + (1.0 - SERIAL) / max(1, min(threads, self.cores)))
 
     def delay(self, threads: int) -> float:
@@ -65,7 +65,7 @@ class MachineSpeed:
         return max(1.0, (threads + self.taken) / self.cores)
 
     def in_words(self) -> str:
-        """How fast, and how many cores are busy."""
+        """Return how fast, and how many cores are busy."""
         text = (
             f"this machine takes {self.loops:.2g} times the reference's time for grains, {self.solves:.2g} for fields"
         )
@@ -92,7 +92,7 @@ def threads_at_hand() -> int:
 
 
 def speed_file() -> Path:
-    """Where the measured speed is kept."""
+    """Return where the measured speed is kept."""
     return cache_folder() / "machine_speed.json"
 
 
@@ -196,6 +196,6 @@ def _busy_seconds() -> float | None:
 
 
 def _own_load() -> float:
-    """What this process itself adds to the load: its cores at work since this module was read, of the last minute."""
+    """Return the load of this process: its cores at work since this module was read, of the last minute."""
     wall, processor = time.perf_counter() - _SINCE[0], time.process_time() - _SINCE[1]
     return processor / max(wall, 1e-3) * (1.0 - math.exp(-wall / 60.0))

@@ -1,4 +1,4 @@
-"""Seconds, memory and disk that are foretold follow what they are made of; a run that needs too much is refused."""
+"""Seconds, memory and disk that are predicted follow what they are made of; a run that needs too much is refused."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -12,7 +12,7 @@ from emclutch.cli.main import app
 from emclutch.scene.case import case_from
 from emclutch.simulation import pace as run_pace
 from emclutch.simulation.forecast import expected_counts, free_memory
-from emclutch.simulation.forecast.cost import Cost, foretell
+from emclutch.simulation.forecast.cost import Cost, predict
 from emclutch.simulation.forecast.expected_counts import SKIN, counts_at, neighbours
 from emclutch.simulation.forecast.machine_speed import MachineSpeed
 from emclutch.simulation.pace import RunPace
@@ -39,7 +39,7 @@ REFERENCE = MachineSpeed(loops=1.0, solves=1.0, cores=2, taken=0.0)
 def cost(values=None, *, threads=1, machine=REFERENCE):
     case = case_from(CELL, values or {})
     device, plan = make_plan(case)
-    return foretell(case.scene, device, plan.dt, (plan.steps_per_update, plan.updates, plan.windows), threads, machine)
+    return predict(case.scene, device, plan.dt, (plan.steps_per_update, plan.updates, plan.windows), threads, machine)
 
 
 def test_the_parts_make_the_total_and_the_course_ends_at_it():
@@ -151,20 +151,20 @@ def test_check_warns_where_too_little_memory_is_free(monkeypatch):
 def test_a_run_that_needs_too_much_is_refused(monkeypatch, tmp_path):
     little_memory(monkeypatch, 100.0)
     needed = f"{cost().memory:.0f} MiB"
-    with pytest.raises(RunError, match=rf"needs about {needed}.* 100 MiB are free.*fewer.*--insist"):
+    with pytest.raises(RunError, match=rf"needs about {needed}.* 100 MiB are free.*fewer.*--force"):
         run(case_from(CELL, {}), out=tmp_path / "run")
 
 
-def test_who_insists_is_not_refused(monkeypatch):
+def test_force_is_not_refused(monkeypatch):
     little_memory(monkeypatch, 100.0)
     with pytest.raises(free_memory.NotEnoughMemory):
         free_memory.refuse_too_much(101.0)
-    free_memory.refuse_too_much(101.0, insist=True)
+    free_memory.refuse_too_much(101.0, force=True)
     free_memory.refuse_too_much(99.0)
 
 
 @pytest.mark.parametrize("command", ["run", "sweep"])
-def test_the_command_line_hands_on_that_one_insists(command, monkeypatch, tmp_path):
+def test_the_command_line_hands_on_force(command, monkeypatch, tmp_path):
     import emclutch.simulation.run
     import emclutch.studies.tasks
 
@@ -180,9 +180,9 @@ def test_the_command_line_hands_on_that_one_insists(command, monkeypatch, tmp_pa
     case.write_text(case_from(CELL, {}).toml())
     study.write_text('[study]\ncase = "case.toml"\n[study.values]\n"scene.seed" = [1]\n')
     target = ["--out", str(tmp_path / "out")]
-    for extra, wanted in (["--insist"], True), ([], False):
+    for extra, wanted in (["--force"], True), ([], False):
         CliRunner().invoke(app, [command, str(case if command == "run" else study), *target, *extra])
-        assert asked.pop("insist") is wanted
+        assert asked.pop("force") is wanted
         target = ["--out", str(tmp_path / "again")]
 
 
@@ -241,7 +241,7 @@ def test_a_run_that_falls_behind_says_so_once_and_which_part(slow, named, clock,
     rates = {"field": 0.3, "magnetic": 0.3, "contact": 0.4}
     pace = RunPace(planned(**rates), 0.0, said.append)
     drive(pace, 60, clock, **(rates | {slow: 3.0}))
-    assert len(said) == 1 and named in said[0] and "times as slow as foretold" in said[0]
+    assert len(said) == 1 and named in said[0] and "times as slow as predicted" in said[0]
     assert [record.getMessage() for record in caplog.records if record.levelname == "WARNING"] == said
 
 

@@ -1,4 +1,4 @@
-"""A scene from a stranger is data: docs/scenes_from_strangers.md has the promises, each with its test."""
+"""An untrusted scene is data: docs/untrusted_scenes.md has the promises, each with its test."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from emclutch.device.device import build_device
 from emclutch.results import OutputError
 from emclutch.results.checkpoint import read_checkpoint, write_checkpoint
 from emclutch.results.record import Record
-from emclutch.scene.case import DEEPEST, LARGEST_FILE, case_from, load_case, read_toml
+from emclutch.scene.case import DEEPEST, MAX_FILE, case_from, load_case, read_toml
 from emclutch.scene.errors import SceneError
 from emclutch.simulation.check import check
 from emclutch.simulation.forecast import free_disk
@@ -77,11 +77,11 @@ def test_windows_and_snapshots_count_in_memory_and_disk():
     assert disk(scene, device, 10) > disk(fewer, device, 10)
 
 
-def test_a_run_that_would_fill_the_disk_is_refused_unless_one_insists(tmp_path, monkeypatch):
+def test_a_run_that_would_fill_the_disk_is_refused_unless_forced(tmp_path, monkeypatch):
     monkeypatch.setattr(free_disk.shutil, "disk_usage", lambda folder: type("Usage", (), {"free": 2**20}))
-    with pytest.raises(RunError, match=r"MiB of disk, and 1 MiB are free.*output\.snapshots.*--insist"):
+    with pytest.raises(RunError, match=r"MiB of disk, and 1 MiB are free.*output\.snapshots.*--force"):
         run(case_from(BOX), out=tmp_path / "run")
-    free_disk.refuse_full_disk(100.0, tmp_path, insist=True)
+    free_disk.refuse_full_disk(100.0, tmp_path, force=True)
 
 
 @pytest.mark.parametrize("case", ["quickstart", "slotted_disc"])
@@ -91,14 +91,14 @@ def test_meshes_beyond_any_machine_are_refused_before_they_are_made(case):
         make_plan(load_case(CASES / f"{case}.toml", finest))
 
 
-def test_the_number_of_triangles_is_foretold():
+def test_the_number_of_triangles_is_predicted():
     """Within a factor of two, of the device of the quickstart as it is and finer."""
     from geometry.meshing import GROWTH, _expected, mesh_clutch
 
     clutch = load_case(CASES / "quickstart.toml").scene.shape()
     for factor in (1.0, 0.5):
-        found, foretold = len(mesh_clutch(clutch, size_factor=factor).triangles), _expected(clutch, 4.0, factor)
-        assert 0.5 * found < foretold < 2.0 * found
+        found, predicted = len(mesh_clutch(clutch, size_factor=factor).triangles), _expected(clutch, 4.0, factor)
+        assert 0.5 * found < predicted < 2.0 * found
     assert expected_triangles([(0.1, 1.0, 0.0)], GROWTH) == pytest.approx(20.0 / GROWTH / (3**0.5 / 4.0))
 
 
@@ -110,7 +110,7 @@ def test_the_number_of_triangles_is_foretold():
         ("[" + ".".join("a" * 5000) + "]\nb = 1", "in one another"),
         ("a = " + "1" * 5000, "is not TOML"),
         ("[b]\na = [0x" + "f" * 5000 + "]", r"\n  - b\.a holds a whole number of more than 64 bits"),
-        ("a = '" + "x" * LARGEST_FILE + "'", "larger than 20 MB"),
+        ("a = '" + "x" * MAX_FILE + "'", "larger than 20 MB"),
     ],
 )
 def test_files_that_only_python_would_stumble_on(tmp_path, text, words):
@@ -136,7 +136,7 @@ def test_packing_files_are_refused_by_what_they_say_of_their_size(tmp_path, monk
     """An archive that unpacks to more than is allowed, an array whose head lies, points that are not there."""
     bomb = tmp_path / "bomb.npz"
     np.savez_compressed(bomb, position=np.zeros((200_000, 3)))
-    monkeypatch.setattr(file_packing, "MOST_BYTES", 1_000_000)
+    monkeypatch.setattr(file_packing, "MAX_BYTES", 1_000_000)
     assert bomb.stat().st_size < 100_000
     with pytest.raises(ValueError, match=r"holds 4.8e\+06 bytes of arrays; allowed"):
         read_packing(bomb, radius=1e-3)
@@ -153,7 +153,7 @@ def test_packing_files_are_refused_by_what_they_say_of_their_size(tmp_path, monk
 
 
 def test_tables_are_refused_by_their_length(tmp_path, monkeypatch):
-    monkeypatch.setattr("particles.packing.columns_file.LARGEST_FILE", 10)
+    monkeypatch.setattr("particles.packing.columns_file.MAX_FILE", 10)
     (tmp_path / "grains.csv").write_text("x [mm], y [mm], z [mm]\n1, 2, 3\n")
     words = refused(tmp_path, {"particles": {"packing": "file", "packing_file": "grains.csv", "diameter": "2 mm"}})
     assert "particles.packing_file" in words and "larger than" in words
