@@ -17,24 +17,11 @@ from typing import Any
 
 import numpy as np
 
+from emclutch.scene.contact import ContactSection
 from geometry.kernels.cache import ROOT, has_entries
 from geometry.kernels.threads import default_threads
 from geometry.walls import cylinder
-from particles import (
-    DEM,
-    Body,
-    ContactLaw,
-    CyclicSector,
-    Elastic,
-    Grains,
-    HertzContact,
-    HertzMindlin,
-    LinearContact,
-    PairLaws,
-    RollingFriction,
-    ThesisContact,
-    WaltonBraun,
-)
+from particles import DEM, Body, CyclicSector, Grains, PairLaws, RollingFriction
 from particles.dem.attraction import Attraction
 
 RADIUS, MASS = 1e-3, 1e-5
@@ -57,7 +44,8 @@ def grains_of_kind(law: str, *parts: str) -> DEM:
     """A DEM of two grains whose step is compiled from the same types as that of a scene of this kind."""
     radius = RADIUS * np.array([1.0, 1.2 if "sizes" in parts else 1.0])
     where = np.array([[10.0, 1.0, 0.0], [10.0, 4.0, 0.0]]) * RADIUS
-    laws = PairLaws.of_one(_law(law), rolling=RollingFriction(0.1) if "resistance" in parts else None)
+    between = ContactSection(law=law).laws(mass=MASS, diameter=2.0 * RADIUS, force=1e-3, speed=1.0)[0]
+    laws = PairLaws.of_one(between, rolling=RollingFriction(0.1) if "resistance" in parts else None)
     sector = CyclicSector(2.0 * np.pi / 6.0) if "sector" in parts else None
     bore = cylinder("bore", "drum", 20.0 * RADIUS, -1.0, 1.0)
     dem = DEM(
@@ -71,20 +59,6 @@ def grains_of_kind(law: str, *parts: str) -> DEM:
 
 def _no_drives(dem: DEM) -> tuple[np.ndarray, np.ndarray]:
     return np.zeros((dem.listed_pairs.count, 3)), np.zeros((len(dem.listed_walls.wall), 2))
-
-
-def _law(name: str) -> ContactLaw:
-    at = {"m_eff": MASS, "speed": 1.0}
-    match name:
-        case "hertz_mindlin":
-            return HertzMindlin.from_restitution(Elastic(1e7, 0.3), 0.5, 0.3)
-        case "hertz":
-            return HertzContact.from_restitution(1e6, 0.5, 0.3, **at)
-        case "thesis":
-            return ThesisContact.from_restitution(1e4, 0.5, 0.3, diameter=2.0 * RADIUS, exponent=0.5, **at)
-        case "walton_braun":
-            return WaltonBraun.from_restitution(1e4, 0.5, 0.3)
-    return LinearContact.from_restitution(1e4, 0.5, 0.3)
 
 
 def start(scene: Any) -> subprocess.Popen | None:

@@ -16,7 +16,8 @@ MAY_IMPORT = {
     "emclutch": {"emclutch", "coupling", "field", "particles", "geometry"},
 }
 ROOMS = ("scene", "device", "results", "simulation", "studies", "cli")
-"""Of `emclutch`, from the ground up: a room imports from those before it. `effects` lie beside `scene`."""
+"""Of `emclutch`, from the ground up: a room imports from those before it. `THINGS` lie beside `scene`."""
+THINGS = ("effects", "contact_laws")
 SOURCES = [path for package in MAY_IMPORT for path in sorted((ROOT / package).rglob("*.py"))]
 
 
@@ -46,18 +47,19 @@ def test_rooms_import_downwards(room):
     for path in sorted((ROOT / "emclutch" / room).rglob("*.py")):
         for name in _imported(path):
             above = name.split(".")[1] if name.startswith("emclutch.") else room
-            above = "scene" if above == "effects" else above
+            above = "scene" if above in THINGS else above
             assert ROOMS.index(above) <= ROOMS.index(room), f"{path.relative_to(ROOT)} imports {name}"
 
 
-def test_effects_are_imported_with_the_schema():
+@pytest.mark.parametrize("things", THINGS)
+def test_things_are_imported_with_the_schema(things):
     """While they are imported they need the schema alone; what they build with is imported when they build it."""
-    for path in sorted((ROOT / "emclutch" / "effects").glob("*.py")):
+    for path in sorted((ROOT / "emclutch" / things).glob("*.py")):
         for node in ast.parse(path.read_text(encoding="utf-8")).body:
             if isinstance(node, ast.ImportFrom):
                 package = ".".join((node.module or "").split(".")[:2])
                 own = package.partition(".")[0] in MAY_IMPORT
-                assert not own or package in ("emclutch.scene", "emclutch.effects"), (
+                assert not own or package in ("emclutch.scene", f"emclutch.{things}"), (
                     f"{path.name} imports {node.module}"
                 )
 
@@ -65,7 +67,7 @@ def test_effects_are_imported_with_the_schema():
 def test_every_module_of_emclutch_is_in_a_room():
     """Beside the rooms stand the face, its lazy imports and its guard."""
     folders = {path.name for path in (ROOT / "emclutch").iterdir() if path.is_dir() and path.name != "__pycache__"}
-    assert folders == {*ROOMS, "effects"}
+    assert folders == {*ROOMS, *THINGS}
     assert {path.stem for path in (ROOT / "emclutch").glob("*.py")} == {"__init__", "lazily", "siblings"}
 
 

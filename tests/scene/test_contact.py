@@ -5,19 +5,20 @@ import math
 import pytest
 from pydantic import ValidationError
 
+from emclutch.contact_laws import LAWS
 from emclutch.effects import EffectsSection
-from emclutch.scene.contact import KEYS_OF_LAWS, ContactSection
+from emclutch.scene.contact import ContactSection
 from particles.laws.elastic import Elastic
 
 GRAIN = {"mass": 1e-6, "diameter": 5e-4}
 LOADS = [{"force": 1e-3}, {"speed": 0.3}, {"force": 1e-3, "speed": 0.3}]
 
 
-@pytest.mark.parametrize("law", KEYS_OF_LAWS)
+@pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("load", LOADS)
 def test_stiffness_follows_from_the_overlap_allowed(law, load):
     """No contact is deeper than max_overlap; Hertzian ones only where load and impact are not both there."""
-    reference = {"reference_speed": 0.1} if "reference_speed" in KEYS_OF_LAWS[law] else {}
+    reference = {"reference_speed": 0.1} if "reference_speed" in LAWS[law].KEYS else {}
     between, at_walls = ContactSection(law=law, max_overlap=0.01, **reference).laws(**GRAIN, **load)
     force, speed = load.get("force", 0.0), load.get("speed", 0.0)
     depths = [
@@ -28,13 +29,6 @@ def test_stiffness_follows_from_the_overlap_allowed(law, load):
     assert max(depths) <= 0.01 * (1 + 1e-9)
     if len(load) == 1:
         assert max(depths) == pytest.approx(0.01, rel=1e-9)
-
-
-def test_a_law_that_makes_no_class_is_no_other_law():
-    """One that is listed and has no branch must not run as another."""
-    unknown = ContactSection().model_copy(update={"law": "square"})
-    with pytest.raises(AssertionError, match=r"contact\.law = 'square' makes no class"):
-        unknown.laws(**GRAIN, force=1e-3)
 
 
 def test_units_of_every_new_quantity():
@@ -86,7 +80,7 @@ def test_unloading_stiffness_is_the_other_face_of_restitution():
     assert ContactSection(law="walton_braun", stiffness=1e4).laws(**GRAIN)[0].unloading_stiffness == pytest.approx(4e4)
 
 
-@pytest.mark.parametrize("law", KEYS_OF_LAWS)
+@pytest.mark.parametrize("law", LAWS)
 def test_resolved_contact_loads_to_the_same(law):
     """A run writes its scene with what follows from it; that scene may be run again."""
     extra = {"stiffness": 1e4, "unloading_stiffness": 3e4} if law == "walton_braun" else {}
@@ -100,7 +94,7 @@ def test_resolved_contact_loads_to_the_same(law):
         ({"hertz_stiffness": 1e9}, "does not belong to contact.law = 'linear'; remove it, or take law = 'hertz'"),
         ({"law": "hertz", "youngs_modulus": 1e9}, "take law = 'hertz_mindlin'"),
         ({"law": "hertz", "stiffness": 1e3}, "take law = 'linear' or 'thesis' or 'walton_braun'"),
-        ({"law": "walton_braun", "stiffness": 1e4, "unloading_stiffness": 4e4, "restitution": 0.6}, "makes it sqrt"),
+        ({"law": "walton_braun", "stiffness": 1e4, "unloading_stiffness": 4e4, "restitution": 0.6}, "it makes it sqrt"),
         ({"law": "walton_braun", "unloading_stiffness": 4e4}, "needs stiffness beside it"),
         ({"law": "walton_braun", "stiffness": 1e4, "unloading_stiffness": 1e3}, "below the stiffness 10000 N/m"),
         ({"law": "hurtz"}, "did you mean 'hertz'"),
@@ -129,7 +123,7 @@ def test_cohesion_asks_for_what_its_model_needs(cohesion, message):
     assert message in str(fault.value)
 
 
-@pytest.mark.parametrize("law", KEYS_OF_LAWS)
+@pytest.mark.parametrize("law", LAWS)
 def test_nothing_expected_and_nothing_given_is_refused(law):
     with pytest.raises(ValueError, match="no stiffness follows"):
         ContactSection(law=law).laws(**GRAIN)

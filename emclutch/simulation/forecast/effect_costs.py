@@ -23,7 +23,6 @@ ENERGIES_NS = 12.0  # the energy budget, output.energy_budget
 CALL_S = 0.3e-3  # of a batch of steps between two updates, or of a window's
 # A contact and step by DEM
 CONTACT_NS = 30.0  # thesis/electromagnetic, 0.2 to 1.7 contacts a grain; these here: dem_cost.py
-LAW_NS = {"linear": 0.0, "hertz": 3.0, "hertz_mindlin": 4.0, "thesis": 4.0, "walton_braun": 6.0}
 SIZES_NS = 10.0  # where grains are of several sizes
 # Of rigid grains
 DVI_GRAIN_NS = 500.0  # a grain and step: search, energy budget, motion; thesis/centrifugal_methods
@@ -53,7 +52,7 @@ def step_seconds(scene: Scene, grains: int, counts: Counts) -> float:
     effects = scene.effects
     near_grain, near_contact = (0.0, 0.0) if effects.attraction is None else effects.attraction.step_ns
     grain = GRAIN_NS + ENERGIES_NS * scene.output.energy_budget + near_grain
-    contact = CONTACT_NS + LAW_NS[scene.contact.law] + SIZES_NS * (scene.grains.sizes is not None)
+    contact = CONTACT_NS + scene.contact.kind.contact_ns + SIZES_NS * (scene.grains.sizes is not None)
     contact += sum(one.contact_ns for one in effects.present) + near_contact
     return 1e-9 * grains * (grain + contact * counts.contacts)
 
