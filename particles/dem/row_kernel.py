@@ -59,7 +59,6 @@ def sweep_rows(chunk, now, law, resistance, energy_column, attraction, grains, p
     gone = (0.0, 0.0, 0.0, 0.0)  # what pairs that parted have lost
     table = law_in_lanes(law, stack_table(N_LAW))
     wall_tables = with_rows(law, stack_table(N_LAW)), stack_table(MAX_REMEMBERED)
-    given = grains, slots, walls
     while done < end:
         cursor, count, gone = find_contacts(
             chunk, cursor, now.dt, law, resistance, energy_column, attraction, grains, pairs, chunks, gone
@@ -70,8 +69,9 @@ def sweep_rows(chunk, now, law, resistance, energy_column, attraction, grains, p
         # grains whose rows have ended
         ended = np.int64(pairs.row[cursor[0]]) if cursor[0] < pairs.start[end] else end
         tally = add_walls(
-            done, ended, chunk, now.dt, law, wall_tables, resistance, energy_column, attraction, given, totals, tally
-        )
+            done, ended, chunk, now.dt, law, wall_tables, resistance, energy_column, attraction,
+            grains, slots, walls, totals, tally,
+        )  # fmt: skip
         drifted = drift_rows(done, ended, now, law, energy_column, attraction, grains, chunks.late, drifted)
         done = ended
     left = tally.left

@@ -37,13 +37,14 @@ def wall_scratch(n_chunks: int, most: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def add_walls(first, until, chunk, dt, law, tables, resistance, energy_column, attraction, given, totals, tally):
+def add_walls(
+    first, until, chunk, dt, law, tables, resistance, energy_column, attraction, grains, slots, walls, totals, tally
+):
     """Contacts and pulls of the walls near the grains from ``first`` up to ``until``, added to those on them.
 
-    ``tables`` are the law with one row in lanes, and lanes for what a contact remembers; ``given`` are grains, slots
-    and walls. Returns the tally; the load of the bodies goes into the chunk's sums.
+    ``tables`` are the law with one row in vectors, and vectors for the history of a contact. Returns the tally; the
+    load of the bodies goes into the chunk's sums.
     """
-    grains, slots, walls = given
     found, near = slots.found[chunk], slots.near[chunk]
     left, count, many = tally.left, 0, 0
     for i in range(first, until):
@@ -54,12 +55,16 @@ def add_walls(first, until, chunk, dt, law, tables, resistance, energy_column, a
         )
         count += more
         if count >= ROOM:
-            tally = _wall_contacts(chunk, count, dt, law, tables, resistance, energy_column, given, totals, tally)
+            tally = _wall_contacts(
+                chunk, count, dt, law, tables, resistance, energy_column, grains, slots, walls, totals, tally
+            )
             count = 0
         if many >= ROOM:
             _pull_of_walls(many, near, attraction, grains)
             many = 0
-    tally = _wall_contacts(chunk, count, dt, law, tables, resistance, energy_column, given, totals, tally)
+    tally = _wall_contacts(
+        chunk, count, dt, law, tables, resistance, energy_column, grains, slots, walls, totals, tally
+    )
     _pull_of_walls(many, near, attraction, grains)
     contacts, elastic, lost_n, lost_t, lost_s, lost_r, lost_w, _, deepest, deepest_at = tally
     return Tally(contacts, elastic, lost_n, lost_t, lost_s, lost_r, lost_w, left, deepest, deepest_at)
@@ -83,9 +88,8 @@ def _pull_of_walls(many, near, attraction, grains):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def _wall_contacts(chunk, count, dt, law, tables, resistance, energy_column, given, totals, tally):
+def _wall_contacts(chunk, count, dt, law, tables, resistance, energy_column, grains, slots, walls, totals, tally):
     """Forces of the first ``count`` contacts found, added to their grains and to the loads; returns the tally."""
-    grains, slots, walls = given
     table, kept = tables
     motion, history, record, found = grains.velocity_force, slots.history, slots.record, slots.found[chunk]
     loads = totals.chunk_bodies[chunk]
