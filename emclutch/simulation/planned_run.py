@@ -41,7 +41,7 @@ class PlannedRun:
     decisions: dict[str, str]
 
 
-def planned(request: RunRequest) -> PlannedRun:
+def plan_run(request: RunRequest) -> PlannedRun:
     """Build the device and decide the run; ValueError where it cannot be, or the machine has too little room for it."""
     scene, folder, progress = request.case.scene, request.folder, request.progress
     progress.say(0.0, "mesh and field")

@@ -25,7 +25,7 @@ def run_task(task: dict[str, Any], orders: Any) -> int:
 
     case = case_from(tomllib.loads(task["case"]), trust_scripts=task["trust_scripts"])
     try:
-        settings = {name: task[name] for name in ("threads", "threads_are_open", "resume", "start")}
+        settings = {name: task[name] for name in ("threads", "tune_threads", "resume", "start")}
         run_replica(case, task["folder"], task["number"], orders, **settings)
     except Interrupted:
         return STOPPED

@@ -253,7 +253,7 @@ def other_replicas(
     threads: int,
     slots: int,
     resume: bool,
-    threads_are_open: bool = False,
+    tune_threads: bool = False,
     start: str | Path | None = None,
 ) -> Iterator[Replicas]:
     """The replicas of a run, `slots` of them at a time; at the end of the block those that still run are ended.
@@ -268,7 +268,7 @@ def other_replicas(
                 "folder": str(own.path),
                 "number": number,
                 "threads": threads,
-                "threads_are_open": threads_are_open,
+                "tune_threads": tune_threads,
                 "resume": _goes_on(own) if resume else False,
                 "trust_scripts": case.trust_scripts,
                 "start": None if start is None else str(RunFolder(start).replicas / own.path.name),

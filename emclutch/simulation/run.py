@@ -10,19 +10,19 @@ from emclutch.results import Result, RunFolder
 from emclutch.results.history import last_time
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.replica_count import max_replica_count, replicas_side_by_side
-from emclutch.simulation.concluded_run import concluded
+from emclutch.simulation.finished_run import finish_run
 from emclutch.simulation.forecast.machine_speed import machine_speed
 from emclutch.simulation.interruption import interruptible
 from emclutch.simulation.kernel_warm_up import step_compiled_beside
 from emclutch.simulation.open_folder import open_folder
 from emclutch.simulation.orders import Orders
-from emclutch.simulation.planned_run import planned
+from emclutch.simulation.planned_run import plan_run
 from emclutch.simulation.replicas import Replicas, count_of_run, other_replicas
-from emclutch.simulation.run_observers import march, observers_of
+from emclutch.simulation.run_observers import make_callbacks, march
 from emclutch.simulation.run_progress import RunProgress
 from emclutch.simulation.run_request import RunRequest
-from emclutch.simulation.started_run import started_or_resumed
-from emclutch.simulation.threads import threads_are_open, use_threads
+from emclutch.simulation.started_run import start_run
+from emclutch.simulation.threads import may_tune_threads, use_threads
 from emclutch.simulation.warm_start import starting_grains
 from emclutch.simulation.window_state import WindowState
 
@@ -74,23 +74,25 @@ def run(
     target = out or case.scene.output.folder or RunFolder.next_path(case.name)
     case.need_grains()  # before the lock makes a folder, as the next line
     grains = None if start is None or resume else starting_grains(case, start)
-    stop, telling = threading.Event(), RunProgress(progress)
-    with open_folder(case, target, resume, telling) as opened:
+    stop, reporter = threading.Event(), RunProgress(progress)
+    with open_folder(case, target, resume, reporter) as opened:
         folder = opened.folder
         if resume and not opened.goes_on and (start := start or folder.grains_from()) is not None:
             grains = starting_grains(case, start)
         machine = machine_speed()  # before the other replicas are at work: the cost counts those by itself
         count = count_of_run(case, folder, opened.goes_on)
-        are_open, threads = threads_are_open(threads), use_threads(threads, count)
+        tune_threads, threads = may_tune_threads(threads), use_threads(threads, count)
         slots = replicas_side_by_side(max(count, max_replica_count(case.scene)), threads)
         with (
             interruptible(stop, lambda: opened.compiled.is_going_on or last_time(folder.history) is None),
-            step_compiled_beside(case.scene, telling.announce),
+            step_compiled_beside(case.scene, reporter.announce),
             other_replicas(
-                case, folder, count, threads=threads, slots=slots, threads_are_open=are_open, resume=resume, start=start
+                case, folder, count, threads=threads, slots=slots, tune_threads=tune_threads, resume=resume, start=start
             ) as replicas,
         ):
-            return _run(RunRequest(case, opened, telling, replicas, stop, are_open, force, grains, machine, callback))
+            return _run(
+                RunRequest(case, opened, reporter, replicas, stop, tune_threads, force, grains, machine, callback)
+            )
 
 
 def run_replica(
@@ -100,13 +102,13 @@ def run_replica(
     orders: Orders,
     *,
     threads: int,
-    threads_are_open: bool,
+    tune_threads: bool,
     resume: bool,
     start: str | Path | None = None,
 ) -> Result:
     """Run one of the other replicas, as far as its `orders` say. `start` and what is raised are as of `run`.
 
-    ``threads_are_open``: it may take fewer threads where fewer pay.
+    ``tune_threads``: it may take fewer threads where fewer pay.
     """
     grains = None if start is None or resume else starting_grains(case, start)
     with open_folder(case, target, resume, RunProgress()) as opened:
@@ -117,7 +119,7 @@ def run_replica(
             RunProgress(),
             Replicas(number),
             orders.stopped,
-            threads_are_open,
+            tune_threads,
             force=True,
             grains=grains,
             orders=orders,
@@ -127,7 +129,7 @@ def run_replica(
 
 def _run(request: RunRequest) -> Result:
     """The stages of a run."""
-    started = started_or_resumed(request, planned(request))
-    observers = observers_of(request, started)
+    started = start_run(request, plan_run(request))
+    observers = make_callbacks(request, started)
     march(started, observers)
-    return concluded(request, started, observers)
+    return finish_run(request, started, observers)

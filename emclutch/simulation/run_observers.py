@@ -56,8 +56,12 @@ class RunObservers:
         self.snapshots.close()
 
 
-def observers_of(request: RunRequest, started: StartedRun) -> RunObservers:
-    """Everything that looks at a run after each of its windows; the frame of t = 0 is written."""
+def make_callbacks(request: RunRequest, started: StartedRun) -> RunObservers:
+    """Everything that looks at a run after each of its windows, in five stages; the frame of t = 0 is written.
+
+    The order matters: the history takes the row that `Observables` has completed; snapshots show whether the end has
+    come, which the deciding ones say; a checkpoint holds what all of these have kept by then.
+    """
     scene, folder, progress = request.case.scene, request.folder, request.progress
     plan, simulation, resume_time = started.plan, started.simulation, started.resume_time
     history = History(folder.history, resume_time)
@@ -82,20 +86,17 @@ def observers_of(request: RunRequest, started: StartedRun) -> RunObservers:
     def compiled() -> int:
         return request.opened.compiled.count
 
-    callbacks = (
-        alive.stop,
-        Observables(scene, started.planned.device),
-        history,
-        *missed_steps(request, resume_time),
-        *early.callbacks,
+    completing = (Observables(scene, started.planned.device),)
+    deciding = (*missed_steps(request, resume_time), *early.callbacks)
+    showing = (
         ReplicaPool(request.replicas),
         snapshots,
         *(() if profiles is None else (profiles,)),
-        WindowTold(progress, plan.windows, request.replicas),
-        Checkpoints(request, plan.windows, early, snapshots, profiles),
-        RunPace(plan.cost, simulation.motion.time, progress.tell, compiled),
-        *thread_trial(request, compiled),
+        WindowProgress(progress, plan.windows, request.replicas),
     )
+    keeping = (Checkpoints(request, plan.windows, early, snapshots, profiles),)
+    tuning = (RunPace(plan.cost, simulation.motion.time, progress.tell, compiled), *thread_trial(request, compiled))
+    callbacks = (alive.stop, *completing, history, *deciding, *showing, *keeping, *tuning)
     return RunObservers(callbacks, early, profiles, alive, history, snapshots)
 
 
@@ -122,7 +123,7 @@ class ReplicaPool:
 
 
 @dataclass(frozen=True, slots=True)
-class WindowTold:
+class WindowProgress:
     """Callback of the loop that says how far the run is: of its `windows`, or of what its replicas are to reach."""
 
     progress: RunProgress
@@ -158,6 +159,6 @@ def missed_steps(request: RunRequest, resume_time: float | None) -> tuple[Missed
 
 def thread_trial(request: RunRequest, compiled: Callable[[], int]) -> tuple[ThreadTrial, ...]:
     """The callback that finds out how many threads pay; none where there is nothing to choose."""
-    if not request.threads_are_open or threads_in_use() == 1:
+    if not request.tune_threads or threads_in_use() == 1:
         return ()
     return (ThreadTrial(threads_in_use(), use_threads, compiled, request.progress.tell),)

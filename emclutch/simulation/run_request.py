@@ -33,7 +33,7 @@ class RunRequest:
         All of the run, seen from this one.
     stop : threading.Event
         Set where the run is to end with a checkpoint.
-    threads_are_open : bool
+    tune_threads : bool
         It may take fewer threads where fewer pay.
     force : bool
     grains : StartingGrains or None
@@ -50,7 +50,7 @@ class RunRequest:
     progress: RunProgress
     replicas: Replicas
     stop: threading.Event
-    threads_are_open: bool
+    tune_threads: bool
     force: bool
     grains: StartingGrains | None
     machine: MachineSpeed | None = None

@@ -46,7 +46,7 @@ class StartedRun:
         return self.planned.plan
 
 
-def started_or_resumed(request: RunRequest, planned: PlannedRun) -> StartedRun:
+def start_run(request: RunRequest, planned: PlannedRun) -> StartedRun:
     """Pack the grains of a run, take them from another one, or go on from its checkpoint."""
     case, device, plan = request.case, planned.device, planned.plan
     request.progress.say(0.0, f"packing {plan.count} grains")

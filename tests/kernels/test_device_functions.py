@@ -1,7 +1,5 @@
 """Functions that only kernels call have no machine code, and kernels that took them in do what they say."""
 
-import importlib
-import inspect
 import subprocess
 import sys
 from typing import NamedTuple
@@ -122,17 +120,3 @@ def test_who_borrows_can_allocate_nothing():
 
     with pytest.raises(NumbaError, match="returning of array"):
         sums(3)
-
-
-@pytest.mark.parametrize("package", ["particles.dem", "particles.laws", "particles.neighbours", "particles.walls"])
-def test_functions_of_the_dem_take_at_most_twelve_arguments(package):
-    folder = ROOT / package.replace(".", "/")
-    for path in folder.glob("*.py"):
-        module = importlib.import_module(f"{package}.{path.stem}")
-        for name, value in vars(module).items():
-            function = getattr(value, "py_func", value)
-            if inspect.isfunction(function) and function.__module__ == module.__name__:
-                positional = [
-                    one for one in inspect.signature(function).parameters.values() if one.kind != one.KEYWORD_ONLY
-                ]
-                assert len(positional) <= 12, f"{module.__name__}.{name}: carry its arrays in a tuple"

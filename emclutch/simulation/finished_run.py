@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 
-def concluded(request: RunRequest, started: StartedRun, observers: RunObservers) -> Result:
+def finish_run(request: RunRequest, started: StartedRun, observers: RunObservers) -> Result:
     """The result of a run that has marched; RunError where another replica failed, `Interrupted` where it was cut off.
 
     The summary is written before the pictures: a run that has one is done.
