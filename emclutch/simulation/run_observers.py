@@ -95,7 +95,7 @@ def make_callbacks(request: RunRequest, started: StartedRun) -> RunObservers:
         WindowProgress(progress, plan.windows, request.replicas),
     )
     keeping = (Checkpoints(request, plan.windows, early, snapshots, profiles),)
-    tuning = (RunPace(plan.cost, simulation.motion.time, progress.tell, compiled), *thread_trial(request, compiled))
+    tuning = (RunPace(plan.cost, simulation.motion.time, progress.tell, compiled), *thread_trial(request))
     callbacks = (alive.stop, *completing, history, *deciding, *showing, *keeping, *tuning)
     return RunObservers(callbacks, early, profiles, alive, history, snapshots)
 
@@ -157,8 +157,8 @@ def missed_steps(request: RunRequest, resume_time: float | None) -> tuple[Missed
     return (MissedSteps(contact.dvi.allowed_misses, before),)
 
 
-def thread_trial(request: RunRequest, compiled: Callable[[], int]) -> tuple[ThreadTrial, ...]:
+def thread_trial(request: RunRequest) -> tuple[ThreadTrial, ...]:
     """The callback that finds out how many threads pay; none where there is nothing to choose."""
     if not request.tune_threads or threads_in_use() == 1:
         return ()
-    return (ThreadTrial(threads_in_use(), use_threads, compiled, request.progress.tell),)
+    return (ThreadTrial(threads_in_use(), use_threads, request.progress.tell),)
