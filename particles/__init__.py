@@ -19,7 +19,7 @@ from particles.laws.elastic import Elastic
 from particles.laws.hertz import HertzContact
 from particles.laws.hertz_mindlin import HertzMindlin
 from particles.laws.linear import LinearContact
-from particles.laws.pair_table import ContactMaterial, PairLaws
+from particles.laws.pair_table import PairLaws
 from particles.laws.restitution import damping_ratio, restitution_of
 from particles.laws.rolling_friction import RollingFriction
 from particles.laws.thesis import ThesisContact
@@ -45,7 +45,6 @@ __all__ = [
     "Body",
     "Cohesion",
     "ContactLaw",
-    "ContactMaterial",
     "ContactTable",
     "CyclicSector",
     "DemError",

@@ -10,7 +10,6 @@ from pydantic import Field
 from emclutch.contact_laws.law_kind import LawKind, StiffnessEntry
 from emclutch.scene.units import Modulus, number
 
-_OF_WALLS = Field(default=None, description="of the walls; default: as the grains")
 _Poisson = Annotated[float, number("0.3", 0.0, 0.5)]
 
 

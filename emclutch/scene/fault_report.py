@@ -16,9 +16,6 @@ from emclutch.scene.section import Choice, Section, did_you_mean, not_one_of
 from emclutch.scene.units import Quantity
 
 Path = tuple[str | int, ...]
-_NOTHING = object()
-
-
 def faults_from(error: ValidationError, root: type[Section], data: dict[str, Any]) -> list[Fault]:
     """Return every fault of a validation, in the order of the sections.
 

@@ -388,13 +388,3 @@ class _StepEnergy:
         # the rank-one part is the solver's
         data = tangent.data + self._eddy._mass_on_pattern / self._dt
         return sp.csc_matrix((data, tangent.indices, tangent.indptr), shape=tangent.shape)
-
-
-def eddy_current_density(eddy: EddyCurrentProblem, before: TransientState, after: TransientState) -> np.ndarray:
-    """J_phi = -sigma dA/dt at the centroids between two states, (n_elements,) [A/m^2]."""
-    elements, mesh = eddy.problem.elements, eddy.problem.mesh
-    rate = (after.psi - before.psi) / (after.time - before.time)
-    centre = elements._element
-    third = np.full((2, 1), 1.0 / 3.0)
-    shape = np.array([centre.lbasis(third, i)[0][0] for i in range(elements.element_dofs.shape[1])])
-    return -eddy.sigma * (rate[elements.element_dofs] @ shape) / mesh.centroid()[:, 0]

@@ -155,13 +155,6 @@ def _weighed(corner_forces: np.ndarray, mesh: SectionMesh, weight: np.ndarray) -
     return float(-2.0 * math.pi * (weight[mesh.triangles] * corner_forces).sum())
 
 
-def nodal_forces(solution: MagneticField) -> np.ndarray:
-    """F_z [N] on every point of the mesh, (n_points,): they add up to zero, and in air each is next to nothing."""
-    mesh = solution.problem.mesh
-    forces = np.bincount(mesh.triangles.ravel(), _corner_forces(solution).ravel(), len(mesh.points))
-    return -2.0 * math.pi * forces
-
-
 def _corner_forces(solution: MagneticField) -> np.ndarray:
     """dL/dz of the corners of every element per radian, (n_elements, 3) [N/rad]."""
     problem = solution.problem

@@ -10,7 +10,7 @@ boundary.  Force and moment are
 
 F in mu_0 Ms^2 a^2 and M in Ms; both converge with the fourth power of the element size, which is the polygon's error.
 By the plane of symmetry itself, F = (mu_0/2) integral of (H_z - h)^2 dA: there the cross term mu_0 h (H_z - h) adds up
-to nothing, because no net flux returns through an infinite plane.  That is the check (`plane_force`).
+to nothing, because no net flux returns through an infinite plane; the tests check the one against the other.
 
 Fields are solved upwards, each from the straight line through the two before: psi is linear in h far below and far
 beyond saturation.
@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from field.laws.powder_law import GrainLaw
-from field.laws.reluctivity import MU_0, NU_0, Law, LinearLaw
+from field.laws.reluctivity import MU_0, NU_0, Law
 from field.section.axisymmetric import AxisymmetricProblem
 from field.section.magnetic_field import MagneticField
 from field.section.maxwell_force import _harmonic, force_of_weight
@@ -104,33 +104,6 @@ class SpherePair:
         """Force on a sphere of radius 1 m, attraction > 0 [N]."""
         return -force_of_weight(solution, self._weight)
 
-    def plane_force(self, solution: MagneticField) -> float:
-        """The same through the plane of symmetry [N]: mu_0/2 integral of (H_z - h)^2 dA over all of it."""
-        mesh = self.problem.mesh
-        h = NU_0 * solution.boundary_field
-        edges = mesh.boundaries["mirror"]
-        sides = np.sort(mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
-        key = sides[:, 0] * len(mesh.points) + sides[:, 1]
-        order = np.argsort(key)
-        wanted = np.sort(edges, axis=1)
-        owner = order[np.searchsorted(key[order], wanted[:, 0] * len(mesh.points) + wanted[:, 1])] // 3
-        node, weight = np.polynomial.legendre.leggauss(8)
-        node, weight = 0.5 * (1.0 + node), 0.5 * weight
-        total = 0.0
-        start, end = mesh.points[edges[:, 0], 0], mesh.points[edges[:, 1], 0]
-        for x, w in zip(node, weight, strict=True):
-            r = start + (end - start) * x
-            slope = self.problem.elements.gradient_at(solution.psi, owner, np.column_stack((r, 0.0 * r)))[:, 0]
-            total += float((w * np.abs(end - start) * 2.0 * math.pi * r * (NU_0 * slope / r - h) ** 2).sum())
-        # beyond the mesh by the multipoles of the open boundary, over reach/r
-        reach = float(max(start.max(), end.max()))
-        exterior = self.problem.exterior
-        assert exterior is not None
-        uniform = 0.5 * solution.boundary_field * self.problem.elements.dof_points[:, 0] ** 2
-        H = NU_0 * exterior.flux_density(solution.psi - uniform, np.column_stack((reach / node, 0.0 * node)))[:, 1]
-        total += float((weight * 2.0 * math.pi * reach**2 / node**3 * H**2).sum())
-        return 0.5 * MU_0 * total
-
     def magnetisation(self, solution: MagneticField) -> float:
         """Mean magnetisation of a sphere along the axis [A/m]."""
         elements, sphere = self.problem.elements, self.problem.mesh.regions["sphere"]
@@ -192,18 +165,3 @@ def solve_pair(
         if done is not None:
             done()
     return PairSolution(h, force, moment, steps, pair.problem.n_dofs)
-
-
-def linear_pair(mu_r: float, gap: float, *, resolution: float = 1.0, order: int = 3) -> tuple[float, float]:
-    """Force and moment of a pair of linear spheres, which need no table of fields.
-
-    Returns
-    -------
-    f : float
-        Force over 4 pi mu_0 h^2 a^2, attraction > 0 [-].
-    m : float
-        Mean magnetisation over h [-]; 3 (mu_r - 1)/(mu_r + 2) of a lone sphere.
-    """
-    pair = SpherePair(LinearLaw(mu_r, "spheres"), gap, resolution=resolution, order=order)
-    solution = pair.solve(1.0)
-    return pair.force(solution) / (4.0 * math.pi * MU_0), pair.magnetisation(solution)

@@ -42,12 +42,6 @@ def kernel_stamp(function: Callable) -> str:
     return digest.hexdigest()
 
 
-def callees(function: Callable) -> list[Dispatcher]:
-    """Compiled functions of the five packages that a kernel calls itself."""
-    found = (value for _, value in _globals_read(function, _names(function.__code__)))
-    return [value for value in found if isinstance(value, Dispatcher) and is_own(value.py_func)]
-
-
 def _add_function(function: Any, digest: Any, seen: set[int]) -> None:
     if id(function) in seen:
         return

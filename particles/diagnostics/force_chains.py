@@ -59,12 +59,6 @@ class ForceChains:
         return float(np.mean(self.chain >= 0))
 
 
-def strong_contacts(grains: Grains, contacts: ContactTable, sector: CyclicSector | None = None) -> np.ndarray:
-    """Contacts whose normal force is above the mean over all contacts: bool, shape (m,)."""
-    force = contact_geometry(grains, contacts, sector).normal_force
-    return force > force.mean() if len(force) else np.zeros(0, dtype=bool)
-
-
 def force_distribution(
     grains: Grains, contacts: ContactTable, sector: CyclicSector | None = None, *, bins: int = 40, largest: float = 8.0
 ) -> tuple[np.ndarray, np.ndarray]:

@@ -201,25 +201,6 @@ def profile_of(sums: ProfileSums, bins: Bins, speeds: Mapping[str, float] | None
     )
 
 
-def torque_through(
-    grains: Grains,
-    contacts: ContactTable,
-    radii: np.ndarray,
-    sector: CyclicSector | None = None,
-) -> np.ndarray:
-    """Torque about z [N m] that contacts carry inwards across each cylinder r = ``radii`` [m], full ring, (k,).
-
-    On the grains and walls inside by those outside: a contact crosses where its two ends lie on different sides.
-    """
-    geometry = contact_geometry(grains, contacts, sector)
-    point, force = contacts.point, contacts.force
-    moment = point[:, 0] * force[:, 1] - point[:, 1] * force[:, 0]
-    start, end = (np.hypot(p[:, 0], p[:, 1]) for p in (geometry.start, geometry.end))
-    radii = np.asarray(radii, dtype=float)
-    outward = (start < radii[:, None]).astype(float) - (end < radii[:, None])
-    return (1 if sector is None else sector.n_sectors) * (outward @ moment)
-
-
 def _diagonal(values: np.ndarray):
     return diags_array(values, format="csr")
 

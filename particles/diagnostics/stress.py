@@ -10,8 +10,8 @@ grains at rest this is, to round-off, the moment of what acts from outside:
 
     V sigma_ab = -(sum_walls f_a x_b + sum_i b_a x_b),    b the body force on a grain.
 
-Motion adds (1/V) sum_i m c_a c_b with c the velocity beside the mean one (`particles.diagnostics.profiles` takes the
-mean from bins; here the caller gives it). Grains that spin up are not at rest: their sigma is not symmetric.
+Motion adds (1/V) sum_i m c_a c_b with c the velocity relative to the mean one; `particles.diagnostics.profiles` has
+that part. Grains that spin up are not at rest: their sigma is not symmetric.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from particles.diagnostics.contact_geometry import contact_geometry
-from particles.diagnostics.tensors import cylindrical_frame, deviator, in_frame, ring_average
+from particles.diagnostics.tensors import cylindrical_frame, in_frame, ring_average
 from particles.grains import Grains
 from particles.neighbours.contact_table import ContactTable
 from particles.sector import CyclicSector
@@ -39,17 +39,6 @@ class Stress:
         """A third of the trace [Pa]."""
         return float(np.trace(self.cartesian)) / 3.0
 
-    @property
-    def deviatoric(self) -> float:
-        """q = sqrt(3/2 s:s) of the Cartesian tensor [Pa]; for a triaxial one the difference of two normal stresses."""
-        return deviator(self.cartesian)
-
-    @property
-    def ring_shear(self) -> float:
-        """Shear stress on cylinders [Pa], positive where what is outside drives the inside along +phi."""
-        return -float(self.cylindrical[1, 0])
-
-
 def contact_stress(grains: Grains, contacts: ContactTable, volume: float, sector: CyclicSector | None = None) -> Stress:
     """Love-Weber stress of all contacts, walls included, over ``volume`` [m^3] (that of the sector where there is one).
 
@@ -60,17 +49,6 @@ def contact_stress(grains: Grains, contacts: ContactTable, volume: float, sector
     frame = cylindrical_frame(contacts.point)
     local = in_frame(frame, contacts.force).T @ in_frame(frame, branch)
     return Stress(ring_average(-contacts.force.T @ branch / volume, sector), -local / volume)
-
-
-def kinetic_stress(
-    grains: Grains, volume: float, mean_velocity: np.ndarray | float = 0.0, sector: CyclicSector | None = None
-) -> Stress:
-    """Stress of the velocities beside ``mean_velocity`` [m/s], shape (n, 3) or (3,), over ``volume`` [m^3]."""
-    _require_volume(volume)
-    c = grains.velocity - mean_velocity
-    local = in_frame(cylindrical_frame(grains.position), c)
-    cartesian, cylindrical = ((grains.mass * v.T) @ v / volume for v in (c, local))
-    return Stress(ring_average(cartesian, sector), cylindrical)
 
 
 def grain_stress(grains: Grains, contacts: ContactTable, sector: CyclicSector | None = None) -> np.ndarray:

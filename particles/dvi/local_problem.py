@@ -8,8 +8,8 @@ Normal direction first: r = (r_n, r_1, r_2), u and q likewise. The unilateral co
 (cone complementarity, Anitescu & Tasora, Comput. Optim. Appl. 47 (2010) 207) asks K* contains u _|_ r in K instead,
 with K the friction cone and K* its dual; a sliding contact then opens at u_n = mu |u_t|.
 
-**Spheres**: W is diagonal, w_n = 1/m_i + 1/m_j and w_t = 3.5 w_n (solid spheres that touch), and both laws are solved
-in closed form.
+**Spheres**: W is diagonal, w_n = 1/m_i + 1/m_j and w_t = 3.5 w_n (solid spheres that touch), and both laws have
+a closed form (`gauss_seidel`).
 
 **Full block** (a wall on a free shaft adds z z^T/J with z the lever about the axis). With q_n >= 0 the contact opens:
 r = 0. Otherwise, if the sticking impulse -W^-1 q lies in the cone, that is the answer. Otherwise the contact slides at
@@ -29,32 +29,6 @@ import numpy as np
 from numba import njit
 
 from geometry.kernels.simd import llvm_sqrt, select
-
-
-@njit(error_model="numpy", fastmath={"contract"})
-def coulomb_isotropic(w_n, w_t, mu, q_n, q_1, q_2):
-    """Exact Coulomb for W = diag(w_n, w_t, w_t)."""
-    if q_n >= 0.0:
-        return 0.0, 0.0, 0.0
-    r_n = -q_n / w_n
-    r_1, r_2 = -q_1 / w_t, -q_2 / w_t
-    size, limit = np.sqrt(r_1 * r_1 + r_2 * r_2), mu * r_n
-    if size > limit:
-        r_1, r_2 = r_1 * (limit / size), r_2 * (limit / size)
-    return r_n, r_1, r_2
-
-
-@njit(error_model="numpy", fastmath={"contract"})
-def convex_isotropic(w_n, w_t, mu, q_n, q_1, q_2):
-    """Convex relaxation for W = diag(w_n, w_t, w_t)."""
-    size = np.sqrt(q_1 * q_1 + q_2 * q_2)
-    if q_n >= mu * size:
-        return 0.0, 0.0, 0.0
-    r_n = -q_n / w_n
-    if size / w_t <= mu * r_n:
-        return r_n, -q_1 / w_t, -q_2 / w_t
-    r_n = (mu * size - q_n) / (w_n + mu * mu * w_t)
-    return r_n, -mu * r_n * q_1 / size, -mu * r_n * q_2 / size
 
 
 @njit(error_model="numpy", fastmath={"contract"})
@@ -116,17 +90,6 @@ def coulomb_block(w_nn, w_n1, w_n2, w_11, w_12, w_22, mu, q_n, q_1, q_2):
 
 
 @njit(error_model="numpy", fastmath={"contract"})
-def on_cone(mu, r_n, r_t):
-    """Nearest point (n, t) of the friction cone to a vector with normal part r_n and tangential size r_t >= 0."""
-    if mu * r_t <= -r_n:  # first: without friction the other would take a pull for a point of the cone
-        return 0.0, 0.0
-    if r_t <= mu * r_n:
-        return r_n, r_t
-    n = (r_n + mu * r_t) / (1.0 + mu * mu)
-    return n, mu * n
-
-
-@njit(error_model="numpy", fastmath={"contract"})
 def natural_map(convex, w_n, mu, r_n, r_1, r_2, u_n, u_1, u_2):
     """|r - P_K(r - rho (u + mu |u_t| e_n))|/rho with rho = 1/w_n [m/s]; without the shift for the convex law.
 
@@ -142,7 +105,7 @@ def natural_map(convex, w_n, mu, r_n, r_1, r_2, u_n, u_1, u_2):
     out = w_n * (t - mu * n) / (1.0 + mu * mu)  # from the cone's surface
     d_n, d_1, d_2 = u_n - mu * out, u_1 + out * x / t, u_2 + out * y / t
     slides = llvm_sqrt(d_n * d_n + d_1 * d_1 + d_2 * d_2)
-    # whether it opens comes first: see `on_cone`
+    # opening is tested first: without friction, sticking would take a pull for a point of the cone
     return select(mu * t <= 0.0 - n, opens, select(t <= mu * n, sticks, slides))
 
 

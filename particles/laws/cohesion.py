@@ -8,7 +8,7 @@ contact parts under the pull-off force F_c. It stores -F_c delta, takes no energ
     JKR         F_c = (3/2) pi w r_eff    large soft grains (Johnson, Kendall & Roberts 1971)
 
 w [J/m^2] is the work of adhesion, twice the surface energy of like bodies; r_eff = R_i R_j/(R_i + R_j), R_i at a
-wall. Which of the two applies, Tabor's parameter says (`tabor_parameter`): DMT below 0.1, JKR above 5 (Johnson &
+wall. Which of the two applies, Tabor's parameter says: DMT below 0.1, JKR above 5 (Johnson &
 Greenwood, J. Colloid Interface Sci. 192 (1997) 326). Of JKR only the pull-off force is taken: the neck that holds
 beyond touch, and the hysteresis with its energy, are left out. Restitution is that asked for only where the impact is
 much stronger than F_c delta.
@@ -72,12 +72,3 @@ class Cohesion:
         wall_force = self.force if self.wall_force is None else self.wall_force
         wall_per_radius = self.per_radius if self.wall_per_radius is None else self.wall_per_radius
         return np.array([[self.force, self.per_radius], [wall_force, wall_per_radius]])
-
-
-def tabor_parameter(work: float, modulus: float, r_eff: float, separation: float = 0.4e-9) -> float:
-    """Tabor's (r_eff w^2/(E*^2 z_0^3))^(1/3) [-]: elastic deformation by adhesion over its range z_0 [m].
-
-    ``work`` [J/m^2] of adhesion, ``modulus`` E* [Pa]; z_0 of 0.4 nm is an atomic spacing (Tabor, J. Colloid Interface
-    Sci. 58 (1977) 2).
-    """
-    return float((r_eff * work * work / (modulus * modulus * separation**3)) ** (1.0 / 3.0))

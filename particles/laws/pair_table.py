@@ -2,18 +2,10 @@
 
 Grains have a species 0 .. s-1, walls a material 0 .. w-1. A scene has one kind of law (one compiled spring); its
 parameters may differ from pair to pair.
-
-Where only materials are given, unlike partners get E* and G* exactly, and
-
-    mu_ij = sqrt(mu_i mu_j),      e_ij = sqrt(e_i e_j),
-
-the geometric mean: no physics stands behind a mixing rule of friction, this one keeps like pairs and what is smooth or
-dead; measured pairs take its place.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -22,8 +14,6 @@ import numpy as np
 from particles.laws.cohesion import Cohesion
 from particles.laws.columns import COHESION_0, COHESION_1, COHESIVE, MU, MU_ROLLING, MU_TWISTING
 from particles.laws.contact_law import ContactLaw
-from particles.laws.elastic import Elastic
-from particles.laws.hertz_mindlin import HertzMindlin
 from particles.laws.rolling_friction import RollingFriction
 from particles.laws.twisting_friction import TwistingFriction
 
@@ -31,17 +21,8 @@ Pair = tuple[str, str]
 
 
 @dataclass(frozen=True, slots=True)
-class ContactMaterial:
-    """Contact parameters of like materials: elastic constants, restitution [-] and Coulomb friction [-]."""
-
-    elastic: Elastic
-    restitution: float
-    friction: float
-
-
-@dataclass(frozen=True, slots=True)
 class PairLaws:
-    """The table of a scene's contact laws; made by `of_one`, `of_pairs` or `of_materials`.
+    """The table of a scene's contact laws, built by `of_one` or `of_pairs`.
 
     Attributes
     ----------
@@ -120,47 +101,6 @@ class PairLaws:
         pair = np.array([[number(a, b) for b in species] for a in species], dtype=np.int64)
         wall = np.array([[number(a, b, "wall") for b in walls] for a in species], dtype=np.int64)
         return _table(tuple(found), pair, wall.reshape(len(species), len(walls)), rolling, twisting, cohesion)
-
-    @classmethod
-    def of_materials(
-        cls,
-        materials: Mapping[str, ContactMaterial],
-        species: Sequence[str],
-        walls: Sequence[str],
-        *,
-        friction: Mapping[Pair, float] | None = None,
-        restitution: Mapping[Pair, float] | None = None,
-        rolling: RollingFriction | None = None,
-        twisting: TwistingFriction | None = None,
-        cohesion: Cohesion | None = None,
-    ) -> PairLaws:
-        """Hertz-Mindlin between elastic materials; ``friction`` and ``restitution`` of measured pairs, else mixed.
-
-        Raises
-        ------
-        ValueError
-            If a name is no material, or a number is out of range.
-        """
-        names = sorted({*species, *walls})
-        pairs = [*names, *(name for given in (friction, restitution) for key in given or {} for name in key)]
-        for name in pairs:
-            if name not in materials:
-                raise ValueError(f"'{name}' is no material of the contacts; there are {', '.join(sorted(materials))}")
-
-        def law(a: str, b: str) -> HertzMindlin:
-            first, second = materials[a], materials[b]
-            mu = _of_pair(friction, a, b, math.sqrt(first.friction * second.friction))
-            e = _of_pair(restitution, a, b, math.sqrt(first.restitution * second.restitution))
-            return HertzMindlin.from_restitution(first.elastic, e, mu, partner=second.elastic)
-
-        laws = {(a, b): law(a, b) for k, a in enumerate(names) for b in names[k:]}
-        return cls.of_pairs(species, walls, laws, rolling=rolling, twisting=twisting, cohesion=cohesion)
-
-
-def _of_pair(given: Mapping[Pair, float] | None, a: str, b: str, mixed: float) -> float:
-    given = given or {}
-    return given.get((a, b), given.get((b, a), mixed))
-
 
 def _table(
     laws: tuple[ContactLaw, ...],

@@ -5,24 +5,17 @@ import math
 import numpy as np
 import pytest
 
-from particles.laws.cohesion import Cohesion, tabor_parameter
-from particles.laws.columns import COHESION_0, COHESION_1, MU, MU_ROLLING, MU_TWISTING, N_LAW, SHEAR, YOUNG
+from particles.laws.cohesion import Cohesion
+from particles.laws.columns import COHESION_0, COHESION_1, MU, MU_ROLLING, MU_TWISTING, N_LAW
 from particles.laws.contact_law import ContactLaw
-from particles.laws.elastic import Elastic, effective_modulus, effective_shear_modulus
+from particles.laws.elastic import Elastic
 from particles.laws.hertz_mindlin import HertzMindlin
 from particles.laws.linear import LinearContact
-from particles.laws.pair_table import ContactMaterial, PairLaws
+from particles.laws.pair_table import PairLaws
 from particles.laws.rolling_friction import RollingFriction
 from particles.laws.springs import SPRINGS, spring
 from particles.laws.twisting_friction import TwistingFriction
 from particles.laws.walton_braun import WaltonBraun
-
-STEEL, BRASS, PTFE = Elastic(210e9, 0.3), Elastic(100e9, 0.35), Elastic(0.5e9, 0.46)
-MATERIALS = {
-    "steel": ContactMaterial(STEEL, 0.8, 0.4),
-    "brass": ContactMaterial(BRASS, 0.6, 0.25),
-    "ptfe": ContactMaterial(PTFE, 0.5, 0.04),
-}
 
 
 def test_one_law_fills_grains_and_walls():
@@ -52,32 +45,10 @@ def test_coefficients_of_the_effects_stand_in_their_columns():
         assert table.rows[:, column].tolist() == values
 
 
-def test_every_pair_of_materials_has_its_moduli_and_the_mixed_coefficients():
-    table = PairLaws.of_materials(MATERIALS, ["steel", "brass"], ["ptfe", "steel"])
-    elastic = {name: material.elastic for name, material in MATERIALS.items()}
-    assert np.array_equal(table.pair, table.pair.T)
-    for rows, partners in ((table.pair, ["steel", "brass"]), (table.wall, ["ptfe", "steel"])):
-        for i, a in enumerate(["steel", "brass"]):
-            for j, b in enumerate(partners):
-                row, law = table.rows[rows[i, j]], table.laws[rows[i, j]]
-                assert row[YOUNG] == pytest.approx(effective_modulus(elastic[a], elastic[b]), rel=1e-14)
-                assert row[SHEAR] == pytest.approx(effective_shear_modulus(elastic[a], elastic[b]), rel=1e-14)
-                first, second = MATERIALS[a], MATERIALS[b]
-                assert row[MU] == pytest.approx(math.sqrt(first.friction * second.friction), rel=1e-14)
-                assert law.restitution**2 == pytest.approx(first.restitution * second.restitution, rel=1e-10)
-
-
-def test_measured_pairs_take_the_place_of_the_mixing_rule():
-    table = PairLaws.of_materials(
-        MATERIALS, ["steel"], ["brass"], friction={("brass", "steel"): 0.19}, restitution={("steel", "brass"): 0.7}
-    )
-    assert table.rows[table.wall[0, 0], MU] == 0.19
-    assert table.laws[table.wall[0, 0]].restitution == pytest.approx(0.7, rel=1e-10)
-
-
 def test_wall_of_the_grains_own_material_has_its_own_row():
     """Rolling at walls may differ although the materials do not."""
-    table = PairLaws.of_materials(MATERIALS, ["steel"], ["steel"], rolling=RollingFriction(0.3, 0.0))
+    law = LinearContact(1e4, 1e3, 0.1, 0.1, 0.3)
+    table = PairLaws.of_pairs(["steel"], ["steel"], {("steel", "steel"): law}, rolling=RollingFriction(0.3, 0.0))
     assert table.rows[table.pair[0, 0], MU_ROLLING] == 0.3 and table.rows[table.wall[0, 0], MU_ROLLING] == 0.0
 
 
@@ -87,10 +58,6 @@ def test_faults_of_a_table_are_explained():
         PairLaws.of_one(linear, at_walls=hysteretic)
     with pytest.raises(ValueError, match="no contact law between 'a' and 'b'"):
         PairLaws.of_pairs(["a"], ["b"], {("a", "a"): linear})
-    with pytest.raises(ValueError, match="'wood' is no material of the contacts"):
-        PairLaws.of_materials(MATERIALS, ["steel"], ["wood"])
-    with pytest.raises(ValueError, match="'wood' is no material of the contacts"):
-        PairLaws.of_materials(MATERIALS, ["steel"], ["brass"], friction={("steel", "wood"): 0.1})
 
 
 def test_grains_without_walls_have_a_table_without_wall_columns():
@@ -107,17 +74,10 @@ def test_pull_off_of_derjaguin_and_johnson():
     assert Cohesion.constant(1e-6).table().tolist() == [[1e-6, 0.0], [1e-6, 0.0]]
 
 
-def test_tabor_parameter_tells_hard_from_soft():
-    """Iron powder of 50 um is near DMT's end, a rubber sphere of 1 cm deep in JKR's (Johnson & Greenwood 1997)."""
-    assert tabor_parameter(0.01, 115e9, 12.5e-6) < 0.5
-    assert tabor_parameter(0.05, 0.7e6, 1e-2) > 100.0
-    assert tabor_parameter(0.04, 1e9, 1e-6) == pytest.approx(4 * tabor_parameter(0.005, 1e9, 1e-6), rel=1e-12)
-
-
 @pytest.mark.parametrize("force", [1e-4, 1e-2])
 def test_cohesive_rest_is_where_the_spring_carries_the_pull(force):
     """A contact that nothing else presses rests where f_elastic = F_c."""
-    law = HertzMindlin.from_restitution(BRASS, 0.5, 0.3)
+    law = HertzMindlin.from_restitution(Elastic(100e9, 0.35), 0.5, 0.3)
     rest = law.overlap_under(force, 1e-6, 0.0, 1e-4)
     table = SPRINGS[law.kernel].table(law.row()[None])
     assert spring(table, 0, rest, 1e-6, 1e-4, 0.0)[0] == pytest.approx(force, rel=1e-12)

@@ -6,9 +6,29 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from particles.dvi.local_problem import convex_isotropic, coulomb_block, coulomb_isotropic, natural_map
+from particles.dvi.local_problem import coulomb_block, natural_map
 
 finite = st.floats(-10.0, 10.0)
+
+
+def coulomb_isotropic(w_n, w_t, mu, q_n, *q_t):
+    """Exact Coulomb for W = diag(w_n, w_t, w_t), in closed form."""
+    if q_n >= 0.0:
+        return 0.0, 0.0, 0.0
+    r_n, r_t = -q_n / w_n, -np.array(q_t) / w_t
+    size = np.hypot(*r_t)
+    return r_n, *(r_t * min(1.0, mu * r_n / size) if size > 0.0 else r_t)
+
+
+def convex_isotropic(w_n, w_t, mu, q_n, *q_t):
+    """Convex relaxation for W = diag(w_n, w_t, w_t), in closed form."""
+    size, r_n = np.hypot(*q_t), -q_n / w_n
+    if q_n >= mu * size:
+        return 0.0, 0.0, 0.0
+    if size / w_t <= mu * r_n:
+        return r_n, *(-np.array(q_t) / w_t)
+    r_n = (mu * size - q_n) / (w_n + mu * mu * w_t)
+    return r_n, *(-mu * r_n * np.array(q_t) / size)
 
 
 def _six(w):
