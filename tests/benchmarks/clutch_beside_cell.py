@@ -2,9 +2,9 @@
 
     python tests/benchmarks/clutch_beside_cell.py docs/clutch_beside_cell.png
 
-plots shear_stress.csv. Grains of cell and clutch saturate at different magnetisations: fields are over Ms, stresses over
-mu_0 Ms^2; the cell is taken at the clutch's fill, between its own two, by the line through both. It prints the
-clutch's stress relative to the cell's.
+plots shear_stress.csv. Grains of cell and clutch saturate at different magnetisations, so fields are over Ms and
+stresses over mu_0 Ms^2; the cell is taken at the clutch's fill, between its own two, by the line through both. It
+prints the clutch's stress relative to the cell's.
 """
 
 from __future__ import annotations
