@@ -18,7 +18,7 @@ from emclutch.cli.view import view_run
 from emclutch.results import OutputError
 from emclutch.results.view.paraview_script import NAME, write_script
 from emclutch.results.view.run_files import LOOKS, read_run_files
-from emclutch.results.vtk.head import read_head
+from emclutch.results.vtk.data_set import array_names, read_data_set, read_texts
 from emclutch.results.vtk.series import PvdSeries
 from emclutch.scene.errors import SceneError
 
@@ -74,15 +74,16 @@ def test_script_names_files_arrays_and_regions_that_are_there(run):
     """Also an untrusted title stays a text."""
     known = constants(run / NAME)
     files = read_run_files(run)
-    head = {name: read_head(written[0][1]) for name, written in files.series.items()}
+    data = {name: read_data_set(written[0][1]) for name, written in files.series.items()}
+    at_points = {name: array_names(one.GetPointData()) for name, one in data.items()}
     assert known["TITLE"] == TITLE and known["SECTOR"] == pytest.approx(math.degrees(0.1))
     assert {array for array, _ in known["QUANTITIES"].values()} == {"velocity", "magnetic_moment", "diameter"}
-    assert {array for array, _ in known["QUANTITIES"].values()} <= set(head["particles"].point_arrays)
+    assert {array for array, _ in known["QUANTITIES"].values()} <= set(at_points["particles"])
     assert all(label.endswith("]") and " [" in label for _, label in known["QUANTITIES"].values())
     assert known["COLOUR"] in known["QUANTITIES"]
-    assert head["field"].texts["region_names"][known["AIR"]] == "air"
-    assert known["WHERE"] == "POINTS" and known["FLUX_DENSITY"].elts[0].value in head["field"].point_arrays
-    assert list(known["BODIES"]) == ["disc", "rotor"] and "stripe" in head["walls"].cell_arrays
+    assert read_texts(data["field"], "region_names")[known["AIR"]] == "air"
+    assert known["WHERE"] == "POINTS" and known["FLUX_DENSITY"].elts[0].value in at_points["field"]
+    assert list(known["BODIES"]) == ["disc", "rotor"] and "stripe" in array_names(data["walls"].GetCellData())
     assert known["SUITS"] == LOOKS
     parts = {
         key.value: value.elts[0].value for key, value in zip(known["PARTS"].keys, known["PARTS"].values, strict=True)

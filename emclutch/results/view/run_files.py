@@ -8,7 +8,7 @@ from pathlib import Path
 
 from emclutch.results.output_error import OutputError
 from emclutch.results.run_folder import RunFolder
-from emclutch.results.vtk.head import read_head
+from emclutch.results.vtk.data_set import array_names, read_data_set, read_texts
 from emclutch.results.vtk.series import read_pvd
 
 COLOURS = {
@@ -94,16 +94,12 @@ def read_run_files(folder: str | Path) -> RunFiles:
             "output.snapshots > 0, at the end of its first window"
         )
     scene = tomllib.loads(run.read_case()) if run.case.is_file() else {}
-    heads = {name: read_head(written[0][1]) for name, written in series.items()}
-    colours, bodies, regions, field, at_points = {}, [], [], None, False
-    if "particles" in heads:
-        colours = {name: known for name, known in COLOURS.items() if known[0] in heads["particles"].point_arrays}
-    if "walls" in heads:
-        bodies = heads["walls"].texts.get("body_names", [])
-    if "field" in heads:
-        regions = heads["field"].texts.get("region_names", [])
-        field = "section" if "vector_potential" in heads["field"].point_arrays else "space"
-        at_points = "flux_density" in heads["field"].point_arrays
+    first = {name: read_data_set(written[0][1]) for name, written in series.items()}
+    at_points = {name: array_names(data.GetPointData()) for name, data in first.items()}
+    colours = {name: known for name, known in COLOURS.items() if known[0] in at_points.get("particles", ())}
+    field = None
+    if "field" in first:
+        field = "section" if "vector_potential" in at_points["field"] else "space"
     return RunFiles(
         folder=run.path.resolve(),
         title=scene.get("scene", {}).get("title") or run.path.resolve().name,
@@ -111,8 +107,8 @@ def read_run_files(folder: str | Path) -> RunFiles:
         times=[time for time, _ in series.get("particles", next(iter(series.values())))],
         series=series,
         colours=colours,
-        bodies=bodies,
-        regions=regions,
+        bodies=read_texts(first["walls"], "body_names") if "walls" in first else [],
+        regions=read_texts(first["field"], "region_names") if "field" in first else [],
         field=field,
-        field_at_points=at_points,
+        field_at_points="flux_density" in at_points.get("field", ()),
     )

@@ -1,4 +1,4 @@
-"""Triangles and polygons of the walls that grains touch, for drawing them in 3D.
+"""Polygons of the walls that grains touch, for drawing them in 3D.
 
 A surface of revolution looks the same at every angle. So that its turning is seen it is cut along meridians that turn
 with its body, and every other strip between two of them bears a mark (`stripes`).
@@ -7,7 +7,8 @@ with its body, and every other strip between two of them bears a mark (`stripes`
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,10 +17,80 @@ FACETS = 120  # straight pieces of a full ring, at least
 STRIPES_OF_RING, STRIPES_OF_SECTOR = 24, 6  # strips that are marked in turn
 
 
+@dataclass(frozen=True, slots=True)
+class WallSurfaces:
+    """Surfaces of all walls.
+
+    Attributes
+    ----------
+    points, velocity : (n, 3) [m], [m/s].
+    polygons : point numbers of each of the k polygons.
+    cell_arrays : (k,) by name: `body` (its number among `bodies`), `wall`, `angular_speed` [rad/s], `material_angle`
+        [rad], `stripe`.
+    bodies : their names.
+    """
+
+    points: np.ndarray
+    velocity: np.ndarray
+    polygons: list[np.ndarray]
+    cell_arrays: dict[str, np.ndarray]
+    bodies: list[str]
+
+
+def wall_surfaces(
+    walls: Sequence[Any], angles: Mapping[str, float], speeds: Mapping[str, float], sector_angle: float | None
+) -> WallSurfaces:
+    """Return the surfaces of walls where their bodies have turned them.
+
+    Parameters
+    ----------
+    walls : revolved walls (`start`, `end`), planes (`point`, `normal`) and triangle walls (`vertices`,
+        `triangles`), each with `name`, `body`.
+    angles, speeds : of the bodies by name [rad], [rad/s]; 0 where missing.
+    sector_angle : of the cyclic sector [rad]; None draws full rings. A sector's walls stay over its
+        grains; that they turn is seen by the marks of the cell array `stripe`, which turn with the body.
+    """
+    bodies = list(dict.fromkeys(wall.body for wall in walls))
+    planes = [wall for wall in walls if hasattr(wall, "normal")]
+    reach = _reach(walls)
+    points, velocity, polygons = [np.zeros((0, 3))], [np.zeros((0, 3))], []
+    cells: dict[str, list[np.ndarray]] = {
+        name: [np.zeros(0, dtype=kind)]
+        for name, kind in (
+            ("body", np.int32), ("wall", np.int32), ("angular_speed", np.float64), ("material_angle", np.float64),
+            ("stripe", np.int32),
+        )
+    }  # fmt: skip
+    count = 0
+    for number, wall in enumerate(walls):
+        turned, speed = angles.get(wall.body, 0.0), speeds.get(wall.body, 0.0)
+        if hasattr(wall, "normal"):
+            corners = plane_polygon(wall, planes, reach)
+            faces, material = np.arange(len(corners))[None], np.zeros(1)
+        elif hasattr(wall, "triangles"):
+            corners, faces, material = triangle_surface(wall.vertices, wall.triangles, turned=turned)
+        else:
+            corners, faces, material = revolved_surface(wall.start, wall.end, angle=sector_angle, turned=turned)
+        if len(corners) < 3:  # the other planes leave nothing of this one
+            continue
+        points.append(corners)
+        velocity.append(speed * np.column_stack([-corners[:, 1], corners[:, 0], np.zeros(len(corners))]))
+        polygons += list(faces + count)
+        count += len(corners)
+        same = np.ones(len(faces), dtype=np.int32)
+        cells["body"].append(bodies.index(wall.body) * same)
+        cells["wall"].append(number * same)
+        cells["angular_speed"].append(speed * same)
+        cells["material_angle"].append(material)
+        cells["stripe"].append(stripes(material, sector_angle) if hasattr(wall, "start") else 0 * same)
+    joined = {name: np.concatenate(parts) for name, parts in cells.items()}
+    return WallSurfaces(np.vstack(points), np.vstack(velocity), polygons, joined, bodies)
+
+
 def revolved_surface(
     start: tuple[float, float], end: tuple[float, float], *, angle: float | None, turned: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Quadrilaterals of the surface that a segment in the (r, z) half-plane sweeps about z.
+    """Return quadrilaterals of the surface that a segment in the (r, z) half-plane sweeps about z.
 
     Parameters
     ----------
@@ -38,7 +109,7 @@ def revolved_surface(
     if angle is None:
         azimuth = turned + np.linspace(0.0, opening, round(opening / step) + 1)
     else:
-        first = turned % step  # where the body's meridians, `step` apart, stand now
+        first = turned % step  # where the body's meridians, `step` apart, are at present
         cuts = first + step * np.arange(math.ceil(opening / step) + 1)
         sliver = 1e-6 * step  # a meridian that coincides with a face of the sector cuts nothing off
         azimuth = np.concatenate([[0.0], cuts[(cuts > sliver) & (cuts < opening - sliver)], [opening]])
@@ -54,7 +125,7 @@ def revolved_surface(
 
 
 def stripe_angle(sector_angle: float | None) -> float:
-    """Width of a strip [rad]; an even number of them closes the circle, so that marks alternate all round."""
+    """Return the width of a strip [rad]; an even number of them closes the circle, so that marks alternate."""
     if sector_angle is None:
         return 2.0 * math.pi / STRIPES_OF_RING
     pairs = max(1, round(math.pi * STRIPES_OF_SECTOR / sector_angle))
@@ -69,7 +140,7 @@ def stripes(material_angle: np.ndarray, sector_angle: float | None) -> np.ndarra
 def triangle_surface(
     vertices: np.ndarray, triangles: np.ndarray, *, turned: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A triangle wall, turned with its body; in a cyclic sector the whole wall is drawn.
+    """Return a triangle wall, turned with its body; in a cyclic sector the whole wall is drawn.
 
     Parameters
     ----------
@@ -89,7 +160,7 @@ def triangle_surface(
 
 
 def plane_polygon(plane: Any, others: Sequence[Any], reach: float) -> np.ndarray:
-    """Corners (k, 3) of a plane's part that lies on the grains' side of the other planes.
+    """Return the corners (k, 3) of a plane's part that lies on the grains' side of the other planes.
 
     Parameters
     ----------
@@ -106,12 +177,12 @@ def plane_polygon(plane: Any, others: Sequence[Any], reach: float) -> np.ndarray
     for other in others:
         if other is plane or abs(float(np.dot(other.normal, normal))) > 1.0 - 1e-9:
             continue
-        corners = _clipped(corners, np.asarray(other.point), np.asarray(other.normal))
+        corners = _clip(corners, np.asarray(other.point), np.asarray(other.normal))
     return np.array(corners).reshape(-1, 3)
 
 
-def _clipped(corners: list[np.ndarray], point: np.ndarray, normal: np.ndarray) -> list[np.ndarray]:
-    """Sutherland and Hodgman: the part of a convex polygon on one side of a plane."""
+def _clip(corners: list[np.ndarray], point: np.ndarray, normal: np.ndarray) -> list[np.ndarray]:
+    """Return the part of a convex polygon on one side of a plane (Sutherland and Hodgman)."""
     kept: list[np.ndarray] = []
     for a, b in zip(corners, corners[1:] + corners[:1], strict=True):
         height_a, height_b = float(np.dot(a - point, normal)), float(np.dot(b - point, normal))
@@ -120,3 +191,14 @@ def _clipped(corners: list[np.ndarray], point: np.ndarray, normal: np.ndarray) -
         if (height_a < 0.0) != (height_b < 0.0):
             kept.append(a + (b - a) * height_a / (height_a - height_b))
     return kept
+
+
+def _reach(walls: Sequence[Any]) -> float:
+    """Return half the edge of an unbounded plane's square: twice the size of what the walls enclose [m]."""
+    points = [np.asarray(wall.point, dtype=np.float64) for wall in walls if hasattr(wall, "normal")]
+    points += [np.array([math.hypot(*wall.start), 0.0, wall.start[1]]) for wall in walls if hasattr(wall, "start")]
+    points += [corner for wall in walls if hasattr(wall, "triangles") for corner in wall.bounds]
+    if not points:
+        return 1.0
+    spread = float(np.ptp(np.array(points), axis=0).max())
+    return 2.0 * (spread or float(np.abs(points).max()) or 0.5)
