@@ -23,7 +23,7 @@ from typing import Any
 
 from geometry.cad_parts import CadError, CadPart, CadSolid, check_names, check_side, check_size, own_name, region_of
 from geometry.file_content import SCRIPT, SHAPE_FORMATS, content_fault, untrusted_script
-from geometry.meshing import _OPTIONS, MILLIMETRE, gmsh_model
+from geometry.mesher import MILLIMETRE, SECTION_OPTIONS, gmsh_model
 
 SUFFIXES = (*SHAPE_FORMATS, SCRIPT)
 _FLAT = 1e-5  # mm; coordinates in a STEP file are rounded to 1e-6 or better
@@ -75,7 +75,7 @@ def imported_section(
         lengths that are none of a device, parts beyond the axis or that are no solids of revolution.
     """
     path = _checked(Path(path), axis, scale, trust_scripts)
-    with _opened(path, scale, _OPTIONS) as (gmsh, raw):
+    with _opened(path, scale, SECTION_OPTIONS) as (gmsh, raw):
         if any_shape and max(dim for dim, _ in raw) < 3:
             raise CadError(f"{path} holds faces but no solids; export solid bodies, or take it as a section")
         names, expected = names or {}, [*needed, *(known or ())]

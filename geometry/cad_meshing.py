@@ -19,16 +19,20 @@ import numpy as np
 
 from geometry.cad_import import imported_section
 from geometry.cad_parts import CadError, CadPart, list_of
-from geometry.element_count import MAX_TRIANGLES, expected_triangles, refuse_too_many
-from geometry.meshing import (
+from geometry.mesher import (
     CORNER,
     GROWTH,
+    MAX_TRIANGLES,
     MILLIMETRE,
     MINIMUM_LAYERS,
     ROW_HEIGHT,
-    _grown,
-    _section,
-    _writable,
+    add_half_disc,
+    add_size_field,
+    check_mesh_options,
+    expected_triangles,
+    read_section,
+    refuse_too_many,
+    use_least_size,
 )
 from geometry.section import SectionMesh
 
@@ -87,7 +91,6 @@ def mesh_cad(
     gap_layers: int = 4,
     size_factor: float = 1.0,
     air_factor: float = 3.0,
-    out: str | Path | None = None,
     **options: Any,
 ) -> SectionMesh:
     """Triangulate the section of a CAD file and the air around it.
@@ -102,8 +105,6 @@ def mesh_cad(
         As in `mesh_clutch`.
     air_factor : float
         Radius of the air's half disc over that of the circle around the device, about the middle of its length.
-    out : str or Path, optional
-        Where to write the mesh as well (.msh, metres).
     **options
         `names`, `needed`, `known`, `axis`, `scale` of `imported_section`.
 
@@ -115,15 +116,11 @@ def mesh_cad(
 
     Raises
     ------
-    CadError, ValueError, OSError
+    CadError, ValueError
     """
-    if gap_layers < MINIMUM_LAYERS:
-        raise ValueError(f"`gap_layers` = {gap_layers}: allowed are {MINIMUM_LAYERS} or more; raise `gap_layers`")
-    if not 0.1 <= size_factor <= 4.0:
-        raise ValueError(f"`size_factor` = {size_factor:g}: allowed are 0.1 to 4; the default is 1")
+    check_mesh_options(gap_layers, size_factor)
     if not 1.5 <= air_factor <= 20.0:
         raise ValueError(f"`air_factor` = {air_factor:g}: allowed are 1.5 to 20; the default is 3")
-    target = None if out is None else _writable(Path(out))
     with _conforming(path, air_factor, options) as (gmsh, parts, surfaces, _):
         gmsh.option.setNumber("Mesh.MeshSizeFactor", size_factor)
         for name, tags in surfaces.items():
@@ -134,9 +131,7 @@ def mesh_cad(
         expected = _set_sizes(gmsh, parts, surfaces, powder, layers, air_factor) / size_factor**2
         refuse_too_many(expected, MAX_TRIANGLES, "triangles")
         gmsh.model.mesh.generate(2)
-        if target is not None:
-            gmsh.write(str(target))
-        return _section(gmsh)
+        return read_section(gmsh)
 
 
 @contextmanager
@@ -164,10 +159,7 @@ def _disc(parts: Sequence[CadPart], air_factor: float) -> tuple[float, float]:
 def _fragments(gmsh: Any, path: Path, parts: list[CadPart], tags: list[int], air_factor: float) -> dict[str, list[int]]:
     occ = gmsh.model.occ
     middle, radius = _disc(parts, air_factor)
-    arc = occ.addCircle(0.0, middle, 0.0, radius, angle1=-0.5 * np.pi, angle2=0.5 * np.pi)
-    occ.synchronize()
-    (_, south), (_, north) = gmsh.model.getBoundary([(1, arc)], combined=False)
-    air = occ.addPlaneSurface([occ.addCurveLoop([arc, occ.addLine(north, south)])])
+    air = add_half_disc(gmsh, middle, radius)
     _, pieces = occ.fragment([(2, air)], [(2, tag) for tag in tags])
     occ.synchronize()
     owner: dict[int, CadPart] = {}
@@ -281,8 +273,8 @@ def _set_sizes(
     r1 = max(part.r1 for part in parts)
     far = _disc(parts, air_factor)[1] * MILLIMETRE / 8.0
     device = min(r1 / 20.0, (high - low) / 8.0)
-    fields = [_grown(gmsh, "Box", device, far, {"XMin": 0.0, "XMax": r1, "YMin": low, "YMax": high, "ZMin": -1.0,
-                                                "ZMax": 1.0})]  # fmt: skip
+    extent = {"XMin": 0.0, "XMax": r1, "YMin": low, "YMax": high, "ZMin": -1.0, "ZMax": 1.0}
+    fields = [add_size_field(gmsh, "Box", device, far, extent)]
     shapes = [(device, r1, high - low)]
     at_corner: dict[int, float] = {}
     for name, tags in surfaces.items():
@@ -299,11 +291,9 @@ def _set_sizes(
     for corner, size in at_corner.items():
         r, z, _ = gmsh.model.getValue(0, corner, [])
         place = {"XCenter": r * MILLIMETRE, "YCenter": z * MILLIMETRE, "Radius": 0.0}
-        fields.append(_grown(gmsh, "Ball", CORNER * size, far, place))
-    least = gmsh.model.mesh.field.add("Min")
-    gmsh.model.mesh.field.setNumbers(least, "FieldsList", fields)
-    gmsh.model.mesh.field.setAsBackgroundMesh(least)
-    return expected_triangles(shapes, GROWTH)
+        fields.append(add_size_field(gmsh, "Ball", CORNER * size, far, place))
+    use_least_size(gmsh, fields)
+    return expected_triangles(shapes)
 
 
 def _along(gmsh: Any, curves: Sequence[int], size: float, reach: float, far: float) -> int:

@@ -17,9 +17,8 @@ import numpy as np
 from geometry.cad_import import imported_solids
 from geometry.cad_meshing import CadSection
 from geometry.cad_parts import CadError, CadPart, CadSolid, list_of
-from geometry.element_count import MAX_TETRAHEDRA, refuse_too_many
 from geometry.mesh_3d import Mesh3D
-from geometry.meshing import GROWTH, MILLIMETRE, ROW_HEIGHT
+from geometry.mesher import GROWTH, MAX_TETRAHEDRA, MILLIMETRE, ROW_HEIGHT, refuse_too_many
 from geometry.meshing_3d import (
     SOLID_OPTIONS,
     box_distance,
@@ -27,7 +26,6 @@ from geometry.meshing_3d import (
     faces_where,
     finish,
     generate,
-    region_ranges,
     set_sizes,
 )
 
@@ -126,8 +124,7 @@ def mesh_cad_solids(
         volumes = _fragments(gmsh, Path(path), solids, tags, coil, middle / MILLIMETRE, radius / MILLIMETRE)
         formulas = [(size, distance) for size, distance, _ in sizes]
         set_sizes(gmsh, formulas, far=size_factor * radius / 4.0, growth=GROWTH)
-        points, elements, counts = generate(gmsh, volumes, order)
-    regions = region_ranges(list(volumes), counts)
+        points, elements, regions = generate(gmsh, volumes, order)
     faces, sides = faces_of(elements[:, :4])
     outline = faces[sides[:, 1] < 0]
     outer = faces_where(

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-
-from geometry.named_entries import with_keys
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +33,8 @@ class GeometryFault:
         """Reason, allowed range and remedy in one line (size and value are left to the caller)."""
         return f"{self.reason}; allowed: {self.allowed}; {self.remedy}"
 
-    def told(self, key_of: Callable[[str], str]) -> str:
-        """The message with the caller's keys of the sizes in it."""
+    def message_with(self, key_of: Callable[[str], str]) -> str:
+        """Return the message with the caller's keys of the sizes in it."""
         return with_keys(self.message, key_of)
 
     def __str__(self) -> str:
@@ -53,3 +52,12 @@ class GeometryError(ValueError):
 def millimetres(length: float) -> str:
     """A length [m] as people write it in a drawing: ``"0.05 mm"``."""
     return f"{length * 1e3:.4g} mm"
+
+
+def with_keys(text: str, key_of: Callable[[str], str]) -> str:
+    """Return a text of errors with `key_of(name)` in place of each name between backticks.
+
+    A package that does not know the scene names what is wrong by its own arguments: "raise `gap` or lower
+    `grain_diameter`". Whoever knows them under other names puts those in.
+    """
+    return re.sub(r"`([^`]*)`", lambda found: key_of(found[1]), text)

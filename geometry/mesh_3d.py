@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geometry.mesh_hash import hash_of
+from geometry.named_mesh import NamedMesh
 
 # Edges of the tetrahedron that carry the middle nodes 4 to 9 (the order of scikit-fem's MeshTet2; that of
 # gmsh has the last two in turn).
@@ -23,7 +23,7 @@ EDGES = np.array([(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Mesh3D:
+class Mesh3D(NamedMesh):
     """Tetrahedra of a device or of one sector of it, with regions and boundaries by name.
 
     Attributes
@@ -73,7 +73,7 @@ class Mesh3D:
         ):
             raise ValueError("second_order must be an (m, 10) array that begins with the corners of `tetrahedra`")
         self._check_indexes()
-        self._check_partition()
+        self._check_partition(len(self.tetrahedra))
         bad = np.count_nonzero(self.jacobian().min(axis=1, initial=np.inf) <= 0.0)
         if bad:
             raise ValueError(f"{bad} of {len(self.tetrahedra)} tetrahedra are flat, inverted or folded")
@@ -86,13 +86,6 @@ class Mesh3D:
                 raise ValueError(f"{what}: a node index lies outside 0 to {len(self.points) - 1}")
         if self.tetrahedra.size and self.tetrahedra.max() + 1 != np.unique(self.tetrahedra).size:
             raise ValueError("the corners must be the first nodes of `points`, each used by an element")
-
-    def _check_partition(self) -> None:
-        uses = np.zeros(len(self.tetrahedra), dtype=np.int64)
-        for elements in self.regions.values():
-            np.add.at(uses, elements, 1)
-        if not np.all(uses == 1):
-            raise ValueError(f"{np.count_nonzero(uses != 1)} element(s) are not in exactly one region")
 
     def _check_periodic(self) -> None:
         if self.periodic is None:
@@ -135,7 +128,7 @@ class Mesh3D:
 
     def volume(self, region: str) -> float:
         """Volume [m^3] of a region of the whole machine, `n_sectors` times that of the mesh."""
-        return float(self.n_sectors * self.element_volume()[self._elements(region)].sum())
+        return float(self.n_sectors * self.element_volume()[self.elements_of(region)].sum())
 
     def quality(self) -> np.ndarray:
         """Three times the inradius over the circumradius of every element's corners [-]: 1 regular, 0 flat."""
@@ -147,13 +140,6 @@ class Mesh3D:
         square = [np.einsum("ij,ij->i", x, x)[:, None] for x in (u, v, w)]
         outward = square[0] * np.cross(v, w) + square[1] * np.cross(w, u) + square[2] * np.cross(u, v)
         return 3.0 * (0.5 * six_volumes / area) / (0.5 * np.linalg.norm(outward, axis=1) / six_volumes)
-
-    def region_of_element(self) -> np.ndarray:
-        """Name of the region of every element, shape (n_tetrahedra,), dtype str."""
-        names = np.empty(len(self.tetrahedra), dtype=f"<U{max(map(len, self.regions), default=1)}")
-        for name, elements in self.regions.items():
-            names[elements] = name
-        return names
 
     def boundary_area(self, boundary: str) -> float:
         """Area [m^2] of the flat triangles of a boundary of this mesh (not times `n_sectors`)."""
@@ -167,12 +153,7 @@ class Mesh3D:
         arrays = {"points": self.points, "tetrahedra": self.tetrahedra}
         optional = {"second_order": self.second_order, "periodic": self.periodic}
         arrays |= {name: array for name, array in optional.items() if array is not None}
-        return hash_of(arrays, self.regions, self.boundaries, prefix=f"{self.n_sectors} {self.sector_angle!r}")
-
-    def _elements(self, region: str) -> np.ndarray:
-        if region not in self.regions:
-            raise KeyError(f"no region {region!r} in this mesh; it has {', '.join(sorted(self.regions))}")
-        return self.regions[region]
+        return self._hash_with(arrays, prefix=f"{self.n_sectors} {self.sector_angle!r}")
 
 
 def second_order_jacobian(nodes: np.ndarray) -> np.ndarray:

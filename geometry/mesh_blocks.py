@@ -15,7 +15,7 @@ import numpy as np
 
 from geometry.cad_parts import CadError
 from geometry.file_content import content_fault, lone_copy, size_fault
-from geometry.meshing import gmsh_model
+from geometry.mesher import gmsh_model
 
 GMSH = ".msh"
 MESH_SUFFIXES = (GMSH, ".vtu", ".vtk", ".inp", ".mesh", ".med")

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from geometry.mesh_3d import EDGES, Mesh3D, second_order_jacobian
-from geometry.meshing import GROWTH, MILLIMETRE
+from geometry.mesher import GROWTH, MILLIMETRE, region_ranges, use_least_size
 
 SOLID_OPTIONS = {
     "General.Terminal": 0,
@@ -56,12 +56,12 @@ def set_sizes(gmsh: Any, formulas: list[SizeFormula], far: float, growth: float 
     for size, distance in formulas:
         tags.append(field.add("MathEval"))
         field.setString(tags[-1], "F", f"Min({far / MILLIMETRE:.12g},{size / MILLIMETRE:.12g}+{growth:g}*({distance}))")
-    least = field.add("Min")
-    field.setNumbers(least, "FieldsList", tags)
-    field.setAsBackgroundMesh(least)
+    use_least_size(gmsh, tags)
 
 
-def generate(gmsh: Any, volumes: Mapping[str, list[int]], order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def generate(
+    gmsh: Any, volumes: Mapping[str, list[int]], order: int
+) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
     """Mesh the volumes of a model and read them back.
 
     Returns
@@ -70,8 +70,8 @@ def generate(gmsh: Any, volumes: Mapping[str, list[int]], order: int) -> tuple[n
         Nodes [m], corners first.
     elements : ndarray (m, 4 or 10)
         Nodes of each element in the order of `Mesh3D`, sorted by region.
-    sizes : ndarray (number of volumes' names,)
-        Elements of each region, in the mapping's order.
+    regions : dict of str to ndarray
+        Indexes of the elements of each region.
     """
     mesh = gmsh.model.mesh
     mesh.generate(3)
@@ -93,7 +93,8 @@ def generate(gmsh: Any, volumes: Mapping[str, list[int]], order: int) -> tuple[n
     points, elements = position[used] * MILLIMETRE, number[elements]
     if order == 2:
         elements = elements[:, _FROM_GMSH]
-    return points, positive(points, elements), np.array([len(block) for block in blocks])
+    counts = {name: len(block) for name, block in zip(volumes, blocks, strict=True)}
+    return points, positive(points, elements), region_ranges(counts)
 
 
 def positive(points: np.ndarray, elements: np.ndarray) -> np.ndarray:
@@ -111,14 +112,6 @@ def straighten(points: np.ndarray, elements: np.ndarray, bad: np.ndarray) -> np.
     corners = elements[bad][:, EDGES]
     points[elements[bad, 4:]] = points[corners].mean(axis=2)
     return points
-
-
-def region_ranges(names: list[str], sizes: np.ndarray) -> dict[str, np.ndarray]:
-    """Element indexes by name for elements that are sorted by region."""
-    ends = np.cumsum(sizes)
-    return {
-        name: np.arange(end - size, end, dtype=np.int64) for name, size, end in zip(names, sizes, ends, strict=True)
-    }
 
 
 def faces_of(tetrahedra: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

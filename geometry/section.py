@@ -6,15 +6,18 @@ Solids follow from the section by Pappus' second theorem: V = 2 pi r_c A, r_c th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from geometry.mesh_hash import hash_of
+from geometry.named_mesh import NamedMesh
+from geometry.walls import AnnularBox
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SectionMesh:
+class SectionMesh(NamedMesh):
     """Straight triangles of an axisymmetric cross-section, with regions and boundaries by name.
 
     Attributes
@@ -44,11 +47,7 @@ class SectionMesh:
             raise ValueError("points must be an (n, 2) array of (r, z) with r >= 0")
         if self.element_area().min(initial=1.0) <= 0.0:
             raise ValueError("triangles must be counter-clockwise and not flat")
-        uses = np.zeros(len(self.triangles), dtype=np.int64)
-        for elements in self.regions.values():
-            np.add.at(uses, elements, 1)
-        if not np.all(uses == 1):
-            raise ValueError(f"{np.count_nonzero(uses != 1)} element(s) are not in exactly one region")
+        self._check_partition(len(self.triangles))
 
     def element_area(self) -> np.ndarray:
         """Signed area of every triangle [m^2], shape (n_triangles,); positive when counter-clockwise."""
@@ -62,19 +61,12 @@ class SectionMesh:
 
     def area(self, region: str) -> float:
         """Area of a region's section [m^2]."""
-        return float(self.element_area()[self._elements(region)].sum())
+        return float(self.element_area()[self.elements_of(region)].sum())
 
     def volume(self, region: str) -> float:
         """Volume [m^3] that a region sweeps in a full turn (Pappus; exact for straight triangles)."""
-        elements = self._elements(region)
+        elements = self.elements_of(region)
         return float(2.0 * np.pi * (self.element_area() * self.centroid()[:, 0])[elements].sum())
-
-    def region_of_element(self) -> np.ndarray:
-        """Name of the region of every element, shape (n_triangles,), dtype str."""
-        names = np.empty(len(self.triangles), dtype=f"<U{max(map(len, self.regions), default=1)}")
-        for name, elements in self.regions.items():
-            names[elements] = name
-        return names
 
     def boundary_length(self, boundary: str) -> float:
         """Length [m] of a boundary's polyline in the section."""
@@ -83,9 +75,67 @@ class SectionMesh:
 
     def hash(self) -> str:
         """SHA-256 (hex) of all arrays and names: equal meshes, equal hash."""
-        return hash_of({"points": self.points, "triangles": self.triangles}, self.regions, self.boundaries)
+        return self._hash_with({"points": self.points, "triangles": self.triangles})
 
-    def _elements(self, region: str) -> np.ndarray:
-        if region not in self.regions:
-            raise KeyError(f"no region {region!r} in this mesh; it has {', '.join(sorted(self.regions))}")
-        return self.regions[region]
+    def share_in_boxes(self, region: str, boxes: Sequence[AnnularBox]) -> np.ndarray:
+        """Share of each triangle's volume of revolution inside boxes that do not overlap, shape (k,), 0 to 1."""
+        corners = self.points[self.triangles[self.elements_of(region)]]
+        share = np.zeros(len(corners))
+        for box in boxes:
+            low, high = np.array([box.r0, box.z0]), np.array([box.r1, box.z1])
+            slack = 1e-9 * (high - low)
+            inside = np.all((corners >= low - slack) & (corners <= high + slack), axis=(1, 2))
+            apart = np.any((corners.max(axis=1) <= low + slack) | (corners.min(axis=1) >= high - slack), axis=1)
+            share[inside] += 1.0
+            for k in np.flatnonzero(~inside & ~apart):
+                share[k] += _moment(_clip(corners[k], low, high)) / _moment(corners[k])
+        return np.minimum(share, 1.0)
+
+    def write(self, path: str | Path) -> None:
+        """Write the mesh as .msh of gmsh (format 2.2, metres), with regions and boundaries as physical groups.
+
+        `geometry.section_import.read_section_mesh` reads it back.
+
+        Raises
+        ------
+        OSError
+            If the file cannot be written.
+        """
+        import meshio
+
+        regions = {name: self.triangles[elements] for name, elements in self.regions.items()}
+        cells: list[tuple[str, np.ndarray]] = []
+        tags: list[np.ndarray] = []
+        names: dict[str, np.ndarray] = {}
+        for kind, dim, blocks in (("line", 1, self.boundaries), ("triangle", 2, regions)):
+            for tag, (name, block) in enumerate(blocks.items(), 1):
+                cells.append((kind, block))
+                tags.append(np.full(len(block), tag))
+                names[name] = np.array([tag, dim])
+        points = np.column_stack((self.points, np.zeros(len(self.points))))
+        data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
+        meshio.Mesh(points, cells, cell_data=data, field_data=names).write(path, file_format="gmsh22", binary=False)
+
+
+def _moment(polygon: np.ndarray) -> float:
+    """Integral of r over a polygon (m, 2), by its absolute value: 1/(2 pi) of the volume of revolution (Pappus)."""
+    if len(polygon) < 3:
+        return 0.0
+    (r, z), (r1, z1) = polygon.T, np.roll(polygon, -1, axis=0).T
+    return abs(float(((r + r1) * (r * z1 - r1 * z)).sum())) / 6.0
+
+
+def _clip(polygon: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Return the part of a convex polygon inside a rectangle (Sutherland and Hodgman 1974)."""
+    for axis, bound, sign in ((0, low[0], 1.0), (0, high[0], -1.0), (1, low[1], 1.0), (1, high[1], -1.0)):
+        kept: list[np.ndarray] = []
+        for here, following in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+            a, b = sign * (here[axis] - bound), sign * (following[axis] - bound)
+            if a >= 0.0:
+                kept.append(here)
+            if a * b < 0.0:
+                kept.append(here + (following - here) * (a / (a - b)))
+        if not kept:
+            return np.empty((0, 2))
+        polygon = np.array(kept)
+    return polygon

@@ -32,13 +32,9 @@ import numpy as np
 from geometry.clutch import Clutch
 from geometry.fault import GeometryError
 from geometry.mesh_3d import EDGES, Mesh3D
-from geometry.meshing_3d import (
-    faces_of,
-    faces_where,
-    finish,
-    positive,
-    region_ranges,
-)
+from geometry.mesher import region_ranges
+from geometry.meshing import powder_faces
+from geometry.meshing_3d import faces_of, faces_where, finish, positive
 from geometry.slotted_section import gap_size, meshed_section, refuse_too_many_layers, section_sizes
 
 WEDGE = math.pi / 12.0
@@ -210,8 +206,8 @@ def _sweep(
         middles = _middles(polar[ends[:, 0]], polar[ends[:, 1]], clutch.air_radius)
         elements = np.concatenate((elements, len(polar) + edge.reshape(-1, len(EDGES))), axis=1)
         polar = np.concatenate((polar, middles))
-    sizes = np.bincount(region, minlength=len(names))
-    return _cartesian(polar), elements, region_ranges(names, sizes)
+    counts = np.bincount(region, minlength=len(names))
+    return _cartesian(polar), elements, region_ranges(dict(zip(names, counts.tolist(), strict=True)))
 
 
 def _layer_regions(clutch: Clutch, owners: list[str], angles: np.ndarray) -> tuple[list[str], np.ndarray]:
@@ -269,16 +265,7 @@ def _boundaries(
     powder = np.zeros(len(tetrahedra) + 1, dtype=bool)  # the last stands for the outside
     powder[regions["powder"]] = True
     skin = faces[(neighbours[:, 1] >= 0) & (powder[neighbours[:, 0]] != powder[neighbours[:, 1]])]
-    half, disc_half = 0.5 * clutch.cavity_length, 0.5 * clutch.disc_thickness
-    tight = 1e-4 * min(clutch.gap, clutch.face_gap)
-    on_skin = {
-        "rotor_bore": np.abs(radius - clutch.bore_radius) < tight,
-        "rotor_faces": np.abs(np.abs(points[:, 2]) - half) < tight,
-        "disc_rim": np.abs(radius - clutch.disc_radius) < tight,
-        "seal_rim": np.abs(radius - clutch.seal_radius) < tight,
-        "disc_faces": np.abs(np.abs(points[:, 2]) - disc_half) < tight,
-    }
-    for name, passed in on_skin.items():
+    for name, passed in powder_faces(clutch, radius, points[:, 2]).items():
         found[name] = skin[passed[skin].all(axis=1)]
     return {name: np.ascontiguousarray(found[name]) for name in sorted(found)}
 

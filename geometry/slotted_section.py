@@ -8,13 +8,18 @@ from typing import Any
 import numpy as np
 
 from geometry.clutch import Clutch
-from geometry.element_count import MAX_TETRAHEDRA, expected_triangles, refuse_too_many
-from geometry.meshing import CORNER, GROWTH, MILLIMETRE, ROW_HEIGHT, Extent, gmsh_model
-from geometry.meshing_3d import (
-    SOLID_OPTIONS,
-    box_distance,
-    set_sizes,
+from geometry.mesher import (
+    MAX_TETRAHEDRA,
+    MILLIMETRE,
+    ROW_HEIGHT,
+    add_half_disc,
+    add_polygon,
+    expected_triangles,
+    gmsh_model,
+    refuse_too_many,
 )
+from geometry.meshing import Extent, element_sizes
+from geometry.meshing_3d import SOLID_OPTIONS, box_distance, set_sizes
 
 
 def meshed_section(clutch: Clutch, layers: int, factor: float) -> tuple[np.ndarray, np.ndarray, list[str]]:
@@ -32,7 +37,11 @@ def meshed_section(clutch: Clutch, layers: int, factor: float) -> tuple[np.ndarr
     with gmsh_model(SOLID_OPTIONS) as gmsh:
         names, tags = _section_faces(gmsh, clutch)
         gmsh.model.occ.synchronize()
-        formulas = [(size, _distance(*extent)) for size, extent in section_sizes(clutch, layers, factor)]
+        # the section's z is the model's y
+        formulas = [
+            (size, box_distance((r0, z0, 0.0), (r1, z1, 0.0)))
+            for size, (r0, r1, z0, z1) in section_sizes(clutch, layers, factor)
+        ]
         set_sizes(gmsh, formulas, factor * clutch.air_radius / 4.0)
         gmsh.model.mesh.generate(2)
         blocks = [gmsh.model.mesh.getElementsByType(2, tag)[1].reshape(-1, 3).astype(np.int64) for tag in tags]
@@ -52,20 +61,14 @@ def _section_faces(gmsh: Any, clutch: Clutch) -> tuple[list[str], list[int]]:
     A name with a bar, ``"disc|disc_slots"``, is steel between the slots and `slots` in them.
     """
     occ = gmsh.model.occ
-    radius = clutch.air_radius / MILLIMETRE
-    arc = occ.addCircle(0.0, 0.0, 0.0, radius, angle1=-0.5 * np.pi, angle2=0.5 * np.pi)
-    occ.synchronize()
-    (_, south), (_, north) = gmsh.model.getBoundary([(1, arc)], combined=False)
-    tools = [occ.addPlaneSurface([occ.addCurveLoop([arc, occ.addLine(north, south)])])]
+    tools = [add_half_disc(gmsh, 0.0, clutch.air_radius / MILLIMETRE)]
     names: list[str] = ["air"]
     polygons = [(name, polygon) for name, parts in clutch.section_polygons().items() for polygon in parts]
     half = 0.5 * clutch.coil_width
     polygons += _slot_polygons(clutch)
     polygons.append(("source", _rectangle(0.0, clutch.coil_outer_radius, -half, half)))
     for name, polygon in polygons:
-        corners = [occ.addPoint(r, z, 0.0) for r, z in polygon / MILLIMETRE]
-        lines = [occ.addLine(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
-        tools.append(occ.addPlaneSurface([occ.addCurveLoop(lines)]))
+        tools.append(add_polygon(occ, polygon))
         names.append(name)
     _, pieces = occ.fragment([(2, tools[0])], [(2, tag) for tag in tools[1:]])
     owner: dict[int, str] = {}
@@ -103,47 +106,24 @@ def gap_size(gap: float, layers: int, factor: float) -> float:
 
 def refuse_too_many_layers(sizes: Sequence[tuple[float, Extent]], layers: int) -> None:
     """Refuse a section of these sizes that is swept through so many layers, three tetrahedra a prism."""
-    triangles = expected_triangles(((size, r1 - r0, z1 - z0) for size, (r0, r1, z0, z1) in sizes), GROWTH)
+    triangles = expected_triangles((size, r1 - r0, z1 - z0) for size, (r0, r1, z0, z1) in sizes)
     refuse_too_many(3.0 * triangles * layers, MAX_TETRAHEDRA, "tetrahedra")
 
 
 def section_sizes(clutch: Clutch, layers: int, factor: float) -> list[tuple[float, Extent]]:
-    """Sizes of the triangles: gaps by layers, steel corners, the running clearance, the device by its size."""
-    half, disc_half, rotor_half = (0.5 * x for x in (clutch.cavity_length, clutch.disc_thickness, clutch.rotor_length))
+    """Return sizes of the triangles: gaps by layers, steel corners, the running clearance, the device by its size."""
     rim, face = (gap_size(gap, layers, factor) for gap in (clutch.gap, clutch.face_gap))
     # One P2 element spans the clearance; the floor keeps a hair-thin one from ruling the mesh.
     bore = factor * max(4.0 * clutch.clearance, clutch.housing_length / 100.0)
     device = factor * min(clutch.outer_radius / 10.0, clutch.housing_length / 5.0)
-    ring, coil, rim_radius = 0.5 * clutch.ring_width, 0.5 * clutch.coil_width, clutch.disc_radius
-    sizes: list[tuple[float, Extent]] = [
-        (rim, (rim_radius, clutch.bore_radius, -half, half)),
-        (face, (clutch.seal_radius, rim_radius, disc_half, half)),
-        (face, (clutch.seal_radius, rim_radius, -half, -disc_half)),
-        (bore, (clutch.rotor_radius, clutch.housing_bore, -rotor_half, rotor_half)),
-        (device, (0.0, clutch.outer_radius, -0.5 * clutch.length, 0.5 * clutch.length)),
-    ]
-    corners = [
-        (CORNER * min(rim, face), rim_radius, disc_half),
-        (CORNER * rim, clutch.bore_radius, ring),
-        (CORNER * bore, clutch.rotor_radius, ring),
-        (CORNER * bore, clutch.housing_bore, coil),
-    ]
-    if clutch.cover_magnetic:
-        corners.append((CORNER * face, clutch.seal_radius, half))
+    sizes, corners = element_sizes(clutch, rim, face, bore, device)
     for slots, surface, inwards, reach in (
-        (clutch.disc_slots, rim_radius, -1.0, disc_half),
-        (clutch.rotor_slots, clutch.bore_radius, 1.0, rotor_half),
+        (clutch.disc_slots, clutch.disc_radius, -1.0, 0.5 * clutch.disc_thickness),
+        (clutch.rotor_slots, clutch.bore_radius, 1.0, 0.5 * clutch.rotor_length),
     ):
         if slots is not None:
             width = slots.pitch * min(slots.share, 1.0 - slots.share) * surface
             low, high = sorted((surface, surface + inwards * slots.depth))
             # of a slot shallower than the gap no more is seen in the gap than its own triangles resolve
             sizes.append((max(factor * min(width, slots.depth) / 3.0, rim), (low, high, -reach, reach)))
-    for size, r, z in corners:
-        sizes += [(size, (r, r, side, side)) for side in ((-z, z) if z > 0.0 else ())]
-    return sizes
-
-
-def _distance(r0: float, r1: float, z0: float, z1: float) -> str:
-    """Distance to a rectangle of the section, a formula in millimetres; the section's z is the model's y."""
-    return box_distance((r0, z0, 0.0), (r1, z1, 0.0))
+    return sizes + [(size, (r, r, z, z)) for size, r, z in corners]

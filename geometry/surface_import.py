@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from geometry.element_count import MAX_TRIANGLES
 from geometry.file_content import SHAPE_FORMATS, content_fault, size_fault
-from geometry.meshing import MILLIMETRE, gmsh_model
+from geometry.mesher import MAX_TRIANGLES, MILLIMETRE, gmsh_model
 from geometry.triangle_wall import MERGED, TriangleWall, _heights
 
 MESH_SUFFIXES = (".stl", ".obj", ".ply", ".vtk", ".vtu", ".msh")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,7 +30,6 @@ from field.section.error_estimate import FluxLinkage, MeanFluxDensity
 from geometry import AnnularBox, Box, Clutch, SectionMesh, ShearCell, mesh_clutch
 from geometry.cad_shape import CadShape
 from geometry.centrifugal import CentrifugalClutch
-from geometry.clipping import share_in_boxes
 from geometry.sheared_gap import ShearedGap
 from geometry.time_profile import TimeProfile
 from geometry.triangle_wall import TriangleWall
@@ -291,18 +289,18 @@ def field_goals(mesh: SectionMesh) -> tuple[FluxLinkage | MeanFluxDensity, ...]:
 
 def even_fill(mesh: SectionMesh, boxes: list[AnnularBox], phi: float) -> np.ndarray:
     """Solid fraction (n powder elements,) of powder that fills the boxes to `phi`, whatever the mesh's lines are."""
-    return phi * share_in_boxes(mesh.points[mesh.triangles[mesh.regions["powder"]]], boxes)
+    return phi * mesh.share_in_boxes("powder", boxes)
 
 
-def mesh_of(scene: Scene, path: Path | None = None) -> SectionMesh:
-    """Mesh the section of a clutch or of a CAD file, and write the mesh to `path` as well (.msh)."""
+def mesh_of(scene: Scene) -> SectionMesh:
+    """Mesh the section of a clutch or of a CAD file."""
     source = scene.coil_field
     layers, size = (4, 1.0) if source is None else (source.gap_layers, source.size_factor)
     if isinstance(scene.geometry, CadGeometry):
-        return scene.geometry.mesh(gap_layers=element_layers(scene, layers), size_factor=size, path=path)
+        return scene.geometry.mesh(gap_layers=element_layers(scene, layers), size_factor=size)
     shape = scene.shape()
     assert isinstance(shape, Clutch)  # nothing else has a mesh
-    return mesh_clutch(shape, gap_layers=element_layers(scene, layers), size_factor=size, path=path)
+    return mesh_clutch(shape, gap_layers=element_layers(scene, layers), size_factor=size)
 
 
 def imposed_field(source: UniformFieldSection, shape) -> UniformField | RadialField:

@@ -74,7 +74,7 @@ def _shape(draft: Draft) -> Iterator[Fault]:
         return f"particles.{size_key(particles)}" if name == "grain_diameter" else f"geometry.{name}"
 
     for fault in _faults_of_shape(draft, None if particles is None else particles.largest_diameter):
-        told = draft.fault(key_of(fault.what), f"cannot be: {fault.told(key_of)}")
+        told = draft.fault(key_of(fault.what), f"cannot be: {fault.message_with(key_of)}")
         yield (told if told.value else Fault(told.key, fault.value, told.message))  # a default has no entry to show
 
 

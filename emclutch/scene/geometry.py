@@ -261,7 +261,7 @@ class CadGeometry(GeometrySection):
         try:
             self._section()
         except (ValueError, OSError) as error:
-            from geometry.named_entries import with_keys
+            from geometry.fault import with_keys
 
             reason = str(error).removeprefix(self.file).lstrip(": ")
             keys = type(self).model_fields
@@ -327,22 +327,18 @@ class CadGeometry(GeometrySection):
 
         return CadShape(self._section()[1], self.bodies, magnetic_regions(self.materials, own))
 
-    def mesh(self, gap_layers: int, size_factor: float, path: Path | None = None) -> SectionMesh:
-        """Mesh the section; see `geometry.cad_meshing.mesh_cad`. A finished mesh is taken, or written, as it is."""
+    def mesh(self, gap_layers: int, size_factor: float) -> SectionMesh:
+        """Mesh the section; see `geometry.cad_meshing.mesh_cad`. A finished mesh is taken as it is."""
         from geometry.cad_meshing import mesh_cad
-        from geometry.section_export import write_section_mesh
 
         finished = self._section()[0]
         if finished is not None:
-            if path is not None:
-                write_section_mesh(finished, path)
             return finished
         return mesh_cad(
             self.file,
             gap_layers=gap_layers,
             size_factor=size_factor,
             air_factor=self.air_factor,
-            out=path,
             **self.options(),
         )
 

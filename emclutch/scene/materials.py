@@ -37,7 +37,7 @@ class _OwnMaterial(Section):
         try:
             self.magnetic_law("this material")
         except ValueError as error:
-            from geometry.named_entries import with_keys  # local: the schema itself needs no shapes
+            from geometry.fault import with_keys  # local: the schema itself needs no shapes
 
             raise refuse(f"is no material: {with_keys(str(error), str)}") from None
         return self

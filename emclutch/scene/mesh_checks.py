@@ -29,7 +29,7 @@ def finished_mesh(draft: Draft) -> Iterator[Fault]:
             )
     if source.open_boundary:
         from field.section.open_boundary import check_reach  # local: the schema itself needs no field
-        from geometry.named_entries import with_keys
+        from geometry.fault import with_keys
 
         try:
             check_reach(geometry.mesh(source.gap_layers, source.size_factor))

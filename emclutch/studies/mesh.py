@@ -67,7 +67,8 @@ def mesh(case: Case | str | Path, out: str | Path | None = None) -> MeshedScene:
     try:
         with locked_folder(folder):
             with bad_input_for(case.path):
-                made = mesh_of(case.scene, files[0])
+                made = mesh_of(case.scene)
+            made.write(files[0])
             draw_section(made, files[1], title=case.scene.scene.title)
     except OSError as error:
         raise OutputError(

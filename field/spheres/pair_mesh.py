@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geometry.meshing import _OPTIONS, MILLIMETRE, _section, gmsh_model
+from geometry.mesher import MILLIMETRE, SECTION_OPTIONS, gmsh_model, read_section
 from geometry.section import SectionMesh
 
 # Element sizes at resolution 1 (in radii): across the neck as a share of its thickness, growth with distance, the most
@@ -48,7 +48,7 @@ def pair_mesh(gap: float, resolution: float = 1.0) -> SectionMesh:
         rest = min(_SPHERE + _GROWTH * max(-depth, 0.0), _INSIDE) if depth < 0.0 else _SPHERE + _GROWTH * depth
         return float(min(neck, rest, _AIR) / resolution / MILLIMETRE)
 
-    with gmsh_model(_OPTIONS) as gmsh:
+    with gmsh_model(SECTION_OPTIONS) as gmsh:
         geo = gmsh.model.geo
         origin, pole, equator, top, end, side, middle = (
             geo.addPoint(r / MILLIMETRE, z / MILLIMETRE, 0.0)
@@ -74,7 +74,7 @@ def pair_mesh(gap: float, resolution: float = 1.0) -> SectionMesh:
             gmsh.model.addPhysicalGroup(1, curves, name=name)
         gmsh.model.mesh.setSizeCallback(size)
         gmsh.model.mesh.generate(2)
-        mesh = _section(gmsh)
+        mesh = read_section(gmsh)
     points = mesh.points.copy()
     points[np.unique(mesh.boundaries["mirror"]), 1] = 0.0
     _even_out(points, mesh, centre)

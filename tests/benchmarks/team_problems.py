@@ -26,7 +26,7 @@ from team_devices import Team13, Team20
 
 from field.three_d.current_source import FlatCoil
 from geometry.mesh_3d import Mesh3D
-from geometry.meshing import MILLIMETRE, gmsh_model
+from geometry.mesher import MILLIMETRE, gmsh_model
 from geometry.meshing_3d import (
     SOLID_OPTIONS,
     SizeFormula,
@@ -35,7 +35,6 @@ from geometry.meshing_3d import (
     faces_where,
     finish,
     generate,
-    region_ranges,
     set_sizes,
 )
 
@@ -71,7 +70,7 @@ def team20_mesh(size_factor: float = 1.0, order: int = 2, problem: Team20 | None
             (6.0e-3 * size_factor, box_distance((0.0, 0.0, low), (coil.half_length_x, coil.half_length_y, high))),
         ]
         set_sizes(gmsh, sizes, size_factor * it.air_radius / 4.0)
-        points, elements, counts = generate(gmsh, volumes, order)
+        points, elements, regions = generate(gmsh, volumes, order)
     centre = np.array([0.0, 0.0, it.air_centre])
     faces, sides = faces_of(elements[:, :4])
     skin, close = faces[sides[:, 1] < 0], 1e-7
@@ -80,7 +79,6 @@ def team20_mesh(size_factor: float = 1.0, order: int = 2, problem: Team20 | None
         "high_side": faces_where(points, skin, lambda p: np.abs(p[:, 0]) < close),
         "outer": faces_where(points, skin, lambda p: np.linalg.norm(p - centre, axis=1) > it.air_radius - close),
     }
-    regions = region_ranges(list(volumes), counts)
     return finish(points, elements, regions, boundaries, sector_angle=0.5 * math.pi, n_sectors=4)
 
 
@@ -125,14 +123,14 @@ def team13_mesh(size_factor: float = 1.0, order: int = 2, problem: Team13 | None
             inside = sign * (inner + it.clear)
             sizes.append((0.3e-3 * size_factor, _between((inside, inside), strip, (top - t, top - t))))
         set_sizes(gmsh, sizes, size_factor * it.air_radius / 5.0)
-        points, elements, counts = generate(gmsh, volumes, order)
+        points, elements, regions = generate(gmsh, volumes, order)
     faces, sides = faces_of(elements[:, :4])
     skin, close = faces[sides[:, 1] < 0], 1e-7
     boundaries = {
         "mirror": faces_where(points, skin, lambda p: np.abs(p[:, 2]) < close),
         "outer": faces_where(points, skin, lambda p: np.linalg.norm(p, axis=1) > it.air_radius - close),
     }
-    return finish(points, elements, region_ranges(list(volumes), counts), boundaries, n_sectors=2)
+    return finish(points, elements, regions, boundaries, n_sectors=2)
 
 
 def _between(x: Any, y: Any, z: Any) -> str:

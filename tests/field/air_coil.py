@@ -7,7 +7,7 @@ import numpy as np
 from closed_forms import rectangular_coil_field
 
 from field import MU_0
-from geometry.meshing import _OPTIONS, _section, gmsh_model
+from geometry.mesher import SECTION_OPTIONS, gmsh_model, read_section
 
 R_COIL, Z_COIL, NI = (20e-3, 30e-3), (-8e-3, 8e-3), 800.0
 GAP = (32e-3, 36e-3, -12e-3, 12e-3)
@@ -17,7 +17,7 @@ RADIUS = 80e-3  # of the air; beyond it an open boundary
 def half_disc(parts, step, growth, radius):
     """Rectangles {name: (r0, r1, z0, z1)} in a half-disc of air; element sizes step[name] + growth * distance."""
     mm = 1e3
-    with gmsh_model(_OPTIONS) as gmsh:
+    with gmsh_model(SECTION_OPTIONS) as gmsh:
         occ = gmsh.model.occ
         arc = occ.addCircle(0.0, 0.0, 0.0, radius * mm, angle1=-0.5 * np.pi, angle2=0.5 * np.pi)
         occ.synchronize()
@@ -50,7 +50,7 @@ def half_disc(parts, step, growth, radius):
 
         gmsh.model.mesh.setSizeCallback(size)
         gmsh.model.mesh.generate(2)
-        return _section(gmsh)
+        return read_section(gmsh)
 
 
 def coil_in_air(scale=1.0, growth=0.25):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from geometry import SectionMesh
-from geometry.meshing import _OPTIONS, _section, gmsh_model
+from geometry.mesher import SECTION_OPTIONS, gmsh_model, read_section
 
 
 def half_disc(parts, radius, size, *, air_size=None, z0=0.0, shell=None):
@@ -14,7 +14,7 @@ def half_disc(parts, radius, size, *, air_size=None, z0=0.0, shell=None):
     """
     shells = [radius] if shell is None else [radius, shell]
     air_size = min(air_size or radius / 8.0, radius / 3.0)
-    with gmsh_model(_OPTIONS) as gmsh:
+    with gmsh_model(SECTION_OPTIONS) as gmsh:
         occ, field, mm = gmsh.model.occ, gmsh.model.mesh.field, 1e3
         discs = []
         for distance in shells:
@@ -57,7 +57,7 @@ def half_disc(parts, radius, size, *, air_size=None, z0=0.0, shell=None):
         field.setNumbers(least, "FieldsList", boxes)
         field.setAsBackgroundMesh(least)
         gmsh.model.mesh.generate(2)
-        return _section(gmsh)
+        return read_section(gmsh)
 
 
 def within(mesh, radius):

@@ -6,7 +6,7 @@ import pytest
 from field import MU_0, FroehlichLaw, LinearLaw
 from field.three_d import Problem3D, UniformSource
 from geometry.mesh_3d import Mesh3D
-from geometry.meshing import initialize_gmsh
+from geometry.mesher import initialize_gmsh
 
 pytestmark = pytest.mark.physics
 

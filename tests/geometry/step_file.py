@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from geometry.meshing import initialize_gmsh
+from geometry.mesher import initialize_gmsh
 
 MM = 1e3
 

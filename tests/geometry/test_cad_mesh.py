@@ -11,7 +11,7 @@ from geometry import Clutch
 from geometry.cad_meshing import mesh_cad
 from geometry.cad_parts import CadError
 from geometry.cad_solid import mesh_cad_solids, read_cad_solids
-from geometry.meshing import initialize_gmsh
+from geometry.mesher import initialize_gmsh
 from geometry.section_import import read_section_mesh
 
 CLUTCH = Clutch()
@@ -99,7 +99,8 @@ def test_curved_edges_and_a_coil_in_free_air(tmp_path):
 
 
 def test_a_mesh_is_written_as_it_is(tmp_path, clutch_step):
-    mesh = mesh_cad(clutch_step, out=tmp_path / "mesh.msh")
+    mesh = mesh_cad(clutch_step)
+    mesh.write(tmp_path / "mesh.msh")
     initialize_gmsh()
     try:
         gmsh.option.setNumber("General.Terminal", 0)
@@ -169,7 +170,8 @@ def test_solids_that_overlap_or_have_no_name_are_refused(tmp_path):
 
 
 def test_a_mesh_file_is_read_back_as_it_was_written(tmp_path, clutch_step):
-    mesh = mesh_cad(clutch_step, out=tmp_path / "mesh.msh")
+    mesh = mesh_cad(clutch_step)
+    mesh.write(tmp_path / "mesh.msh")
     read = read_section_mesh(tmp_path / "mesh.msh")
     assert set(read.regions) == set(mesh.regions) and {"axis", "outer"} <= set(read.boundaries)
     for name in mesh.regions:

@@ -122,9 +122,9 @@ def test_all_faults_are_reported_at_once_and_before_meshing():
         mesh_clutch(broken)
 
 
-def test_a_fault_is_told_with_the_callers_keys():
+def test_a_fault_is_reported_with_the_callers_keys():
     fault = next(fault for fault in Clutch(gap=0.1e-3).faults(0.2e-3) if fault.what == "gap")
-    assert "raise <gap> or lower <grain_diameter>" in fault.told(lambda name: f"<{name}>")
+    assert "raise <gap> or lower <grain_diameter>" in fault.message_with(lambda name: f"<{name}>")
 
 
 def test_a_coil_radius_equal_to_the_bore_but_for_rounding_is_the_bore():

@@ -19,8 +19,7 @@ from geometry.cad_parts import CadError
 from geometry.cad_shape import CadShape
 from geometry.mesh_blocks import MESH_SUFFIXES
 from geometry.meshed_section import meshed_section
-from geometry.meshing import initialize_gmsh
-from geometry.section_export import write_section_mesh
+from geometry.mesher import initialize_gmsh
 from geometry.section_import import read_section_mesh
 
 pytestmark = pytest.mark.physics
@@ -58,7 +57,7 @@ def grid():
 def folder(tmp_path_factory, grid):
     """device.* in all formats, in millimetres but for .msh; of numbered regions the number is that in the alphabet."""
     folder = tmp_path_factory.mktemp("meshes")
-    write_section_mesh(grid, folder / "device.msh")
+    grid.write(folder / "device.msh")
     names = sorted(grid.regions)
     tags = np.empty(len(grid.triangles), dtype=np.int64)
     for tag, name in enumerate(names, 1):
@@ -122,7 +121,7 @@ def test_script_step_and_meshes_have_one_field(folder, tmp_path):
     (tmp_path / "a.geo").write_text(SCRIPT)
     step = mesh_cad(write_polygons(tmp_path / "a.step", polygons(DRAWN)), **REGIONS)
     script = mesh_cad(tmp_path / "a.geo", trust_scripts=True, **REGIONS)
-    write_section_mesh(step, tmp_path / "a.msh")
+    step.write(tmp_path / "a.msh")
     again = meshed_section(tmp_path / "a.msh", **REGIONS)[0]
 
     def linkage(mesh):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from geometry import Clutch, draw_section, mesh_clutch
-from geometry.meshing import initialize_gmsh
+from geometry.mesher import initialize_gmsh
 
 THIN_DISC = Clutch(
     disc_thickness=6e-3,
@@ -131,7 +131,7 @@ def test_a_broken_pipe_stays_an_error_after_meshing(in_thread):
 import os
 from threading import Thread
 from geometry import Clutch, mesh_clutch
-from geometry.meshing import initialize_gmsh
+from geometry.mesher import initialize_gmsh
 work = {mesh}
 if isinstance(work, Thread):
     work.start(), work.join()
@@ -166,9 +166,10 @@ def test_a_gmsh_session_of_the_caller_is_left_as_it_was():
 def test_the_file_holds_the_same_mesh_in_metres_with_names(tmp_path, capfd):
     meshio = pytest.importorskip("meshio")
     path = tmp_path / "clutch.msh"
-    mesh = mesh_clutch(Clutch(), path=path)
+    mesh = mesh_clutch(Clutch())
+    mesh.write(path)
     assert capfd.readouterr().out == ""
-    assert path.read_text().startswith("$MeshFormat\n4.1 ")
+    assert path.read_text().startswith("$MeshFormat\n2.2 ")
     stored = meshio.read(path)
     assert {name for name, (_, dim) in stored.field_data.items() if dim == 2} == set(mesh.regions)
     assert {name for name, (_, dim) in stored.field_data.items() if dim == 1} == set(mesh.boundaries)
@@ -176,17 +177,9 @@ def test_the_file_holds_the_same_mesh_in_metres_with_names(tmp_path, capfd):
     assert stored.points[:, 0].max() == pytest.approx(Clutch().air_radius, rel=0.01)
 
 
-@pytest.mark.parametrize(
-    "options, error",
-    [
-        ({"gap_layers": 2}, ValueError),
-        ({"size_factor": 0.0}, ValueError),
-        ({"path": "clutch.vtk"}, ValueError),
-        ({"path": "no/such/folder/clutch.msh"}, FileNotFoundError),
-    ],
-)
-def test_bad_options_are_refused(options, error):
-    with pytest.raises(error, match=next(iter(options)) if error is ValueError else "no folder"):
+@pytest.mark.parametrize("options", [{"gap_layers": 2}, {"size_factor": 0.0}])
+def test_bad_options_are_refused(options):
+    with pytest.raises(ValueError, match=next(iter(options))):
         mesh_clutch(Clutch(), **options)
 
 

@@ -151,7 +151,7 @@ def test_quadrilaterals_are_halved_and_needles_dropped(tmp_path):
 @pytest.fixture(scope="module")
 def rod(tmp_path_factory):
     """A cylinder of radius 10 mm and height 30 mm as STEP and BREP."""
-    from geometry.meshing import gmsh_model
+    from geometry.mesher import gmsh_model
 
     folder = tmp_path_factory.mktemp("cad")
     with gmsh_model({"General.Terminal": 0}) as gmsh:

@@ -24,7 +24,7 @@ from emclutch.simulation.forecast.cost import disk, memory
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.run import run
 from emclutch.simulation.run_error import RunError
-from geometry.element_count import expected_triangles
+from geometry.mesher import GROWTH, expected_triangles
 from geometry.surface_import import SurfaceError, triangle_wall_from_file
 from particles.packing import file_packing
 from particles.packing.file_packing import read_packing
@@ -93,13 +93,13 @@ def test_meshes_beyond_any_machine_are_refused_before_they_are_made(case):
 
 def test_the_number_of_triangles_is_predicted():
     """Within a factor of two, of the device of the quickstart as it is and finer."""
-    from geometry.meshing import GROWTH, _expected, mesh_clutch
+    from geometry.meshing import _expected, mesh_clutch
 
     clutch = load_case(CASES / "quickstart.toml").scene.shape()
     for factor in (1.0, 0.5):
         found, predicted = len(mesh_clutch(clutch, size_factor=factor).triangles), _expected(clutch, 4.0, factor)
         assert 0.5 * found < predicted < 2.0 * found
-    assert expected_triangles([(0.1, 1.0, 0.0)], GROWTH) == pytest.approx(20.0 / GROWTH / (3**0.5 / 4.0))
+    assert expected_triangles([(0.1, 1.0, 0.0)]) == pytest.approx(20.0 / GROWTH / (3**0.5 / 4.0))
 
 
 @pytest.mark.parametrize(
