@@ -23,6 +23,7 @@ from coupling.mutually_magnetised_grains import MutuallyMagnetisedGrains
 from coupling.near_attraction import NearAttraction
 from coupling.powder_feedback import FeedbackError, PowderFeedback
 from coupling.staggered import Simulation, run_staggered
+from coupling.window_row import WindowRow
 
 __all__ = [
     "CircuitCoilField",
@@ -43,6 +44,7 @@ __all__ = [
     "PowderFeedback",
     "Simulation",
     "SolvedCoilField",
+    "WindowRow",
     "chain_magnetisation",
     "grain_table",
     "magnetic_load",

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from coupling.coil_field import SolvedCoilField
+from coupling.coil_row import CircuitRow
 from field.coil.coil_circuit import CircuitState, LinearisedCoil, solve_at_flux_linkage
 
 
@@ -102,17 +103,17 @@ class CircuitCoilField(SolvedCoilField):
         """Return the current [A] at `time` [s] from the present circuit; of times after the last `refresh`."""
         return self._advanced(time).current
 
-    def window_row(self, time: float) -> dict[str, float]:
-        """Circuit at the window's end, and its energies [J] since the window's `refresh`."""
+    def window_part(self, time: float) -> CircuitRow:
+        """Return the circuit at the window's end, and its energies since the window's `refresh`."""
         assert self.circuit is not None, "refresh(time) comes first"
         end = self._advanced(time)
-        return {
-            "current": end.current,
-            "coil_voltage": self.voltage(time),
-            "coil_supplied": end.supplied - self.circuit.supplied,
-            "copper_loss": end.copper_loss - self.circuit.copper_loss,
-            "into_field": end.into_field - self.circuit.into_field,
-        }
+        return CircuitRow(
+            current=end.current,
+            coil_voltage=self.voltage(time),
+            coil_supplied=end.supplied - self.circuit.supplied,
+            copper_loss=end.copper_loss - self.circuit.copper_loss,
+            into_field=end.into_field - self.circuit.into_field,
+        )
 
     def state(self) -> dict[str, Any] | None:
         """See `SolvedCoilField.state`."""

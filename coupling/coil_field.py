@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from coupling.coil_row import CoilRow
 from coupling.powder_feedback import PowderFeedback
 from field import AxisymmetricProblem, FieldSampler, MagneticField, PowderState, field_sampler
 
@@ -33,9 +34,8 @@ class ImposedField:
         """Nothing to solve."""
         return False
 
-    def window_row(self, time: float) -> dict[str, float]:
-        """Nothing changes."""
-        return {}
+    def window_part(self, time: float) -> None:
+        """Return nothing: there is no coil."""
 
     def state(self) -> dict[str, Any] | None:
         """Nothing to keep."""
@@ -117,9 +117,9 @@ class SolvedCoilField(ABC):
             return None
         return self.feedback.state(self.solution if current != 0.0 else None)
 
-    def window_row(self, time: float) -> dict[str, float]:
-        """Return what a window that ends at `time` [s] adds to the history beside the field's own quantities."""
-        return {"current": self.current(time)}
+    def window_part(self, time: float) -> CoilRow:
+        """Return what a window that ends at `time` [s] says of the coil."""
+        return CoilRow(self.current(time))
 
     def state(self) -> dict[str, Any] | None:
         """Return what a bit-exact continuation needs; None before the first solve."""

@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from coupling.coil_row import CoilRow
 from field import FieldSampler
 from field.three_d import Field3D, Problem3D
 from particles import Body
@@ -99,9 +100,9 @@ class CoilField3D:
         self.solution, self.solved_current = solution, current
         self.sampler = TurningSampler(solution.sampler("powder"), self.carrier)
 
-    def window_row(self, time: float) -> dict[str, float]:
-        """Return what a window that ends at `time` [s] adds to the history beside the field's own quantities."""
-        return {"current": self.current(time)}
+    def window_part(self, time: float) -> CoilRow:
+        """Return what a window that ends at `time` [s] says of the coil."""
+        return CoilRow(self.current(time))
 
     def state(self) -> dict[str, Any] | None:
         """Return what a bit-exact continuation needs; None before the first solve."""

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from coupling.coil_field import SolvedCoilField
+from coupling.coil_row import EddyRow, VoltageEddyRow
 from field.newton import norm
 from field.section.eddy_currents import CurrentDrive, EddyCurrentProblem, TransientState, VoltageDrive
 from field.section.powder_state import Powder
@@ -116,18 +117,15 @@ class EddyCoilField(SolvedCoilField):
         self.due = time + min(4.0, max(0.2, self.change_tolerance / max(change, 1e-300))) * dt
         return now
 
-    def window_row(self, time: float) -> dict[str, float]:
-        """The coil, and the energies [J] of the field's step, if the window began with one."""
+    def window_part(self, time: float) -> EddyRow:
+        """Return the coil, and the energies of the field's step, if the window began with one."""
         assert self.transient is not None and self._before is not None, "refresh(time) comes first"
         now, before = self.transient, self._before
-        row = {
-            "current": self.current(time),
-            "coil_supplied": now.supplied - before.supplied,
-            "eddy_loss": now.eddy_loss - before.eddy_loss,
-        }
-        if isinstance(self.drive, VoltageDrive):
-            row |= {"coil_voltage": self.drive.voltage(time), "copper_loss": now.copper_loss - before.copper_loss}
-        return row
+        current, supplied, loss = self.current(time), now.supplied - before.supplied, now.eddy_loss - before.eddy_loss
+        if not isinstance(self.drive, VoltageDrive):
+            return EddyRow(current, supplied, loss)
+        copper_loss = now.copper_loss - before.copper_loss
+        return VoltageEddyRow(current, supplied, loss, self.drive.voltage(time), copper_loss)
 
     def state(self) -> dict[str, Any] | None:
         """See `SolvedCoilField.state`."""

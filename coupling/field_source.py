@@ -8,6 +8,7 @@ from field import FieldSampler
 from field.solved_field import SolvedField
 
 if TYPE_CHECKING:
+    from coupling.coil_row import CoilRow
     from coupling.powder_feedback import PowderFeedback
     from particles import Body
 
@@ -38,8 +39,8 @@ class FieldSource(Protocol):
     def refresh(self, time: float) -> bool:
         """Bring the field to the time [s] and to the grains; True when it is new."""
 
-    def window_row(self, time: float) -> dict[str, float]:
-        """Return what a window that ends at `time` [s] adds to the history beside the field's own quantities."""
+    def window_part(self, time: float) -> CoilRow | None:
+        """Return what a window that ends at `time` [s] says of the coil; None without one."""
 
     def state(self) -> dict[str, Any] | None:
         """Return what a bit-exact continuation needs; None where that is nothing."""

@@ -133,9 +133,8 @@ class LayeredField:
         size = self._share @ self._h**2
         return 0.0 if size == 0.0 else float(np.sqrt(self._share @ (self._h - before) ** 2 / size))  # a NaN stays one
 
-    def window_row(self, time: float) -> dict[str, float]:
-        """Nothing is solved."""
-        return {}
+    def window_part(self, time: float) -> None:
+        """Return nothing: there is no coil."""
 
     def state(self) -> dict[str, Any]:
         """Return what a bit-exact continuation needs."""

@@ -14,6 +14,22 @@ from coupling.finite_grains import refuse_not_finite
 from field import FieldSampler, ParticleLaw
 
 
+@dataclass(frozen=True, slots=True)
+class MomentRow:
+    """Moments in a window.
+
+    Attributes
+    ----------
+    moment_residual : float
+        Worst, relative to the magnetisation.
+    moment_sweeps : float
+        Over all grains.
+    """
+
+    moment_residual: float
+    moment_sweeps: float
+
+
 @dataclass(slots=True)
 class MagnetisedGrains:
     """Service object; `update` is called once before the magnetic forces of a sub-cycle.
@@ -41,9 +57,9 @@ class MagnetisedGrains:
     def hold(self, dem, force: np.ndarray) -> None:
         """Take the sum of all held forces (n, 3) [N] of this update: there is nothing to add to it."""
 
-    def window_row(self) -> dict[str, float]:
-        """Return what the history says of the moments, once a window: nothing, they follow from the field."""
-        return {}
+    def window_part(self) -> MomentRow | None:
+        """Return how the moments of a window converged, once a window; None where they follow from the field."""
+        return None
 
 
 def moments(law: ParticleLaw, H: np.ndarray, volume: np.ndarray) -> np.ndarray:

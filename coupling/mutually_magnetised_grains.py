@@ -14,7 +14,7 @@ import numpy as np
 
 from coupling.finite_grains import refuse_not_finite
 from coupling.layered_field import LayeredField
-from coupling.magnetised_grains import MagnetisedGrains
+from coupling.magnetised_grains import MagnetisedGrains, MomentRow
 from coupling.mutual_moments import Magnetisation, MutualMoments
 from coupling.near_attraction import NearAttraction
 from coupling.wall_reflection import steel_walls
@@ -80,9 +80,9 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
         if self.near is not None and self.found is not None:
             self.near.hold(dem, self.found, force)
 
-    def window_row(self) -> dict[str, float]:
-        """The worst residual and the sweeps since the last call, for the history."""
-        row = {"moment_residual": self._worst, "moment_sweeps": float(self._sweeps)}
+    def window_part(self) -> MomentRow:
+        """Return the worst residual and the sweeps since the last call."""
+        row = MomentRow(self._worst, float(self._sweeps))
         self._worst, self._sweeps = 0.0, 0
         return row
 

@@ -58,6 +58,16 @@ class FeedbackResidual:
     lag: float = 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class FeedbackRow:
+    """The residual at the end of a window, see `FeedbackResidual`."""
+
+    feedback_residual: float
+    feedback_across: float
+    feedback_clipped: float
+    feedback_lagged: float
+
+
 class PowderFeedback:
     """Deposits grains on the powder's elements and keeps what the field's solve needs of them.
 
@@ -182,16 +192,11 @@ class PowderFeedback:
         """The sampler of the last `solved`."""
         return RecoveredSampler(field, self.problem.powder_region, self._node_M)
 
-    def window_row(self) -> dict[str, float]:
-        """The residual and its causes, for the history."""
+    def window_part(self) -> FeedbackRow:
+        """Return the residual and its causes."""
         residual = self.residual
         total = residual.total if np.isfinite(residual.total) else 0.0  # no field and no moment yet
-        return {
-            "feedback_residual": total,
-            "feedback_across": residual.across,
-            "feedback_clipped": residual.factor,
-            "feedback_lagged": residual.lag,
-        }
+        return FeedbackRow(total, residual.across, residual.factor, residual.lag)
 
     def checkpoint(self) -> dict[str, Any]:
         """Return what a bit-exact continuation needs beside the field's own psi, fill, factor and source."""

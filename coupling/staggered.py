@@ -21,6 +21,7 @@ from coupling.magnetised_grains import MagnetisedGrains
 from coupling.neighbour_rows import NeighbourRows, neighbour_rows
 from coupling.powder_feedback import FeedbackError
 from coupling.window_budget import WindowBudget
+from coupling.window_row import WindowRow
 from particles import Body, GrainMotion
 
 MAX_SOLVES = 30
@@ -104,10 +105,17 @@ class Simulation:
             self._rows = NeighbourRows(**state)
 
 
-def run_staggered(simulation: Simulation, end: float, callbacks: Iterable[Callable] = ()) -> None:
-    """March to the time `end` [s]; after every window each callback gets (simulation, row of the history).
+Measure = Callable[[Simulation, WindowRow], None]
+Callback = Callable[[Simulation, WindowRow], bool | None]
 
-    A callback that returns True stops the run after this window (steady torque, interrupt).
+
+def run_staggered(
+    simulation: Simulation, end: float, callbacks: Iterable[Callback] = (), measures: Iterable[Measure] = ()
+) -> None:
+    """March to the time `end` [s]; after every window each callback gets the simulation and the window's row.
+
+    `measures` add their parts to the row before any callback sees it. A callback that returns True stops the run after
+    this window (steady torque, interrupt).
     """
     motion = simulation.motion
     last_step = round(end / motion.dt)
@@ -135,6 +143,8 @@ def run_staggered(simulation: Simulation, end: float, callbacks: Iterable[Callab
         # 4. conservation, output, checkpoint, an early stop
         simulation.window += 1
         row = budget.close()
+        for measure in measures:
+            measure(simulation, row)
         # every callback is called, also after one has asked to stop
         if any([callback(simulation, row) for callback in callbacks]):
             return

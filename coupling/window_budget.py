@@ -20,12 +20,13 @@ from time import perf_counter
 
 import numpy as np
 
+from coupling.window_row import BodyRow, EnergyRow, SolverRow, WallClock, WindowRow
 from geometry.kernels.cache import compile_seconds
 from particles import DviTotals
 
 
 class WindowBudget:
-    """Adds up one window; `close` returns its row of the history (SI units, whole device)."""
+    """Sum of one window; `close` returns its row."""
 
     def __init__(self, simulation):
         self._simulation = simulation
@@ -34,8 +35,8 @@ class WindowBudget:
         self._seconds = dict.fromkeys(("field", "magnetic", "contact"), 0.0)
         self._recorded: dict[str, list[float]] = {}  # of the field
         self._beside: dict[str, list[float]] = {}  # of other effects
-        of_the_field = all(effect.of_the_field for effect in simulation.effects if effect.holds_forces)
-        self._work_held = "work_magnetic" if of_the_field else "work_held"
+        holding = [effect for effect in simulation.effects if effect.holds_forces]
+        self._held_is_magnetic = all(effect.of_the_field for effect in holding)
         self._steps: list = []
         self._momentum = simulation.motion.grains.angular_momentum_z()
         self._weight = _weight_torque(simulation.motion)
@@ -59,98 +60,92 @@ class WindowBudget:
         """Totals of a sub-cycle of the grains."""
         self._steps.append(totals)
 
-    def close(self) -> dict[str, float]:
-        """The window's row: torques [N m], energies [J], counts, wall-clock seconds."""
+    def close(self) -> WindowRow:
+        """Return the window's row."""
         self.clock(None)
         simulation = self._simulation
         motion, n, steps = simulation.motion, simulation.n_sectors, self._steps
         duration = sum(s.duration for s in steps)
-        row: dict[str, float] = {"time": motion.time}
         residual = 0.0
+        bodies: dict[str, BodyRow] = {}
         for body in motion.bodies:
-            if body.name != "housing":  # it stands
-                row[f"{body.name}_speed"] = body.speed
             parts = {
                 kind: sum(s.torque[body.name][kind] * s.duration for s in steps) / duration
                 for kind in ("normal", "damping", "tangential")
             }
-            row[f"torque_{body.name}"] = sum(parts.values())
+            bodies[body.name] = row = BodyRow(speed=body.speed, **parts)
             if body is simulation.field_carrier:
                 # the field turns with this body: the grains' torque in it has its reaction here
-                row[f"torque_{body.name}_field"] = -n * float(np.mean(self._recorded.pop(body.name, [0.0])))
-                row[f"torque_{body.name}"] += row[f"torque_{body.name}_field"]
-            if body.name == "disc":
-                row |= {f"torque_disc_{kind}": value for kind, value in parts.items()}
-            residual += row[f"torque_{body.name}"]
-        if self._recorded:
-            booked = {name: n * float(np.mean(values)) for name, values in self._recorded.items()}
-            row["torque_field"] = -sum(booked.values())
-            row |= {f"torque_field_{name}": -value for name, value in booked.items() if len(booked) > 1}
-            residual += row["torque_field"]
-        for name, values in self._beside.items():
-            row[f"torque_{name}"] = -n * float(np.mean(values))
-            residual += row[f"torque_{name}"]
-        row["angular_momentum"] = n * motion.grains.angular_momentum_z()
-        residual += (row["angular_momentum"] - n * self._momentum) / duration
+                row.field = -n * float(np.mean(self._recorded.pop(body.name, [0.0])))
+            residual += row.torque
+        field_torque = {name: n * float(np.mean(values)) for name, values in self._recorded.items()}
+        residual -= sum(field_torque.values())
+        other_torque = {name: n * float(np.mean(values)) for name, values in self._beside.items()}
+        for torque in other_torque.values():
+            residual -= torque
+        angular_momentum = n * motion.grains.angular_momentum_z()
+        residual += (angular_momentum - n * self._momentum) / duration
         residual -= 0.5 * n * (self._weight + _weight_torque(motion))
-        row["torque_residual"] = residual
-        if motion.energy_budget:
-            self._close_energy(row)
-        if simulation.magnetised is not None:
-            row |= simulation.magnetised.window_row()
-        source = simulation.source
-        if source is not None and source.solution is not None:
-            row["field_solves"] = source.solves - self._solves
-        if source is not None and source.feedback is not None:
-            row |= source.feedback.window_row()
-        row["n_contacts"] = steps[-1].n_contacts
-        row["max_overlap"] = max(s.max_overlap for s in steps)
-        row["max_speed"] = max(s.max_speed for s in steps)
-        if isinstance(steps[-1], DviTotals):
-            row |= _solver_row(steps)
-        row["rebuilds"] = sum(s.rebuilds for s in steps)
-        row["steps"] = sum(s.steps for s in steps)
-        if simulation.magnetised is not None:
-            row["wall_field"] = self._seconds["field"]
-        if simulation.holds_forces:
-            row["wall_magnetic"] = self._seconds["magnetic"]
-        row["wall_contact"] = self._seconds["contact"]
-        row["wall_total"] = perf_counter() - self._begin
-        return row
+        source, magnetised = simulation.source, simulation.magnetised
+        is_solved = source is not None and source.solution is not None
+        energy = self._energy() if motion.energy_budget else None
+        window = WindowRow(
+            time=motion.time,
+            bodies=bodies,
+            field_torque=field_torque,
+            other_torque=other_torque,
+            angular_momentum=angular_momentum,
+            torque_residual=residual,
+            energy=energy,
+            held_is_magnetic=self._held_is_magnetic,
+            field_solves=source.solves - self._solves if is_solved else None,
+            n_contacts=steps[-1].n_contacts,
+            max_overlap=max(s.max_overlap for s in steps),
+            max_speed=max(s.max_speed for s in steps),
+            solver=_solver_row(steps) if isinstance(steps[-1], DviTotals) else None,
+            rebuilds=sum(s.rebuilds for s in steps),
+            steps=sum(s.steps for s in steps),
+            seconds=WallClock(
+                field=None if magnetised is None else self._seconds["field"],
+                magnetic=self._seconds["magnetic"] if simulation.holds_forces else None,
+                contact=self._seconds["contact"],
+                total=perf_counter() - self._begin,
+            ),
+        )
+        if magnetised is not None:
+            window.add(magnetised.window_part())
+        if source is not None:
+            window.add(source.window_part(motion.time))
+            if source.feedback is not None:
+                window.add(source.feedback.window_part())
+        return window
 
-    def _close_energy(self, row: dict[str, float]) -> None:
-        steps = self._steps
-        row["kinetic_energy"] = steps[-1].energy_budget.kinetic_energy
-        row["elastic_energy"] = steps[-1].energy_budget.elastic_energy
-        row["work_walls"] = sum(sum(s.energy_budget.wall_work.values()) for s in steps)
-        if self._simulation.holds_forces:
-            row[self._work_held] = sum(s.energy_budget.external_work for s in steps)
-        if self._simulation.motion.gravity is not None:
-            row["work_gravity"] = sum(s.energy_budget.gravity_work for s in steps)
-        for kind in steps[-1].energy_budget.dissipation:
-            row[f"dissipated_{kind}"] = sum(s.energy_budget.dissipation[kind] for s in steps)
-        row["dissipated"] = sum(sum(s.energy_budget.dissipation.values()) for s in steps)
-        stored = sum(s.energy_budget.kinetic_change + s.energy_budget.elastic_change for s in steps)
-        row["energy_residual"] = (
-            row["work_walls"]
-            + row.get(self._work_held, 0.0)
-            + row.get("work_gravity", 0.0)
-            - row["dissipated"]
-            - stored
+    def _energy(self) -> EnergyRow:
+        steps, simulation = self._steps, self._simulation
+        budgets = [s.energy_budget for s in steps]
+        has_weight = simulation.motion.gravity is not None
+        return EnergyRow(
+            kinetic_energy=budgets[-1].kinetic_energy,
+            elastic_energy=budgets[-1].elastic_energy,
+            work_walls=sum(sum(each.wall_work.values()) for each in budgets),
+            work_held=sum(each.external_work for each in budgets) if simulation.holds_forces else None,
+            work_gravity=sum(each.gravity_work for each in budgets) if has_weight else None,
+            losses={kind: sum(each.dissipation[kind] for each in budgets) for kind in budgets[-1].dissipation},
+            dissipated=sum(sum(each.dissipation.values()) for each in budgets),
+            stored=sum(each.kinetic_change + each.elastic_change for each in budgets),
         )
 
 
-def _solver_row(steps: list) -> dict[str, float]:
-    """Return what the solver of rigid contacts has done: sweeps a step, worst residual [m/s], steps that missed, ..."""
+def _solver_row(steps: list) -> SolverRow:
     n = sum(s.steps for s in steps)
-    return {
-        "sweeps": sum(s.sweeps for s in steps) / n,
-        "largest_sweeps": max(s.max_sweeps for s in steps),
-        "solver_residual": max(s.residual for s in steps),
-        "missed_steps": sum(s.missed_steps for s in steps),
-        "warm_hits": sum(s.warm_hits * s.steps for s in steps) / n,
-        "stabilisation_work": sum(s.stabilisation_work for s in steps),
-    }
+    return SolverRow(
+        sweeps=sum(s.sweeps for s in steps) / n,
+        largest_sweeps=max(s.max_sweeps for s in steps),
+        solver_residual=max(s.residual for s in steps),
+        missed_steps=sum(s.missed_steps for s in steps),
+        warm_hits=sum(s.warm_hits * s.steps for s in steps) / n,
+        stabilisation_work=sum(s.stabilisation_work for s in steps),
+    )
 
 
 def _weight_torque(motion) -> float:

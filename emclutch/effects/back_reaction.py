@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
 
+from emclutch.effects.column import Column
 from emclutch.effects.effect import EffectSection
 from emclutch.effects.left_out import OFF, LeftOut
 from emclutch.scene.draft import Draft, size_key
@@ -105,12 +106,21 @@ def _room_for_the_smear(draft: Draft) -> Iterator[Fault]:
         )
 
 
+FEEDBACK_RESIDUAL = Column(
+    "feedback_residual", "1", "the grains' magnetisation against that of the field's solve, root mean square"
+)
+FEEDBACK_ACROSS = Column("feedback_across", "1", "part that the last solve took as given: across the field")
+FEEDBACK_CLIPPED = Column("feedback_clipped", "1", "part that it took as given: demagnetising factor at its bounds")
+FEEDBACK_LAGGED = Column("feedback_lagged", "1", "part that it took as given: within an element, lag of the factor")
+
+
 class BackReactionSection(EffectSection):
     """The powder changes the field: the grains' moments are part of its solution."""
 
     name = "back_reaction"
     summary = "the powder changes the field"
     role = "feedback"
+    columns = (FEEDBACK_RESIDUAL, FEEDBACK_ACROSS, FEEDBACK_CLIPPED, FEEDBACK_LAGGED)
     needs_field = True
     deposit_seconds: ClassVar[float] = 3e-6  # of an element of powder in a window (quickstart, powder_clutch)
     not_in_3d = "moments of the grains are not spread over tetrahedra"
@@ -151,20 +161,18 @@ class BackReactionSection(EffectSection):
                 f"on grains beside steel are wrong by up to 3 %, on single ones in loose powder by 12 %; {remedy}"
             )
 
-    @classmethod
-    def columns(cls):
-        """Return the columns of how far the powder of the solved field is from its grains."""
+    def summarise(self, history, simulation):
+        """Return how far the powder of the solved field was from its grains: the worst, and its parts at the end."""
+        if FEEDBACK_RESIDUAL not in history:
+            return {}
         return {
-            "feedback_residual": ("1", "the grains' magnetisation against that of the field's solve, root mean square"),
-            "feedback_across": (
-                "1",
-                "part that the last solve took as given: across the field",
-            ),
-            "feedback_clipped": (
-                "1",
-                "part that it took as given: demagnetising factor at its bounds",
-            ),
-            "feedback_lagged": ("1", "part that it took as given: within an element, lag of the factor"),
+            "feedback": {
+                "tolerance": simulation.source.powder_tolerance,
+                "worst_residual": float(history[FEEDBACK_RESIDUAL].max()),
+                "across": float(history[FEEDBACK_ACROSS].iloc[-1]),
+                "clipped": float(history[FEEDBACK_CLIPPED].iloc[-1]),
+                "lagged": float(history[FEEDBACK_LAGGED].iloc[-1]),
+            }
         }
 
     @classmethod

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
 
+from emclutch.effects.column import Column
 from emclutch.effects.drive import BEGINNING, ENERGY_COLUMNS, need_of_a_coil, switching_left_out
 from emclutch.effects.effect import EffectSection
 from emclutch.scene.draft import Draft
@@ -40,12 +41,17 @@ def _has_a_voltage(draft: Draft) -> Iterator[Fault]:
         )
 
 
+COIL_VOLTAGE = Column("coil_voltage", "V", "voltage at the coil, its resistance included")
+INTO_FIELD = Column("into_field", "J", "part of coil_supplied that goes into the field: integral of i d(flux linkage)")
+
+
 class CoilCircuitSection(EffectSection):
     """The coil's voltage drives its current through resistance and flux linkage, V = R i + d lambda/dt."""
 
     name = "coil_circuit"
     summary = "resistance and inductance delay the current"
     role = "circuit"
+    columns = (COIL_VOLTAGE, INTO_FIELD, *ENERGY_COLUMNS)
     acts_on_field = True
     not_in_3d = "a circuit is solved together with the field of a section only"
     CHECKS: ClassVar = ((_has_a_voltage, ("effects", "coil", "field", "geometry.kind", "materials")),)
@@ -85,15 +91,6 @@ class CoilCircuitSection(EffectSection):
 
         assert coil.resistance is not None  # by the checks between sections
         return VoltageDrive(coil.voltage, coil.resistance)
-
-    @classmethod
-    def columns(cls):
-        """Return the columns of the circuit."""
-        return {
-            "coil_voltage": ("V", "voltage at the coil, its resistance included"),
-            "into_field": ("J", "part of coil_supplied that goes into the field: integral of i d(flux linkage)"),
-            **ENERGY_COLUMNS,
-        }
 
     @classmethod
     def left_out(cls, at):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import Field
 
+from emclutch.effects.column import Column
 from emclutch.effects.effect import EffectSection, Load
 from emclutch.effects.left_out import OFF, LeftOut
 from emclutch.scene.draft import Draft, size_key
@@ -84,12 +85,24 @@ def _room_for_the_layers(draft: Draft) -> Iterator[Fault]:
         )
 
 
+TORQUE_FIELD_DIPOLES = Column(
+    "torque_field_dipoles", "N m", "part of torque_field from pairs of dipoles, booked as m x B"
+)
+MOMENT_RESIDUAL = Column(
+    "moment_residual",
+    "1",
+    "undamped step of the moments over the magnetisation, or of their layers' field, worst of a window",
+)
+MOMENT_SWEEPS = Column("moment_sweeps", "1", "sweeps over the grains' moments in the window")
+
+
 class DipolesSection(EffectSection):
     """Forces between the grains' moments within a cut-off."""
 
     name = "dipoles"
     summary = "forces between magnetised grains"
     role = "attraction"
+    columns = (TORQUE_FIELD_DIPOLES, MOMENT_RESIDUAL, MOMENT_SWEEPS)
     needs_field = True
     needs_moments = True
     holds_forces = True
@@ -202,17 +215,30 @@ class DipolesSection(EffectSection):
         """Processor time of near contacts in each step of DEM [ns]: a grain, a contact."""
         return (NEAR_GRAIN_NS, NEAR_CONTACT_NS) if self.has_necks else (0.0, 0.0)
 
-    @classmethod
-    def columns(cls):
-        """Return the columns of the torque of pairs, and how the moments converged."""
-        return {
-            "torque_field_dipoles": ("N m", "part of torque_field from pairs of dipoles, booked as m x B"),
-            "moment_residual": (
-                "1",
-                "undamped step of the moments over the magnetisation, or of their layers' field, worst of a window",
-            ),
-            "moment_sweeps": ("1", "sweeps over the grains' moments in the window"),
+    def summarise(self, history, simulation):
+        """Return how the moments converged, and how strong necks are against the contact's stiffness."""
+        from emclutch.results.columns import STEPS
+        from particles import DEM, contact_share, depth_warning
+
+        if MOMENT_RESIDUAL not in history:
+            return {}
+        sweeps = float(history[MOMENT_SWEEPS].sum())
+        moments: dict[str, Any] = {
+            "model": self.model,
+            "tolerance": self.tolerance,
+            "worst_residual": float(history[MOMENT_RESIDUAL].max()),
+            "sweeps_per_update": sweeps * simulation.steps_per_update / history[STEPS].sum(),
         }
+        motion = simulation.motion
+        if isinstance(motion, DEM) and motion.attraction is not None:
+            moments["strongest_near_pull"] = motion.attraction.strongest
+            moments["necks_over_contact_stiffness"] = contact_share(
+                motion.attraction, motion.laws, motion.grains.radius
+            )
+            warning = depth_warning(motion.attraction, motion.laws, motion.grains.radius)
+            if warning is not None:
+                moments["warnings"] = [warning]
+        return {"moments": moments}
 
     @classmethod
     def left_out(cls, at):

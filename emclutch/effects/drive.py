@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from emclutch.effects.column import Column
 from emclutch.effects.effect import EffectSection
 from emclutch.effects.left_out import OFF, LeftOut
 from emclutch.scene.draft import Draft
@@ -16,10 +17,9 @@ if TYPE_CHECKING:
 
 BEGINNING = ("off", "steady")
 
-ENERGY_COLUMNS = {
-    "coil_supplied": ("J", "energy that the coil's supply gave in the window"),
-    "copper_loss": ("J", "part of coil_supplied that heats the winding"),
-}
+COIL_SUPPLIED = Column("coil_supplied", "J", "energy that the coil's supply gave in the window")
+COPPER_LOSS = Column("copper_loss", "J", "part of coil_supplied that heats the winding")
+ENERGY_COLUMNS = (COIL_SUPPLIED, COPPER_LOSS)
 
 
 def need_of_a_coil(draft: Draft, effect: type[EffectSection]) -> Iterator[Fault]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
 
+from emclutch.effects.column import Column
 from emclutch.effects.drive import BEGINNING, ENERGY_COLUMNS, need_of_a_coil, switching_left_out
 from emclutch.effects.effect import EffectSection
 from emclutch.scene.draft import Draft
@@ -38,12 +39,16 @@ def _known_conductors(draft: Draft) -> Iterator[Fault]:
             )
 
 
+EDDY_LOSS = Column("eddy_loss", "J", "part of coil_supplied that eddy currents turn into heat, in the field's step")
+
+
 class EddyCurrentsSection(EffectSection):
     """Eddy currents in the solid parts delay the field."""
 
     name = "eddy_currents"
     summary = "solid conductors delay the field"
     role = "eddy"
+    columns = (EDDY_LOSS, *ENERGY_COLUMNS)
     acts_on_field = True
     solve_factor: ClassVar[float] = 1.8  # cost of a solve over that of a static one (cases/switch_on.toml)
     not_in_3d = "they need a vector potential, and the field in 3D is that of a scalar one"
@@ -83,17 +88,6 @@ class EddyCurrentsSection(EffectSection):
             feedback=feedback,
             powder_tolerance=powder_tolerance,
         )
-
-    @classmethod
-    def columns(cls):
-        """Return the columns of the losses."""
-        return {
-            "eddy_loss": (
-                "J",
-                "part of coil_supplied that eddy currents turn into heat, in the field's step",
-            ),
-            **ENERGY_COLUMNS,
-        }
 
     @classmethod
     def left_out(cls, at):

@@ -10,12 +10,15 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from emclutch.effects.column import Column
 from emclutch.scene.errors import Fault
 from emclutch.scene.section import Section
 from emclutch.scene.usual_ranges import UsualRange
 
 if TYPE_CHECKING:
-    from coupling import Effect
+    import pandas
+
+    from coupling import Effect, Simulation
     from emclutch.device.device import Device
     from emclutch.effects.left_out import LeftOut
     from emclutch.scene.draft import Draft
@@ -74,6 +77,8 @@ class EffectSection(Section):
         Processor time that it adds to each contact and step of DEM [ns].
     torque_note : str
         What the estimate of the torque says of it.
+    columns : tuple of Column
+        Those that it adds to the history.
     """
 
     name: ClassVar[str] = ""
@@ -89,6 +94,7 @@ class EffectSection(Section):
     not_in_3d: ClassVar[str] = ""
     contact_ns: ClassVar[float] = 0.0
     torque_note: ClassVar[str] = ""
+    columns: ClassVar[tuple[Column, ...]] = ()
 
     @classmethod
     def left_out(cls, at: Regime) -> Iterator[LeftOut]:
@@ -107,11 +113,10 @@ class EffectSection(Section):
         """Return parts of every contact, by the keyword of `particles.PairLaws.of_one`."""
         return {}
 
+    def summarise(self, history: pandas.DataFrame, simulation: Simulation) -> dict[str, Any]:
+        """Return what it adds to ``summary.json`` at the end of a run."""
+        return {}
+
     def acting(self, scene: Scene, bodies: Sequence[Body]) -> Iterator[Effect]:
         """Yield the objects that act in the coupled loop (`coupling.effects`); ``bodies`` are those of the walls."""
         yield from ()
-
-    @classmethod
-    def columns(cls) -> dict[str, tuple[str, str]]:
-        """Return the columns that it adds to the history: unit and description by name."""
-        return {}

@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
+from emclutch.effects.column import Column
 from emclutch.effects.effect import EffectSection
 from emclutch.effects.left_out import OFF, LeftOut
 from emclutch.scene.draft import Draft
@@ -31,11 +32,15 @@ def _flow_has_its_gap(draft: Draft) -> Iterator[Fault]:
         )
 
 
+TORQUE_FLUID_DRAG = Column("torque_fluid_drag", "N m", "minus the torque of the carrier fluid's drag on the grains")
+
+
 class FluidDragSection(EffectSection):
     """Stokes drag of the grains, -3 pi eta d (v - u), in a carrier fluid with the flow u."""
 
     name = "fluid_drag"
     summary = "Stokes drag in a carrier fluid"
+    columns = (TORQUE_FLUID_DRAG,)
     holds_forces = True
     CHECKS: ClassVar = ((_flow_has_its_gap, ("effects", "particles", "geometry.kind")),)
 
@@ -58,11 +63,6 @@ class FluidDragSection(EffectSection):
         named = {body.name: body for body in bodies}
         inner, outer = gap.radius - 0.5 * gap.width, gap.radius + 0.5 * gap.width
         yield FluidDrag(self.viscosity, CouetteFlow(inner, outer, named["disc"], named["rotor"]))
-
-    @classmethod
-    def columns(cls):
-        """Return the torque that the carrier exerts."""
-        return {"torque_fluid_drag": ("N m", "minus the torque of the carrier fluid's drag on the grains")}
 
     @classmethod
     def left_out(cls, at):

@@ -8,6 +8,7 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
+from emclutch.effects.column import Column
 from emclutch.effects.effect import EffectSection, Load
 from emclutch.effects.left_out import OFF, LeftOut
 from emclutch.scene.draft import Draft
@@ -30,12 +31,16 @@ def _in_a_sector(draft: Draft) -> Iterator[Fault]:
         )
 
 
+WORK_GRAVITY = Column("work_gravity", "J", "work of gravity on the grains in the window")
+
+
 class GravitySection(EffectSection):
     """Weight of the grains."""
 
     name = "gravity"
     summary = "weight of the grains"
     role = "weight"
+    columns = (WORK_GRAVITY,)
     CHECKS: ClassVar = ((_in_a_sector, ("particles", "effects")),)
 
     acceleration: Acceleration = Field(default=9.81, description="magnitude")
@@ -64,13 +69,6 @@ class GravitySection(EffectSection):
         particles = scene.particles
         force = weight_load(particles.density, self.acceleration, height, particles.largest_diameter)
         yield Load(self.name, force, "the weight of the bed")
-
-    @classmethod
-    def columns(cls):
-        """Return the columns of the work of the weight."""
-        return {
-            "work_gravity": ("J", "work of gravity on the grains in the window"),
-        }
 
     @classmethod
     def left_out(cls, at):

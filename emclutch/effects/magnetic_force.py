@@ -2,8 +2,19 @@
 
 from __future__ import annotations
 
+from emclutch.effects.column import Column
 from emclutch.effects.effect import EffectSection
 from emclutch.effects.left_out import OFF, LeftOut
+
+TORQUE_DISC_FIELD = Column(
+    "torque_disc_field", "N m", "part of torque_disc: reaction to the pull of the field of its slots"
+)
+TORQUE_ROTOR_FIELD = Column(
+    "torque_rotor_field", "N m", "part of torque_rotor: reaction to the pull of the field of its slots"
+)
+TORQUE_FIELD_GRADIENT = Column(
+    "torque_field_gradient", "N m", "part of torque_field from the gradient force of the field"
+)
 
 
 class MagneticForceSection(EffectSection):
@@ -11,6 +22,7 @@ class MagneticForceSection(EffectSection):
 
     name = "magnetic_force"
     summary = "force of the field on each grain"
+    columns = (TORQUE_DISC_FIELD, TORQUE_ROTOR_FIELD, TORQUE_FIELD_GRADIENT)
     needs_field = True
     needs_moments = True
     holds_forces = True
@@ -29,18 +41,6 @@ class MagneticForceSection(EffectSection):
                 f"{effects.tables(role='attraction')} is missing: without the forces between magnetised grains the "
                 "powder forms no chains, and the torque will be near nothing"
             )
-
-    @classmethod
-    def columns(cls):
-        """Return the columns of the torque of the gradient force."""
-        return {
-            "torque_disc_field": ("N m", "part of torque_disc: reaction to the pull of the field of its slots"),
-            "torque_rotor_field": (
-                "N m",
-                "part of torque_rotor: reaction to the pull of the field of its slots",
-            ),
-            "torque_field_gradient": ("N m", "part of torque_field from the gradient force of the field"),
-        }
 
     @classmethod
     def left_out(cls, at):

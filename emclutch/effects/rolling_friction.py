@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
+from emclutch.effects.column import Column
 from emclutch.effects.effect import EffectSection
 from emclutch.effects.left_out import OFF, LeftOut
 from emclutch.scene.units import number
@@ -15,11 +16,15 @@ _USUAL = UsualRange(0.0, 0.5, "", "smooth to angular grains; C. M. Wensrich and 
                      "(2012) 409", "it counts in effective radii, is a length meant?")  # fmt: skip
 
 
+DISSIPATED_ROLLING = Column("dissipated_rolling", "J", "part of dissipated by rolling friction")
+
+
 class RollingFrictionSection(EffectSection):
     """Resistance of rough, angular grains to rolling; perfect spheres roll on smooth walls like a bearing."""
 
     name = "rolling_friction"
     summary = "grains resist rolling"
+    columns = (DISSIPATED_ROLLING,)
     contact_ns = 11.0  # tests/benchmarks/dem_cost.py
     USUAL: ClassVar = {"coefficient": _USUAL, "wall_coefficient": _USUAL}
     torque_note = "rolling friction may double it"
@@ -36,13 +41,6 @@ class RollingFrictionSection(EffectSection):
         from particles.laws.rolling_friction import RollingFriction  # local: the schema itself needs no particles
 
         return {"rolling": RollingFriction(self.coefficient, self.wall_coefficient)}
-
-    @classmethod
-    def columns(cls):
-        """Return the columns of what rolling loses."""
-        return {
-            "dissipated_rolling": ("J", "part of dissipated by rolling friction"),
-        }
 
     @classmethod
     def left_out(cls, at):

@@ -6,9 +6,12 @@ from typing import Annotated
 
 from pydantic import Field
 
+from emclutch.effects.column import Column
 from emclutch.effects.effect import EffectSection
 from emclutch.effects.left_out import OFF, LeftOut
 from emclutch.scene.units import number
+
+DISSIPATED_TWISTING = Column("dissipated_twisting", "J", "part of dissipated by twisting friction")
 
 
 class TwistingFrictionSection(EffectSection):
@@ -16,6 +19,7 @@ class TwistingFrictionSection(EffectSection):
 
     name = "twisting_friction"
     summary = "grains resist twisting"
+    columns = (DISSIPATED_TWISTING,)
     contact_ns = 5.0  # tests/benchmarks/dem_cost.py
 
     coefficient: Annotated[float, number("0.05", 0.0, 10.0)] = Field(
@@ -30,13 +34,6 @@ class TwistingFrictionSection(EffectSection):
         from particles.laws.twisting_friction import TwistingFriction  # local: the schema itself needs no particles
 
         return {"twisting": TwistingFriction(self.coefficient, self.wall_coefficient)}
-
-    @classmethod
-    def columns(cls):
-        """Return the columns of what twisting loses."""
-        return {
-            "dissipated_twisting": ("J", "part of dissipated by twisting friction"),
-        }
 
     @classmethod
     def left_out(cls, at):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import ClassVar
 
+from emclutch.effects.column import Column
 from emclutch.effects.effect import EffectSection
 from emclutch.effects.left_out import OFF, LeftOut
 from emclutch.scene.draft import Draft
@@ -20,12 +21,16 @@ def _something_to_mirror(draft: Draft) -> Iterator[Fault]:
         yield Fault("effects.wall_images", "", f"needs dipoles to mirror; add {needed}, or remove its table")
 
 
+TORQUE_FIELD_IMAGES = Column("torque_field_images", "N m", "part of torque_field from image dipoles in steel walls")
+
+
 class WallImagesSection(EffectSection):
     """Images of the dipoles in the steel faces."""
 
     name = "wall_images"
     summary = "images of the dipoles in steel faces"
     role = "images"
+    columns = (TORQUE_FIELD_IMAGES,)
     CHECKS: ClassVar = ((_something_to_mirror, ("effects",)),)
 
     def warnings(self, scene):
@@ -50,13 +55,6 @@ class WallImagesSection(EffectSection):
                 "steel; what layers of grains there change in it is followed with geometry.kind = 'shear_cell' and "
                 "field.direction = 'radial' only"
             )
-
-    @classmethod
-    def columns(cls):
-        """Return the columns of the torque of images."""
-        return {
-            "torque_field_images": ("N m", "part of torque_field from image dipoles in steel walls"),
-        }
 
     @classmethod
     def left_out(cls, at):

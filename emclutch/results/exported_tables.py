@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from emclutch.results.columns import units_of
 from emclutch.results.grain_profiles import profile_column, read_profiles
-from emclutch.results.history import COLUMNS, read_history
+from emclutch.results.history import read_history
 from emclutch.results.result import Result, load_result
 from emclutch.results.run_folder import RunFolder
 from emclutch.results.study_folder import is_study, read_study
@@ -71,7 +72,7 @@ def _tables_of_run(result: Result) -> dict[str, pandas.DataFrame]:
         for number, history in enumerate(histories):
             history.insert(0, REPLICA, number)
     tables = {"history": _joined(histories)}
-    tables["history"].attrs["units"] = {name: COLUMNS[name][0] for name in tables["history"] if name in COLUMNS}
+    tables["history"].attrs["units"] = units_of(tables["history"])
     path = result.folder.path / "profiles.csv"
     if path.is_file():
         profiles = []

@@ -1,7 +1,6 @@
 """``history.csv``: one row a coupling window, written as it is computed.
 
-Column names carry no unit; `COLUMNS` says unit and meaning of each. A quantity that a scene does not
-have (its effect is off) has no column. A value that is undefined in one window is an empty cell.
+`emclutch.results.columns` has all columns. A value that is undefined in one window is an empty cell.
 """
 
 from __future__ import annotations
@@ -16,72 +15,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from emclutch.effects import EFFECTS
 from emclutch.results.atomic_file import replace_text
+from emclutch.results.columns import COLUMNS, TIME, units_of
 from emclutch.results.output_error import OutputError
 
 if TYPE_CHECKING:
     import pandas
-
-COLUMNS: dict[str, tuple[str, str]] = {
-    "time": ("s", "end of the window"),
-    "current": ("A", "coil current"),
-    "rotor_speed": ("rad/s", "speed of the rotor (input shaft)"),
-    "disc_speed": ("rad/s", "speed of the disc (output shaft)"),
-    "torque_disc": ("N m", "torque of the grains on the disc about z, window mean, whole device"),
-    "torque_rotor": ("N m", "torque of the grains on the rotor about z, window mean, whole device"),
-    "torque_housing": ("N m", "torque of the grains on the housing about z, window mean, whole device"),
-    "torque_field": (
-        "N m",
-        "minus the field's torque on the grains: nothing by the laws for coil and steel of revolution, so what the "
-        "moments are off their fixed point",
-    ),
-    "torque_disc_normal": ("N m", "part of torque_disc from the springs along the contacts' normals"),
-    "torque_disc_damping": ("N m", "part of torque_disc from the dashpots along the contacts' normals"),
-    "torque_disc_tangential": ("N m", "part of torque_disc from tangential contact forces"),
-    "angular_momentum": ("N m s", "of the grains about z, spin included, at the window's end"),
-    "torque_residual": ("N m", "balance of all torques and dL/dt: what is left, each computed independently"),
-    "kinetic_energy": ("J", "of the grains, spin included"),
-    "elastic_energy": ("J", "stored in the contacts"),
-    "field_energy": ("J", "magnetic field energy"),
-    "flux_linkage": ("Wb", "of the coil, all turns"),
-    "gap_flux_density": ("T", "mean |B| in the gap"),
-    "field_strength_powder": ("A/m", "mean |H| of the macroscopic field between the pole faces"),
-    "fill_powder": ("1", "solid fraction between the pole faces"),
-    "work_walls": ("J", "work of the walls on the grains in the window"),
-    "work_magnetic": ("J", "work of the magnetic forces on the grains in the window"),
-    "work_held": ("J", "work of all held forces on the grains in the window, where some are not magnetic"),
-    "dissipated_normal_damping": ("J", "part of dissipated in the dashpots along the normals"),
-    "dissipated_tangential_damping": ("J", "part of dissipated in the tangential dashpots"),
-    "dissipated_sliding": ("J", "part of dissipated by sliding friction"),
-    "dissipated_impact": ("J", "part of dissipated along the normals, where rigid grains meet"),
-    "dissipated": ("J", "energy turned into heat in the contacts in the window"),
-    "energy_residual": ("J", "balance of the energies: what is left, each term computed independently"),
-    "n_contacts": ("1", "contacts that carry force, at the window's end"),
-    "max_overlap": ("1", "largest overlap of the window over the grain's diameter"),
-    "max_speed": ("m/s", "largest speed of a grain in the window"),
-    "inertial_number": ("1", "shear rate times d sqrt(density/pressure) in the gap"),
-    "solid_fraction_gap": ("1", "solid fraction of the gap between the pole faces"),
-    "field_iterations": ("1", "Newton iterations of the field in the window"),
-    "field_residual": ("1", "relative residual of the last field solve"),
-    "field_solves": ("1", "field solves in the window"),
-    "sweeps": ("1", "sweeps of the solver of rigid contacts a step, mean of the window"),
-    "largest_sweeps": ("1", "sweeps of the window's hardest step"),
-    "solver_residual": ("m/s", "largest natural map of the contacts at the end of a step, worst of the window"),
-    "missed_steps": ("1", "steps of the window that did not reach the solver's tolerance"),
-    "warm_hits": ("1", "share of the loaded contacts that began from the impulse of the step before"),
-    "stabilisation_work": ("J", "work of the held forces on displacements that removed overlap"),
-    "rebuilds": ("1", "rebuilds of the neighbour list in the window"),
-    "steps": ("1", "time steps of the grains in the window"),
-}
-for _effect in EFFECTS:
-    COLUMNS |= _effect.columns()
-COLUMNS |= {
-    "wall_field": ("s", "wall-clock time for the field"),
-    "wall_magnetic": ("s", "wall-clock time for moments and held forces"),
-    "wall_contact": ("s", "wall-clock time for contacts and motion"),
-    "wall_total": ("s", "wall-clock time of the window"),
-}
 
 MAX_ROW = 8192  # bytes; a row has some sixty columns of at most 25
 
@@ -179,15 +118,15 @@ def read_history(path: str | Path) -> pandas.DataFrame:
     import pandas
 
     # Not read_csv: only its newest default returns each float exactly, and the option for it is deprecated.
-    header, *rows = _rows_of(Path(path)) or [["time"]]
+    header, *rows = _rows_of(Path(path)) or [[TIME]]
     try:
-        if "time" not in header:
+        if TIME not in header:
             raise ValueError("it has no column time")
         cells = zip(*rows, strict=True) if rows else ([] for _ in header)
         table = pandas.DataFrame({name: _numbers(column) for name, column in zip(header, cells, strict=True)})
     except ValueError as error:
         raise OutputError(f"{path} is no history that a run wrote, or damaged ({error}); name another run") from error
-    table.attrs["units"] = {name: COLUMNS[name][0] for name in table.columns if name in COLUMNS}
+    table.attrs["units"] = units_of(table.columns)
     return table
 
 
@@ -203,7 +142,7 @@ def _rows_of(path: Path) -> list[list[str]]:
 def _time_of(row: list[str], header: list[str]) -> float | None:
     """The time of a row [s]; None where it is none of these columns."""
     try:
-        return float(row[header.index("time")]) if len(row) == len(header) else None
+        return float(row[header.index(TIME)]) if len(row) == len(header) else None
     except ValueError:
         return None
 
@@ -242,6 +181,6 @@ def _cell(name: str, value: Any, row: Mapping[str, Any]) -> str:
         return ""
     number = value.item() if hasattr(value, "item") else value
     if not math.isfinite(number):
-        unit = COLUMNS[name][0]
-        raise OutputError(f"{name} = {number} {unit} at t = {row.get('time')} s is no number: the run is broken")
+        unit = COLUMNS[name].unit
+        raise OutputError(f"{name} = {number} {unit} at t = {row.get(TIME)} s is no number: the run is broken")
     return repr(number) if isinstance(number, float) else str(int(number))

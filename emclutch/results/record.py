@@ -35,7 +35,7 @@ from emclutch.results.array_units import ARRAY_UNITS
 from emclutch.results.atomic_file import replace_bytes
 from emclutch.results.checkpoint import DAMAGED
 from emclutch.results.closed_file import refuse_links
-from emclutch.results.history import COLUMNS
+from emclutch.results.columns import COLUMNS, TIME
 from emclutch.results.journal import JournalledFile, journal_of
 from emclutch.results.output_error import OutputError
 
@@ -155,8 +155,8 @@ class Record:
         self._must_write()
         if step is None:
             step = self._n_rows() if not self._rows else self._rows[-1][0] + 1
-        values = {name: value for name, value in row.items() if name != "time" and value is not None}
-        self._rows.append((step, float(row["time"]), values))
+        values = {name: value for name, value in row.items() if name != TIME and value is not None}
+        self._rows.append((step, float(row[TIME]), values))
         if len(self._rows) >= OBSERVABLES_TOGETHER:
             self.flush()
 
@@ -169,7 +169,7 @@ class Record:
             for name in names:
                 rows = [(step, time, values[name]) for step, time, values in self._rows if name in values]
                 steps, times, column = zip(*rows, strict=True)
-                unit = COLUMNS[name][0] if name in COLUMNS else None
+                unit = COLUMNS[name].unit if name in COLUMNS else None
                 _append_many(
                     file,
                     f"observables/{name}",

@@ -6,6 +6,7 @@ import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from emclutch.results.columns import TORQUE_DISC
 from emclutch.results.output_error import OutputError
 from emclutch.results.run_folder import RunFolder
 from emclutch.results.statistics import Estimate
@@ -27,7 +28,7 @@ class Result:
 
     @property
     def history(self) -> pandas.DataFrame:
-        """One row a coupling window; columns and units as of `history.COLUMNS`. OutputError where there is none."""
+        """One row a coupling window; columns as of `emclutch.results.COLUMNS`. OutputError where there is none."""
         if self._history is None:
             from emclutch.results.history import read_history
 
@@ -60,7 +61,7 @@ class Result:
             self._torque = Estimate.from_dict(written)
         if self._torque is None:
             history = self.history
-            if "torque_disc" not in history:
+            if TORQUE_DISC not in history:
                 raise OutputError(f"{self.folder.history} has no torque_disc: the scene has no disc")
             self._torque = steady_torque(history, self._conditions(), self.other_histories)
         return self._torque

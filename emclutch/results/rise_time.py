@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from emclutch.results.columns import CURRENT, GAP_FLUX_DENSITY, TIME, TORQUE_DISC
+
 if TYPE_CHECKING:
     import pandas
 
@@ -32,8 +34,8 @@ def rise_times(history: pandas.DataFrame, final_current: float) -> dict[str, flo
     history : columns `time` [s], `current` [A], `gap_flux_density` [T]; windows begin at time 0.
     final_current : what the current goes to [A].
     """
-    time, current = history["time"].to_numpy(), history["current"].abs().to_numpy()
-    field, final = history["gap_flux_density"].abs().to_numpy(), abs(final_current)
+    time, current = history[TIME].to_numpy(), history[CURRENT].abs().to_numpy()
+    field, final = history[GAP_FLUX_DENSITY].abs().to_numpy(), abs(final_current)
     found: dict[str, float | str | None] = {
         "current_rise_time": time_to_reach(time, current, final),
         "current_rise_time_90": time_to_reach(time, current, final, LATE),
@@ -42,8 +44,8 @@ def rise_times(history: pandas.DataFrame, final_current: float) -> dict[str, flo
     }
     if not _begins_low(current, final):
         return found
-    if "torque_disc" in history:
-        found |= _torque_rise(time, history["torque_disc"].abs().to_numpy())
+    if TORQUE_DISC in history:
+        found |= _torque_rise(time, history[TORQUE_DISC].abs().to_numpy())
     with_current, with_torque = found["current_rise_time"], found.get("torque_rise_time")
     if isinstance(with_current, float) and isinstance(with_torque, float):
         found["torque_lag"] = with_torque / with_current

@@ -15,6 +15,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from emclutch.results.columns import (
+    ANGULAR_MOMENTUM,
+    DISC_SPEED,
+    ROTOR_SPEED,
+    TIME,
+    TORQUE_DISC,
+    TORQUE_FIELD,
+    TORQUE_HOUSING,
+    TORQUE_ROTOR,
+)
 from emclutch.results.replicated_mean import USUAL, replicated_mean
 from emclutch.results.statistics import MIN_BATCHES, Estimate, more_time
 
@@ -69,8 +79,8 @@ class SteadyConditions:
             if strain is None or not len(strain):
                 continue
             if strain[-1] < self.start_up_strain:
-                return float(history["time"].iloc[-1])
-            latest = max(latest, float(np.interp(self.start_up_strain, strain, history["time"].to_numpy())))
+                return float(history[TIME].iloc[-1])
+            latest = max(latest, float(np.interp(self.start_up_strain, strain, history[TIME].to_numpy())))
         return latest
 
     def as_dict(self) -> dict[str, float | None]:
@@ -93,7 +103,7 @@ def mean_torque(
     `average_from` [s] is that of the conditions where it is None.
     """
     start = conditions.average_from if average_from is None else average_from
-    signals = [(each["time"].to_numpy(), each[column].to_numpy(), _durations(each)) for each in histories]
+    signals = [(each[TIME].to_numpy(), each[column].to_numpy(), _durations(each)) for each in histories]
     settled = conditions.settled(histories)
     return replicated_mean(signals, average_from=start, settled=settled, wanted=conditions.wanted)
 
@@ -112,14 +122,14 @@ def steady_torque(
     replicas : sequence of DataFrame
         Histories of the same scene with other packings.
     """
-    found = mean_torque((history, *replicas), "torque_disc", conditions)
+    found = mean_torque((history, *replicas), TORQUE_DISC, conditions)
     if _is_negligible((history, *replicas), conditions):
         return _negligible(found, conditions.negligible)
     if not found.converged or found.mean is None or found.start is None:
         return replace(found, reason=found.reason + _how_much_longer(found, history, conditions))
     for each in (history, *replicas):
         duration = _durations(each)
-        late = each["time"].to_numpy() - 0.5 * duration > found.start
+        late = each[TIME].to_numpy() - 0.5 * duration > found.start
         error = (found.standard_error or 0.0) * found.replicas**0.5  # of one of them
         problem, least = _imbalance(each[late], duration[late], found.mean, error)
         if not problem:
@@ -136,8 +146,8 @@ def _is_negligible(histories: Sequence[pandas.DataFrame], conditions: SteadyCond
         return False
     for history in histories:
         duration = _durations(history)
-        late = history["time"].to_numpy() > 0.5 * history["time"].iloc[-1]
-        if history["torque_disc"].abs()[late].max() >= conditions.negligible:
+        late = history[TIME].to_numpy() > 0.5 * history[TIME].iloc[-1]
+        if history[TORQUE_DISC].abs()[late].max() >= conditions.negligible:
             return False
         if _little_shear(history, duration, late, conditions)[0]:
             return False
@@ -166,7 +176,7 @@ def _how_much_longer(
     if found.mean is None or not (least or (found.replicas == 1 and found.batches < MIN_BATCHES)):
         return ""
     half, wanted = found.half_width(), conditions.wanted(found.mean)
-    more = more_time(found, float(history["time"].iloc[-1]), wanted) if found.replicas == 1 else None
+    more = more_time(found, float(history[TIME].iloc[-1]), wanted) if found.replicas == 1 else None
     if more is None or (half is not None and abs(found.mean) <= half and not conditions.negligible):
         return f" (estimate: about {least:.2g} s more)" if least else ""
     aim = f"{100.0 * wanted / abs(found.mean):.2g} %" if found.mean else f"{wanted:.2g} N m"
@@ -178,9 +188,9 @@ def _imbalance(late: pandas.DataFrame, duration: np.ndarray, mean: float, error:
 
     Empty where it holds.
     """
-    columns = [name for name in ("torque_disc", "torque_rotor", "torque_housing", "torque_field") if name in late]
-    if "angular_momentum" in late and len(late) > 1:  # weight may turn the powder too, about a shaft that lies
-        kept = late["angular_momentum"].to_numpy()
+    columns = [name for name in (TORQUE_DISC, TORQUE_ROTOR, TORQUE_HOUSING, TORQUE_FIELD) if name in late]
+    if ANGULAR_MOMENTUM in late and len(late) > 1:  # weight may turn the powder too, about a shaft that lies
+        kept = late[ANGULAR_MOMENTUM].to_numpy()
         left = float((kept[-1] - kept[0]) / duration[1:].sum())
     elif len(columns) == 1:  # a history without the torque on anything else has no balance
         return "", 0.0
@@ -189,7 +199,7 @@ def _imbalance(late: pandas.DataFrame, duration: np.ndarray, mean: float, error:
     if abs(left) <= MAX_IMBALANCE * abs(mean) + 3.0 * error:
         return "", 0.0
     text = f"{left:.2g} N m more goes into the powder than comes out of it, which still speeds up; run longer"
-    return text, float(late["time"].iloc[-1])
+    return text, float(late[TIME].iloc[-1])
 
 
 def _little_shear(
@@ -199,7 +209,7 @@ def _little_shear(
 
     Empty where it suffices or the shafts hold.
     """
-    if "rotor_speed" not in history or "disc_speed" not in history or conditions.shear_gap == 0.0:
+    if ROTOR_SPEED not in history or DISC_SPEED not in history or conditions.shear_gap == 0.0:
         return "", 0.0
     if _holds(history):
         return "", 0.0
@@ -212,27 +222,27 @@ def _little_shear(
     averaged = float(strain[-1] - strain[late][0])
     if averaged >= MIN_AVERAGED_STRAIN:
         return "", 0.0
-    more = float(history["time"].iloc[-1]) * (MIN_AVERAGED_STRAIN / max(averaged, 0.1) - 1.0)
+    more = float(history[TIME].iloc[-1]) * (MIN_AVERAGED_STRAIN / max(averaged, 0.1) - 1.0)
     text = f"the gap was sheared by {averaged:.2g} only while averaging, {MIN_AVERAGED_STRAIN:g} needed; run longer"
     return text, more
 
 
 def _strain(history: pandas.DataFrame, duration: np.ndarray, conditions: SteadyConditions) -> np.ndarray | None:
     """Shear strain of the gap at the end of each window (n,); None where nothing is sheared or the shafts hold."""
-    if "rotor_speed" not in history or "disc_speed" not in history or not conditions.shear_gap:
+    if ROTOR_SPEED not in history or DISC_SPEED not in history or not conditions.shear_gap:
         return None
     if _holds(history):
         return None
-    slip = (history["rotor_speed"] - history["disc_speed"]).abs().to_numpy()
+    slip = (history[ROTOR_SPEED] - history[DISC_SPEED]).abs().to_numpy()
     return np.cumsum(slip * duration) * conditions.shear_radius / conditions.shear_gap
 
 
 def _holds(history: pandas.DataFrame) -> bool:
     """Return whether the shafts do not slip in some window of the later half."""
-    slip = (history["rotor_speed"] - history["disc_speed"]).abs().to_numpy()
-    return float(slip[len(slip) // 2 :].min()) <= HOLDS * max(float(history["rotor_speed"].abs().max()), 1e-300)
+    slip = (history[ROTOR_SPEED] - history[DISC_SPEED]).abs().to_numpy()
+    return float(slip[len(slip) // 2 :].min()) <= HOLDS * max(float(history[ROTOR_SPEED].abs().max()), 1e-300)
 
 
 def _durations(history: pandas.DataFrame) -> np.ndarray:
     """Length of each window [s], (n,); the first begins at time 0."""
-    return np.diff(np.concatenate([[0.0], history["time"].to_numpy()]))
+    return np.diff(np.concatenate([[0.0], history[TIME].to_numpy()]))

@@ -6,7 +6,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from coupling import Simulation
+from coupling import Simulation, WindowRow
 from emclutch.results.checkpoint import write_checkpoint
 from emclutch.simulation.early_end import EarlyEnd
 from emclutch.simulation.run_request import RunRequest
@@ -47,7 +47,7 @@ class Checkpoints:
         self._case_text = request.case.toml()
         self._last = perf_counter()
 
-    def __call__(self, simulation: Simulation, row: dict) -> bool:
+    def __call__(self, simulation: Simulation, row: WindowRow) -> bool:
         stopped = self._request.is_stopped()
         done = simulation.window >= self._windows or self._early.has_come
         late = perf_counter() - self._last > CHECKPOINT_SECONDS

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from typing import Any
 
-from coupling import Simulation
+from coupling import Simulation, WindowRow
 
 SECONDS = 2.0  # between two signs
 
@@ -35,7 +35,7 @@ class Heartbeat:
             self._thread.start()
         return self
 
-    def stop(self, simulation: Simulation | None = None, row: dict | None = None) -> None:
+    def stop(self, simulation: Simulation | None = None, row: WindowRow | None = None) -> None:
         """Be silent from now on; the arguments are those of a callback of `run_staggered`."""
         if not self._stopped.is_set():
             self._stopped.set()

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from emclutch.results.columns import MISSED_STEPS, STEPS
 from particles import ParticleError
 
 if TYPE_CHECKING:
     import pandas
+
+    from coupling import WindowRow
 
 
 class MissedSteps:
@@ -26,16 +29,17 @@ class MissedSteps:
 
     def __init__(self, allowed: float, before: pandas.DataFrame | None = None):
         self._allowed = allowed
-        self._missed = 0 if before is None else int(before["missed_steps"].sum())
-        self._steps = 0 if before is None else int(before["steps"].sum())
+        self._missed = 0 if before is None else int(before[MISSED_STEPS].sum())
+        self._steps = 0 if before is None else int(before[STEPS].sum())
 
-    def __call__(self, simulation, row: dict) -> None:
-        self._missed += row["missed_steps"]
-        self._steps += row["steps"]
+    def __call__(self, simulation, row: WindowRow) -> None:
+        assert row.solver is not None  # only rigid grains have such a callback
+        self._missed += row.solver.missed_steps
+        self._steps += row.steps
         if self._missed > self._allowed * max(self._steps, 100):
             raise ParticleError(
-                f"t = {row['time']:.4g} s: {self._missed} of {self._steps} steps missed the tolerance of "
+                f"t = {row.time:.4g} s: {self._missed} of {self._steps} steps missed the tolerance of "
                 f"{simulation.motion.tolerance:.3g} m/s on the contacts (the last window's residual: "
-                f"{row['solver_residual']:.3g} m/s); raise contact.dvi.max_sweeps or contact.dvi.tolerance, shorten "
-                "contact.dvi.step, or allow more by contact.dvi.allowed_misses"
+                f"{row.solver.solver_residual:.3g} m/s); raise contact.dvi.max_sweeps or contact.dvi.tolerance, "
+                "shorten contact.dvi.step, or allow more by contact.dvi.allowed_misses"
             )

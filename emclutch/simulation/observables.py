@@ -7,40 +7,85 @@ transmits are the speeds and torques of the balances. Their histories have no su
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import pi, sqrt
 
 import numpy as np
 
-from coupling import Simulation
+from coupling import Simulation, WindowRow
 from emclutch.device.device import Device, field_is_needed
 from emclutch.device.pole_zone import pole_zone
 from field.solved_field import SolvedField
 from geometry import AnnularBox, Clutch, ShearCell
 
 
+@dataclass(frozen=True, slots=True)
+class FieldRow:
+    """The coil's field in a window.
+
+    Attributes
+    ----------
+    flux_linkage : float
+        Of all turns [Wb].
+    field_energy : float
+        [J]
+    gap_flux_density : float
+        Mean |B| in the gap [T].
+    field_iterations, field_residual : int, float
+        Newton's, of the last solve.
+    """
+
+    flux_linkage: float
+    field_energy: float
+    gap_flux_density: float
+    field_iterations: int
+    field_residual: float
+
+
+@dataclass(frozen=True, slots=True)
+class PoleField:
+    """Mean |H| [A/m] of the macroscopic field between the pole faces."""
+
+    field_strength_powder: float
+
+
+@dataclass(frozen=True, slots=True)
+class PoleFill:
+    """Solid fraction between the pole faces."""
+
+    fill_powder: float
+
+
+@dataclass(frozen=True, slots=True)
+class GapRow:
+    """The sheared gap: its solid fraction, and the inertial number, None where no torque gives a pressure."""
+
+    solid_fraction_gap: float
+    inertial_number: float | None
+
+
 class Observables:
-    """Callback of the loop that adds current, field quantities, fill and inertial number to each row."""
+    """Measure of the loop: it adds field quantities, fill and inertial number to each row."""
 
     def __init__(self, scene, device: Device):
         self._scene = scene
         self._device = device
         self._seen_solution: object = None
-        self._field_row: dict[str, float] = {}
+        self._of_the_field: list[FieldRow | PoleField] = []
         self._zone = pole_zone(device) if field_is_needed(scene) else None
 
-    def __call__(self, simulation: Simulation, row: dict) -> None:
+    def __call__(self, simulation: Simulation, row: WindowRow) -> None:
         source = simulation.source
         if source is not None:
-            row.update(source.window_row(row["time"]))
             if source.solution is not None and source.solution is not self._seen_solution:
                 self._seen_solution = source.solution
-                self._field_row = self._field_quantities(source.solution)
+                self._of_the_field = [self._field_quantities(source.solution)]
                 if self._zone is not None and source.sampler is not None:
-                    self._field_row["field_strength_powder"] = self._zone.field_strength(source.sampler)
-            row.update(self._field_row)
+                    self._of_the_field.append(PoleField(self._zone.field_strength(source.sampler)))
+            row.parts += self._of_the_field
         if self._zone is not None:
             grains = simulation.motion.grains
-            row["fill_powder"] = self._zone.fill(grains.position, simulation.n_sectors * grains.volume)
+            row.add(PoleFill(self._zone.fill(grains.position, simulation.n_sectors * grains.volume)))
         boxes = self._sheared_boxes()
         if boxes:
             x = simulation.motion.grains.position
@@ -49,8 +94,13 @@ class Observables:
             for box in boxes:
                 inside |= (r > box.r0) & (r < box.r1) & (x[:, 2] > box.z0) & (x[:, 2] < box.z1)
             volume = simulation.n_sectors * simulation.motion.grains.volume[inside].sum()
-            row["solid_fraction_gap"] = float(volume / sum(box.volume() for box in boxes))
-            row["inertial_number"] = self.inertial_number(row["torque_disc"], row["rotor_speed"] - row["disc_speed"])
+            rotor, disc = row.bodies["rotor"], row.bodies["disc"]
+            row.add(
+                GapRow(
+                    float(volume / sum(box.volume() for box in boxes)),
+                    self.inertial_number(disc.torque, rotor.speed - disc.speed),
+                )
+            )
 
     def inertial_number(self, torque: float, slip: float) -> float | None:
         """Upper bound of I = shear rate d sqrt(rho/P) in the sheared gap; None where no torque gives a pressure.
@@ -85,13 +135,13 @@ class Observables:
         (box,) = self._sheared_boxes()
         return 2 * pi * radius**2 * (box.z1 - box.z0)
 
-    def _field_quantities(self, solution: SolvedField) -> dict[str, float]:
+    def _field_quantities(self, solution: SolvedField) -> FieldRow:
         coil = self._device.coil
         assert coil is not None  # nothing else solves
-        return {
-            "flux_linkage": coil.turns * solution.flux_linkage_per_turn,
-            "field_energy": solution.energy,
-            "gap_flux_density": coil.gap_flux_density(solution, faces=self._device.shears_faces),
-            "field_iterations": len(solution.newton) - 1,
-            "field_residual": solution.newton[-1][0],
-        }
+        return FieldRow(
+            flux_linkage=coil.turns * solution.flux_linkage_per_turn,
+            field_energy=solution.energy,
+            gap_flux_density=coil.gap_flux_density(solution, faces=self._device.shears_faces),
+            field_iterations=len(solution.newton) - 1,
+            field_residual=solution.newton[-1][0],
+        )

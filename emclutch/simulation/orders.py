@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from emclutch.simulation.replicas import END
 
 if TYPE_CHECKING:
-    from coupling import Simulation
+    from coupling import Simulation, WindowRow
 
 
 class Orders:
@@ -52,7 +52,7 @@ class Orders:
             self.stopped.set()
             self._changed.notify_all()
 
-    def __call__(self, simulation: Simulation, row: dict[str, Any] | None = None) -> bool:
+    def __call__(self, simulation: Simulation, row: WindowRow | None = None) -> bool:
         now = simulation.motion.time + self._tolerance
         with self._changed:
             self._changed.wait_for(lambda: self._limit > now or self._ended or self.stopped.is_set())

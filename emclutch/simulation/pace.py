@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from emclutch.simulation.forecast.cost import Cost, spoken
 
 if TYPE_CHECKING:
-    from coupling import Simulation
+    from coupling import Simulation, WindowRow
 
 log = logging.getLogger(__name__)
 BEHIND = 2.0  # times the seconds predicted
@@ -53,12 +53,12 @@ class RunPace:
         self._latest = 0.0  # reading of the processor's clock after the last window [s]
         self._restart(begin)
 
-    def __call__(self, simulation: Simulation, row: dict) -> None:
-        now = float(row["time"])
+    def __call__(self, simulation: Simulation, row: WindowRow) -> None:
+        now = row.time
         if self._compiled() != self._kernels:
             self._restart(now)
             return
-        work = {part: row.get(f"wall_{part}", 0.0) for part in self._spent}
+        work = {part: getattr(row.seconds, part) or 0.0 for part in self._spent}
         processor = time.process_time()
         at_work, self._latest = processor - self._latest, processor
         if sum(work.values()) > WAITED_S and at_work < ASLEEP * sum(work.values()):

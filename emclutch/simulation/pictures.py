@@ -6,6 +6,7 @@ import numpy as np
 
 from emclutch.device.gap_map import gap_map
 from emclutch.results import RunFolder, load_result
+from emclutch.results.columns import CURRENT, TORQUE_DISC
 from emclutch.results.pictures import (
     axial_picture,
     grains_picture,
@@ -49,7 +50,7 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
         )
     elif solution is not None:
         gap_map_picture(folder.path / "gap.png", *gap_map(device.coil, solution), title=f"{title}\n{at}")
-    if "torque_disc" in result.history:  # a box has no disc
+    if TORQUE_DISC in result.history:  # a box has no disc
         current = steady_current(result.history)
         torque_title = title if current is None else f"{title}\n{current:.4g} A"
         torque_picture(folder.torque_picture, result.history, result.torque, result.other_histories, title=torque_title)
@@ -87,11 +88,11 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
 def moment_in_words(history, time: float) -> str:
     """The moment [s] that a picture shows, with the current at the end of a history where there is a coil."""
     at = f"t = {time_in_words(time)}"
-    return f"{history['current'].iloc[-1]:.4g} A, {at}" if "current" in history else at
+    return f"{history[CURRENT].iloc[-1]:.4g} A, {at}" if CURRENT in history else at
 
 
 def steady_current(history) -> float | None:
     """The coil's current [A] of a run in which it does not change; None of another, or without a coil."""
-    if "current" not in history or varies(history["current"]):
+    if CURRENT not in history or varies(history[CURRENT]):
         return None
-    return float(history["current"].iloc[-1])
+    return float(history[CURRENT].iloc[-1])

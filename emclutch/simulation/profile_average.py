@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from coupling import WindowRow
 from geometry.walls import AnnularBox
 from particles import DEM
 from particles.diagnostics.bins import Bins, RingBins, SlabBins, ring_bins
@@ -36,7 +37,7 @@ class ProfileAverage:
         self._sums: list[ProfileSums] = []
         self._speeds: dict[str, float] = {}
 
-    def __call__(self, simulation: Any, row: dict) -> None:
+    def __call__(self, simulation: Any, row: WindowRow) -> None:
         dem = simulation.motion
         if dem.time <= self._start:
             return

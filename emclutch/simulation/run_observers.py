@@ -6,7 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from coupling import Simulation, run_staggered
+from coupling import Simulation, WindowRow, run_staggered
+from coupling.staggered import Measure
 from emclutch.device.device import Device
 from emclutch.results import read_history
 from emclutch.scene.model import Scene
@@ -34,6 +35,8 @@ class RunObservers:
 
     Attributes
     ----------
+    measures : tuple of callable
+        Those that complete a window's row.
     callbacks : tuple of callable
         In the order in which the loop calls them.
     early : EarlyEnd
@@ -43,6 +46,7 @@ class RunObservers:
     snapshots : Snapshots
     """
 
+    measures: tuple[Measure, ...]
     callbacks: tuple[Callable, ...]
     early: EarlyEnd
     profiles: ProfileAverage | None
@@ -57,10 +61,10 @@ class RunObservers:
 
 
 def make_callbacks(request: RunRequest, started: StartedRun) -> RunObservers:
-    """Everything that looks at a run after each of its windows, in five stages; the frame of t = 0 is written.
+    """Everything that looks at a run after each of its windows, in four stages; the frame of t = 0 is written.
 
-    The order matters: the history takes the row that `Observables` has completed; snapshots show whether the end has
-    come, which the deciding ones say; a checkpoint holds what all of these have kept by then.
+    The loop completes a row by the measures before it calls any of them. Their order matters: snapshots show whether
+    the end has come, which the deciding ones say; a checkpoint holds what all of these have kept by then.
     """
     scene, folder, progress = request.case.scene, request.folder, request.progress
     plan, simulation, resume_time = started.plan, started.simulation, started.resume_time
@@ -86,7 +90,7 @@ def make_callbacks(request: RunRequest, started: StartedRun) -> RunObservers:
     def compiled() -> int:
         return request.opened.compiled.count
 
-    completing = (Observables(scene, started.planned.device),)
+    measures = (Observables(scene, started.planned.device),)
     deciding = (*missed_steps(request, resume_time), *early.callbacks)
     showing = (
         ReplicaPool(request.replicas),
@@ -96,8 +100,8 @@ def make_callbacks(request: RunRequest, started: StartedRun) -> RunObservers:
     )
     keeping = (Checkpoints(request, plan.windows, early, snapshots, profiles),)
     tuning = (RunPace(plan.cost, simulation.motion.time, progress.tell, compiled), *thread_trial(request))
-    callbacks = (alive.stop, *completing, history, *deciding, *showing, *keeping, *tuning)
-    return RunObservers(callbacks, early, profiles, alive, history, snapshots)
+    callbacks = (alive.stop, history, *deciding, *showing, *keeping, *tuning)
+    return RunObservers(measures, callbacks, early, profiles, alive, history, snapshots)
 
 
 def march(started: StartedRun, observers: RunObservers) -> None:
@@ -107,7 +111,7 @@ def march(started: StartedRun, observers: RunObservers) -> None:
         try:
             first = () if started.resume_time is None else (early.trigger, early.orders)
             if not any(one is not None and one(started.simulation) for one in first):
-                run_staggered(started.simulation, started.plan.end, observers.callbacks)
+                run_staggered(started.simulation, started.plan.end, observers.callbacks, observers.measures)
         finally:
             observers.close()
 
@@ -118,7 +122,7 @@ class ReplicaPool:
 
     replicas: Replicas
 
-    def __call__(self, simulation: Simulation, row: dict) -> None:
+    def __call__(self, simulation: Simulation, row: WindowRow) -> None:
         self.replicas.pump_now_and_then()
 
 
@@ -130,12 +134,13 @@ class WindowProgress:
     windows: int
     replicas: Replicas
 
-    def __call__(self, simulation: Simulation, row: dict) -> None:
-        torque = f"  torque on the disc {row['torque_disc']:.3g} N m" if "torque_disc" in row else ""
+    def __call__(self, simulation: Simulation, row: WindowRow) -> None:
+        disc = row.bodies.get("disc")
+        torque = "" if disc is None else f"  torque on the disc {disc.torque:.3g} N m"
         share = simulation.window / self.windows
         if self.replicas.count > 1 and self.progress.listener is not None:
-            share = self.replicas.share_done(row["time"])
-        self.progress.say(share, f"t = {row['time'] * 1e3:.3g} ms{torque}")
+            share = self.replicas.share_done(row.time)
+        self.progress.say(share, f"t = {row.time * 1e3:.3g} ms{torque}")
 
 
 def profile_average(scene: Scene, device: Device) -> ProfileAverage | None:

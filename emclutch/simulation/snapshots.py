@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from coupling import Simulation
+from coupling import Simulation, WindowRow
 from emclutch.results import HistoryWriter, RunFolder
+from emclutch.results.columns import columns_of
 from emclutch.results.record import Record
 from emclutch.results.view.paraview_script import write_script
 from emclutch.results.view.run_files import read_run_files
@@ -77,9 +78,9 @@ class Snapshots:
             count = simulation.motion.grains.count
             self._write_grains(simulation, np.zeros(count, dtype=np.int64), (np.zeros((0, 3)),) * 3)
 
-    def __call__(self, simulation: Simulation, row: dict) -> None:
+    def __call__(self, simulation: Simulation, row: WindowRow) -> None:
         if self.record is not None:
-            self.record.append_observables(row, step=simulation.motion.step_count)
+            self.record.append_observables(columns_of(row), step=simulation.motion.step_count)
         if simulation.window == 1:  # what it was solved for is the start: the series of the field begins at 0 as well
             self._write_field(simulation, 0.0)
         if self._script_is_due:  # every series has begun
@@ -184,8 +185,8 @@ class History:
     def __init__(self, path: Path, resume_time: float | None):
         self._writer = HistoryWriter(path, resume_time=resume_time)
 
-    def __call__(self, simulation: Simulation, row: dict) -> None:
-        self._writer.append(row)
+    def __call__(self, simulation: Simulation, row: WindowRow) -> None:
+        self._writer.append(columns_of(row))
 
     def close(self) -> None:
         """Close the file."""

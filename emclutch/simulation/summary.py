@@ -9,13 +9,39 @@ import numpy as np
 from emclutch.device.grain_size import grain_size
 from emclutch.device.pole_zone import PoleZone, pole_zone
 from emclutch.results import Estimate, RunFolder, read_history
+from emclutch.results.columns import (
+    CURRENT,
+    DISC_SPEED,
+    DISSIPATED,
+    ENERGY_RESIDUAL,
+    FIELD_STRENGTH_POWDER,
+    FILL_POWDER,
+    FLUX_LINKAGE,
+    GAP_FLUX_DENSITY,
+    INERTIAL_NUMBER,
+    MAX_OVERLAP,
+    MISSED_STEPS,
+    ROTOR_SPEED,
+    SOLVER_RESIDUAL,
+    STABILISATION_WORK,
+    STEPS,
+    SWEEPS,
+    TIME,
+    TORQUE_DISC,
+    TORQUE_RESIDUAL,
+    WALL_CONTACT,
+    WALL_FIELD,
+    WALL_MAGNETIC,
+    WALL_TOTAL,
+    WORK_WALLS,
+    torque_on,
+)
 from emclutch.results.rise_time import rise_times
 from emclutch.results.steady_torque import mean_torque, steady_torque
 from emclutch.scene.replica_count import replica_seed
 from emclutch.simulation.planned_run import PlannedRun
 from emclutch.simulation.structure import structure_summary
 from emclutch.simulation.torque_trigger import how_it_ended
-from particles import DEM, contact_share, depth_warning
 
 MANY_MISSES = 0.01  # of the steps: reported as a warning
 JAM = 1e3  # tolerances of the solver of rigid contacts, beyond which a step counts as jammed
@@ -40,12 +66,12 @@ def summarise(
     history = read_history(folder.history)
     summary: dict = {"title": case.scene.scene.title, "effects": list(case.scene.effects.active)}
     for body in ("rotor", "field"):
-        column = f"torque_{body}"
+        column = torque_on(body)
         if column in history:
             summary[column] = mean_torque((history, *others), column, conditions).as_dict()
     if stopped:
-        summary["stopped"] = f"by the callback at t = {history['time'].iloc[-1]:.4g} s of {plan.end:.4g} s"
-    torque = steady_torque(history, conditions, others) if "torque_disc" in history else None
+        summary["stopped"] = f"by the callback at t = {history[TIME].iloc[-1]:.4g} s of {plan.end:.4g} s"
+    torque = steady_torque(history, conditions, others) if TORQUE_DISC in history else None
     if torque is not None:
         summary["torque"] = torque.as_dict()
         if others:
@@ -63,21 +89,16 @@ def summarise(
     zone = None if simulation.magnetised is None else pole_zone(device)
     if zone is not None and torque is not None:
         summary |= zone_summary(zone, (history, *others), torque)
-    if "feedback_residual" in history:
-        summary["feedback"] = {
-            "tolerance": simulation.source.powder_tolerance,
-            "worst_residual": float(history["feedback_residual"].max()),
-        } | {part: float(history[f"feedback_{part}"].iloc[-1]) for part in ("across", "clipped", "lagged")}
-    if "moment_residual" in history:
-        summary["moments"] = moments_summary(case.scene.effects.attraction, history, plan, simulation.motion)
-    if "missed_steps" in history:
+    for effect in case.scene.effects.present:
+        summary |= effect.summarise(history, simulation)
+    if MISSED_STEPS in history:
         summary["solver"] = solver_summary(history, simulation.motion.tolerance)
-    if "inertial_number" in history:
-        late = history["inertial_number"].iloc[len(history) // 2 :].dropna()
+    if INERTIAL_NUMBER in history:
+        late = history[INERTIAL_NUMBER].iloc[len(history) // 2 :].dropna()
         summary["inertial_number"] = float(late.median()) if len(late) else None
     summary["structure"] = structure_summary(simulation.motion)
     summary |= {"grains": plan.count, "sectors": simulation.n_sectors, "dt": plan.dt} | numerics_summary(history)
-    measured = {part: f"wall_{part}" for part in ("field", "magnetic", "contact", "total")}
+    measured = {"field": WALL_FIELD, "magnetic": WALL_MAGNETIC, "contact": WALL_CONTACT, "total": WALL_TOTAL}
     summary["seconds"] = {part: float(history[name].sum()) for part, name in measured.items() if name in history}
     summary["seconds"] |= {**seconds, "predicted": plan.cost.seconds}
     summary |= {"contact": plan.contact_data, "plan": planned.decisions}
@@ -87,10 +108,10 @@ def summarise(
 def coil_summary(coil, source, history) -> dict[str, Any]:
     """Return what the coil's field was at the run's end, how it rose, and how exactly it was solved."""
     return {
-        "current": float(history["current"].iloc[-1]),
+        "current": float(history[CURRENT].iloc[-1]),
         "turns": coil.turns,
-        "gap_flux_density": float(history["gap_flux_density"].iloc[-1]),
-        "flux_linkage": float(history["flux_linkage"].iloc[-1]),
+        "gap_flux_density": float(history[GAP_FLUX_DENSITY].iloc[-1]),
+        "flux_linkage": float(history[FLUX_LINKAGE].iloc[-1]),
         "field_solves": source.solves,
         **rise_times(history, coil.currents.values[-1]),
         "field_error_estimate": source.solution.estimated_errors(),
@@ -100,15 +121,15 @@ def coil_summary(coil, source, history) -> dict[str, Any]:
 def numerics_summary(history) -> dict[str, float | str | None]:
     """Steps, overlaps and residuals of a run."""
     throughput = 0.0
-    if "dissipated" in history:
-        throughput = float((history["work_walls"].abs() + history["dissipated"]).sum())
+    if DISSIPATED in history:
+        throughput = float((history[WORK_WALLS].abs() + history[DISSIPATED]).sum())
     return {
-        "time": float(history["time"].iloc[-1]),
-        "steps": int(history["steps"].sum()),
-        "max_overlap": float(history["max_overlap"].max()),
-        "typical_overlap": float(history["max_overlap"].iloc[len(history) // 2 :].median()),
-        "torque_residual_rms": float(np.sqrt((history["torque_residual"] ** 2).mean())),
-        "energy_residual_relative": float(history["energy_residual"].sum() / throughput) if throughput else None,
+        "time": float(history[TIME].iloc[-1]),
+        "steps": int(history[STEPS].sum()),
+        "max_overlap": float(history[MAX_OVERLAP].max()),
+        "typical_overlap": float(history[MAX_OVERLAP].iloc[len(history) // 2 :].median()),
+        "torque_residual_rms": float(np.sqrt((history[TORQUE_RESIDUAL] ** 2).mean())),
+        "energy_residual_relative": float(history[ENERGY_RESIDUAL].sum() / throughput) if throughput else None,
         "discretisation_error": None,
         "discretisation_error_note": "not measured in a single run; emclutch accuracy measures it",
     }
@@ -116,13 +137,13 @@ def numerics_summary(history) -> dict[str, float | str | None]:
 
 def zone_summary(zone: PoleZone, histories, torque: Estimate) -> dict[str, float | str | None]:
     """Shear stress [Pa] with its error, mean H [A/m] and fill of the powder between the poles, of the steady part."""
-    late = [each[each["time"] > (torque.start or 0.0)] for each in histories]
+    late = [each[each[TIME] > (torque.start or 0.0)] for each in histories]
     found: dict[str, float | str | None] = {
         "shear_stress": None if torque.mean is None else zone.shear_stress(torque.mean),
         "shear_stress_note": "upper bound: the whole torque over the pole faces; 3 to 7 % of it act beside them",
         "shear_stress_error": None if torque.standard_error is None else zone.shear_stress(torque.standard_error),
     }
-    for name in ("field_strength_powder", "fill_powder"):
+    for name in (FIELD_STRENGTH_POWDER, FILL_POWDER):
         if name in late[0]:
             found[name] = float(np.mean([each[name].mean() for each in late]))
     return found
@@ -131,45 +152,28 @@ def zone_summary(zone: PoleZone, histories, torque: Estimate) -> dict[str, float
 def replicas_summary(case, histories, torque: Estimate) -> dict[str, Any]:
     """The replicas' seeds, and the mean torque [N m] of each over the averaged stretch."""
     start, end = torque.start or 0.0, torque.end or np.inf
-    late = [each[(each["time"] > start * (1.0 + 1e-9)) & (each["time"] <= end * (1.0 + 1e-9))] for each in histories]
-    widths = [np.diff(each["time"].to_numpy(), prepend=start) for each in late]
+    late = [each[(each[TIME] > start * (1.0 + 1e-9)) & (each[TIME] <= end * (1.0 + 1e-9))] for each in histories]
+    widths = [np.diff(each[TIME].to_numpy(), prepend=start) for each in late]
     return {
         "count": len(histories),
         "seeds": [replica_seed(case.scene.scene.seed, number) for number in range(len(histories))],
         "means": [
-            float(np.average(each["torque_disc"], weights=width)) if len(each) else None
+            float(np.average(each[TORQUE_DISC], weights=width)) if len(each) else None
             for each, width in zip(late, widths, strict=True)
         ],
     }
 
 
-def moments_summary(attraction, history, plan, motion) -> dict[str, float | str | list[str]]:
-    """Return how the moments converged; with a warning where contacts are too soft for their attraction."""
-    summary: dict[str, float | str | list[str]] = {
-        "model": attraction.model,
-        "tolerance": attraction.tolerance,
-        "worst_residual": float(history["moment_residual"].max()),
-        "sweeps_per_update": float(history["moment_sweeps"].sum()) * plan.steps_per_update / history["steps"].sum(),
-    }
-    if isinstance(motion, DEM) and motion.attraction is not None:
-        summary["strongest_near_pull"] = motion.attraction.strongest
-        summary["necks_over_contact_stiffness"] = contact_share(motion.attraction, motion.laws, motion.grains.radius)
-        warning = depth_warning(motion.attraction, motion.laws, motion.grains.radius)
-        if warning is not None:
-            summary["warnings"] = [warning]
-    return summary
-
-
 def solver_summary(history, tolerance: float) -> dict[str, float | list[str]]:
     """Return how the solver of rigid contacts converged, and warnings where steps are far from the law."""
-    missed, worst = int(history["missed_steps"].sum()), float(history["solver_residual"].max())
-    share = missed / float(history["steps"].sum())
+    missed, worst = int(history[MISSED_STEPS].sum()), float(history[SOLVER_RESIDUAL].max())
+    share = missed / float(history[STEPS].sum())
     summary: dict[str, float | list[str]] = {
         "tolerance": tolerance,
-        "sweeps_per_step": float(np.average(history["sweeps"], weights=history["steps"])),
+        "sweeps_per_step": float(np.average(history[SWEEPS], weights=history[STEPS])),
         "missed_share": share,
         "worst_residual": worst,
-        "stabilisation_work": float(history["stabilisation_work"].sum()),
+        "stabilisation_work": float(history[STABILISATION_WORK].sum()),
     }
     warnings = []
     if share > MANY_MISSES:
@@ -186,11 +190,11 @@ def solver_summary(history, tolerance: float) -> dict[str, float | list[str]]:
 
 def lock_up_time(history) -> float | None:
     """Time [s] from which on the shafts' speeds stay within 1 % of the faster one; None if they do not."""
-    slip = (history["rotor_speed"] - history["disc_speed"]).abs()
-    fast = np.maximum(history["rotor_speed"].abs(), history["disc_speed"].abs())
+    slip = (history[ROTOR_SPEED] - history[DISC_SPEED]).abs()
+    fast = np.maximum(history[ROTOR_SPEED].abs(), history[DISC_SPEED].abs())
     slipping = np.flatnonzero((slip > 0.01 * fast).to_numpy() | (fast == 0.0).to_numpy())
     if len(slipping) == 0:
         return 0.0
     if slipping[-1] == len(history) - 1:
         return None
-    return float(history["time"].iloc[slipping[-1] + 1])
+    return float(history[TIME].iloc[slipping[-1] + 1])

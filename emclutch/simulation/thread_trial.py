@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from coupling import Simulation
+    from coupling import Simulation, WindowRow
 
 log = logging.getLogger(__name__)
 ROUNDS = 3  # windows of each number in a trial; the fastest counts
@@ -38,14 +38,14 @@ class ThreadTrial:
         self._use, self._announce, self._rested = use, announce, 0
         self._begin()
 
-    def __call__(self, simulation: Simulation, row: dict) -> None:
+    def __call__(self, simulation: Simulation, row: WindowRow) -> None:
         if not self._to_try:
             self._rested += 1
             if self._rested >= REST * ROUNDS * len(self.numbers):
                 self._begin()
             return
         number = self._to_try.pop(0)
-        seconds = row["wall_contact"] + row.get("wall_magnetic", 0.0)
+        seconds = row.seconds.contact + (row.seconds.magnetic or 0.0)
         self._seconds[number] = min(seconds, self._seconds.get(number, seconds))
         self._take(self._to_try[0] if self._to_try else self._choose())
 

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from emclutch.results.columns import TIME
 from emclutch.results.steady_torque import SteadyConditions, steady_torque
 from emclutch.simulation.forecast.cost import spoken
 from emclutch.simulation.replicas import Replicas
@@ -20,7 +21,7 @@ from emclutch.simulation.stopping_rule import GoOn, Stop, StoppingRule, is_known
 if TYPE_CHECKING:
     import pandas
 
-    from coupling import Simulation
+    from coupling import Simulation, WindowRow
     from emclutch.results.statistics import Estimate
     from emclutch.scene.torque_target import TorqueTarget
 
@@ -56,7 +57,7 @@ class TorqueTrigger:
     _began: float = field(default_factory=time.monotonic)
     _simulated: float = 0.0
 
-    def __call__(self, simulation: Simulation, row: dict[str, Any] | None = None) -> bool:
+    def __call__(self, simulation: Simulation, row: WindowRow | None = None) -> bool:
         """Look where the requested time has come; True ends the run."""
         here = simulation.motion.time
         while not self.ended and here >= self.now.length - self.replicas.tolerance:
@@ -111,5 +112,5 @@ def how_it_ended(torque: Estimate, history: pandas.DataFrame, target: TorqueTarg
     reached = is_known(torque, target)
     found: dict[str, Any] = {"asked": str(target), "reached": reached, "half_width": torque.half_width()}
     if not reached:
-        found["reason"] = remedy(torque, target, float(history["time"].iloc[-1]))
+        found["reason"] = remedy(torque, target, float(history[TIME].iloc[-1]))
     return found

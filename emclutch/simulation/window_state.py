@@ -15,8 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from emclutch.results.columns import columns_of
+
 if TYPE_CHECKING:
-    from coupling import Simulation
+    from coupling import Simulation, WindowRow
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +34,8 @@ class WindowState:
         At the end of the window [s].
     window, windows : int
         Number of the window, from 1, and of the run's last.
-    row : mapping of str to float
-        The window's row of ``history.csv``; units in `emclutch.results.COLUMNS`.
+    row : mapping of str to float or None
+        The window's row of ``history.csv`` by column, see `emclutch.results.COLUMNS`; None is an empty cell.
     position : ndarray (n, 3)
         Centres [m], Cartesian, z along the shaft.
     velocity, angular_velocity : ndarray (n, 3)
@@ -58,14 +60,14 @@ class WindowState:
     magnetic_moment: np.ndarray | None
 
 
-def window_state(simulation: Simulation, row: dict[str, Any], windows: int) -> WindowState:
+def window_state(simulation: Simulation, row: WindowRow, windows: int) -> WindowState:
     """The state of a simulation whose run has `windows` windows."""
     grains = simulation.motion.grains
     return WindowState(
         time=simulation.motion.time,
         window=simulation.window,
         windows=windows,
-        row=MappingProxyType(row),
+        row=MappingProxyType(columns_of(row)),
         position=_read_only(grains.position),
         velocity=_read_only(grains.velocity),
         angular_velocity=_read_only(grains.angular_velocity),
@@ -101,7 +103,7 @@ class UserCallback:
     windows: int
     stopped: bool = False
 
-    def __call__(self, simulation: Simulation, row: dict[str, Any]) -> bool:
+    def __call__(self, simulation: Simulation, row: WindowRow) -> bool:
         try:
             self.stopped = bool(self.function(window_state(simulation, row, self.windows)))
         except Exception as error:  # a ValueError of the user's is none of the run's

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from emclutch.results import Estimate, Result
+from emclutch.results.columns import DISC_SPEED, MISSED_STEPS, ROTOR_SPEED, STEPS, TIME, TORQUE_DISC
 from emclutch.results.torque_in_words import in_words
 
 METHOD = "contact.method"
@@ -44,7 +45,7 @@ def _row(others: dict[str, Any], dem: Result, dvi: Result) -> dict[str, Any]:
     row: dict[str, Any] = dict(others)
     for name, result in (("dem", dem), ("dvi", dvi)):
         summary, history = result.summary, result.history
-        if "torque_disc" in history:
+        if TORQUE_DISC in history:
             torque = result.torque
             row[f"torque_{name}"], row[f"torque_error_{name}"] = torque.mean, torque.standard_error
             row[f"torque_low_{name}"], row[f"torque_high_{name}"] = torque.interval() or (None, None)
@@ -56,10 +57,10 @@ def _row(others: dict[str, Any], dem: Result, dvi: Result) -> dict[str, Any]:
             row[f"lock_up_time_{name}"] = summary["lock_up_time"]
     if {"torque_dem", "torque_dvi"} <= row.keys():
         row |= _torques_apart(dem.torque, dvi.torque)
-    if "disc_speed" in dem.history and "disc_speed" in dvi.history:
+    if DISC_SPEED in dem.history and DISC_SPEED in dvi.history:
         row["speed_difference"] = _speeds_apart(dem.history, dvi.history)
-    steps = int(dvi.history["steps"].sum())
-    row["missed_steps_dvi"] = float(dvi.history["missed_steps"].sum()) / max(steps, 1)
+    steps = int(dvi.history[STEPS].sum())
+    row["missed_steps_dvi"] = float(dvi.history[MISSED_STEPS].sum()) / max(steps, 1)
     return row
 
 
@@ -79,10 +80,10 @@ def _torques_apart(dem: Estimate, dvi: Estimate) -> dict[str, float | None]:
 
 def _speeds_apart(dem: Any, dvi: Any) -> float | None:
     """Largest difference of the output's speed over the motor's largest speed (over its own where none is known)."""
-    times = dem["time"].to_numpy()
-    times = times[times <= dvi["time"].iloc[-1]]
-    apart = [np.interp(times, history["time"], history["disc_speed"]) for history in (dem, dvi)]
-    column = "rotor_speed" if "rotor_speed" in dem else "disc_speed"
+    times = dem[TIME].to_numpy()
+    times = times[times <= dvi[TIME].iloc[-1]]
+    apart = [np.interp(times, history[TIME], history[DISC_SPEED]) for history in (dem, dvi)]
+    column = ROTOR_SPEED if ROTOR_SPEED in dem else DISC_SPEED
     scale = float(np.abs(dem[column]).max())
     return float(np.abs(apart[0] - apart[1]).max() / scale) if scale > 0.0 else None
 

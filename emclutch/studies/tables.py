@@ -9,6 +9,7 @@ from typing import Any
 
 from emclutch.results import Result
 from emclutch.results.atomic_file import replace_json, replace_text
+from emclutch.results.columns import DISC_SPEED, ROTOR_SPEED, TIME, TORQUE_DISC
 from emclutch.results.linear_range import linear_range
 from emclutch.results.pictures.speeds import speed_picture, speeds_vary
 from emclutch.results.pictures.torque_curves import torque_against_current_picture, torque_against_speed_picture
@@ -126,8 +127,8 @@ def row_of(values: dict[str, Any], result: Result) -> dict[str, Any]:
     for name in ("shear_stress", "shear_stress_error", "field_strength_powder", "fill_powder"):
         if name in summary:  # between pole faces: a point of the powder's law tau(H, phi)
             row[name] = summary[name]
-    if "rotor_speed" in result.history:
-        row["rotor_speed"] = float(result.history["rotor_speed"].iloc[-1])
+    if ROTOR_SPEED in result.history:
+        row["rotor_speed"] = float(result.history[ROTOR_SPEED].iloc[-1])
     if "lock_up_time" in summary:  # a shaft is free
         row["output_start_time"], row["output_start_speed"] = output_start(result.history) or (None, None)
         row["lock_up_time"] = summary["lock_up_time"]
@@ -136,7 +137,7 @@ def row_of(values: dict[str, Any], result: Result) -> dict[str, Any]:
 
 def disc_torque(result: Result) -> Estimate:
     """The result's steady torque; none where the scene has no disc, as a box without a wall on it."""
-    if "torque_disc" in result.history:
+    if TORQUE_DISC in result.history:
         return result.torque
     return Estimate(None, None, 0, None, None, False, "the scene has no disc")
 
@@ -146,14 +147,14 @@ def output_start(history: Any) -> tuple[float, float] | None:
 
     It moves when it turns at `STARTED` times the fastest speed of the motor.
     """
-    if "rotor_speed" not in history or "disc_speed" not in history:
+    if ROTOR_SPEED not in history or DISC_SPEED not in history:
         return None
-    motor, output = history["rotor_speed"].to_numpy(), history["disc_speed"].to_numpy()
+    motor, output = history[ROTOR_SPEED].to_numpy(), history[DISC_SPEED].to_numpy()
     moving = abs(output) > STARTED * abs(motor).max()
     if not moving.any() or moving[0]:
         return None
     first = int(moving.argmax())
-    return float(history["time"].iloc[first]), float(motor[first])
+    return float(history[TIME].iloc[first]), float(motor[first])
 
 
 def label_of(study: StudySection, values: dict[str, Any]) -> str:

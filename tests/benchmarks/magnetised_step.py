@@ -25,7 +25,8 @@ import numba
 import numpy as np
 
 import coupling.window_budget
-from coupling import Simulation, run_staggered
+from coupling import Simulation, WindowRow, run_staggered
+from coupling.magnetised_grains import MomentRow
 from emclutch import Case, load_case
 from emclutch.results.record import Record
 from emclutch.simulation.assembly import assemble, simulation_of
@@ -140,18 +141,18 @@ def step_cost(simulation: Simulation, windows: int = 2) -> StepCost:
     simulation.updates = STARTING
     run_staggered(simulation, FAR_END, [lambda simulation, row: True])
     simulation.updates = updates
-    rows: list[dict] = []
+    rows: list[WindowRow] = []
     bare: list[float] = []
     for _ in range(windows):
         run_staggered(simulation, FAR_END, [lambda simulation, row: rows.append(row) or True])
         seconds, bare_contacts = bare_step(dem)
         bare.append(seconds)
-    steps = sum(row["steps"] for row in rows)
-    parts = {name: 1e6 * sum(row[f"wall_{name}"] for row in rows) / steps for name in PARTS}
+    steps = sum(row.steps for row in rows)
+    parts = {name: 1e6 * sum(getattr(row.seconds, name) for row in rows) / steps for name in PARTS}
     n = dem.grains.count
     return StepCost(
-        n, parts, float(np.mean(bare)), rows[-1]["n_contacts"] / n, bare_contacts / n,
-        sum(row["moment_sweeps"] for row in rows) / (windows * updates),
+        n, parts, float(np.mean(bare)), rows[-1].n_contacts / n, bare_contacts / n,
+        sum(row.part(MomentRow).moment_sweeps for row in rows) / (windows * updates),
     )  # fmt: skip
 
 

@@ -54,13 +54,13 @@ class Windows:
         self.last, self.begin, self.end = last, 0.0, 0.0
         self.spent = dict.fromkeys(PARTS, 0.0)
 
-    def __call__(self, simulation, row: dict) -> bool:
+    def __call__(self, simulation, row) -> bool:
         if simulation.window == 1:
-            self.begin = row["time"]
+            self.begin = row.time
         else:
             for part in PARTS:
-                self.spent[part] += row.get(f"wall_{part}", 0.0)
-        self.end = row["time"]
+                self.spent[part] += getattr(row.seconds, part) or 0.0
+        self.end = row.time
         return simulation.window >= self.last
 
 
@@ -69,7 +69,7 @@ def measured(case: Case, share: float, machine: MachineSpeed) -> tuple[dict[str,
     device, plan = make_plan(case)
     simulation = assemble(case, device, plan)
     windows = Windows(max(4, round(share * plan.windows)))
-    run_staggered(simulation, plan.end, (Observables(case.scene, device), windows))
+    run_staggered(simulation, plan.end, (windows,), (Observables(case.scene, device),))
     cost = predict(case.scene, device, plan.dt, (plan.steps_per_update, plan.updates, plan.windows), 1, machine)
     before, after = cost.until(windows.begin), cost.until(windows.end)
     return {part: after[part] - before[part] for part in PARTS}, windows.spent

@@ -8,6 +8,7 @@ from graded_lines import graded_lines
 from section_grid import section_grid
 
 from coupling import CircuitCoilField, CoilField, EddyCoilField
+from coupling.coil_row import CoilRow
 from field import AxisymmetricProblem, GrainLaw, LinearLaw, PowderLaw, material
 from field.coil.inductance import apparent_inductance
 from field.coil.winding import Winding
@@ -52,7 +53,7 @@ def march(source, windows=WINDOWS, first=0):
     rows, new = [], 0
     for k in range(first, windows):
         new += source.refresh(k * WINDOW)
-        rows.append(source.window_row((k + 1) * WINDOW))
+        rows.append(source.window_part((k + 1) * WINDOW))
     return rows, new
 
 
@@ -65,17 +66,17 @@ def test_course_of_the_current_is_as_it_was(problem):
         guess = problem.solve(N * (1.0 + 100.0 * time), guess=guess)
         assert np.array_equal(source.solution.psi, guess.psi)
     assert not source.refresh(0.05001) and source.solves == 3
-    assert source.window_row(0.06) == {"current": 7.0}
+    assert source.window_part(0.06) == CoilRow(7.0)
 
 
 def test_current_rises_and_the_energies_close(problem):
     source = circuit_source(problem)
     rows, new = march(source)
-    current = np.array([row["current"] for row in rows])
+    current = np.array([row.current for row in rows])
     assert np.all(np.diff(current) > 0.0) and 0.8 * V / R < current[-1] < V / R
     assert 20 < new < 70, "a solve for every two per cent of the current"
     supplied, copper, into_field = (
-        sum(row[name] for row in rows) for name in ("coil_supplied", "copper_loss", "into_field")
+        sum(getattr(row, name) for row in rows) for name in ("coil_supplied", "copper_loss", "into_field")
     )
     assert supplied == pytest.approx(copper + into_field, rel=1e-12)
     end = WINDOWS * WINDOW
@@ -110,10 +111,10 @@ def test_moving_powder_changes_the_current_and_not_the_linkage(problem):
     assert after.linkage == pytest.approx(before.linkage, rel=1e-6)
     assert after.current < 0.98 * before.current
     assert source.solution.flux_linkage(N) == pytest.approx(after.linkage, rel=1e-9)
-    assert rows[-1]["current"] == pytest.approx(V / R, rel=1e-6), "steady before"
+    assert rows[-1].current == pytest.approx(V / R, rel=1e-6), "steady before"
     # and comes back to V/R in the end
     rows, _ = march(source, jump + 600, jump + 1)
-    assert rows[-1]["current"] == pytest.approx(V / R, rel=1e-2)
+    assert rows[-1].current == pytest.approx(V / R, rel=1e-2)
 
 
 @pytest.mark.parametrize("kind", ["circuit", "eddy at a voltage", "eddy at a current"])
@@ -141,8 +142,8 @@ def test_eddy_currents_vanish_with_the_conductivity(problem):
     """sigma -> 0: the field with eddy currents is that of the circuit."""
     circuit = circuit_source(problem, current_tolerance=0.01)
     eddy = eddy_source(problem, 0.0, voltage=VoltageDrive(lambda t: V, R), change_tolerance=0.01)
-    expected = np.array([row["current"] for row in march(circuit)[0]])
-    found = np.array([row["current"] for row in march(eddy)[0]])
+    expected = np.array([row.current for row in march(circuit)[0]])
+    found = np.array([row.current for row in march(eddy)[0]])
     # the one tells the current at the window's end, the other the one of its last step
     assert np.abs(found[1:] - expected[:-1]).max() < 0.03 * V / R
 
@@ -150,7 +151,9 @@ def test_eddy_currents_vanish_with_the_conductivity(problem):
 def test_eddy_source_balances_its_energy_and_rests(problem):
     source = eddy_source(problem, voltage=VoltageDrive(lambda t: V, R), change_tolerance=0.01)
     rows, new = march(source, windows=400)
-    supplied, copper, eddy = (sum(row[name] for row in rows) for name in ("coil_supplied", "copper_loss", "eddy_loss"))
+    supplied, copper, eddy = (
+        sum(getattr(row, name) for row in rows) for name in ("coil_supplied", "copper_loss", "eddy_loss")
+    )
     stored = source.solution.energy
     assert supplied == pytest.approx(copper + eddy + stored, rel=2e-3)
     assert eddy > 1e-3 * stored

@@ -49,11 +49,12 @@ def test_its_torque_and_work_close_the_balances():
     assert len(rows) == 10
     taken = 0.0
     for row in rows:
-        assert "torque_field" not in row and "work_magnetic" not in row
-        assert row["torque_fluid_drag"] > 0.0  # on the fluid, with the grain's motion
-        assert abs(row["torque_residual"]) < 1e-9 * row["torque_fluid_drag"]
-        assert abs(row["energy_residual"]) < 1e-9 * abs(row["work_held"])
-        taken += row["work_held"]
+        on_the_fluid = -row.other_torque["fluid_drag"]
+        assert not row.field_torque and not row.held_is_magnetic
+        assert on_the_fluid > 0.0  # with the grain's motion
+        assert abs(row.torque_residual) < 1e-9 * on_the_fluid
+        assert abs(row.energy.residual) < 1e-9 * abs(row.energy.work_held)
+        taken += row.energy.work_held
     assert taken == pytest.approx(-0.5 * MASS * SPEED**2 * (1.0 - np.exp(-2.0 * TIME / DECAY)), rel=1e-9)
 
 

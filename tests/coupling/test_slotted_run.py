@@ -89,7 +89,7 @@ def test_a_free_slotted_disc_feels_the_grains_through_its_field():
     def follow(simulation, row):
         nonlocal angular_momentum, impulse
         angular_momentum = 1e-7 * disc.speed
-        impulse += row["torque_disc"] * plan.steps_per_update * plan.updates * plan.dt
+        impulse += row.bodies["disc"].torque * plan.steps_per_update * plan.updates * plan.dt
 
     from coupling import run_staggered
 

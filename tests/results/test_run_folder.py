@@ -95,7 +95,7 @@ def test_history_round_trip_is_exact(tmp_path):
     table = read_history(tmp_path / "history.csv")
     assert list(table.columns) == ["time", "torque_disc", "steps"]
     assert table["torque_disc"].tolist() == [row["torque_disc"] for row in rows]
-    assert table.attrs["units"]["torque_disc"] == COLUMNS["torque_disc"][0] == "N m"
+    assert table.attrs["units"]["torque_disc"] == COLUMNS["torque_disc"].unit == "N m"
 
 
 def test_history_resumes_after_its_checkpoint(tmp_path):

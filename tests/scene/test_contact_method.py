@@ -8,6 +8,7 @@ import pandas
 import pytest
 
 import emclutch
+from coupling.window_row import SolverRow
 from emclutch.results.checkpoint import read_checkpoint
 from emclutch.scene.case import case_from
 from emclutch.simulation.missed_steps import MissedSteps
@@ -121,6 +122,12 @@ def test_too_many_misses_stop_the_run(tmp_path):
         emclutch.run(scene("dvi", **hopeless), out=tmp_path / "run")
 
 
+def window(missed_steps, steps):
+    """What the callback looks at of a window's row."""
+    solver = SolverRow(10.0, 20, 1e-5, missed_steps, 0.5, 0.0)
+    return SimpleNamespace(time=0.0, steps=steps, solver=solver)
+
+
 def test_a_few_misses_are_recorded_only():
     callback = MissedSteps(0.5)
 
@@ -128,15 +135,15 @@ def test_a_few_misses_are_recorded_only():
         motion = type("Dem", (), {"tolerance": 1e-6})
 
     for _ in range(10):
-        callback(Simulation, {"missed_steps": 5, "steps": 10, "time": 0.0, "solver_residual": 1e-5})
+        callback(Simulation, window(5, 10))
     with pytest.raises(ParticleError, match="61 of 110"):
-        callback(Simulation, {"missed_steps": 11, "steps": 10, "time": 0.0, "solver_residual": 1e-5})
+        callback(Simulation, window(11, 10))
 
 
 def test_misses_before_a_resumption_count():
     """Half of 40 steps and none of 60 more: 20 of 100, as if the run had not been stopped."""
     before = pandas.DataFrame({"missed_steps": [10, 10], "steps": [20, 20]})
-    row = {"missed_steps": 0, "steps": 60, "time": 0.0, "solver_residual": 1e-5}
+    row = window(0, 60)
     simulation = SimpleNamespace(motion=SimpleNamespace(tolerance=1e-6))
     MissedSteps(0.21, before)(simulation, row)
     with pytest.raises(ParticleError, match="20 of 100"):

@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial import cKDTree
 from typer.testing import CliRunner
 
+from coupling.window_row import WallClock
 from emclutch.cli.main import app
 from emclutch.scene.case import case_from
 from emclutch.simulation import pace as run_pace
@@ -214,7 +215,8 @@ def drive(pace, windows, clock=None, begin=0.0, **seconds):
     for k in range(windows):
         if clock is not None:
             clock.wall += sum(seconds.values())
-        pace(None, {"time": begin + k + 1.0} | {f"wall_{part}": value for part, value in seconds.items()})
+        spent = WallClock(seconds.get("field"), seconds.get("magnetic"), seconds["contact"], sum(seconds.values()))
+        pace(None, SimpleNamespace(time=begin + k + 1.0, seconds=spent))
 
 
 @pytest.fixture

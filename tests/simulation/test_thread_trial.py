@@ -1,7 +1,10 @@
 """A trial finds the number of threads that is fastest, by the clock of windows and nothing else."""
 
+from types import SimpleNamespace
+
 import pytest
 
+from coupling.window_row import WallClock
 from emclutch.simulation.thread_trial import REST, ROUNDS, ThreadTrial
 
 
@@ -16,7 +19,7 @@ class Machine:
     def windows(self, count: int) -> None:
         for _ in range(count):
             seconds = self.seconds[self.trial.threads]
-            self.trial(None, {"wall_contact": 0.7 * seconds, "wall_magnetic": 0.3 * seconds})
+            self.trial(None, SimpleNamespace(seconds=WallClock(None, 0.3 * seconds, 0.7 * seconds, seconds)))
 
 
 @pytest.mark.parametrize(("seconds", "chosen"), [({1: 1.0, 2: 0.6}, 2), ({1: 1.0, 2: 1.8}, 1), ({1: 1.0, 2: 0.99}, 1)])

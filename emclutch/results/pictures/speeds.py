@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from emclutch.results.columns import DISC_SPEED, ROTOR_SPEED, TIME, TORQUE_DISC
 from emclutch.results.output_error import OutputError
 from emclutch.results.pictures.figure_title import legend_beside
 from emclutch.results.pictures.picture_file import save_picture
@@ -28,9 +29,9 @@ VARIES = 1e-3  # of the fastest speed: a free shaft that is held by dry friction
 
 def speeds_vary(history: Any) -> bool:
     """Return whether a history has both shafts and the speed of one of them changes."""
-    if "rotor_speed" not in history or "disc_speed" not in history:
+    if ROTOR_SPEED not in history or DISC_SPEED not in history:
         return False
-    speeds = [_column(history, name) for name in ("rotor_speed", "disc_speed")]
+    speeds = [_column(history, name) for name in (ROTOR_SPEED, DISC_SPEED)]
     fastest = max(float(np.max(np.abs(speed), initial=0.0)) for speed in speeds)
     return any(bool(len(speed)) and float(np.ptp(speed)) > VARIES * fastest for speed in speeds)
 
@@ -57,15 +58,15 @@ def speed_picture(
     figure = Figure(figsize=(10.5, 5.0), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     axis = figure.add_subplot()
-    longest = max((float(np.max(_column(one, "time"), initial=0.0)) for one in runs.values()), default=0.0)
+    longest = max((float(np.max(_column(one, TIME), initial=0.0)) for one in runs.values()), default=0.0)
     unit, factor = time_unit(longest)
     motors: list[tuple[np.ndarray, np.ndarray]] = []
     styles = _styles(list(runs))
     for name, history in runs.items():
-        time, motor, output = (_column(history, column) for column in ("time", "rotor_speed", "disc_speed"))
+        time, motor, output = (_column(history, column) for column in (TIME, ROTOR_SPEED, DISC_SPEED))
         of = f", {name}" if len(runs) > 1 else ""
         if not any(_alike(other, (time, motor)) for other in motors):
-            same = sum(_alike((_column(h, "time"), _column(h, "rotor_speed")), (time, motor)) for h in runs.values())
+            same = sum(_alike((_column(h, TIME), _column(h, ROTOR_SPEED)), (time, motor)) for h in runs.values())
             label, line = "motor" if same == len(runs) else f"motor{of}", ("--", ":", "-.")[len(motors) % 3]
             axis.plot(factor * time, RPM * motor, color=MOTOR, lw=1.4, ls=line, label=label)
             motors.append((time, motor))
@@ -121,8 +122,8 @@ def torque_speed_picture(path: str | Path, runs: Mapping[str, Any], *, title: st
     FigureCanvasAgg(figure)
     axis = figure.add_subplot()
     for number, (name, history) in enumerate(runs.items()):
-        motor, output = _column(history, "rotor_speed"), _column(history, "disc_speed")
-        speed, torque = np.abs(motor), _column(history, "torque_disc")
+        motor, output = _column(history, ROTOR_SPEED), _column(history, DISC_SPEED)
+        speed, torque = np.abs(motor), _column(history, TORQUE_DISC)
         slips = np.abs(motor - output) > MIN_SLIP * speed
         stands = slips & (np.abs(output) <= MIN_SLIP * speed)
         colour, of = OUTPUTS[number % len(OUTPUTS)], f"{name}: " if len(runs) > 1 else ""

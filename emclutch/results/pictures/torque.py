@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from emclutch.results.columns import (
+    CURRENT,
+    DISC_SPEED,
+    GAP_FLUX_DENSITY,
+    ROTOR_SPEED,
+    TIME,
+    TORQUE_DISC,
+    speed_of,
+    torque_on,
+)
 from emclutch.results.pictures.figure_title import legend_beside
 from emclutch.results.pictures.picture_file import save_picture
 from emclutch.results.statistics import Estimate
@@ -25,7 +36,7 @@ def torque_picture(
     Parameters
     ----------
     path : PNG to write.
-    history : table with the columns of `history.COLUMNS` (pandas, or a dictionary of arrays).
+    history : table with the columns of `emclutch.results.COLUMNS` (pandas, or a dictionary of arrays).
     estimate : of the disc's torque; its steady part is shaded and its mean drawn with its 95 % interval; an unknown one
         is said, and no band is drawn.
     others : histories of the other replicas: their torque on the disc is drawn thin, as the mean is of all of them.
@@ -33,29 +44,29 @@ def torque_picture(
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    time = np.asarray(history["time"], dtype=np.float64)
+    time = np.asarray(history[TIME], dtype=np.float64)
     unit_of_time, time_factor = time_unit(np.max(time, initial=0.0))
     time = time_factor * time
-    drives = [name for name in ("current", "rotor_speed", "disc_speed") if name in history and varies(history[name])]
+    drives = [name for name in (CURRENT, ROTOR_SPEED, DISC_SPEED) if name in history and varies(history[name])]
     rows = 2 if drives else 1
     figure = Figure(figsize=(9.0, 4.6 + 2.0 * (rows - 1)), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(rows, 1, sharex=True, squeeze=False, height_ratios=[2.4, 1.0][:rows])[:, 0]
     axis = axes[0]
-    shown = [body for body in COLOURS if f"torque_{body}" in history]
-    unit, factor = torque_unit([np.asarray(history[f"torque_{body}"], dtype=np.float64) for body in shown])
+    shown = [body for body in COLOURS if torque_on(body) in history]
+    unit, factor = torque_unit([np.asarray(history[torque_on(body)], dtype=np.float64) for body in shown])
     for body in shown:
-        torque = factor * np.asarray(history[f"torque_{body}"], dtype=np.float64)
+        torque = factor * np.asarray(history[torque_on(body)], dtype=np.float64)
         if body == "housing" and not torque.any():
             continue
         axis.plot(time, torque, color=COLOURS[body], lw=1.0, label=f"on the {body}")
-        if f"torque_{body}_field" in history:
-            part = factor * np.asarray(history[f"torque_{body}_field"], dtype=np.float64)
+        if (by_field := f"{torque_on(body)}_field") in history:
+            part = factor * np.asarray(history[by_field], dtype=np.float64)
             axis.plot(time, part, color=COLOURS[body], lw=0.8, ls=":", label="of it by its slots' field")
     for number, other in enumerate(others):
         label = None if number else "on the disc, other packings"
-        torque = factor * np.asarray(other["torque_disc"], dtype=np.float64)
-        axis.plot(time_factor * np.asarray(other["time"]), torque, color="#7fb2dd", lw=0.6, zorder=1, label=label)
+        torque = factor * np.asarray(other[TORQUE_DISC], dtype=np.float64)
+        axis.plot(time_factor * np.asarray(other[TIME]), torque, color="#7fb2dd", lw=0.6, zorder=1, label=label)
     axis.axhline(0.0, color="black", lw=0.6)
     if estimate is not None and estimate.mean is not None and estimate.start is not None:
         start = time_factor * estimate.start
@@ -82,22 +93,23 @@ def torque_picture(
     return save_picture(figure, path)
 
 
-def _draw_drives(axis: Any, time: np.ndarray, history: Any, drives: list[str]) -> None:
-    speeds = [name for name in drives if name != "current"]
-    if "current" in drives:
-        axis.plot(time, np.asarray(history["current"]), color="#8a1c7c", lw=1.2, label="current")
+def _draw_drives(axis: Any, time: np.ndarray, history: Any, drives: Sequence[str]) -> None:
+    speeds = [name for name in drives if name != CURRENT]
+    if CURRENT in drives:
+        axis.plot(time, np.asarray(history[CURRENT]), color="#8a1c7c", lw=1.2, label="current")
         axis.set_ylabel("current [A]")
-    in_gap = "current" in drives and not speeds and "gap_flux_density" in history
-    right = axis.twinx() if "current" in drives and (speeds or in_gap) else axis
+    in_gap = CURRENT in drives and not speeds and GAP_FLUX_DENSITY in history
+    right = axis.twinx() if CURRENT in drives and (speeds or in_gap) else axis
     if in_gap:
-        right.plot(time, np.asarray(history["gap_flux_density"]), color="#2a8c3f", lw=1.2, label="|B| in the gap")
+        right.plot(time, np.asarray(history[GAP_FLUX_DENSITY]), color="#2a8c3f", lw=1.2, label="|B| in the gap")
         right.set_ylabel("|B| under the poles [T]")
         right.set_ylim(bottom=0.0)
-        if np.min(history["current"]) >= 0.0:
+        if np.min(history[CURRENT]) >= 0.0:
             axis.set_ylim(bottom=0.0)
-    for name in speeds:
-        body = name.removesuffix("_speed")
-        right.plot(time, RPM * np.asarray(history[name]), color=COLOURS[body], lw=1.2, ls="-.", label=f"{body} speed")
+    for body in (body for body in COLOURS if speed_of(body) in speeds):
+        right.plot(
+            time, RPM * np.asarray(history[speed_of(body)]), color=COLOURS[body], lw=1.2, ls="-.", label=f"{body} speed"
+        )
     if speeds:
         right.set_ylabel("speed [rpm]")
     right.margins(x=0.0)

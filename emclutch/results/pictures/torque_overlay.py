@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from emclutch.results.columns import TIME, TORQUE_DISC
 from emclutch.results.output_error import OutputError
 from emclutch.results.pictures.figure_title import legend_beside
 from emclutch.results.pictures.picture_file import save_picture
@@ -39,7 +40,7 @@ def torque_overlay_picture(path: str | Path, runs: Mapping[str, Result], *, titl
     FigureCanvasAgg(figure)
     axis = figure.add_subplot()
     unit, factor = torque_unit(list(torques.values()))
-    times = {name: result.history["time"].to_numpy() for name, result in runs.items()}
+    times = {name: result.history[TIME].to_numpy() for name, result in runs.items()}
     unit_of_time, in_unit = time_unit(max((float(time[-1]) for time in times.values()), default=0.0))
     for number, (name, result) in enumerate(runs.items()):
         colour, line = COLOURS[number % len(COLOURS)], LINES[number // len(COLOURS) % len(LINES)]
@@ -69,6 +70,6 @@ def torque_overlay_picture(path: str | Path, runs: Mapping[str, Result], *, titl
 
 
 def _torque(result: Result) -> np.ndarray:
-    if "torque_disc" not in result.history:
+    if TORQUE_DISC not in result.history:
         raise OutputError(f"{result.folder.history} has no torque_disc: the scene has no disc")
-    return result.history["torque_disc"].to_numpy()
+    return result.history[TORQUE_DISC].to_numpy()

@@ -19,6 +19,7 @@ from emclutch import __version__
 from emclutch.effects import EffectsSection
 from emclutch.effects.left_out import ALWAYS, OFF, LeftOut
 from emclutch.results import COLUMNS, OutputError, Result, RunFolder, load_result
+from emclutch.results.columns import DISSIPATED, ENERGY_RESIDUAL, TORQUE_DISC, WORK_HELD, WORK_MAGNETIC, WORK_WALLS
 from emclutch.results.grain_profiles import profile_column, read_profiles
 from emclutch.results.replicated_mean import drift_in_words
 from emclutch.results.report.markdown import PICTURES, summary_rows
@@ -36,8 +37,7 @@ STUDY_PICTURES = {
     "speeds.png": "speeds of the shafts against time",
 }
 PARTS = ("start", "field", "magnetic", "contact", "output")
-WORKS = ("coil_supplied", "work_walls", "work_magnetic", "work_held", "work_gravity")
-ENERGIES = (*WORKS, "dissipated", "energy_residual")
+ENERGIES = ("coil_supplied", WORK_WALLS, WORK_MAGNETIC, WORK_HELD, "work_gravity", DISSIPATED, ENERGY_RESIDUAL)
 
 
 def write_page(folder: Path, left_out_of: LeftOutOf, out: Path | None = None) -> Path:
@@ -76,7 +76,7 @@ def run_page(result: Result, left_out_of: LeftOutOf) -> str:
         **_frame(summary.get("title") or folder.path.resolve().name, [folder.path]),
         verdict=verdict(result),
         matters=_that_matter(left_out, on),
-        torque=torque_in_words(result.torque) if "torque_disc" in result.history else None,
+        torque=torque_in_words(result.torque) if TORQUE_DISC in result.history else None,
         effects=_effects(on, left_out),
         pictures=[*_pictures(folder.path, PICTURES), *_own_torque_picture(result)],
         numbers=summary_rows(summary) if summary else [],
@@ -84,7 +84,7 @@ def run_page(result: Result, left_out_of: LeftOutOf) -> str:
         balances=_balances(result),
         cost=_cost([summary]) if summary else [],
         **_of_the_run(folder),
-        columns=[(name, *COLUMNS[name]) for name in result.history.columns],
+        columns=[(name, COLUMNS[name].unit, COLUMNS[name].meaning) for name in result.history.columns],
         profile_columns=_profile_columns(folder.path),
     )
 
@@ -101,7 +101,7 @@ def study_page(study: StudyFolder, left_out_of: LeftOutOf) -> str:
             "result": result,
             "row": row,
             "verdict": verdict(result),
-            "torque": torque_in_words(result.torque) if "torque_disc" in result.history else None,
+            "torque": torque_in_words(result.torque) if TORQUE_DISC in result.history else None,
         }
         for (label, result), (_, row) in zip(results.items(), study.table.iterrows(), strict=True)
     ]
@@ -110,7 +110,7 @@ def study_page(study: StudyFolder, left_out_of: LeftOutOf) -> str:
         **_frame(study.title, [study.path]),
         study=study,
         points=points,
-        known=sum(bool(result.torque.converged) for result in results.values() if "torque_disc" in result.history),
+        known=sum(bool(result.torque.converged) for result in results.values() if TORQUE_DISC in result.history),
         worst=_worst(results.values()),
         poor=_grouped([(p["label"], s.text) for p in points for s in p["verdict"] if s.mark is Mark.POOR], len(points)),
         matters=_that_matter(left_out, next(iter(on.values()), ())),
@@ -194,7 +194,7 @@ def _embedded(png: bytes) -> str:
 
 def _own_torque_picture(result: Result) -> Iterator[dict[str, str]]:
     """The torque of a run that has drawn none."""
-    if "torque_disc" not in result.history or result.folder.torque_picture.is_file():
+    if TORQUE_DISC not in result.history or result.folder.torque_picture.is_file():
         return
     from emclutch.results.pictures.torque import torque_picture
 
@@ -205,7 +205,7 @@ def _own_torque_picture(result: Result) -> Iterator[dict[str, str]]:
 
 def _overlay(results: dict[str, Result]) -> Iterator[dict[str, str]]:
     """The torques of a study's points over one another."""
-    if not results or not all("torque_disc" in result.history for result in results.values()):
+    if not results or not all(TORQUE_DISC in result.history for result in results.values()):
         return
     from emclutch.results.pictures.torque_overlay import torque_overlay_picture
 
@@ -215,7 +215,7 @@ def _overlay(results: dict[str, Result]) -> Iterator[dict[str, str]]:
 
 
 def _torques(result: Result) -> list[tuple[str, str]]:
-    if "torque_disc" not in result.history:
+    if TORQUE_DISC not in result.history:
         return []
     torque = result.torque
     rows = [("mean over the steady part", "none" if torque.mean is None else f"{torque.mean:.5g} N m")]
@@ -293,7 +293,7 @@ def _worst(results: Any) -> str:
     """Half the widest 95 % interval, relative to its torque; empty where one is unknown."""
     shares = []
     for result in results:
-        torque = result.torque if "torque_disc" in result.history else None
+        torque = result.torque if TORQUE_DISC in result.history else None
         half = None if torque is None else torque.half_width()
         if torque is None or half is None or not torque.mean:
             return ""

@@ -9,6 +9,7 @@ from typing import Any
 from urllib.parse import quote
 
 from emclutch.results import COLUMNS, OutputError, Result
+from emclutch.results.columns import DISC_SPEED, ROTOR_SPEED, TORQUE_DISC
 from emclutch.results.failure import Failure
 from emclutch.results.grain_profiles import profile_column, read_profiles
 from emclutch.results.torque_in_words import torque_in_words
@@ -33,7 +34,7 @@ def closing_lines(result: Result) -> list[str]:
         lines.append(f"stopped {summary['stopped']}")
     if "lock_up_time" in summary:
         history = result.history
-        rotor, disc = (abs(float(history[name].iloc[-1])) * RPM for name in ("rotor_speed", "disc_speed"))
+        rotor, disc = (abs(float(history[name].iloc[-1])) * RPM for name in (ROTOR_SPEED, DISC_SPEED))
         if summary["lock_up_time"] is not None:
             lines.append(f"output locked at {summary['lock_up_time']:.4g} s, at {disc:.4g} rpm at the end")
         else:
@@ -88,7 +89,7 @@ def report(result: Result, page_folder: Path | None = None) -> str:
             f"{result.folder.path} has no summary.json: the run is not finished; continue it with --resume"
         )
     lines = [f"# {summary['title']}", ""]
-    if "torque_disc" in result.history:
+    if TORQUE_DISC in result.history:
         torque = result.torque
         lines += [f"**Torque on the disc: {torque_in_words(torque)}**; {torque.reason}.", ""]
         if torque.mean is not None:
@@ -113,7 +114,7 @@ def report(result: Result, page_folder: Path | None = None) -> str:
         "## Columns of history.csv",
         "",
     ]
-    lines += [f"- `{name}` [{COLUMNS[name][0]}]: {COLUMNS[name][1]}" for name in result.history.columns]
+    lines += [f"- `{name}` [{COLUMNS[name].unit}]: {COLUMNS[name].meaning}" for name in result.history.columns]
     if (home / "profiles.csv").is_file():
         columns = list(dict.fromkeys(name for table in read_profiles(home / "profiles.csv").values() for name in table))
         lines += ["", "## Columns of profiles.csv", ""]
@@ -125,7 +126,7 @@ def _failed_page(result: Result, failed: Failure) -> str:
     """Markdown of a run that failed for its scene: when, why, and the torque until then."""
     text = failed.in_words()
     lines = [f"# {result.folder.path.resolve().name}", "", f"**{text[:1].upper()}{text[1:]}.**", ""]
-    if "torque_disc" in result.history:
+    if TORQUE_DISC in result.history:
         torque = result.torque
         lines += [f"Torque on the disc until then: {torque_in_words(torque)}; {torque.reason}.", ""]
     return "\n".join(lines)

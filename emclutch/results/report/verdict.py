@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from emclutch.results import OutputError, Result
+from emclutch.results.columns import TIME, TORQUE_DISC
 from emclutch.results.missing_pictures import pictures_are_missing
 from emclutch.results.report.markdown import closing_lines, soft_grains
 from emclutch.results.time_unit import time_in_words
@@ -46,7 +47,7 @@ def verdict(result: Result) -> list[Statement]:
     summary = result.summary
     found = list(_of_the_end(result, summary))
     failed = not summary and result.folder.read_failure() is not None
-    if "torque_disc" in result.history:
+    if TORQUE_DISC in result.history:
         place = len(found) if failed else 0  # that it failed comes before the torque until then
         found[place:place] = _of_the_torque(result, summary)
     found += _of_the_balances(result, summary)
@@ -84,7 +85,7 @@ def _of_the_end(result: Result, summary: dict[str, Any]) -> Iterator[Statement]:
         text = failed.in_words()
         yield Statement(Mark.POOR, f"{text[:1].upper()}{text[1:]}.")
     elif not summary:
-        reached = time_in_words(float(result.history["time"].iloc[-1]))
+        reached = time_in_words(float(result.history[TIME].iloc[-1]))
         how = f"go on with: emclutch run {result.folder.path} --resume"
         yield Statement(Mark.POOR, f"The run is not finished: it has come to {reached}; {how}")
     elif "lock_up_time" in summary:
@@ -93,8 +94,8 @@ def _of_the_end(result: Result, summary: dict[str, Any]) -> Iterator[Statement]:
 
 def _of_the_balances(result: Result, summary: dict[str, Any]) -> Iterator[Statement]:
     history = result.history
-    if summary and "torque_disc" in history:
-        scale = float(np.sqrt((history["torque_disc"] ** 2).mean()))
+    if summary and TORQUE_DISC in history:
+        scale = float(np.sqrt((history[TORQUE_DISC] ** 2).mean()))
         yield _closes("torques", summary["torque_residual_rms"] / scale if scale else None, "of the torque")
     if summary:
         yield _closes("energies", summary["energy_residual_relative"], "of the energy that goes through")

@@ -1,0 +1,66 @@
+"""What the history says of a coil in a window; each kind of source has its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class CoilRow:
+    """A coil with a given current.
+
+    Attributes
+    ----------
+    current : float
+        At the window's end [A].
+    """
+
+    current: float
+
+
+@dataclass(frozen=True, slots=True)
+class CircuitRow(CoilRow):
+    """A coil behind a resistance; energies in the window [J].
+
+    Attributes
+    ----------
+    coil_voltage : float
+        Its resistance included [V].
+    coil_supplied, copper_loss, into_field : float
+        What the supply gave, and what of it heats the winding and goes into the field.
+    """
+
+    coil_voltage: float
+    coil_supplied: float
+    copper_loss: float
+    into_field: float
+
+
+@dataclass(frozen=True, slots=True)
+class EddyRow(CoilRow):
+    """A coil beside conductors; energies of the field's step [J].
+
+    Attributes
+    ----------
+    coil_supplied, eddy_loss : float
+        What the supply gave, and what of it heats the conductors.
+    """
+
+    coil_supplied: float
+    eddy_loss: float
+
+
+@dataclass(frozen=True, slots=True)
+class VoltageEddyRow(EddyRow):
+    """The same, driven by a voltage.
+
+    Attributes
+    ----------
+    coil_voltage : float
+        Its resistance included [V].
+    copper_loss : float
+        Part of `coil_supplied` that heats the winding [J].
+    """
+
+    coil_voltage: float
+    copper_loss: float

@@ -1,0 +1,174 @@
+"""What a coupling window came to: one typed object, whole device, SI units.
+
+The loop's budgets make it, source and grains add what they know of the field and the moments, and whatever measures the
+device adds its quantities (`coupling.staggered`); callbacks get it complete.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+Part = TypeVar("Part")
+
+
+@dataclass(slots=True)
+class BodyRow:
+    """A body in a window; torques [N m] of the grains on it about z, window mean.
+
+    Attributes
+    ----------
+    speed : float
+        At the window's end [rad/s].
+    normal, damping, tangential : float
+        Torque by springs and dashpots along the contacts' normals, and by tangential forces.
+    field : float or None
+        Reaction to the pull of the field that it carries round; None: it carries none.
+    """
+
+    speed: float
+    normal: float
+    damping: float
+    tangential: float
+    field: float | None = None
+
+    @property
+    def torque(self) -> float:
+        """All of it [N m]."""
+        return sum((self.normal, self.damping, self.tangential)) + (self.field or 0.0)
+
+
+@dataclass(slots=True)
+class EnergyRow:
+    """Energies of the grains [J]: stored at the window's end, and work, losses and what is left in the window.
+
+    Attributes
+    ----------
+    kinetic_energy, elastic_energy : float
+    work_walls : float
+    work_held : float or None
+        Of the held forces; None: there are none.
+    work_gravity : float or None
+    losses : dict of str to float
+        By mechanism.
+    dissipated : float
+        All of them.
+    stored : float
+        Change of the kinetic and elastic energy.
+    """
+
+    kinetic_energy: float
+    elastic_energy: float
+    work_walls: float
+    work_held: float | None
+    work_gravity: float | None
+    losses: dict[str, float]
+    dissipated: float
+    stored: float
+
+    @property
+    def residual(self) -> float:
+        """Return what the balance leaves: the error of the grains' step."""
+        work = self.work_walls + (self.work_held or 0.0) + (self.work_gravity or 0.0)
+        return work - self.dissipated - self.stored
+
+
+@dataclass(slots=True)
+class SolverRow:
+    """The solver of rigid contacts in a window.
+
+    Attributes
+    ----------
+    sweeps, largest_sweeps : float, int
+        A step, mean and most.
+    solver_residual : float
+        Worst natural map of the contacts at the end of a step [m/s].
+    missed_steps : int
+        Steps that missed the tolerance.
+    warm_hits : float
+        Share of the loaded contacts that began from the impulse of the step before.
+    stabilisation_work : float
+        Of the held forces on displacements that removed overlap [J].
+    """
+
+    sweeps: float
+    largest_sweeps: int
+    solver_residual: float
+    missed_steps: int
+    warm_hits: float
+    stabilisation_work: float
+
+
+@dataclass(slots=True)
+class WallClock:
+    """Seconds that a window took, less compiling in its parts; None where there is no such part."""
+
+    field: float | None
+    magnetic: float | None
+    contact: float
+    total: float
+
+
+@dataclass(slots=True, kw_only=True)
+class WindowRow:
+    """A coupling window.
+
+    Attributes
+    ----------
+    time : float
+        At its end [s].
+    bodies : dict of str to BodyRow
+        By name: rotor, disc, housing.
+    field_torque, other_torque : dict of str to float
+        Torque [N m] of the field's forces on the grains and of those of other effects, by booking; that of a field
+        which a body carries round is the body's.
+    angular_momentum : float
+        Of the grains about z at the window's end, spin included [N m s].
+    torque_residual : float
+        Of the balance of torques [N m].
+    energy : EnergyRow or None
+        None in a run without a budget of energy.
+    held_is_magnetic : bool
+        Whether all forces that do `work_held` are those of the field.
+    field_solves : int or None
+        In the window; None: no field is solved.
+    n_contacts : int
+        Contacts that carry force at the window's end.
+    max_overlap, max_speed : float
+        Largest overlap over the grain's diameter, and speed of a grain [m/s].
+    solver : SolverRow or None
+        None for elastic grains.
+    rebuilds, steps : int
+        Rebuilds of the neighbour list, and time steps of the grains.
+    seconds : WallClock
+    parts : list
+        Dataclasses of effects, source and device; each field is a column of the history of that name, None an empty
+        cell.
+    """
+
+    time: float
+    bodies: dict[str, BodyRow]
+    field_torque: dict[str, float]
+    other_torque: dict[str, float]
+    angular_momentum: float
+    torque_residual: float
+    energy: EnergyRow | None
+    held_is_magnetic: bool
+    field_solves: int | None
+    n_contacts: int
+    max_overlap: float
+    max_speed: float
+    solver: SolverRow | None
+    rebuilds: int
+    steps: int
+    seconds: WallClock
+    parts: list[Any] = field(default_factory=list)
+
+    def add(self, part: Any) -> None:
+        """Add a part; None adds nothing."""
+        if part is not None:
+            self.parts.append(part)
+
+    def part(self, kind: type[Part]) -> Part | None:
+        """Return the part of a type; None where the scene has none."""
+        return next((one for one in self.parts if isinstance(one, kind)), None)
