@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Any
@@ -12,6 +11,7 @@ import numpy as np
 from coupling.coil_field import SolvedCoilField
 from coupling.coil_row import CircuitRow
 from field.coil.coil_circuit import CircuitState, LinearisedCoil, solve_at_flux_linkage
+from geometry.time_profile import TimeProfile
 
 
 @dataclass
@@ -23,11 +23,10 @@ class CircuitCoilField(SolvedCoilField):
 
     Attributes
     ----------
-    voltage : callable t [s] -> V [V]
+    voltage : TimeProfile
+        [V].
     resistance : float
         Of the coil [ohm], > 0.
-    breaks : tuple of float
-        Instants [s] where the voltage is not smooth.
     begin_steady : bool
         Begin with the field of V(0)/R instead of with none.
     stride : float
@@ -37,9 +36,8 @@ class CircuitCoilField(SolvedCoilField):
         The largest |V|/R to come [A]: what the current's tolerance refers to from the start.
     """
 
-    voltage: Callable[[float], float]
+    voltage: TimeProfile
     resistance: float
-    breaks: tuple[float, ...] = ()
     begin_steady: bool = False
     circuit: CircuitState | None = field(default=None, init=False)
     coil: LinearisedCoil | None = field(default=None, init=False)
@@ -66,7 +64,7 @@ class CircuitCoilField(SolvedCoilField):
             self.circuit = CircuitState(time, self.turns * solution.flux_linkage_per_turn, current)
             self._began = time
         else:
-            self.circuit = self.coil.advanced(self.circuit, time, self.voltage, self.breaks)
+            self.circuit = self.coil.advanced(self.circuit, time, self.voltage, self.voltage.times)
             linkage = self.circuit.linkage
             self.largest_linkage = max(self.largest_linkage, abs(linkage))
             # where iron opens or closes, the one runs away while the line says that the other hardly moves
@@ -97,7 +95,7 @@ class CircuitCoilField(SolvedCoilField):
         assert self.circuit is not None and self.coil is not None, "refresh(time) comes first"
         if time <= self.circuit.time:
             return self.circuit
-        return self.coil.advanced(self.circuit, time, self.voltage, self.breaks)
+        return self.coil.advanced(self.circuit, time, self.voltage, self.voltage.times)
 
     def current(self, time: float) -> float:
         """Return the current [A] at `time` [s] from the present circuit; of times after the last `refresh`."""

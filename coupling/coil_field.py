@@ -8,7 +8,6 @@ conductors (`coupling.eddy_coil_field`, at a current or at a voltage).
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any, ClassVar
@@ -18,6 +17,7 @@ import numpy as np
 from coupling.coil_row import CoilRow
 from coupling.powder_feedback import PowderFeedback
 from field import AxisymmetricProblem, FieldSampler, MagneticField, PowderState, field_sampler
+from geometry.time_profile import TimeProfile
 
 
 @dataclass(slots=True)
@@ -163,14 +163,15 @@ class CoilField(SolvedCoilField):
 
     Attributes
     ----------
-    course : callable t [s] -> I [A]
+    currents : TimeProfile
+        [A].
     """
 
-    course: Callable[[float], float]
+    currents: TimeProfile
 
     def current(self, time: float) -> float:
         """See `SolvedCoilField.current`."""
-        return self.course(time)
+        return self.currents(time)
 
     def refresh(self, time: float) -> bool:
         """See `SolvedCoilField.refresh`."""

@@ -8,7 +8,6 @@ revolution without hysteresis takes no torque about its axis: it is booked there
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any, ClassVar
@@ -18,6 +17,7 @@ import numpy as np
 from coupling.coil_row import CoilRow
 from field import FieldSampler
 from field.three_d import Field3D, Problem3D
+from geometry.time_profile import TimeProfile
 from particles import Body
 
 
@@ -52,7 +52,8 @@ class CoilField3D:
     ----------
     problem : Problem3D
     turns : float
-    current : callable t [s] -> I [A]
+    currents : TimeProfile
+        [A].
     carrier : Body
         The slotted body.
     newton_tolerance, current_tolerance : float
@@ -64,7 +65,7 @@ class CoilField3D:
 
     problem: Problem3D
     turns: float
-    current: Callable[[float], float]
+    currents: TimeProfile
     carrier: Body
     newton_tolerance: float = 1e-8
     current_tolerance: float = 0.01
@@ -79,7 +80,7 @@ class CoilField3D:
 
     def refresh(self, time: float) -> bool:
         """Solve if needed for the current at `time` [s]; True when the field is new. Raises ConvergenceError."""
-        current = self.current(time)
+        current = self.currents(time)
         self.largest_current = max(self.largest_current, abs(current))
         moved = abs(current - self.solved_current) > self.current_tolerance * self.largest_current
         if self.solution is not None and not moved and (current == 0.0) == (self.solved_current == 0.0):
@@ -102,7 +103,7 @@ class CoilField3D:
 
     def window_part(self, time: float) -> CoilRow:
         """Return what a window that ends at `time` [s] says of the coil."""
-        return CoilRow(self.current(time))
+        return CoilRow(self.currents(time))
 
     def state(self) -> dict[str, Any] | None:
         """Return what a bit-exact continuation needs; None before the first solve."""

@@ -13,6 +13,7 @@ from coupling.coil_row import EddyRow, VoltageEddyRow
 from field.newton import norm
 from field.section.eddy_currents import CurrentDrive, EddyCurrentProblem, TransientState, VoltageDrive
 from field.section.powder_state import Powder
+from geometry.time_profile import TimeProfile
 
 
 @dataclass
@@ -24,23 +25,25 @@ class EddyCoilField(SolvedCoilField):
 
     Attributes
     ----------
-    drive : CurrentDrive or VoltageDrive
-        A prescribed current, or a voltage, whose current follows from the field.
     eddy : EddyCurrentProblem
         With `problem` and `turns`.
-    breaks : tuple of float
-        Instants [s] where the drive is not smooth: steps end there.
+    supply : TimeProfile
+        The current [A]; where there is a resistance the voltage [V], and the current follows from the field. A step
+        ends at each of its instants, where it is not smooth.
+    resistance : float or None
+        Of the coil at a voltage [ohm]; None: the current is given.
     begin_steady : bool
         Begin with the static field of the drive at the start instead of with none.
     change_tolerance : float
         Change of the field in one of its steps, relative to the largest so far.
     """
 
-    drive: CurrentDrive | VoltageDrive
     eddy: EddyCurrentProblem
-    breaks: tuple[float, ...] = ()
+    supply: TimeProfile
+    resistance: float | None = None
     begin_steady: bool = False
     change_tolerance: float = 0.02
+    drive: CurrentDrive | VoltageDrive = field(init=False)
     transient: TransientState | None = field(default=None, init=False)
     due: float = field(default=-np.inf, init=False)
     largest: float = field(default=0.0, init=False)
@@ -51,6 +54,10 @@ class EddyCoilField(SolvedCoilField):
     def __post_init__(self) -> None:
         if self.eddy.problem is not self.problem or self.eddy.turns != self.turns:
             raise ValueError("the eddy-current problem must be one of the same field problem and the same turns")
+        if self.resistance is None:
+            self.drive = CurrentDrive(self.supply)
+        else:
+            self.drive = VoltageDrive(self.supply, self.resistance)
 
     def current(self, time: float) -> float:
         """Return the current [A] at `time` [s]; of a voltage that of the present field."""
@@ -74,7 +81,7 @@ class EddyCoilField(SolvedCoilField):
                 self._before, self._begun = self.transient, time
             current = self.current(time)
             changed = self.is_stale(current)
-            stops = [b for b in self.breaks if self.transient.time < b < time]
+            stops = [b for b in self.supply.times if self.transient.time < b < time]
             # to within round-off of the windows' sum of steps
             waits = time < self.due - 1e-9 * abs(time) and not changed and not stops
             again = self.feedback is not None and changed and self._base is not None

@@ -1,4 +1,4 @@
-"""A quantity that follows a table in time: a shaft's speed, a load, a coil's current or voltage."""
+"""A quantity in time: a shaft's speed, a load, a coil's current or voltage. A constant is one point at 0 s."""
 
 from __future__ import annotations
 
@@ -44,9 +44,22 @@ class TimeProfile:
         """One value for ever."""
         return cls((0.0,), (value,))
 
-    def at(self, time: float | np.ndarray) -> np.ndarray:
-        """The value at ``time`` [s]."""
+    def at(self, time: np.ndarray) -> np.ndarray:
+        """The values at ``time`` (n,) [s]."""
         return np.asarray(np.interp(time, self.times, self.values))
+
+    def __call__(self, time: float) -> float:
+        """The value at ``time`` [s]."""
+        return float(np.interp(time, self.times, self.values))
+
+    def __truediv__(self, divisor: float) -> Self:
+        """The profile with every value divided by a number, as I = V/R."""
+        return type(self)(self.times, tuple(value / divisor for value in self.values))
+
+    @property
+    def is_constant(self) -> bool:
+        """True if it is one value for ever."""
+        return len(self.times) == 1
 
     @property
     def largest(self) -> float:

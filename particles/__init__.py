@@ -1,7 +1,7 @@
 """Grains: state, neighbours, contact, walls and shafts, DEM, packing."""
 
 import geometry.kernels.cache  # noqa: F401 (before the first kernel is defined)
-from particles.bodies import Body, FreeShaft, PrescribedSpeed
+from particles.bodies import Body, FreeShaft
 from particles.dem.attraction import Attraction, contact_share, depth_warning
 from particles.dem.dem import DEM
 from particles.dem.step_totals import EnergyTotals, StepTotals
@@ -69,7 +69,6 @@ __all__ = [
     "PairLaws",
     "PairList",
     "ParticleError",
-    "PrescribedSpeed",
     "RollingFriction",
     "Settling",
     "Space",

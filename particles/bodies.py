@@ -13,14 +13,12 @@ h = dt/J, s = c h/2,
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from geometry.time_profile import TimeProfile
 
-
-@dataclass(frozen=True, slots=True)
-class PrescribedSpeed(TimeProfile):
-    """A shaft that is driven at a speed [rad/s], whatever torque that takes; the motion of a driven body."""
+ZERO = TimeProfile.constant(0.0)
+"""No load torque, no speed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +31,8 @@ class FreeShaft:
         [kg m^2]
     drive_torque : float
         Of the drive at rest [N m].
-    load_torque : float or TimeProfile
-        Brake-like load [N m], constant or in time.
+    load_torque : TimeProfile
+        Brake-like load [N m].
     drive_slope : float
         What the drive loses for each rad/s [N m s]: stall torque over no-load speed of a motor.
     switched_on : float
@@ -43,14 +41,14 @@ class FreeShaft:
 
     inertia: float
     drive_torque: float = 0.0
-    load_torque: float | TimeProfile = 0.0
+    load_torque: TimeProfile = ZERO
     drive_slope: float = 0.0
     switched_on: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0.0 < self.inertia < math.inf:
             raise ValueError(f"inertia of a free shaft = {self.inertia:g} kg m^2; allowed: more than 0")
-        for load in self.load.values:
+        for load in self.load_torque.values:
             if not 0.0 <= load < math.inf:
                 raise ValueError(
                     f"load torque = {load:g} N m; allowed: 0 or more (it opposes the rotation); "
@@ -61,12 +59,6 @@ class FreeShaft:
         if not 0.0 <= self.drive_slope < math.inf:
             raise ValueError(f"drive slope = {self.drive_slope:g} N m s; allowed: 0 or more")
 
-    @property
-    def load(self) -> TimeProfile:
-        """The load torque [N m] in time."""
-        given = self.load_torque
-        return given if isinstance(given, TimeProfile) else TimeProfile.constant(given)
-
 
 @dataclass(slots=True)
 class Body:
@@ -76,8 +68,8 @@ class Body:
     ----------
     name : str
         The name that walls refer to.
-    motion : PrescribedSpeed or FreeShaft
-        What moves it; at rest by default.
+    motion : TimeProfile or FreeShaft
+        The speed [rad/s] at which it is driven, whatever torque that takes, or what moves it; at rest by default.
     angle, speed : float
         Current angle [rad] and speed [rad/s]; a prescribed body takes its speed from the profile.
     external_torque : float
@@ -85,14 +77,14 @@ class Body:
     """
 
     name: str
-    motion: PrescribedSpeed | FreeShaft = field(default_factory=lambda: PrescribedSpeed.constant(0.0))
+    motion: TimeProfile | FreeShaft = ZERO
     angle: float = 0.0
     speed: float = 0.0
     external_torque: float = 0.0
 
     def __post_init__(self) -> None:
-        if isinstance(self.motion, PrescribedSpeed):
-            self.speed = float(self.motion.at(0.0))
+        if isinstance(self.motion, TimeProfile):
+            self.speed = self.motion(0.0)
 
     @property
     def is_free(self) -> bool:
@@ -102,4 +94,4 @@ class Body:
     @property
     def can_turn(self) -> bool:
         """True if it ever turns."""
-        return not isinstance(self.motion, PrescribedSpeed) or any(w != 0.0 for w in self.motion.values)
+        return not isinstance(self.motion, TimeProfile) or any(w != 0.0 for w in self.motion.values)

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from particles.bodies import Body, FreeShaft, PrescribedSpeed
+from geometry.time_profile import TimeProfile
+from particles.bodies import Body, FreeShaft
 
 # a body's entries in the table of its drives, one row a step: speed where it is prescribed, torques where it is free
 SPEED, DRIVE, LOAD, DRIVE_SLOPE = range(4)
@@ -50,7 +51,7 @@ def drives_at(
     """
     drives, constants = np.zeros((len(times), len(bodies), 4)), np.zeros((len(bodies), 2))
     for b, body in enumerate(bodies):
-        if isinstance(body.motion, PrescribedSpeed):
+        if isinstance(body.motion, TimeProfile):
             drives[:, b, SPEED] = body.motion.at(times if speeds_at is None else speeds_at)
         elif isinstance(body.motion, FreeShaft):
             motion = body.motion
@@ -58,5 +59,5 @@ def drives_at(
             on = times >= motion.switched_on
             drives[:, b, DRIVE] = on * motion.drive_torque + body.external_torque
             drives[:, b, DRIVE_SLOPE] = on * motion.drive_slope
-            drives[:, b, LOAD] = motion.load.at(times)
+            drives[:, b, LOAD] = motion.load_torque.at(times)
     return drives, constants

@@ -16,7 +16,6 @@ from emclutch.scene.geometry import CadGeometry
 from emclutch.scene.grain_smear import element_layers, moments_are_fed_back, smear_width
 from emclutch.scene.model import Scene
 from emclutch.scene.surfaces import surface_walls
-from emclutch.scene.time_table import points_of
 from field import (
     AxisymmetricProblem,
     MagneticField,
@@ -70,11 +69,6 @@ class CoilDevice(Excitation):
     voltages: TimeProfile | None = None
     resistance: float | None = None
     conductivity: dict[str, float] | None = None
-
-    def voltage(self, time: float) -> float:
-        """V [V] at a time [s]."""
-        assert self.voltages is not None  # by the checks between sections: only the circuit asks
-        return float(self.voltages.at(time))
 
     def solve_at_peak(self, fill: np.ndarray | None) -> MagneticField:
         """The field at the largest current for a fill (n powder elements,) [-]."""
@@ -232,7 +226,7 @@ def build_coil_device(scene: Scene) -> CoilDevice:
     boxes = [] if scene.particles is None else shape.boxes_to_fill(scene.particles.region)
     window = shape.coil_area, shape.coil_mean_radius
     winding = coil.winding_in(*window)
-    currents = TimeProfile(*coil.currents_in(*window))
+    currents = coil.currents_in(*window)
 
     def problem_on(mesh: SectionMesh) -> AxisymmetricProblem:
         laws, beyond = region_laws(scene, mesh), None
@@ -266,7 +260,6 @@ def build_coil_device(scene: Scene) -> CoilDevice:
         )
         mesh = adapted.mesh
     problem = problem_on(mesh) if adapted is None else adapted.problem
-    at_voltage = coil.voltage is not None and coil.is_at_voltage
     return CoilDevice(
         winding,
         currents,
@@ -276,8 +269,8 @@ def build_coil_device(scene: Scene) -> CoilDevice:
         source.newton_tolerance,
         boxes,
         adapted,
-        voltages=TimeProfile(*points_of(coil.voltage)) if coil.voltage is not None and at_voltage else None,
-        resistance=coil.resistance_in(*window) if at_voltage else None,
+        voltages=coil.voltage if coil.is_at_voltage else None,
+        resistance=coil.resistance_in(*window) if coil.is_at_voltage else None,
         conductivity=conductivities(scene, mesh),
     )
 

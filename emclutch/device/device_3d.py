@@ -14,7 +14,6 @@ from emclutch.scene.model import Scene
 from field.three_d import Field3D, FlatCoil, Problem3D
 from geometry import AnnularBox, Clutch, Mesh3D, mesh_slotted
 from geometry.cad_shape import CadShape
-from geometry.time_profile import TimeProfile
 
 ALONG = 61
 """Points of the line on which the gap's field is averaged."""
@@ -84,7 +83,7 @@ def build_coil_device_3d(scene: Scene) -> CoilDevice3D:
     window = shape.coil_area, shape.coil_mean_radius
     return CoilDevice3D(
         coil.winding_in(*window),
-        TimeProfile(*coil.currents_in(*window)),
+        coil.currents_in(*window),
         shape,
         mesh,
         problem,

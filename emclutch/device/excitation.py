@@ -43,10 +43,6 @@ class Excitation(ABC):
     def mesh_in_words(self) -> str:
         """Return what the field is solved on."""
 
-    def current(self, time: float) -> float:
-        """I [A] at a time [s]."""
-        return float(self.currents.at(time))
-
     @property
     def largest_current(self) -> float:
         """Largest |I| at any time [A]."""

@@ -18,7 +18,6 @@ from emclutch.scene.units import number
 if TYPE_CHECKING:
     from coupling import CircuitCoilField, PowderFeedback
     from emclutch.device.device import CoilDevice
-    from field.section.eddy_currents import VoltageDrive
 
 
 def _has_a_voltage(draft: Draft) -> Iterator[Fault]:
@@ -70,27 +69,19 @@ class CoilCircuitSection(EffectSection):
         """Build the coil's field with the current of its circuit."""
         from coupling import CircuitCoilField  # local: the schema itself needs no fields
 
-        assert coil.resistance is not None  # by the checks between sections
+        assert coil.voltages is not None and coil.resistance is not None  # by the checks between sections
         return CircuitCoilField(
             coil.problem,
             coil.turns,
-            coil.voltage,
+            coil.voltages,
             coil.resistance,
             newton_tolerance=coil.newton_tolerance,
             current_tolerance=self.tolerance,
-            breaks=coil.currents.times,
             begin_steady=self.begin == "steady",
             largest_current=coil.largest_current,
             feedback=feedback,
             powder_tolerance=powder_tolerance,
         )
-
-    def drive(self, coil: CoilDevice) -> VoltageDrive:
-        """Build the voltage behind a resistance, for a solver that has the current among its unknowns."""
-        from field.section.eddy_currents import VoltageDrive
-
-        assert coil.resistance is not None  # by the checks between sections
-        return VoltageDrive(coil.voltage, coil.resistance)
 
     @classmethod
     def left_out(cls, at):

@@ -18,7 +18,6 @@ from emclutch.scene.units import Quantity, number
 if TYPE_CHECKING:
     from coupling import EddyCoilField, PowderFeedback
     from emclutch.device.device import CoilDevice
-    from field.section.eddy_currents import CurrentDrive, VoltageDrive
 
 _Conductivity = Annotated[float, Quantity("a conductivity", "S/m", "5 MS/m", 0.0, 1e9)]
 
@@ -65,23 +64,21 @@ class EddyCurrentsSection(EffectSection):
     )
 
     def source(
-        self,
-        coil: CoilDevice,
-        drive: CurrentDrive | VoltageDrive,
-        feedback: PowderFeedback | None,
-        powder_tolerance: float,
+        self, coil: CoilDevice, feedback: PowderFeedback | None, powder_tolerance: float, *, at_voltage: bool
     ) -> EddyCoilField:
-        """Build the coil's field with eddy currents."""
+        """Build the coil's field with eddy currents, at its current or at its voltage."""
         from coupling import EddyCoilField  # local: the schema itself needs no fields
         from field.section.eddy_currents import EddyCurrentProblem
 
+        supply = coil.voltages if at_voltage else coil.currents
+        assert supply is not None  # by the checks between sections
         return EddyCoilField(
             coil.problem,
             coil.turns,
-            drive,
             EddyCurrentProblem(coil.problem, coil.conductivity or {}, turns=coil.turns),
+            supply,
+            coil.resistance if at_voltage else None,
             newton_tolerance=coil.newton_tolerance,
-            breaks=coil.currents.times,
             begin_steady=self.begin == "steady",
             change_tolerance=self.tolerance,
             largest_current=coil.largest_current,

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Self
 from pydantic import Field, model_validator
 
 from emclutch.scene.section import Section, refuse
-from emclutch.scene.time_table import CurrentProfile, TimeTable, VoltageProfile, points_of
+from emclutch.scene.time_table import CurrentProfile, VoltageProfile
 from emclutch.scene.units import Resistance, number
 
 if TYPE_CHECKING:
     from field.coil.winding import Winding
+    from geometry.time_profile import TimeProfile
 
 _FILL_FACTOR = 0.6
 
@@ -44,12 +45,12 @@ class CoilSection(Section):
             raise refuse("is missing; give current, e.g. '1 A', or voltage, e.g. '24 V'", key="current")
         if self.current is None or self.voltage is None:
             return self
-        if isinstance(self.voltage, TimeTable):
+        if not self.voltage.is_constant:
             raise refuse(
                 "is a time profile beside coil.current; drive the coil by one of them and remove the other",
                 key="voltage",
             )
-        if not self.voltage > 0.0:
+        if not self.voltage(0.0) > 0.0:
             raise refuse("of the supply must be above 0 V beside coil.current; correct or remove it", key="voltage")
         return self
 
@@ -103,11 +104,9 @@ class CoilSection(Section):
             return self.resistance * resistance_ratio(self.temperature)
         return self.winding_in(window_area, mean_radius).resistance
 
-    def currents_in(self, window_area: float, mean_radius: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Return times [s] and currents [A]: those given, or V/R without the circuit's delay."""
+    def currents_in(self, window_area: float, mean_radius: float) -> TimeProfile:
+        """Return the current [A] in time: the given one, or V/R without the circuit's delay."""
         if self.current is not None:
-            return points_of(self.current)
+            return self.current
         assert self.voltage is not None  # by the model's rule
-        resistance = self.resistance_in(window_area, mean_radius)
-        times, volts = points_of(self.voltage)
-        return times, tuple(volt / resistance for volt in volts)
+        return self.voltage / self.resistance_in(window_area, mean_radius)

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import Any
 
 from emclutch.scene.materials import TableMaterial
-from emclutch.scene.time_table import largest
 from emclutch.scene.usual_ranges import unusual_entries
 
 
@@ -38,9 +37,10 @@ def warnings_of(scene: Any) -> Iterator[str]:
     coil = scene.coil
     window = scene.shape() if scene.geometry.has_coil else None
     if coil is not None and coil.current is not None and coil.voltage is not None and window is not None:
-        drop = largest(coil.current) * coil.resistance_in(window.coil_area, window.coil_mean_radius)
-        if drop > 1.01 * coil.voltage:  # rounded data of a type plate agree within a percent
-            yield f"coil.current needs {drop:.4g} V, more than coil.voltage = {coil.voltage:g} V"
+        drop = coil.current.largest * coil.resistance_in(window.coil_area, window.coil_mean_radius)
+        supply = coil.voltage(0.0)
+        if drop > 1.01 * supply:  # rounded data of a type plate agree within a percent
+            yield f"coil.current needs {drop:.4g} V, more than coil.voltage = {supply:g} V"
     yield from unusual_entries(scene)
 
 

@@ -2,31 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Self
+from typing import Annotated, Self
 
 import numpy as np
-from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
+from pydantic import Field, model_validator
 
 from emclutch.scene.section import Section, refuse
-from emclutch.scene.time_table import SpeedProfile, TimeTable, largest, points_of
-from emclutch.scene.units import Inertia, Instant, LoadTorque, Quantity, Speed, Torque
+from emclutch.scene.time_table import LoadProfile, SpeedProfile
+from emclutch.scene.units import Inertia, Instant, Quantity, Speed, Torque
+from geometry.time_profile import TimeProfile
 
 _StallTorque = Annotated[float, Quantity("a torque", "N*m", "1500 N m", 0.0, 1e7, open_minimum=True)]
-
-
-class LoadTable(TimeTable):
-    """Load torque [N m] against time [s]."""
-
-    values: tuple[LoadTorque, ...] = Field(min_length=1, description="load torque at each instant")
-
-
-def _value_or_table(given: Any) -> str:
-    return "table" if isinstance(given, (dict, BaseModel)) else "value"
-
-
-LoadProfile = Annotated[
-    Annotated[LoadTorque, Tag("value")] | Annotated[LoadTable, Tag("table")], Discriminator(_value_or_table)
-]
 
 
 class MotorSection(Section):
@@ -61,7 +47,9 @@ class FreeShaftSection(Section):
 
     inertia: Inertia = Field(description="moment of inertia of shaft and load about the axis")
     load_torque: LoadProfile = Field(
-        default=0.0, description="opposes rotation, >= 0; one value or a table in time (an overload switched on later)"
+        default=0.0,
+        validate_default=True,
+        description="opposes rotation, >= 0; one value or a table in time (an overload switched on later)",
     )
     drive_torque: Torque = Field(default=0.0, description="positive about +z")
     motor: MotorSection | None = Field(
@@ -104,10 +92,10 @@ class ShaftMotionSection(Section):
         if self.free is not None:
             return self.free.largest_speed
         assert self.speed is not None  # by the model's rule
-        return largest(self.speed)
+        return self.speed.largest
 
 
-HELD = ShaftMotionSection(speed=0.0)
+HELD = ShaftMotionSection(speed=TimeProfile.constant(0.0))
 
 
 class MotionSection(Section):
@@ -121,6 +109,5 @@ class MotionSection(Section):
         """Largest difference [rad/s] of both speeds; with a free shaft the larger of both."""
         if self.rotor.speed is None or self.disc.speed is None:
             return max(self.rotor.largest_speed, self.disc.largest_speed)
-        (t_rotor, rotor), (t_disc, disc) = points_of(self.rotor.speed), points_of(self.disc.speed)
-        times = sorted({*t_rotor, *t_disc})
-        return float(np.abs(np.interp(times, t_rotor, rotor) - np.interp(times, t_disc, disc)).max())
+        times = np.array(sorted({*self.rotor.speed.times, *self.disc.speed.times}))
+        return float(np.abs(self.rotor.speed.at(times) - self.disc.speed.at(times)).max())

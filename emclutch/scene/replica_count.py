@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING
 
-from emclutch.scene.time_table import TimeTable
-
 if TYPE_CHECKING:
     from emclutch.scene.model import Scene
 
@@ -47,9 +45,9 @@ def has_steady_torque(scene: Scene) -> bool:
     drive = None if coil is None else coil.voltage if coil.current is None else coil.current
     return (
         scene.geometry.has_axis
-        and all(shaft.free is None and not isinstance(shaft.speed, TimeTable) for shaft in shafts)
+        and all(shaft.speed is not None and shaft.speed.is_constant for shaft in shafts)
         and scene.effects.circuit is None
-        and not isinstance(drive, TimeTable)
+        and (drive is None or drive.is_constant)
     )
 
 

@@ -1,14 +1,25 @@
-"""An entry that may change in time: one value, or a table {times, values}, linear between points."""
+"""An entry that may change in time: one value, or a table {times, values}; either becomes a `TimeProfile`."""
 
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
-from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
+from pydantic import (
+    BaseModel,
+    Discriminator,
+    Field,
+    PlainSerializer,
+    Tag,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+    create_model,
+    model_validator,
+)
 
 from emclutch.scene.section import Section, refuse
-from emclutch.scene.units import Current, Instant, Quantity, Speed
+from emclutch.scene.units import Current, Instant, LoadTorque, Quantity, Speed
+from geometry.time_profile import TimeProfile
 
 # of either sign, and nothing: a table switches off and reverses
 SignedVoltage = Annotated[float, Quantity("a voltage", "V", "24 V", -1e6, 1e6)]
@@ -31,46 +42,43 @@ class TimeTable(Section):
         return self
 
 
-class CurrentTable(TimeTable):
-    """Coil current [A] against time [s]."""
-
-    values: tuple[Current, ...] = Field(min_length=1, description="current at each instant")
-
-
-class VoltageTable(TimeTable):
-    """Voltage of the coil [V] against time [s]."""
-
-    values: tuple[SignedVoltage, ...] = Field(min_length=1, description="voltage at each instant")
-
-
-class SpeedTable(TimeTable):
-    """Speed of a shaft [rad/s] against time [s]."""
-
-    values: tuple[Speed, ...] = Field(min_length=1, description="speed at each instant")
-
-
 def _value_or_table(given: Any) -> str:
     return "table" if isinstance(given, (dict, BaseModel)) else "value"
 
 
-CurrentProfile = Annotated[
-    Annotated[Current, Tag("value")] | Annotated[CurrentTable, Tag("table")], Discriminator(_value_or_table)
-]
-VoltageProfile = Annotated[
-    Annotated[SignedVoltage, Tag("value")] | Annotated[VoltageTable, Tag("table")], Discriminator(_value_or_table)
-]
-SpeedProfile = Annotated[
-    Annotated[Speed, Tag("value")] | Annotated[SpeedTable, Tag("table")], Discriminator(_value_or_table)
-]
+def _profile(given: Any, read: ValidatorFunctionWrapHandler) -> TimeProfile:
+    if isinstance(given, TimeProfile):
+        return given
+    entry = read(given)
+    if not isinstance(entry, TimeTable):
+        return TimeProfile.constant(entry)
+    return TimeProfile.constant(entry.values[0]) if len(entry.times) == 1 else TimeProfile(entry.times, entry.values)
 
 
-def points_of(profile: float | TimeTable) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the times [s] and the values [SI] of a time profile; a constant is one point at 0 s."""
-    if isinstance(profile, TimeTable):
-        return profile.times, profile.values
-    return (0.0,), (profile,)
+def _entry(profile: TimeProfile) -> float | dict[str, tuple[float, ...]]:
+    """A profile as it stands in a scene file."""
+    return profile.values[0] if profile.is_constant else {"times": profile.times, "values": profile.values}
 
 
-def largest(profile: float | TimeTable) -> float:
-    """Return the largest magnitude that a time profile reaches."""
-    return max(abs(value) for value in points_of(profile)[1])
+if TYPE_CHECKING:
+    CurrentProfile = TimeProfile
+    VoltageProfile = TimeProfile
+    SpeedProfile = TimeProfile
+    LoadProfile = TimeProfile
+else:
+
+    def _in_time(quantity: Any, name: str, words: str) -> Any:
+        """Return the annotation of a quantity that is one value or a table in time; name and words of its model."""
+        values = Field(min_length=1, description="value at each instant")
+        model = create_model(name, __base__=TimeTable, __doc__=words, values=(tuple[quantity, ...], values))
+        return Annotated[
+            Annotated[quantity, Tag("value")] | Annotated[model, Tag("table")],
+            Discriminator(_value_or_table),
+            WrapValidator(_profile),
+            PlainSerializer(_entry),
+        ]
+
+    CurrentProfile = _in_time(Current, "CurrentTable", "Coil current [A] against time [s].")
+    VoltageProfile = _in_time(SignedVoltage, "VoltageTable", "Voltage of the coil [V] against time [s].")
+    SpeedProfile = _in_time(Speed, "SpeedTable", "Speed of a shaft [rad/s] against time [s].")
+    LoadProfile = _in_time(LoadTorque, "LoadTable", "Load torque [N m] against time [s].")

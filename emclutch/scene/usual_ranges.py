@@ -99,7 +99,7 @@ def _of_the_winding(scene: Any) -> Iterator[str]:
         return
     shape = scene.shape()
     window = shape.coil_area, shape.coil_mean_radius
-    current = max(map(abs, scene.coil.currents_in(*window)[1]))
+    current = scene.coil.currents_in(*window).largest
     density = 1e-6 * scene.coil.winding_in(*window).current_density(current)
     told = CURRENT_DENSITY.remark("[coil]: the current density in the copper", density)
     if told:

@@ -24,16 +24,13 @@ from emclutch.scene.case import Case
 from emclutch.scene.grain_smear import layers_change_the_field, smear_width
 from emclutch.scene.model import Scene
 from emclutch.scene.motion import FreeShaftSection
-from emclutch.scene.time_table import points_of
 from emclutch.simulation.dvi_plan import RigidContacts
 from emclutch.simulation.initial_packing import grains_of, packed, settled
 from emclutch.simulation.plan import Plan
 from field import MagneticField, RadialField
-from field.section.eddy_currents import CurrentDrive
 from field.three_d import Field3D
 from geometry import ShearCell
-from geometry.time_profile import TimeProfile
-from particles import DEM, DVI, Body, FreeShaft, GrainMotion, Grains, PrescribedSpeed
+from particles import DEM, DVI, Body, FreeShaft, GrainMotion, Grains
 
 log = logging.getLogger(__name__)
 
@@ -121,7 +118,7 @@ def field_source(
         coil = device.coil
         carrier = next(body for body in bodies if body.name == coil.carrier)
         known = peak if isinstance(peak, Field3D) else None
-        return CoilField3D(coil.problem, coil.turns, coil.current, carrier, coil.newton_tolerance, known=known)
+        return CoilField3D(coil.problem, coil.turns, coil.currents, carrier, coil.newton_tolerance, known=known)
     return coil_source(scene, device.coil, walls)
 
 
@@ -131,14 +128,13 @@ def coil_source(scene: Scene, coil: CoilDevice, walls) -> SolvedCoilField:
     feedback = None if reaction is None else reaction.powder_feedback(scene, coil.problem, walls)
     tolerance = 0.0 if reaction is None else reaction.tolerance
     if eddy is not None:
-        drive = CurrentDrive(coil.current) if circuit is None else circuit.drive(coil)
-        return eddy.source(coil, drive, feedback, tolerance)
+        return eddy.source(coil, feedback, tolerance, at_voltage=circuit is not None)
     if circuit is not None:
         return circuit.source(coil, feedback, tolerance)
     return CoilField(
         coil.problem,
         coil.turns,
-        coil.current,
+        coil.currents,
         newton_tolerance=coil.newton_tolerance,
         powder_tolerance=tolerance,
         feedback=feedback,
@@ -155,13 +151,13 @@ def shafts(scene, walls) -> list[Body]:
         elif motion.free is not None:
             bodies.append(Body(name, free_shaft(motion.free), speed=motion.free.initial_speed))
         else:
-            bodies.append(Body(name, PrescribedSpeed(*points_of(motion.speed))))
+            bodies.append(Body(name, motion.speed))
     return bodies
 
 
 def free_shaft(section: FreeShaftSection) -> FreeShaft:
     """The shaft of [motion.NAME.free]."""
-    load, motor = TimeProfile(*points_of(section.load_torque)), section.motor
+    load, motor = section.load_torque, section.motor
     if motor is None:
         return FreeShaft(section.inertia, section.drive_torque, load)
     return FreeShaft(section.inertia, motor.signed_stall_torque, load, motor.slope, motor.switched_on)

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from particles.bodies import PrescribedSpeed
+from particles.bodies import ZERO
 from particles.errors import ParticleError
 from particles.grain_motion import GrainMotion
 
@@ -154,7 +154,7 @@ def before_the_start(dem: GrainMotion) -> Iterator[GrainMotion]:
     kept = [(body.motion, body.angle, body.speed) for body in dem.bodies]
     clock = dem.step_count
     for body in dem.bodies:
-        body.motion, body.speed = PrescribedSpeed.constant(0.0), 0.0
+        body.motion, body.speed = ZERO, 0.0
     try:
         yield dem
     finally:

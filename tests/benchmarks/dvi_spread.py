@@ -21,8 +21,9 @@ from itertools import product
 
 import numpy as np
 
+from geometry.time_profile import TimeProfile
 from geometry.walls import AnnularBox, annulus, cylinder
-from particles import Body, FreeShaft, Grains, PrescribedSpeed, pack
+from particles import Body, FreeShaft, Grains, pack
 from particles.dvi.dvi import DVI
 from particles.dvi.dvi_contact import DviContact
 
@@ -52,8 +53,8 @@ def bed(n: int, vessel: str, friction: str, free: bool, tolerance: float, seed: 
     where = pack(AnnularBox(CORE, drum, 0.0, high), walls, n, RADIUS, seed=seed)
     grains = Grains.create(where, RADIUS * np.random.default_rng(seed).uniform(0.8, 1.0, n), DENSITY)
     # as heavy as the bed: it takes up speed slowly
-    shaft = FreeShaft(float(grains.mass.sum()) * drum**2) if free else PrescribedSpeed.constant(0.0)
-    bodies = [Body("core", PrescribedSpeed.constant(CORE_SPEED)), Body("drum", shaft)]
+    shaft = FreeShaft(float(grains.mass.sum()) * drum**2) if free else TimeProfile.constant(0.0)
+    bodies = [Body("core", TimeProfile.constant(CORE_SPEED)), Body("drum", shaft)]
     dvi = DVI(grains, walls, bodies, DviContact(FRICTION), dt=TIME_STEP, gravity=down,
               friction_cone=friction, tolerance=1e-6, max_sweeps=5000)  # fmt: skip
     dvi.run(SETTLING)

@@ -33,8 +33,9 @@ from pathlib import Path
 import numpy as np
 
 from geometry import Box
+from geometry.time_profile import TimeProfile
 from geometry.walls import Wall, annulus, cylinder
-from particles import Body, Grains, PrescribedSpeed, pack
+from particles import Body, Grains, pack
 from particles.dvi.dvi import DVI
 from particles.dvi.dvi_contact import DviContact
 from particles.dvi.dvi_totals import DviTotals
@@ -90,7 +91,7 @@ def drum(n: int) -> tuple[list[Wall], Body]:
         annulus("low", "drum", 0.0, 0.0, radius),
         annulus("high", "drum", length, 0.0, radius),
     ]
-    return walls, Body("drum", PrescribedSpeed.constant(DRUM_SPEED))
+    return walls, Body("drum", TimeProfile.constant(DRUM_SPEED))
 
 
 def bed(n: int, seed: int = 1) -> np.ndarray:

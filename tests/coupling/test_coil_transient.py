@@ -12,8 +12,9 @@ from coupling.coil_row import CoilRow
 from field import AxisymmetricProblem, GrainLaw, LinearLaw, PowderLaw, material
 from field.coil.inductance import apparent_inductance
 from field.coil.winding import Winding
-from field.section.eddy_currents import CurrentDrive, EddyCurrentProblem, VoltageDrive
+from field.section.eddy_currents import EddyCurrentProblem, VoltageDrive
 from geometry import Clutch, mesh_clutch
+from geometry.time_profile import TimeProfile
 
 pytestmark = pytest.mark.physics
 
@@ -38,14 +39,13 @@ def problem():
 
 
 def circuit_source(problem, **more):
-    more = {"voltage": lambda t: V, "resistance": R, "largest_current": V / R, "current_tolerance": 0.02, **more}
-    return CircuitCoilField(problem, N, powder_tolerance=0.05, **more)
+    more = {"resistance": R, "largest_current": V / R, "current_tolerance": 0.02, **more}
+    return CircuitCoilField(problem, N, TimeProfile.constant(V), powder_tolerance=0.05, **more)
 
 
 def eddy_source(problem, sigma=5e6, **more):
     eddy = EddyCurrentProblem(problem, {"core": sigma}, turns=N)
-    voltage, current = more.pop("voltage", None), more.pop("current", None)
-    return EddyCoilField(problem, N, CurrentDrive(current) if voltage is None else voltage, eddy, **more)
+    return EddyCoilField(problem, N, eddy, **more)
 
 
 def march(source, windows=WINDOWS, first=0):
@@ -59,7 +59,7 @@ def march(source, windows=WINDOWS, first=0):
 
 def test_course_of_the_current_is_as_it_was(problem):
     """Without the effects nothing has changed: the plain source solves exactly what the problem solves, bit for bit."""
-    source = CoilField(problem, N, lambda t: 1.0 + 100.0 * t)
+    source = CoilField(problem, N, TimeProfile((0.0, 1.0), (1.0, 101.0)))
     guess = None
     for time in (0.0, 0.02, 0.05):
         source.refresh(time)
@@ -123,8 +123,8 @@ def test_resumed_is_bit_for_bit_what_went_on(problem, kind):
         if kind == "circuit":
             return circuit_source(problem)
         if kind == "eddy at a voltage":
-            return eddy_source(problem, voltage=VoltageDrive(lambda t: V, R))
-        return eddy_source(problem, current=lambda t: min(1.0, 200.0 * t))
+            return eddy_source(problem, supply=TimeProfile.constant(V), resistance=R)
+        return eddy_source(problem, supply=TimeProfile((0.0, 5e-3), (0.0, 1.0)))
 
     whole = build()
     rows, _ = march(whole, windows=50)
@@ -141,7 +141,7 @@ def test_resumed_is_bit_for_bit_what_went_on(problem, kind):
 def test_eddy_currents_vanish_with_the_conductivity(problem):
     """sigma -> 0: the field with eddy currents is that of the circuit."""
     circuit = circuit_source(problem, current_tolerance=0.01)
-    eddy = eddy_source(problem, 0.0, voltage=VoltageDrive(lambda t: V, R), change_tolerance=0.01)
+    eddy = eddy_source(problem, 0.0, supply=TimeProfile.constant(V), resistance=R, change_tolerance=0.01)
     expected = np.array([row.current for row in march(circuit)[0]])
     found = np.array([row.current for row in march(eddy)[0]])
     # the one tells the current at the window's end, the other the one of its last step
@@ -149,7 +149,7 @@ def test_eddy_currents_vanish_with_the_conductivity(problem):
 
 
 def test_eddy_source_balances_its_energy_and_rests(problem):
-    source = eddy_source(problem, voltage=VoltageDrive(lambda t: V, R), change_tolerance=0.01)
+    source = eddy_source(problem, supply=TimeProfile.constant(V), resistance=R, change_tolerance=0.01)
     rows, new = march(source, windows=400)
     supplied, copper, eddy = (
         sum(getattr(row, name) for row in rows) for name in ("coil_supplied", "copper_loss", "eddy_loss")
@@ -166,7 +166,8 @@ def test_eddy_source_balances_its_energy_and_rests(problem):
 
 def test_prescribed_current_is_followed_by_a_late_field(problem):
     """The current is there at once, the flux is not; after the switch it stays a while."""
-    source = eddy_source(problem, current=lambda t: 1.0 if t < 30.5 * WINDOW else 0.0, breaks=(30.5 * WINDOW,))
+    switched_off = TimeProfile((30.5 * WINDOW, 30.5001 * WINDOW), (1.0, 0.0))
+    source = eddy_source(problem, supply=switched_off)
     full = problem.solve(N * 1.0).flux_linkage_per_turn
     shares = []
     for k in range(60):
@@ -186,7 +187,7 @@ def test_bad_circuits_are_explained(problem, arguments, words):
 
 def test_bad_eddy_sources_are_explained(problem):
     with pytest.raises(ValueError, match="same field problem"):
-        EddyCoilField(problem, 2 * N, CurrentDrive(lambda t: 1.0), EddyCurrentProblem(problem, {}, turns=N))
+        EddyCoilField(problem, 2 * N, EddyCurrentProblem(problem, {}, turns=N), TimeProfile.constant(1.0))
 
 
 def test_rise_of_a_clutch_at_a_voltage():
@@ -241,7 +242,7 @@ def test_current_of_a_closed_iron_circuit_does_not_lag_its_linkage(steel):
     mesh = section_grid(r, np.concatenate((-z, z)), {**regions, "powder": (40e-3, 60e-3, -16e-3, 16e-3)})
     closed = AxisymmetricProblem(mesh, {"core": material(steel)})
     source = CircuitCoilField(
-        closed, N, voltage=lambda t: V, resistance=R, largest_current=V / R, current_tolerance=0.02
+        closed, N, voltage=TimeProfile.constant(V), resistance=R, largest_current=V / R, current_tolerance=0.02
     )
     curve = FluxLinkageCurve.of(closed, N, 1.01 * V / R, points=121)
     linkage, worst, window = 0.0, 0.0, 1e-4

@@ -12,6 +12,7 @@ from dem_laws import FLOOR
 
 from geometry.annular_cell import ShearCell
 from geometry.box import Box
+from geometry.time_profile import TimeProfile
 from geometry.triangle_wall import TriangleWall
 from geometry.walls import Plane, cylinder
 from particles import (
@@ -21,7 +22,6 @@ from particles import (
     CyclicSector,
     Grains,
     LinearContact,
-    PrescribedSpeed,
     choose_time_step,
     contact_share,
     depth_warning,
@@ -313,7 +313,7 @@ def sheared(copies):
         radius, share = np.tile(radius, PARTS), np.tile(share, PARTS)
     law = LinearContact.from_restitution(500.0, 0.7, 0.5)
     grains = Grains.create(x, radius, DENSITY, velocity=v)
-    bodies = [Body("disc"), Body("rotor", PrescribedSpeed.constant(60.0)), Body("housing")]
+    bodies = [Body("disc"), Body("rotor", TimeProfile.constant(60.0)), Body("housing")]
     dt = choose_time_step(law, grains.mass, grains.radius).dt
     dem = DEM(grains, CELL.walls(), bodies, law, dt=dt, sector=None if copies else SECTOR)
     who = dem.grains.particle_id

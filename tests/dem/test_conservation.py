@@ -5,7 +5,8 @@ import pytest
 
 from geometry.annular_cell import ShearCell
 from geometry.box import Box
-from particles import DEM, Body, FreeShaft, Grains, LinearContact, PrescribedSpeed, choose_time_step, pack
+from geometry.time_profile import TimeProfile
+from particles import DEM, Body, FreeShaft, Grains, LinearContact, choose_time_step, pack
 
 pytestmark = pytest.mark.physics
 
@@ -51,13 +52,13 @@ def _shear_cell(motion, **extra):
     box = cell.fill_boxes()["annulus"]
     count = int(0.5 * box.volume() / (4 / 3 * np.pi * r**3))
     grains = Grains.create(pack([box], cell.walls(), count, r, seed=1), r, 7850.0)
-    bodies = [Body("disc", motion), Body("rotor", PrescribedSpeed.constant(20.0)), Body("housing")]
+    bodies = [Body("disc", motion), Body("rotor", TimeProfile.constant(20.0)), Body("housing")]
     dt = choose_time_step(LAW, grains.mass, grains.radius).dt
     return DEM(grains, cell.walls(), bodies, LAW, dt=dt, **extra)
 
 
 def test_torques_on_all_bodies_balance_the_grains_angular_momentum():
-    dem = _shear_cell(FreeShaft(1e-7, drive_torque=1e-5, load_torque=2e-5))
+    dem = _shear_cell(FreeShaft(1e-7, drive_torque=1e-5, load_torque=TimeProfile.constant(2e-5)))
     before, shaft = dem.grains.angular_momentum_z(), dem.bodies[0].speed
     totals = dem.run(1000)
     on_bodies = sum(totals.torque_on(body.name) for body in dem.bodies) * totals.duration
@@ -78,7 +79,7 @@ def test_torques_on_all_bodies_balance_the_grains_angular_momentum():
 
 
 def test_energy_of_a_driven_cell_with_gravity_and_forces_closes():
-    dem = _shear_cell(PrescribedSpeed.constant(-10.0), gravity=(0.0, 0.0, -9.81))
+    dem = _shear_cell(TimeProfile.constant(-10.0), gravity=(0.0, 0.0, -9.81))
     dem.external_force = np.full((dem.grains.count, 3), 1e-6)
     totals = dem.run(800)
     put_in = totals.energy_budget.contact_work + totals.energy_budget.gravity_work + totals.energy_budget.external_work
@@ -89,7 +90,7 @@ def test_energy_of_a_driven_cell_with_gravity_and_forces_closes():
 
 def test_brake_holds_a_shaft_at_rest_until_it_is_overcome():
     grains = Grains.create([[0.0, 0.0, 0.0]], 1e-3, 1000.0)
-    body = Body("disc", FreeShaft(2e-3, drive_torque=0.5, load_torque=0.6))
+    body = Body("disc", FreeShaft(2e-3, drive_torque=0.5, load_torque=TimeProfile.constant(0.6)))
     dem = DEM(grains, [], [body], LAW, dt=1e-5)
     dem.run(1000)
     assert body.speed == 0.0

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from geometry.annular_cell import ShearCell
+from geometry.time_profile import TimeProfile
 from particles import (
     DEM,
     Body,
     CyclicSector,
     Grains,
     LinearContact,
-    PrescribedSpeed,
     RollingFriction,
     choose_time_step,
     pack,
@@ -50,7 +50,7 @@ def _ring(wedge):
 
 
 def _dem(grains, sector, law, speed=60.0, rolling=None):
-    bodies = [Body("disc"), Body("rotor", PrescribedSpeed.constant(speed)), Body("housing")]
+    bodies = [Body("disc"), Body("rotor", TimeProfile.constant(speed)), Body("housing")]
     dt = choose_time_step(law, grains.mass, grains.radius).dt
     return DEM(grains, CELL.walls(), bodies, law, dt=dt, sector=sector, rolling=rolling)
 

@@ -18,6 +18,7 @@ from dem_laws import (
     make_dem,
 )
 
+from geometry.time_profile import TimeProfile
 from geometry.triangle_wall import box_surface
 from geometry.walls import outline
 from particles import (
@@ -26,7 +27,6 @@ from particles import (
     FreeShaft,
     Grains,
     PairLaws,
-    PrescribedSpeed,
     RollingFriction,
     TwistingFriction,
 )
@@ -119,7 +119,7 @@ def thrown(name, everything, steps):
     """Impacts of five incidences on each partner, spinning, on turning walls; totals of all of it."""
     angle, spin = np.radians([5.0, 30.0, 50.0, 70.0, 85.0]), np.random.default_rng(1).normal(size=(5, 3)) * 300.0
     grains, walls = impacts(SPEED * np.cos(angle), SPEED * np.sin(angle), spin)
-    wall = Body("wall", PrescribedSpeed.constant(2.0))
+    wall = Body("wall", TimeProfile.constant(2.0))
     dem = make_dem(grains, walls, [wall], law(name), steps=steps, everything=everything)
     totals = dem.run(int(4e-4 / dem.dt))
     assert dem.contacts().i.size == 0
@@ -154,8 +154,8 @@ def device(name, everything, steps):
     rng = np.random.default_rng(3)
     profile = [(0.0, 0.0), (8.0 * RADIUS, 0.0), (8.0 * RADIUS, 6.0 * RADIUS), (0.0, 6.0 * RADIUS)]
     vane = box_surface("vane", "disc", (4.0 * RADIUS, 0.0, 3.0 * RADIUS), (5.0 * RADIUS, RADIUS, 4.0 * RADIUS))
-    shaft = FreeShaft(SHAFT_INERTIA, drive_torque=2e-6, load_torque=1e-6, drive_slope=1e-8)
-    bodies = [Body("drum", shaft, speed=60.0), Body("disc", PrescribedSpeed.constant(-80.0))]
+    shaft = FreeShaft(SHAFT_INERTIA, drive_torque=2e-6, load_torque=TimeProfile.constant(1e-6), drive_slope=1e-8)
+    bodies = [Body("drum", shaft, speed=60.0), Body("disc", TimeProfile.constant(-80.0))]
     x = np.array([
         [a, b, c]
         for a in (-5.0, -3.0, -1.0, 1.0, 3.0, 5.0)

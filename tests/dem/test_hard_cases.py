@@ -5,6 +5,7 @@ import pytest
 from dem_laws import DENSITY, EVERYTHING, FLOOR, LAWS, MASS, RADIUS, G, energy, in_order, law, make_dem
 
 from geometry.box import Box
+from geometry.time_profile import TimeProfile
 from geometry.triangle_wall import box_surface
 from geometry.walls import AnnularBox, Plane, annulus, cylinder, outline
 from particles import (
@@ -12,7 +13,6 @@ from particles import (
     DemError,
     FreeShaft,
     Grains,
-    PrescribedSpeed,
     pack,
 )
 
@@ -153,7 +153,7 @@ def test_a_jammed_bed_under_a_turning_lid(name):
     contact = law(name, 0.5, 0.5)
 
     def scene(x, radius, speed):
-        bodies = [Body("cup"), Body("lid", PrescribedSpeed((0.0, 2e-3), (0.0, speed)))]
+        bodies = [Body("cup"), Body("lid", TimeProfile((0.0, 2e-3), (0.0, speed)))]
         grains = Grains.create(x, radius, DENSITY)
         return make_dem(grains, [*cup, lid], bodies, contact, steps=30.0, overlap_limit=0.2)
 
@@ -249,7 +249,7 @@ def test_a_grain_exactly_on_an_edge_on_the_axis_and_on_a_cell_boundary():
         [0.03, 0.0, r - depth],  # on its edge
         [0.03, 0.01, r - depth],  # on its corner
     ]
-    bodies = [Body("housing"), Body("rotor", PrescribedSpeed.constant(30.0))]
+    bodies = [Body("housing"), Body("rotor", TimeProfile.constant(30.0))]
     dem = make_dem(Grains.create(x, r, DENSITY), [block, disc, *tip], bodies, contact, gravity=(0.0, 0.0, -G))
     for _ in range(200):
         totals = dem.run(1)

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from dem_laws import FLOOR, LAWS, G, law, make_dem
 
+from geometry.time_profile import TimeProfile
 from geometry.triangle_wall import TriangleWall
 from geometry.walls import Plane, cylinder
-from particles import Body, Elastic, Grains, HertzContact, HertzMindlin, LinearContact, PrescribedSpeed
+from particles import Body, Elastic, Grains, HertzContact, HertzMindlin, LinearContact
 
 pytestmark = pytest.mark.physics
 
@@ -156,7 +157,7 @@ def test_belt_picks_a_grain_up_to_two_sevenths(name):
     """A floor that turns 100 m from its axis is a belt of speed U; the grain ends at 2 U/7, rolling back on it."""
     far, belt = 100.0, 0.7
     floor = Plane("floor", "rotor", np.zeros(3), np.array([0.0, 0.0, 1.0]))
-    rotor = Body("rotor", PrescribedSpeed.constant(belt / far))
+    rotor = Body("rotor", TimeProfile.constant(belt / far))
     dem, arm = laid(name, 0.3, (0.0, 0.0, -G), [floor], [rotor], at=(far, 0.0))
     totals = dem.run(int(0.15 / dem.dt))
     assert dem.grains.velocity[0, 1] == pytest.approx(2.0 / 7.0 * belt, rel=1e-3)

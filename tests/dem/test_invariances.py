@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from geometry import Box
 from geometry.annular_cell import ShearCell
+from geometry.time_profile import TimeProfile
 from geometry.triangle_wall import TriangleWall, box_surface
 from geometry.walls import Plane, cylinder, outline
 from particles import (
@@ -21,7 +22,6 @@ from particles import (
     FreeShaft,
     Grains,
     LinearContact,
-    PrescribedSpeed,
     choose_time_step,
     pack,
 )
@@ -259,8 +259,8 @@ def test_restart_is_bitwise_with_all_that_is_remembered(name):
         x, radius, v, w, species = bed(3, 27)
         drum = outline("drum", "rotor", [(0.0, 0.0), (8.0 * RADIUS, 0.0), (8.0 * RADIUS, 0.02)])
         vane = box_surface("vane", "disc", (2.0 * RADIUS, 0.0, 0.01), (4.0 * RADIUS, 0.2 * RADIUS, 0.02), angle=0.3)
-        ramp = PrescribedSpeed((0.0, 2e-3), (0.0, -90.0))
-        bodies = [Body("rotor", FreeShaft(1e-8, 1e-7, 5e-8), speed=40.0), Body("disc", ramp)]
+        ramp = TimeProfile((0.0, 2e-3), (0.0, -90.0))
+        bodies = [Body("rotor", FreeShaft(1e-8, 1e-7, TimeProfile.constant(5e-8)), speed=40.0), Body("disc", ramp)]
         x = x - np.array([2.5, 2.5, 0.0]) * RADIUS
         keep = np.abs(Rotation.from_rotvec([0, 0, -0.3]).apply(x)[:, 1]) > 1.4 * RADIUS
         grains = Grains.create(x[keep], radius[keep], DENSITY, velocity=v[keep], angular_velocity=w[keep])
@@ -307,7 +307,7 @@ def test_restart_of_a_sector_is_bitwise():
         rng = np.random.default_rng(4)
         v = 60.0 * np.cross([0.0, 0.0, 1.0], x) + 0.2 * rng.normal(size=x.shape)
         grains = Grains.create(x, r, 7850.0, velocity=v)
-        bodies = [Body("disc"), Body("rotor", PrescribedSpeed.constant(60.0)), Body("housing")]
+        bodies = [Body("disc"), Body("rotor", TimeProfile.constant(60.0)), Body("housing")]
         dt = choose_time_step(contact, grains.mass, grains.radius).dt
         return DEM(grains, cell.walls(), bodies, contact, dt=dt, sector=sector)
 

@@ -8,7 +8,7 @@ from scipy.spatial import Delaunay
 from geometry.time_profile import TimeProfile
 from geometry.triangle_wall import TriangleWall, box_surface, extruded
 from geometry.walls import Plane, annulus, cylinder
-from particles import Body, FreeShaft, Grains, HertzContact, LinearContact, PairLaws, PrescribedSpeed
+from particles import Body, FreeShaft, Grains, HertzContact, LinearContact, PairLaws
 
 pytestmark = pytest.mark.physics
 
@@ -129,7 +129,7 @@ def test_torque_of_a_drum_that_slips_under_a_held_grain(drum):
         "tessellated": extruded("drum", "drum", polygon, -0.01, 0.01, caps=False),
     }[drum]
     stop = Plane("stop", "stop", np.array([RADIUS, 0.0, 0.0]), np.array([-1.0, 0.0, 0.0]))
-    bodies = [Body("drum", PrescribedSpeed.constant(5.0)), Body("stop")]
+    bodies = [Body("drum", TimeProfile.constant(5.0)), Body("stop")]
     grains = Grains.create([[0.0, RADIUS - rc + load / stiffness, 0.0]], RADIUS, DENSITY)
     gravity = (0.0, -load / MASS, 0.0)
     dem = make_dem(grains, [wall, stop], bodies, laws, gravity=gravity, wall_material=[0, 1])
@@ -158,7 +158,7 @@ def test_a_turning_vane_throws_as_a_bat_of_its_speed():
     omega, r = 50.0, 0.02
     vane = box_surface("vane", "disc", (0.03, -1e-3, 0.0), (0.06, 2e-3, 0.02))  # its face is y = 0 at first
     grains = Grains.create([[r, RADIUS + 1e-5, 0.0]], RADIUS, DENSITY)
-    disc = Body("disc", PrescribedSpeed.constant(omega))
+    disc = Body("disc", TimeProfile.constant(omega))
     dem = make_dem(grains, [vane], [disc], law("linear", 0.7, 0.0), steps=400.0)
     totals = dem.run(int(3e-4 / dem.dt))
     assert dem.grains.velocity[0, 1] == pytest.approx(1.7 * omega * r, rel=2e-3)
@@ -194,7 +194,7 @@ def test_a_loaded_contact_turned_with_its_body_keeps_its_friction(name, everythi
         return normal, load / np.sqrt(2.0) * (round_ + other)
 
     grains = Grains.create([[0.0, 0.0, 0.0]], RADIUS, DENSITY, angular_velocity=[[0.0, 0.0, omega]])
-    bodies = [Body("disc", PrescribedSpeed.constant(omega))]
+    bodies = [Body("disc", TimeProfile.constant(omega))]
     dem = make_dem(grains, plates, bodies, contact, everything=everything, gravity=lambda times: frame(times)[1])
     quarter = int(0.5 * np.pi / omega / dem.dt)
     dem.run(4 * quarter)  # the start's swing dies away

@@ -6,8 +6,9 @@ from dvi_scenes import DOWN, STEEL, G, R, scaled, swept
 from interior_point import solve_by_interior_point
 
 from geometry import Box
+from geometry.time_profile import TimeProfile
 from geometry.walls import annulus, cylinder
-from particles import Body, FreeShaft, Grains, PrescribedSpeed
+from particles import Body, FreeShaft, Grains
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.accelerated import accelerate_records
 from particles.dvi.dvi import DVI
@@ -89,7 +90,7 @@ def test_balances_of_a_driven_drum():
     radius = 0.5 * np.sqrt(2.0) * side
     walls = [cylinder("shell", "drum", radius, 0.0, 2 * side), annulus("low", "housing", 0.0, 0.0, radius)]
     grains = Grains.create(where, R, STEEL)
-    dvi = DVI(grains, walls, [Body("drum", PrescribedSpeed.constant(20.0)), Body("housing")], DviContact(0.5),
+    dvi = DVI(grains, walls, [Body("drum", TimeProfile.constant(20.0)), Body("housing")], DviContact(0.5),
               dt=1e-3, gravity=DOWN)  # fmt: skip
     before, kinetic = grains.angular_momentum_z(), grains.kinetic_energy()
     totals = dvi.run(100)
@@ -189,7 +190,7 @@ def test_calls_may_be_cut_anywhere():
         box, where = _cloud(50, 0.35)
         radius = 0.5 * np.sqrt(2.0) * box.size[0]
         walls = [cylinder("shell", "drum", radius, 0.0, 2 * box.size[2]), annulus("low", "drum", 0.0, 0.0, radius)]
-        shaft = Body("drum", FreeShaft(1e-4, drive_torque=0.05, load_torque=0.01))
+        shaft = Body("drum", FreeShaft(1e-4, drive_torque=0.05, load_torque=TimeProfile.constant(0.01)))
         dvi = DVI(Grains.create(where, R, STEEL), walls, [shaft], DviContact(0.5), dt=1e-3, gravity=DOWN)
         for steps in parts:
             dvi.run(steps)

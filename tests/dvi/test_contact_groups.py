@@ -6,7 +6,8 @@ from dvi_scenes import DOWN, in_ring
 from numba import njit
 
 from geometry.kernels.simd import LANES
-from particles import Body, FreeShaft, PrescribedSpeed
+from geometry.time_profile import TimeProfile
+from particles import Body, FreeShaft
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.contact_groups import CONTACT, FIRST, SECOND, SIZE, WINDOW
 from particles.dvi.dvi import DVI
@@ -98,7 +99,8 @@ def test_walls_of_free_shafts_come_last_and_alone():
 
 def _loaded(**more):
     grains, walls = in_ring(120, 3, 0.06, sizes=(0.5, 1.0), low="drum")
-    bodies = [Body("rotor", PrescribedSpeed.constant(20.0)), Body("drum", FreeShaft(1e-3, load_torque=0.1))]
+    drum = Body("drum", FreeShaft(1e-3, load_torque=TimeProfile.constant(0.1)))
+    bodies = [Body("rotor", TimeProfile.constant(20.0)), drum]
     dvi = DVI(grains, walls, bodies, DviContact(0.4), dt=5e-4, gravity=DOWN, stiffness=STIFF, max_sweeps=200, **more)
     dvi.run(150)
     return dvi

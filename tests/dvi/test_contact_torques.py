@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from dvi_scenes import DOWN, NONE, STEEL, G, R, floor, in_drum
 
+from geometry.time_profile import TimeProfile
 from geometry.triangle_wall import TriangleWall
 from particles import (
     DEM,
@@ -13,7 +14,6 @@ from particles import (
     FreeShaft,
     Grains,
     LinearContact,
-    PrescribedSpeed,
     RollingFriction,
     TwistingFriction,
     choose_time_step,
@@ -151,7 +151,7 @@ def bed(motion=None, n=40, speed=0.0, gravity=DOWN, **more):
     where, walls = in_drum(n, "housing" if motion is None else "drum")
     grains = Grains.create(where, 0.005 * rng.uniform(0.6, 1.0, n), STEEL, velocity=0.1 * rng.normal(size=(n, 3)),
                            angular_velocity=40.0 * rng.normal(size=(n, 3)))  # fmt: skip
-    bodies = [Body("drum", motion or PrescribedSpeed.constant(speed), speed=speed), Body("housing")]
+    bodies = [Body("drum", motion or TimeProfile.constant(speed), speed=speed), Body("housing")]
     return DVI(grains, walls, bodies, DviContact(0.4, more.pop("restitution", 0.0)), dt=1e-3, gravity=gravity,
                **{"rolling": RollingFriction(0.1, 0.2), "twisting": TwistingFriction(0.05, 0.03), "tolerance": 1e-9,
                   "max_sweeps": 5000, **more})  # fmt: skip

@@ -7,8 +7,9 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 from geometry import Box
+from geometry.time_profile import TimeProfile
 from geometry.walls import Plane, annulus, cylinder
-from particles import Body, Grains, PrescribedSpeed
+from particles import Body, Grains
 from particles.dvi.dvi import DVI
 from particles.dvi.dvi_contact import DviContact
 
@@ -33,7 +34,7 @@ def no_slop(monkeypatch):
 
 def _in_drum(h, speed, mu, angle=0.0, **more):
     grains = Grains.create([[ARM * np.sin(angle), -ARM * np.cos(angle), 0.0]], R, STEEL)
-    drum = Body("drum", PrescribedSpeed.constant(speed))
+    drum = Body("drum", TimeProfile.constant(speed))
     return DVI(grains, [cylinder("shell", "drum", DRUM, -1.0, 1.0)], [drum], DviContact(mu), dt=h,
                gravity=(0.0, -G, 0.0), tolerance=1e-12, **more)  # fmt: skip
 
@@ -179,7 +180,7 @@ def test_a_turning_table_carries_a_sphere_along(theta):
     errors = []
     for n in (100, 200, 400, 800, 1600):
         grains = Grains.create([[start, 0.0, R]], R, STEEL)
-        table = Body("table", PrescribedSpeed.constant(speed))
+        table = Body("table", TimeProfile.constant(speed))
         dvi = DVI(grains, [annulus("face", "table", 0.0, 0.0, 1.0)], [table], DviContact(mu), dt=t / n,
                   gravity=(0.0, 0.0, -G), theta=theta, tolerance=1e-12)  # fmt: skip
         error = 0.0

@@ -21,7 +21,8 @@ from dvi_scenes import CORE, DRUM, STEEL, G, R, in_ring
 from interior_point import solve_by_interior_point
 
 from geometry import Box
-from particles import Body, Grains, PrescribedSpeed
+from geometry.time_profile import TimeProfile
+from particles import Body, Grains
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.dvi import DVI
 from particles.dvi.dvi_contact import DviContact
@@ -75,7 +76,7 @@ def _in_ring(seed, n=40, **way):
     """A bed on the floor of a turning drum, sheared by a core that turns the other way."""
     high = 0.05
     grains, walls = in_ring(n, seed, high, sizes=(0.8, 1.0))
-    bodies = [Body("rotor", PrescribedSpeed.constant(CORE_SPEED)), Body("drum", PrescribedSpeed.constant(DRUM_SPEED))]
+    bodies = [Body("rotor", TimeProfile.constant(CORE_SPEED)), Body("drum", TimeProfile.constant(DRUM_SPEED))]
     way = {"tolerance": 1e-6, "max_sweeps": 2000} | way
     dvi = DVI(grains, walls, bodies, DviContact(MU), dt=H, gravity=(0.0, 0.0, -G), **way)
     dvi.run(250)

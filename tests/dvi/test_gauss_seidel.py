@@ -5,6 +5,7 @@ import pytest
 from dvi_scenes import in_drum, swept
 from interior_point import cone_problem, cone_programme, solve_by_interior_point
 
+from geometry.time_profile import TimeProfile
 from particles import Body, FreeShaft, Grains
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.accelerated import accelerate_records
@@ -63,7 +64,7 @@ def _records(n=60, inertia=1e-4, seed=3, speed=0.0, friction=0.4):
     rng = np.random.default_rng(seed)
     where, walls = in_drum(n)
     grains = Grains.create(where, 0.005 * rng.uniform(0.9, 1.0, n), 7850.0)
-    shaft = Body("drum", FreeShaft(inertia, drive_torque=0.02, load_torque=0.01), speed=2.0)
+    shaft = Body("drum", FreeShaft(inertia, drive_torque=0.02, load_torque=TimeProfile.constant(0.01)), speed=2.0)
     dvi = DVI(grains, walls, [shaft], DviContact(friction), dt=2e-3, gravity=(0.0, 0.0, -G), max_sweeps=200,
               solver="gauss_seidel")  # fmt: skip
     dvi.run(60)

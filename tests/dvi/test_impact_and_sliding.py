@@ -5,8 +5,9 @@ import pytest
 from dvi_scenes import DOWN, G, R, floor
 from interior_point import solve_by_interior_point
 
+from geometry.time_profile import TimeProfile
 from geometry.walls import annulus, cylinder
-from particles import Body, DemError, DemErrorKind, FreeShaft, Grains, PrescribedSpeed
+from particles import Body, DemError, DemErrorKind, FreeShaft, Grains
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.dvi import DVI
 from particles.dvi.dvi_contact import DviContact
@@ -81,7 +82,7 @@ def test_belt_pick_up():
     """A sphere at rest on a wall that moves at U ends at 2U/7: near the rim of a huge slow turntable."""
     rho, speed = 1e3, 0.5
     grains = Grains.create([[rho, 0.0, R]], R, 7850.0)
-    table = Body("table", PrescribedSpeed.constant(speed / rho))
+    table = Body("table", TimeProfile.constant(speed / rho))
     dvi = DVI(grains, [annulus("face", "table", 0.0, 0.0, 2.0 * rho)], [table], DviContact(0.5), dt=1e-3, gravity=DOWN)
     dvi.run(200)
     assert dvi.grains.velocity[0, 1] == pytest.approx(2.0 * speed / 7.0, rel=1e-3)
@@ -199,7 +200,7 @@ def test_a_load_holds_a_shaft_and_a_drive_overcomes_it():
     """Dry friction: at rest below its limit; beyond it omega = (T - T_load) t/J, work drive = load + J omega^2/2."""
     far = Grains.create([[0.0, 0.0, 5.0]], R, 7850.0)
     for drive, expected in ((0.9, 0.0), (1.5, 0.5 * 0.2 / 2.0)):
-        shaft = Body("rotor", FreeShaft(2.0, drive_torque=drive, load_torque=1.0))
+        shaft = Body("rotor", FreeShaft(2.0, drive_torque=drive, load_torque=TimeProfile.constant(1.0)))
         dvi = DVI(far, [cylinder("shell", "rotor", 1.0, -1.0, 1.0)], [shaft], DviContact(0.3), dt=1e-3,
                   gravity=(0.0, 0.0, 0.0))  # fmt: skip
         totals = dvi.run(200)

@@ -5,9 +5,10 @@ import pytest
 from dvi_scenes import STEEL, G, R, lattice, swept
 
 from geometry import Box
+from geometry.time_profile import TimeProfile
 from geometry.triangle_wall import TriangleWall
 from geometry.walls import Plane, annulus
-from particles import DEM, Body, Grains, LinearContact, PrescribedSpeed
+from particles import DEM, Body, Grains, LinearContact
 from particles.dvi import gauss_seidel as gs
 from particles.dvi.compliance import ROOTS, calibrated, rebound
 from particles.dvi.dvi import DVI
@@ -164,7 +165,7 @@ def test_a_jam_between_driven_plates_has_a_finite_force():
     radius, omega = 0.1, 0.02
     grains = Grains.create([[R, radius, 0.0]], R, STEEL)
     walls = [vane("standing", "drum", 0.0), vane("moving", "rotor", 2.0 * R)]
-    bodies = [Body("drum"), Body("rotor", PrescribedSpeed.constant(omega))]  # turning about z moves it towards -x
+    bodies = [Body("drum"), Body("rotor", TimeProfile.constant(omega))]  # turning about z moves it towards -x
     dvi = DVI(grains, walls, bodies, DviContact(0.0), dt=1e-4, stiffness=STIFF, tolerance=1e-9)
     for steps in (99, 100, 200):
         assert dvi.run(steps).missed_steps == 0

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from geometry import Box
+from geometry.time_profile import TimeProfile
 from geometry.triangle_wall import box_surface
 from geometry.walls import annulus, cylinder
-from particles import DVI, Body, DviContact, FreeShaft, Grains, PrescribedSpeed
+from particles import DVI, Body, DviContact, FreeShaft, Grains
 from particles.dvi import gauss_seidel as gs
 from particles.dvi import partition
 from particles.laws.rolling_friction import RollingFriction
@@ -68,13 +69,13 @@ def _drum(n, vanes=False, **more):
         annulus("low", "housing", 0.0, 0.0, radius),
         annulus("high", "drum", length, 0.0, radius),
     ]
-    bodies = [Body("drum", FreeShaft(5e-3, drive_torque=0.3, load_torque=0.02)), Body("housing")]
+    bodies = [Body("drum", FreeShaft(5e-3, drive_torque=0.3, load_torque=TimeProfile.constant(0.02))), Body("housing")]
     if vanes:
         for name, angle in (("one", 0.0), ("two", np.pi)):
             middle = 8.0 * R * np.array([np.cos(angle), np.sin(angle), 0.0])
             walls.append(box_surface(name, "drum", (*middle[:2], 0.5 * length), (2.0 * R, 0.5 * R, length)))
         walls.append(box_surface("paddle", "paddle", (0.0, 0.0, 0.5 * length), (4.0 * R, 0.5 * R, length)))
-        bodies.append(Body("paddle", PrescribedSpeed.constant(-6.0)))
+        bodies.append(Body("paddle", TimeProfile.constant(-6.0)))
     where = _lattice((11.6 * R, 11.6 * R, length), 100_000)
     clear = np.hypot(where[:, 0], where[:, 1]) < 7.5 * R
     if vanes:

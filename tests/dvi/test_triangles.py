@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from dvi_scenes import DOWN, NONE, STEEL, R, floor
 
+from geometry.time_profile import TimeProfile
 from geometry.triangle_wall import TriangleWall, box_surface
 from geometry.walls import annulus, cylinder
-from particles import DVI, Body, DemError, DviContact, FreeShaft, Grains, PrescribedSpeed
+from particles import DVI, Body, DemError, DviContact, FreeShaft, Grains
 
 
 def sheet(slope, body="housing"):
@@ -60,7 +61,7 @@ def test_a_flat_mesh_is_a_plane(slope, height, restitution, theta):
 def _vane(speed, grain, h, restitution=0.0, reach=0.12, skin=None, **more):
     """A radial vane 4 mm thick, its face at y = 2 mm, that turns with ``speed``; no gravity."""
     wall = box_surface("vane", "rotor", (0.5 * reach, 0.0, 0.0), (reach, 4e-3, 0.1))
-    rotor = Body("rotor", PrescribedSpeed.constant(speed))
+    rotor = Body("rotor", TimeProfile.constant(speed))
     contact = DviContact(more.pop("friction", 0.0), restitution)
     return DVI(grain, [wall], [rotor], contact, dt=h, gravity=NONE, skin=skin, **more)
 
@@ -85,7 +86,7 @@ def test_a_squeezed_grain_is_a_miss_and_does_not_explode():
     grains = Grains.create([[0.1, 2e-3 + 1.2 * R, 0.0]], R, STEEL)
     vane = box_surface("vane", "rotor", (0.06, 0.0, 0.0), (0.12, 4e-3, 0.1))
     rib = box_surface("rib", "housing", (0.06, 4e-3 + 2.4 * R, 0.0), (0.12, 4e-3, 0.1))
-    bodies = [Body("rotor", PrescribedSpeed.constant(1.0)), Body("housing")]
+    bodies = [Body("rotor", TimeProfile.constant(1.0)), Body("housing")]
     dvi = DVI(grains, [vane, rib], bodies, DviContact(0.3), dt=1e-4, gravity=NONE, max_sweeps=200)
     assert dvi.run(190).missed_steps == 0
     missed = 0
@@ -108,7 +109,7 @@ def clutch(**more):
         annulus("high", "drum", 0.02, 0.0, 0.05), *ribs,
         box_surface("vane", "rotor", (0.0, 0.0, 0.0), (0.06, 4e-3, 0.038)),
     ]  # fmt: skip
-    rotor = more.pop("rotor", PrescribedSpeed((0.0, 0.1), (0.0, 20.0)))
+    rotor = more.pop("rotor", TimeProfile((0.0, 0.1), (0.0, 20.0)))
     bodies = [Body("rotor", rotor), Body("drum", FreeShaft(1e-4), speed=more.pop("drum_speed", 0.0))]
     rng = np.random.default_rng(4)
     a, b = np.meshgrid(np.arange(10) * 0.2 * np.pi + 0.3, (-0.013, 0.0, 0.013), indexing="ij")

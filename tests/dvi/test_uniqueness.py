@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from dvi_scenes import CORE, DRUM, STEEL, G, R, in_ring
 
+from geometry.time_profile import TimeProfile
 from geometry.triangle_wall import box_surface
 from geometry.walls import annulus
-from particles import Body, DemError, DemErrorKind, FreeShaft, Grains, PrescribedSpeed
+from particles import Body, DemError, DemErrorKind, FreeShaft, Grains
 from particles.dvi.dvi import DVI
 from particles.dvi.dvi_contact import DviContact
 
@@ -25,7 +26,7 @@ STARTS = ("cold", "warm", "perturbed", "perturbed")
 def _bed(friction, seed, steps=300, n=60):
     """Grains settled on the floor of a drum on a free shaft, sheared by a core that turns at 20 rad/s."""
     grains, walls = in_ring(n, seed, 0.06, sizes=(0.8, 1.0))
-    bodies = [Body("rotor", PrescribedSpeed.constant(20.0)), Body("drum", FreeShaft(INERTIA))]
+    bodies = [Body("rotor", TimeProfile.constant(20.0)), Body("drum", FreeShaft(INERTIA))]
     dvi = DVI(grains, walls, bodies, DviContact(0.4), dt=H, gravity=(0.0, 0.0, -G), friction_cone=friction,
               tolerance=1e-6, max_sweeps=5000)  # fmt: skip
     dvi.run(steps)
@@ -101,7 +102,7 @@ def _wedged(squeeze, friction="coulomb"):
     """
     mu, a, speed = 0.5, 0.05, 4.0
     walls = [annulus("floor", "low", 0.0, 0.0, 0.1), annulus("lid", "high", 2.0 * R, 0.0, 0.1)]
-    bodies = [Body("low"), Body("high", PrescribedSpeed.constant(speed))]
+    bodies = [Body("low"), Body("high", TimeProfile.constant(speed))]
     grains = Grains.create([[a, 0.0, R]], R, STEEL)
     dvi = DVI(grains, walls, bodies, DviContact(mu), dt=H, gravity=(0.0, 0.0, -G), friction_cone=friction,
               tolerance=1e-12)  # fmt: skip
@@ -152,7 +153,7 @@ def test_contacts_that_contradict_each_other_are_missed_not_blown_up(solver):
         box_surface("one", "one", (0.0, -2e-3 - R, 0.0), (0.8, 4e-3, 0.1)),
         box_surface("two", "two", (0.0, 2e-3 + R, 0.0), (0.8, 4e-3, 0.1)),
     ]
-    bodies = [Body("one", PrescribedSpeed.constant(c / a)), Body("two", PrescribedSpeed.constant(-c / a))]
+    bodies = [Body("one", TimeProfile.constant(c / a)), Body("two", TimeProfile.constant(-c / a))]
     grains = Grains.create([[a, 0.0, 0.0]], R, STEEL)
     dvi = DVI(grains, walls, bodies, DviContact(0.3), dt=h, gravity=(0.0, 0.0, 0.0), solver=solver, max_sweeps=cap,
               tolerance=1e-9)  # fmt: skip
@@ -185,7 +186,7 @@ def test_a_jammed_bed_between_driven_walls_stays_finite(seed):
     n, speed = 60, 10.0
     high = n * 4.0 / 3.0 * R**3 / (0.4 * (DRUM**2 - CORE**2))
     grains, walls = in_ring(n, seed, high, low="rotor")
-    bodies = [Body("rotor", PrescribedSpeed.constant(speed)), Body("drum", PrescribedSpeed.constant(-speed))]
+    bodies = [Body("rotor", TimeProfile.constant(speed)), Body("drum", TimeProfile.constant(-speed))]
     dvi = DVI(grains, walls, bodies, DviContact(0.8), dt=H, gravity=(0.0, 0.0, -G), tolerance=1e-6, max_sweeps=500)
     totals = dvi.run(25)
     assert totals.missed_steps > 5

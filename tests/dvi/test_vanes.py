@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from dvi_scenes import NONE, G, R
 
+from geometry.time_profile import TimeProfile
 from geometry.triangle_wall import TriangleWall, box_surface
 from geometry.walls import annulus, cylinder
-from particles import DVI, Body, DviContact, FreeShaft, Grains, PrescribedSpeed
+from particles import DVI, Body, DviContact, FreeShaft, Grains
 
 pytestmark = pytest.mark.physics
 
@@ -43,7 +44,7 @@ def _vane(motion, mu, e, h, x=0.1, velocity=NONE, gap=0.0, **more):
 def test_a_turning_vane_strikes_a_grain(mu, e):
     """v_n = (1 + e) omega x; what sticks gets 2/7 of the wall's velocity along the face, v_t = -2/7 omega y."""
     speed = 20.0
-    dvi = _vane(PrescribedSpeed.constant(speed), mu, e, 1e-4)
+    dvi = _vane(TimeProfile.constant(speed), mu, e, 1e-4)
     dvi.run(1)
     along = -2.0 / 7.0 * speed * 2e-3 if mu else 0.0
     assert dvi.grains.velocity[0] == pytest.approx([along, (1.0 + e) * speed * 0.1, 0.0], abs=1e-12)
@@ -52,7 +53,7 @@ def test_a_turning_vane_strikes_a_grain(mu, e):
 def test_a_vane_reaches_a_grain_but_does_not_cross_it():
     """With a gap g the grain is given omega x - g/h: in the next middle they touch, to the curvature of the path."""
     speed, h, gap = 20.0, 1e-3, 0.5e-3
-    dvi = _vane(PrescribedSpeed.constant(speed), 0.0, 0.0, h, gap=gap)
+    dvi = _vane(TimeProfile.constant(speed), 0.0, 0.0, h, gap=gap)
     dvi.run(1)
     assert dvi.grains.velocity[0, 1] == pytest.approx(speed * 0.1 - gap / h, abs=1e-12)
     assert dvi.run(1).max_overlap < 0.5 * (speed * h) ** 2
@@ -69,7 +70,7 @@ def test_a_grain_is_flung_along_a_vane(theta):
     errors, gaps = [], []
     for n in (50, 100, 200):
         start = (-speed * (2e-3 + R), speed * x, 0.0)
-        dvi = _vane(PrescribedSpeed.constant(speed), 0.0, 0.0, t / n, x, start, theta=theta)
+        dvi = _vane(TimeProfile.constant(speed), 0.0, 0.0, t / n, x, start, theta=theta)
         assert dvi.run(n).missed_steps == 0
         angle = dvi.bodies[0].angle
         assert angle == pytest.approx(speed * t, rel=1e-12)

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
+from geometry.time_profile import TimeProfile
 from geometry.walls import Plane
 from particles import (
     Body,
     FreeShaft,
     Grains,
     LinearContact,
-    PrescribedSpeed,
     choose_time_step,
     stiffness_for_overlap,
 )
@@ -21,21 +21,21 @@ LAW = LinearContact.from_restitution(100.0, 0.5, 0.3)
 
 
 def test_profile_is_linear_and_held():
-    profile = PrescribedSpeed((0.0, 1.0, 3.0), (0.0, 10.0, 4.0))
+    profile = TimeProfile((0.0, 1.0, 3.0), (0.0, 10.0, 4.0))
     assert profile.at(np.array([-1.0, 0.5, 2.0, 9.0])) == pytest.approx([0.0, 5.0, 7.0, 4.0])
 
 
 @pytest.mark.parametrize("times, speeds", [((0.0, 1.0), (1.0,)), ((1.0, 0.0), (0.0, 1.0)), ((), ())])
 def test_bad_profile_is_refused(times, speeds):
     with pytest.raises(ValueError, match="time profile"):
-        PrescribedSpeed(times, speeds)
+        TimeProfile(times, speeds)
 
 
 def test_bad_shaft_is_refused():
     with pytest.raises(ValueError, match="inertia of a free shaft"):
         FreeShaft(0.0)
     with pytest.raises(ValueError, match="load torque"):
-        FreeShaft(1.0, load_torque=-1.0)
+        FreeShaft(1.0, load_torque=TimeProfile.constant(-1.0))
 
 
 def test_step_follows_from_the_contact_time():
@@ -87,4 +87,4 @@ def test_wall_of_an_unknown_body_is_refused():
 def test_plane_that_would_swing_is_refused():
     side = Plane("side", "rotor", np.zeros(3), np.array([1.0, 0.0, 0.0]))
     with pytest.raises(ValueError, match="would swing round"):
-        wall_table([side], [Body("rotor", PrescribedSpeed.constant(1.0))])
+        wall_table([side], [Body("rotor", TimeProfile.constant(1.0))])

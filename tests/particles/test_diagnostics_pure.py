@@ -8,7 +8,8 @@ import pytest
 
 from geometry.annular_cell import ShearCell
 from geometry.box import Box
-from particles import DEM, Body, CyclicSector, Grains, LinearContact, PrescribedSpeed, choose_time_step, pack
+from geometry.time_profile import TimeProfile
+from particles import DEM, Body, CyclicSector, Grains, LinearContact, choose_time_step, pack
 from particles.diagnostics.bins import ring_bins
 from particles.diagnostics.coordination import contacts_per_grain
 from particles.diagnostics.grain_diagnostics import grain_diagnostics
@@ -28,7 +29,7 @@ def ring(speed=60.0):
     x = pack([box], CELL.walls(), count, RADIUS, seed=1, sector=SECTOR)
     spin = np.random.default_rng(0).normal(size=x.shape)
     grains = Grains.create(x, RADIUS, 7850.0, velocity=0.1 * spin, angular_velocity=100.0 * spin)
-    bodies = [Body("disc"), Body("rotor", PrescribedSpeed.constant(speed)), Body("housing")]
+    bodies = [Body("disc"), Body("rotor", TimeProfile.constant(speed)), Body("housing")]
     dt = choose_time_step(LAW, grains.mass, grains.radius).dt
     return DEM(grains, CELL.walls(), bodies, LAW, dt=dt, sector=SECTOR)
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from geometry.box import Box
-from particles import DEM, DVI, Body, DviContact, FreeShaft, GrainMotion, Grains, LinearContact, PrescribedSpeed
+from geometry.time_profile import TimeProfile
+from particles import DEM, DVI, Body, DviContact, FreeShaft, GrainMotion, Grains, LinearContact
 
 R = 1e-3
 G = 9.81
@@ -22,7 +23,7 @@ def made(request):
         walls = Box((SIDE, SIDE, SIDE)).walls()
         bodies = [
             Body("housing"),
-            Body("disc", PrescribedSpeed.constant(5.0)),
+            Body("disc", TimeProfile.constant(5.0)),
             Body("shaft", FreeShaft(1e-3, drive_torque=0.02)),
         ]
         if request.param == "dem":

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from geometry.box import Box
+from geometry.time_profile import TimeProfile
 from geometry.walls import Plane
-from particles import DEM, Body, Grains, LinearContact, PrescribedSpeed
+from particles import DEM, Body, Grains, LinearContact
 from particles.packing.poured_packing import poured_packing
 from particles.packing.settling import NotAtRestError, before_the_start, settle
 from particles.packing.sizes import UniformSizes
@@ -98,7 +99,7 @@ def test_a_rolling_grain_is_stopped_by_damping_only(damping, rests):
 def test_shafts_and_clock_start_afresh():
     box = Box((8e-3, 8e-3, 20e-3))
     grains = Grains.create(np.array([[0.0, 0.0, 1e-3]]), 0.5e-3, 2500.0)
-    shaft = Body("shaft", PrescribedSpeed.constant(5.0))
+    shaft = Body("shaft", TimeProfile.constant(5.0))
     dem = DEM(grains, box.walls(), [Body("housing"), shaft], CONTACT, dt=2e-5, gravity=(0.0, 0.0, -G))
     with before_the_start(dem):
         assert settle(dem).reached

@@ -11,9 +11,10 @@ from scipy.optimize import nnls
 from scipy.spatial import ConvexHull, Delaunay
 from scipy.spatial.transform import Rotation
 
+from geometry.time_profile import TimeProfile
 from geometry.triangle_wall import TriangleWall, box_surface, extruded, joined
 from geometry.walls import Plane, annulus, cylinder
-from particles.bodies import Body, PrescribedSpeed
+from particles.bodies import Body
 from particles.walls.triangle_kernels import (
     FEATURE_ANGLE,
     N_FOUND,
@@ -283,7 +284,7 @@ def scene():
     vane = box_surface("vane", "disc", (0.06, 0.0, 0.0), (0.05, 0.005, 0.03))
     floor = annulus("floor", "housing", -0.03, 0.0, 0.1)
     walls = [vane, floor, drum, *(vane.turned(k * np.pi / 2, f"vane_{k}") for k in (1, 2, 3))]
-    return walls, [Body("rotor", PrescribedSpeed.constant(1.0)), Body("housing"), Body("disc")]
+    return walls, [Body("rotor", TimeProfile.constant(1.0)), Body("housing"), Body("disc")]
 
 
 def test_tables_part_triangles_from_analytic_walls():

@@ -17,7 +17,7 @@ from emclutch.scene.errors import SceneError
 from emclutch.scene.fill import fill_of
 from emclutch.scene.model import Scene
 from emclutch.scene.study import read_study
-from emclutch.scene.time_table import points_of
+from geometry.time_profile import TimeProfile
 
 GOOD = Path(__file__).parents[1] / "scene" / "broken" / "good.toml"
 BOX = {
@@ -55,9 +55,9 @@ def test_values_make_a_new_case(good):
             "effects.back_reaction.tolerance": 0.1,
         }
     )
-    assert points_of(other.scene.coil.current) == ((0.0,), (0.8,))
+    assert other.scene.coil.current == TimeProfile.constant(0.8)
     assert other.scene.effects.active == ("magnetic_force", "dipoles", "saturation", "wall_images", "back_reaction")
-    assert points_of(good.scene.coil.current) == ((0.0, 0.02), (0.0, 0.94))
+    assert good.scene.coil.current == TimeProfile((0.0, 0.02), (0.0, 0.94))
     assert good.scene.effects.gravity is not None
 
 

@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from emclutch.effects.coil_circuit import CoilCircuitSection
 from emclutch.effects.eddy_currents import EddyCurrentsSection
 from emclutch.scene.coil import CoilSection
-from emclutch.scene.time_table import points_of
+from geometry.time_profile import TimeProfile
 
 AREA, RADIUS = 36e-6, 26e-3
 
@@ -19,9 +19,9 @@ def test_resistance_follows_from_the_turns_in_copper():
     resistance = coil.resistance_in(AREA, RADIUS)
     back = CoilSection.model_validate({"voltage": "24 V", "resistance": resistance})
     assert back.turns_in(AREA, RADIUS) == pytest.approx(500.0, rel=1e-12)
-    times, currents = coil.currents_in(AREA, RADIUS)
-    assert times == (0.0,) and currents[0] == pytest.approx(24.0 / resistance)
-    assert coil.winding_in(AREA, RADIUS).copper_loss(currents[0]) == pytest.approx(24.0 * currents[0])
+    currents = coil.currents_in(AREA, RADIUS)
+    assert currents.is_constant and currents(0.0) == pytest.approx(24.0 / resistance)
+    assert coil.winding_in(AREA, RADIUS).copper_loss(currents(0.0)) == pytest.approx(24.0 * currents(0.0))
 
 
 def test_a_warm_coil_takes_less_current():
@@ -39,19 +39,19 @@ def test_voltage_in_time_switches_off_and_reverses():
         {"voltage": {"times": ["0 s", "1 ms", "2 ms"], "values": ["24 V", "0 V", "-6 V"]}, "resistance": "12 ohm"}
     )
     assert coil.is_at_voltage
-    assert coil.currents_in(AREA, RADIUS) == ((0.0, 1e-3, 2e-3), (2.0, 0.0, -0.5))
+    assert coil.currents_in(AREA, RADIUS) == TimeProfile((0.0, 1e-3, 2e-3), (2.0, 0.0, -0.5))
 
 
 def test_beside_a_current_a_voltage_is_the_supply():
     coil = CoilSection.model_validate({"current": "0.94 A", "voltage": "24 V", "resistance": "25.5 ohm"})
-    assert not coil.is_at_voltage and coil.currents_in(AREA, RADIUS) == points_of(coil.current)
+    assert not coil.is_at_voltage and coil.currents_in(AREA, RADIUS) == coil.current
 
 
 @pytest.mark.parametrize(
     ("table", "words"),
     [
         ({"turns": 500}, r"give current, e\.g\. '1 A', or voltage"),
-        ({"current": "1 A", "turns": 500, "voltage": {"times": [0], "values": [24]}}, "one of them"),
+        ({"current": "1 A", "turns": 500, "voltage": {"times": [0, 1], "values": [24, 12]}}, "one of them"),
         ({"current": "1 A", "turns": 500, "voltage": "-24 V"}, "above 0 V"),
         ({"current": "1 A", "turns": 500, "resistance": "20 ohm"}, "keep one of them"),
         ({"current": "1 A", "turns": 500, "fill_factor": 0.5}, "no meaning"),

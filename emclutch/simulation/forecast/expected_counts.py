@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from emclutch.scene.time_table import points_of
-
 if TYPE_CHECKING:
     from emclutch.device.device import Device
     from emclutch.scene.model import Scene
@@ -81,7 +79,7 @@ def field_share(device: Device, time: float) -> float:
         return 1.0
     if device.coil is None or device.coil.largest_current == 0.0:
         return 0.0
-    return abs(device.coil.current(time)) / device.coil.largest_current
+    return abs(device.coil.currents(time)) / device.coil.largest_current
 
 
 def _contacts_without_field(scene: Scene, device: Device, time: float) -> float:
@@ -94,7 +92,7 @@ def _contacts_without_field(scene: Scene, device: Device, time: float) -> float:
         speed = rotor.free.largest_speed if motor is None or time > motor.switched_on else 0.0
     else:
         assert rotor.speed is not None  # by the schema: one of the two
-        speed = abs(float(np.interp(time, *points_of(rotor.speed))))
+        speed = abs(rotor.speed(time))
     if speed**2 * device.largest_radius > scene.effects.weight.acceleration:
         return STIRRED
     return BEDDED if time > settling_time(scene, device) else LOOSE
@@ -136,7 +134,7 @@ def _solves(scene: Scene, device: Device, time: float, window: float) -> float:
     coil = device.coil
     if coil is None or coil.largest_current == 0.0:
         return 0.0
-    change = abs(coil.current(time + 0.5 * window) - coil.current(time - 0.5 * window)) / coil.largest_current
+    change = abs(coil.currents(time + 0.5 * window) - coil.currents(time - 0.5 * window)) / coil.largest_current
     called = min(1.0, change / CURRENT_STEP)
     if field_share(device, time) > OFF:
         if scene.effects.feedback is not None:
