@@ -13,6 +13,9 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
+
+from geometry.cad_parts import CadError
 
 SCRIPT = ".geo"
 SHAPE_FORMATS = {".step": "step", ".stp": "step", ".iges": "iges", ".igs": "iges", ".brep": "brep"}
@@ -66,3 +69,22 @@ def lone_copy(path: Path) -> Iterator[Path]:
     """A copy of a file in a folder of its own: gmsh also runs what lies beside a file as FILE.opt."""
     with tempfile.TemporaryDirectory(prefix="emclutch-") as folder:
         yield Path(shutil.copyfile(path, Path(folder) / f"copy{path.suffix.lower()}"))
+
+
+def read_by_meshio(path: Path) -> Any:
+    """Read a mesh by meshio.
+
+    Raises
+    ------
+    CadError
+        With the reason that meshio gives.
+    """
+    import meshio
+    import numpy as np
+
+    try:
+        with np.errstate(over="ignore"):  # of a text's bytes, read as the number of triangles of a binary STL
+            return meshio.read(path)
+    except (Exception, SystemExit) as error:  # each of meshio's readers fails in a way of its own
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise CadError(f"{path} cannot be read as {path.suffix.lower()} ({reason}); export it again") from None

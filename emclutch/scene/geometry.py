@@ -272,7 +272,7 @@ class CadGeometry(GeometrySection):
     @property
     def is_meshed(self) -> bool:
         """True if the file is a finished mesh, which is taken as it is."""
-        from geometry.mesh_blocks import MESH_SUFFIXES
+        from geometry.section_import import MESH_SUFFIXES
 
         return Path(self.file).suffix.lower() in MESH_SUFFIXES
 
@@ -372,7 +372,7 @@ def _read_section(
     """Read a file once for the many that ask; `changed` is its time, so that a new export is seen."""
     from geometry.cad_meshing import cad_section
     from geometry.cad_solid import check_device_3d
-    from geometry.meshed_section import meshed_section
+    from geometry.section_import import meshed_section
 
     if not is_meshed:
         section = cad_section(file, names=dict(names), **options)

@@ -24,6 +24,8 @@ from geometry.kernels.device_functions import device_function
 from geometry.kernels.simd import _DOUBLE, _EIGHT, LANES, F64x8, _shuffle, f64x8, intrinsic
 
 WIDE = 4  # columns of a table that one load takes
+
+
 class StackTable(types.Type):
     """One row of a table whose columns are vectors, on the stack of the kernel that made it."""
 

@@ -172,7 +172,7 @@ def test_solids_that_overlap_or_have_no_name_are_refused(tmp_path):
 def test_a_mesh_file_is_read_back_as_it_was_written(tmp_path, clutch_step):
     mesh = mesh_cad(clutch_step)
     mesh.write(tmp_path / "mesh.msh")
-    read = read_section_mesh(tmp_path / "mesh.msh")
+    read, _ = read_section_mesh(tmp_path / "mesh.msh")
     assert set(read.regions) == set(mesh.regions) and {"axis", "outer"} <= set(read.boundaries)
     for name in mesh.regions:
         assert read.volume(name) == pytest.approx(mesh.volume(name), rel=1e-9)
@@ -209,11 +209,11 @@ $EndElements
 def test_a_mesh_of_another_program_gets_its_axis_and_outline(tmp_path):
     path = tmp_path / "a.msh"
     path.write_text(MESH_OF_ANOTHER_PROGRAM)
-    mesh = read_section_mesh(path, scale=1e-3)
+    mesh, _ = read_section_mesh(path, scale=1e-3)
     assert mesh.area("coil") == pytest.approx(100e-6) and mesh.area("air") == pytest.approx(300e-6)
     assert mesh.boundary_length("axis") == pytest.approx(0.02) and mesh.boundary_length("outer") == pytest.approx(0.06)
     path.write_text(MESH_OF_ANOTHER_PROGRAM.replace('2 1 "coil"', '2 3 "coil"'))  # group 1 has no name
-    assert read_section_mesh(path, scale=1e-3, names={"tag1": "coil"}).area("coil") == pytest.approx(100e-6)
+    assert read_section_mesh(path, scale=1e-3, names={"tag1": "coil"})[0].area("coil") == pytest.approx(100e-6)
 
 
 @pytest.mark.parametrize(

@@ -57,7 +57,7 @@ def test_options_beside_a_mesh_are_not_read(tmp_path, marker, script):
     path = tmp_path / "a.msh"
     path.write_text(MESH)
     (tmp_path / "a.msh.opt").write_text(script)
-    assert read_section_mesh(path, scale=1e-3).area("coil") == pytest.approx(200e-6)
+    assert read_section_mesh(path, scale=1e-3)[0].area("coil") == pytest.approx(200e-6)
     assert not marker.exists()
 
 

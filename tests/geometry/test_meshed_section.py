@@ -17,10 +17,8 @@ from field import AxisymmetricProblem, LinearLaw
 from geometry.cad_meshing import cad_section, mesh_cad
 from geometry.cad_parts import CadError
 from geometry.cad_shape import CadShape
-from geometry.mesh_blocks import MESH_SUFFIXES
-from geometry.meshed_section import meshed_section
 from geometry.mesher import initialize_gmsh
-from geometry.section_import import read_section_mesh
+from geometry.section_import import MESH_SUFFIXES, meshed_section, read_section_mesh
 
 pytestmark = pytest.mark.physics
 
