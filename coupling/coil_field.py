@@ -107,7 +107,7 @@ class SolvedCoilField(ABC):
         """Take a solution (a fresh one, or the one of a checkpoint) as the present field."""
         self.solution, self.solved_current = solution, current
         if self.feedback is not None:
-            self.sampler = self.feedback.solved(solution)
+            self.sampler = self.feedback.sampler_after_solve(solution)
         else:
             self.sampler = field_sampler(solution, "powder")
 

@@ -51,7 +51,7 @@ class GrainLawTable(NamedTuple):
     across: np.ndarray  # (g,) weakening of the repulsion across, over h_t^2, for spheres of high permeability
 
 
-def _tabulated(
+def _tabulate(
     magnetisation: Callable[[np.ndarray], np.ndarray],
     Ms: float | None,
     excess: tuple[Callable, Callable] | None = None,
@@ -109,10 +109,10 @@ def grain_table(law: Law | GrainLaw, model: str) -> GrainLawTable:
     try:
         return _kept_table(law, model)  # type: ignore[arg-type]
     except TypeError:  # a law of points cannot be hashed
-        return _made_table(law, model)
+        return _make_table(law, model)
 
 
-def _made_table(law: Law | GrainLaw, model: str) -> GrainLawTable:
+def _make_table(law: Law | GrainLaw, model: str) -> GrainLawTable:
     if model not in MODELS:
         raise ValueError(f"model = {model!r}; allowed: {', '.join(MODELS)}")
     if isinstance(law, ThesisLaw):
@@ -128,15 +128,15 @@ def _made_table(law: Law | GrainLaw, model: str) -> GrainLawTable:
     except ValueError:
         if model == "near_field":
             raise
-        return _tabulated(sphere, None)
+        return _tabulate(sphere, None)
     excess = None
     if model == "near_field":
         pair = pair_table(law)
         excess = (pair.excess_force, pair.excess_moment)
-    return _tabulated(sphere, Ms, excess)
+    return _tabulate(sphere, Ms, excess)
 
 
-_kept_table = lru_cache(maxsize=8)(_made_table)
+_kept_table = lru_cache(maxsize=8)(_make_table)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
@@ -161,47 +161,47 @@ def sphere_ratio(table, H):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def gap_place(table, gap):
-    """Return where a gap in radii lies in the tables; not below 0, and without an end."""
+def gap_index(table, gap):
+    """Fractional row of the tables at a gap in radii; at least 0, not limited above."""
     return maximum((log(gap) - table.gap_start) * (1.0 / table.gap_step), 0.0)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def field_place(table, H):
-    """Return where a field H [A/m] of either sign lies in the tables; not below 0, and without an end."""
+def field_index(table, H):
+    """Fractional column of the tables at a field H [A/m] of either sign; at least 0, not limited above."""
     h = abs(H) * (1.0 / table.scale)
     return maximum((log(h) - table.field_start) * (1.0 / table.field_step), 0.0)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def field_held(table, y, H):
-    """Of a place of `field_place`: j, y, |H| held at the last field; beyond it falls as 1/h: a share."""
-    h, share = abs(H), 1.0
+def clamp_field(table, y, H):
+    """Column j, remainder y, |H| limited to the last field, and the factor 1/h beyond it, of a `field_index`."""
+    h, fraction = abs(H), 1.0
     last = table.force.shape[1] - 1
     if not y <= last:  # also of NaN, which stays one and is no index
         end = table.scale * np.exp(table.field_start + last * table.field_step)
-        y, h, share = float(last), end, end / h
+        y, h, fraction = float(last), end, end / h
     j = min(np.int64(y), last - 1)
-    return j, y - j, h, share
+    return j, y - j, h, fraction
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def place_in(table, gap, H):
-    """Return where a gap in radii and a field H [A/m] lie in the tables: i, x and what `field_held` says.
+def locate(table, gap, H):
+    """Row i and its remainder x at a gap in radii, and `clamp_field` at a field H [A/m].
 
     i < 0 beyond the farthest gap, where there is no excess.
     """
-    x = gap_place(table, gap)
+    x = gap_index(table, gap)
     if not x < table.across.shape[0] - 1:
         return np.int64(-1), 0.0, np.int64(0), 0.0, 0.0, 0.0
     i = np.int64(x)
-    j, y, h, share = field_held(table, field_place(table, H), H)
-    return i, x - i, j, y, h, share
+    j, y, h, fraction = clamp_field(table, field_index(table, H), H)
+    return i, x - i, j, y, h, fraction
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def read(values, i, x, j, y):
-    """Bilinear value of a table at a place of `place_in`."""
+def bilinear(values, i, x, j, y):
+    """Interpolate a table at a place of `locate`."""
     low = values[i, j] + y * (values[i, j + 1] - values[i, j])
     high = values[i + 1, j] + y * (values[i + 1, j + 1] - values[i + 1, j])
     return low + x * (high - low)
@@ -209,50 +209,53 @@ def read(values, i, x, j, y):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def moment_at(table, x, y, H):
-    """dM [A/m] at places of `gap_place` and `field_place`, of the field H [A/m]; odd in H."""
+    """dM [A/m] at places of `gap_index` and `field_index`, of the field H [A/m]; odd in H."""
     if not x < table.across.shape[0] - 1:
         return 0.0
     i = np.int64(x)
-    j, y, h, share = field_held(table, y, H)
-    return np.copysign(h, H) * share * read(table.moment, i, x - i, j, y)
+    j, y, h, fraction = clamp_field(table, y, H)
+    return np.copysign(h, H) * fraction * bilinear(table.moment, i, x - i, j, y)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def eight_places(table, x, H):
-    """Of eight near pairs at places ``x`` of `gap_place` in fields H [A/m], as `near_excess`: rows of the tables and
-    how far behind them, the same of columns; |H| held at the last field, a share, and 1.0 (0.0 beyond the last gap)."""
+def locate_eight(table, x, H):
+    """Of eight near pairs at places ``x`` of `gap_index` in fields H [A/m], as `near_excess`: rows of the tables and
+    how far behind them, the same of columns; |H| limited to the last field, the factor beyond it, 1.0 (0.0 beyond the
+    last gap)."""
     last_row, last_column = table.across.shape[0] - 1.0, table.force.shape[1] - 1.0
-    y, h = field_place(table, H), abs(H)
+    y, h = field_index(table, H), abs(H)
     end = table.scale * np.exp(table.field_start + last_column * table.field_step)
     beyond = y > last_column
-    y, size, share = select(beyond, last_column, y), select(beyond, end, h), select(beyond, end / h, 1.0)
+    y, size, fraction = select(beyond, last_column, y), select(beyond, end, h), select(beyond, end / h, 1.0)
     row = to_integers(select(x < last_row - 1.0, x, last_row - 1.0))
     column = to_integers(select(y < last_column - 1.0, y, last_column - 1.0))
-    return row, x - from_integers(row), column, y - from_integers(column), size, share, select(x < last_row, 1.0, 0.0)
+    within = select(x < last_row, 1.0, 0.0)
+    return row, x - from_integers(row), column, y - from_integers(column), size, fraction, within
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def excess_moment(table, gap, H):
     """dM [A/m] at a gap in radii and a field H [A/m]; odd in H."""
-    return moment_at(table, gap_place(table, gap), field_place(table, H), H)
+    return moment_at(table, gap_index(table, gap), field_index(table, H), H)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def excess_force(table, gap, H):
     """dF [mu_0 A^2/m^2 a^2] >= 0 at a gap in radii and a field H [A/m] of either sign."""
-    i, x, j, y, h, share = place_in(table, gap, H)
-    return 0.0 if i < 0 else read(table.force, i, x, j, y) * h * h * share
+    i, x, j, y, h, fraction = locate(table, gap, H)
+    return 0.0 if i < 0 else bilinear(table.force, i, x, j, y) * h * h * fraction
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def near_excess(table, x, y, H):
-    """dF [mu_0 A^2/m^2 a^2], dM [A/m] and `across` [-] at places of `gap_place` and `field_place`, of the field H."""
+    """dF [mu_0 A^2/m^2 a^2], dM [A/m] and `across` [-] at places of `gap_index` and `field_index`, of the field H."""
     if not x < table.across.shape[0] - 1:
         return 0.0, 0.0, 0.0
     i = np.int64(x)
     x -= i
-    j, y, h, share = field_held(table, y, H)
-    force, moment = read(table.force, i, x, j, y) * h * h * share, read(table.moment, i, x, j, y) * h * share
+    j, y, h, fraction = clamp_field(table, y, H)
+    force = bilinear(table.force, i, x, j, y) * h * h * fraction
+    moment = bilinear(table.moment, i, x, j, y) * h * fraction
     across = table.across[i] + x * (table.across[i + 1] - table.across[i])
     return force, moment if H > 0.0 else -moment, across
 
@@ -265,6 +268,6 @@ def mean_force(table, gap, end, y, H):
     for k in range(3):
         for sign in (-1.0, 1.0):
             at = np.exp(middle + sign * GAUSS_PLACES[k] * half)
-            dF, _, _ = near_excess(table, gap_place(table, at), y, H)
+            dF, _, _ = near_excess(table, gap_index(table, at), y, H)
             force += GAUSS_WEIGHTS[k] * half * at * dF
     return force / (end - gap)

@@ -18,9 +18,9 @@ from __future__ import annotations
 import numpy as np
 
 from coupling.kernel_state import ENTRY, FIRST, N_PAIR, SECOND, SHIFT, TWIN
-from coupling.mirror import FACES_NO_WALL, mirrored, pushed
+from coupling.mirror import FACES_NO_WALL, mirror_height, mirror_moment
 from coupling.pair_fields import MU_0_OVER_4PI, OVER_4PI, field_factors, field_slopes
-from coupling.row_lanes import either
+from coupling.row_lanes import first_present
 from geometry.kernels.device_functions import device_function
 from geometry.kernels.simd import LANES, from_integers, mask_of_first, select, splat
 from geometry.kernels.simd_math import sqrt
@@ -41,7 +41,7 @@ def over_walls(grains):
     for i in range(height.shape[0]):
         for w in range(height.shape[1]):
             h = height[i, w]
-            mirrored_at[i, w] = pushed(h, radius[i])
+            mirrored_at[i, w] = mirror_height(h, radius[i])
             if h < FACES_NO_WALL:
                 sides[i] |= np.int64(1 if h > 0.0 else 2) << (2 * w)
     return mirrored_at, sides
@@ -108,7 +108,7 @@ def _of_walls(i, w, n_walls):
 
 @device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def over(x, y, h, tangent_r, tangent_z):
-    """Normal of a wall over a place, which it does not have on the axis; and the way (3) from there to the image."""
+    """Normal of a wall over a place, which it does not have on the axis; and the vector (3) from there to the image."""
     rho2 = x * x + y * y
     out = select(rho2 > 0.0, -tangent_z / sqrt(rho2), 0.0)
     nx, ny = out * x, out * y
@@ -162,8 +162,8 @@ def _influence(laid, there, reach, smear):
     xy, yx = k * (vx * uy + wx * ty - axy), k * (vy * ux + wy * tx - axy)
     xz, zx = k * (vx * uz + wx * tz - axz), k * (vz * ux + wz * tx - axz)
     yz, zy = k * (vy * uz + wy * tz - ayz), k * (vz * uy + wz * ty - ayz)
-    px, py, pz = mirrored(k, fx, fy, fz, ux, uy, uz)
-    qx, qy, qz = mirrored(-k, gx, gy, gz, wx, wy, wz)  # seen from j: against the distance vector
+    px, py, pz = mirror_moment(k, fx, fy, fz, ux, uy, uz)
+    qx, qy, qz = mirror_moment(-k, gx, gy, gz, wx, wy, wz)  # seen from j: against the distance vector
     return (  # to the frame of j
         (c * xx + s * xy, c * yx + s * yy, c * zx + s * zy, c * px + s * py),
         (c * xy - s * xx, c * yy - s * yx, c * zy - s * zx, c * py - s * px),
@@ -194,12 +194,12 @@ def influences_of_pairs(count, model, place, rows, walls, seen, heights, image):
         scatter_add(image, e, 0, None, None, x)
         scatter_add(image, e, 4, None, None, y)
         scatter_add(image, e, 8, None, None, z)
-        share = select(from_integers(t) >= 0.0, 1.0, 0.0)
-        back = back[0] * share, back[1] * share, back[2] * share
-        to = either(t, e)
-        scatter_add(image, to, 0, None, None, (x[0] * share, y[0] * share, z[0] * share, back[0]))
-        scatter_add(image, to, 4, None, None, (x[1] * share, y[1] * share, z[1] * share, back[1]))
-        scatter_add(image, to, 8, None, None, (x[2] * share, y[2] * share, z[2] * share, back[2]))
+        weight = select(from_integers(t) >= 0.0, 1.0, 0.0)
+        back = back[0] * weight, back[1] * weight, back[2] * weight
+        to = first_present(t, e)
+        scatter_add(image, to, 0, None, None, (x[0] * weight, y[0] * weight, z[0] * weight, back[0]))
+        scatter_add(image, to, 4, None, None, (x[1] * weight, y[1] * weight, z[1] * weight, back[1]))
+        scatter_add(image, to, 8, None, None, (x[2] * weight, y[2] * weight, z[2] * weight, back[2]))
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
@@ -247,7 +247,7 @@ def _pull(ax, ay, az, bx, by, bz, dx, dy, dz, reach, smear):
 
 @device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _moving_along(x, y, image, k, m, turned, n, g, field):
-    """Return what the force g on a grain's image is on the grain at x, y itself, because the image moves with it.
+    """Force on the grain at x, y itself from the force g on its image, because the image moves with it.
 
     ``image`` (2), ``n`` (3): its place and the wall's normal; ``m`` and ``turned``: the grain's moment and that of its
     image; ``field`` (3): at the image.
@@ -260,7 +260,7 @@ def _moving_along(x, y, image, k, m, turned, n, g, field):
     # about the axis by the ratio of radii
     more = (sqrt(image[0] * image[0] + image[1] * image[1]) * per_rho - 1.0) * (gx * ex + gy * ey)
     # its moment turns with the half plane: dm*/dphi = z x m* - P (z x m)
-    tx, ty, tz = mirrored(k, -m[1], m[0], 0.0, n[0], n[1], n[2])
+    tx, ty, tz = mirror_moment(k, -m[1], m[0], 0.0, n[0], n[1], n[2])
     more = more + (field[0] * (-turned[1] - tx) + field[1] * (turned[0] - ty) - field[2] * tz) * per_rho
     return gx + more * ex, gy + more * ey, gz
 
@@ -271,7 +271,7 @@ def _forces(laid, there, a, b, reach, smear):
     (c, s), k, (xi, yi, zi), (wx, wy, wz, ox, oy, oz), (jx, jy, jz), (ux, uy, uz, qx, qy, qz) = laid
     (ax, ay, az), (bx, by, bz) = a, b
     bx, by = c * bx - s * by, s * bx + c * by
-    own, others = mirrored(k, ax, ay, az, wx, wy, wz), mirrored(k, bx, by, bz, ux, uy, uz)
+    own, others = mirror_moment(k, ax, ay, az, wx, wy, wz), mirror_moment(k, bx, by, bz, ux, uy, uz)
     ox, oy, oz, qx, qy, qz = xi + ox, yi + oy, zi + oz, jx + qx, jy + qy, jz + qz
     # the image of j with i
     f, _, at_image_j = _pull(
@@ -315,6 +315,6 @@ def find_forces(count, model, place, source, rows, walls, seen, heights, force):
         here, back = _forces(laid, there, (ax, ay, az), (bx, by, bz), model.reach, model.smear)
         e, t = load(seen, ENTRY, c), load(seen, TWIN, c)
         scatter_add(force, e, 0, None, None, here)
-        share = select(from_integers(t) >= 0.0, 1.0, 0.0)
-        back = share * back[0], share * back[1], share * back[2], back[3]
-        scatter_add(force, either(t, e), 0, None, None, back)
+        weight = select(from_integers(t) >= 0.0, 1.0, 0.0)
+        back = weight * back[0], weight * back[1], weight * back[2], back[3]
+        scatter_add(force, first_present(t, e), 0, None, None, back)

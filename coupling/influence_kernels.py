@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from coupling.grain_law_table import gap_place
+from coupling.grain_law_table import gap_index
 from coupling.image_lanes import (
     IMAGED_CHUNK,
     N_HEIGHTS,
@@ -26,7 +26,7 @@ from coupling.image_lanes import (
 )
 from coupling.kernel_state import ENTRY, FIRST, SECOND, SHIFT, TWIN
 from coupling.pair_fields import OVER_4PI, field_factors
-from coupling.row_lanes import beside, kinds_of_row, turn_of
+from coupling.row_lanes import columns_of, kinds_of_row, turn_of
 from geometry.kernels.device_functions import device_function
 from geometry.kernels.simd import LANES, maximum, select
 from geometry.kernels.simd_math import sqrt
@@ -76,7 +76,7 @@ def choose(rows, twin, kind, bit, place, start, entry, chosen_twin, once):
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
 def pair_kinds(model, grains, rows, kind):
     """Kinds (p,) uint8 of all entries of the rows."""
-    place, over = beside(grains.position, grains.radius), over_walls(grains)
+    place, over = columns_of(grains.position, grains.radius), over_walls(grains)
     for i in prange(place.shape[0]):
         kinds_of_row(i, place, over[0], model, rows, kind)
 
@@ -87,7 +87,7 @@ def image_influences(model, grains, rows, imaged, walls, image, itself, own_imag
 
     ``own_image`` (n w, 4) [1/m^2] is the part of a grain's own image in its potential, 0 beforehand.
     """
-    place, n, n_walls = beside(grains.position, grains.radius), grains.position.shape[0], walls.shape[0]
+    place, n, n_walls = columns_of(grains.position, grains.radius), grains.position.shape[0], walls.shape[0]
     count, room = imaged.pairs, n_walls * IMAGED_CHUNK + LANES
     over = over_walls(grains)
     for b in prange((count + IMAGED_CHUNK - 1) // IMAGED_CHUNK):
@@ -154,7 +154,7 @@ def _near_eight(b, table, model, place, drive, slope, rows, near, near_pair):
     store(near_pair, b, PER_TRUE, per_true)
     store(near_pair, b, MUTUAL, OVER_4PI * p * per_r)
     store(near_pair, b, MEAN, mean)
-    store(near_pair, b, PLACE, gap_place(table, gap))
+    store(near_pair, b, PLACE, gap_index(table, gap))
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
@@ -165,6 +165,6 @@ def near_pairs(table, model, grains, rows, near, near_pair):
     from j both n and h are the opposite.
     """
     slope = grains.slope
-    place, drive = beside(grains.position, grains.radius), beside(grains.applied, grains.radius)
+    place, drive = columns_of(grains.position, grains.radius), columns_of(grains.applied, grains.radius)
     for b in prange(near.once.shape[0]):
         _near_eight(b, table, model, place, drive, slope, rows, near, near_pair)

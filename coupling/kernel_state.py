@@ -52,14 +52,14 @@ class MagneticGrains(NamedTuple):
     position, moment : ndarray, shape (n, 3)
         Centres [m], moments [A m^2].
     radius, volume : ndarray, shape (n,)
-        [m], [m^3]; ``volume`` and ``share`` (0,) where only drives are found.
+        [m], [m^3]; ``volume`` and ``fraction`` (0,) where only drives are found.
     applied, field : ndarray, shape (n, 3)
         Field without grains and with the others' [A/m].
     slope : ndarray, shape (n, 4)
         Of the applied field [A/m^2].
     potential : ndarray, shape (n,)
         Of the others [A].
-    share, contrast : ndarray, shape (n,)
+    fraction, contrast : ndarray, shape (n,)
         What a grain takes of its pairs' excess moments; what saturation leaves of its answer across.
     height, own_image : ndarray, shape (n, w)
         Over the walls [m] (`coupling.mirror`); the part of the potential that a grain's own image makes [A].
@@ -73,7 +73,7 @@ class MagneticGrains(NamedTuple):
     slope: np.ndarray
     field: np.ndarray
     potential: np.ndarray
-    share: np.ndarray
+    fraction: np.ndarray
     contrast: np.ndarray
     height: np.ndarray
     own_image: np.ndarray
@@ -110,7 +110,7 @@ class Influence(NamedTuple):
     Attributes
     ----------
     itself : ndarray, shape (n, 3, 4)
-        A grain's own share and its own images [1/m^3], and their potential [1/m^2].
+        A grain's own contribution and its own images [1/m^3], and their potential [1/m^2].
     image_start, image_entry, image_twin, image_once, image_pairs
         Entries that also see their partner's images, see `Chosen`.
     image : ndarray, shape (those or more, 3, 4)

@@ -77,7 +77,7 @@ class LayeredField:
         distances = (r - r[:, None], 2.0 * inner - r - r[:, None], 2.0 * outer - r - r[:, None])
         spread = sum(35.0 / (32.0 * width) * np.maximum(1.0 - (t / width) ** 2, 0.0) ** 3 for t in distances)
         self._spread = spread / (step @ spread) / (angle * cell.height)
-        self._share = step / r / (step / r).sum()
+        self._weight = step / r / (step / r).sum()
         self._given = imposed.H0 * imposed.R0
         self._take(np.full(len(r), self._given))
         self.magnetisation = np.zeros(len(r))
@@ -128,16 +128,16 @@ class LayeredField:
         before = self._h
         chi = np.clip(np.divide(b, before, out=np.zeros(last + 1), where=before != 0.0), 0.0, MAX_CHI)
         answer, rest = 1.0 / (1.0 + chi), b - chi * before
-        flux = (self._given + self._share @ (answer * rest)) / (self._share @ answer)
+        flux = (self._given + self._weight @ (answer * rest)) / (self._weight @ answer)
         self._take(answer * (flux - rest))
-        size = self._share @ self._h**2
-        return 0.0 if size == 0.0 else float(np.sqrt(self._share @ (self._h - before) ** 2 / size))  # a NaN stays one
+        size = self._weight @ self._h**2
+        return 0.0 if size == 0.0 else float(np.sqrt(self._weight @ (self._h - before) ** 2 / size))  # a NaN stays one
 
     def window_part(self, time: float) -> None:
         """Return nothing: there is no coil."""
 
     def state(self) -> dict[str, Any]:
-        """Return what a bit-exact continuation needs."""
+        """State for a bit-exact continuation."""
         return {"h": self._h}
 
     def restore(self, saved: dict[str, Any]) -> None:

@@ -58,7 +58,7 @@ class MagnetisedGrains:
         """Take the sum of all held forces (n, 3) [N] of this update: there is nothing to add to it."""
 
     def window_part(self) -> MomentRow | None:
-        """Return how the moments of a window converged, once a window; None where they follow from the field."""
+        """Convergence of the moments, once a window; None where they follow from the field."""
         return None
 
 

@@ -24,7 +24,7 @@ FACES_NO_WALL = 1e30
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def height_over(walls, w, x, y, z, reach):
-    """Signed height over the line of wall ``w``, `FACES_NO_WALL` where the foot lies beside or farther than reach."""
+    """Signed height over the line of wall ``w``, `FACES_NO_WALL` where the foot is off it or beyond reach."""
     dr, dz = np.sqrt(x * x + y * y) - walls[w, 0], z - walls[w, 1]
     along = dr * walls[w, 2] + dz * walls[w, 3]
     h = -dr * walls[w, 3] + dz * walls[w, 2]
@@ -42,13 +42,13 @@ def normal_at(walls, w, x, y):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def pushed(h, radius):
-    """The height at which a grain is mirrored: not nearer than its radius, its poles do not enter the steel."""
+def mirror_height(h, radius):
+    """Height at which a grain is mirrored: at least its radius, its poles do not enter the steel."""
     return max(h, radius) if h > 0.0 else min(h, -radius)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def mirrored(k, mx, my, mz, nx, ny, nz):
-    """P m."""
+def mirror_moment(k, mx, my, mz, nx, ny, nz):
+    """Moment P m of the image."""
     twice = 2.0 * (mx * nx + my * ny + mz * nz)
     return k * (twice * nx - mx), k * (twice * ny - my), k * (twice * nz - mz)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from coupling.grain_law_table import excess_moment, field_place, gap_place, mean_force, near_excess, sphere_ratio
+from coupling.grain_law_table import excess_moment, field_index, gap_index, mean_force, near_excess, sphere_ratio
 from coupling.image_lanes import (
     IMAGED_CHUNK,
     N_HEIGHTS,
@@ -24,10 +24,10 @@ from coupling.image_lanes import (
 )
 from coupling.influence_kernels import slope_along
 from coupling.kernel_state import Chosen
-from coupling.mirror import FACES_NO_WALL, height_over, normal_at, pushed
+from coupling.mirror import FACES_NO_WALL, height_over, mirror_height, normal_at
 from coupling.pair_fields import OVER_4PI, field_factors
 from coupling.pair_lanes import MU_0, N_SCRATCH, excess_of_eight, near_forces_of_eight
-from coupling.row_lanes import beside, dipole_force, field_of_row
+from coupling.row_lanes import columns_of, dipole_force, field_of_row
 from geometry.kernels.device_functions import device_function
 from geometry.kernels.simd import LANES
 from geometry.kernels.simd_math import sqrt
@@ -46,7 +46,7 @@ def wall_heights(position, walls, reach, height):
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
 def gather_fields(model, grains, rows, known, field, potential, own_image):
-    """Stage 1: field S (n, 3) [A/m] = applied + own share + that of all others within reach, potential P (n,) [A].
+    """Stage 1: field S (n, 3) [A/m], applied + own + that of all others within reach, and potential P (n,) [A].
 
     Images in the walls included; ``own_image`` (n, w) [A]: the part of the potential that a grain's own image makes.
     """
@@ -54,7 +54,7 @@ def gather_fields(model, grains, rows, known, field, potential, own_image):
     itself, image, image_start, image_entry, other = (
         known.itself, known.image, known.image_start, known.image_entry, rows.other,
     )  # fmt: skip
-    place, source = beside(grains.position, grains.radius), beside(moment, grains.potential)
+    place, source = columns_of(grains.position, grains.radius), columns_of(moment, grains.potential)
     for i in prange(moment.shape[0]):
         mx, my, mz = moment[i, 0], moment[i, 1], moment[i, 2]
         sx = applied[i, 0] + itself[i, 0, 0] * mx + itself[i, 1, 0] * my + itself[i, 2, 0] * mz
@@ -119,20 +119,20 @@ def drive_at_wall(i, w, nx, ny, nz, h, walls, model, grains):
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def magnetise(table, model, grains, rows, walls, known, damping, share, contrast, new, squares, drawn):
+def magnetise(table, model, grains, rows, walls, known, damping, fraction, contrast, new, squares, extra):
     """Stage 2: moments ``new`` (n, 3) [A m^2] after a damped step towards the law in ``field`` and ``potential``.
 
     Near pairs are those of `near_pairs` (with ``near``).
-    ``share`` (n,) [-]: the part of the plain sum of its pairs' excesses that a grain takes; ``contrast`` (n,) [-]: what
-    saturation leaves of its answer across (`coupling.grain_law_table`). ``squares`` (n, 2): of the
-    undamped step and of the magnetisation [A^2/m^2]. ``drawn`` (k, 4) is scratch, with room for all near entries.
+    ``fraction`` (n,) [-]: the part of the plain sum of its pairs' excesses that a grain takes; ``contrast`` (n,) [-]:
+    what saturation leaves of its answer across (`coupling.grain_law_table`). ``squares`` (n, 2): of the
+    undamped step and of the magnetisation [A^2/m^2]. ``extra`` (k, 4) is scratch, with room for all near entries.
     """
     position, radius, volume, moment = grains.position, grains.radius, grains.volume, grains.moment
     field, height = grains.field, grains.height
     near_start, near, smallest_gap = known.near_start, model.near, model.smallest_gap
-    source = beside(moment, grains.potential)
+    source = columns_of(moment, grains.potential)
     for b in prange(known.near_once.shape[0]):
-        excess_of_eight(b, table, source, rows, known, drawn)
+        excess_of_eight(b, table, source, rows, known, extra)
     for i in prange(position.shape[0]):
         strength = sqrt(field[i, 0] ** 2 + field[i, 1] ** 2 + field[i, 2] ** 2)
         ratio, steepness = sphere_ratio(table, strength)
@@ -140,7 +140,7 @@ def magnetise(table, model, grains, rows, walls, known, damping, share, contrast
         vx = vy = vz = square = sum_v = 0.0
         if near:
             for k in range(near_start[i], near_start[i + 1]):
-                vx, vy, vz, v = vx + drawn[k, 0], vy + drawn[k, 1], vz + drawn[k, 2], drawn[k, 3]
+                vx, vy, vz, v = vx + extra[k, 0], vy + extra[k, 1], vz + extra[k, 2], extra[k, 3]
                 square += v * v
                 sum_v += abs(v)
             for w in range(walls.shape[0]):
@@ -148,7 +148,7 @@ def magnetise(table, model, grains, rows, walls, known, damping, share, contrast
                     continue
                 nx, ny, nz = normal_at(walls, w, position[i, 0], position[i, 1])
                 gap = max(2.0 * (abs(height[i, w]) / radius[i] - 1.0), smallest_gap)
-                at = pushed(height[i, w], radius[i])
+                at = mirror_height(height[i, w], radius[i])
                 h = drive_at_wall(i, w, nx, ny, nz, at, walls, model, grains)
                 v = walls[w, 5] * excess_moment(table, gap, h)
                 vx, vy, vz = vx + v * nx, vy + v * ny, vz + v * nz
@@ -169,30 +169,30 @@ def magnetise(table, model, grains, rows, walls, known, damping, share, contrast
         new[i, 0] = V * (ox + damping * (mx - ox))
         new[i, 1] = V * (oy + damping * (my - oy))
         new[i, 2] = V * (oz + damping * (mz - oz))
-        share[i] = part
+        fraction[i] = part
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
-def contact_forces(table, model, grains, rows, walls, known, attraction, velocity, ahead, force, torque, drawn):
+def contact_forces(table, model, grains, rows, walls, known, attraction, velocity, ahead, force, torque, extra):
     """Forces (n, 3) [N], added: of the dipoles, of the near excess (if ``attraction``) and of its torque.
 
     With ``ahead`` > 0 [s] the near excess is its mean over that time at the present ``velocity`` (n, 3) [m/s]: a step
     of rigid grains is longer than its range. Images in the walls (w, 6) included. For the balance, z-components [N m]:
     ``torque`` (n, 2) of the field on each grain that its neighbours make, and of the forces of images and walls about
-    the axis. ``drawn`` (k, 4) is scratch, with room for all near entries and all that see images.
+    the axis. ``extra`` (k, 4) is scratch, with room for all near entries and all that see images.
     """
     position, radius, volume = grains.position, grains.radius, grains.volume
-    field, share, height = grains.field, grains.share, grains.height
+    field, fraction, height = grains.field, grains.fraction, grains.height
     near, smallest_gap = model.near, model.smallest_gap
     near_start, image_start = known.near_start, known.image_start
     n, n_near = position.shape[0], known.near_entry.shape[0]
-    place, source = beside(position, radius), beside(grains.moment, grains.potential)
-    tables = source, beside(field, grains.contrast), beside(velocity, volume * share), place
+    place, source = columns_of(position, radius), columns_of(grains.moment, grains.potential)
+    tables = source, columns_of(field, grains.contrast), columns_of(velocity, volume * fraction), place
     for b in prange((known.near_once.shape[0] + BLOCKS - 1) // BLOCKS):
         scratch = np.empty((N_SCRATCH, LANES))
         for k in range(b * BLOCKS, min((b + 1) * BLOCKS, known.near_once.shape[0])):
-            near_forces_of_eight(k, table, model, tables, rows, known, attraction, ahead, scratch, drawn)
-    image, own_image = drawn[n_near:], np.zeros((n, 4))
+            near_forces_of_eight(k, table, model, tables, rows, known, attraction, ahead, scratch, extra)
+    image, own_image = extra[n_near:], np.zeros((n, 4))
     imaged = Chosen(known.image_start, known.image_entry, known.image_twin, known.image_once, known.image_pairs)
     count, room = known.image_pairs, walls.shape[0] * IMAGED_CHUNK + LANES
     over = over_walls(grains)
@@ -208,7 +208,7 @@ def contact_forces(table, model, grains, rows, walls, known, attraction, velocit
     for i in prange(position.shape[0]):
         fx, fy, fz, tz = dipole_force(i, place, source, model, rows)
         for k in range(near_start[i], near_start[i + 1]):
-            fx, fy, fz, tz = fx + drawn[k, 0], fy + drawn[k, 1], fz + drawn[k, 2], tz + drawn[k, 3]
+            fx, fy, fz, tz = fx + extra[k, 0], fy + extra[k, 1], fz + extra[k, 2], tz + extra[k, 3]
         force[i, 0] += fx
         force[i, 1] += fy
         force[i, 2] += fz
@@ -220,7 +220,7 @@ def contact_forces(table, model, grains, rows, walls, known, attraction, velocit
         for w in range(walls.shape[0]):
             if height[i, w] >= FACES_NO_WALL:
                 continue
-            hi = pushed(height[i, w], radius[i])
+            hi = mirror_height(height[i, w], radius[i])
             nx, ny, nz = normal_at(walls, w, xi, yi)
             if near and abs(height[i, w]) < 1.6 * radius[i]:
                 gap = max(2.0 * (abs(height[i, w]) / radius[i] - 1.0), smallest_gap)
@@ -229,8 +229,8 @@ def contact_forces(table, model, grains, rows, walls, known, attraction, velocit
                 if ahead > 0.0:
                     opening = velocity[i, 0] * nx + velocity[i, 1] * ny + velocity[i, 2] * nz
                     end = max(gap + (2.0 if hi > 0.0 else -2.0) * ahead * opening / radius[i], smallest_gap)
-                at = field_place(table, h)
-                pull, v, _ = near_excess(table, gap_place(table, gap), at, h)
+                at = field_index(table, h)
+                pull, v, _ = near_excess(table, gap_index(table, gap), at, h)
                 if end != gap:
                     pull = mean_force(table, gap, end, at, h)
                 if attraction:
@@ -238,7 +238,7 @@ def contact_forces(table, model, grains, rows, walls, known, attraction, velocit
                     pull *= radius[i] ** 2 if hi > 0.0 else -(radius[i] ** 2)
                     fx, fy, fz = fx - pull * nx, fy - pull * ny, fz - pull * nz
                 # the near moment lies along n, which turns with the grain's place about the axis
-                turn = MU_0 * walls[w, 5] * v * volume[i] * share[i] * (nx * field[i, 1] - ny * field[i, 0])
+                turn = MU_0 * walls[w, 5] * v * volume[i] * fraction[i] * (nx * field[i, 1] - ny * field[i, 0])
                 rho2 = xi * xi + yi * yi
                 if rho2 > 0.0:
                     fx, fy = fx - turn * yi / rho2, fy + turn * xi / rho2

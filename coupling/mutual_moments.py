@@ -2,7 +2,7 @@
 
 Two models. **mutual**: every grain is a dipole in the field of all others, M_i = M_sph(|S_i|) S_i/|S_i| with S_i the
 applied field and that of the others (and, where the applied field is the mean one of an even powder, the grain's own
-share of it; `coupling.pair_fields`). **near_field** adds what finite elements give beyond that for two spheres that
+fraction of it; `coupling.pair_fields`). **near_field** adds what finite elements give beyond that for two spheres that
 nearly touch (`field.spheres.pair_table`), whose flux gathers in their neck:
 
 - a near pair is driven by the field h_ij along its line of centres n without what each makes at the other: the mean of
@@ -10,8 +10,8 @@ nearly touch (`field.spheres.pair_table`), whose flux gathers in their neck:
   h_ij = (H_i + H_j).n/2 - [(P_i - p_ij) - (P_j - p_ji)]/r;
 - each of the two gains v_ij = sign(h) dM(g, |h|) n; over its pairs a grain gains D_i = (sum v) sqrt(sum |v|^2)/sum |v|,
   because plain adding overshoots by 50 to 100 % in chains; |M| stays below saturation;
-- they attract with dF(g, |h|) a^2 (a = 2 a_i a_j/(a_i + a_j)) beside the force of their dipoles, and repel each other
-  less where the field lies across (`field.spheres.transverse_pair`);
+- they attract with dF(g, |h|) a^2 (a = 2 a_i a_j/(a_i + a_j)) in addition to the force of their dipoles, and repel each
+  other less where the field lies across (`field.spheres.transverse_pair`);
 - their near moments, which lie along n and not along S, make the torque r x F = mu_0 (V_i D_ij x S_i + V_j D_ji x S_j).
   So sum r x F = sum V M x B_applied at the fixed point, to round-off.
 
@@ -40,12 +40,12 @@ from coupling.influence import find_influence, room_for
 from coupling.kernel_state import Influence, MagneticGrains, PairModel
 from coupling.moment_kernels import contact_forces, gather_fields, magnetise, wall_heights
 from coupling.neighbour_rows import NeighbourRows
-from coupling.pair_fields import smeared_at_itself
+from coupling.pair_fields import self_field_factor
 
 MIN_GAP = 3e-3
 """Default of the gap between surfaces that touch [radii]."""
 
-# Of an undamped step: where sweeps of this share do not shrink the residual it is lowered.
+# Of an undamped step: where sweeps of this fraction do not shrink the residual it is lowered.
 FIRST_DAMPING, MIN_DAMPING = 0.5, 0.05
 # Moments so many times those of lone grains are of an earlier field: begin again.
 FAR_START = 10.0
@@ -69,7 +69,7 @@ class Magnetisation:
         Over the walls [m], see `coupling.mirror`.
     own_image : (n, w) float64
         Part of the potential that a grain's own image makes [A].
-    share, contrast : (n,) float64
+    fraction, contrast : (n,) float64
         What a grain takes of the sum of its pairs' excess moments, and what saturation leaves of its answer across.
     residual : float
         Root mean square of an undamped step over that of the magnetisation [-].
@@ -85,7 +85,7 @@ class Magnetisation:
     potential: np.ndarray
     height: np.ndarray
     own_image: np.ndarray
-    share: np.ndarray
+    fraction: np.ndarray
     contrast: np.ndarray
     residual: float = np.inf
     sweeps: int = 0
@@ -131,9 +131,9 @@ class MutualMoments:
         self.smallest_gap = float(smallest_gap)
         self.walls = np.zeros((0, 6)) if walls is None else np.ascontiguousarray(walls, dtype=float).reshape(-1, 6)
         self.model = PairModel(self.reach, self.smear, self.near, self.smallest_gap)
-        self._own = smeared_at_itself(reach, smear)
+        self._own = self_field_factor(reach, smear)
         self._room: Influence | None = None
-        self._drawn: np.ndarray | None = None
+        self._extra: np.ndarray | None = None
 
     def solve(
         self,
@@ -184,12 +184,12 @@ class MutualMoments:
         applied = np.ascontiguousarray(applied, dtype=float)
         refuse_not_finite(position, applied)
         moment = np.zeros((n, 3)) if start is None else np.array(start, dtype=float)
-        field, potential, share, contrast = np.zeros((n, 3)), np.zeros(n), np.zeros(n), np.zeros(n)
+        field, potential, fraction, contrast = np.zeros((n, 3)), np.zeros(n), np.zeros(n), np.zeros(n)
         height, own_image = np.empty((n, len(self.walls))), np.zeros((n, len(self.walls)))
         wall_heights(position, self.walls, self.reach, height)
         new, squares = np.empty((n, 3)), np.zeros((n, 2))
         slope = np.zeros((n, 4)) if gradient is None else field_slope(position, gradient)
-        result = Magnetisation(moment, applied, slope, field, potential, height, own_image, share, contrast, 0.0)
+        result = Magnetisation(moment, applied, slope, field, potential, height, own_image, fraction, contrast, 0.0)
         if n == 0 or not applied.any():  # without a field soft grains have no moment
             moment[:] = 0.0
             return result
@@ -197,21 +197,22 @@ class MutualMoments:
             moment[:] = 0.0
             start = None
         grains = MagneticGrains(
-            position, radius, volume, moment, applied, slope, field, potential, share, contrast, height, own_image
+            position, radius, volume, moment, applied, slope, field, potential, fraction, contrast, height, own_image
         )  # fmt: skip
         near_by = rows.arrays
         known = find_influence(
             self.table, self.model, grains, near_by, self.walls, own=self._own, room=self._room, twin=rows.twin
         )  # fmt: skip
         self._room = result.known = known
-        self._drawn = drawn = room_for(len(known.near_entry) + len(known.image_entry), (4,), self._drawn)
+        many = len(known.near_entry) + len(known.image_entry)
+        self._extra = extra = room_for(many, (4,), self._extra)
         damping = 1.0 if start is None else FIRST_DAMPING
         before, last = np.inf, None
         for sweep in range(1, most_sweeps + 1):
             gather_fields(self.model, grains, near_by, known, field, potential, own_image)
             magnetise(
-                self.table, self.model, grains, near_by, self.walls, known, damping, share, contrast, new, squares,
-                drawn,
+                self.table, self.model, grains, near_by, self.walls, known, damping, fraction, contrast, new, squares,
+                extra,
             )  # fmt: skip
             step, total = (float(x) for x in squares.sum(axis=0))
             residual = 0.0 if total == 0.0 else float(np.sqrt(step / total))  # a NaN stays one
@@ -219,7 +220,7 @@ class MutualMoments:
             if not np.isfinite(residual):
                 raise NotFiniteGrains(f"the moments of the grains are not finite after {sweep} sweeps")
             if residual <= tolerance or sweep == most_sweeps:
-                break  # `field`, `potential` and `share` are those of `moment`
+                break  # `field`, `potential` and `fraction` are those of `moment`
             asked = (new - moment) / damping
             mixed = secant_mixed(moment, asked, damping, last)
             last = moment, asked
@@ -233,7 +234,7 @@ class MutualMoments:
         return result
 
     def _is_far(self, moment: np.ndarray, volume: np.ndarray, applied: np.ndarray) -> bool:
-        """Return whether moments to begin with are of another scale than the field: after a fast fall of it."""
+        """True if the initial moments are of another scale than the field, as after its fast fall."""
         ratio = self.table.sphere_ratio[0]
         lone = np.minimum(ratio * np.sqrt((applied**2).sum(axis=1)), self.table.scale)
         return float((moment**2).sum()) > FAR_START**2 * float(((volume * lone) ** 2).sum())
@@ -261,13 +262,13 @@ class MutualMoments:
         moving = np.zeros((n, 3)) if velocity is None else velocity
         grains = MagneticGrains(
             position, radius, 4.0 / 3.0 * np.pi * radius**3, found.moment, found.applied, found.slope, found.field,
-            found.potential, found.share, found.contrast, found.height, found.own_image,
+            found.potential, found.fraction, found.contrast, found.height, found.own_image,
         )  # fmt: skip
         many = len(found.known.near_entry) + len(found.known.image_entry)
-        self._drawn = drawn = room_for(many, (4,), self._drawn)
+        self._extra = extra = room_for(many, (4,), self._extra)
         contact_forces(
             self.table, self.model, grains, rows.arrays, self.walls, found.known, attraction, moving, float(ahead),
-            force, torque, drawn,
+            force, torque, extra,
         )  # fmt: skip
         return force, -float(torque[:, 0].sum()), float(torque[:, 1].sum())
 

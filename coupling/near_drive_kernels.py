@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from coupling.grain_law_table import place_in, read
-from coupling.mirror import FACES_NO_WALL, normal_at, pushed
+from coupling.grain_law_table import bilinear, locate
+from coupling.mirror import FACES_NO_WALL, mirror_height, normal_at
 from coupling.moment_kernels import MU_0, drive_at_wall, drive_of_pair
 from coupling.pair_fields import OVER_4PI
 
@@ -45,7 +45,7 @@ def drive_pairs(table, model, grains, pairs, drive, force):
             nx, ny, nz = dx / true_r, dy / true_r, dz / true_r
             r = max(true_r, both)
             h = drive_of_pair(i, j, c, s, nx, ny, nz, r, model, grains)
-            k, x, l, y, size, share = place_in(table, gap, h)
+            k, x, l, y, size, fraction = locate(table, gap, h)
             if k < 0:
                 continue
             w3 = OVER_4PI / (r * r * r)
@@ -57,9 +57,9 @@ def drive_pairs(table, model, grains, pairs, drive, force):
             along = hx * nx + hy * ny + hz * nz
             across = np.sqrt(contrast[i] * contrast[j]) * (hx * hx + hy * hy + hz * hz - along * along)
             drive[q, COLUMN] = l + y
-            drive[q, AMPLITUDE] = MU_0 * a * a * size * size * share
+            drive[q, AMPLITUDE] = MU_0 * a * a * size * size * fraction
             drive[q, ACROSS] = MU_0 * a * a * across
-            pull = drive[q, AMPLITUDE] * read(table.force, k, x, l, y)
+            pull = drive[q, AMPLITUDE] * bilinear(table.force, k, x, l, y)
             pull += drive[q, ACROSS] * (table.across[k] + x * (table.across[k + 1] - table.across[k]))
             fx, fy, fz = pull * nx, pull * ny, pull * nz
             force[i, 0] += fx
@@ -82,14 +82,14 @@ def drive_walls(table, model, grains, start, steel, walls, drive, force):
                 continue
             nx, ny, nz = normal_at(walls, w, position[i, 0], position[i, 1])
             gap = max(2.0 * (abs(height[i, w]) / radius[i] - 1.0), model.smallest_gap)
-            at = pushed(height[i, w], radius[i])
+            at = mirror_height(height[i, w], radius[i])
             h = drive_at_wall(i, w, nx, ny, nz, at, walls, model, grains)
-            k, x, l, y, size, share = place_in(table, gap, h)
+            k, x, l, y, size, fraction = locate(table, gap, h)
             if k < 0:
                 continue
             drive[q, COLUMN] = l + y
-            drive[q, AMPLITUDE] = MU_0 * walls[w, 5] * radius[i] * radius[i] * size * size * share
-            pull = drive[q, AMPLITUDE] * read(table.force, k, x, l, y)
+            drive[q, AMPLITUDE] = MU_0 * walls[w, 5] * radius[i] * radius[i] * size * size * fraction
+            pull = drive[q, AMPLITUDE] * bilinear(table.force, k, x, l, y)
             pull = pull if at > 0.0 else -pull
             force[i, 0] += pull * nx
             force[i, 1] += pull * ny

@@ -2,8 +2,8 @@
 
 Rows hold every pair closer than their reach at the moment when they were made. Until a grain has moved by half of what
 the reach has over a cut-off, no pair within that cut-off is missing; then they must be rebuilt, see
-`NeighbourRows.hold`. The grains' own contact list is no measure of that: it may last longer (fast rigid grains have a
-wider one), it may be older than the rows, and it is renewed only after the step in which a grain went too far.
+`NeighbourRows.is_complete`. The grains' own contact list is no measure of that: it may last longer (fast rigid grains
+have a wider one), it may be older than the rows, and it is renewed only after the step in which a grain went too far.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ class NeighbourRows:
 
     @property
     def arrays(self) -> Rows:
-        """Return what kernels read of them."""
+        """The arrays that kernels read."""
         return Rows(self.start, self.other, self.shift, self.turn_cos, self.turn_sin)
 
-    def hold(self, position: np.ndarray, cutoff: float) -> bool:
-        """Return whether no pair of grains at `position` (n, 3) [m] that is closer than `cutoff` [m] can be missing.
+    def is_complete(self, position: np.ndarray, cutoff: float) -> bool:
+        """True if no pair of grains at `position` (n, 3) [m] that is closer than `cutoff` [m] can be missing.
 
         The grains must be in the same order, and on the same sides of a sector's faces, as when the rows were made.
         """

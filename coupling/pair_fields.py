@@ -6,8 +6,8 @@ With n the unit vector from b to a and r their distance, the field of b's moment
 
 - **whole**, ended by the cubic switch s(r) between 0.9 and 1 times the reach: c2 = s/r^3, c1 = 3 c2, p = s/r^2;
 - **less the smear** (``smear``): the dipole less one spread out with K(r) = 105/(32 pi a^3) (1 - x^2)^2, x = r/a,
-  whose share Q(x) = (35 x^3 - 42 x^5 + 15 x^7)/8 lies within r: c2 = (1 - Q)/r^3, c1 = 3 c2 + 4 pi K, p = (1 - Q)/r^2.
-  It ends at a exactly, and its mean over an even powder, with the grain's own share K(0) m/3, is the Lorentz field.
+  of which Q(x) = (35 x^3 - 42 x^5 + 15 x^7)/8 lies within r: c2 = (1 - Q)/r^3, c1 = 3 c2 + 4 pi K, p = (1 - Q)/r^2.
+  It ends at a exactly, and its mean over an even powder, with the grain's own K(0) m/3, is the Lorentz field.
 
 The force is the gradient of U at fixed moments, so the third law is exact and angular momentum closes with the torque
 m x H. Both derivatives follow from Q' = 4 pi r^2 K: c2' = -(4 pi K + 3 c2)/r and c1' = 3 c2' + 4 pi K'.
@@ -27,13 +27,13 @@ OVER_4PI = 1.0 / (4.0 * np.pi)
 SWITCH = 0.9  # of the reach: where a whole dipole begins to end
 
 
-def smeared_at_itself(reach: float, smear: bool) -> float:
-    """K(0)/3 = 35/(32 pi a^3) [1/m^3]: what a smeared grain takes from its own moment out of the mean field; or 0."""
+def self_field_factor(reach: float, smear: bool) -> float:
+    """K(0)/3 = 35/(32 pi a^3) [1/m^3]: a smeared grain's own part of the mean field per moment; 0 without smear."""
     return 35.0 / (32.0 * np.pi * reach**3) if smear else 0.0
 
 
 @device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def _switched(r, reach):
+def _switch(r, reach):
     """The switch s(r) and ds/dr [1/m]."""
     width = (1.0 - SWITCH) * reach
     t = maximum((r - SWITCH * reach) * (1.0 / width), 0.0)
@@ -53,7 +53,7 @@ def field_factors(r, reach, smear):
         outside = 1.0 - 0.125 * x * x2 * (35.0 - x2 * (42.0 - 15.0 * x2))
         c2 = outside * per_r2 * per_r
         return 3.0 * c2 + kernel, c2, outside * per_r2
-    switch, _ = _switched(r, reach)
+    switch, _ = _switch(r, reach)
     c2 = switch * per_r2 * per_r
     return 3.0 * c2, c2, switch * per_r2
 
@@ -70,7 +70,7 @@ def field_slopes(r, reach, smear):
         slope = -(scale * left * left + 3.0 * c2) * per_r
         return 3.0 * slope - 4.0 * scale * left * x * (1.0 / reach), slope
     w = per_r * per_r * per_r
-    switch, fall = _switched(r, reach)
+    switch, fall = _switch(r, reach)
     slope = w * (fall - 3.0 * switch * per_r)
     return 3.0 * slope, slope
 

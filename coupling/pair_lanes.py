@@ -1,18 +1,18 @@
 """Near pairs, in SIMD vectors of eight: their excess over dipoles, and its forces.
 
 Inner functions of `coupling.moment_kernels`. A near pair is found once, for both grains, and put where it stands in
-the rows of both (``drawn``): no two write to the same place.
+the rows of both (``extra``): no two write to the same place.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from coupling.grain_law_table import eight_places, field_place, mean_force
+from coupling.grain_law_table import field_index, locate_eight, mean_force
 from coupling.influence_kernels import MEAN, MUTUAL, NX, NY, NZ, PER_R, PER_TRUE, PLACE
 from coupling.kernel_state import ENTRY, FIRST, SECOND, TWIN
 from coupling.pair_fields import OVER_4PI
-from coupling.row_lanes import either, turn_of
+from coupling.row_lanes import first_present, turn_of
 from geometry.kernels.device_functions import device_function
 from geometry.kernels.simd import LANES, maximum, select
 from geometry.kernels.simd_math import sqrt
@@ -48,22 +48,22 @@ def _drive(b, source, rows, known):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def _hand_over(b, known, turn, way, x, y, z, both, drawn):
-    """Put a vector of the first grain, ``way`` times it of the second, and a number of both into ``drawn`` (k, 4)."""
+def _hand_over(b, known, turn, sign, x, y, z, both, extra):
+    """Put a vector of the first grain, ``sign`` times it of the second, and a number of both into ``extra``."""
     e, t = load(known.near_once, b, ENTRY), load(known.near_once, b, TWIN)
     c, s = turn
-    scatter_columns(drawn, either(t, e), 0, way * (c * x + s * y), way * (c * y - s * x), way * z, both)
-    scatter_columns(drawn, e, 0, x, y, z, both)  # after it: a pair without a twin has one place
+    scatter_columns(extra, first_present(t, e), 0, sign * (c * x + s * y), sign * (c * y - s * x), sign * z, both)
+    scatter_columns(extra, e, 0, x, y, z, both)  # after it: a pair without a twin has one place
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def excess_of_eight(b, table, source, rows, known, drawn):
-    """Excess of the near pairs in block b: vector and size [A/m] into ``drawn`` (k, 4)."""
+def excess_of_eight(b, table, source, rows, known, extra):
+    """Excess of the near pairs in block b: vector and size [A/m] into ``extra`` (k, 4)."""
     h, turn, (nx, ny, nz), _ = _drive(b, source, rows, known)
-    row, x, column, y, held, share, within = eight_places(table, load(known.near_pair, b, PLACE), h)
-    v = held * share * within * interpolate_bilinear(table.moment, row, x, column, y)
+    row, x, column, y, held, fraction, within = locate_eight(table, load(known.near_pair, b, PLACE), h)
+    v = held * fraction * within * interpolate_bilinear(table.moment, row, x, column, y)
     v = select(h < 0.0, -v, v)
-    _hand_over(b, known, turn, 1.0, v * nx, v * ny, v * nz, v, drawn)
+    _hand_over(b, known, turn, 1.0, v * nx, v * ny, v * nz, v, extra)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
@@ -80,23 +80,23 @@ def _mean_pull(b, table, h, pull, radii, opening, ahead, smallest_gap, known, sc
     for a in range(LANES):
         h_a, gap_a, end = scratch[DRIVE, a], scratch[GAP, a], scratch[END, a]
         if end != gap_a:
-            scratch[PULL, a] = mean_force(table, gap_a, end, field_place(table, h_a), h_a)
+            scratch[PULL, a] = mean_force(table, gap_a, end, field_index(table, h_a), h_a)
     return load(scratch, PULL, 0)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def near_forces_of_eight(b, table, model, tables, rows, known, attraction, ahead, scratch, drawn):
+def near_forces_of_eight(b, table, model, tables, rows, known, attraction, ahead, scratch, extra):
     """Forces [N] and torque of the field about z [N m] of the near pairs in block b, see `contact_forces`.
 
-    ``tables`` (n, 4): moments and potentials; fields and contrasts; velocities and V share; centres and radii.
+    ``tables`` (n, 4): moments and potentials; fields and contrasts; velocities and V times fraction; centres and radii.
     """
     source, seen, moving, place = tables
     i, j = load(known.near_once, b, FIRST), load(known.near_once, b, SECOND)
     h, turn, (nx, ny, nz), (mx, my, mz) = _drive(b, source, rows, known)
     c, s = turn
-    row, x, column, y, held, share, within = eight_places(table, load(known.near_pair, b, PLACE), h)
-    share = held * share * within
-    excess = share * interpolate_bilinear(table.moment, row, x, column, y)
+    row, x, column, y, held, fraction, within = locate_eight(table, load(known.near_pair, b, PLACE), h)
+    fraction = held * fraction * within
+    excess = fraction * interpolate_bilinear(table.moment, row, x, column, y)
     excess = select(h > 0.0, excess, -excess)
     ix, iy, iz, contrast = gather_columns(seen, i, 0)
     ex, ey, ez, other_contrast = gather_columns(seen, j, 0)
@@ -108,7 +108,7 @@ def near_forces_of_eight(b, table, model, tables, rows, known, attraction, ahead
     if attraction:
         _, _, _, ri = gather_columns(place, i, 0)
         _, _, _, rj = gather_columns(place, j, 0)
-        pull = held * share * interpolate_bilinear(table.force, row, x, column, y)
+        pull = held * fraction * interpolate_bilinear(table.force, row, x, column, y)
         if ahead > 0.0:
             opening = (ux - (c * wx - s * wy)) * nx + (uy - (s * wx + c * wy)) * ny + (uz - wz) * nz
             pull = _mean_pull(b, table, h, pull, (ri, rj), opening, ahead, model.smallest_gap, known, scratch)
@@ -126,4 +126,4 @@ def near_forces_of_eight(b, table, model, tables, rows, known, attraction, ahead
     along = ex * nx + ey * ny + ez * nz
     ex, ey, ez = ex - along * nx, ey - along * ny, ez - along * nz
     fx, fy, fz = ex * per_true - pull * nx, ey * per_true - pull * ny, ez * per_true - pull * nz
-    _hand_over(b, known, turn, -1.0, fx, fy, fz, -0.5 * (nx * ey - ny * ex), drawn)
+    _hand_over(b, known, turn, -1.0, fx, fy, fz, -0.5 * (nx * ey - ny * ex), extra)

@@ -6,12 +6,12 @@ The field is that of the moments themselves. They stand in it, spread out (`coup
 
 with h(M) the field inside a grain by its own law. The first part answers to B inside the Newton iteration as the powder
 there does, whatever its structure; the source is what it misses of the deposited moments at the field of the last
-solve. So at the fixed point the magnetisation is the deposited one, whatever N is; N only makes the way there short.
-N is held within 0.03 and 0.4, moved half of the way at each solve, and left where it says nothing: H, phi or M next to
-nothing, grains at saturation, M against H.
+solve. So at the fixed point the magnetisation is the deposited one, whatever N is; N only makes the iteration converge
+faster. N is limited to 0.03 to 0.4, relaxed by half at each solve, and kept where it is undefined: H, phi or M almost
+zero, grains at saturation, M against H.
 
 A grain takes H = B/mu_0 - M from the solve, with the same M at its place, and of the grains nearer than the width a
-what their smear misses (`coupling.pair_fields`), the share of its own included: nothing counts twice, nothing is lost.
+what their smear misses (`coupling.pair_fields`), its own included: nothing counts twice, nothing is lost.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class FeedbackResidual:
         Of the moments now against those that the present field holds.
     across, factor, lag : float
         Parts of the last solve's source, which it took from the moments before it: across H, where no N can stand for
-        it; along H where N is held at an end; and the rest, N's way and what changes within an element.
+        it; along H where N is at a limit; and the rest, the relaxation of N and what changes within an element.
     """
 
     total: float = np.inf
@@ -69,7 +69,7 @@ class FeedbackRow:
 
 
 class PowderFeedback:
-    """Deposits grains on the powder's elements and keeps what the field's solve needs of them.
+    """Deposits grains on the powder's elements, and keeps the data that the field's solve needs of them.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class PowderFeedback:
         self._shape = points.shape[:2]
         self._points = np.ascontiguousarray(points.reshape(-1, 2))
         self._volume = elements.radius[own] * elements.weight[own]
-        self._share = self._volume / self._volume.sum(axis=1, keepdims=True)
+        self._weight = self._volume / self._volume.sum(axis=1, keepdims=True)
         self._nodes = problem.recovery(problem.powder_region).nodes
         rows = steel_walls(walls)
         self._folds = mirror_points_in_steel(self._points, rows, problem, self.width)
@@ -105,35 +105,35 @@ class PowderFeedback:
         self._M = np.zeros((len(own), 2, self._shape[1]))
         self._node_M = np.zeros((6, len(self._nodes)))
         self._smear: SectionSmear | None = None
-        self._known: MagneticField | None = None
-        self._steel, self._held = rows, np.zeros_like(self._M)
+        self._field: MagneticField | None = None
+        self._steel, self._field_M = rows, np.zeros_like(self._M)
         self.residual = FeedbackResidual()
 
     def deposit(
         self, position: np.ndarray, volume: np.ndarray, moment: np.ndarray | None, field: MagneticField | None
     ) -> None:
         """Take grains at (n, 3) [m] of volumes (n,) [m^3], moments (n, 3) [A m^2]; note by how much `field` misses."""
-        self._know(field)
+        self._update_field(field)
         moment = np.zeros_like(position) if moment is None else moment
         self._smear = ring_smear(position, volume, moment, self.width, self.angle, self._steel)
         found = self._smear.at(self._points, self._folds, slopes=False)
-        self._fill = np.minimum((found[0].reshape(self._shape) * self._share).sum(axis=1), 0.95)
+        self._fill = np.minimum((found[0].reshape(self._shape) * self._weight).sum(axis=1), 0.95)
         self._M = np.ascontiguousarray(found[1:3].reshape(2, *self._shape).transpose(1, 0, 2))
         total = np.inf
         if field is not None:
             size = self._square(self._M)
-            missed = self._square(self._M - self._held)
+            missed = self._square(self._M - self._field_M)
             total = float(np.sqrt(missed / size)) if size > 0.0 else (0.0 if missed == 0.0 else np.inf)
         self.residual = FeedbackResidual(total, self.residual.across, self.residual.factor, self.residual.lag)
 
-    def _know(self, field: MagneticField | None) -> None:
-        """Find what `deposit` needs of a field, once: how its steel mirrors, the magnetisation that it holds."""
-        if field is None or field is not self._known:
+    def _update_field(self, field: MagneticField | None) -> None:
+        """Compute once per field the mirrors of its steel and its magnetisation, which `deposit` needs."""
+        if field is None or field is not self._field:
             self._steel = steel_walls(self.walls, field)
-            self._held = np.zeros_like(self._M) if field is None else self.represented(field)
-            self._known = field
+            self._field_M = np.zeros_like(self._M) if field is None else self.magnetisation(field)
+            self._field = field
 
-    def represented(self, field: MagneticField) -> np.ndarray:
+    def magnetisation(self, field: MagneticField) -> np.ndarray:
         """Magnetisation (m, 2, q) [A/m] of the powder in a solved field."""
         powder = field.powder
         B, size = self._flux(field)
@@ -149,11 +149,11 @@ class PowderFeedback:
         if field is None or not self._M.any() or not field.psi.any():
             self._factor = None
             return PowderState(self._fill)
-        H = NU_0 * self._flux(field)[0] - self.represented(field)
-        mean_H = (H * self._share[:, None, :]).sum(axis=2)
+        H = NU_0 * self._flux(field)[0] - self.magnetisation(field)
+        mean_H = (H * self._weight[:, None, :]).sum(axis=2)
         strength = np.hypot(*mean_H.T)
         along = np.divide(mean_H, strength[:, None], out=np.zeros_like(mean_H), where=strength[:, None] > 0.0)
-        mean_M = (self._M * self._share[:, None, :]).sum(axis=2)
+        mean_M = (self._M * self._weight[:, None, :]).sum(axis=2)
         M = np.divide((mean_M * along).sum(axis=1), self._fill, out=np.zeros_like(strength), where=self._fill > 0.0)
         says = (strength > WEAK * min(self._scale, 1e9)) & (self._fill > MIN_FILL) & (M > 0.0)
         says &= M < SATURATED * self._scale
@@ -162,18 +162,18 @@ class PowderFeedback:
         wanted = np.where(says, (strength - self.law.field_inside(M)) / M, before)
         target = np.clip(wanted, MIN_FACTOR, MAX_FACTOR)
         factor = target if self._factor is None else before + 0.5 * (target - before)
-        held = PowderState(self._fill, factor)
+        state = PowderState(self._fill, factor)
         # at the B that the deposited moments make with the present H: grains follow H, and so does what is lagged
         B = MU_0 * (H + self._M)
         size = np.hypot(B[:, 0], B[:, 1])
-        law_M, _ = self.law.from_flux(size, *held.arguments)
+        law_M, _ = self.law.from_flux(size, *state.arguments)
         law_M = self._fill[:, None] * law_M
         source = self._M - np.divide(law_M, size, out=np.zeros_like(size), where=size > 0.0)[:, None, :] * B
         self._note(source, H, (target != wanted) | ~says)
         self._factor = factor
         return PowderState(self._fill, factor, np.ascontiguousarray(source))
 
-    def solved(self, field: MagneticField) -> RecoveredSampler:
+    def sampler_after_solve(self, field: MagneticField) -> RecoveredSampler:
         """Sampler of H = B/mu_0 - M at grains in a field that was solved with the last `state`."""
         assert self._smear is not None  # grains are deposited before a solve
         recovery = self.problem.recovery(self.problem.powder_region)
@@ -181,7 +181,8 @@ class PowderFeedback:
             self._node_M = np.zeros_like(self._node_M)
             return self.sampler(field)
         self._node_M = self._smear.at(self._nodes, self._node_folds)[1:]
-        change = ((self.represented(field) - self._M) * self._share[:, None, :]).sum(axis=2)[: len(recovery.centroids)]
+        difference = (self.magnetisation(field) - self._M) * self._weight[:, None, :]
+        change = difference.sum(axis=2)[: len(recovery.centroids)]
         for k in range(2):
             value, slope = recovery.smooth_fill(np.ascontiguousarray(change[:, k]))
             self._node_M[k] += value
@@ -189,7 +190,7 @@ class PowderFeedback:
         return self.sampler(field)
 
     def sampler(self, field: MagneticField) -> RecoveredSampler:
-        """The sampler of the last `solved`."""
+        """The sampler of the last `sampler_after_solve`."""
         return RecoveredSampler(field, self.problem.powder_region, self._node_M)
 
     def window_part(self) -> FeedbackRow:
@@ -199,7 +200,7 @@ class PowderFeedback:
         return FeedbackRow(total, residual.across, residual.factor, residual.lag)
 
     def checkpoint(self) -> dict[str, Any]:
-        """Return what a bit-exact continuation needs beside the field's own psi, fill, factor and source."""
+        """State for a bit-exact continuation, in addition to the field's own psi, fill, factor and source."""
         residual = self.residual
         return {
             "factor": self._factor,
@@ -223,14 +224,14 @@ class PowderFeedback:
     def _square(self, M: np.ndarray) -> float:
         return float(((M**2).sum(axis=1) * self._volume).sum())
 
-    def _note(self, source: np.ndarray, H: np.ndarray, held: np.ndarray) -> None:
+    def _note(self, source: np.ndarray, H: np.ndarray, limited: np.ndarray) -> None:
         """The parts of a source, by cause."""
         size = self._square(self._M)
         strength = np.hypot(H[:, 0], H[:, 1])[:, None, :]
         e = np.divide(H, strength, out=np.zeros_like(H), where=strength > 0.0)
         part = (source * e).sum(axis=1)
         across = source - part[:, None, :] * e
-        mean = (part * self._share).sum(axis=1)[:, None] * held[:, None]
+        mean = (part * self._weight).sum(axis=1)[:, None] * limited[:, None]
         volume = self._volume
         squares = self._square(across), float((mean**2 * volume).sum()), float(((part - mean) ** 2 * volume).sum())
         self.residual = FeedbackResidual(self.residual.total, *(float(np.sqrt(s / size)) for s in squares))

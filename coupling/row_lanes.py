@@ -24,8 +24,8 @@ NEAR, IMAGED = 1, 2  # bits of an entry's kind
 
 
 @device_function(error_model="numpy")
-def beside(vector, last):
-    """A table (n, 4) of vectors (n, 3) and one number each (n,): rows of it come into lanes at once."""
+def columns_of(vector, last):
+    """Table (n, 4) of vectors (n, 3) and one number each (n,), whose rows are gathered into lanes at once."""
     table = np.empty((vector.shape[0], 4))
     for i in range(vector.shape[0]):
         table[i, 0], table[i, 1], table[i, 2], table[i, 3] = vector[i, 0], vector[i, 1], vector[i, 2], last[i]
@@ -33,7 +33,7 @@ def beside(vector, last):
 
 
 @device_function(forceinline=True)
-def either(t, e):
+def first_present(t, e):
     """Eight rows t, those of e where there are none (-1)."""
     return (
         t[0] if t[0] >= 0 else e[0], t[1] if t[1] >= 0 else e[1], t[2] if t[2] >= 0 else e[2],
@@ -43,8 +43,8 @@ def either(t, e):
 
 
 @device_function(without_refcounts=True, error_model="numpy", forceinline=True)
-def crosses(rows, i):
-    """Return whether a neighbour of grain i stands beyond a face of the sector."""
+def any_crossing(rows, i):
+    """True if a neighbour of grain i stands beyond a face of the sector."""
     found = 0
     for q in range(rows.start[i], rows.start[i + 1]):
         found |= rows.shift[q]
@@ -64,12 +64,12 @@ def _turn(rows, crossed):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def kinds_of_row(i, place, height, model, rows, kind):
-    """Return which neighbours of grain i make a near pair with it, and which have an image that may be within reach.
+    """Mark the neighbours of grain i that are a near pair with it, and those with an image that may be within reach.
 
-    ``height`` (n, w) [m]: at which they are mirrored, see `coupling.mirror.pushed`.
+    ``height`` (n, w) [m]: at which they are mirrored, see `coupling.mirror.mirror_height`.
     """
     x, y, z, ri = place[i, 0], place[i, 1], place[i, 2], place[i, 3]
-    stop, crossing = rows.start[i + 1], crosses(rows, i)
+    stop, crossing = rows.start[i + 1], any_crossing(rows, i)
     for first in range(rows.start[i], stop, LANES):
         slot = eight_indices(first, stop - 1)
         j = gather(rows.other, slot)
@@ -115,7 +115,7 @@ def field_of_row(i, place, source, model, rows):
     reach, smear = model.reach, model.smear
     ri = place[i, 3]
     sx = sy = sz = total = splat(0.0)
-    stop, crossing = rows.start[i + 1], crosses(rows, i)
+    stop, crossing = rows.start[i + 1], any_crossing(rows, i)
     for first in range(rows.start[i], stop, LANES):
         (dx, dy, dz), rj, (ax, ay, az) = _eight_neighbours(i, first, stop, crossing, place, source, rows)
         r2 = dx * dx + dy * dy + dz * dz
@@ -141,7 +141,7 @@ def dipole_force(i, place, source, model, rows):
     ri = place[i, 3]
     ax, ay, az = source[i, 0], source[i, 1], source[i, 2]
     total_x = total_y = total_z = total_t = splat(0.0)
-    stop, crossing = rows.start[i + 1], crosses(rows, i)
+    stop, crossing = rows.start[i + 1], any_crossing(rows, i)
     for first in range(rows.start[i], stop, LANES):
         (dx, dy, dz), rj, (bx, by, bz) = _eight_neighbours(i, first, stop, crossing, place, source, rows)
         r2 = dx * dx + dy * dy + dz * dz

@@ -10,7 +10,7 @@ M_phi about the axis makes no H and is left out.
 
 What the kernel would put into steel is folded back at the steel's face as its image is: at a point x of powder or air
 whose mirror point x* lies in steel, K2(x* - x_i) k (m_n, -m_t) is added, with k of `coupling.mirror`; of the volume K2
-itself. Nothing is put into steel or beyond it, and nothing is folded beside the end of a face.
+itself. Nothing is put into steel or beyond it, and nothing is folded past the end of a face.
 """
 
 from __future__ import annotations

@@ -73,7 +73,7 @@ class Simulation:
         """
         key = (cutoff, self.motion.list_version)
         position = self.motion.grains.position
-        if self._rows is None or key != self._rows_key or not self._rows.hold(position, cutoff):
+        if self._rows is None or key != self._rows_key or not self._rows.is_complete(position, cutoff):
             reach, sector = cutoff + self.motion.list_skin, self.motion.sector
             if sector is not None:  # in a narrow one with less to spare: the rows are rebuilt more often
                 reach = max(cutoff, min(reach, sector.widest_cutoff(position)))

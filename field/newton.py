@@ -21,7 +21,7 @@ _ARMIJO = 1e-4
 _MAX_HALVINGS = 30
 _MAX_FALSE_POSITIONS = 8
 # Of the residual: what a step with an old factor, a fifth of the price of a new one, may leave.
-_SECANT_SHARE = 0.2
+_SECANT_FRACTION = 0.2
 
 
 def scalar_product(a: np.ndarray, b: np.ndarray) -> float:
@@ -60,7 +60,7 @@ class LinearSolver(Protocol):
 
     @property
     def again_is_cheap(self) -> bool:
-        """True if `solve_again` costs little beside `solve`: a factor does that, iterations do not."""
+        """True if `solve_again` costs little compared with `solve`: a factor does that, iterations do not."""
 
     def solve(self, matrix: sp.csc_matrix, right: np.ndarray) -> np.ndarray:
         """Solve with a new matrix."""
@@ -91,7 +91,7 @@ def _secant_steps(
 ) -> tuple[np.ndarray, np.ndarray, list[float]]:
     """Steps with the matrix that was factorised last, corrected by what each step taught of the curvature (BFGS).
 
-    They go on while each leaves at most a fifth of the residual: such a step costs that share of a Newton step.
+    They go on while each leaves at most a fifth of the residual: such a step costs that fraction of a Newton step.
 
     Source: Matthies and Strang, Int. J. Numer. Methods Eng. 14, 1979; Nocedal and Wright, 2006, algorithm 7.4.
 
@@ -110,13 +110,13 @@ def _secant_steps(
             along.append(scalar_product(step, right) / scale)
             right = right - along[-1] * change
         step = solver.solve_again(right)
-        for (before, change, scale), share in zip(pairs, reversed(along), strict=True):
-            step = step + (share - scalar_product(change, step) / scale) * before
+        for (before, change, scale), fraction in zip(pairs, reversed(along), strict=True):
+            step = step + (fraction - scalar_product(change, step) / scale) * before
         trial = x + step
         new = energy.gradient(trial)
         new_size = norm(new)
         change, scale = new - residual, scalar_product(step, new - residual)
-        if not (new_size <= _SECANT_SHARE * size and scale > 0.0):
+        if not (new_size <= _SECANT_FRACTION * size and scale > 0.0):
             break
         pairs.append((step, change, scale))
         x, residual, size = trial, new, new_size
@@ -124,8 +124,8 @@ def _secant_steps(
     return x, residual, sizes
 
 
-def _length_to_level(energy: Energy, x: np.ndarray, step: np.ndarray, slope: float, share: float) -> float:
-    """Length, at most 1, at which the slope along a step is level to within a share of that at its beginning.
+def _length_to_level(energy: Energy, x: np.ndarray, step: np.ndarray, slope: float, fraction: float) -> float:
+    """Length, at most 1, at which the slope along a step is level to within a fraction of that at its beginning.
 
     Regula falsi, kept away from the ends; the energy is convex along the step.
     """
@@ -136,7 +136,7 @@ def _length_to_level(energy: Energy, x: np.ndarray, step: np.ndarray, slope: flo
     low, high, slope_low, slope_high = 0.0, 1.0, slope, slope_at(1.0)
     length, found = high, slope_high
     for _ in range(_MAX_FALSE_POSITIONS):
-        if found <= -share * slope and (length == 1.0 or found >= share * slope):
+        if found <= -fraction * slope and (length == 1.0 or found >= fraction * slope):
             break
         if found > 0.0:
             high, slope_high = length, found
@@ -181,8 +181,8 @@ def minimise(
     factorised : bool
         Whether `solver` holds the factor of a matrix near the tangent at the start.
     level : float or None
-        Shorten a step until the slope along it is within this share of that at its beginning: where a gradient costs
-        little beside a linear solve. None: halve it only until the energy falls.
+        Shorten a step until the slope along it is within this fraction of that at its beginning: where a gradient costs
+        little compared with a linear solve. None: halve it only until the energy falls.
 
     Returns
     -------
@@ -242,7 +242,7 @@ def minimise(
         x, value = trial, new_value
         residual = energy.gradient(x)
         history.append((norm(residual) / scale, length))
-        well = length == 1.0 and history[-1][0] <= _SECANT_SHARE * history[-2][0]
+        well = length == 1.0 and history[-1][0] <= _SECANT_FRACTION * history[-2][0]
         factorised = well and not use_first and solver.again_is_cheap
     if history[-1][0] <= tolerance:
         return x, history

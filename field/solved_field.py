@@ -36,7 +36,7 @@ class SolvedField(Protocol):
         """Flux through a mean turn of the coil [Wb]."""
 
     def mean_flux_density(self, line: np.ndarray) -> float:
-        """Mean |B| [T] at the points (r, z) [m] of a line, shape (k, 2), and all the way round the axis."""
+        """Mean |B| [T] at the points (r, z) [m] of a line, shape (k, 2), and averaged about the axis."""
 
     def estimated_errors(self) -> dict[str, float] | None:
         """Relative errors of the discretisation, by what they are of; None where they are not estimated."""

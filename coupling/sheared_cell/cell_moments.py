@@ -1,7 +1,7 @@
 """Moments of the grains of a sheared cell in a macroscopic field, and the forces that are held between two looks.
 
 The field H is that of an even powder, given (the split of `coupling.pair_fields`): every grain feels it, the correction
-of its neighbours within the split's width and its own share; nothing else. The sweeps are those of
+of its neighbours within the split's width and its own contribution; nothing else. The sweeps are those of
 `coupling.moment_kernels`. Images stand in their rows as ghosts that take moment, field, potential and the rest from
 their owners between the two stages of a sweep.
 
@@ -19,7 +19,7 @@ from coupling.influence import find_influence, room_for
 from coupling.kernel_state import Influence, MagneticGrains, PairModel
 from coupling.moment_kernels import gather_fields, magnetise
 from coupling.mutual_moments import FIRST_DAMPING, MIN_DAMPING
-from coupling.pair_fields import smeared_at_itself
+from coupling.pair_fields import self_field_factor
 from coupling.sheared_cell.cell import CellPairs, SquareBox
 from coupling.sheared_cell.held_forces import NEAR, HeldPairs, held_forces
 from coupling.sheared_cell.near_pull import N_GRIP
@@ -61,7 +61,7 @@ class CellMoments:
         self.volume = 4.0 / 3.0 * np.pi * radius**3
         self.moment = np.zeros((count, 3))
         self._room: Influence | None = None
-        self._drawn: np.ndarray | None = None
+        self._extra: np.ndarray | None = None
         self.residual = np.inf
         self.damping = FIRST_DAMPING
         self.held, self.stress = np.zeros((count, 3)), np.zeros((3, 3))
@@ -77,7 +77,7 @@ class CellMoments:
         self._radius, self._volume = np.full(everyone, self.radius), np.full(everyone, self.volume)
         self._applied, self._slope = np.tile(self.applied, (everyone, 1)), np.zeros((everyone, 4))
         self._field, self._new = np.zeros((everyone, 3)), np.zeros((everyone, 3))
-        self._potential, self._share, self._contrast = np.zeros(everyone), np.zeros(everyone), np.zeros(everyone)
+        self._potential, self._fraction, self._contrast = np.zeros(everyone), np.zeros(everyone), np.zeros(everyone)
         self._squares = np.zeros((everyone, 2))
         self._height, self._own_image = np.empty((everyone, 0)), np.zeros((everyone, 0))
 
@@ -104,14 +104,14 @@ class CellMoments:
         self._everywhere = np.concatenate([position, position[self.pairs.owner] + shift])
         self._used = self.moment[whose]
         near_by, grains = rows.arrays, self._grains(self._everywhere)
-        own = smeared_at_itself(self.reach, True)
+        own = self_field_factor(self.reach, True)
         known = find_influence(self.table, self.model, grains, near_by, NO_WALLS, own=own, room=self._room)
-        self._room, self._drawn = known, room_for(len(known.near_entry), (4,), self._drawn)
+        self._room, self._extra = known, room_for(len(known.near_entry), (4,), self._extra)
         gather_fields(self.model, grains, near_by, known, self._field, self._potential, self._own_image)
         self._field[n:], self._potential[n:] = self._field[whose[n:]], self._potential[whose[n:]]
         magnetise(
-            self.table, self.model, grains, near_by, NO_WALLS, known, self.damping, self._share, self._contrast,
-            self._new, self._squares, self._drawn,
+            self.table, self.model, grains, near_by, NO_WALLS, known, self.damping, self._fraction, self._contrast,
+            self._new, self._squares, self._extra,
         )  # fmt: skip
         missed, total = (float(x) for x in self._squares[:n].sum(axis=0))
         self.residual = 0.0 if total == 0.0 else float(np.sqrt(missed / total))  # a NaN stays one
@@ -142,7 +142,7 @@ class CellMoments:
     def _grains(self, position: np.ndarray) -> MagneticGrains:
         return MagneticGrains(
             position, self._radius, self._volume, self._used, self._applied, self._slope, self._field,
-            self._potential, self._share, self._contrast, self._height, self._own_image,
+            self._potential, self._fraction, self._contrast, self._height, self._own_image,
         )  # fmt: skip
 
     @property

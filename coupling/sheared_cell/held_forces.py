@@ -28,7 +28,7 @@ class HeldPairs(NamedTuple):
     ----------
     first, second : ndarray, shape (p,)
     shift : ndarray, shape (p, 3)
-        Stands the second grain beside the first [m].
+        Stands the second grain columns_of the first [m].
     near_slot : ndarray of int32, shape (p,)
         A pair's place among the near ones, or -1.
     """
@@ -46,7 +46,7 @@ def held_forces(table, model, grains, pairs, force, grip, stress):
     All grains are of one size. ``stress[a, b]`` sums r_a F_b, F on the grain at r from its partner.
     """
     position, moment, field, share, contrast = (
-        grains.position, grains.moment, grains.field, grains.share, grains.contrast,
+        grains.position, grains.moment, grains.field, grains.fraction, grains.contrast,
     )  # fmt: skip
     radius, volume = grains.radius[0], grains.volume[0]
     reach, _, near, smallest_gap = model

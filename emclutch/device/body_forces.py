@@ -13,7 +13,7 @@ from field.section.maxwell_force import (
     axial_force,
     force_by_virtual_work,
     force_of_weight,
-    gives_way,
+    is_deformable,
 )
 
 MOVABLE = ("disc", "rotor")
@@ -36,7 +36,7 @@ def regions_of_body(coil: CoilDevice, solution: MagneticField, body: str) -> lis
     for name in coil.mesh.regions:
         named = next((own for own in MOVABLE if name == own or name.startswith(f"{own}_")), None)
         if named is None and name not in ("air", problem.coil_region, problem.powder_region):
-            named = None if gives_way(problem, name, solution) else coil.shape.body(name)
+            named = None if is_deformable(problem, name, solution) else coil.shape.body(name)
         if named == body:
             chosen.append(name)
     return chosen

@@ -74,7 +74,7 @@ def solve_at_flux_linkage(
         )
     if linkage_per_turn == 0.0:
         return problem.solve(0.0, fill)
-    powder = problem.checked_powder(fill)
+    powder = problem.check_powder(fill)
     nothing = np.zeros(problem.n_dofs)
     energy = _LinkageEnergy(SectionEnergy(problem, powder, nothing, nothing), problem.coil_load[problem._free])
     c, mean_psi = energy.load, linkage_per_turn / (2.0 * math.pi)

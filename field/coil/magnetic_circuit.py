@@ -8,8 +8,8 @@ N I to its branch.  Kirchhoff's laws are the minimum of a convex energy over the
 w the energy density of the tube's law: the circuit is the field's own principle with a handful of unknowns.
 It is solved by Newton with a line search, so saturation from a cold start is no difficulty.
 
-What a circuit leaves out (fringing beyond what a tube is given, leakage off the paths that are drawn, flux that
-crowds at corners) makes it an estimate in milliseconds beside the solve, good to ten or twenty per cent.
+What a circuit leaves out (fringing beyond what a tube is given, leakage off its paths, flux that
+crowds at corners) makes it an estimate, good to ten or twenty per cent, in milliseconds.
 Source: Roters, Electromagnetic Devices, 1941, ch. 4 and 5.
 """
 
@@ -245,7 +245,7 @@ def clutch_circuit(clutch: Clutch, laws: Mapping[str, Law], powder: Law = AIR) -
     The coil drives flux through the housing's yoke, down its two cheeks, over the clearance into the two poles
     of the rotor, and through rim gap and disc from pole to pole.  Beside it lie the leakage across the coil's
     window (a third of its area: the flux links the turns in part), the one through the ring and the clearance
-    next to it, and, where the covers are steel, the way over cover and face gap.  Poles fringe by a gap's width on
+    next to it, and, where the covers are steel, the path over cover and face gap.  Poles fringe by a gap's width on
     each free side.
 
     Names of tubes: yoke, cheeks, clearance, shell, gap, disc; window, ring; cover, face.
@@ -261,7 +261,7 @@ def clutch_circuit(clutch: Clutch, laws: Mapping[str, Law], powder: Law = AIR) -
         "cheek_right",
         (
             FluxTube.axial("yoke", clutch.coil_outer_radius, clutch.outer_radius, coil + cheek, steel),
-            _doubled(FluxTube.radial("cheeks", clutch.housing_bore, yoke_middle, cheek, steel)),
+            _both_sides(FluxTube.radial("cheeks", clutch.housing_bore, yoke_middle, cheek, steel)),
         ),
         winding=1.0,
     )
@@ -274,9 +274,9 @@ def clutch_circuit(clutch: Clutch, laws: Mapping[str, Law], powder: Law = AIR) -
     # flux enters the shell under the cheek and leaves it over the pole: what lies between runs along the shell
     along = abs(0.5 * (coil + cheek) - 0.5 * (clutch.ring_width + pole))
     overlap = min(cheek, 0.5 * (clutch.rotor_length - coil)) + clutch.clearance
-    shell = [_doubled(FluxTube.radial("clearance", clutch.rotor_radius, clutch.housing_bore, overlap))]
+    shell = [_both_sides(FluxTube.radial("clearance", clutch.rotor_radius, clutch.housing_bore, overlap))]
     if along > 0.0:
-        shell.append(_doubled(FluxTube.axial("shell", clutch.bore_radius, clutch.rotor_radius, along, rotor)))
+        shell.append(_both_sides(FluxTube.axial("shell", clutch.bore_radius, clutch.rotor_radius, along, rotor)))
     # both sides of the symmetric device stand in one tube: from the right cheek in and back out to the left one
     branches = [
         housing,
@@ -285,7 +285,7 @@ def clutch_circuit(clutch: Clutch, laws: Mapping[str, Law], powder: Law = AIR) -
     ]
     ring_width = clutch.ring_width
     if ring_width > 0.0:
-        # beside the ring itself, the half circles that fringe over it outwards (Roters' semicircular tube)
+        # in addition to the ring itself, the half circles that fringe over it outwards (Roters' semicircular tube)
         area = math.pi * (clutch.rotor_radius**2 - clutch.bore_radius**2)
         fringe = 0.26 * 2.0 * math.pi * clutch.rotor_radius * ring_width
         branches.append(Branch("poles", "cheek_left", (FluxTube("ring", ring_width, area + fringe),)))
@@ -295,7 +295,7 @@ def clutch_circuit(clutch: Clutch, laws: Mapping[str, Law], powder: Law = AIR) -
             Branch(
                 "poles",
                 "disc",
-                (_doubled(FluxTube.radial("gap", clutch.disc_radius, clutch.bore_radius, width, powder)),),
+                (_both_sides(FluxTube.radial("gap", clutch.disc_radius, clutch.bore_radius, width, powder)),),
             )
         )
     if "cover" in laws and clutch.cover_magnetic:
@@ -305,10 +305,12 @@ def clutch_circuit(clutch: Clutch, laws: Mapping[str, Law], powder: Law = AIR) -
                 "poles",
                 "disc",
                 (
-                    _doubled(
+                    _both_sides(
                         FluxTube.radial("cover", face_middle, clutch.bore_radius, clutch.cover_thickness, laws["cover"])
                     ),
-                    _doubled(FluxTube.axial("face", clutch.seal_radius, clutch.disc_radius, clutch.face_gap, powder)),
+                    _both_sides(
+                        FluxTube.axial("face", clutch.seal_radius, clutch.disc_radius, clutch.face_gap, powder)
+                    ),
                 ),
             )
         )
@@ -332,6 +334,6 @@ def clutch_circuit(clutch: Clutch, laws: Mapping[str, Law], powder: Law = AIR) -
     return MagneticCircuit(branches)
 
 
-def _doubled(tube: FluxTube) -> FluxTube:
+def _both_sides(tube: FluxTube) -> FluxTube:
     """Both sides of the symmetric device in one tube."""
     return FluxTube(tube.name, 2.0 * tube.length, tube.area, tube.law)

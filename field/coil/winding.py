@@ -1,6 +1,6 @@
 """The winding of a coil: turns, wire, resistance and copper loss.
 
-N turns of mean length 2 pi r share a window of area A with a copper share f:
+N turns of mean length 2 pi r share a window of area A with a copper fill factor f:
 
     R = rho(T) N^2 2 pi r/(f A),      rho(T) = rho_20 (1 + alpha (T - 20 deg C)),      P = R I^2,
 
@@ -58,7 +58,7 @@ class Winding:
     mean_radius : float
         r of a mean turn [m].
     fill_factor : float
-        f, copper's share of the window [-], 0 to 1.
+        f, copper's fraction of the window [-], 0 to 1.
     temperature : float
         Of the copper [degrees C].
     """

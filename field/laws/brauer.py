@@ -1,7 +1,7 @@
 """Reluctivity after Brauer, H = (k1 exp(k2 B^2) + k3) B, as fitted to many electrical steels.
 
 Its slope grows without limit, which no material's does: from the flux density B_s on at which dH/dB reaches nu_0 the
-material is saturated, M is held and the slope stays nu_0.  The energy is closed,
+material is saturated, M is constant and the slope stays nu_0.  The energy is closed,
 
     w = k1/(2 k2) (exp(k2 B^2) - 1) + k3 B^2/2         for B <= B_s.
 

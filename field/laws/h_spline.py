@@ -131,7 +131,7 @@ def spline_of(law: Law, tolerance: float = 1e-6) -> HSpline:
         return own
     if isinstance(law, LinearLaw):
         return _linear_spline(law.mu_r)
-    B = np.linspace(0.0, _saturated_from(law, tolerance), 9)
+    B = np.linspace(0.0, _saturation_flux_density(law, tolerance), 9)
     while True:
         H, slope = law.H_of_B(B)
         if np.any(slope <= 0.0) or np.any(np.diff(H) <= 0.0):
@@ -157,7 +157,7 @@ def _linear_spline(mu_r: float) -> HSpline:
     )
 
 
-def _saturated_from(law: Law, tolerance: float) -> float:
+def _saturation_flux_density(law: Law, tolerance: float) -> float:
     """Flux density [T] from which H goes on with slope nu_0, to within half the tolerance."""
     end = 0.25
     while end < 1e6:
@@ -171,7 +171,7 @@ def _saturated_from(law: Law, tolerance: float) -> float:
 
 
 def _too_coarse(law: Law, B: np.ndarray, H: np.ndarray, slope: np.ndarray, tolerance: float) -> np.ndarray:
-    """Return which intervals' cubics are off by more than the tolerance, or may not be monotone; shape (m,)."""
+    """Mark intervals whose cubics are off by more than the tolerance, or may not be monotone; shape (m,)."""
     width, spline = np.diff(B), CubicHermiteSpline(B, H, slope)
     points = B[:-1, None] + width[:, None] * _PROBES
     exact = law.H_of_B(points)[0]

@@ -19,7 +19,7 @@ from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 from field.laws.h_spline import HSpline
 from field.laws.reluctivity import MU_0
 
-# Slope at a table's ends, at least, over that of the interval beside it.
+# Slope at a table's ends, at least, over that of the next interval.
 _MIN_END = 0.1
 # Beside the origin; fewer say nothing of the knee.
 _MIN_POINTS = 3
@@ -28,8 +28,8 @@ _MAX_POLARISATION = 3.0
 
 # A published table rounds its figures: a last slope 2 % under mu_0 is a rounding, not a fault.
 SLOPE_ROUNDING = 0.02
-# A tail is what lies above this share of the largest B: nothing that ends a curve lower is saturation.
-_SATURATION_SHARE = 0.5
+# A tail is what lies above this fraction of the largest B: nothing that ends a curve lower is saturation.
+_SATURATION_FRACTION = 0.5
 
 
 def too_flat(H: np.ndarray, B: np.ndarray) -> np.ndarray:
@@ -51,7 +51,7 @@ def last_before_tail(H: np.ndarray, B: np.ndarray) -> int | None:
     polarisation = B - MU_0 * H
     rounding = SLOPE_ROUNDING * MU_0 * (H[last + 1 :] - H[last])
     rises_again = np.any(polarisation[last + 1 :] > polarisation[last] + rounding)
-    if rises_again or np.count_nonzero(H[: last + 1]) < _MIN_POINTS or B[last] < _SATURATION_SHARE * B[-1]:
+    if rises_again or np.count_nonzero(H[: last + 1]) < _MIN_POINTS or B[last] < _SATURATION_FRACTION * B[-1]:
         return None
     return last
 
@@ -113,7 +113,7 @@ class TableLaw:
         object.__setattr__(self, "H", H)
         object.__setattr__(self, "B", B)
         slope = PchipInterpolator(B, H).derivative()(B)
-        # PCHIP's rule for the ends gives 0 beside an interval three times as steep: mu_r would be infinite there
+        # PCHIP's rule for the ends gives 0 next to an interval three times as steep: mu_r would be infinite there
         slope[0] = max(slope[0], _MIN_END * H[1] / B[1])
         slope[-1] = max(slope[-1], _MIN_END * (H[-1] - H[-2]) / (B[-1] - B[-2]))
         object.__setattr__(self, "curve", HSpline.through(CubicHermiteSpline(B, H, slope)))
@@ -128,7 +128,7 @@ class TableLaw:
             raise ValueError(f"the table of {self.name!r} holds a value that is not a finite number")
         if np.count_nonzero(H) < _MIN_POINTS:
             raise ValueError(
-                f"the table of {self.name!r} has {np.count_nonzero(H)} points beside the "
+                f"the table of {self.name!r} has {np.count_nonzero(H)} points besides the "
                 f"origin; a curve needs at least {_MIN_POINTS}, better 10 up to saturation"
             )
 
@@ -178,7 +178,7 @@ class PermeabilityLaw:
 
     Source of the form: Modelica Standard Library, Magnetic.FluxTubes.Material.SoftMagnetic (Roschke).
     The fitted magnetisation M = (1 - 1/mu_r) B/mu_0 falls again far in saturation, which no steel does:
-    from its maximum on M is held and the slope is nu_0.
+    from its maximum on M is constant and the slope is nu_0.
 
     Parameters
     ----------
@@ -229,7 +229,7 @@ class PermeabilityLaw:
         return B / (MU_0 * mu_r), (1.0 - B * dmu_dB / mu_r) / (MU_0 * mu_r)
 
     def saturation_B(self) -> float:
-        """Flux density from which M is held: the maximum of the fitted M [T]."""
+        """Flux density from which M is constant: the maximum of the fitted M [T]."""
         B = np.linspace(0.0, 20.0 * self.B_m, 200_001)
         H, _ = self._fit(B)
         return float(B[np.argmax(B / MU_0 - H)])

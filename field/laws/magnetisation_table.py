@@ -8,7 +8,7 @@
 
 Columns stand in any order: `H` in A/m, kA/m, MA/m or Oe, and either `B` in T, mT or G, or the polarisation
 `J = B - mu_0 H` in T, mT or G; others are not read.  Commas, semicolons or tabs (or blanks) divide them; with
-semicolons or tabs decimals may have a comma.  Lines with # and empty lines are skipped.  What is wrong is told with
+semicolons or tabs decimals may have a comma.  Lines with # and empty lines are skipped.  Errors are reported with
 the number of the line in the file.
 """
 
@@ -51,7 +51,7 @@ def read_table(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
     ------
     TableFault
         A header without quantity or unit, an entry that is no number, a curve that does not grow, one with
-        dB/dH < mu_0 before its saturation, or fewer than three points beside the origin.
+        dB/dH < mu_0 before its saturation, or fewer than three points besides the origin.
     OSError
         The file cannot be read.
     """
@@ -86,10 +86,10 @@ def _rows(lines: list[str]) -> tuple[list[_Row], bool]:
         raise TableFault("is empty; give a header such as 'H [A/m], B [T]' and a row for each point")
     header = counted[0][1]
     divider = next((mark for mark in (";", "\t", ",") if mark in header), None)
-    return [_Row(number, _cut(line, divider)) for number, line in counted], divider in (";", "\t")
+    return [_Row(number, _split(line, divider)) for number, line in counted], divider in (";", "\t")
 
 
-def _cut(line: str, divider: str | None) -> list[str]:
+def _split(line: str, divider: str | None) -> list[str]:
     # blanks divide numbers, but stand within a heading: "H [A/m]  B [T]"
     cells = re.split(r"\s+(?![\[(])", line.strip()) if divider is None else line.split(divider)
     return [cell.strip().strip('"').strip() for cell in cells]
@@ -165,10 +165,10 @@ def _number(text: str, comma_is_decimal: bool) -> float | None:
 
 
 def _check(H: np.ndarray, B: np.ndarray, lines: list[int], given: str) -> None:
-    """Return what `TableLaw` demands, told with the file's lines."""
+    """Check the conditions of `TableLaw`; errors name the file's lines."""
     if np.count_nonzero(H) < _MIN_POINTS:
         raise TableFault(
-            f"has {np.count_nonzero(H)} points beside the origin; a curve needs at least {_MIN_POINTS}, better 10 "
+            f"has {np.count_nonzero(H)} points besides the origin; a curve needs at least {_MIN_POINTS}, better 10 "
             "up to saturation"
         )
     if (H[0] != 0.0 or B[0] != 0.0) and not (H[0] > 0.0 and B[0] > 0.0):

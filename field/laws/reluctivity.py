@@ -30,7 +30,7 @@ class Law(Protocol):
 
     @property
     def source(self) -> str:
-        """Return where the numbers come from."""
+        """Source of the numbers."""
 
     def H_of_B(self, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Field strength and slope.

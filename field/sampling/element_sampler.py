@@ -13,7 +13,7 @@ from field.sampling.locate import PointOutside
 from field.sampling.patch_fit import falling_powers
 from field.sampling.recovery import RegionRecovery, lattice
 from field.sampling.result_arrays import result_arrays
-from field.sampling.thread_count import shared_by
+from field.sampling.thread_count import limit_threads
 
 if TYPE_CHECKING:
     from field.section.magnetic_field import MagneticField
@@ -55,7 +55,7 @@ class RecoveredSampler:
         H, grad = result_arrays(len(position), out)
         if len(self._hint) != len(position):
             self._hint = np.full(len(position), -1, dtype=np.int64)
-        with shared_by(threads, len(position)):
+        with limit_threads(threads, len(position)):
             element_kernels.sample(
                 position, self._hint, self.recovery.locator.search, self.recovery.order, self._powers, H, grad
             )

@@ -92,7 +92,7 @@ class TriangleLocator:
 
     @property
     def search(self) -> element_kernels.TriangleSearch:
-        """Return what the kernels need to find a triangle."""
+        """Arrays that the kernels need to find a triangle."""
         return element_kernels.TriangleSearch(
             self._affine, self.start, self.items, self.origin, self.inverse_size, self.shape, _MARGIN
         )

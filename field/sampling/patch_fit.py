@@ -269,8 +269,8 @@ def _vacuum_polynomials(ratio: np.ndarray, degree: int, powers: list[tuple[int, 
 def _evaluate(coefficients, centres, scale, degree, points, vertices, weight, out):
     for n in range(points.shape[0]):
         for m in range(vertices.shape[1]):
-            share = weight[n, m]
-            if share == 0.0:
+            fraction = weight[n, m]
+            if fraction == 0.0:
                 continue
             v = vertices[n, m]
             x, y = (points[n, 0] - centres[v, 0]) / scale[v, 0], (points[n, 1] - centres[v, 1]) / scale[v, 1]
@@ -290,9 +290,9 @@ def _evaluate(coefficients, centres, scale, degree, points, vertices, weight, ou
                 b1 = b1 * x + b0
                 b0 = b0 * x + p1
                 c0 = c0 * x + p2
-            out[0, n] += share * a0
-            out[1, n] += share * a1 / scale[v, 0]
-            out[2, n] += share * b0 / scale[v, 1]
-            out[3, n] += share * 2.0 * a2 / scale[v, 0] ** 2
-            out[4, n] += share * b1 / (scale[v, 0] * scale[v, 1])
-            out[5, n] += share * 2.0 * c0 / scale[v, 1] ** 2
+            out[0, n] += fraction * a0
+            out[1, n] += fraction * a1 / scale[v, 0]
+            out[2, n] += fraction * b0 / scale[v, 1]
+            out[3, n] += fraction * 2.0 * a2 / scale[v, 0] ** 2
+            out[4, n] += fraction * b1 / (scale[v, 0] * scale[v, 1])
+            out[5, n] += fraction * 2.0 * c0 / scale[v, 1] ** 2

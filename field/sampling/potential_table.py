@@ -25,11 +25,11 @@ from field.sampling.element_sampler import RecoveredSampler
 from field.sampling.locate import PointOutside
 from field.sampling.result_arrays import result_arrays
 from field.sampling.table_grid import TableGrid
-from field.sampling.thread_count import shared_by
+from field.sampling.thread_count import limit_threads
 from geometry.kernels.device_functions import device_function
 
 _CHUNK = 1024  # points a task
-# Powers of t beside one of s; a constant from another file would go stale in the kernel's cache.
+# Powers of t for each power of s; a constant from another file would go stale in the kernel's cache.
 _ROW = 5
 
 
@@ -95,7 +95,7 @@ class TableSampler:
         g = self.grid
         (r_lines, z_lines), (r_bins, z_bins) = g.knots, g.lookup
         cells = _Cells(r_lines, z_lines, r_bins, z_bins, g.number)
-        with shared_by(threads, len(position)):
+        with limit_threads(threads, len(position)):
             _sample(
                 position, cells, g.margin, g.centre, 1.0 / g.size, self._powers,
                 self._cell, H, grad,

@@ -140,9 +140,9 @@ def shared_nodes(corner: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray
     weight : ndarray (n_nodes, 3)
         Its barycentric coordinates there.
     """
-    share = np.broadcast_to(lattice(order), (len(corner), *lattice(order).shape)).reshape(-1, 3)
+    fraction = np.broadcast_to(lattice(order), (len(corner), *lattice(order).shape)).reshape(-1, 3)
     vertex = np.repeat(corner, len(lattice(order)), axis=0)
-    # a node is known by the vertices that it lies between, and by its share of each
-    name = np.where(share > 0, vertex * (order + 1) + share, -1)
+    # a node is known by the vertices that it lies between, and by its fraction of each
+    name = np.where(fraction > 0, vertex * (order + 1) + fraction, -1)
     _, first, number = np.unique(np.sort(name, axis=1), axis=0, return_index=True, return_inverse=True)
-    return number.reshape(len(corner), -1), vertex[first], share[first] / order
+    return number.reshape(len(corner), -1), vertex[first], fraction[first] / order

@@ -12,15 +12,15 @@ WORTH_SHARING = 2000  # points
 
 
 @contextmanager
-def shared_by(threads: int | None, count: int) -> Iterator[None]:
-    """Sets numba's threads for the block: one when there are few points.
+def limit_threads(threads: int | None, count: int) -> Iterator[None]:
+    """Set numba's threads for the block: one where there are few points.
 
     Parameters
     ----------
     threads : int or None
         None: as many as numba is set to.
     count : int
-        Points to share.
+        Number of points.
 
     Raises
     ------

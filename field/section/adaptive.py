@@ -1,6 +1,6 @@
 """Adaptivity to a tolerance: solve, estimate, mark, refine, start from the last field, until it is good enough.
 
-Marked is the smallest set of elements that carries a share `marking` of the errors of all goals that are not
+Marked is the smallest set of elements that carries a fraction `marking` of the errors of all goals that are not
 yet within the tolerance (Doerfler, SIAM J. Numer. Anal. 33, 1996).  At a corner of steel that grades the mesh so
 that the errors fall with the number of unknowns n as if there were no corner: n^-p for the flux linkage.
 """
@@ -132,7 +132,7 @@ def adapt(
     boundary_field : float
         As for `AxisymmetricProblem.solve` [T].
     marking : float
-        Largest share of the error that the refined elements carry, in (0, 1]; small: more rounds, fewer unknowns.
+        Largest fraction of the error that the refined elements carry, in (0, 1]; small: more rounds, fewer unknowns.
     newton_tolerance : float
         Relative residual of each solve; well below `tolerance`.
     circles : dict of str to Circle, optional
@@ -171,8 +171,8 @@ def adapt(
         missing = np.array([goal.relative > tolerance for goal in estimate.goals])
         # near the tolerance no more than what is still needed
         needed = (1.0 - tolerance / history[-1].worst) / _GAIN
-        share = min(marking, max(needed, _MIN_MARKING))
-        refined = refine(problem.mesh, mark(estimate.indicators[missing].sum(axis=0), share), circles)
+        fraction = min(marking, max(needed, _MIN_MARKING))
+        refined = refine(problem.mesh, mark(estimate.indicators[missing].sum(axis=0), fraction), circles)
         finer = make_problem(refined.mesh)
         if finer.n_dofs > max_dofs:
             break
@@ -181,8 +181,8 @@ def adapt(
     return AdaptiveResult(problem, field, estimate, tuple(history), tolerance, converged)
 
 
-def mark(indicators: np.ndarray, share: float) -> np.ndarray:
-    """The fewest elements whose indicators (n_elements,) >= 0 add up to a share of all, the largest first."""
+def mark(indicators: np.ndarray, fraction: float) -> np.ndarray:
+    """The fewest elements whose indicators (n_elements,) >= 0 add up to a fraction of all, the largest first."""
     order = np.argsort(-indicators, kind="stable")
     summed = np.cumsum(indicators[order])
-    return order[: int(np.searchsorted(summed, share * summed[-1] * (1.0 - 1e-12))) + 1]
+    return order[: int(np.searchsorted(summed, fraction * summed[-1] * (1.0 - 1e-12))) + 1]

@@ -112,7 +112,7 @@ class AxisymmetricProblem:
             self.elements.load(in_coil / self.coil_area) if self.coil_area > 0.0 else (np.zeros(self.elements.n_dofs))
         )
 
-    def displaced(self, points: np.ndarray) -> AxisymmetricProblem:
+    def with_points(self, points: np.ndarray) -> AxisymmetricProblem:
         """The same problem with the mesh's points elsewhere, (n_points, 2) [m]; those on `outer` must stay.
 
         It shares the unknowns, the pattern of the matrix and the last factorisation with this one.
@@ -121,7 +121,7 @@ class AxisymmetricProblem:
         other.__dict__.pop("locator", None)
         other._recoveries = {}
         other.mesh = dataclasses.replace(self.mesh, points=points)
-        other.elements = self.elements.moved(other.mesh)
+        other.elements = self.elements.with_mesh(other.mesh)
         other._spread_current()
         return other
 
@@ -132,7 +132,7 @@ class AxisymmetricProblem:
 
     @property
     def factorisation_backend(self) -> Backend:
-        """Return which sparse factorisation is in use."""
+        """Name of the sparse factorisation in use."""
         return self._solver.backend
 
     @property
@@ -203,7 +203,7 @@ class AxisymmetricProblem:
         ConvergenceError
             The iteration did not reach the tolerance.
         """
-        powder = self.checked_powder(fill)
+        powder = self.check_powder(fill)
         if not np.isfinite(ampere_turns) or not np.isfinite(boundary_field):
             raise ValueError(
                 f"`ampere_turns` = {ampere_turns} A and `boundary_field` = {boundary_field} T must be finite numbers"
@@ -260,7 +260,7 @@ class AxisymmetricProblem:
         self._solver.factorise(energy.hessian(x))
         return self._solver
 
-    def checked_powder(self, powder: Powder) -> PowderState | None:
+    def check_powder(self, powder: Powder) -> PowderState | None:
         """The state that a solve takes; raises ValueError, see `solve`."""
         if powder is None:
             return None

@@ -202,7 +202,7 @@ class EddyCurrentProblem:
         """
         if not (math.isfinite(dt) and dt > 0.0) or method not in _STAGES:
             raise ValueError(f"a step of {dt} s by {method!r}: dt must be above 0, the method one of {list(_STAGES)}")
-        powder = self.problem.checked_powder(fill)
+        powder = self.problem.check_powder(fill)
         stages = _STAGES[method]
         diagonal = stages[0][0]
         base, guess = state.psi, state.psi
@@ -260,10 +260,10 @@ class EddyCurrentProblem:
         Parameters
         ----------
         tolerance : float
-            Local error of a step, of the first-order solution beside (so pessimistic), relative to the
+            Local error of a step, of the first-order solution as well (so pessimistic), relative to the
             largest state so far.
         first_step : float or None
-            [s]; None: a thousandth of the way.
+            [s]; None: a thousandth of the interval.
         breaks : iterable of float
             Instants [s] where the drive is not smooth: steps end there and begin small again.
         """

@@ -3,7 +3,7 @@
 On the same mesh the space of the next order is larger; its solution psi_h + e, a few warm Newton steps away,
 gives goal(psi_h + e) - goal(psi_h), a goal's error with its sign, linear or not.  Where the error comes from
 follows from the goal's adjoint z, a(v, z) = goal'(v) with the tangent a: the goal's error is a(e, z - z_h) with
-z_h the adjoint in the field's own space, and an element's share at most |e| |z - z_h| in the norm of a taken
+z_h the adjoint in the field's own space, and an element's fraction at most |e| |z - z_h| in the norm of a taken
 over it (Becker and Rannacher, Acta Numerica 10, 2001).  For the flux linkage of a linear device z is psi itself,
 up to a factor, and its relative error that of the energy.
 
@@ -57,7 +57,7 @@ class Goal(Protocol):
         """Derivative by the unknowns, (n_dofs,)."""
 
     def distance(self, space: EnrichedSpace, psi: np.ndarray, other: np.ndarray) -> float:
-        """Return how much the goal of two fields differs, >= 0."""
+        """Difference of the goal between two fields, >= 0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,7 +240,7 @@ class EnrichedSpace:
 
     @cached_property
     def free(self) -> np.ndarray:
-        """Unknowns that are not held at the axis or at a flux wall, (n_free,)."""
+        """Unknowns that are not fixed at the axis or at a flux wall, (n_free,)."""
         return _free(self.richer)
 
     def solve(self, field: MagneticField, boundary_field: float) -> MagneticField:
@@ -249,7 +249,7 @@ class EnrichedSpace:
         source = field.ampere_turns * self.richer.coil_load
         exterior = self.richer.exterior
         powder = self.powder_of(field)
-        at = self.linearised(start, powder)
+        at = self.linearise(start, powder)
         residual = source - self.elements.field_force(at.gradient, at.nu)
         if powder is not None and powder.source is not None:
             residual += self.richer.magnetisation_load(powder.source)
@@ -272,22 +272,22 @@ class EnrichedSpace:
             return None
         return field.powder.on_points(field.problem.elements.reference_points, self.elements.reference_points)
 
-    def linearised(self, psi: np.ndarray, powder: PowderState | None) -> Linearised:
+    def linearise(self, psi: np.ndarray, powder: PowderState | None) -> Linearisation:
         """Reluctivities at psi (n_dofs,)."""
         gradient, B = self.elements.flux(psi)
         H, slope = self.richer.H_of_B(B, powder)
         here = B > 0.0
         nu = np.where(here, H / np.where(here, B, 1.0), slope)
-        return Linearised(gradient, B, nu, slope)
+        return Linearisation(gradient, B, nu, slope)
 
-    def tangent(self, at: Linearised) -> sp.csc_matrix:
+    def tangent(self, at: Linearisation) -> sp.csc_matrix:
         """Matrix of the form a on the free unknowns."""
         exterior = self.richer.exterior
         clique, dense = (None, None) if exterior is None else (exterior.dofs, exterior.matrix)
         pattern = FixedPattern(self.elements.element_dofs, self.free, self.elements.n_dofs, clique=clique)
         return pattern.assemble(self.elements.field_tangent(at.gradient, at.B, at.nu, at.slope), dense)
 
-    def element_energy(self, at: Linearised, psi: np.ndarray) -> np.ndarray:
+    def element_energy(self, at: Linearisation, psi: np.ndarray) -> np.ndarray:
         """a(psi, psi) over each element, shape (n_elements,)."""
         gradient, _ = self.elements.flux(psi)
         length = at.B * self.elements.radius
@@ -297,7 +297,7 @@ class EnrichedSpace:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Linearised:
+class Linearisation:
     """Materials at a field, at the quadrature points.
 
     Attributes
@@ -353,7 +353,7 @@ def estimate_error(field: MagneticField, goals: Sequence[Goal], *, boundary_fiel
         if goal.value(space, start) == 0.0:
             raise ValueError(f"{goal.name} is zero in this field: it has no relative error; drop the goal")
     psi = space.solve(field, boundary_field).psi
-    at = space.linearised(psi, space.powder_of(field))
+    at = space.linearise(psi, space.powder_of(field))
     slopes = np.column_stack([goal.slope(space, psi) for goal in goals])[space.free]
     matrix = space.tangent(at)
     embedding = space.embedding[space.free][:, _free(field.problem)]
@@ -368,16 +368,16 @@ def estimate_error(field: MagneticField, goals: Sequence[Goal], *, boundary_fiel
     primal = space.element_energy(at, psi - start)
     found, indicators = [], np.zeros((len(goals), len(primal)))
     for i, goal in enumerate(goals):
-        share = np.sqrt(primal * space.element_energy(at, adjoint[:, i]))
-        error = max(goal.distance(space, psi, start), _CANCELLING * float(share.sum())) / missed
+        fraction = np.sqrt(primal * space.element_energy(at, adjoint[:, i]))
+        error = max(goal.distance(space, psi, start), _CANCELLING * float(fraction.sum())) / missed
         value = goal.value(space, psi)
-        indicators[i] = share * (error / abs(value) / share.sum() if share.any() else 0.0)
+        indicators[i] = fraction * (error / abs(value) / fraction.sum() if fraction.any() else 0.0)
         found.append(GoalError(goal.name, value, error / abs(value)))
     return ErrorEstimate(tuple(found), indicators)
 
 
 def _free(problem: AxisymmetricProblem) -> np.ndarray:
-    held = problem.elements.axis_dofs()
+    fixed = problem.elements.axis_dofs()
     if problem.exterior is None:
-        held = np.union1d(held, problem.elements.boundary_dofs("outer"))
-    return np.setdiff1d(np.arange(problem.n_dofs), held)
+        fixed = np.union1d(fixed, problem.elements.boundary_dofs("outer"))
+    return np.setdiff1d(np.arange(problem.n_dofs), fixed)

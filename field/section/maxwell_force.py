@@ -46,9 +46,9 @@ if TYPE_CHECKING:
     from field.section.magnetic_field import MagneticField
     from geometry.section import SectionMesh
 
-# Virtual work moves nodes by this share of what would flatten the worst element: its own error, the square of
+# Virtual work moves nodes by this fraction of what would flatten the worst element: its own error, the square of
 # that, is then 1e-4 of the force at most, and differences of the energy keep ten digits.
-_SHARE_OF_ELEMENT = 1e-2
+_FRACTION_OF_ELEMENT = 1e-2
 # Of the displaced solves: W* is stationary, what they leave of it is the square.
 _TOLERANCE = 1e-6
 
@@ -142,16 +142,16 @@ def axial_force(
     stress = _corner_forces(solution)
     work = force_by_virtual_work(solution, smooth, displacement) if virtual_work else None
     finer = force_of_weight(next_order_field(solution), smooth) if next_order else None
-    through = [_weighed(stress, solution.problem.mesh, weight) for weight in (smooth, thin)]
+    through = [_weighted_sum(stress, solution.problem.mesh, weight) for weight in (smooth, thin)]
     return AxialForce(regions, through[0], through[1], smooth, work, finer)
 
 
 def force_of_weight(solution: MagneticField, weight: np.ndarray) -> float:
     """F_z [N] on what moves with a weight (n_points,) at the mesh's points, linear between."""
-    return _weighed(_corner_forces(solution), solution.problem.mesh, weight)
+    return _weighted_sum(_corner_forces(solution), solution.problem.mesh, weight)
 
 
-def _weighed(corner_forces: np.ndarray, mesh: SectionMesh, weight: np.ndarray) -> float:
+def _weighted_sum(corner_forces: np.ndarray, mesh: SectionMesh, weight: np.ndarray) -> float:
     return float(-2.0 * math.pi * (weight[mesh.triangles] * corner_forces).sum())
 
 
@@ -197,9 +197,8 @@ def body_weight(
             f"no region {', '.join(map(repr, unknown)) or 'at all'} to take the force on; "
             f"the mesh has {', '.join(sorted(mesh.regions))}"
         )
-    soft = {
-        name for name in mesh.regions if name not in body and (name in yielding or gives_way(problem, name, solution))
-    }
+    others = set(mesh.regions) - set(body)
+    soft = {name for name in others if name in yielding or is_deformable(problem, name, solution)}
     moving = _points_of(mesh, body)
     standing = _points_of(mesh, [name for name in mesh.regions if name not in body and name not in soft])
     touching = [
@@ -220,8 +219,8 @@ def body_weight(
     return u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
 
 
-def gives_way(problem: AxisymmetricProblem, name: str, solution: MagneticField | None) -> bool:
-    """Return whether a region is as good as air: no iron, no current, no powder in it."""
+def is_deformable(problem: AxisymmetricProblem, name: str, solution: MagneticField | None) -> bool:
+    """True if a region is equivalent to air: no iron, no current, no powder in it."""
     if name == problem.coil_region:
         return False
     if problem.powder_law is not None and name == problem.powder_region:
@@ -269,7 +268,7 @@ def force_by_virtual_work(solution: MagneticField, weight: np.ndarray, displacem
     mesh = solution.problem.mesh
     if displacement is None:
         stretch = np.abs(np.einsum("ei,ei->e", weight[mesh.triangles], _corner_gradients(mesh)[:, :, 1])).max()
-        displacement = _SHARE_OF_ELEMENT / stretch
+        displacement = _FRACTION_OF_ELEMENT / stretch
     if not (math.isfinite(displacement) and displacement > 0.0):
         raise ValueError(f"`displacement` = {displacement} m must be a finite number above 0")
     solution.problem.factorise_tangent(solution)
@@ -277,7 +276,7 @@ def force_by_virtual_work(solution: MagneticField, weight: np.ndarray, displacem
     for sign in (1.0, -1.0):
         points = mesh.points.copy()
         points[:, 1] += sign * displacement * weight
-        moved = solution.problem.displaced(points).solve(
+        moved = solution.problem.with_points(points).solve(
             solution.ampere_turns,
             solution.powder,
             solution.psi,

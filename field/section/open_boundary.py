@@ -36,7 +36,7 @@ import numpy as np
 from field.laws.reluctivity import NU_0
 from geometry.section import SectionMesh
 
-# What remains of a mode's energy beside the others, relative to the greatest, when it is round-off.
+# Remainder of a mode's energy, relative to the greatest, that is round-off.
 _NEGLIGIBLE = 1e-12
 # The tail of the series falls like (reach/radius)^n.
 _MAX_REACH = 0.95
@@ -228,7 +228,7 @@ def _distance(edges: np.ndarray, centre: float) -> float:
 
 
 def _reach(mesh: SectionMesh, centre: float, radius: float) -> float:
-    """Return how far anything but air reaches from the centre, over `radius`: there the multipoles converge."""
+    """Largest distance from the centre of anything but air, over `radius`, beyond which the multipoles converge."""
     largest = 0.0
     for name, elements in mesh.regions.items():
         if name == "air":

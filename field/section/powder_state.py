@@ -36,7 +36,7 @@ class PowderState:
 
     @property
     def arguments(self) -> tuple[np.ndarray, np.ndarray | None]:
-        """phi and N as columns (m, 1), as `PowderLaw` takes them beside B (m, k)."""
+        """phi and N as columns (m, 1), as `PowderLaw` takes them with B (m, k)."""
         return self.fill[:, None], None if self.factor is None else self.factor[:, None]
 
     def on_points(self, old: np.ndarray, new: np.ndarray) -> PowderState:

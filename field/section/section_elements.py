@@ -82,7 +82,7 @@ class SectionElements:
         )
 
     def _place(self) -> None:
-        """Return what follows from where the points are."""
+        """Compute all that depends on the positions of the points."""
         corner, second, third = (self.skfem_mesh.p[:, vertex] for vertex in self.skfem_mesh.t)
         u, v = second - corner, third - corner
         determinant = u[0] * v[1] - u[1] * v[0]
@@ -95,7 +95,7 @@ class SectionElements:
         self.height = corner[1][:, None] + np.outer(u[1], x) + np.outer(v[1], y)
         self.weight = np.abs(determinant)[:, None] * self._quadrature_weights
 
-    def moved(self, mesh: SectionMesh) -> SectionElements:
+    def with_mesh(self, mesh: SectionMesh) -> SectionElements:
         """The same unknowns on the same triangles with the points elsewhere."""
         other = copy.copy(self)
         other.__dict__.pop("gradients", None)

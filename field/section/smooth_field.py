@@ -1,10 +1,10 @@
 """The solved field for pictures: B without its jumps between elements, and psi on a subdivision of the section.
 
 psi = r A_phi of the finite elements is continuous, and of their order inside an element: on a subdivision its level
-lines are as smooth as the solution is. Its gradient is not continuous, so that |B| drawn element by element is faceted.
-Here B at the nodes of Lagrange elements of the same order is the mean over the elements that meet there; elements of
-different regions are not mixed, as B jumps where the permeability does. For what is computed from the field take the
-solution itself or the recovery of `field.sampling`: a mean is only as accurate as what it is of.
+lines are as smooth as the solution is. Its gradient is not continuous, so that |B| plotted element by element is
+faceted. Here B at the nodes of Lagrange elements of the same order is the mean over the elements that meet there;
+elements of different regions are not mixed, as B jumps where the permeability does. For what is computed from the field
+take the solution itself or the recovery of `field.sampling`: a mean is only as accurate as what it is of.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class SmoothField:
         centroid = mesh.points[mesh.triangles].mean(axis=1)
         return np.linalg.norm(self.elements.flux_density_at(self.psi, np.arange(len(centroid)), centroid), axis=1)
 
-    def subdivided(self, chosen: np.ndarray, parts: int) -> FineSection:
+    def subdivide(self, chosen: np.ndarray, parts: int) -> FineSection:
         """Some elements, numbers (m,), each edge cut into `parts`."""
         order = self.elements.order
         inside = lattice(parts)[:, 1:] / parts

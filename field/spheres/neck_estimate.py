@@ -6,7 +6,7 @@ Its tension integrated,
 
     F = pi (dU - g/2)       for dU > g,        F = pi dU^2/(2 g)        otherwise.
 
-**What dU is.** In an infinite chain along the field every sphere takes its share of the applied field's potential,
+**What dU is.** In an infinite chain along the field every sphere takes its part of the applied field's potential,
 dU = (2 + g) h, and the force is nearly linear in h.  Two spheres alone have no potential imposed on them: what is
 given is the flux that they collect.  In touch and at one potential they collect 4 pi zeta(2) h (tangent conducting
 spheres in a uniform field), which must return through the neck that parts them,
@@ -16,10 +16,10 @@ spheres in a uniform field), which must return through the neck that parts them,
 
 with c from the capacity of two close spheres of opposite potential, pi dU (ln(4/g) + 2 gamma) (the leading terms of
 the bispherical series, which a test repeats).  So dU is some eight times less than in a chain, and grows a little
-faster than h.  In the end the spheres saturate as a whole: the estimate is held at the force of two saturated
+faster than h.  In the end the spheres saturate as a whole: the estimate is limited to the force of two saturated
 spheres, (pi/6) (2/R)^4.
 
-Neglected: the finite permeability, the field lines beside the neck, saturation of the body of the spheres.  Against
+Neglected: the finite permeability, the field lines around the neck, saturation of the body of the spheres.  Against
 finite elements (chi 999) it is 2 to 19 % too high up to a gap of 0.01 and h = 0.07, 35 % at the knee (h = 0.14) and
 11 % too low beyond it; at a gap of 0.1 it is 1.7 times too high: an explanation, not a law to compute with.
 """

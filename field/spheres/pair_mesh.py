@@ -1,7 +1,7 @@
 """Mesh of two equal spheres on the axis: the upper one of them, over the plane of symmetry between them.
 
 Lengths in radii, taken as metres.  The neck sets the sizes: the air between the spheres is gap + r^2 thick at the
-radius r, and the elements there are a share of that; from the neck on they grow in proportion to the distance.
+radius r, and the elements there are a fraction of that; from the neck on they grow in proportion to the distance.
 Triangles are straight, so the nodes of the sphere are put outside it by a twelfth of the square of their edges: the
 polygon then has the sphere's outline on average, and what is left of its error is of the fourth order.
 """
@@ -13,8 +13,8 @@ import numpy as np
 from geometry.mesher import MILLIMETRE, SECTION_OPTIONS, gmsh_model, read_section
 from geometry.section import SectionMesh
 
-# Element sizes at resolution 1 (in radii): across the neck as a share of its thickness, growth with distance, the most
-# on the sphere, inside it and in the air around.
+# Element sizes at resolution 1 (in radii): across the neck as a fraction of its thickness, growth with distance, the
+# most on the sphere, inside it and in the air around.
 _NECK, _GROWTH = 0.45, 0.4
 _SPHERE, _INSIDE, _AIR = 0.13, 0.25, 0.5
 # Radius of the air over the reach of the spheres.

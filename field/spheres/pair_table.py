@@ -125,38 +125,38 @@ class PairTable:
 
     def force_of(self, g: np.ndarray | float, h: np.ndarray | float) -> np.ndarray:
         """F_2 [mu_0 Ms^2 a^2] at gaps g >= 0 [radii] and fields h >= 0 [Ms], of any shapes that broadcast."""
-        g, h = self._checked(g, h)
+        g, h = self._check_arguments(g, h)
         return self._of(g, h)[0]
 
     def moment_of(self, g: np.ndarray | float, h: np.ndarray | float) -> np.ndarray:
         """M_2 [Ms], see `force_of`."""
-        g, h = self._checked(g, h)
+        g, h = self._check_arguments(g, h)
         return self._of(g, h)[1]
 
     def excess_force(self, g: np.ndarray | float, h: np.ndarray | float) -> np.ndarray:
         """dF >= 0 [mu_0 Ms^2 a^2]: what dipoles of the pair's own moments do not give, see `force_of`."""
-        g, h = self._checked(g, h)
+        g, h = self._check_arguments(g, h)
         F, M = self._of(g, h)
-        return np.maximum(F - _dipole_force(M, self._held(g)), 0.0) * fade(g)
+        return np.maximum(F - _dipole_force(M, self._gap_in_table(g)), 0.0) * fade(g)
 
     def excess_moment(self, g: np.ndarray | float, h: np.ndarray | float) -> np.ndarray:
         """dM [Ms] of either sign: what the law of a lone sphere in the other's dipole field does not give."""
-        g, h = self._checked(g, h)
+        g, h = self._check_arguments(g, h)
         M = self._of(g, h)[1]
-        return (M - self.lone_sphere(h + 2.0 / 3.0 * M / (2.0 + self._held(g)) ** 3)) * fade(g)
+        return (M - self.lone_sphere(h + 2.0 / 3.0 * M / (2.0 + self._gap_in_table(g)) ** 3)) * fade(g)
 
-    def _checked(self, g: np.ndarray | float, h: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
+    def _check_arguments(self, g: np.ndarray | float, h: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
         g, h = np.broadcast_arrays(np.asarray(g, dtype=float), np.asarray(h, dtype=float))
         if not (np.all(np.isfinite(g)) and np.all(np.isfinite(h) & (h >= 0.0))):
             raise ValueError("gaps [radii] must be finite and fields [Ms] finite magnitudes of at least 0")
         return g, h
 
-    def _held(self, g: np.ndarray) -> np.ndarray:
+    def _gap_in_table(self, g: np.ndarray) -> np.ndarray:
         return np.maximum(g, self.gap[0])
 
     def _of(self, g: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """F_2 and M_2 inside the table and outside."""
-        g = self._held(g)
+        g = self._gap_in_table(g)
         low, high = self.field[0], self.field[-1]
         h_in, g_in = np.clip(h, low, high), np.minimum(g, self.gap[-1])
         at = np.log(g_in), np.log(h_in)
@@ -265,7 +265,7 @@ def pair_table(
     """
     bulk = bulk_law(law)
     digest = law_digest(bulk, GAPS, FIELDS)
-    shipped = _shipped(bulk, digest)
+    shipped = _shipped_table(bulk, digest)
     if shipped is not None:
         return shipped
     path = (cache_folder() if cache is None else Path(cache)) / f"pair_{digest[:32]}.npz"
@@ -289,7 +289,7 @@ def _columns(table: PairTable) -> dict[str, np.ndarray]:
     return {"gap": table.gap, "field": table.field, "force": table.force, "moment": table.moment}
 
 
-def _shipped(law: Law, digest: str) -> PairTable | None:
+def _shipped_table(law: Law, digest: str) -> PairTable | None:
     """The table of a Froehlich law from those that ship; None for another law, a chi beyond theirs, or without them."""
     if not isinstance(law, FroehlichLaw) or not _SHIPPED_CHI[0] <= law.chi <= _SHIPPED_CHI[-1]:
         return None
@@ -298,7 +298,7 @@ def _shipped(law: Law, digest: str) -> PairTable | None:
     if near.size == 0:
         first = min(max(int(np.searchsorted(nodes, law.chi)) - 2, 0), nodes.size - 4)
         near = np.arange(first, first + 4)
-    found = [_read_shipped(float(chi)) for chi in nodes[near]]
+    found = [_read_shipped_table(float(chi)) for chi in nodes[near]]
     tables = [columns for columns in found if columns is not None]
     if len(tables) < len(found):
         return None
@@ -306,9 +306,9 @@ def _shipped(law: Law, digest: str) -> PairTable | None:
         source = f"finite elements, shipped for Froehlich's law at chi = {law.chi:g}"
         return PairTable(**tables[0], law=law, source=source, digest=digest)
     x, at = nodes[near] ** _CHI_POWER, law.chi**_CHI_POWER
-    share = [np.prod([(at - x[k]) / (x[i] - x[k]) for k in range(4) if k != i]) for i in range(4)]
+    fraction = [np.prod([(at - x[k]) / (x[i] - x[k]) for k in range(4) if k != i]) for i in range(4)]
     force, moment = (
-        np.exp(sum(part * np.log(table[name]) for part, table in zip(share, tables, strict=True)))
+        np.exp(sum(part * np.log(table[name]) for part, table in zip(fraction, tables, strict=True)))
         for name in ("force", "moment")
     )
     between = ", ".join(f"{chi:g}" for chi in nodes[near])
@@ -316,7 +316,7 @@ def _shipped(law: Law, digest: str) -> PairTable | None:
     return PairTable(tables[0]["gap"], tables[0]["field"], force, moment, law, source, digest)
 
 
-def _read_shipped(chi: float) -> dict[str, np.ndarray] | None:
+def _read_shipped_table(chi: float) -> dict[str, np.ndarray] | None:
     return read_table(SHIPPED / _SHIPPED_NAME.format(chi), law_digest(FroehlichLaw(chi, 1.0), GAPS, FIELDS))
 
 

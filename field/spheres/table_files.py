@@ -53,14 +53,14 @@ def law_digest(law: Law | GrainLaw, gap: np.ndarray, field: np.ndarray) -> str:
 
 
 def write_table(path: Path, columns: dict[str, np.ndarray], digest: str) -> None:
-    """Write a table's arrays beside their place and move them there in one step; makes the folder.
+    """Write a table's arrays to a temporary file and move it into place in one step; makes the folder.
 
     Force and moment in single precision, a thousand times finer than they are solved for.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f"{path.name}.{os.getpid()}.new")  # two runs may build one table at the same time
+    temporary = path.with_name(f"{path.name}.{os.getpid()}.new")  # two runs may build one table at the same time
     try:
-        with beside.open("wb") as stream:
+        with temporary.open("wb") as stream:
             np.savez_compressed(
                 stream,
                 digest=np.array(digest),
@@ -71,9 +71,9 @@ def write_table(path: Path, columns: dict[str, np.ndarray], digest: str) -> None
             )
             stream.flush()
             os.fsync(stream.fileno())
-        os.replace(beside, path)
+        os.replace(temporary, path)
     except BaseException:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise
 
 

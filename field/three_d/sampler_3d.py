@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from field.sampling.thread_count import shared_by
+from field.sampling.thread_count import limit_threads
 
 from . import tetrahedron_kernels
 from .quadratic_tetrahedron import EDGES
@@ -53,7 +53,7 @@ class Sampler3D:
         H, grad = out or (np.empty((len(position), 3)), np.empty((len(position), 3, 3)))
         if len(self._hint) != len(position):
             self._hint = np.full(len(position), -1, dtype=np.int64)
-        with shared_by(threads, len(position)):
+        with limit_threads(threads, len(position)):
             tetrahedron_kernels.sample(
                 position, self._hint, self._fold.copies, self.recovery.locator.search, self._powers, H, grad
             )

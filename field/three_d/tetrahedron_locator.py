@@ -82,7 +82,7 @@ class TetrahedronLocator:
 
     @property
     def search(self) -> tetrahedron_kernels.TetrahedronSearch:
-        """Return what the kernels need to find a tetrahedron."""
+        """Arrays that the kernels need to find a tetrahedron."""
         return tetrahedron_kernels.TetrahedronSearch(
             self._affine, self._bend, self._reach, self._start, self._items, self._origin, self._inverse_size,
             self._cells, _MARGIN,

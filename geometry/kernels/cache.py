@@ -68,7 +68,7 @@ def has_entries(kernel: Any) -> bool:
     file = getattr(getattr(kernel, "_cache", None), "_cache_file", None)  # without a compiler it is a plain function
     if file is None:
         return False
-    with _locked(file._index_path, alone=False):
+    with _lock(file._index_path, alone=False):
         return bool(file._load_index())
 
 
@@ -97,7 +97,7 @@ class _Stamp:
         return str, (str(self),)
 
 
-class _BySyntax:
+class _StampedLocator:
     """A place for the cache of a kernel of ours; none for others'."""
 
     def __init__(self, py_func: Callable, py_file: str) -> None:
@@ -117,54 +117,54 @@ class _BySyntax:
         return "s"  # numba's is the line's number; names are unique within a file of ours
 
 
-class AskedFor(_BySyntax, caching.UserProvidedCacheLocator):
+class EnvironmentFolder(_StampedLocator, caching.UserProvidedCacheLocator):
     """In ``NUMBA_CACHE_DIR``."""
 
 
-class BesideSource(_BySyntax, caching.InTreeCacheLocator):
+class SourceFolder(_StampedLocator, caching.InTreeCacheLocator):
     """In the ``__pycache__`` of the source folder."""
 
 
-class OfUser(_BySyntax, caching.UserWideCacheLocator):
+class UserFolder(_StampedLocator, caching.UserWideCacheLocator):
     """In the user's cache folder, where the source may not be written."""
 
 
-class OfProcess(_BySyntax, caching.UserWideCacheLocator):
+class ProcessFolder(_StampedLocator, caching.UserWideCacheLocator):
     """In a folder of this process alone, where no other may be written: it is removed with the process."""
 
     _folder: str | None = None
 
     def get_cache_path(self) -> str:
-        if OfProcess._folder is None:
-            OfProcess._folder = tempfile.mkdtemp(prefix="emclutch-kernels-")
-            register(shutil.rmtree, OfProcess._folder, ignore_errors=True)
+        if ProcessFolder._folder is None:
+            ProcessFolder._folder = tempfile.mkdtemp(prefix="emclutch-kernels-")
+            register(shutil.rmtree, ProcessFolder._folder, ignore_errors=True)
             _warn("no folder for compiled kernels can be written")
-        return os.path.join(OfProcess._folder, os.path.basename(self._cache_path))
+        return os.path.join(ProcessFolder._folder, os.path.basename(self._cache_path))
 
 
-_told: set[str] = set()
+_warned: set[str] = set()
 
 
 def _warn(fault: str) -> None:
-    """Say once that kernels are not kept."""
-    if fault not in _told:
-        _told.add(fault)
+    """Warn once that kernels are not kept."""
+    if fault not in _warned:
+        _warned.add(fault)
         text = f"{fault}: they are recompiled by every run, which takes a minute; make room or permissions there, or"
         warnings.warn(f"{text} set NUMBA_CACHE_DIR to another folder", RuntimeWarning, stacklevel=2)
 
 
 @contextmanager
-def _without_cache_if_need_be(cache: caching.Cache) -> Iterator[None]:
-    """Leave the block where the disk says no: numba compiles what it cannot read, and keeps what it cannot write."""
+def _tolerate_disk_errors(cache: caching.Cache) -> Iterator[None]:
+    """Leave the block at an error of the disk: numba compiles what it cannot read, and keeps what it cannot write."""
     try:
         yield
     except OSError as error:
-        _compiled()
+        _release_compile_locks()
         _warn(f"compiled kernels cannot be kept in {cache.cache_path} ({error.strerror or error})")
 
 
 @contextmanager
-def _locked(path: str, *, alone: bool) -> Iterator[None]:
+def _lock(path: str, *, alone: bool) -> Iterator[None]:
     """Hold the lock of an index; without one where the file system has none."""
     if fcntl is None:
         yield
@@ -183,8 +183,8 @@ def _locked(path: str, *, alone: bool) -> Iterator[None]:
 _compiling: list[IO] = []  # locks of kernels that this process compiles
 
 
-def _wait_to_compile(path: str) -> None:
-    """Be the one process that compiles what an index lacks, until `_compiled`; after a long wait, be another one."""
+def _acquire_compile_lock(path: str) -> None:
+    """Become the only process that compiles a missing kernel; wait for another one for at most MAX_WAIT."""
     try:
         file = open(f"{path}.compiling", "a")
     except OSError:
@@ -202,8 +202,8 @@ def _wait_to_compile(path: str) -> None:
     file.close()
 
 
-def _compiled() -> None:
-    """Let other processes go on."""
+def _release_compile_locks() -> None:
+    """Let other processes continue."""
     while _compiling:
         _compiling.pop().close()
 
@@ -232,7 +232,7 @@ class _WithoutCollection(event.Listener):
         if self._depth == 0:
             self.seconds += perf_counter() - self._begin
             if sys.exc_info()[0] is not None:  # failed (`is_failed` is inverted in 0.68); else it is saved first
-                _compiled()
+                _release_compile_locks()
             if self._was_on:
                 gc.enable()
 
@@ -250,10 +250,11 @@ def _install() -> None:
     event.register("numba:compile", _listener)
     numba.config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]  # type: ignore[attr-defined]
     if not numba.config.CACHE_LOCATOR_CLASSES:  # type: ignore[attr-defined]
-        own = [f"{__name__}.{locator.__name__}" for locator in (AskedFor, BesideSource, OfUser, OfProcess)]
+        locators = (EnvironmentFolder, SourceFolder, UserFolder, ProcessFolder)
+        own = [f"{__name__}.{locator.__name__}" for locator in locators]
         usual = [locator.__name__ for locator in caching.CacheImpl._locator_classes]
         numba.config.CACHE_LOCATOR_CLASSES = ",".join(own + usual)  # type: ignore[attr-defined]
-    caching.Cache._guard_against_spurious_io_errors = _without_cache_if_need_be  # type: ignore
+    caching.Cache._guard_against_spurious_io_errors = _tolerate_disk_errors  # type: ignore
     save, load = caching.IndexDataCacheFile.save, caching.IndexDataCacheFile.load
     load_index, load_data = caching.IndexDataCacheFile._load_index, caching.IndexDataCacheFile._load_data
 
@@ -279,20 +280,20 @@ def _install() -> None:
     caching.IndexDataCacheFile._load_data = data_or_none  # type: ignore[method-assign]
 
     def locked_save(self, key, data):
-        with _locked(self._index_path, alone=True):
+        with _lock(self._index_path, alone=True):
             save(self, key, data)
-        _compiled()
+        _release_compile_locks()
 
     def locked_load(self, key):
-        with _locked(self._index_path, alone=False):
+        with _lock(self._index_path, alone=False):
             found = load(self, key)
         if found is None and fcntl is not None and isinstance(self._source_stamp, _Stamp):
-            _compiled()
-            _wait_to_compile(self._index_path)  # until the code that numba compiles now has been saved
-            with _locked(self._index_path, alone=False):
+            _release_compile_locks()
+            _acquire_compile_lock(self._index_path)  # until the code that numba compiles now has been saved
+            with _lock(self._index_path, alone=False):
                 found = load(self, key)
             if found is not None:
-                _compiled()
+                _release_compile_locks()
         return found
 
     caching.IndexDataCacheFile.save, caching.IndexDataCacheFile.load = locked_save, locked_load  # type: ignore

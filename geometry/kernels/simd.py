@@ -98,11 +98,11 @@ def _install(operation: Callable, result: types.Type, code: Callable) -> None:
 
     infer_global(operation)(Template)
 
-    def lowered(context: Any, builder: Any, kind: Any, values: Any) -> Any:
+    def lower(context: Any, builder: Any, kind: Any, values: Any) -> Any:
         return code(builder, *(_splat(builder, value) for value in values))
 
     for kind in kinds:
-        lower_builtin(operation, *kind)(lowered)
+        lower_builtin(operation, *kind)(lower)
 
 
 _install(operator.add, f64x8, lambda builder, x, y: builder.fadd(x, y, flags=_CONTRACT))
@@ -144,7 +144,7 @@ def maximum(x, least):
     return least if least > x else x
 
 
-def _typed_by(function: Callable, typed: Callable) -> Callable:
+def _register_typed(function: Callable, typed: Callable) -> Callable:
     """Register a function of scalars and vectors; ``typed`` gives the types of its parameters from those given.
 
     The result is a vector where one of the arguments is. An overload would be resolved at every call, which takes a
@@ -164,15 +164,19 @@ def _scalar_or_vector(kind: Any) -> Any:
     return f64x8 if kind == f64x8 else types.float64
 
 
-@_typed_by(select, lambda c, x, y: (mask8 if c == mask8 else types.boolean, _scalar_or_vector(x), _scalar_or_vector(y)))
-def _lower_where(context: Any, builder: Any, kind: Any, values: Any) -> Any:
+def _types_of_select(c: Any, x: Any, y: Any) -> tuple:
+    return mask8 if c == mask8 else types.boolean, _scalar_or_vector(x), _scalar_or_vector(y)
+
+
+@_register_typed(select, _types_of_select)
+def _lower_select(context: Any, builder: Any, kind: Any, values: Any) -> Any:
     if kind.return_type == f64x8:
         values = values[0], _splat(builder, values[1]), _splat(builder, values[2])
     return builder.select(*values)
 
 
-@_typed_by(maximum, lambda x, least: (_scalar_or_vector(x), _scalar_or_vector(least)))
-def _lower_larger(context: Any, builder: Any, kind: Any, values: Any) -> Any:
+@_register_typed(maximum, lambda x, least: (_scalar_or_vector(x), _scalar_or_vector(least)))
+def _lower_maximum(context: Any, builder: Any, kind: Any, values: Any) -> Any:
     if kind.return_type == f64x8:
         values = [_splat(builder, value) for value in values]
     return builder.select(builder.fcmp_ordered(">", values[1], values[0]), values[1], values[0])
@@ -280,7 +284,7 @@ def movemask(typing, condition):
 
 @intrinsic
 def any_lane(typing, condition):
-    """Return whether any lane of a mask, or a boolean, is true."""
+    """True if any lane of a mask, or a boolean, is true."""
 
     def code(context, builder, kind, values):
         if condition != mask8:

@@ -141,7 +141,7 @@ def gather_columns(typing, table, rows, first):
 
     def code(context, builder, kind, values):
         rows = [builder.load(place, align=8) for place in _places(context, builder, table, values)]
-        halves = [_transposed(builder, rows[k : k + WIDE]) for k in range(0, LANES, WIDE)]
+        halves = [_transpose(builder, rows[k : k + WIDE]) for k in range(0, LANES, WIDE)]
         found = [_shuffle(builder, a, b, list(range(LANES))) for a, b in zip(*halves, strict=True)]
         return context.make_tuple(builder, kind.return_type, found)
 
@@ -240,7 +240,7 @@ def scatter_columns(typing, table, rows, first, a, b, c, d):
     def code(context, builder, kind, values):
         rows = []
         for k in range(0, LANES, WIDE):
-            rows += _transposed(builder, [_shuffle(builder, x, x, list(range(k, k + WIDE))) for x in values[3:]])
+            rows += _transpose(builder, [_shuffle(builder, x, x, list(range(k, k + WIDE))) for x in values[3:]])
         for row, place in zip(rows, _places(context, builder, table, values), strict=True):
             builder.store(row, place, align=8)
         return context.get_dummy_value()
@@ -302,7 +302,7 @@ def _rows_of(builder: Any, six: Any) -> tuple[list, list]:
     """Four or six columns of eight rows as rows: four numbers, and two or None."""
     fours = []
     for k in range(0, LANES, WIDE):
-        fours += _transposed(builder, [_shuffle(builder, x, x, list(range(k, k + WIDE))) for x in six[:4]])
+        fours += _transpose(builder, [_shuffle(builder, x, x, list(range(k, k + WIDE))) for x in six[:4]])
     if len(six) == WIDE:
         return fours, [None] * LANES
     return fours, [_shuffle(builder, six[4], six[5], [lane, LANES + lane]) for lane in range(LANES)]
@@ -331,7 +331,7 @@ def _places(context: Any, builder: Any, table: Any, values: Any, width: int = WI
     return [builder.bitcast(place, ir.VectorType(_DOUBLE, width).as_pointer()) for place in found]
 
 
-def _transposed(builder: Any, rows: list) -> list:
+def _transpose(builder: Any, rows: list) -> list:
     """Four vectors of four, columns for rows."""
     a, b = (_shuffle(builder, rows[0], rows[1], places) for places in ([0, 4, 2, 6], [1, 5, 3, 7]))
     c, d = (_shuffle(builder, rows[2], rows[3], places) for places in ([0, 4, 2, 6], [1, 5, 3, 7]))

@@ -18,7 +18,7 @@ PACKAGES = ("geometry", "field", "particles", "coupling", "emclutch")
 
 
 def is_own(function: Callable) -> bool:
-    """Return whether a function stands in one of the five packages."""
+    """True if a function belongs to one of the five packages."""
     return function.__module__.partition(".")[0] in PACKAGES
 
 
@@ -83,12 +83,12 @@ def _add_code(code: CodeType, doc: str | None, digest: Any) -> None:
         if isinstance(constant, CodeType):
             _add_code(constant, None, digest)
         elif not (number == 0 and doc is not None and constant == doc):
-            digest.update(_shown(constant).encode())
+            digest.update(_constant_text(constant).encode())
 
 
 def _add_value(name: str, value: Any, digest: Any, seen: set[int]) -> None:
     if isinstance(value, Dispatcher):
-        options = tuple((key, _shown(value.targetoptions[key])) for key in sorted(value.targetoptions))
+        options = tuple((key, _constant_text(value.targetoptions[key])) for key in sorted(value.targetoptions))
         digest.update(f"{name}: kernel {options!r}".encode())
         if is_own(value.py_func):
             _add_function(value.py_func, digest, seen)
@@ -101,9 +101,9 @@ def _add_value(name: str, value: Any, digest: Any, seen: set[int]) -> None:
     elif isinstance(value, dict) or (isinstance(value, tuple) and any(map(_is_compiled, value))):
         pairs = value.items() if isinstance(value, dict) else enumerate(value)
         for key, one in pairs:
-            _add_value(f"{name}[{_shown(key)}]", one, digest, seen)
+            _add_value(f"{name}[{_constant_text(key)}]", one, digest, seen)
     elif isinstance(value, bool | int | float | complex | str | tuple | frozenset | type(None)):
-        digest.update(f"{name} = {_shown(value)}".encode())
+        digest.update(f"{name} = {_constant_text(value)}".encode())
     elif isinstance(value, np.generic | np.ndarray):  # an array that is read as a global is part of the code
         digest.update(f"{name}: {value.dtype} {value.shape}".encode() + value.tobytes())
     elif isinstance(value, type):
@@ -126,10 +126,10 @@ def _overloads(function: Callable) -> list[Callable]:
     return [template._overload_func for template in templates if hasattr(template, "_overload_func")]
 
 
-def _shown(value: Any) -> str:
+def _constant_text(value: Any) -> str:
     """Text of a constant that does not depend on the order of a set."""
     if isinstance(value, set | frozenset):
-        return f"set {sorted(map(_shown, value))!r}"
+        return f"set {sorted(map(_constant_text, value))!r}"
     if isinstance(value, tuple):
-        return f"({', '.join(map(_shown, value))})"
+        return f"({', '.join(map(_constant_text, value))})"
     return f"{type(value).__name__} {value!r}"

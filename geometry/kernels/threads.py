@@ -23,7 +23,7 @@ if "OMP_WAIT_POLICY" not in os.environ:
 
 
 def requested_threads() -> int | None:
-    """Return what ``OMP_NUM_THREADS`` says; None where it is not set to a number."""
+    """Value of ``OMP_NUM_THREADS``; None where it is not set to a number."""
     asked = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()  # a list has one number a nesting level
     return int(asked) if asked.isdigit() and int(asked) > 0 else None
 

@@ -6,7 +6,8 @@ python tests/benchmarks/validation_devices.py switch_on
 python tests/benchmarks/validation_devices.py convergence
 python tests/benchmarks/validation_devices.py air_coil
 
-print tables, ours beside theirs (docs/validation.md shows them); scenes, drawings and data: cases/validation.
+print tables, our values next to theirs (docs/explanation/validation.md sums them up); scenes, drawings and data:
+cases/validation.
 """
 
 from __future__ import annotations

@@ -79,7 +79,7 @@ def fed_back(
         solution = problem.solve(
             ampere_turns, state, guess=solution, boundary_field=boundary_field, tolerance=1e-10
         )  # fmt: skip
-        H, grad_H = feedback.solved(solution).sample(position)
+        H, grad_H = feedback.sampler_after_solve(solution).sample(position)
         solver.walls = steel_walls(walls, solution)
         found = solver.solve(
             position, radius, H, rows, gradient=grad_H, start=moment, tolerance=tolerance, most_sweeps=3000

@@ -10,7 +10,7 @@ import pytest
 from numba import njit
 
 from coupling.cluster import magnetised_cluster
-from coupling.grain_law_table import excess_force, field_place, grain_table
+from coupling.grain_law_table import excess_force, field_index, grain_table
 from coupling.mutual_moments import MutualMoments, secant_mixed
 from coupling.neighbour_rows import neighbour_rows
 from field import MU_0, GrainLaw, LangevinLaw
@@ -296,7 +296,7 @@ def test_the_mean_force_of_a_long_step_does_the_work_of_short_ones(first):
 def test_no_field_has_the_first_place_in_the_tables_whatever_its_sign():
     @njit
     def place(table, H):
-        return field_place(table, H)
+        return field_index(table, H)
 
     table = grain_table(IRON, "near_field")
     assert place(table, 0.0) == place(table, -0.0) == 0.0

@@ -149,7 +149,7 @@ def test_a_pair_that_is_found_once_is_the_same_from_both_sides():
         solver = MutualMoments(grain_table(IRON, "near_field"), near=True, reach=1.0, walls=bores)
         found = solver.solve(x, radius, H, own, tolerance=1e-13, most_sweeps=3000)
         force, pairs, walls = solver.forces(x, radius, own, found)
-        answers.append((found.field, found.potential, found.share, force, pairs, walls))
+        answers.append((found.field, found.potential, found.fraction, force, pairs, walls))
     for one, other in zip(*answers, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-11 * np.abs(other).max())
 

@@ -7,7 +7,7 @@ import pytest
 from numba import njit
 
 from coupling.finite_grains import NotFiniteGrains, refuse_not_finite
-from coupling.grain_law_table import excess_force, excess_moment, field_held, grain_table, near_excess, sphere_ratio
+from coupling.grain_law_table import clamp_field, excess_force, excess_moment, grain_table, near_excess, sphere_ratio
 from coupling.magnetised_grains import MagnetisedGrains
 from coupling.mutual_moments import MutualMoments
 from coupling.mutually_magnetised_grains import MutuallyMagnetisedGrains
@@ -68,7 +68,7 @@ def test_large_finite_numbers_are_no_fault():
 def looked_up(table, gap, H):
     """What kernels read: these functions have no machine code of their own."""
     return (
-        sphere_ratio(table, H)[0], field_held(table, H, H)[3], excess_force(table, gap, H),
+        sphere_ratio(table, H)[0], clamp_field(table, H, H)[3], excess_force(table, gap, H),
         excess_moment(table, gap, H), near_excess(table, gap, 0.0, H)[0],
     )  # fmt: skip
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from coupling.pair_fields import smeared_at_itself
+from coupling.pair_fields import self_field_factor
 from coupling.smeared_grains import SectionSmear, ring_smear
 
 A = 0.7e-3  # width
@@ -42,8 +42,8 @@ def integral(smear, low, high, folds=None, n=400):
 def test_the_sections_kernel_is_the_line_integral_of_the_spherical_one():
     """K2(rho) = integral of K along a line at the distance rho, and K holds one; K(0)/3 is a grain's own share."""
     assert quad(lambda r: 4.0 * np.pi * r**2 * kernel(r), 0.0, A)[0] == pytest.approx(1.0, rel=1e-10)
-    assert smeared_at_itself(A, True) == pytest.approx(float(kernel(0.0)) / 3.0, rel=1e-14)
-    assert smeared_at_itself(A, False) == 0.0
+    assert self_field_factor(A, True) == pytest.approx(float(kernel(0.0)) / 3.0, rel=1e-14)
+    assert self_field_factor(A, False) == 0.0
     smear = smear_of([[R, 0.0]])
     for rho in (0.0, 0.2 * A, 0.6 * A, 0.95 * A):
         line = quad(lambda s, rho=rho: kernel(np.hypot(rho, s)), 0.0, np.sqrt(A**2 - rho**2))[0] * 2.0

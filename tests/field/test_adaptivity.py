@@ -290,7 +290,7 @@ def test_flux_wall_is_estimated_too(order):
     assert estimate.goals[0].value == pytest.approx(linkage, rel=1e-10)
     space = EnrichedSpace(walled[0].problem)
     surplus = walled[1].psi - space.embedding @ walled[0].psi
-    energy = space.element_energy(space.linearised(walled[1].psi, None), surplus)
+    energy = space.element_energy(space.linearise(walled[1].psi, None), surplus)
     shares = estimate.indicators[0]
     # not to rounding: the two orders take 1/r near the axis by different quadratures
     assert np.corrcoef(shares, energy)[0, 1] > 0.99

@@ -64,7 +64,7 @@ FAULTS = {
     "decimal comma between commas": (["H [A/m],B [T]", "0,0", "100,1,5"], "line 3 has 3 entries for 2 columns"),
     "decimal comma between blanks": (["H [A/m]  B [T]", "0 0", "100 1,5"], "decimals follow a point"),
     "short row": (["# x", "H [A/m],B [T]", "0,0", "100"], "line 4 has 1 entries"),
-    "too few points": (["H [A/m],B [T]", "0,0", "100,1", "1000,1.5"], "2 points beside the origin"),
+    "too few points": (["H [A/m],B [T]", "0,0", "100,1", "1000,1.5"], "2 points besides the origin"),
     "header alone": (["H [A/m],B [T]"], "0 points"),
     "H goes back": (["H [A/m],B [T]", "0,0", "100,1", "90,1.1", "5000,1.7"], "line 4: not monotone, H goes"),
     "B goes back": (["H [A/m],B [T]", "0,0", "100,1", "", "1000,0.9", "5000,1.7"], "line 5: not monotone, B goes"),

@@ -148,7 +148,7 @@ def test_displaced_solves_share_one_factorisation_and_are_those_of_the_moved_mes
     weight = axial_force(field, "iron", virtual_work=True).weight
     assert field.problem._solver.factorisations == before + 1
     points = field.problem.mesh.points + 0.2e-3 * np.column_stack((np.zeros_like(weight), weight))
-    moved = field.problem.displaced(points).solve(3000.0, guess=field, factorised=True, tolerance=1e-12)
+    moved = field.problem.with_points(points).solve(3000.0, guess=field, factorised=True, tolerance=1e-12)
     mesh = dataclasses.replace(field.problem.mesh, points=points)
     again = AxisymmetricProblem(mesh, {"iron": material("steel_1010")}).solve(3000.0, tolerance=1e-12)
     assert np.abs(moved.psi - again.psi).max() < 1e-10 * np.abs(again.psi).max()

@@ -43,7 +43,7 @@ def test_a_field_that_the_elements_hold_exactly_stays_exact(order, psi, B):
     """Off the axis, where B = grad psi/r is taken a third of an element away."""
     field = smooth(6, psi, order)
     off_axis = field.elements.mesh.points[field.elements.mesh.triangles, 0].min(axis=1) > 1e-9
-    fine = field.subdivided(np.flatnonzero(off_axis), 5)
+    fine = field.subdivide(np.flatnonzero(off_axis), 5)
     assert fine.psi == pytest.approx(psi(*fine.points.T), abs=1e-12)
     touches = fine.points[:, 0] < 1.5 * SIDE / 6  # nodes that elements at the axis share
     assert fine.B[~touches] == pytest.approx(np.column_stack(B(*fine.points.T))[~touches], abs=1e-9)
@@ -59,7 +59,7 @@ def test_the_mean_follows_the_solution_as_it_converges():
     errors = {}
     for cells in (8, 16):
         field = smooth(cells, lambda r, z: r**2 * np.sin(kx * z))
-        fine = field.subdivided(np.arange(len(field.elements.mesh.triangles)), 4)
+        fine = field.subdivide(np.arange(len(field.elements.mesh.triangles)), 4)
         centre = fine.points[fine.triangles].mean(axis=1)
         owner = np.repeat(np.arange(len(field.elements.mesh.triangles)), 16)
         own = field.elements.flux_density_at(field.psi, owner, centre)
@@ -79,7 +79,7 @@ def test_what_jumps_at_a_face_is_not_smeared():
 
     field = smooth(6, psi)
     for name, expected in (("disc", 1.0), ("air", 3.0)):
-        fine = field.subdivided(field.elements.mesh.regions[name], 3)
+        fine = field.subdivide(field.elements.mesh.regions[name], 3)
         near = np.abs(fine.points[:, 0] - 0.5 * SIDE) < 0.1 * SIDE
         assert fine.B[near, 1] == pytest.approx(expected, abs=1e-9)
 
@@ -93,7 +93,7 @@ def test_between_two_neighbouring_flux_lines_there_is_the_same_flux():
     levels = flux_levels(field, 9)
     step = np.diff(levels)
     assert step == pytest.approx(step[0])
-    fine = field.subdivided(np.arange(len(field.elements.mesh.triangles)), 8)
+    fine = field.subdivide(np.arange(len(field.elements.mesh.triangles)), 8)
     drawn = Figure().add_subplot().tricontour(Triangulation(*fine.points.T, fine.triangles), fine.psi, levels=levels)
     elements = field.elements
     for level, lines in zip(levels, drawn.allsegs, strict=True):

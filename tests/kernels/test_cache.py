@@ -231,7 +231,7 @@ def test_who_finds_a_kernel_being_compiled_waits_for_its_code(tmp_path):
     assert answer.get(timeout=10.0) == ("code", 0)
     other.join()
     assert file.load("another") is None and len(kernel_cache._compiling) == 1
-    kernel_cache._compiled()
+    kernel_cache._release_compile_locks()
 
 
 def test_a_file_system_without_locks_is_no_reason_to_stop(tmp_path, monkeypatch):
@@ -284,7 +284,7 @@ def test_a_damaged_file_of_the_cache_is_compiled_anew(tmp_path, ending, share):
 
 def kernel_of(folder, monkeypatch):
     """A new kernel with a cache in a folder."""
-    monkeypatch.setattr(kernel_cache, "_told", set())
+    monkeypatch.setattr(kernel_cache, "_warned", set())
 
     @njit(cache=True)
     def twice(x):
@@ -318,10 +318,10 @@ def test_where_nothing_can_be_written_kernels_are_kept_for_the_process_alone(tmp
     def refused(self):
         raise PermissionError(errno.EROFS, "Read-only file system")
 
-    monkeypatch.setattr(kernel_cache, "_told", set())
-    monkeypatch.setattr(kernel_cache.OfProcess, "_folder", None)
-    for locator in (kernel_cache.AskedFor, kernel_cache.BesideSource, kernel_cache.OfUser):
+    monkeypatch.setattr(kernel_cache, "_warned", set())
+    monkeypatch.setattr(kernel_cache.ProcessFolder, "_folder", None)
+    for locator in (kernel_cache.EnvironmentFolder, kernel_cache.SourceFolder, kernel_cache.UserFolder):
         monkeypatch.setattr(locator, "ensure_cache_path", refused)
     with pytest.warns(RuntimeWarning, match="no folder for compiled kernels can be written.*NUMBA_CACHE_DIR"):
         cache = type(run_steps._cache)(run_steps.py_func)
-    assert os.listdir(kernel_cache.OfProcess._folder) == [os.path.basename(cache.cache_path)]
+    assert os.listdir(kernel_cache.ProcessFolder._folder) == [os.path.basename(cache.cache_path)]

@@ -65,7 +65,7 @@ def test_the_page_lists_every_private_attribute():
             continue
         own = {n.name for n in ast.walk(tree) if isinstance(n, (ast.FunctionDef, ast.ClassDef))}
         own |= {n.attr for n in ast.walk(tree) if isinstance(n, ast.Attribute) and isinstance(n.ctx, ast.Store)
-                and isinstance(n.value, ast.Name) and n.value.id in ("self", "OfProcess")}  # fmt: skip
+                and isinstance(n.value, ast.Name) and n.value.id in ("self", "ProcessFolder")}  # fmt: skip
         found = {n.attr for n in ast.walk(tree) if isinstance(n, ast.Attribute) and re.match(r"_[a-z]", n.attr)}
         found |= {n.args[1].value for n in ast.walk(tree) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)
                   and n.func.id in ("getattr", "hasattr") and isinstance(n.args[1], ast.Constant)

@@ -123,7 +123,7 @@ def _draw_field(
     r0, r1, z0, z1 = window
     shown = np.flatnonzero((high[:, 0] >= r0) & (low[:, 0] <= r1) & (high[:, 1] >= z0) & (low[:, 1] <= z1))
     parts = int(np.clip(math.sqrt(SMALL_TRIANGLES / max(1, len(shown))), *PARTS))
-    fine = field.subdivided(shown, parts)
+    fine = field.subdivide(shown, parts)
     half_plane = Triangulation(MM * fine.points[:, 1], MM * fine.points[:, 0], fine.triangles)
     magnitude = np.linalg.norm(fine.B, axis=1)
     colours = axis.tripcolor(
