@@ -34,7 +34,6 @@ class Hertz(LawKind):
         "reference_speed": REFERENCE_SPEED,
     }
     STIFFNESS = StiffnessEntry("hertz_stiffness", "N/m^1.5", "1e7 N/m^1.5")
-    contact_ns = 3.0
 
     @classmethod
     def build(cls, section, at, *, wall):

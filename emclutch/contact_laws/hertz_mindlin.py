@@ -42,7 +42,6 @@ class HertzMindlinKind(LawKind):
         ),
     }
     STIFFNESS = StiffnessEntry("youngs_modulus", "Pa", "10 MPa")
-    contact_ns = 4.0
 
     @classmethod
     def build(cls, section, at, *, wall):

@@ -70,15 +70,12 @@ class LawKind:
         Its keys beside those of every law: (type, pydantic field) by name.
     STIFFNESS : StiffnessEntry
         The key that gives the stiffness.
-    contact_ns : float
-        Processor time of a contact and step of DEM beyond that of the linear law [ns] (tests/benchmarks/dem_cost.py).
     """
 
     name: ClassVar[str]
     summary: ClassVar[str]
     KEYS: ClassVar[dict[str, tuple[Any, Any]]]
     STIFFNESS: ClassVar[StiffnessEntry] = StiffnessEntry("stiffness", "N/m", "1000 N/m")
-    contact_ns: ClassVar[float] = 0.0
 
     @classmethod
     def check(cls, section: Any, given: set[str]) -> None:

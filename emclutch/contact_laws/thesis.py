@@ -36,7 +36,6 @@ class Thesis(LawKind):
         ),
         "reference_speed": REFERENCE_SPEED,
     }
-    contact_ns = 4.0
 
     @classmethod
     def build(cls, section, at, *, wall):

@@ -39,7 +39,6 @@ class WaltonBraunKind(LawKind):
         ),
         "tangential_ratio": TANGENTIAL_RATIO,
     }
-    contact_ns = 6.0
 
     @classmethod
     def check(cls, section, given):

@@ -29,7 +29,6 @@ class CohesionSection(EffectSection):
 
     name = "cohesion"
     summary = "grains that touch pull each other"
-    contact_ns = 1.0  # tests/benchmarks/dem_cost.py
     CHECKS: ClassVar = ((_by_dem_only, ("contact",)),)
 
     model: Annotated[str, Choice(("constant", "dmt", "jkr"))] = Field(

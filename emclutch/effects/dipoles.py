@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from math import pi
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import Field
@@ -31,9 +32,8 @@ if TYPE_CHECKING:
 _NEAR_REACH = 1.8
 """Grain diameters: two radii and the farthest gap of a near pair, 1.2 radii, beyond which dipoles are exact."""
 
-# Processor time [ns], measured on quickstart, powder_clutch and lock_up (tests/benchmarks/moment_cost.py)
-WEAK_ROW_NS, ROW_NS, NEAR_ROW_NS, SWEEP_NS = 23.0, 52.0, 18.0, 30.0  # a neighbour and update; without current the first
-NEAR_GRAIN_NS, NEAR_CONTACT_NS = 30.0, 46.0  # of near contacts, a grain and a contact in each step of DEM
+SKIN = 0.25
+"""Grain diameters beyond the cut-off: how far rows of neighbours reach."""
 
 
 def _valid_moments(draft: Draft) -> Iterator[Fault]:
@@ -106,6 +106,7 @@ class DipolesSection(EffectSection):
     needs_field = True
     needs_moments = True
     holds_forces = True
+    neighbour_ns = 100.0  # quickstart, powder_clutch, lock_up (tests/benchmarks/moment_cost.py)
     CHECKS: ClassVar = (
         (_room_for_the_layers, ("geometry", "particles", "effects", "field")),
         (_valid_moments, ("effects", "particles")),
@@ -204,16 +205,20 @@ class DipolesSection(EffectSection):
             text = f"{NECK_MARGIN:g} times the stiffness of saturated necks, {neck:.3g} N/m,"
             yield Load(self.name, NECK_MARGIN * neck * contact.max_overlap * d, text)
 
-    def row_ns(self, moment_sweeps: float) -> float:
-        """Processor time of a neighbour in an update of the moments [ns]."""
-        if moment_sweeps <= 0.0:
-            return WEAK_ROW_NS
-        return ROW_NS + NEAR_ROW_NS * self.has_necks + SWEEP_NS * moment_sweeps
+    def step_ns(self):
+        """Return the processor time of near pairs in a grain's step [ns]: that of a neighbour in an update."""
+        return self.neighbour_ns if self.has_necks else 0.0
 
-    @property
-    def step_ns(self) -> tuple[float, float]:
-        """Processor time of near contacts in each step of DEM [ns]: a grain, a contact."""
-        return (NEAR_GRAIN_NS, NEAR_CONTACT_NS) if self.has_necks else (0.0, 0.0)
+    def neighbours(self, scene, device):
+        """Return the neighbours within the cut-off and a skin, at the density of the filled space.
+
+        In a gap of width w a sphere of radius R around a grain lies outside of it by 3 R/(8 w) of its volume on average
+        (the mean of both caps over the width, for R < w); narrower gaps hold a disc of it.
+        """
+        d, reach = scene.grains.largest_diameter, self.cutoff + SKIN
+        whole = device.fill.solid_fraction * 8.0 * reach**3 * (pi / 6.0 * d**3 / scene.grains.grain_volume)
+        share = reach * d / device.narrowest_gap
+        return whole * (1.0 - 0.375 * share if share < 1.0 else 0.625 / share)
 
     def summarise(self, history, simulation):
         """Return how the moments converged, and how strong necks are against the contact's stiffness."""

@@ -73,8 +73,10 @@ class EffectSection(Section):
         Whether it needs the field of a coil, and effects that feel that field.
     not_in_3d : str
         Why it cannot be computed in a 3D field; empty where it can.
-    contact_ns : float
-        Processor time that it adds to each contact and step of DEM [ns].
+    window_solves : float
+        Solves of the field in a window that it calls for, in units of a static one.
+    neighbour_ns : float
+        Processor time of one of a grain's `neighbours` in an evaluation of the magnetic forces [ns].
     torque_note : str
         What the estimate of the torque says of it.
     columns : tuple of Column
@@ -92,7 +94,8 @@ class EffectSection(Section):
     saturates: ClassVar[bool] = False
     acts_on_field: ClassVar[bool] = False
     not_in_3d: ClassVar[str] = ""
-    contact_ns: ClassVar[float] = 0.0
+    window_solves: ClassVar[float] = 0.0
+    neighbour_ns: ClassVar[float] = 0.0
     torque_note: ClassVar[str] = ""
     columns: ClassVar[tuple[Column, ...]] = ()
 
@@ -108,6 +111,14 @@ class EffectSection(Section):
     def loads(self, scene: Scene, device: Device, M_max: float) -> Iterator[Load]:
         """Yield forces that press grains together; ``M_max`` is the largest magnetisation to be expected [A/m]."""
         yield from ()
+
+    def step_ns(self) -> float:
+        """Return the processor time that it adds to each grain and step of DEM [ns], on the machine of `cost`."""
+        return 0.0
+
+    def neighbours(self, scene: Scene, device: Device) -> float:
+        """Return the other grains that act on one besides its contacts: the rows that are kept of each."""
+        return 0.0
 
     def contact_terms(self) -> dict[str, Any]:
         """Return parts of every contact, by the keyword of `particles.PairLaws.of_one`."""

@@ -25,7 +25,6 @@ class RollingFrictionSection(EffectSection):
     name = "rolling_friction"
     summary = "grains resist rolling"
     columns = (DISSIPATED_ROLLING,)
-    contact_ns = 11.0  # tests/benchmarks/dem_cost.py
     USUAL: ClassVar = {"coefficient": _USUAL, "wall_coefficient": _USUAL}
     torque_note = "rolling friction may double it"
 
@@ -35,6 +34,10 @@ class RollingFrictionSection(EffectSection):
     wall_coefficient: Annotated[float, number("0.2", 0.0, 10.0)] | None = Field(
         default=None, description="at walls; default: as between grains"
     )
+
+    def step_ns(self):
+        """Return the processor time of the torques in a grain's step [ns] (tests/benchmarks/dem_cost.py)."""
+        return 10.0
 
     def contact_terms(self):
         """Return the resistance for the contacts."""

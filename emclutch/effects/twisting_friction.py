@@ -20,7 +20,6 @@ class TwistingFrictionSection(EffectSection):
     name = "twisting_friction"
     summary = "grains resist twisting"
     columns = (DISSIPATED_TWISTING,)
-    contact_ns = 5.0  # tests/benchmarks/dem_cost.py
 
     coefficient: Annotated[float, number("0.05", 0.0, 10.0)] = Field(
         default=0.05, description="torque over (effective radius times normal force), between grains"
@@ -28,6 +27,10 @@ class TwistingFrictionSection(EffectSection):
     wall_coefficient: Annotated[float, number("0.05", 0.0, 10.0)] | None = Field(
         default=None, description="at walls; default: as between grains"
     )
+
+    def step_ns(self):
+        """Return the processor time of the torques in a grain's step [ns] (tests/benchmarks/dem_cost.py)."""
+        return 5.0
 
     def contact_terms(self):
         """Return the resistance for the contacts."""

@@ -8,16 +8,16 @@ from pathlib import Path
 from emclutch.device.device import Device, build_device
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import bad_input_for
-from emclutch.scene.replica_count import replica_count
+from emclutch.scene.replica_count import cores_at_hand, replica_count
 from emclutch.simulation.contact_plan import ElasticContacts, dvi_springs, elastic_contacts
 from emclutch.simulation.dvi_plan import RigidContacts, rigid_contacts
 from emclutch.simulation.forecast.cost import Cost, predict
 from emclutch.simulation.forecast.expected_field import expected_magnetisation
 from emclutch.simulation.forecast.expected_speeds import fall_speed, largest_speed, layer_speed
-from emclutch.simulation.forecast.machine_speed import MachineSpeed, threads_at_hand
 from emclutch.simulation.windows import Windows, coupling_windows, parts_of
 from field import MagneticField
 from field.three_d import Field3D
+from geometry.kernels.threads import default_threads
 from particles import CyclicSector
 
 
@@ -101,12 +101,10 @@ class Plan:
         return replace(self, division=division)
 
 
-def make_plan(
-    case: Case, device: Device | None = None, threads: int | None = None, machine: MachineSpeed | None = None
-) -> tuple[Device, Plan]:
+def make_plan(case: Case, device: Device | None = None, threads: int | None = None) -> tuple[Device, Plan]:
     """Build the device (unless given) and decide stiffness, step, windows and numbers of the run.
 
-    The cost is that on `threads` threads (default: as a run takes them) of a machine (default: the one at hand).
+    The cost is that on `threads` threads of this machine (default: as a run takes them).
 
     Raises ValueError with a remedy when the scene's own step is too long, or its stiffness is too low or does
     not follow from it.
@@ -124,13 +122,13 @@ def make_plan(
     layers = max(fall_speed(scene, device), layer_speed(scene, device, speed))
     division = coupling_windows(scene, contact.step.dt, speed, layers, held=scene.effects.hold_forces)
     rhythm = division.steps_per_update, division.updates, division.count
-    cost = predict(scene, device, division.dt, rhythm, threads or _threads_of_a_replica(scene), machine)
+    cost = predict(scene, device, division.dt, rhythm, threads or _threads_of_a_replica(scene))
     return device, Plan(device.fill.count, sector, contact, division, field, M_max, cost)
 
 
 def _threads_of_a_replica(scene) -> int:
     """Threads that a run takes by itself."""
-    return max(1, threads_at_hand() // replica_count(scene))
+    return max(1, default_threads(cores_at_hand()) // replica_count(scene))
 
 
 def plan(case: Case | str | Path, threads: int | None = None) -> Plan:

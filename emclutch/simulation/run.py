@@ -11,7 +11,6 @@ from emclutch.results.history import last_time
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.replica_count import max_replica_count, replicas_side_by_side
 from emclutch.simulation.finished_run import finish_run
-from emclutch.simulation.forecast.machine_speed import machine_speed
 from emclutch.simulation.interruption import interruptible
 from emclutch.simulation.kernel_warm_up import step_compiled_beside
 from emclutch.simulation.open_folder import open_folder
@@ -51,7 +50,7 @@ def run(
         to pay of the cores, shared out among the replicas. The result does not depend on it.
     resume : continue from the checkpoint in `out`; a run that was killed before it wrote one starts again there.
     progress : object with update(fraction, text), or None; if it has announce(text) too, what is being compiled, and
-        why a run falls behind its plan; if it has stop_asked, and that is true after a window, the run ends there as
+        how long it has to go; if it has stop_asked, and that is true after a window, the run ends there as
         after Ctrl-C.
     start : folder of a finished run whose grains this one begins with (`emclutch.simulation.warm_start`), in place of
         a packing; it says nothing more where a run is resumed from a checkpoint.
@@ -79,7 +78,6 @@ def run(
         folder = opened.folder
         if resume and not opened.goes_on and (start := start or folder.grains_from()) is not None:
             grains = starting_grains(case, start)
-        machine = machine_speed()  # before the other replicas are at work: the cost counts those by itself
         count = count_of_run(case, folder, opened.goes_on)
         tune_threads, threads = may_tune_threads(threads), use_threads(threads, count)
         slots = replicas_side_by_side(max(count, max_replica_count(case.scene)), threads)
@@ -90,9 +88,7 @@ def run(
                 case, folder, count, threads=threads, slots=slots, tune_threads=tune_threads, resume=resume, start=start
             ) as replicas,
         ):
-            return _run(
-                RunRequest(case, opened, reporter, replicas, stop, tune_threads, force, grains, machine, callback)
-            )
+            return _run(RunRequest(case, opened, reporter, replicas, stop, tune_threads, force, grains, callback))
 
 
 def run_replica(

@@ -87,9 +87,6 @@ def make_callbacks(request: RunRequest, started: StartedRun) -> RunObservers:
         profiles.restore(started.profiles)
     alive = Heartbeat(progress.listener, simulation, plan.end)
 
-    def compiled() -> int:
-        return request.opened.compiled.count
-
     measures = (Observables(scene, started.planned.device),)
     deciding = (*missed_steps(request, resume_time), *early.callbacks)
     showing = (
@@ -99,7 +96,7 @@ def make_callbacks(request: RunRequest, started: StartedRun) -> RunObservers:
         WindowProgress(progress, plan.windows, request.replicas),
     )
     keeping = (Checkpoints(request, plan.windows, early, snapshots, profiles),)
-    tuning = (RunPace(plan.cost, simulation.motion.time, progress.tell, compiled), *thread_trial(request))
+    tuning = (RunPace(plan.cost, simulation.motion.time, progress.tell), *thread_trial(request))
     callbacks = (alive.stop, history, *deciding, *showing, *keeping, *tuning)
     return RunObservers(measures, callbacks, early, profiles, alive, history, snapshots)
 

@@ -14,7 +14,6 @@ from emclutch.simulation.run_progress import RunProgress
 
 if TYPE_CHECKING:
     from emclutch.results import RunFolder
-    from emclutch.simulation.forecast.machine_speed import MachineSpeed
     from emclutch.simulation.orders import Orders
     from emclutch.simulation.warm_start import StartingGrains
     from emclutch.simulation.window_state import WindowState
@@ -38,8 +37,6 @@ class RunRequest:
     force : bool
     grains : StartingGrains or None
         None packs its own.
-    machine : MachineSpeed or None
-        That the cost is predicted for; None: the one at hand, measured then.
     callback : callable or None
     orders : Orders or None
         Of one of the other replicas.
@@ -53,7 +50,6 @@ class RunRequest:
     tune_threads: bool
     force: bool
     grains: StartingGrains | None
-    machine: MachineSpeed | None = None
     callback: Callable[[WindowState], object] | None = None
     orders: Orders | None = None
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import heapq
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from emclutch.scene.case import Case
 from emclutch.scene.errors import Fault, SceneError
-from emclutch.scene.replica_count import replica_count
+from emclutch.scene.replica_count import cores_at_hand, replica_count
 from emclutch.scene.study import StudySection
 from emclutch.simulation.forecast.cost import spoken
 from emclutch.simulation.forecast.free_memory import shortage
@@ -151,35 +150,28 @@ def _predict(case: Case, label: str, jobs: int, reached: float) -> PointForecast
     replicas = replica_count(case.scene)
     device, plan = make_plan(case, threads=threads_of_a_worker(jobs * replicas) if jobs > 1 else None)
     cost = plan.cost
-    busy = cost.replicas * cost.threads
-    slower = cost.machine.delay(jobs * busy) / cost.machine.delay(busy)
-    spent = sum(cost.until(reached).values())
+    busy, cores = cost.replicas * cost.threads, cores_at_hand()
+    slower = max(cores, jobs * busy) / max(cores, busy)
+    spent = cost.until(reached)
     seconds = earliest = cost.seconds["total"] - spent
     rule = stopping_rule(case.scene, device, plan.end)
     if rule is not None:
         first = rule.first(replicas, reached).length
-        earliest = max(0.0, cost.rounds * sum(cost.until(first).values()) - spent) + sum(cost.once.values())
+        earliest = max(0.0, cost.rounds * cost.until(first) - spent) + sum(cost.once.values())
     return PointForecast(
         label, cost.steps, cost.grains, replicas, slower * seconds, slower * earliest, replicas * cost.memory, cost.disk
     )
 
 
 def total_seconds(seconds: dict[int, float], before: Sequence[int | None], jobs: int) -> float:
-    """Wall-clock time [s] of points that begin in their order as soon as one of `jobs` places is free.
+    """Wall-clock time [s] of all points, `jobs` at a time: their sum over the places, or the longest chain of them.
 
     Parameters
     ----------
     seconds : of each point that is to run, by its number [s].
-    before : of each point the number of the one that it waits for, or None.
+    before : of each point the number of the one that it waits for, or None; it comes earlier.
     """
-    free = [0.0] * jobs
-    ended: dict[int, float] = {}
-    waiting = sorted(seconds)
-    while waiting:
-        now = heapq.heappop(free)
-        ready = {n: ended.get(before[n], 0.0) for n in waiting if before[n] not in waiting}  # type: ignore[arg-type]
-        number = min(ready, key=lambda n: (max(ready[n], now), n))
-        waiting.remove(number)
-        ended[number] = max(now, ready[number]) + seconds[number]
-        heapq.heappush(free, ended[number])
-    return max(ended.values(), default=0.0)
+    ended: dict[int | None, float] = {}
+    for number in sorted(seconds):
+        ended[number] = ended.get(before[number], 0.0) + seconds[number]
+    return max(sum(seconds.values()) / jobs, max(ended.values(), default=0.0))

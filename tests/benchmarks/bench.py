@@ -16,6 +16,7 @@ import os
 import platform
 import subprocess
 from collections.abc import Iterator
+from contextlib import suppress
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -25,7 +26,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # of the rows that run in this pr
 import bench_rows
 from bench_rows import Row
 
-from emclutch.simulation.forecast.machine_speed import cpu_name, machine_speed
+from emclutch.scene.replica_count import cores_at_hand
+from emclutch.simulation.forecast.machine_speed import slowness
 
 HISTORY = Path(__file__).with_name("history.jsonl")
 KINDS = ("dem", "dvi", "field", "moments", "step")
@@ -59,7 +61,6 @@ def sitting(rounds: int) -> dict:
     """What must be known of a sitting to read its rows later."""
     from scene_a_rounds import lammps_version
 
-    speed = machine_speed()
     commit = subprocess.run(
         ["git", "describe", "--always", "--dirty"], cwd=HISTORY.parent, capture_output=True, text=True, check=False
     )
@@ -69,10 +70,19 @@ def sitting(rounds: int) -> dict:
         "versions": {"python": platform.python_version(), "lammps": lammps_version()} | {
             name: _version(name) for name in PACKAGES
         },
-        "machine": {"cpu": cpu_name(), "cores": speed.cores, "loops": speed.loops, "solves": speed.solves},
+        "machine": {"cpu": cpu_name(), "cores": cores_at_hand(), "slowness": slowness()},
         "rounds": rounds,
         "load_before": os.getloadavg()[0],
     }  # fmt: skip
+
+
+def cpu_name() -> str:
+    """Return the model of the processor, as the system names it."""
+    with suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
 
 
 def _version(package: str) -> str | None:

@@ -20,7 +20,7 @@ from emclutch.scene.case import DEEPEST, MAX_FILE, case_from, load_case, read_to
 from emclutch.scene.errors import SceneError
 from emclutch.simulation.check import check
 from emclutch.simulation.forecast import free_disk
-from emclutch.simulation.forecast.cost import disk, memory
+from emclutch.simulation.forecast.space import disk, memory
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.run import run
 from emclutch.simulation.run_error import RunError

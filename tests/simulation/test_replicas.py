@@ -20,7 +20,6 @@ from emclutch.scene.errors import SceneError
 from emclutch.scene.replica_count import automatic_count, replica_seed
 from emclutch.scene.torque_target import TorqueTarget
 from emclutch.simulation import replicas
-from emclutch.simulation import run as run_case
 from emclutch.simulation.run_error import Interrupted, RunError
 
 CELL = {
@@ -52,20 +51,13 @@ def known(tmp_path_factory):
     return emclutch.run(case_from(CELL), out=tmp_path_factory.mktemp("known") / "run")
 
 
-def test_the_machine_is_measured_before_the_replicas_take_its_cores(tmp_path, monkeypatch):
-    """The cost counts a run's replicas itself: measured beside them they were other programs, and counted twice."""
-    order = []
-    speed = run_case.machine_speed
-    monkeypatch.setattr(run_case, "machine_speed", lambda: order.append("measured") or speed())
-
+def test_a_machine_that_starts_no_more_processes_is_an_error_with_a_remedy(tmp_path, monkeypatch):
     def none_can_start(*_, **__):
-        order.append("started")
         raise OSError(errno.EAGAIN, os.strerror(errno.EAGAIN))
 
     monkeypatch.setattr(replicas.subprocess, "Popen", none_can_start)
     with pytest.raises(OutputError, match=r"accuracy\.replicas = 1"):
         emclutch.run(case_from(CELL), out=tmp_path / "run")
-    assert order[0] == "measured" and "started" in order
 
 
 def test_a_replica_is_the_run_of_another_seed(known, tmp_path):

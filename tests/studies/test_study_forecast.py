@@ -13,8 +13,6 @@ from emclutch.device.device import build_device
 from emclutch.results import RunFolder
 from emclutch.scene.case import case_from
 from emclutch.scene.study import read_study
-from emclutch.simulation.forecast import cost
-from emclutch.simulation.forecast.machine_speed import MachineSpeed
 from emclutch.simulation.stopping_rule import stopping_rule
 from emclutch.studies.forecast import predict_study, total_seconds
 from emclutch.studies.points import PointFolder
@@ -78,9 +76,8 @@ def test_a_target_may_end_points_early_and_the_words_say_so(study):
     assert "at the latest" in told.output and "2 points, 1 at a time" in told.output
 
 
-def test_of_a_point_that_has_begun_the_rest_is_predicted(study, tmp_path, monkeypatch):
+def test_of_a_point_that_has_begun_the_rest_is_predicted(study, tmp_path):
     """Half of a run at constant speed is half the work of its loop; what is done at its end is still to come."""
-    monkeypatch.setattr(cost, "machine_speed", lambda: MachineSpeed(1.0, 1.0, 2, 0.0))
     folders = [PointFolder(tmp_path / f"point-{number:03d}") for number in range(3)]
     for folder, time in zip(folders, ("0.0", "0.03", "0.06"), strict=True):
         run = RunFolder(folder.path)
@@ -110,7 +107,7 @@ def test_the_first_look_comes_after_three_times_the_start_up():
 
 @pytest.mark.parametrize(
     ("before", "jobs", "total"),
-    [((None,) * 4, 1, 10.0), ((None,) * 4, 2, 6.0), ((None,) * 4, 9, 4.0), ((None, 0, 1, 2), 4, 10.0)],
+    [((None,) * 4, 1, 10.0), ((None,) * 4, 2, 5.0), ((None,) * 4, 9, 4.0), ((None, 0, 1, 2), 4, 10.0)],
 )
 def test_points_fill_the_places_that_are_free_and_chains_wait(before, jobs, total):
     assert total_seconds({0: 1.0, 1: 2.0, 2: 3.0, 3: 4.0}, before, jobs) == pytest.approx(total)

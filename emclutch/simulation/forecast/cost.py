@@ -1,95 +1,87 @@
-"""Predicted cost of a run: seconds by part and through its time, memory, disk.
+"""Estimated cost of a run before its first step: seconds by part, memory, disk.
 
-Seconds are counts (`expected_counts`) times what each effect costs on the reference machine (`effect_costs`), times how
-fast the machine at hand is (`machine_speed`). Parts have the names under which a run measures them: `field` (deposit
-and solves), `magnetic` (moments and forces), `contact` (the grains' steps); beside them `output` (history, snapshots,
-pictures) and `start` (imports, mesh, plan, packing). Compiling kernels, once for each kind of scene, and settling are
-not predicted.
+Seconds are counts (grains, steps, updates, neighbours, solves) times a few costs on the reference machine, what each
+effect of the scene adds (`emclutch.effects`), and how slow the machine at hand is (`machine_speed.slowness`). Parts
+have the names under which a run measures them: `field` (deposit and solves), `magnetic` (moments and forces), `contact`
+(the grains' steps); besides `output` (history, snapshots, pictures) and `start` (imports, mesh, plan, packing). Not in
+it: compiling kernels, once for each kind of scene, settling, and other programs. It holds within a factor of about two
+(docs/cost.md has what was measured); the windows of the run itself say it better (`emclutch.simulation.pace`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from emclutch.device.decision import with_warnings
-from emclutch.scene.replica_count import replica_count, replicas_side_by_side
-from emclutch.simulation.forecast import effect_costs as costs
-from emclutch.simulation.forecast.expected_counts import counts_at, neighbours
+from emclutch.scene.replica_count import cores_at_hand, replica_count, replicas_side_by_side
 from emclutch.simulation.forecast.free_memory import shortage
-from emclutch.simulation.forecast.machine_speed import MachineSpeed, machine_speed
+from emclutch.simulation.forecast.machine_speed import slowness
+from emclutch.simulation.forecast.space import disk, memory
+from field.factorisation import available_backends
 from particles.threads import WORTH_SHARING
 
 if TYPE_CHECKING:
     from emclutch.device.device import Device
     from emclutch.scene.model import Scene
 
-INSTANTS = 64  # at which the course of a run is predicted
-# MiB of the program, of what a field and what pictures load; bytes a grain, a neighbour's row, an unknown of the field.
-# Largest resident sizes: centrifugal 224 MiB, quickstart 368, with pictures 431, ten times its sector 481, slotted_disc
-# 590; compiling takes some 200 more, once
-BASE_MIB, FIELD_MIB, PICTURES_MIB = 220.0, 110.0, 60.0
-GRAIN_BYTES, ROW_BYTES, UNKNOWN_BYTES, SOLID_UNKNOWN_BYTES = 4000.0, 50.0, 4000.0, 5000.0
-WINDOW_BYTES = 2000.0  # a row of the history: some sixty columns as numbers and, while it is read, as text
-# Bytes on disk: a grain's frame in each format, an unknown's; a row of the history, and in the record; a grain and an
-# unknown of the checkpoint; the rest
-FRAME_BYTES = {"vtk": 260.0, "hdf5": 120.0}
-HISTORY_BYTES, OBSERVABLES_BYTES = 800.0, 1200.0
-FIELD_BYTES, CHECKPOINT_BYTES, UNKNOWN_CHECKPOINT_BYTES, REST_MIB = 39.0, 1200.0, 30.0, 3.0
+# Processor time on the reference machine, one core of an AMD EPYC (tests/benchmarks/predicted_cost.py)
+STEP_NS = 80.0  # a grain and step by DEM, with its contacts
+RIGID_STEP_NS, CHAINED_STEP_NS = 700.0, 4000.0  # by DVI; where grains attract one another, some tens of sweeps a step
+SAMPLE_NS = 600.0  # the field at a grain, in an update of the magnetic forces
+SOLVE_S = {"cholmod": 4.5e-6, "superlu": 2.2e-5}  # an unknown of the field in the section, and solve
+SOLID_SOLVE_S = 1e-4  # an unknown of the field in 3D, and solve
+WINDOW_S, FRAME_S, FRAME_GRAIN_S, PICTURES_S = 1e-3, 0.03, 4e-5, 2.0  # a row of the history, a snapshot, all pictures
+START_S, PACKING_S = 2.0, 2e-4  # imports and reading the scene; a grain
+CURRENT_STEP = 0.01  # of the largest current: a change that calls for a solve
+OFF = 0.01  # of the largest current: less magnetises no grains
 
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """Cost of a run on a machine with a number of threads.
+    """Estimated cost of a run on this machine, with a number of threads.
 
     Attributes
     ----------
-    time : ndarray, shape (k,)
-        Instants of the run [s], from 0 to its end.
-    spent : dict of str to ndarray, shape (k,)
-        Wall-clock seconds that `field`, `magnetic` and `contact` will have taken by then.
+    loop : dict of str to float
+        Wall-clock seconds of `field`, `magnetic` and `contact` to the end, of one round of replicas.
     once : dict of str to float
-        Wall-clock seconds of `start` and `output`.
+        Those of `start` and `output`.
+    end : float
+        Simulated time [s].
     memory, disk : float
         [MiB], at most and in the end; of one replica.
     steps, grains, threads : int
         Of one replica.
     replicas : int
-        Runs side by side.
-    machine : MachineSpeed
+        Runs at a time.
     rounds : int
         How often so many run, one after another.
     """
 
-    time: np.ndarray
-    spent: dict[str, np.ndarray]
+    loop: dict[str, float]
     once: dict[str, float]
+    end: float
     memory: float
     disk: float
     steps: int
     grains: int
     threads: int
     replicas: int
-    machine: MachineSpeed
     rounds: int = 1
 
     @property
     def seconds(self) -> dict[str, float]:
         """Wall-clock seconds of each part over all rounds, and their `total`."""
-        parts = {part: self.rounds * float(course[-1]) for part, course in self.spent.items()}
-        parts |= {part: self.rounds * seconds for part, seconds in self.once.items()}
+        parts = {part: self.rounds * seconds for part, seconds in (self.loop | self.once).items()}
         return parts | {"total": sum(parts.values())}
 
-    @property
-    def gain(self) -> float:
-        """Number of times as fast the threads make the loops over grains."""
-        return gain(self.machine, self.grains, self.threads)
-
-    def until(self, time: float) -> dict[str, float]:
-        """Wall-clock seconds of the loop's parts until `time` [s], of one round."""
-        return {part: float(np.interp(time, self.time, course)) for part, course in self.spent.items()}
+    def until(self, time: float) -> float:
+        """Wall-clock seconds of the loop until `time` [s], of one round."""
+        return sum(self.loop.values()) * time / self.end
 
     def in_words(self) -> str:
         """One line: time by part, memory, disk, and what stands against them."""
@@ -97,98 +89,75 @@ class Cost:
         parts = ", ".join(f"{part} {spoken(value)}" for part, value in seconds.items() if part != "total")
         threads = "one thread" if self.threads == 1 else f"{self.threads} threads"
         if self.replicas > 1:
-            threads += f" for each of {self.replicas} replicas side by side"
+            threads += f" for each of {self.replicas} replicas at a time"
         if self.rounds > 1:
             threads += f", in {self.rounds} rounds"
         each = " each" if self.replicas > 1 else ""
         text = (
-            f"{self.steps} steps of {self.grains} grains: about {spoken(seconds['total'])} on {threads} ({parts}; "
-            f"without compiling), {self.memory:.0f} MiB of memory{each}, {self.disk:.0f} MiB on disk; "
-            f"{self.machine.in_words()}"
+            f"{self.steps} steps of {self.grains} grains: about {spoken(seconds['total'])}, within a factor of two, on "
+            f"{threads} of idle cores ({parts}; without compiling), {self.memory:.0f} MiB of memory{each}, "
+            f"{self.disk:.0f} MiB on disk"
         )
         long = "more than a day; are all lengths and times in the units that were meant?"
         return with_warnings(text, shortage(self.replicas * self.memory), long if seconds["total"] > 86400.0 else "")
 
 
-def predict(
-    scene: Scene,
-    device: Device,
-    dt: float,
-    rhythm: tuple[int, int, int],
-    threads: int,
-    machine: MachineSpeed | None = None,
-) -> Cost:
-    """The cost of a planned run on `threads` threads of a machine (None: the one at hand).
+def predict(scene: Scene, device: Device, dt: float, rhythm: tuple[int, int, int], threads: int) -> Cost:
+    """Estimate the cost of a planned run on `threads` threads of this machine.
 
     `dt` is the grains' step [s]; `rhythm` are steps an update, updates a window and windows.
     """
-    machine = machine or machine_speed()
     per_update, updates, windows = rhythm
-    grains, window = device.fill.count, updates * per_update * dt
-    magnetic = device.coil is not None or device.imposed is not None
-    rates = np.empty((INSTANTS, 3))  # seconds a window
-    time = windows * window / INSTANTS * np.arange(INSTANTS + 1)
-    for k, middle in enumerate(0.5 * (time[1:] + time[:-1])):
-        counts = counts_at(scene, device, float(middle), window)
-        rates[k] = (
-            costs.field_seconds(scene, device, counts) * machine.solves,
-            updates * costs.update_seconds(scene, grains, counts) * machine.loops if magnetic else 0.0,
-            updates * (costs.CALL_S + per_update * costs.step_seconds(scene, grains, counts)) * machine.loops,
-        )
-    count = replica_count(scene)
-    replicas = replicas_side_by_side(count, threads)
-    delay = machine.delay(replicas * threads)
-    faster = gain(machine, grains, threads)
-    rates *= delay / np.array([1.0, faster, faster])
-    sums = np.vstack((np.zeros(3), np.cumsum(rates, axis=0))) * windows / INSTANTS
-    spent = {part: sums[:, k] for k, part in enumerate(("field", "magnetic", "contact"))}
-    alone = machine.delay(replicas)
-    once = {
-        "start": costs.start_seconds(scene, device) * machine.solves * alone,
-        "output": costs.output_seconds(scene, grains, windows) * machine.loops * alone,
+    grains, steps = device.fill.count, per_update * updates * windows
+    times = steps * dt * np.linspace(0.0, 1.0, 65)
+    drive = relative_drive(device, times)
+    on = float((drive > OFF).mean())  # share of the run in which grains are magnetised
+    update = 1e-9 * grains * update_ns(scene, device) if on > 0.0 else 0.0
+    solves = min(windows, float(np.abs(np.diff(drive)).sum()) / CURRENT_STEP if device.coil is not None else 0.0)
+    solves = max(solves, on * windows * max((one.window_solves for one in scene.effects.present), default=0.0))
+    slow, count = slowness(), replica_count(scene)
+    gain = sqrt(min(threads, cores_at_hand())) if grains >= WORTH_SHARING else 1.0
+    loop = {
+        "field": slow * solves * (solve_seconds(device) + update),
+        "magnetic": slow * on * updates * windows * update / gain,
+        "contact": slow * steps * 1e-9 * grains * step_ns(scene) / gain,
     }
-    steps = windows * updates * per_update
-    return Cost(
-        time,
-        spent,
-        once,
-        memory(scene, device, windows),
-        disk(scene, device, windows),
-        steps,
-        grains,
-        threads,
-        replicas,
-        machine,
-        -(-count // replicas),
-    )
+    output, replicas = scene.output, replicas_side_by_side(count, threads)
+    frames = output.snapshots * (FRAME_S + FRAME_GRAIN_S * grains) if output.formats else 0.0
+    once = {
+        "start": slow * (START_S + 2.0 * solve_seconds(device) + PACKING_S * grains),
+        "output": slow * (WINDOW_S * windows + frames + PICTURES_S * output.pictures),
+    }
+    room = memory(scene, device, windows), disk(scene, device, windows)
+    return Cost(loop, once, steps * dt, *room, steps, grains, threads, replicas, -(-count // replicas))
 
 
-def gain(machine: MachineSpeed, grains: int, threads: int) -> float:
-    """Return the number of times as fast `threads` threads make the loops over so many grains; a few are not shared."""
-    return machine.gain(threads) if grains >= WORTH_SHARING else 1.0
+def step_ns(scene: Scene) -> float:
+    """Processor time of a grain and step [ns]."""
+    effects = scene.effects
+    if scene.contact.method == "dvi":
+        return RIGID_STEP_NS if effects.attraction is None else CHAINED_STEP_NS
+    return STEP_NS + sum(one.step_ns() for one in effects.present)
 
 
-def memory(scene: Scene, device: Device, windows: int) -> float:
-    """Memory [MiB] that a run holds at most, but for compiling; the history is read as a whole in the end."""
-    count = device.fill.count
-    kept = BASE_MIB + PICTURES_MIB * scene.output.pictures
-    used = count * (GRAIN_BYTES + ROW_BYTES * neighbours(scene, device)) + windows * WINDOW_BYTES
-    if device.coil is not None:
-        each = UNKNOWN_BYTES if costs.is_of_revolution(device) else SOLID_UNKNOWN_BYTES
-        kept, used = kept + FIELD_MIB, used + each * device.coil.problem.n_dofs
-    return kept + used / 2**20
+def update_ns(scene: Scene, device: Device) -> float:
+    """Processor time of a grain in an evaluation of the magnetic forces [ns]."""
+    return SAMPLE_NS + sum(one.neighbour_ns * one.neighbours(scene, device) for one in scene.effects.present)
 
 
-def disk(scene: Scene, device: Device, windows: int) -> float:
-    """Disk [MiB] that a run's folder takes in the end."""
-    output, count = scene.output, device.fill.count
-    unknowns = 0 if device.coil is None else device.coil.problem.n_dofs
-    frames = output.snapshots + 1
-    used = frames * count * sum(FRAME_BYTES[kind] for kind in output.formats)
-    used += windows * (HISTORY_BYTES + OBSERVABLES_BYTES * ("hdf5" in output.formats))
-    used += frames * unknowns * FIELD_BYTES * ("vtk" in output.formats)
-    used += (CHECKPOINT_BYTES * count + UNKNOWN_CHECKPOINT_BYTES * unknowns) * output.checkpoint
-    return REST_MIB + used / 2**20
+def solve_seconds(device: Device) -> float:
+    """Processor time of a solve of the coil's field [s]; 0 without a coil."""
+    if device.coil is None:
+        return 0.0
+    each = SOLID_SOLVE_S if device.section_coil is None else SOLVE_S[available_backends()[0]]
+    return each * device.coil.problem.n_dofs
+
+
+def relative_drive(device: Device, times: np.ndarray) -> np.ndarray:
+    """The field's drive at some instants [s] over its largest, 0 to 1."""
+    if device.coil is None or device.coil.largest_current == 0.0:
+        return np.full(len(times), 1.0 if device.imposed is not None else 0.0)
+    return np.abs([device.coil.currents(float(time)) for time in times]) / device.coil.largest_current
 
 
 def spoken(seconds: float) -> str:
