@@ -79,28 +79,19 @@ def view(
 
 
 def report(folder: ResultPath, out: NewFile = None, html: AsHtml = False) -> None:
-    """Write a run as a page of Markdown; with --html a run or a study as one page for a browser, pictures inside."""
+    """Write a run or a study as Markdown; with --html as one page for a browser, pictures inside."""
     with explained():
+        from emclutch.results.report.content import page_of
+        from emclutch.results.report.render import markdown, write_new, write_page
+        from emclutch.simulation.left_out_of_run import left_out_of
+
+        page = page_of(folder, left_out_of)
         if html:
-            from emclutch.results.report.html import write_page
-            from emclutch.simulation.left_out_of_run import left_out_of
-
-            typer.echo(str(write_page(folder, left_out_of, out)))
-            return
-        from emclutch.results import load_result
-        from emclutch.results.report.markdown import report as page_of
-        from emclutch.results.study_folder import is_study
-
-        if is_study(folder):
-            message = f"is missing: the report of a study is a page for a browser: emclutch report {folder} --html"
-            raise SceneError([Fault("--html", "", message)], "command line")
-        text = page_of(load_result(folder), Path.cwd() if out is None else out.parent)
-        if out is None:
-            typer.echo(text)
-            return
-        with open(out, "x", encoding="utf-8") as stream:
-            stream.write(text)
-        typer.echo(str(out))
+            typer.echo(str(write_page(page, out)))
+        elif out is None:
+            typer.echo(markdown(page, Path.cwd()))
+        else:
+            typer.echo(str(write_new(out, markdown(page, out.parent))))
 
 
 def export(folder: ResultPath, to: ExportFormat, out: Out = None) -> None:

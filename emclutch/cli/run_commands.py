@@ -63,7 +63,7 @@ def run(
         if as_json:
             print_json(result.summary)
         else:
-            from emclutch.results.report.markdown import closing_lines
+            from emclutch.results.report.verdict import closing_lines
 
             typer.echo(torque_line(result.summary.get("torque")))
             for line in closing_lines(result):

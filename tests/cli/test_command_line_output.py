@@ -19,7 +19,7 @@ from emclutch.cli.input import assignments, load
 from emclutch.cli.main import app
 from emclutch.cli.output import torque_line
 from emclutch.results import OutputError
-from emclutch.results.report.markdown import closing_lines, soft_grains
+from emclutch.results.report.verdict import closing_lines, soft_grains
 from emclutch.scene.case import load_case
 from emclutch.scene.reference import scene_reference
 from emclutch.simulation.open_folder import remedy_in_scene

@@ -13,7 +13,7 @@ import pytest
 
 import emclutch
 from emclutch.results.checkpoint import read_checkpoint
-from emclutch.results.report.markdown import closing_lines
+from emclutch.results.report.verdict import closing_lines
 from emclutch.scene.case import case_from
 
 ROOT = Path(__file__).resolve().parents[2]

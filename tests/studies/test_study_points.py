@@ -10,7 +10,8 @@ from emclutch.cli.plot import plot_runs
 from emclutch.results import HistoryWriter, OutputError, RunFolder, load_result
 from emclutch.results.checkpoint import write_checkpoint
 from emclutch.results.folder_lock import locked_folder
-from emclutch.results.report.html import study_page
+from emclutch.results.report.content import study_page
+from emclutch.results.report.render import html
 from emclutch.results.study_folder import read_study as read_folder
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.scene.study import read_study
@@ -79,7 +80,7 @@ def test_a_study_whose_first_point_fails_says_so(tmp_path, monkeypatch, runs):
         sweep(study, out=out)
     found = read_folder(out)
     assert len(found.table) == 0 and found.varied == [] and found.points == 2
-    page = study_page(found, lambda result: ())
+    page = html(study_page(found, lambda result: ()))
     assert "0 of 2 points are done" in page and "point-000: the run failed before its first window" in page
     with pytest.raises(OutputError, match="no point of the study"):
         plot_runs([out], out=tmp_path / "picture.png", tell=print)

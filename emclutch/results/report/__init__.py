@@ -1,1 +1,1 @@
-"""A run or a study as a page, its verdict first."""
+"""A run or a study as a page, its verdict first: what it says, and how that is written."""

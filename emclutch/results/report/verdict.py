@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import tomllib
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
@@ -10,17 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from emclutch.results import OutputError, Result
-from emclutch.results.columns import TIME, TORQUE_DISC
+from emclutch.results import Result
+from emclutch.results.columns import DISC_SPEED, ROTOR_SPEED, TIME, TORQUE_DISC
 from emclutch.results.missing_pictures import pictures_are_missing
-from emclutch.results.report.markdown import closing_lines, soft_grains
 from emclutch.results.time_unit import time_in_words
 from emclutch.results.torque_in_words import torque_in_words
+from particles.dem.overlap_limits import SOFT
 
+RPM = 30.0 / math.pi
 CLOSES = 0.01
 """A balance that is off by less, of the torque or of the energy that goes through, says nothing of the results: the
 statistical errors are larger."""
-
 
 ROUGH = 0.1
 """A torque whose 95 % interval reaches further than this share of it is known roughly only."""
@@ -43,20 +43,46 @@ class Statement:
 
 
 def verdict(result: Result) -> list[Statement]:
-    """The statements on a run, finished or not; the torque first."""
+    """Return the statements on a run, finished or not; the torque first, unless the run failed."""
+    torque = list(_torque(result)) if TORQUE_DISC in result.history else []
+    end = list(_end(result))
+    failed = not result.summary and result.folder.read_failure() is not None
+    begin = [*end, *torque] if failed else [*torque, *end]
+    target = [Statement(one.mark, sentence(one.text)) for one in _target(result.summary)]
+    return [*begin, *target, *_balances(result), *_warnings(result.summary), *_gaps(result)]
+
+
+def closing_lines(result: Result) -> list[str]:
+    """Return the last lines of a run: lock-up, target precision, warnings."""
     summary = result.summary
-    found = list(_of_the_end(result, summary))
-    failed = not summary and result.folder.read_failure() is not None
-    if TORQUE_DISC in result.history:
-        place = len(found) if failed else 0  # that it failed comes before the torque until then
-        found[place:place] = _of_the_torque(result, summary)
-    found += _of_the_balances(result, summary)
-    found += [Statement(Mark.POOR, text) for text in _warnings(summary)]
-    return found + list(_of_what_is_missing(result, summary))
+    lines = [*_end_lines(result), *(one.text for one in _target(summary))]
+    if "grain_size_note" in summary:
+        lines.append(summary["grain_size_note"])
+    lines += [f"warning: {text}" for text in (summary.get("solver") or {}).get("warnings", ())]
+    warning = soft_grains(summary)
+    return lines + ([f"warning: {warning}"] if warning else [])
 
 
-def _of_the_torque(result: Result, summary: dict[str, Any]) -> Iterator[Statement]:
-    torque = result.torque
+def soft_grains(summary: dict[str, Any]) -> str:
+    """Return a warning where grains that press in overlapped too much; else empty."""
+    overlap = summary.get("max_overlap") or 0.0
+    # summaries of earlier versions do not say; those of DVI, rigid or not, are known by their solver
+    contact = summary.get("contact") or {"compliant": "solver" not in summary}
+    if not contact["compliant"] or overlap <= SOFT:
+        return ""
+    return (
+        f"the largest overlap is {100 * overlap:.2g} % of the diameter: grains too soft; torque peaks are not to be "
+        "trusted"
+    )
+
+
+def sentence(text: str) -> str:
+    """Return a text with a capital letter and a full stop."""
+    return f"{text[:1].upper()}{text[1:].rstrip('.')}."
+
+
+def _torque(result: Result) -> Iterator[Statement]:
+    torque, until = result.torque, result.summary.get("until")
     half = torque.half_width()
     words = torque_in_words(torque)
     if not torque.converged:
@@ -64,7 +90,7 @@ def _of_the_torque(result: Result, summary: dict[str, Any]) -> Iterator[Statemen
     elif half is None or not torque.mean:
         yield Statement(Mark.POOR, f"The torque on the disc is not known: {words}.")
     else:
-        share, short = half / abs(torque.mean), bool(summary.get("until")) and not summary["until"]["reached"]
+        share, short = half / abs(torque.mean), until is not None and not until["reached"]
         packings = f"of {torque.replicas} packings" if torque.replicas > 1 else "of one packing"
         yield Statement(
             Mark.POOR if short or share >= 1.0 else Mark.NOTE if share > ROUGH else Mark.GOOD,
@@ -72,36 +98,54 @@ def _of_the_torque(result: Result, summary: dict[str, Any]) -> Iterator[Statemen
         )
     if torque.replicas == 1:
         yield Statement(Mark.POOR, "One packing ran: what packings differ by is not in the error.")
-    until = summary.get("until")
-    if until and not until["reached"]:
-        reason = f": {until['reason']}" if until["reason"] != torque.reason else ""
-        yield Statement(Mark.POOR, f"The target precision is not reached ({until['asked']}){reason}.")
-    elif until:
-        yield Statement(Mark.GOOD, f"The target precision is reached ({until['asked']}).")
 
 
-def _of_the_end(result: Result, summary: dict[str, Any]) -> Iterator[Statement]:
-    if not summary and (failed := result.folder.read_failure()) is not None:
-        text = failed.in_words()
-        yield Statement(Mark.POOR, f"{text[:1].upper()}{text[1:]}.")
-    elif not summary:
+def _end(result: Result) -> Iterator[Statement]:
+    if result.summary:
+        yield from (Statement(Mark.NOTE, sentence(line)) for line in _end_lines(result))
+    elif (failed := result.folder.read_failure()) is not None:
+        yield Statement(Mark.POOR, sentence(failed.in_words()))
+    else:
         reached = time_in_words(float(result.history[TIME].iloc[-1]))
         how = f"go on with: emclutch run {result.folder.path} --resume"
         yield Statement(Mark.POOR, f"The run is not finished: it has come to {reached}; {how}")
-    elif "lock_up_time" in summary:
-        yield Statement(Mark.NOTE, f"{closing_lines(result)[0].capitalize()}.")
 
 
-def _of_the_balances(result: Result, summary: dict[str, Any]) -> Iterator[Statement]:
-    history = result.history
-    if summary and TORQUE_DISC in history:
+def _end_lines(result: Result) -> Iterator[str]:
+    """Say what ended a run early, and whether its output is locked."""
+    summary = result.summary
+    if "stopped" in summary:
+        yield f"stopped {summary['stopped']}"
+    if "lock_up_time" in summary:
+        history = result.history
+        rotor, disc = (abs(float(history[name].iloc[-1])) * RPM for name in (ROTOR_SPEED, DISC_SPEED))
+        if summary["lock_up_time"] is not None:
+            yield f"output locked at {summary['lock_up_time']:.4g} s, at {disc:.4g} rpm at the end"
+        else:
+            yield f"output not locked: {disc:.4g} rpm at the end, the motor {rotor:.4g} rpm"
+
+
+def _target(summary: dict[str, Any]) -> Iterator[Statement]:
+    if not (until := summary.get("until")):
+        return
+    if until["reached"]:
+        yield Statement(Mark.GOOD, f"target precision reached ({until['asked']}) at t = {summary['time']:.4g} s")
+    else:
+        reason = f": {until['reason']}" if until["reason"] != summary["torque"]["reason"] else ""
+        yield Statement(Mark.POOR, f"target precision not reached ({until['asked']}){reason}")
+
+
+def _balances(result: Result) -> Iterator[Statement]:
+    history, summary = result.history, result.summary
+    if not summary:
+        return
+    if TORQUE_DISC in history:
         scale = float(np.sqrt((history[TORQUE_DISC] ** 2).mean()))
-        yield _closes("torques", summary["torque_residual_rms"] / scale if scale else None, "of the torque")
-    if summary:
-        yield _closes("energies", summary["energy_residual_relative"], "of the energy that goes through")
+        yield _balance("torques", summary["torque_residual_rms"] / scale if scale else None, "of the torque")
+    yield _balance("energies", summary["energy_residual_relative"], "of the energy that goes through")
 
 
-def _closes(what: str, share: float | None, of: str) -> Statement:
+def _balance(what: str, share: float | None, of: str) -> Statement:
     if share is None:
         return Statement(Mark.NOTE, f"The balance of {what} has nothing to compare with: nothing moves or resists.")
     size = f"{100.0 * abs(share):.1g} % {of}"
@@ -110,17 +154,17 @@ def _closes(what: str, share: float | None, of: str) -> Statement:
     return Statement(Mark.POOR, f"The balance of {what} does not close: it is off by {size}.")
 
 
-def _warnings(summary: dict[str, Any]) -> Iterator[str]:
-    if summary and (soft := soft_grains(summary)):
-        yield f"{soft[:1].upper()}{soft[1:]}."
-    for part in ("solver", "moments"):
-        for text in (summary.get(part) or {}).get("warnings", ()):
-            yield f"{text[:1].upper()}{text[1:]}."
+def _warnings(summary: dict[str, Any]) -> Iterator[Statement]:
+    texts = [soft_grains(summary)] if summary else []
+    texts += [text for part in ("solver", "moments") for text in (summary.get(part) or {}).get("warnings", ())]
+    yield from (Statement(Mark.POOR, sentence(text)) for text in texts if text)
 
 
-def _of_what_is_missing(result: Result, summary: dict[str, Any]) -> Iterator[Statement]:
+def _gaps(result: Result) -> Iterator[Statement]:
+    """Say what the numbers do not hold."""
+    summary = result.summary
     if note := summary.get("grain_size_note"):
-        yield Statement(Mark.NOTE, f"{note[:1].upper()}{note[1:]}.")
+        yield Statement(Mark.NOTE, sentence(note))
     if errors := summary.get("field_error_estimate"):
         worst = max(errors, key=lambda name: abs(errors[name]))
         yield Statement(
@@ -133,14 +177,3 @@ def _of_what_is_missing(result: Result, summary: dict[str, Any]) -> Iterator[Sta
         )
     if pictures_are_missing(result.folder):
         yield Statement(Mark.POOR, f"Its pictures are missing; draw them with: emclutch plot {result.folder.path}")
-
-
-def effects_of(result: Result) -> list[str]:
-    """Names of the effects that a run has, by its summary; of one without, by its scene."""
-    summary = result.summary
-    if "effects" in summary:
-        return list(summary["effects"])
-    try:
-        return list(tomllib.loads(result.folder.read_case()).get("effects", {}))
-    except OutputError:  # a folder that lost its scene has a history all the same
-        return []

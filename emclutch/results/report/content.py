@@ -1,0 +1,452 @@
+"""Content of a report on a run or a study: a list of sections, which `render` writes as HTML or as Markdown."""
+
+from __future__ import annotations
+
+import itertools
+import tempfile
+import tomllib
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+from emclutch.effects import EffectsSection
+from emclutch.effects.left_out import ALWAYS, OFF, LeftOut
+from emclutch.results import COLUMNS, OutputError, Result, RunFolder, load_result
+from emclutch.results.columns import DISSIPATED, ENERGY_RESIDUAL, TORQUE_DISC, WORK_HELD, WORK_MAGNETIC, WORK_WALLS
+from emclutch.results.grain_profiles import profile_column, read_profiles
+from emclutch.results.replicated_mean import drift_in_words
+from emclutch.results.report.verdict import Mark, Statement, sentence, verdict
+from emclutch.results.study_folder import StudyFolder, is_study, read_study, refresh_in_words
+from emclutch.results.time_unit import time_in_words
+from emclutch.results.torque_in_words import torque_in_words
+
+LeftOutOf = Callable[[Result], Sequence[LeftOut]]
+"""What the scene of a run leaves out, see `emclutch.simulation.left_out_of_run`."""
+
+PICTURES = {
+    "section.png": "flux density and flux lines in the cross-section",
+    "gap.png": "radial flux density in the middle of the gap, unrolled",
+    "torque.png": "torque against time",
+    "speeds.png": "speeds of the shafts against time",
+    "grains.png": "grains and the forces between them",
+    "profiles.png": "flow and stress across the gap",
+}
+"""Pictures that a run may have, and what they show."""
+STUDY_PICTURES = {
+    "torque_vs_current.png": "torque against the coil's current",
+    "torque_vs_speed.png": "torque against the motor's speed",
+    "speeds.png": "speeds of the shafts against time",
+}
+PARTS = ("start", "field", "magnetic", "contact", "output", "compiling", "total")
+ENERGIES = ("coil_supplied", WORK_WALLS, WORK_MAGNETIC, WORK_HELD, "work_gravity", DISSIPATED, ENERGY_RESIDUAL)
+NUMBERS = (
+    ("current", "current at the end", "A"),
+    ("turns", "turns of the coil", ""),
+    ("gap_flux_density", "mean flux density under the poles", "T"),
+    ("flux_linkage", "flux linkage", "Wb"),
+    ("lock_up_time", "lock-up time", "s"),
+    ("current_rise_time", "current's rise to 63 % of its final value", "s"),
+    ("gap_flux_density_rise_time", "gap field's rise to 63 % of its final value", "s"),
+    ("torque_rise_time", "torque's rise to 63 % of its final value", "s"),
+    ("torque_rise_time_90", "torque's rise to 90 % of its final value", "s"),
+    ("torque_lag", "torque's rise over the current's, 63 % (class: 1.7 to 4)", ""),
+    ("inertial_number", "inertial number (upper bound)", ""),
+    ("grains", "grains simulated", ""),
+    ("sectors", "sectors in the ring", ""),
+    ("dt", "step of the grains", "s"),
+    ("time", "simulated time", "s"),
+    ("max_overlap", "largest overlap over diameter, at any time", ""),
+    ("typical_overlap", "the same, median over the windows of the second half", ""),
+    ("torque_residual_rms", "torque balance, RMS of what is left", "N m"),
+    ("energy_residual_relative", "energy balance, what is left over throughput", ""),
+)
+"""Of a summary: key, label and unit."""
+STRUCTURE = {
+    "coordination": "contacts a grain, walls included",
+    "rattlers": "share of grains with fewer than two contacts",
+    "fabric_anisotropy": "anisotropy of the contacts' directions (0 none, 1 all parallel)",
+    "force_anisotropy": "the same, weighed by normal force",
+    "in_chains": "share of grains in force chains",
+    "longest_chain": "grains in the longest force chain",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Rows of cells under a head; without one the first cell is the label of the row.
+
+    `numbers` are the columns to be aligned to the right. A block with a text in `folded` opens on demand under it.
+    """
+
+    rows: Sequence[Sequence[str]]
+    head: Sequence[str] = ()
+    numbers: Sequence[int] = ()
+    folded: str = ""
+    kind: ClassVar[str] = "table"
+
+
+@dataclass(frozen=True, slots=True)
+class Statements:
+    """Lines of a verdict."""
+
+    lines: Sequence[Statement]
+    folded: str = ""
+    kind: ClassVar[str] = "statements"
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """Text that is shown as it is."""
+
+    text: str
+    folded: str = ""
+    kind: ClassVar[str] = "text"
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A picture in the folder, or one that `draw` writes for a page that has its pictures inside."""
+
+    what: str
+    path: Path | None = None
+    draw: Callable[[Path], Path] | None = None
+    folded: ClassVar[str] = ""
+    kind: ClassVar[str] = "picture"
+
+    def png(self) -> bytes:
+        """Return the picture's bytes."""
+        if self.path is not None:
+            return self.path.read_bytes()
+        assert self.draw is not None
+        with tempfile.TemporaryDirectory() as place:
+            return self.draw(Path(place) / "picture.png").read_bytes()
+
+
+Block = Table | Statements | Text | Picture
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """Title, a line under it, the torque, and sections of blocks by their headings; empty ones are left out."""
+
+    folder: Path
+    title: str
+    under: str
+    sections: dict[str, list[Block]]
+
+
+def page_of(folder: Path, left_out_of: LeftOutOf) -> Page:
+    """Return the page of the run or the study in a folder; OutputError where there is neither."""
+    if is_study(folder):
+        return study_page(read_study(folder), left_out_of)
+    return run_page(load_result(folder), left_out_of)
+
+
+def run_page(result: Result, left_out_of: LeftOutOf) -> Page:
+    """Return the page of a run, finished or not."""
+    folder, summary = result.folder, result.summary
+    on, left_out = effects_of(result), left_out_of(result)
+    columns = [(name, COLUMNS[name].unit, COLUMNS[name].meaning) for name in result.history.columns]
+    name = folder.path.resolve().name
+    return Page(
+        folder.path,
+        summary.get("title") or name,
+        f"run {name}",
+        {
+            "Verdict": [Statements([*verdict(result), *_that_matter(left_out, on)])],
+            "Scene": _scene(folder),
+            "Effects, on and off": [_effects(on, left_out)],
+            "Pictures": _pictures(result),
+            "Torque with its errors": _rows(_torques(result)),
+            "Balances": _rows(_balances(result)),
+            "Numbers": _rows(_numbers(summary)),
+            "Cost, predicted and measured": _cost([summary]),
+            "Provenance": _rows(_flat(folder.read_provenance())),
+            "Files": [
+                _columns("history.csv", columns),
+                *_profile_columns(folder.path),
+            ],
+        },
+    )
+
+
+def study_page(study: StudyFolder, left_out_of: LeftOutOf) -> Page:
+    """Return the page of a study: the points that are done."""
+    results = study.results()
+    verdicts = {label: verdict(result) for label, result in results.items()}
+    torques = {label: _torque(result) for label, result in results.items()}
+    on = {label: effects_of(result) for label, result in results.items()}
+    first = next(iter(results.values()), None)
+    left_out = () if first is None else left_out_of(first)
+    over = f", over {', '.join(study.varied)}" if study.varied else ""
+    statements = [
+        *_progress(study, results),
+        *_on_points(verdicts),
+        *_that_matter(left_out, next(iter(on.values()), ()), "first point, "),
+    ]
+    points = [
+        [
+            str(row["folder"]), *(str(row[key]) for key in study.varied), torques[label] or "none",
+            "yes" if result.torque.converged else "NO", time_in_words(row["seconds"]),
+        ]
+        for (label, result), (_, row) in zip(results.items(), study.table.iterrows(), strict=True)
+    ]  # fmt: skip
+    compared = study.path / "methods.txt"
+    head = ("point", *study.varied, "torque on the disc", "converged", "took")
+    return Page(
+        study.path,
+        study.title,
+        f"study {study.path.resolve().name}{over}",
+        {
+            "Verdict": [Statements(statements)],
+            "Points": [Table(points, head, numbers=[len(head) - 1])] if points else [],
+            "Pictures": _study_pictures(study.path, results),
+            "Methods": [Text(compared.read_text(encoding="utf-8"))] if compared.is_file() else [],
+            "Verdict on each point": [
+                Statements(said, folded=f"{label}: {torques[label] or 'no torque'}") for label, said in verdicts.items()
+            ],
+            "Effects, on and off": [_effects(list(itertools.chain(*on.values())), left_out)] if on else [],
+            "Effects that are not on at all points": _rows(
+                [
+                    (name, f"on at {'; '.join(label for label in on if name in on[label])}")
+                    for name in EffectsSection.names()
+                    if 0 < sum(name in each for each in on.values()) < len(on)
+                ]
+            ),
+            "Cost of all points, predicted and measured": _cost([result.summary for result in results.values()]),
+            "Scene of the first point": [] if first is None else _scene(first.folder),
+            "Provenance of the first point": [] if first is None else _rows(_flat(first.folder.read_provenance())),
+        },
+    )
+
+
+def effects_of(result: Result) -> list[str]:
+    """Return names of the effects that a run has, by its summary; of one without, by its scene."""
+    if "effects" in result.summary:
+        return list(result.summary["effects"])
+    try:
+        return list(tomllib.loads(result.folder.read_case()).get("effects", {}))
+    except OutputError:  # a folder that lost its scene has a history all the same
+        return []
+
+
+def _rows(rows: Sequence[Sequence[str]]) -> list[Block]:
+    return [Table(rows)] if rows else []
+
+
+def _torque(result: Result) -> str:
+    return torque_in_words(result.torque) if TORQUE_DISC in result.history else ""
+
+
+def _scene(folder: RunFolder) -> list[Block]:
+    """Return the plan of a run and its scene."""
+    case = folder.read_case() if folder.case.is_file() else ""
+    text = [Text(case, "the scene as resolved, in SI units (case.toml)")] if case else []
+    return [*_rows([*folder.read_plan().get("decisions", {}).items()]), *text]
+
+
+def _that_matter(left_out: Sequence[LeftOut], on: Sequence[str], where: str = "") -> list[Statement]:
+    return [
+        Statement(
+            Mark.POOR,
+            f"Left out, although it may matter ({where}{line.in_words()}): {line.effect.replace('_', ' ')}.",
+        )
+        for line in left_out
+        if line.matters and line.where != ALWAYS and line.effect not in on
+    ]
+
+
+def _progress(study: StudyFolder, results: dict[str, Result]) -> list[Statement]:
+    """Say how far a study has come, and what went wrong."""
+    done = len(results)
+    known = sum(bool(result.torque.converged) for result in results.values() if TORQUE_DISC in result.history)
+    lines = [
+        Statement(Mark.GOOD, f"All {done} points are done.")
+        if study.points is None or study.points <= done
+        else Statement(Mark.POOR, f"{done} of {study.points} points are done.")
+    ]
+    if done:
+        worst = _widest(results.values())
+        precision = f"; half of the widest 95 % interval is {worst} of its torque" if worst else ""
+        text = f"The torque is converged at {known} of {done} points{precision}."
+        lines.append(Statement(Mark.GOOD if known == done else Mark.POOR, text))
+    if outdated := refresh_in_words(study):
+        lines.append(Statement(Mark.POOR, sentence(outdated)))
+    return lines + [Statement(Mark.POOR, f"{name}: {one.in_words()}.") for name, one in study.failures().items()]
+
+
+def _on_points(verdicts: dict[str, list[Statement]]) -> list[Statement]:
+    """Return what speaks against points, each text once, with the points that it is said of."""
+    of: dict[str, list[str]] = {}
+    for label, statements in verdicts.items():
+        for one in statements:
+            if one.mark is Mark.POOR:
+                of.setdefault(one.text, []).append(label)
+    every = len(verdicts)
+    return [
+        Statement(Mark.POOR, f"{'all points' if len(labels) == every > 1 else '; '.join(labels)}: {text}")
+        for text, labels in of.items()
+    ]
+
+
+def _effects(on: Sequence[str], left_out: Sequence[LeftOut]) -> Table:
+    """Return every effect of this version, and what no scene can have: on or off, and whether its absence matters."""
+    of = {line.effect: line for line in left_out}
+    rows = []
+    for name in dict.fromkeys([*EffectsSection.names(), *of]):
+        field, line = EffectsSection.model_fields.get(name), None if name in on else of.get(name)
+        state = "on" if name in on else OFF if line is None else line.where
+        what = "" if field is None else str(field.description)
+        matters = ("", "") if line is None else (line.verdict, line.in_words())
+        rows.append((name.replace("_", " "), state, what, *matters))
+    return Table(rows, ("effect", "", "what it is", "would matter", "by this number (from there on)"))
+
+
+def _pictures(result: Result) -> list[Block]:
+    """Return the pictures in the folder of a run, and its torque where it has drawn none."""
+    found = _in_folder(result.folder.path, PICTURES)
+    if TORQUE_DISC not in result.history or result.folder.torque_picture.is_file():
+        return found
+
+    def draw(path: Path) -> Path:
+        from emclutch.results.pictures.torque import torque_picture
+
+        return torque_picture(path, result.history, result.torque, result.other_histories)
+
+    return [*found, Picture(PICTURES["torque.png"], draw=draw)]
+
+
+def _study_pictures(folder: Path, results: dict[str, Result]) -> list[Block]:
+    """Return the pictures in the folder of a study, and the torques of its points over one another."""
+    found = _in_folder(folder, STUDY_PICTURES)
+    if not results or not all(TORQUE_DISC in result.history for result in results.values()):
+        return found
+
+    def draw(path: Path) -> Path:
+        from emclutch.results.pictures.torque_overlay import torque_overlay_picture
+
+        return torque_overlay_picture(path, results)
+
+    return [*found, Picture("torques of the points against time", draw=draw)]
+
+
+def _in_folder(folder: Path, names: dict[str, str]) -> list[Block]:
+    return [Picture(what, folder / name) for name, what in names.items() if (folder / name).is_file()]
+
+
+def _torques(result: Result) -> list[tuple[str, str]]:
+    if TORQUE_DISC not in result.history:
+        return []
+    torque, summary = result.torque, result.summary
+    rows = [("torque on the disc", torque_in_words(torque)), ("packings", str(torque.replicas))]
+    if torque.drift is not None:
+        rows.append(("drift over the averaged stretch", drift_in_words(torque)))
+    if torque.start is not None:
+        rows.append(("steady part begins at", time_in_words(torque.start)))
+    if torque.correlation_time is not None:
+        rows.append(("correlation time", time_in_words(torque.correlation_time)))
+    rows.append(("verdict", torque.reason))
+    replicas = summary.get("replicas") or {}
+    rows += [
+        (f"mean of packing {number} (seed {seed})", "none" if mean is None else f"{mean:.5g} N m")
+        for number, (seed, mean) in enumerate(zip(replicas.get("seeds", []), replicas.get("means", []), strict=True))
+    ]
+    for key, label in (("torque_rotor", "on the rotor"), ("torque_field", "taken by the field")):
+        if summary.get(key, {}).get("mean") is not None:
+            rows.append((f"torque {label}", f"{summary[key]['mean']:.5g} N m"))
+    return rows
+
+
+def _balances(result: Result) -> list[tuple[str, str]]:
+    """Return each balance and residual with what it is compared with; energies are sums over the run."""
+    summary, history = result.summary, result.history
+    rows = [
+        (f"energy: {name.replace('_', ' ')}", f"{history[name].sum():.4g} J") for name in ENERGIES if name in history
+    ]
+    rows += [
+        (f"energy: change of {name.replace('_', ' ')}", f"{history[name].iloc[-1] - history[name].iloc[0]:.4g} J")
+        for name in ("kinetic_energy", "elastic_energy")
+        if name in history
+    ]
+    for part, label in (("feedback", "moments in the field's solve"), ("moments", "moments of the grains")):
+        if found := summary.get(part):
+            rows.append((label, f"residual {found['worst_residual']:.2g} at worst, tolerance {found['tolerance']:.2g}"))
+    if found := summary.get("solver"):
+        text = (
+            f"{found['worst_residual']:.2g} m/s off the law of contact at worst, tolerance {found['tolerance']:.2g} m/s"
+        )
+        rows.append(("rigid contacts", f"{text}; {100.0 * found['missed_share']:.2g} % of the steps missed it"))
+    return rows
+
+
+def _numbers(summary: dict[str, Any]) -> list[tuple[str, str]]:
+    """Return rows of device, course and numerics of a summary: label and value with its unit."""
+    rows = [
+        (label, f"{summary[key]:.5g} {unit}".strip()) for key, label, unit in NUMBERS if summary.get(key) is not None
+    ]
+    rows += [
+        (f"at the end: {label}", f"{summary['structure'][key]:.3g}")
+        for key, label in STRUCTURE.items()
+        if summary.get("structure", {}).get(key) is not None  # a summary of an earlier version has none
+    ]
+    for key, label in (("current", "current"), ("gap_flux_density", "gap field")):
+        if note := summary.get(f"{key}_rise_time_note"):
+            rows.append((f"{label}'s rise", f"not over: {note}"))
+    errors = summary.get("field_error_estimate") or {}
+    return rows + [(f"estimated relative error of the field: {goal}", f"{error:.2g}") for goal, error in errors.items()]
+
+
+def _cost(summaries: Sequence[dict[str, Any]]) -> list[Block]:
+    """Return predicted and measured wall-clock seconds by part, summed over runs, and measured over predicted."""
+    seconds = [summary["seconds"] for summary in summaries if summary]
+    rows = []
+    for part in PARTS:
+        predicted = [one["predicted"][part] for one in seconds if part in one.get("predicted", {})]
+        measured = [one.get("whole_run" if part == "total" else part) for one in seconds]
+        found = [value for value in measured if value is not None]
+        if any(predicted) or any(found):
+            rows.append(
+                (
+                    part,
+                    f"{sum(predicted):.1f} s" if predicted else "not predicted",
+                    f"{sum(found):.1f} s" if found else "not measured by itself",
+                    f"{sum(found) / sum(predicted):.2g}" if found and sum(predicted) > 0.0 else "",
+                )
+            )
+    return [Table(rows, ("part", "predicted", "measured", "measured over predicted"), (1, 2, 3))] if rows else []
+
+
+def _widest(results: Iterable[Result]) -> str:
+    """Return half the widest 95 % interval, relative to its torque; empty where one is unknown."""
+    shares = []
+    for result in results:
+        torque = result.torque if TORQUE_DISC in result.history else None
+        half = None if torque is None else torque.half_width()
+        if torque is None or half is None or not torque.mean:
+            return ""
+        shares.append(half / abs(torque.mean))
+    return f"{100.0 * max(shares):.2g} %" if shares else ""
+
+
+def _flat(values: Any, prefix: str = "") -> list[tuple[str, str]]:
+    """Return nested values as rows: keys joined by a point, each value as text; what is None or empty is left out."""
+    if isinstance(values, dict):
+        return [row for key, value in values.items() for row in _flat(value, f"{prefix}.{key}" if prefix else str(key))]
+    if isinstance(values, list) and values and isinstance(values[0], dict):
+        return [row for number, value in enumerate(values) for row in _flat(value, f"{prefix}[{number}]")]
+    if values is None or values == []:
+        return []
+    return [(prefix, " ".join(map(str, values)) if isinstance(values, list) else str(values))]
+
+
+def _columns(file: str, columns: Sequence[tuple[str, str, str]]) -> Table:
+    return Table(columns, ("column", "unit", "meaning"), folded=f"columns of {file}")
+
+
+def _profile_columns(folder: Path) -> list[Block]:
+    path = folder / "profiles.csv"
+    if not path.is_file():
+        return []
+    names = dict.fromkeys(name for table in read_profiles(path).values() for name in table)
+    return [_columns(path.name, [(name, *profile_column(name)) for name in names])]
