@@ -64,7 +64,7 @@ class CircuitCoilField(SolvedCoilField):
             self.circuit = CircuitState(time, self.turns * solution.flux_linkage_per_turn, current)
             self._began = time
         else:
-            self.circuit = self.coil.advanced(self.circuit, time, self.voltage, self.voltage.times)
+            self.circuit = self.coil.advance(self.circuit, time, self.voltage, self.voltage.times)
             linkage = self.circuit.linkage
             self.largest_linkage = max(self.largest_linkage, abs(linkage))
             # where iron opens or closes, the one runs away while the line says that the other hardly moves
@@ -95,7 +95,7 @@ class CircuitCoilField(SolvedCoilField):
         assert self.circuit is not None and self.coil is not None, "refresh(time) comes first"
         if time <= self.circuit.time:
             return self.circuit
-        return self.coil.advanced(self.circuit, time, self.voltage, self.voltage.times)
+        return self.coil.advance(self.circuit, time, self.voltage, self.voltage.times)
 
     def current(self, time: float) -> float:
         """Return the current [A] at `time` [s] from the present circuit; of times after the last `refresh`."""

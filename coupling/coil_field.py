@@ -90,7 +90,7 @@ class SolvedCoilField(ABC):
         """
 
     def is_stale(self, current: float) -> bool:
-        """Return whether a current [A] or the grains call for a new solve; notes the largest current and the change."""
+        """True if a current [A] or the grains call for a new solve; notes the largest current and the change."""
         self.largest_current = max(self.largest_current, abs(current))
         stale = self.solution is None
         if not stale and abs(current - self.solved_current) > self.current_tolerance * self.largest_current:
@@ -112,17 +112,17 @@ class SolvedCoilField(ABC):
             self.sampler = field_sampler(solution, "powder")
 
     def _powder(self, current: float) -> PowderState | None:
-        """Return what the next solve takes of the powder."""
+        """State of the powder for the next solve."""
         if self.feedback is None:
             return None
         return self.feedback.state(self.solution if current != 0.0 else None)
 
     def window_part(self, time: float) -> CoilRow:
-        """Return what a window that ends at `time` [s] says of the coil."""
+        """Row of the coil for a window that ends at `time` [s]."""
         return CoilRow(self.current(time))
 
     def state(self) -> dict[str, Any] | None:
-        """Return what a bit-exact continuation needs; None before the first solve."""
+        """State for a bit-exact continuation; None before the first solve."""
         if self.solution is None:
             return None
         saved = {

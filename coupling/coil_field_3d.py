@@ -102,11 +102,11 @@ class CoilField3D:
         self.sampler = TurningSampler(solution.sampler("powder"), self.carrier)
 
     def window_part(self, time: float) -> CoilRow:
-        """Return what a window that ends at `time` [s] says of the coil."""
+        """Row of the coil for a window that ends at `time` [s]."""
         return CoilRow(self.currents(time))
 
     def state(self) -> dict[str, Any] | None:
-        """Return what a bit-exact continuation needs; None before the first solve."""
+        """State for a bit-exact continuation; None before the first solve."""
         if self.solution is None:
             return None
         return {

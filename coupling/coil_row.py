@@ -1,4 +1,4 @@
-"""What the history says of a coil in a window; each kind of source has its own."""
+"""Rows of the history for a coil in a window; each kind of source has its own."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class CircuitRow(CoilRow):
 
 @dataclass(frozen=True, slots=True)
 class EddyRow(CoilRow):
-    """A coil beside conductors; energies of the field's step [J].
+    """A coil near conductors; energies of the field's step [J].
 
     Attributes
     ----------

@@ -34,16 +34,16 @@ class FieldSource(Protocol):
 
     @property
     def feedback(self) -> PowderFeedback | None:
-        """Return what gives the grains' moments to the field; None where it does not see the grains."""
+        """Object that adds the grains' moments to the field; None where the field does not see them."""
 
     def refresh(self, time: float) -> bool:
         """Bring the field to the time [s] and to the grains; True when it is new."""
 
     def window_part(self, time: float) -> CoilRow | None:
-        """Return what a window that ends at `time` [s] says of the coil; None without one."""
+        """Row of the coil for a window that ends at `time` [s]; None without one."""
 
     def state(self) -> dict[str, Any] | None:
-        """Return what a bit-exact continuation needs; None where that is nothing."""
+        """State for a bit-exact continuation; None where there is none."""
 
     def restore(self, saved: dict[str, Any]) -> None:
         """Take up the state of a checkpoint."""

@@ -163,7 +163,7 @@ class MutualMoments:
         start : (n, 3) float64, optional
             Moments to begin with [A m^2]; default: those of lone spheres.
         tolerance : float
-            Residual that is asked for; 0: go on for `most_sweeps`.
+            Residual that is asked for; 0: continue for `most_sweeps`.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""What a coupling window came to: one typed object, whole device, SI units.
+"""Results of a coupling window: one typed object, whole device, SI units.
 
 The loop's budgets make it, source and grains add what they know of the field and the moments, and whatever measures the
 device adds its quantities (`coupling.staggered`); callbacks get it complete.
@@ -34,7 +34,7 @@ class BodyRow:
 
     @property
     def torque(self) -> float:
-        """All of it [N m]."""
+        """Total torque [N m]."""
         return sum((self.normal, self.damping, self.tangential)) + (self.field or 0.0)
 
 
@@ -68,7 +68,7 @@ class EnergyRow:
 
     @property
     def residual(self) -> float:
-        """Return what the balance leaves: the error of the grains' step."""
+        """Residual of the balance: the error of the grains' step."""
         work = self.work_walls + (self.work_held or 0.0) + (self.work_gravity or 0.0)
         return work - self.dissipated - self.stored
 
@@ -86,7 +86,7 @@ class SolverRow:
     missed_steps : int
         Steps that missed the tolerance.
     warm_hits : float
-        Share of the loaded contacts that began from the impulse of the step before.
+        Fraction of the loaded contacts that began from the impulse of the step before.
     stabilisation_work : float
         Of the held forces on displacements that removed overlap [J].
     """

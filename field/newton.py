@@ -91,7 +91,7 @@ def _secant_steps(
 ) -> tuple[np.ndarray, np.ndarray, list[float]]:
     """Steps with the matrix that was factorised last, corrected by what each step taught of the curvature (BFGS).
 
-    They go on while each leaves at most a fifth of the residual: such a step costs that fraction of a Newton step.
+    They continue while each leaves at most a fifth of the residual: such a step costs that fraction of a Newton step.
 
     Source: Matthies and Strang, Int. J. Numer. Methods Eng. 14, 1979; Nocedal and Wright, 2006, algorithm 7.4.
 

@@ -31,7 +31,7 @@ class SquareBox:
 
     @classmethod
     def of_fill(cls, count: int, diameter: float, fill: float) -> SquareBox:
-        """The cube in which ``count`` grains of ``diameter`` [m] take the share ``fill``."""
+        """The cube in which ``count`` grains of ``diameter`` [m] take the fraction ``fill``."""
         edge = diameter * (count * math.pi / 6.0 / fill) ** (1.0 / 3.0)
         return cls((edge, edge, edge))
 
@@ -51,7 +51,7 @@ class SquareBox:
         position[:, 1] -= Ly * np.floor(position[:, 1] / Ly)
 
     def image_shift(self, image: np.ndarray, offset: float) -> np.ndarray:
-        """Return where images (g, 3) by whole numbers stand beside their grains, (g, 3) [m]."""
+        """Return where images (g, 3) by whole numbers stand relative to their grains, (g, 3) [m]."""
         shift = image * np.array(self.lengths)
         shift[:, 0] += image[:, 2] * offset
         return shift
@@ -82,7 +82,7 @@ class CellPairs:
     first, second : (p,) int32
         Grains of a pair, first < second.
     image : (p, 3) int8
-        By which the second stands beside the first.
+        By which the second is displaced from the first.
     rows : NeighbourRows
         Of grains and ghosts (n + g); those of the ghosts are empty.
     owner, ghost_image : (g,) int64, (g, 3) int8

@@ -17,7 +17,7 @@ class CellTooDense(RuntimeError):
 
 
 def random_cell(count: int, diameter: float, fill: float, *, seed: int) -> tuple[SquareBox, np.ndarray]:
-    """A cubic cell and the centres (n, 3) [m] of grains of ``diameter`` [m] that take the share ``fill``.
+    """A cubic cell and the centres (n, 3) [m] of grains of ``diameter`` [m] that take the fraction ``fill``.
 
     Raises
     ------

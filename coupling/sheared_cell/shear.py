@@ -23,7 +23,7 @@ held forces, of the lagging moments and of the step, and what chains that have n
 **What follows from what.** Stiffness of contacts: an overlap of 0.5 % of a diameter under the load of a chain along the
 field, min(2 pi H/Ms, 0.7) mu_0 Ms^2 a^2, and ten times the negative stiffness (pi/2) mu_0 Ms^2 a of a saturated neck.
 Rate: from the inertial number I = rate d sqrt(rho/tau), with an estimate of tau; the measured one is reported. Step: a
-share of the contact's duration; the range of the neck's force, 2 a H/Ms, then is resolved a thousand times over.
+fraction of the contact's duration; the range of the neck's force, 2 a H/Ms, then is resolved a thousand times over.
 """
 
 from __future__ import annotations
@@ -136,7 +136,7 @@ class Series:
 
 
 def list_reach(parameters: ShearParameters) -> float:
-    """Return how far lists of pairs reach [diameters], without their skin."""
+    """Reach of the lists of pairs [diameters], without their skin."""
     magnetic = parameters.law is not None and parameters.H > 0.0
     return max(parameters.width if magnetic else 0.0, NEAR)
 
@@ -147,7 +147,7 @@ def least_count(parameters: ShearParameters) -> int:
 
 
 class Shear:
-    """One cell on its way; `run` shears it.
+    """One cell and its state; `run` shears it.
 
     Attributes
     ----------
@@ -204,7 +204,7 @@ class Shear:
 
     @property
     def offset(self) -> float:
-        """Return how far the cell above has moved on, wrapped when the lists were made [m]."""
+        """Displacement of the cell above, wrapped when the lists were made [m]."""
         return self._offset_then + (self.strain - self._pairs.strain) * self.box.lengths[2]
 
     @property
@@ -276,7 +276,7 @@ class Shear:
         self.strain += steps * self.dt * self.rate
 
     def _lists_are_old(self) -> bool:
-        """Return whether a pair may have come into reach: by what grains moved beside the flow, and the flow itself."""
+        """True if a pair may have come into reach: by what grains moved beside the flow, and the flow itself."""
         strained = self.strain - self._pairs.strain
         moved = self.position - self._pairs.position
         moved[:, 0] -= strained * (self._pairs.position[:, 2] + 0.5 * moved[:, 2])

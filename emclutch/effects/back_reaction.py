@@ -162,7 +162,7 @@ class BackReactionSection(EffectSection):
             )
 
     def summarise(self, history, simulation):
-        """Return how far the powder of the solved field was from its grains: the worst, and its parts at the end."""
+        """Difference of the solved field's powder from its grains: the largest, and its parts at the end."""
         if FEEDBACK_RESIDUAL not in history:
             return {}
         return {

@@ -37,7 +37,7 @@ SKIN = 0.25
 
 
 def _valid_moments(draft: Draft) -> Iterator[Fault]:
-    """Return what mutual magnetisation needs, and what it excludes."""
+    """Check the requirements of mutual magnetisation, and what it excludes."""
     effects, particles = draft.scene.effects, draft.scene.particles
     attraction = effects.attraction
     if attraction is None:
@@ -221,7 +221,7 @@ class DipolesSection(EffectSection):
         return whole * (1.0 - 0.375 * share if share < 1.0 else 0.625 / share)
 
     def summarise(self, history, simulation):
-        """Return how the moments converged, and how strong necks are against the contact's stiffness."""
+        """Convergence of the moments, and strength of necks relative to the contact's stiffness."""
         from emclutch.results.columns import STEPS
         from particles import DEM, contact_share, depth_warning
 

@@ -125,7 +125,7 @@ class EffectSection(Section):
         return {}
 
     def summarise(self, history: pandas.DataFrame, simulation: Simulation) -> dict[str, Any]:
-        """Return what it adds to ``summary.json`` at the end of a run."""
+        """Entries of ``summary.json`` at the end of a run."""
         return {}
 
     def acting(self, scene: Scene, bodies: Sequence[Body]) -> Iterator[Effect]:

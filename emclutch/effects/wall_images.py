@@ -58,6 +58,6 @@ class WallImagesSection(EffectSection):
 
     @classmethod
     def left_out(cls, at):
-        """Yield the share of the grains that touch steel."""
+        """Yield the fraction of the grains that touch steel."""
         if at.M > 0.0 and at.wall_share is not None:
             yield LeftOut(cls.name, OFF, "share of the grains that touch steel", at.wall_share, 0.1)

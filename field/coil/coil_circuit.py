@@ -184,7 +184,7 @@ class LinearisedCoil:
         """i [A] at lambda [Wb]."""
         return self.current + (linkage - self.linkage) / self.inductance
 
-    def advanced(
+    def advance(
         self, state: CircuitState, time: float, voltage: Callable[[float], float], breaks: Iterable[float] = ()
     ) -> CircuitState:
         """The circuit at a later time [s].

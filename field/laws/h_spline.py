@@ -158,7 +158,7 @@ def _linear_spline(mu_r: float) -> HSpline:
 
 
 def _saturation_flux_density(law: Law, tolerance: float) -> float:
-    """Flux density [T] from which H goes on with slope nu_0, to within half the tolerance."""
+    """Flux density [T] from which H continues with slope nu_0, to within half the tolerance."""
     end = 0.25
     while end < 1e6:
         start = float(law.H_of_B(np.array([end]))[0][0])

@@ -54,7 +54,7 @@ class AxisymmetricProblem:
     order : int
         Order of the elements for psi, 1 to 4.
     open_boundary : bool
-        Whether the air goes on beyond `outer`; otherwise `outer` is a flux wall.
+        Whether the air continues beyond `outer`; otherwise `outer` is a flux wall.
 
     Raises
     ------

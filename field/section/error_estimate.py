@@ -186,7 +186,7 @@ class ErrorEstimate:
     ----------
     goals : tuple of GoalError
     indicators : ndarray (n_goals, n_elements)
-        Share of each element in each goal's relative error; a goal's shares add up to its `relative`.
+        Fraction of each element in each goal's relative error; a goal's fractions add up to its `relative`.
     """
 
     goals: tuple[GoalError, ...]

@@ -277,7 +277,7 @@ def _lagrange(nodes: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def _inverse_root(S: np.ndarray) -> np.ndarray:
-    """R (m, n) with R^T R = S^-1 on the combinations of modes that the boundary can tell apart.
+    """R (m, n) with R^T R = S^-1 on the combinations of modes that the boundary can distinguish.
 
     Gram and Schmidt's procedure with the largest remainder first (Cholesky with pivots): ends where what is
     left of every mode is round-off, as happens on outlines that are far from round.

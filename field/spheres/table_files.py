@@ -39,7 +39,7 @@ def cache_folder() -> Path:
 def law_digest(law: Law | GrainLaw, gap: np.ndarray, field: np.ndarray) -> str:
     """SHA-256 (hex) of a law scaled by its Ms, a grid of gaps [radii] and fields [Ms], and the generator.
 
-    To six digits: rounding must not tell apart two laws of one shape and different Ms.
+    To six digits: rounding must not distinguish two laws of one shape and different Ms.
 
     Raises
     ------

@@ -19,7 +19,7 @@ from field.laws.reluctivity import MU_0, NU_0, Law, LinearLaw
 
 _TOLERANCE = 1e-8  # of B: far below any field solution's error
 _MAX_BISECTIONS = 24
-# The spline ends here, where every law's slope is that of vacuum; beyond it goes on straight.
+# The spline ends here, where every law's slope is that of vacuum; beyond it continues straight.
 _LAST_B = 60.0
 
 

@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 # place's own chord at the B that was found there: coils fix H in air and saturated iron, but B in an iron circuit.
 _START_B = 1.0
 _START_TOLERANCE = 3e-3  # of these two linear solves
-# The line search goes on until the slope is level to this share: a gradient costs a tenth of a linear solve.
+# The line search continues until the slope is level to this fraction: a gradient costs a tenth of a linear solve.
 _LEVEL = 0.3
 _WITHOUT_IRON = ("air", "coil", "powder", "slots")
 

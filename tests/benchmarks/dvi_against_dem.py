@@ -22,7 +22,7 @@ processor time of one thread for a simulated second.
 
     python tests/benchmarks/dvi_against_dem.py --sizes 200 --save rows.json
     python tests/benchmarks/dvi_against_dem.py --sizes 1000 --turns 2 --save rows.json
-    python tests/benchmarks/dvi_against_dem.py --sizes --save rows.json --picture docs/dvi_against_dem.png  # all rows
+    python tests/benchmarks/dvi_against_dem.py --sizes --save rows.json --picture picture.png  # all rows
 """
 
 from __future__ import annotations

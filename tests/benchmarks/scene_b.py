@@ -18,7 +18,7 @@ rows "convex, 50 sweeps" only; our exact rows solve another, harder problem. Sic
     python tests/benchmarks/scene_b.py --save rows.json
     python tests/benchmarks/scene_b.py --sizes 10000 --seconds 10 --save rows.json
     python tests/benchmarks/scene_b.py --sizes 100000 --warm-up 120 --seconds 20 --save rows.json   # 15 min
-    python tests/benchmarks/scene_b.py --sizes --save rows.json --picture docs/dvi_scene_b.png   # all rows so far
+    python tests/benchmarks/scene_b.py --sizes --save rows.json --picture picture.png   # all rows so far
 """
 
 from __future__ import annotations

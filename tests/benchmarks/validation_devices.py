@@ -79,7 +79,7 @@ def switched_on(coil: CoilDevice, times: np.ndarray, resistance: float, volts: f
     for instant in times:
         for time in np.linspace(state.time, instant, 1 + math.ceil((instant - state.time) / 2e-4))[1:]:
             line = LinearisedCoil.about(solution, coil.turns, resistance)
-            state = line.advanced(state, float(time), lambda _: volts)
+            state = line.advance(state, float(time), lambda _: volts)
             guess = solution if solution.ampere_turns != 0.0 else None
             solution = solve_at_flux_linkage(coil.problem, state.linkage / coil.turns, None, guess)
         currents.append(solution.ampere_turns / coil.turns)

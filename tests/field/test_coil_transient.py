@@ -50,7 +50,7 @@ def test_linear_coil_rises_exponentially_in_any_step(linear):
     for steps in (1, 7):
         state = CircuitState(0.0, 0.0, 0.0)
         for k in range(steps):
-            state = coil.advanced(state, (k + 1) / steps * 1.7 * L / R, lambda t: V)
+            state = coil.advance(state, (k + 1) / steps * 1.7 * L / R, lambda t: V)
         exact = V / R * (1.0 - math.exp(-1.7))
         assert state.current == pytest.approx(exact, rel=1e-9)
         assert state.linkage == pytest.approx(L * exact, rel=1e-9)
@@ -69,7 +69,7 @@ def test_voltage_of_pieces_and_a_jump(linear):
         return V * t / (0.3 * tau) if t < 0.3 * tau else (V if t < tau else -0.5 * V)
 
     coil = LinearisedCoil(0.0, 0.0, L, R)
-    found = coil.advanced(CircuitState(0.0, 0.0, 0.0), 2.0 * tau, voltage, [0.3 * tau, tau])
+    found = coil.advance(CircuitState(0.0, 0.0, 0.0), 2.0 * tau, voltage, [0.3 * tau, tau])
     i = 0.0
     for begin, end in ((0.0, 0.3 * tau), (0.3 * tau, tau), (tau, 2.0 * tau)):
         # inside a piece the voltage is smooth
@@ -78,8 +78,8 @@ def test_voltage_of_pieces_and_a_jump(linear):
             (begin, end), [i], rtol=1e-10, atol=1e-12,
         ).y[0, -1]  # fmt: skip
     assert found.current == pytest.approx(i, rel=1e-6)
-    whole = coil.advanced(CircuitState(0.0, 0.0, 0.0), 1.4 * tau, voltage, [0.3 * tau, tau])
-    assert coil.advanced(whole, 2.0 * tau, voltage, [0.3 * tau, tau]).current == pytest.approx(found.current, rel=1e-6)
+    whole = coil.advance(CircuitState(0.0, 0.0, 0.0), 1.4 * tau, voltage, [0.3 * tau, tau])
+    assert coil.advance(whole, 2.0 * tau, voltage, [0.3 * tau, tau]).current == pytest.approx(found.current, rel=1e-6)
 
 
 @pytest.mark.parametrize(("method", "order"), [("backward_euler", 1), ("sdirk2", 2)])
@@ -102,7 +102,7 @@ def march(problem, tolerance, end, voltage=lambda t: V, solves=None):
     coil, course = LinearisedCoil.about(solution, N, R), []
     for k in range(400):
         time = (k + 1) * window
-        state = coil.advanced(state, time, voltage)
+        state = coil.advance(state, time, voltage)
         if abs(state.current - coil.current) > tolerance * largest:
             solution = solve_at_flux_linkage(problem, state.linkage / N, guess=solution)
             coil = LinearisedCoil.about(solution, N, R)
@@ -170,4 +170,4 @@ def test_switching_off_reverses(steel):
 
 def test_a_step_of_ages_is_refused():
     with pytest.raises(ValueError, match="time constants"):
-        LinearisedCoil(0.0, 0.0, 1e-3, 1e3).advanced(CircuitState(0.0, 0.0, 0.0), 1.0, lambda t: 1.0)
+        LinearisedCoil(0.0, 0.0, 1e-3, 1e3).advance(CircuitState(0.0, 0.0, 0.0), 1.0, lambda t: 1.0)
