@@ -5,22 +5,24 @@ from __future__ import annotations
 import inspect
 import textwrap
 from collections.abc import Iterator
-from typing import Any, get_args, get_origin
+from typing import Any
 
 import tomli_w
 from pydantic.fields import FieldInfo
 
 from emclutch.scene.model import Scene
-from emclutch.scene.reference import (
-    entry_in_words,
-    holds_sections,
-    is_section,
+from emclutch.scene.reference import kind_of
+from emclutch.scene.schema_walk import (
+    annotation_of,
+    entry_of,
+    fits,
+    is_named,
+    is_table,
     members_of,
+    sections_of,
     tag_of,
-    unwrapped,
 )
-from emclutch.scene.section import Choice, Section, Whole
-from emclutch.scene.units import Quantity
+from emclutch.scene.section import Section
 
 WIDTH = 110
 
@@ -34,7 +36,7 @@ HEAD = """# {title}: a scene to begin with
 
 
 def commented_scene(data: dict[str, Any], name: str) -> str:
-    """Text of the scene `data` for a file of a `name`: every key of its sections, with unit and description."""
+    """Return the scene `data` as the text of a file `name`: every key of its sections, with unit and description."""
     lines = [HEAD.format(title=data["scene"]["title"], name=name)]
     for section, field in Scene.model_fields.items():
         lines += _table(section, field, data.get(section))
@@ -42,33 +44,25 @@ def commented_scene(data: dict[str, Any], name: str) -> str:
 
 
 def _table(path: str, field: FieldInfo, data: dict[str, Any] | None) -> Iterator[str]:
-    """A table with its keys and the tables below it; one that is not given is a comment."""
-    models = [one for one in members_of(field.annotation) if is_section(one)]
-    path = f"{path}.NAME" if get_origin(unwrapped(field.annotation, ())[1]) is dict and data is None else path
+    """Write a table with its keys and the tables below it; one that is not given is a comment."""
+    models = sections_of(field.annotation)
     if data is None:
+        path = f"{path}.NAME" if is_named(field.annotation) else path
         words = field.description or _first_line(models[0])
         yield from textwrap.wrap(f"[{path}]: {words}", WIDTH, initial_indent="# ", subsequent_indent="#   ")
         yield ""
         return
-    model = next(one for one in models if _is_the_one(one, data))
-    keys = {key: entry for key, entry in model.model_fields.items() if not holds_sections(entry)}
+    model = next(one for one in models if fits(one, data))
+    keys = {key: entry for key, entry in model.model_fields.items() if not is_table(entry)}
     below = {key: entry for key, entry in model.model_fields.items() if key not in keys}
     if keys or not below:
         yield from textwrap.wrap(_first_line(model), WIDTH, initial_indent="# ", subsequent_indent="# ")
         yield f"[{path}]"
-    for key, entry in keys.items():
-        yield from _line(key, entry, data)
-    if keys or not below:
+        for key, entry in keys.items():
+            yield from _line(key, entry, data)
         yield ""
     for key, entry in below.items():
         yield from _table(f"{path}.{key}", entry, data.get(key))
-
-
-def _is_the_one(model: type[Section], data: dict[str, Any]) -> bool:
-    """Return whether a member of a tagged union is the one that an entry names."""
-    return all(
-        data.get(key) in get_args(field.annotation) for key, field in model.model_fields.items() if tag_of(field)
-    )
 
 
 def _first_line(model: type[Section]) -> str:
@@ -78,51 +72,41 @@ def _first_line(model: type[Section]) -> str:
 
 
 def _line(key: str, field: FieldInfo, data: dict[str, Any]) -> Iterator[str]:
-    """One key: given, or in a comment with its default or an example; its words at the end, or above where long."""
-    said = _said(field)
+    """Write a key: given, or in a comment with its default or an example; its meaning behind it, or above if long."""
+    meaning = _meaning(field)
     if key in data:
         text = _toml(key, data[key])
     elif field.default is None:
         text = f"# {_toml(key, _example(field))}"
-        said += "" if "default" in said else " (not given)"
+        meaning += "" if "default" in meaning else " (not given)"
     else:
-        default = field.get_default()
-        text = f"# {_toml(key, default)}"
-        said += " (default)"
-    if len(text) < 32 and len(said) < WIDTH - 36:
-        yield f"{text:<34}# {said}"
+        text = f"# {_toml(key, field.get_default())}"
+        meaning += " (default)"
+    if len(text) < 32 and len(meaning) < WIDTH - 36:
+        yield f"{text:<34}# {meaning}"
         return
-    yield from textwrap.wrap(said, WIDTH, initial_indent="# ", subsequent_indent="# ")
+    yield from textwrap.wrap(meaning, WIDTH, initial_indent="# ", subsequent_indent="# ")
     yield text
 
 
-def _said(field: FieldInfo) -> str:
+def _meaning(field: FieldInfo) -> str:
     """Return what a key is for, with its unit, or what may be chosen."""
     if tag_of(field):
         return "the keys below are those of this kind"
-    entry = entry_in_words(field.annotation, tuple(field.metadata)).replace("`", "")
-    unit = f" [{entry.partition('[')[2].partition(']')[0]}]" if "[" in entry else ""
-    choice = entry if entry.startswith("one of") else ""
+    kind = kind_of(annotation_of(field)).replace("`", "")
+    unit = f" [{kind.partition('[')[2].partition(']')[0]}]" if "[" in kind else ""
+    choice = kind if kind.startswith("one of") else ""
     words = f"{field.description or ''}{unit}".strip()
     if all(f"{name}:" in words for name in choice.removeprefix("one of ").replace('"', "").split(", ")):
-        choice = ""  # the description says what each of them is
-    return "; ".join(part for part in (words, choice) if part) or entry
+        choice = ""  # the description explains each of them
+    return "; ".join(part for part in (words, choice) if part) or kind
 
 
 def _example(field: FieldInfo) -> Any:
-    """An entry of a key that has no default."""
-    marks, annotation = unwrapped(field.annotation, tuple(field.metadata))
-    for mark in marks:
-        if isinstance(mark, Quantity):
-            return mark.example if mark.unit else float(mark.example)
-        if isinstance(mark, Choice):
-            return mark.available[0]
-        if isinstance(mark, Whole):
-            return int(mark.example)
-    for part in get_args(annotation):
-        if part is not type(None) and (found := _example(FieldInfo(annotation=part))) is not ...:
-            return found
-    return ... if annotation is not str else "..."
+    """Return an entry of a key that has no default; an ellipsis where it has no example."""
+    if (entry := entry_of(annotation_of(field))) is not None:
+        return entry.sample
+    return "..." if str in members_of(field.annotation) else ...
 
 
 def _toml(key: str, value: Any) -> str:
@@ -130,7 +114,7 @@ def _toml(key: str, value: Any) -> str:
 
 
 def _inline(value: Any) -> str:
-    """A value in one line: a comment has one, and a table of its own would end the keys of the section."""
+    """Return a value in one line: a comment has one, and a table of its own would end the keys of the section."""
     if value is ...:
         return "..."
     if isinstance(value, dict):

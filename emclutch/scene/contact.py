@@ -22,6 +22,10 @@ if TYPE_CHECKING:
 
 _Friction = Annotated[float, number("0.3", 0.0, 10.0)]
 _Restitution = Annotated[float, number("0.5", 0.0, 1.0, above=True)]
+_COHESION = tuple(
+    (name, f"is a cohesion, not a contact law; add [effects.cohesion] with model = '{name}' to a law")
+    for name in ("jkr", "dmt")
+)
 
 
 class BaseContactSection(Section):
@@ -32,7 +36,7 @@ class BaseContactSection(Section):
         description="dem: grains press in, step by contact; dvi: rigid grains, impulses that obey Coulomb's law, "
         "longer steps",
     )
-    law: Annotated[str, Choice(tuple(LAWS))] = Field(
+    law: Annotated[str, Choice(tuple(LAWS), elsewhere=_COHESION)] = Field(
         default="linear", description="; ".join(f"{name}: {law.summary}" for name, law in LAWS.items())
     )
     dvi: DviSection = Field(default=DviSection(), description="solver of rigid contacts, read with method = 'dvi' only")

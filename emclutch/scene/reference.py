@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import inspect
 import json
-import types
-from collections.abc import Iterator
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from collections.abc import Iterable, Iterator
+from typing import Any, Literal, get_args, get_origin
 
 from annotated_types import MinLen
 from pydantic.fields import FieldInfo
 
 from emclutch.scene.design import DesignFile
 from emclutch.scene.model import Scene
-from emclutch.scene.section import Automatic, Choice, Section, Whole
+from emclutch.scene.schema_walk import (
+    annotation_of,
+    is_named,
+    is_table,
+    is_union,
+    sections_of,
+    tag_of,
+    tags_of,
+    unwrap,
+)
+from emclutch.scene.section import Automatic, Entry
 from emclutch.scene.study import StudyFile
-from emclutch.scene.time_table import TimeTable
-from emclutch.scene.torque_target import TorqueTarget
-from emclutch.scene.units import Quantity
 
 HEAD = """# The scene file: all sections and keys
 
@@ -40,141 +46,90 @@ leaves it away, for `effects.NAME` also `"off"`.
 
 def scene_reference() -> str:
     """Markdown of every section and key of all files: entry, default, range, description."""
-    lines = [HEAD]
-    for name, field in Scene.model_fields.items():
-        lines += _sections(name, field)
-    lines.append(OTHER_FILES)
-    for file in (StudyFile, DesignFile):
-        for name, field in file.model_fields.items():
-            lines += _sections(name, field)
+    lines = []
+    for head, files in ((HEAD, (Scene,)), (OTHER_FILES, (StudyFile, DesignFile))):
+        lines.append(head)
+        for file in files:
+            for name, field in file.model_fields.items():
+                lines += _sections(name, field)
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
 def _sections(path: str, field: FieldInfo) -> Iterator[str]:
-    """The sections of a field: one for each member of a union, each followed by those below it."""
-    path = f"{path}.NAME" if get_origin(field.annotation) is dict else path
-    models = [member for member in members_of(field.annotation) if is_section(member)]
+    """Walk the sections of a field: one for each member of a union, each followed by those below it."""
+    path = f"{path}.NAME" if is_named(field.annotation) else path
+    models = sections_of(field.annotation)
     for model in models:
-        tags = [(key, tag_of(entry)) for key, entry in model.model_fields.items() if tag_of(entry)]
-        choice = "".join(f", {key} = {json.dumps(tag)}" for key, tag in tags)
+        choice = "".join(f", {key} = {json.dumps(tag)}" for key, tag in tags_of(model).items())
         yield f"## `[{path}]`{choice}\n"
         words = inspect.cleandoc(model.__doc__ or "").removeprefix(f"[{path}]: ")
         yield f"{words[:1].upper()}{words[1:]}{_presence(path, field)}\n"
-        parent = next((other for other in models if other in model.__mro__[1:]), None)
-        own = inspect.get_annotations(model) if parent is not None else model.model_fields
-        if parent is not None:
+        keys = model.model_fields
+        if any(other in model.__mro__[1:] for other in models):
+            own = inspect.get_annotations(model)
+            keys = {key: entry for key, entry in keys.items() if key in own}
             yield "Its keys are those of the section above; these differ:\n"
-        below = {key: entry for key, entry in model.model_fields.items() if key in own and holds_sections(entry)}
-        rows = [_row(key, entry) for key, entry in model.model_fields.items() if key in own and key not in below]
+        rows = [_row(key, entry) for key, entry in keys.items() if not is_table(entry)]
         if rows:
             yield "| key | entry | default | range | |\n|---|---|---|---|---|"
             yield "\n".join(rows) + "\n"
-        for key, entry in below.items():
-            yield from _sections(f"{path}.{key}", entry)
+        for key, entry in keys.items():
+            if is_table(entry):
+                yield from _sections(f"{path}.{key}", entry)
 
 
 def _presence(path: str, field: FieldInfo) -> str:
     if field.is_required():
         return " Required."
-    if path.startswith("effects."):
-        return " The effect is on where its table stands."
-    return ""
+    return " The effect is on where its table stands." if path.startswith("effects.") else ""
 
 
 def _row(key: str, field: FieldInfo) -> str:
-    marks = tuple(field.metadata)
-    entry = entry_in_words(field.annotation, marks)
-    cells = [f"`{key}`", entry, _default(field), range_in_words(field.annotation, marks), field.description or ""]
+    annotation = annotation_of(field)
+    cells = [f"`{key}`", kind_of(annotation), _default(field), range_of(annotation), field.description or ""]
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
-def entry_in_words(annotation: Any, marks: tuple[Any, ...] = ()) -> str:
-    """Return what may stand after the key, in words."""
-    marks, annotation = unwrapped(annotation, marks)
-    automatic = ', or `"auto"`' if any(isinstance(mark, Automatic) for mark in marks) else ""
+def kind_of(annotation: Any) -> str:
+    """Return what may stand after a key: ``length [m]``."""
+    marks, plain = unwrap(annotation)
+    automatic = ', or `"auto"`' if _is_automatic(marks) else ""
     for mark in marks:
-        if isinstance(mark, Quantity):
-            name = mark.name.removeprefix("an ").removeprefix("a ")
-            return (f"{name} [{mark.unit}]" if mark.unit else name) + automatic
-        if isinstance(mark, Choice):
-            return "one of " + ", ".join(f'`"{name}"`' for name in mark.available)
-        if isinstance(mark, Whole):
-            return "whole number" + automatic
-    origin, parts = get_origin(annotation), get_args(annotation)
-    if origin in (Union, types.UnionType):
-        return ", or ".join(entry_in_words(part) for part in parts if part is not type(None)) + automatic
+        if isinstance(mark, Entry):
+            return mark.kind_text + automatic
+    origin, parts = get_origin(plain), get_args(plain)
+    if is_union(plain):
+        return ", or ".join(kind_of(part) for part in parts if part is not type(None)) + automatic
     if origin is Literal:
         return ", ".join(f"`{json.dumps(part)}`" for part in parts)
     if origin is dict:
-        return "table" if parts[1] is Any else f"table of {entry_in_words(parts[1])}"
+        return "table" if parts[1] is Any else f"table of {kind_of(parts[1])}"
     if origin is tuple:
-        return (
-            f"list of {entry_in_words(parts[0])}"
-            if parts[-1] is ...
-            else f"list of {len(parts)}: {entry_in_words(parts[0])}"
-        )
-    if is_section(annotation) and issubclass(annotation, TimeTable):
+        return f"list of {'' if parts[-1] is ... else f'{len(parts)}: '}{kind_of(parts[0])}"
+    if sections_of(plain):
         return "a table in time"
-    return {bool: "true or false", str: "text", TorqueTarget: "text", Any: "as of its key"}.get(
-        annotation, getattr(annotation, "__name__", str(annotation))
-    )
+    return {bool: "true or false", str: "text", Any: "as of its key"}[plain]
 
 
-def range_in_words(annotation: Any, marks: tuple[Any, ...] = ()) -> str:
-    """The allowed range; of a list that of its entries, with their least number."""
-    marks, annotation = unwrapped(annotation, marks)
-    texts = [
-        f"at least {mark.min_length} entries" for mark in marks if isinstance(mark, MinLen) and mark.min_length > 1
-    ]
-    for mark in marks:
-        if isinstance(mark, Quantity):
-            texts.append(mark.range_text)
-        elif isinstance(mark, Whole):
-            texts.append(f"{mark.minimum} to {mark.maximum}")
-    if get_origin(annotation) in (Union, types.UnionType, tuple):
-        inner = dict.fromkeys(range_in_words(part) for part in get_args(annotation) if part not in (type(None), ...))
-        texts += [text for text in inner if text]
-    return "; ".join(texts)
+def range_of(annotation: Any) -> str:
+    """Return the allowed range; of a list that of its entries, with their least number."""
+    marks, plain = unwrap(annotation)
+    least = [mark.min_length for mark in marks if isinstance(mark, MinLen) and mark.min_length > 1]
+    texts = [f"at least {count} entries" for count in least]
+    texts += [mark.range_text for mark in marks if isinstance(mark, Entry)]
+    if is_union(plain) or get_origin(plain) is tuple:
+        texts += dict.fromkeys(range_of(part) for part in get_args(plain) if part not in (type(None), ...))
+    return "; ".join(filter(None, texts))
+
+
+def _is_automatic(marks: Iterable[Any]) -> bool:
+    return any(isinstance(mark, Automatic) for mark in marks)
 
 
 def _default(field: FieldInfo) -> str:
     if field.is_required():
         return f"`{json.dumps(tag_of(field))}`" if tag_of(field) else "required"
     if field.default is None:
-        automatic = any(isinstance(mark, Automatic) for mark in field.metadata)
-        return '`"auto"`' if automatic else "none"
+        return '`"auto"`' if _is_automatic(field.metadata) else "none"
     default = list(field.default) if isinstance(field.default, tuple) else field.default
     return f"`{json.dumps(default)}`"
-
-
-def unwrapped(annotation: Any, marks: tuple[Any, ...]) -> tuple[tuple[Any, ...], Any]:
-    """Take an Annotated apart: all marks that stand on it, and the type within."""
-    while get_origin(annotation) is Annotated:
-        marks, annotation = (*marks, *annotation.__metadata__), get_args(annotation)[0]
-    return marks, annotation
-
-
-def members_of(annotation: Any) -> Iterator[Any]:
-    """Walk the members of unions and the values of dictionaries."""
-    _, annotation = unwrapped(annotation, ())
-    if get_origin(annotation) in (Union, types.UnionType):
-        for member in get_args(annotation):
-            yield from members_of(member)
-    elif get_origin(annotation) is dict:
-        yield from members_of(get_args(annotation)[1])
-    else:
-        yield annotation
-
-
-def is_section(annotation: Any) -> bool:
-    return isinstance(annotation, type) and issubclass(annotation, Section)
-
-
-def holds_sections(field: FieldInfo) -> bool:
-    """Tell whether a key is a table of its own; a course in time is written in line."""
-    return any(is_section(member) and not issubclass(member, TimeTable) for member in members_of(field.annotation))
-
-
-def tag_of(field: FieldInfo) -> str:
-    """The name that chooses a member of a union (kind, law, source); empty for any other key."""
-    return str(get_args(field.annotation)[0]) if get_origin(field.annotation) is Literal else ""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict
 from pydantic_core import PydanticCustomError, core_schema
@@ -29,51 +29,128 @@ class Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", hide_input_in_errors=True)
 
 
-@dataclass(frozen=True, slots=True)
-class Choice:
-    """One of some names. A planned name is known but not built, and is refused with that reason."""
+class Entry:
+    """Mark on the type of a key: reads the user's entry and describes what may stand there.
 
-    available: tuple[str, ...]
-    planned: tuple[str, ...] = ()
+    Errors, the reference of all keys and commented scenes ask it; they know none of its kinds by name.
+    """
 
-    def refusal(self, given: object) -> str:
-        """Return what is wrong with an entry that is not available."""
-        return not_one_of(given, self.available, self.planned)
+    STORED: ClassVar[type]
+    """Type of the value as it is stored."""
 
-    def _validate(self, given: object) -> str:
-        if isinstance(given, str) and given in self.available:
-            return given
-        raise PydanticCustomError("choice", "{message}", {"message": self.refusal(given)})
+    @property
+    def kind_text(self) -> str:
+        """Kind of entry, for the reference: ``length [m]``."""
+        raise NotImplementedError
+
+    @property
+    def range_text(self) -> str:
+        """Allowed range; empty where there is none."""
+        return ""
+
+    @property
+    def sample(self) -> Any:
+        """A valid entry, as TOML reads it."""
+        raise NotImplementedError
+
+    def needed_for(self, key: str) -> str:
+        """Return what to write where the key is missing."""
+        raise NotImplementedError
+
+    def read(self, given: object) -> Any:
+        """Return an entry as it is stored.
+
+        Raises
+        ------
+        ValueError
+            It is not allowed. The message follows on the key and the entry, as in ``geometry.gap = '3 kg' is a mass;
+            a length is needed, e.g. '1 mm'``.
+        """
+        raise NotImplementedError
+
+    def _validate(self, given: object) -> Any:
+        try:
+            return self.read(given)
+        except ValueError as error:
+            raise refuse(str(error)) from None
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         return core_schema.no_info_plain_validator_function(
-            self._validate, serialization=core_schema.plain_serializer_function_ser_schema(str)
+            self._validate, serialization=core_schema.plain_serializer_function_ser_schema(self.STORED)
         )
+
+
+@dataclass(frozen=True)
+class Choice(Entry):
+    """One of some names.
+
+    Attributes
+    ----------
+    available : what may be chosen
+    planned : known but not built; refused with that reason
+    elsewhere : (name, why it is refused) of names that belong to another key
+    """
+
+    available: tuple[str, ...]
+    planned: tuple[str, ...] = ()
+    elsewhere: tuple[tuple[str, str], ...] = ()
+
+    STORED = str
+
+    @property
+    def kind_text(self) -> str:
+        return "one of " + ", ".join(f'`"{name}"`' for name in self.available)
+
+    @property
+    def sample(self) -> str:
+        return self.available[0]
+
+    def needed_for(self, key: str) -> str:
+        return f"give one of {', '.join(self.available)}"
+
+    def read(self, given: object) -> str:
+        """Return the name; ValueError for one that is not available."""
+        if isinstance(given, str) and given in self.available:
+            return given
+        for name, reason in self.elsewhere:
+            if str(given).lower() == name:
+                raise ValueError(f"{reason}; available: {', '.join(self.available)}")
+        raise ValueError(not_one_of(given, self.available, self.planned))
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         return {"type": "string", "enum": list(self.available)}
 
 
-@dataclass(frozen=True, slots=True)
-class Whole:
+@dataclass(frozen=True)
+class Whole(Entry):
     """A whole number within [minimum, maximum]."""
 
     minimum: int
     maximum: int
     example: str
 
-    def _validate(self, given: object) -> int:
+    STORED = int
+    kind_text = "whole number"
+
+    @property
+    def range_text(self) -> str:
+        return f"{self.minimum} to {self.maximum}"
+
+    @property
+    def sample(self) -> int:
+        return int(self.example)
+
+    def needed_for(self, key: str) -> str:
+        return f"a whole number is needed, e.g. {key} = {self.example}"
+
+    def read(self, given: object) -> int:
+        """Return the number; ValueError for anything else, and outside of the range."""
         if isinstance(given, bool) or not isinstance(given, int):
             bare = "write it without a unit and without quotes; " if isinstance(given, str) else ""
-            message = f"is not a whole number; {bare}allowed: {self.minimum} to {self.maximum}, e.g. {self.example}"
-        elif not self.minimum <= given <= self.maximum:
-            message = f"is out of range; allowed: {self.minimum} to {self.maximum}, e.g. {self.example}"
-        else:
-            return given
-        raise PydanticCustomError("whole", "{message}", {"message": message})
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        return core_schema.no_info_plain_validator_function(self._validate)
+            raise ValueError(f"is not a whole number; {bare}allowed: {self.range_text}, e.g. {self.example}")
+        if not self.minimum <= given <= self.maximum:
+            raise ValueError(f"is out of range; allowed: {self.range_text}, e.g. {self.example}")
+        return given
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         return {"type": "integer", "minimum": self.minimum, "maximum": self.maximum}

@@ -7,7 +7,7 @@ from typing import Annotated, Self
 from pydantic import Field, StrictBool, model_validator
 
 from emclutch.scene.section import Automatic, Choice, Section, Whole, refuse
-from emclutch.scene.torque_target import TorqueTarget
+from emclutch.scene.torque_target import TorqueTarget, TorqueTargetEntry
 from emclutch.scene.units import Instant, Time, number
 
 
@@ -18,7 +18,7 @@ class TimeSection(Section):
     """
 
     end: Time = Field(description="end of the simulation; with `until` the latest")
-    until: TorqueTarget | None = Field(
+    until: Annotated[TorqueTarget, TorqueTargetEntry()] | None = Field(
         default=None,
         description="end as soon as the steady torque is known so well: half its 95 % interval, over the torque or in "
         "N m, or either: 'torque 2 %', 'torque 0.01 N m', 'torque 2 % or 0.01 N m'",

@@ -6,12 +6,11 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pydantic_core import PydanticCustomError, core_schema
-
+from emclutch.scene.section import Entry
 from emclutch.scene.units import Quantity, number
 
 if TYPE_CHECKING:
-    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+    from pydantic import GetJsonSchemaHandler
 
 EXAMPLES = ("torque 2 %", "torque 0.01 N m", "torque 2 % or 0.01 N m")
 _SHARE = number("2", 0.01, 50.0)
@@ -64,21 +63,20 @@ class TorqueTarget:
         torque = None if self.absolute is None else f"{self.absolute!r} N m"
         return "torque " + " or ".join(filter(None, (share, torque)))
 
-    @classmethod
-    def _validate(cls, given: object) -> TorqueTarget:
-        if isinstance(given, TorqueTarget):
-            return given
-        try:
-            return cls.of_text(given)
-        except ValueError as error:
-            raise PydanticCustomError("quantity", "{message}", {"message": str(error)}) from None
 
-    @classmethod
-    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        return core_schema.no_info_plain_validator_function(
-            cls._validate, serialization=core_schema.plain_serializer_function_ser_schema(str)
-        )
+class TorqueTargetEntry(Entry):
+    """The text of a `TorqueTarget`."""
 
-    @classmethod
-    def __get_pydantic_json_schema__(cls, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    STORED = str
+    kind_text = "text"
+    sample = EXAMPLES[0]
+
+    def needed_for(self, key: str) -> str:
+        return f"a target is needed, e.g. {key} = '{self.sample}'"
+
+    def read(self, given: object) -> TorqueTarget:
+        """Return the target; ValueError with examples for what is none."""
+        return given if isinstance(given, TorqueTarget) else TorqueTarget.of_text(given)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         return {"type": "string", "examples": list(EXAMPLES)}

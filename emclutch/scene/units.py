@@ -16,11 +16,11 @@ from difflib import get_close_matches
 from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic_core import PydanticCustomError, core_schema
+from emclutch.scene.section import Entry
 
 if TYPE_CHECKING:
     from pint import UnitRegistry
-    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+    from pydantic import GetJsonSchemaHandler
 
 _NUMBER_AND_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+(?:[eE][+-]?\d+)?(?:\s*[^\d\s,].*)?")
@@ -88,8 +88,8 @@ def _names_of_dimensions() -> dict[Any, str]:
     return {registry().parse_units(unit).dimensionality: name for unit, name in words.items()}
 
 
-@dataclass(frozen=True, slots=True)
-class Quantity:
+@dataclass(frozen=True)
+class Quantity(Entry):
     """Meaning of a float in a scene: physical quantity, SI unit, allowed range and an example.
 
     Attributes
@@ -112,6 +112,8 @@ class Quantity:
     open_minimum: bool = False
     angular: bool = False
     least: float = 0.0
+
+    STORED = float
 
     @property
     def range_text(self) -> str:
@@ -197,16 +199,17 @@ class Quantity:
         """The example as it stands in a scene: with quotes where it has a unit."""
         return f"'{self.example}'" if self.unit else self.example
 
-    def _validate(self, given: object) -> float:
-        try:
-            return self.read(given)
-        except ValueError as error:
-            raise PydanticCustomError("quantity", "{message}", {"message": str(error)}) from None
+    @property
+    def kind_text(self) -> str:
+        name = self.name.removeprefix("an ").removeprefix("a ")
+        return f"{name} [{self.unit}]" if self.unit else name
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        return core_schema.no_info_plain_validator_function(
-            self._validate, serialization=core_schema.plain_serializer_function_ser_schema(float)
-        )
+    @property
+    def sample(self) -> str | float:
+        return self.example if self.unit else float(self.example)
+
+    def needed_for(self, key: str) -> str:
+        return f"{self.name} is needed, e.g. {key} = {self.given_example}"
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         number: dict[str, Any] = {"type": "number"}

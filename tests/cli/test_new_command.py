@@ -15,7 +15,7 @@ from emclutch.cli.new import new_scene, starter_kinds
 from emclutch.device.device import build_device
 from emclutch.scene.errors import SceneError
 from emclutch.scene.geometry import Geometry
-from emclutch.scene.reference import holds_sections
+from emclutch.scene.schema_walk import is_table
 
 KEY = re.compile(r"^(?:# )?(\w+) = ", re.MULTILINE)
 
@@ -55,7 +55,7 @@ def test_every_key_of_its_sections_stands_in_it(kind, written):
         model = scene
         for step in path.split("."):
             model = getattr(model, step)
-        wanted = {name for name, field in type(model).model_fields.items() if not holds_sections(field)}
+        wanted = {name for name, field in type(model).model_fields.items() if not is_table(field)}
         assert wanted <= set(KEY.findall(text)), path
     required = {name for name, field in type(scene).model_fields.items() if field.is_required()}
     assert required <= {path.partition(".")[0] for path in parts}

@@ -25,14 +25,14 @@ from emclutch.cli.main import app
 from emclutch.results import read_history
 from emclutch.scene.case import load_case
 from emclutch.scene.errors import SceneError
-from emclutch.scene.fault_report import _all_keys
 from emclutch.scene.model import Scene
+from emclutch.scene.schema_walk import all_keys
 from emclutch.scene.study import read_study
 from emclutch.simulation.kernel_warm_up import kind_of
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.plan_in_words import plan_in_words
 
-KEYS = {*_all_keys(Scene), "study", "study.case"}
+KEYS = {*all_keys(Scene), "study", "study.case"}
 UNDEFINED = ("inertial_number",)  # of a history: without a torque there is none
 MAX_VISITS, MAX_STEPS, MAX_WINDOWS = 400_000, 30_000, 250  # steps times grains; of a field that is solved 12 windows
 MAX_SOLVED_WINDOWS = 12
