@@ -83,7 +83,7 @@ def report(folder: ResultPath, out: NewFile = None, html: AsHtml = False) -> Non
     with explained():
         from emclutch.results.report.content import page_of
         from emclutch.results.report.render import markdown, write_new, write_page
-        from emclutch.simulation.left_out_of_run import left_out_of
+        from emclutch.simulation.check import left_out_of
 
         page = page_of(folder, left_out_of)
         if html:

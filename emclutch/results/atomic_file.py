@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import math
 import os
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,21 +16,30 @@ UNFINISHED = ".new"
 """Ending of a file that is being written; what a killed process leaves of it is of no use to anybody."""
 
 
-def replace_bytes(path: Path, content: bytes | memoryview) -> None:
-    """Write a file beside its place and move it there in one step, safe against a crash and a full disk."""
-    beside = path.with_name(f"{path.name}.{os.getpid()}{UNFINISHED}")  # two runs may write one file at the same time
+@contextmanager
+def replaced(path: Path) -> Iterator[Path]:
+    """Hand out a name next to a file, for its new content, and move that to its place in one step after the block.
+
+    Safe against a crash and a full disk: an error in the block leaves the former file, and removes the new one.
+    """
+    new = path.with_name(f"{path.name}.{os.getpid()}{UNFINISHED}")  # two runs may write one file at the same time
     try:
-        with beside.open("wb") as file:
-            file.write(content)
-            file.flush()
+        yield new
+        with new.open("rb") as file:
             os.fsync(file.fileno())
-        os.replace(beside, path)
+        os.replace(new, path)
     except BaseException as error:
-        if isinstance(error, OSError):
+        if isinstance(error, OSError) and error.errno is not None:
             error.filename = str(path)  # a full disk says no name by itself
         with suppress(OSError):  # a folder that is gone, or may not be written any more
-            beside.unlink(missing_ok=True)
+            new.unlink(missing_ok=True)
         raise
+
+
+def replace_bytes(path: Path, content: bytes | memoryview) -> None:
+    """Write a file in one step, see `replaced`."""
+    with replaced(path) as new:
+        new.write_bytes(content)
 
 
 def remove_unfinished(folder: Path) -> None:

@@ -18,12 +18,10 @@ import h5py
 import numpy as np
 
 from emclutch.results.atomic_file import replace_bytes
-from emclutch.results.closed_file import refuse_links
+from emclutch.results.hdf5_file import reading
 from emclutch.results.output_error import OutputError
 
 VERSION = 2  # of the layout: 1 had other names of the grains' arrays
-DAMAGED = (KeyError, ValueError, TypeError, AttributeError, RuntimeError)
-"""What h5py and numpy raise, beside OSError, on a file of other groups and types than ours, or with damaged ones."""
 
 
 def write_checkpoint(path: str | Path, state: dict[str, Any]) -> None:
@@ -48,25 +46,20 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
     ------
     OutputError : the file cannot be read, is damaged, is no checkpoint, or one of another layout.
     """
-    try:
-        with h5py.File(path, "r") as file:
-            refuse_links(file, path)
-            version = file.attrs.get("version")
-            if version is None or "state" not in file:
-                raise OutputError(
-                    f"{path} is an HDF5 file, but no checkpoint that this program wrote; name the right folder, or "
-                    "start the run again, without --resume and elsewhere with --out"
-                )
-            if version != VERSION:
-                raise OutputError(
-                    f"{path} has layout {version}, this program reads {VERSION}; resume with the program that wrote it"
-                )
-            state = _read(file["state"], Path(path).stat().st_size)
-    except (OSError, *DAMAGED) as error:
-        raise OutputError(
-            f"cannot read {path}: {error}; put a good one there, or start again, without --resume and elsewhere "
-            "with --out"
-        ) from error
+    path = Path(path)
+    remedy = "put a good one there, or start again, without --resume and elsewhere with --out"
+    with reading(path, remedy) as file:
+        version = file.attrs.get("version")
+        if version is None or "state" not in file:
+            raise OutputError(
+                f"{path} is an HDF5 file, but no checkpoint that this program wrote; name the right folder, or "
+                "start the run again, without --resume and elsewhere with --out"
+            )
+        if version != VERSION:
+            raise OutputError(
+                f"{path} has layout {version}, this program reads {VERSION}; resume with the program that wrote it"
+            )
+        state = _read(file["state"], path.stat().st_size)
     if not isinstance(state, dict):
         raise OutputError(
             f"{path} holds no state of a run; start the run again, without --resume and elsewhere with --out"

@@ -9,9 +9,9 @@
     /parameters              case (TOML text), provenance (JSON text)
 
 The grains of a frame are in the order of their ids, so ``value[:, i]`` is the path of one grain
-although the program sorts the grains by cell. Each write is one change that arrives whole or not at all
-(`journal`): a run that is killed at any moment, and a disk that is full, leave a record that can be read
-and continued. Checkpoints have their own file (`checkpoint`).
+although the program sorts the grains by cell. HDF5 changes a file in many places at once, so each change is made
+to a copy that is then moved into place: a run that is killed at any moment, and a disk that is full, leave a
+record that can be read and continued. Checkpoints have their own file (`checkpoint`).
 
 P. de Buyl, P. H. Colberg, F. Höfling, "H5MD: a structured, efficient, and portable file format for
 molecular data", Comput. Phys. Commun. 185 (2014) 1546-1553.
@@ -22,6 +22,7 @@ from __future__ import annotations
 import io
 import logging
 import os
+import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -32,17 +33,14 @@ import h5py
 import numpy as np
 
 from emclutch.results.array_units import ARRAY_UNITS
-from emclutch.results.atomic_file import replace_bytes
-from emclutch.results.checkpoint import DAMAGED
-from emclutch.results.closed_file import refuse_links
+from emclutch.results.atomic_file import replace_bytes, replaced
 from emclutch.results.columns import COLUMNS, TIME
-from emclutch.results.journal import JournalledFile, journal_of
+from emclutch.results.hdf5_file import DAMAGED, reading, refuse_links
 from emclutch.results.output_error import OutputError
 
 logger = logging.getLogger(__name__)
 
 GRAINS = "particles/grains"
-OBSERVABLES_TOGETHER = 64  # rows kept back until there are so many: opening the file costs more than a row
 
 
 class Record:
@@ -88,12 +86,10 @@ class Record:
                 return record
         if mode == "a" and record.path.is_file():
             try:
-                with JournalledFile(record.path) as content:
-                    with h5py.File(content, "r+") as file:
-                        refuse_links(file, record.path)
-                        if resume_time is not None:
-                            _cut_back(file, resume_time)
-                    content.commit()
+                with _changed(record.path) as file:
+                    refuse_links(file, record.path)
+                    if resume_time is not None:
+                        _cut_back(file, resume_time)
                 return record
             except (OSError, *DAMAGED) as error:
                 if isinstance(error, OSError) and error.errno is not None:  # the disk's, not the content's
@@ -125,7 +121,6 @@ class Record:
             parameters = file.create_group("parameters")
             parameters["case"] = case_text
             parameters["provenance"] = provenance_text
-        journal_of(record.path).unlink(missing_ok=True)
         replace_bytes(record.path, begun.getbuffer())
         return record
 
@@ -148,7 +143,7 @@ class Record:
                 _append(file, f"{GRAINS}/{name}", step, time, array[order], ARRAY_UNITS.get(name))
 
     def append_observables(self, row: Mapping[str, Any], step: int | None = None) -> None:
-        """Add a row of the history: every column but `time` and cells without a value.
+        """Add a row of the history: every column but `time` and cells without a value; `flush` writes it.
 
         `step` defaults to the number of the row.
         """
@@ -157,8 +152,6 @@ class Record:
             step = self._n_rows() if not self._rows else self._rows[-1][0] + 1
         values = {name: value for name, value in row.items() if name != TIME and value is not None}
         self._rows.append((step, float(row[TIME]), values))
-        if len(self._rows) >= OBSERVABLES_TOGETHER:
-            self.flush()
 
     def flush(self) -> None:
         """Write the rows that were kept back; call before a checkpoint."""
@@ -208,21 +201,15 @@ class Record:
     @contextmanager
     def _reading(self) -> Iterator[h5py.File]:
         """The open file of a record; OutputError where it is none, or damaged."""
-        try:
-            with JournalledFile(self.path) as content, h5py.File(content, "r") as file:
-                refuse_links(file, self.path)
-                missing = [name for name in (GRAINS, "observables") if name not in file]
-                if missing:
-                    raise OutputError(
-                        f"{self.path} is an HDF5 file, but no record that this program wrote: it lacks "
-                        f"{' and '.join(missing)}; name the folder of a run"
-                    )
-                yield file
-        except (OSError, *DAMAGED) as error:
-            raise OutputError(
-                f"cannot read {self.path}: {error}; it is no HDF5 file, was cut off or is being written; the history "
-                "of a run stands in history.csv too"
-            ) from error
+        remedy = "it is no HDF5 file, was cut off or is being written; the history of a run stands in history.csv too"
+        with reading(self.path, remedy) as file:
+            missing = [name for name in (GRAINS, "observables") if name not in file]
+            if missing:
+                raise OutputError(
+                    f"{self.path} is an HDF5 file, but no record that this program wrote: it lacks "
+                    f"{' and '.join(missing)}; name the folder of a run"
+                )
+            yield file
 
     def close(self) -> None:
         self.flush()
@@ -244,13 +231,37 @@ class Record:
             return max((g["step"][-1] + 1 for g in file["observables"].values() if g["step"].size), default=0)
 
 
+class _Copy(io.FileIO):
+    """A file that HDF5 writes; HDF5 is not told of a write that fails, for it would take the process with it."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "r+")
+        self.error: OSError | None = None
+
+    def write(self, content: Any) -> int:
+        """Write all of it, unless a write has failed: `error` is why."""
+        data = memoryview(content).cast("B")
+        done = 0
+        while done < len(data) and self.error is None:
+            try:
+                done += super().write(data[done:])
+            except OSError as error:
+                self.error = error
+        return len(data)
+
+
 @contextmanager
 def _changed(path: Path) -> Iterator[h5py.File]:
     """The open file of a record, whose changes arrive when the block is left without an error."""
-    with JournalledFile(path) as content:
-        with h5py.File(content, "r+") as file:
-            yield file
-        content.commit()
+    with replaced(path) as new:
+        shutil.copyfile(path, new)
+        with _Copy(new) as copy:
+            try:
+                with h5py.File(copy, "r+") as file:
+                    yield file
+            finally:
+                if copy.error is not None:
+                    raise copy.error
 
 
 def _append(file: h5py.File, where: str, step: int, time: float, value: np.ndarray, unit: str | None) -> None:

@@ -9,17 +9,42 @@ import shutil
 import tomllib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from emclutch.results.atomic_file import remove_unfinished, replace_json, replace_text
-from emclutch.results.failure import Failure
-from emclutch.results.folder_lock import has_files
+from emclutch.results.folder_lock import LOCK, has_files, locked_folder
 from emclutch.results.history import last_time, whole_rows
 from emclutch.results.output_error import OutputError
 from emclutch.results.provenance import provenance
+from emclutch.results.time_unit import time_in_words
 
 LOGGERS = ("emclutch", "geometry", "field", "particles", "coupling")
+
+
+CURE = "the same scene fails there again: change it and start it again with another --out"
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """The error of its scene that ended a run; resumed, the run is the same bit for bit and fails again.
+
+    Attributes
+    ----------
+    time : float or None
+        End of its last window [s]; None: it had none.
+    reason : str
+        With the remedy.
+    """
+
+    time: float | None
+    reason: str
+
+    def in_words(self) -> str:
+        """Return when and why, and that going on helps nothing."""
+        when = "before its first window" if self.time is None else f"after {time_in_words(self.time)}"
+        return f"the run failed {when}: {self.reason.rstrip('.')}; {CURE}"
 
 
 class RunFolder:
@@ -92,6 +117,22 @@ class RunFolder:
         """Return whether there is a run that can be resumed, without losing anything if it has no checkpoint."""
         nothing_yet = self.case.is_file() and not self.summary.is_file() and whole_rows(self.history) <= 1
         return self.checkpoint.is_file() or nothing_yet
+
+    def set_aside(self) -> Path:
+        """Give the folder of a run that has no checkpoint another name, the next free one, and return that."""
+        number = 1
+        while (aside := self.path.with_name(f"{self.path.name}-set-aside-{number}")).exists():
+            number += 1
+        with locked_folder(self.path):  # nobody is at work in it
+            os.rename(self.path, aside)
+            (aside / LOCK).unlink()
+        return aside
+
+    def lacks_pictures(self) -> bool:
+        """Return whether a run is done, was to draw pictures, lacks the last, and has the checkpoint to draw it of."""
+        if not self.summary.is_file() or self.grains_picture.is_file() or not self.checkpoint.is_file():
+            return False
+        return bool(tomllib.loads(self.read_case()).get("output", {}).get("pictures", True))
 
     @staticmethod
     def next_path(case_stem: str, parent: str | Path = "runs") -> Path:
@@ -252,7 +293,7 @@ class RunFolder:
     def write_failure(self, reason: str) -> None:
         """Note that the run fails for its scene, after the last window that it has; `read_failure` returns it."""
         with suppress(OSError):  # what it failed of is told all the same
-            replace_json(self.failure, Failure(last_time(self.history), reason).as_dict())
+            replace_json(self.failure, asdict(Failure(last_time(self.history), reason)))
 
     def read_failure(self) -> Failure | None:
         """Return what the run failed of, None where it did not for its scene; raises as `read_provenance`."""

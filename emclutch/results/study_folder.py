@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from emclutch.results.atomic_file import replace_json, replace_text
-from emclutch.results.failure import Failure
 from emclutch.results.output_error import OutputError
 from emclutch.results.result import Result, load_result
-from emclutch.results.run_folder import RunFolder
+from emclutch.results.run_folder import Failure, RunFolder
 
 if TYPE_CHECKING:
     import pandas

@@ -11,7 +11,7 @@ import numpy as np
 from emclutch.device.decision import with_warnings
 from emclutch.device.grain_size import grain_size
 from emclutch.scene.case import Case, as_case
-from emclutch.scene.errors import bad_input_for
+from emclutch.scene.errors import SceneError, bad_input_for
 from emclutch.scene.grain_smear import moments_are_fed_back
 from emclutch.scene.usual_ranges import FLUX_DENSITY
 from emclutch.simulation.forecast.expected_field import chains_in_words, field_in_chains, powder_in_words
@@ -21,6 +21,7 @@ from field import MagneticField
 
 if TYPE_CHECKING:
     from emclutch.effects.left_out import LeftOut
+    from emclutch.results import Result
     from emclutch.simulation.forecast.expected_torque import ExpectedTorque
 
 
@@ -107,3 +108,11 @@ def _check(case: Case, threads: int | None) -> Checked:
     words |= paths_in_words(case)
     title, effects, missing = scene.scene.title, scene.effects.active, left_out(scene, device, made, expected)
     return Checked(title, effects, case.warnings, words, tuple(missing), expected)
+
+
+def left_out_of(result: Result) -> list[LeftOut]:
+    """Return what the scene of a finished run leaves out; empty where it cannot be read again."""
+    try:
+        return list(check(result.folder.case).left_out)
+    except (SceneError, OSError, ValueError, RuntimeError):  # a file that the scene names is gone, a script in it
+        return []

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from emclutch.results import RunFolder
 from emclutch.results.folder_lock import locked_folder
-from emclutch.results.missing_pictures import pictures_are_missing
 from emclutch.scene.case import Case, load_case
 from emclutch.simulation.pictures import draw_run
 from emclutch.simulation.plan import make_plan
@@ -30,7 +29,7 @@ def draw_missing(folder: RunFolder, case: Case | None = None, *, trust_scripts: 
     OutputError
         The checkpoint cannot be read, a file that the scene names has changed, or somebody else writes the folder.
     """
-    if not pictures_are_missing(folder):
+    if not folder.lacks_pictures():
         return False
     with locked_folder(folder.path):
         case = load_case(folder.case, trust_scripts=trust_scripts) if case is None else case

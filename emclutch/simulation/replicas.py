@@ -28,7 +28,6 @@ from emclutch.results import OutputError, RunFolder, read_history
 from emclutch.results.columns import TIME
 from emclutch.results.folder_lock import FolderInUse, has_files, locked_folder
 from emclutch.results.history import last_time
-from emclutch.results.set_aside import set_aside
 from emclutch.scene.replica_count import replica_count, replica_seed
 from geometry.kernels.cache import ROOT
 
@@ -294,7 +293,7 @@ def _goes_on(folder: RunFolder) -> bool:
     if folder.checkpoint.is_file():
         return True
     if folder.path.is_dir() and has_files(folder.path):
-        aside = set_aside(folder.path)
+        aside = folder.set_aside()
         log.warning("%s has no checkpoint to go on from: it begins again, its files are kept as %s", folder.path, aside)
     return False
 

@@ -21,7 +21,6 @@ from emclutch.results import OutputError, Result, RunFolder, load_result
 from emclutch.results.folder_lock import LOCK, has_files, locked_folder
 from emclutch.results.history import last_time
 from emclutch.results.run_folder import logging_to
-from emclutch.results.set_aside import set_aside
 from emclutch.results.study_folder import is_study
 from emclutch.results.study_table import DONE, FAILED, STOPPED, WAITING, StudyTable
 from emclutch.scene.case import Case
@@ -312,7 +311,7 @@ def _goes_on(case: Case, point: PointFolder, resume: bool) -> bool:
         log.info("%s goes on from its checkpoint to t = %g s", name, case.scene.span.end)
         return True
     if point.path.is_dir() and has_files(point.path):
-        aside = set_aside(point.path)
+        aside = RunFolder(point.path).set_aside()
         log.warning("%s has no checkpoint to go on from: restarted, its files are kept as %s", name, aside.name)
     else:
         log.info("%s starts", name)

@@ -20,7 +20,7 @@ from emclutch.results.report.render import html, markdown
 from emclutch.results.rise_time import time_to_reach
 from emclutch.results.vtk.series import read_pvd
 from emclutch.scene.design import read_design
-from emclutch.simulation.left_out_of_run import left_out_of
+from emclutch.simulation.check import left_out_of
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
 TOY = {"time.end": "0.05 ms", "output.snapshots": 2}

@@ -9,7 +9,6 @@ from written_run import written_run, written_study
 
 from emclutch.cli.plot import plot_runs, runs_of
 from emclutch.results import OutputError, load_result, pictures
-from emclutch.results.missing_pictures import pictures_are_missing
 from emclutch.results.pictures.picture_file import save_picture
 from emclutch.results.time_unit import time_in_words, time_unit
 from emclutch.simulation.missing_pictures import draw_missing
@@ -112,13 +111,13 @@ def test_speeds_of_a_short_run_are_in_its_unit(tmp_path, monkeypatch):
 
 def test_only_a_finished_run_that_wanted_pictures_owes_them(tmp_path):
     folder = written_run(tmp_path / "run")
-    assert not pictures_are_missing(folder)  # it wanted none
+    assert not folder.lacks_pictures()  # it wanted none
     folder.case.write_text("[output]\npictures = true\n")
-    assert not pictures_are_missing(folder)  # nothing to draw them of
+    assert not folder.lacks_pictures()  # nothing to draw them of
     folder.checkpoint.write_bytes(b"")
-    assert pictures_are_missing(folder)
+    assert folder.lacks_pictures()
     folder.grains_picture.write_bytes(b"")
-    assert not pictures_are_missing(folder) and not draw_missing(folder)
+    assert not folder.lacks_pictures() and not draw_missing(folder)
     folder.grains_picture.unlink()
     folder.summary.unlink()
-    assert not pictures_are_missing(folder)  # it still runs
+    assert not folder.lacks_pictures()  # it still runs

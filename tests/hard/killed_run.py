@@ -23,7 +23,6 @@ import pandas
 from emclutch.results.atomic_file import is_unfinished
 from emclutch.results.checkpoint import read_checkpoint
 from emclutch.results.history import whole_rows
-from emclutch.results.journal import journal_of
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
@@ -117,7 +116,7 @@ class KilledRun:
             done = len(list(self.folder.glob("point-*/summary.json")))
             return f"point {done + 1}" if list(self.folder.glob("point-*")) else "start-up"
         unfinished = [path.name for path in self.folder.rglob("*.new") if is_unfinished(path)]
-        if journal_of(self.folder / "run.h5").exists() or any("run.h5" in name for name in unfinished):
+        if any("run.h5" in name for name in unfinished):
             return "record being written"
         if any("checkpoint" in name for name in unfinished):
             return "checkpoint being written"

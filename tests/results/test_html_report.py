@@ -14,7 +14,7 @@ from emclutch.results.report.content import page_of, run_page, study_page
 from emclutch.results.report.render import html, markdown, write_page
 from emclutch.results.report.verdict import Mark, verdict
 from emclutch.results.study_folder import read_study
-from emclutch.simulation.left_out_of_run import left_out_of
+from emclutch.simulation.check import left_out_of
 
 HOSTILE = "<script>alert(1)</script> & \"><img src=x onerror='x'>"
 

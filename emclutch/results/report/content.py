@@ -22,7 +22,7 @@ from emclutch.results.time_unit import time_in_words
 from emclutch.results.torque_in_words import torque_in_words
 
 LeftOutOf = Callable[[Result], Sequence[LeftOut]]
-"""What the scene of a run leaves out, see `emclutch.simulation.left_out_of_run`."""
+"""What the scene of a run leaves out, see `emclutch.simulation.check`."""
 
 PICTURES = {
     "section.png": "flux density and flux lines in the cross-section",

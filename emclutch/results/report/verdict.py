@@ -12,7 +12,6 @@ import numpy as np
 
 from emclutch.results import Result
 from emclutch.results.columns import DISC_SPEED, ROTOR_SPEED, TIME, TORQUE_DISC
-from emclutch.results.missing_pictures import pictures_are_missing
 from emclutch.results.time_unit import time_in_words
 from emclutch.results.torque_in_words import torque_in_words
 from particles.dem.overlap_limits import SOFT
@@ -175,5 +174,5 @@ def _gaps(result: Result) -> Iterator[Statement]:
             Mark.NOTE,
             "What the time step of the grains and the mesh do to the torque was not measured; emclutch accuracy does.",
         )
-    if pictures_are_missing(result.folder):
+    if result.folder.lacks_pictures():
         yield Statement(Mark.POOR, f"Its pictures are missing; draw them with: emclutch plot {result.folder.path}")
