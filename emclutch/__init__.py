@@ -17,12 +17,12 @@ from emclutch.scene.errors import SceneError  # noqa: E402
 
 if TYPE_CHECKING:  # the same names for type checkers and editors, which do not see the table below
     from emclutch.results import OutputError, Result, load_result
+    from emclutch.results.errors import RunError
     from emclutch.results.study_result import StudyResult, load_study
     from emclutch.scene.study import read_study
     from emclutch.simulation.check import Checked, check
     from emclutch.simulation.plan import Plan, plan
     from emclutch.simulation.run import run
-    from emclutch.simulation.run_error import RunError
     from emclutch.simulation.window_state import CallbackError, WindowState
     from emclutch.studies.design_search import DesignResult, design
     from emclutch.studies.field_result import FieldResult, field
@@ -79,7 +79,7 @@ __getattr__, __dir__ = lazy_attributes(
         "DesignResult": "emclutch.studies.design_search:DesignResult",
         "accuracy": "emclutch.studies.work_precision:accuracy",
         "OutputError": "emclutch.results:OutputError",
-        "RunError": "emclutch.simulation.run_error:RunError",
+        "RunError": "emclutch.results.errors:RunError",
         "Result": "emclutch.results:Result",
         "load_result": "emclutch.results:load_result",
         "StudyResult": "emclutch.results.study_result:StudyResult",

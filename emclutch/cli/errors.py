@@ -8,8 +8,8 @@ from typing import NoReturn
 
 import typer
 
+from emclutch.results.errors import Interrupted
 from emclutch.scene.errors import SceneError
-from emclutch.simulation.run_error import Interrupted
 
 FAILED, BAD_INPUT, STOPPED = 1, 2, 130  # 130: 128 + SIGINT, as shells count it
 _PACKAGES = ("emclutch", "geometry", "field", "particles", "coupling")
@@ -18,7 +18,7 @@ _PACKAGES = ("emclutch", "geometry", "field", "particles", "coupling")
 @contextmanager
 def explained() -> Iterator[None]:
     """Turn what a user can mend into a message and an exit code; a defect keeps its traceback."""
-    from emclutch.results.output_error import OutputError
+    from emclutch.results.errors import OutputError
 
     try:
         yield

@@ -177,7 +177,7 @@ def draw_materials(laws: list[Law], path: str | Path) -> Path:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    from emclutch.results.output_error import OutputError
+    from emclutch.results.errors import OutputError
 
     path = Path(path)
     if path.suffix.lower() not in (".png", ".svg", ".pdf"):

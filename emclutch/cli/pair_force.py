@@ -44,7 +44,7 @@ def pair_force(name: str, out: Path | None = None) -> tuple[Path, Table]:
     OutputError
         There is a file already; nothing is overwritten.
     """
-    from emclutch.results.output_error import OutputError
+    from emclutch.results.errors import OutputError
     from emclutch.results.progress import Progress
     from field.spheres.pair_table import pair_table
 

@@ -18,8 +18,8 @@ import h5py
 import numpy as np
 
 from emclutch.results.atomic_file import replace_bytes
+from emclutch.results.errors import OutputError
 from emclutch.results.hdf5_file import reading
-from emclutch.results.output_error import OutputError
 
 VERSION = 2  # of the layout: 1 had other names of the grains' arrays
 

@@ -19,7 +19,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from emclutch.results.atomic_file import is_unfinished
-from emclutch.results.output_error import OutputError
+from emclutch.results.errors import OutputError
 
 LOCK = "emclutch.lock"
 

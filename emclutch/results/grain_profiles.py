@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from emclutch.results.atomic_file import replace_text
-from emclutch.results.output_error import OutputError
+from emclutch.results.errors import OutputError
 
 if TYPE_CHECKING:
     import pandas

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import h5py
 
-from emclutch.results.output_error import OutputError
+from emclutch.results.errors import OutputError
 
 DAMAGED = (KeyError, ValueError, TypeError, AttributeError, RuntimeError)
 """What h5py and numpy raise, as well as OSError, on files with other groups and types than ours, or damaged ones."""

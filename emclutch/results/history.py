@@ -17,7 +17,7 @@ import numpy as np
 
 from emclutch.results.atomic_file import replace_text
 from emclutch.results.columns import COLUMNS, TIME, units_of
-from emclutch.results.output_error import OutputError
+from emclutch.results.errors import OutputError
 
 if TYPE_CHECKING:
     import pandas

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from emclutch.results.columns import TORQUE_DISC
-from emclutch.results.output_error import OutputError
+from emclutch.results.errors import OutputError
 from emclutch.results.run_folder import RunFolder
 from emclutch.results.statistics import Estimate
 from emclutch.results.steady_torque import SteadyConditions, steady_torque

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from emclutch.results.atomic_file import remove_unfinished, replace_json, replace_text
+from emclutch.results.errors import OutputError
 from emclutch.results.folder_lock import LOCK, has_files, locked_folder
 from emclutch.results.history import last_time, whole_rows
-from emclutch.results.output_error import OutputError
 from emclutch.results.provenance import provenance
 from emclutch.results.time_unit import time_in_words
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from emclutch.results.atomic_file import replace_json, replace_text
-from emclutch.results.output_error import OutputError
+from emclutch.results.errors import OutputError
 from emclutch.results.result import Result, load_result
 from emclutch.results.run_folder import Failure, RunFolder
 

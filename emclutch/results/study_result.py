@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from emclutch.results.output_error import OutputError
+from emclutch.results.errors import OutputError
 from emclutch.results.result import Result, load_result
 from emclutch.results.study_folder import read_study
 

@@ -7,9 +7,9 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from emclutch.results import Result, load_result
+from emclutch.results.errors import Interrupted, RunError
 from emclutch.results.grain_profiles import write_profiles
 from emclutch.results.run_folder import CURE
-from emclutch.simulation.run_error import Interrupted, RunError
 from emclutch.simulation.run_observers import RunObservers
 from emclutch.simulation.run_request import RunRequest
 from emclutch.simulation.started_run import StartedRun

@@ -10,13 +10,13 @@ from pathlib import Path
 from time import perf_counter
 
 from emclutch.results import OutputError, RunFolder
+from emclutch.results.errors import Interrupted, RunError
 from emclutch.results.folder_lock import locked_folder
 from emclutch.scene.case import Case
 from emclutch.simulation.forecast.free_disk import NotEnoughDisk
 from emclutch.simulation.forecast.free_memory import NotEnoughMemory
 from emclutch.simulation.kernel_compilation import Compiled, compilation_told
 from emclutch.simulation.resume import may_go_on
-from emclutch.simulation.run_error import Interrupted, RunError
 from emclutch.simulation.run_progress import RunProgress
 from field import ConvergenceError, PointOutside
 from particles import DemError, DemErrorKind, ParticleError

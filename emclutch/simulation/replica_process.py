@@ -12,7 +12,7 @@ import tomllib
 from collections.abc import Iterable
 from typing import Any
 
-from emclutch.results.output_error import OutputError
+from emclutch.results.errors import OutputError
 from emclutch.scene.case import case_from
 
 FAILED, STOPPED = 1, 130
@@ -20,8 +20,8 @@ FAILED, STOPPED = 1, 130
 
 def run_task(task: dict[str, Any], orders: Any) -> int:
     """Run a task of `emclutch.simulation.replicas` under `Orders`; returns the process's exit code."""
+    from emclutch.results.errors import Interrupted, RunError
     from emclutch.simulation.run import run_replica
-    from emclutch.simulation.run_error import Interrupted, RunError
 
     case = case_from(tomllib.loads(task["case"]), trust_scripts=task["trust_scripts"])
     try:

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from emclutch.results import OutputError, Result, RunFolder, load_result
+from emclutch.results.errors import Interrupted, RunError
 from emclutch.results.folder_lock import LOCK, has_files, locked_folder
 from emclutch.results.history import last_time
 from emclutch.results.run_folder import logging_to
@@ -27,7 +28,6 @@ from emclutch.scene.case import Case
 from emclutch.scene.replica_count import replica_count
 from emclutch.scene.study import StudySection, read_study
 from emclutch.simulation.missing_pictures import draw_missing
-from emclutch.simulation.run_error import Interrupted, RunError
 from emclutch.studies.points import PointFolder, folders_of_points, unclaimed
 from emclutch.studies.tables import Done, disc_torque, label_of, write_failures, write_tables
 from emclutch.studies.tasks import STOP, PointOutcome, PointTask, run_point

@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from emclutch.results import OutputError
+from emclutch.results.errors import Interrupted, RunError
 from emclutch.results.study_table import DONE, FAILED, STOPPED
 from emclutch.scene.case import case_from
 from emclutch.scene.errors import SceneError
 from emclutch.simulation.run import run
-from emclutch.simulation.run_error import Interrupted, RunError
 
 log = logging.getLogger(__name__)
 STOP = "stop-asked"

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import emclutch
-from emclutch.simulation.run_error import RunError
+from emclutch.results.errors import RunError
 
 CASE = Path(__file__).parents[2] / "cases" / "thesis" / "centrifugal_held.toml"
 STEPS = (1e-3, 5e-4, 2e-4, 1e-4, 6e-5, 4e-5, 2e-5, 1e-5)

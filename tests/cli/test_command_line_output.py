@@ -19,12 +19,12 @@ from emclutch.cli.input import assignments, load
 from emclutch.cli.main import app
 from emclutch.cli.output import torque_line
 from emclutch.results import OutputError
+from emclutch.results.errors import Interrupted
 from emclutch.results.report.verdict import closing_lines, soft_grains
 from emclutch.scene.case import load_case
 from emclutch.scene.reference import scene_reference
 from emclutch.simulation.open_folder import remedy_in_scene
 from emclutch.simulation.resume import refuse_other_scene
-from emclutch.simulation.run_error import Interrupted
 from particles import DemError, DemErrorKind
 
 GOOD = Path(__file__).parents[1] / "scene" / "broken" / "good.toml"

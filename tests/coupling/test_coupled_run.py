@@ -117,7 +117,7 @@ def test_an_interrupted_run_resumes_bit_for_bit(tmp_path):
     """Stopped in the middle by Ctrl-C and resumed: same state, same history."""
     import signal
 
-    from emclutch.simulation.run_error import Interrupted
+    from emclutch.results.errors import Interrupted
 
     run(tmp_path, "whole")
 

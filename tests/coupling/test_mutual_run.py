@@ -11,9 +11,9 @@ from coupling import ImposedField
 from coupling.wall_reflection import steel_walls
 from emclutch.device.device import build_device
 from emclutch.results.checkpoint import read_checkpoint
+from emclutch.results.errors import RunError
 from emclutch.scene.case import SceneError, case_from
 from emclutch.simulation.assembly import field_source
-from emclutch.simulation.run_error import RunError
 
 pytestmark = pytest.mark.physics
 

@@ -9,10 +9,10 @@ import emclutch
 from coupling import CoilField3D
 from coupling.coil_field_3d import TurningSampler
 from emclutch.results.checkpoint import read_checkpoint
+from emclutch.results.errors import Interrupted
 from emclutch.scene.case import load_case
 from emclutch.simulation.assembly import assemble
 from emclutch.simulation.plan import make_plan
-from emclutch.simulation.run_error import Interrupted
 from field import MU_0, UniformField
 from particles import Body
 

@@ -13,10 +13,10 @@ from finished_run import FinishedRun
 from invariants import margins
 
 import emclutch
+from emclutch.results.errors import RunError
 from emclutch.scene.case import Case
 from emclutch.scene.errors import SceneError
 from emclutch.simulation.plan import make_plan
-from emclutch.simulation.run_error import RunError
 
 FOLDER = Path(__file__).resolve().parents[2] / "cases" / "hard"
 TABLE = FOLDER / "invariants.toml"

@@ -18,8 +18,8 @@ from time import process_time
 import pandas
 from hard_scene import HardScene, hard_scenes, kind_of_step
 
+from emclutch.results.errors import RunError
 from emclutch.scene.errors import SceneError
-from emclutch.simulation.run_error import RunError
 
 NO_EXPLANATION = "no explanation"
 

@@ -15,9 +15,9 @@ import emclutch
 from emclutch.cli.main import app
 from emclutch.results import OutputError, RunFolder, load_result, read_history
 from emclutch.results.checkpoint import read_checkpoint, write_checkpoint
+from emclutch.results.errors import Interrupted, RunError
 from emclutch.results.report.verdict import verdict
 from emclutch.scene.case import case_from
-from emclutch.simulation.run_error import Interrupted, RunError
 from particles import ParticleError
 
 TOY = {

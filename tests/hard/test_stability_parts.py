@@ -11,7 +11,7 @@ from killed_run import table_of
 from stability import rows_of
 from threads import scene_of, shipped
 
-from emclutch.simulation.run_error import RunError
+from emclutch.results.errors import RunError
 
 TABLES = {
     "stability.csv": {"case": ["a", "b"], "steps": ["10", "32"], "invariant": ["speed", "losses"],

@@ -10,9 +10,9 @@ import pytest
 import emclutch
 from coupling.window_row import SolverRow
 from emclutch.results.checkpoint import read_checkpoint
+from emclutch.results.errors import Interrupted, RunError
 from emclutch.scene.case import case_from
 from emclutch.simulation.missed_steps import MissedSteps
-from emclutch.simulation.run_error import Interrupted, RunError
 from particles import ParticleError
 
 SCENE = {

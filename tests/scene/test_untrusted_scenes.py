@@ -15,6 +15,7 @@ from emclutch.cli.main import app
 from emclutch.device.device import build_device
 from emclutch.results import OutputError
 from emclutch.results.checkpoint import read_checkpoint, write_checkpoint
+from emclutch.results.errors import RunError
 from emclutch.results.record import Record
 from emclutch.scene.case import DEEPEST, MAX_FILE, case_from, load_case, read_toml
 from emclutch.scene.errors import SceneError
@@ -23,7 +24,6 @@ from emclutch.simulation.forecast import free_disk
 from emclutch.simulation.forecast.space import disk, memory
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.run import run
-from emclutch.simulation.run_error import RunError
 from geometry.mesher import GROWTH, expected_triangles
 from geometry.surface_import import SurfaceError, triangle_wall_from_file
 from particles.packing import file_packing

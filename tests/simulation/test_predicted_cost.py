@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from emclutch.cli.main import app
 from emclutch.effects.dipoles import SKIN
+from emclutch.results.errors import RunError
 from emclutch.scene.case import case_from
 from emclutch.simulation import pace as run_pace
 from emclutch.simulation.forecast import cost as cost_module
@@ -19,7 +20,6 @@ from emclutch.simulation.forecast.cost import CURRENT_STEP, Cost, predict, solve
 from emclutch.simulation.pace import RunPace
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.run import run
-from emclutch.simulation.run_error import RunError
 
 CELL = {
     "scene": {"title": "sheared annulus", "seed": 3},

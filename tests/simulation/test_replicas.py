@@ -12,6 +12,7 @@ import pytest
 
 import emclutch
 from emclutch.results import OutputError, RunFolder, read_history
+from emclutch.results.errors import Interrupted, RunError
 from emclutch.results.folder_lock import FolderInUse, locked_folder
 from emclutch.results.history import last_time
 from emclutch.results.steady_torque import SteadyConditions, steady_torque
@@ -20,7 +21,6 @@ from emclutch.scene.errors import SceneError
 from emclutch.scene.replica_count import automatic_count, replica_seed
 from emclutch.scene.torque_target import TorqueTarget
 from emclutch.simulation import replicas
-from emclutch.simulation.run_error import Interrupted, RunError
 
 CELL = {
     "scene": {"title": "sheared annulus", "seed": 3},

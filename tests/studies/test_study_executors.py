@@ -15,8 +15,8 @@ import pytest
 
 from emclutch.results import HistoryWriter, OutputError, RunFolder, load_result
 from emclutch.results.checkpoint import write_checkpoint
+from emclutch.results.errors import Interrupted, RunError
 from emclutch.scene.study import read_study
-from emclutch.simulation.run_error import Interrupted, RunError
 from emclutch.studies import tasks as study_tasks
 from emclutch.studies.sweep import sweep
 

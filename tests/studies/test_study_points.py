@@ -9,13 +9,13 @@ import pytest
 from emclutch.cli.plot import plot_runs
 from emclutch.results import HistoryWriter, OutputError, RunFolder, load_result
 from emclutch.results.checkpoint import write_checkpoint
+from emclutch.results.errors import Interrupted, RunError
 from emclutch.results.folder_lock import locked_folder
 from emclutch.results.report.content import study_page
 from emclutch.results.report.render import html
 from emclutch.results.study_folder import read_study as read_folder
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.scene.study import read_study
-from emclutch.simulation.run_error import Interrupted, RunError
 from emclutch.studies import sweep as run_study
 from emclutch.studies import tables as study_tables
 from emclutch.studies import tasks as study_tasks

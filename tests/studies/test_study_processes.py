@@ -7,8 +7,8 @@ import pytest
 
 import emclutch
 from emclutch.results.checkpoint import read_checkpoint
+from emclutch.results.errors import Interrupted
 from emclutch.results.study_folder import read_study
-from emclutch.simulation.run_error import Interrupted
 
 THESIS = Path(__file__).resolve().parents[2] / "cases" / "thesis"
 TOY = {

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from emclutch.results.atomic_file import replace_bytes
-from emclutch.results.output_error import OutputError
+from emclutch.results.errors import OutputError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

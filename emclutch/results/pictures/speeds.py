@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from emclutch.results.columns import DISC_SPEED, ROTOR_SPEED, TIME, TORQUE_DISC
-from emclutch.results.output_error import OutputError
+from emclutch.results.errors import OutputError
 from emclutch.results.pictures.figure_title import legend_beside
 from emclutch.results.pictures.picture_file import save_picture
 from emclutch.results.time_unit import time_unit

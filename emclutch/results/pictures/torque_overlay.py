@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from emclutch.results.columns import TIME, TORQUE_DISC
-from emclutch.results.output_error import OutputError
+from emclutch.results.errors import OutputError
 from emclutch.results.pictures.figure_title import legend_beside
 from emclutch.results.pictures.picture_file import save_picture
 from emclutch.results.pictures.torque import torque_unit

@@ -6,7 +6,7 @@ import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
-from emclutch.results.output_error import OutputError
+from emclutch.results.errors import OutputError
 from emclutch.results.run_folder import RunFolder
 from emclutch.results.vtk.data_set import array_names, read_data_set, read_texts
 from emclutch.results.vtk.series import read_pvd

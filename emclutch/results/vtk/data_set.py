@@ -13,7 +13,7 @@ import numpy as np
 
 from emclutch.results.array_units import ARRAY_UNITS
 from emclutch.results.atomic_file import replace_bytes
-from emclutch.results.output_error import OutputError
+from emclutch.results.errors import OutputError
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData, vtkUnstructuredGrid

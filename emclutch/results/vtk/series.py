@@ -18,7 +18,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from emclutch.results.atomic_file import replace_text
-from emclutch.results.output_error import OutputError
+from emclutch.results.errors import OutputError
 from emclutch.results.vtk.data_set import poly_data, simplices, write_data_set
 from emclutch.results.vtk.wall_surface import wall_surfaces
 
