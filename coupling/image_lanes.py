@@ -34,7 +34,7 @@ HEIGHT_I, HEIGHT_J, N_HEIGHTS = range(3)
 
 
 @device_function(error_model="numpy", fastmath={"contract"})
-def over_walls(grains):
+def wall_sides(grains):
     """Heights (n, w) [m] at which grains are mirrored; and, as bits (n,), on which side of which walls they are."""
     height, radius = grains.height, grains.radius
     mirrored_at, sides = np.empty(height.shape), np.zeros(height.shape[0], np.int64)
@@ -48,9 +48,9 @@ def over_walls(grains):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def _add_seen(i, j, shift, e, t, reach, over, count, seen, heights):
+def _list_seen(i, j, shift, e, t, reach, faces, count, seen, heights):
     """List the walls in which grain i may be within reach of the image of j; how many are listed then."""
-    mirrored_at, sides = over
+    mirrored_at, sides = faces
     common, w = sides[i] & sides[j], 0
     while common != 0:
         here, there = mirrored_at[i, w], mirrored_at[j, w]
@@ -64,14 +64,14 @@ def _add_seen(i, j, shift, e, t, reach, over, count, seen, heights):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def of_pairs(h, until, reach, over, imaged, seen, heights):
-    """List the images of the pairs h to ``until``; how many. ``over`` is `over_walls`."""
+def list_pair_images(h, until, reach, faces, imaged, seen, heights):
+    """List the images of the pairs h to ``until``; how many. ``faces``: see `wall_sides`."""
     count = 0
     for g in range(h, until):
         b, a = g // LANES, g % LANES
         once = imaged.once[b]
-        count = _add_seen(
-            once[FIRST, a], once[SECOND, a], once[SHIFT, a], once[ENTRY, a], once[TWIN, a], reach, over, count, seen,
+        count = _list_seen(
+            once[FIRST, a], once[SECOND, a], once[SHIFT, a], once[ENTRY, a], once[TWIN, a], reach, faces, count, seen,
             heights,
         )  # fmt: skip
     _fill_up(count, seen, heights)
@@ -79,11 +79,11 @@ def of_pairs(h, until, reach, over, imaged, seen, heights):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def of_grains(i, until, reach, over, seen, heights):
+def list_grain_images(i, until, reach, faces, seen, heights):
     """List the images that the grains i to ``until`` have of themselves; how many."""
     count = 0
     for g in range(i, until):
-        count = _add_seen(g, g, 0, g, -1, reach, over, count, seen, heights)
+        count = _list_seen(g, g, 0, g, -1, reach, faces, count, seen, heights)
     _fill_up(count, seen, heights)
     return count
 
@@ -107,7 +107,7 @@ def _of_walls(i, w, n_walls):
 
 
 @device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def over(x, y, h, tangent_r, tangent_z):
+def normal_over(x, y, h, tangent_r, tangent_z):
     """Normal of a wall over a place, which it does not have on the axis; and the vector (3) from there to the image."""
     rho2 = x * x + y * y
     out = select(rho2 > 0.0, -tangent_z / sqrt(rho2), 0.0)
@@ -130,23 +130,23 @@ def _block(dx, dy, dz, reach, smear):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def _lay(c, seen, heights, place, rows, walls):
-    """Of eight images from c on: turn of the partner, strength; of both grains centre [m] and what is `over` it."""
+def _load_images(c, seen, heights, place, rows, walls):
+    """Of eight images from c on: turn of the partner, strength; of both grains centre [m] and `normal_over` it."""
     crossed = from_integers(load(seen, SHIFT, c))
     turn = select(crossed * crossed > 0.0, rows.turn_cos[1], 1.0), rows.turn_sin[1] * crossed
     tangent_r, tangent_z, _, k = gather_columns(walls, load(seen, WALL, c), 2)
     xi, yi, zi, _ = gather_columns(place, load(seen, FIRST, c), 0)
     xj, yj, zj, _ = gather_columns(place, load(seen, SECOND, c), 0)
     xj, yj = turn[0] * xj - turn[1] * yj, turn[1] * xj + turn[0] * yj
-    over_i = over(xi, yi, load(heights, HEIGHT_I, c), tangent_r, tangent_z)
-    over_j = over(xj, yj, load(heights, HEIGHT_J, c), tangent_r, tangent_z)
+    over_i = normal_over(xi, yi, load(heights, HEIGHT_I, c), tangent_r, tangent_z)
+    over_j = normal_over(xj, yj, load(heights, HEIGHT_J, c), tangent_r, tangent_z)
     return turn, k, (xi, yi, zi), over_i, (xj, yj, zj), over_j
 
 
 @device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def _influence(laid, there, reach, smear):
+def _influence(images, there, reach, smear):
     """Block of the image of j, and what the image of i makes of the potential at j; none where not ``there``."""
-    (c, s), k, (xi, yi, zi), (wx, wy, wz, ox, oy, oz), (jx, jy, jz), (ux, uy, uz, qx, qy, qz) = laid
+    (c, s), k, (xi, yi, zi), (wx, wy, wz, ox, oy, oz), (jx, jy, jz), (ux, uy, uz, qx, qy, qz) = images
     k = OVER_4PI * select(there, k, 0.0)
     # at i of the image of j: T P
     axx, ayy, azz, axy, axz, ayz, fx, fy, fz = _block(xi - (jx + qx), yi - (jy + qy), zi - (jz + qz), reach, smear)
@@ -189,7 +189,7 @@ def influences_of_pairs(count, model, place, rows, walls, seen, heights, image):
     """Blocks (k, 12) of the first ``count`` images listed, of pairs: of both entries."""
     for c in range(0, count, LANES):
         there = mask_of_first(count - c)
-        x, y, z, back = _influence(_lay(c, seen, heights, place, rows, walls), there, model.reach, model.smear)
+        x, y, z, back = _influence(_load_images(c, seen, heights, place, rows, walls), there, model.reach, model.smear)
         e, t = load(seen, ENTRY, c), load(seen, TWIN, c)
         scatter_add(image, e, 0, None, None, x)
         scatter_add(image, e, 4, None, None, y)
@@ -209,7 +209,7 @@ def influences_of_grains(count, model, place, rows, walls, seen, heights, itself
     n_walls = walls.shape[0]
     for c in range(0, count, LANES):
         there = mask_of_first(count - c)
-        x, y, z, _ = _influence(_lay(c, seen, heights, place, rows, walls), there, model.reach, model.smear)
+        x, y, z, _ = _influence(_load_images(c, seen, heights, place, rows, walls), there, model.reach, model.smear)
         i = load(seen, ENTRY, c)
         scatter_add(itself, i, 0, None, None, x)
         scatter_add(itself, i, 4, None, None, y)
@@ -266,9 +266,9 @@ def _moving_along(x, y, image, k, m, turned, n, g, field):
 
 
 @device_function(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def _forces(laid, there, a, b, reach, smear):
+def _forces(images, there, a, b, reach, smear):
     """Forces of images on i and on j [N], of the moments a and b: -dU/dx, see `coupling.mirror`; 0 if not there."""
-    (c, s), k, (xi, yi, zi), (wx, wy, wz, ox, oy, oz), (jx, jy, jz), (ux, uy, uz, qx, qy, qz) = laid
+    (c, s), k, (xi, yi, zi), (wx, wy, wz, ox, oy, oz), (jx, jy, jz), (ux, uy, uz, qx, qy, qz) = images
     (ax, ay, az), (bx, by, bz) = a, b
     bx, by = c * bx - s * by, s * bx + c * by
     own, others = mirror_moment(k, ax, ay, az, wx, wy, wz), mirror_moment(k, bx, by, bz, ux, uy, uz)
@@ -308,11 +308,11 @@ def find_forces(count, model, place, source, rows, walls, seen, heights, force):
     ``source`` (n, 4): moments [A m^2].
     """
     for c in range(0, count, LANES):
-        laid = _lay(c, seen, heights, place, rows, walls)
+        images = _load_images(c, seen, heights, place, rows, walls)
         ax, ay, az, _ = gather_columns(source, load(seen, FIRST, c), 0)
         bx, by, bz, _ = gather_columns(source, load(seen, SECOND, c), 0)
         there = mask_of_first(count - c)
-        here, back = _forces(laid, there, (ax, ay, az), (bx, by, bz), model.reach, model.smear)
+        here, back = _forces(images, there, (ax, ay, az), (bx, by, bz), model.reach, model.smear)
         e, t = load(seen, ENTRY, c), load(seen, TWIN, c)
         scatter_add(force, e, 0, None, None, here)
         weight = select(from_integers(t) >= 0.0, 1.0, 0.0)

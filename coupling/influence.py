@@ -1,4 +1,4 @@
-"""Influence of grains on each other at one instant: what the sweeps of `coupling.moment_kernels` multiply with."""
+"""Influence matrices of grains on each other at one instant, for the sweeps of `coupling.moment_kernels`."""
 
 from __future__ import annotations
 
@@ -40,19 +40,19 @@ def find_influence(
     twin = np.full(p, -1, dtype=np.int32) if twin is None else twin
     kind = np.empty(p, dtype=np.uint8)
     pair_kinds(model, grains, rows, kind)
-    imaged, near = (chosen(rows, twin, kind, bit) for bit in (IMAGED, NEAR))
-    image = room_for(len(imaged.entry), (3, 4), None if room is None else room.image)
+    imaged, near = (choose_entries(rows, twin, kind, bit) for bit in (IMAGED, NEAR))
+    image = reuse_or_allocate(len(imaged.entry), (3, 4), None if room is None else room.image)
     itself, own_image = np.zeros((n, 3, 4)), np.zeros((n, len(walls), 4))
     itself[:, range(3), range(3)] = own
     image_influences(
         model, grains, rows, imaged, walls, image.reshape(-1, 12), itself.reshape(-1, 12), own_image.reshape(-1, 4)
     )
-    near_pair = room_for(len(near.once), (N_NEAR, LANES), None if room is None else room.near_pair)
+    near_pair = reuse_or_allocate(len(near.once), (N_NEAR, LANES), None if room is None else room.near_pair)
     near_pairs(table, model, grains, rows, near, near_pair)
     return Influence(itself, *imaged, image, own_image, *near, near_pair)
 
 
-def chosen(rows: Rows, twin: np.ndarray, kind: np.ndarray, bit: int) -> Chosen:
+def choose_entries(rows: Rows, twin: np.ndarray, kind: np.ndarray, bit: int) -> Chosen:
     """Entries whose ``kind`` (p,) holds a bit."""
     p, start = len(kind), np.empty(len(rows.start), dtype=np.int64)
     place, entry, twin_there = np.empty(p, np.int32), np.empty(p + 1, np.int32), np.empty(p, np.int32)
@@ -61,6 +61,6 @@ def chosen(rows: Rows, twin: np.ndarray, kind: np.ndarray, bit: int) -> Chosen:
     return Chosen(start, entry[:k], twin_there[:k], once[: (m + LANES - 1) // LANES], m)
 
 
-def room_for(count: int, shape: tuple[int, ...], before: np.ndarray | None) -> np.ndarray:
+def reuse_or_allocate(count: int, shape: tuple[int, ...], before: np.ndarray | None) -> np.ndarray:
     """``before`` where it has ``count`` rows, or a new array with an eighth more."""
     return before if before is not None and len(before) >= count else np.empty((count + count // 8, *shape))

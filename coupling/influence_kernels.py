@@ -1,4 +1,4 @@
-"""Compiled influence of grains on each other: what places alone decide of field and potential, found once an update.
+"""Compiled influence of grains on each other: all that positions alone determine, computed once an update.
 
 Field and potential of a moment are linear in it. Those of a neighbour follow from its distance in every sweep
 (`coupling.row_lanes`). A grain's own images, and those of its neighbours in steel, are blocks (3, 4), see
@@ -20,9 +20,9 @@ from coupling.image_lanes import (
     clear_blocks,
     influences_of_grains,
     influences_of_pairs,
-    of_grains,
-    of_pairs,
-    over_walls,
+    list_grain_images,
+    list_pair_images,
+    wall_sides,
 )
 from coupling.kernel_state import ENTRY, FIRST, SECOND, SHIFT, TWIN
 from coupling.pair_fields import OVER_4PI, field_factors
@@ -76,9 +76,9 @@ def choose(rows, twin, kind, bit, place, start, entry, chosen_twin, once):
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
 def pair_kinds(model, grains, rows, kind):
     """Kinds (p,) uint8 of all entries of the rows."""
-    place, over = columns_of(grains.position, grains.radius), over_walls(grains)
+    place, faces = columns_of(grains.position, grains.radius), wall_sides(grains)
     for i in prange(place.shape[0]):
-        kinds_of_row(i, place, over[0], model, rows, kind)
+        kinds_of_row(i, place, faces[0], model, rows, kind)
 
 
 @njit(cache=True, parallel=True, error_model="numpy", fastmath={"contract"})
@@ -89,16 +89,16 @@ def image_influences(model, grains, rows, imaged, walls, image, itself, own_imag
     """
     place, n, n_walls = columns_of(grains.position, grains.radius), grains.position.shape[0], walls.shape[0]
     count, room = imaged.pairs, n_walls * IMAGED_CHUNK + LANES
-    over = over_walls(grains)
+    faces = wall_sides(grains)
     for b in prange((count + IMAGED_CHUNK - 1) // IMAGED_CHUNK):
         first, seen, heights = b * IMAGED_CHUNK, np.empty((N_SEEN, room), np.int32), np.empty((N_HEIGHTS, room))
         until = min(first + IMAGED_CHUNK, count)
         clear_blocks(first, until, imaged, image)
-        m = of_pairs(first, until, model.reach, over, imaged, seen, heights)
+        m = list_pair_images(first, until, model.reach, faces, imaged, seen, heights)
         influences_of_pairs(m, model, place, rows, walls, seen, heights, image)
     for b in prange((n + IMAGED_CHUNK - 1) // IMAGED_CHUNK if n_walls else 0):
         first, seen, heights = b * IMAGED_CHUNK, np.empty((N_SEEN, room), np.int32), np.empty((N_HEIGHTS, room))
-        m = of_grains(first, min(first + IMAGED_CHUNK, n), model.reach, over, seen, heights)
+        m = list_grain_images(first, min(first + IMAGED_CHUNK, n), model.reach, faces, seen, heights)
         influences_of_grains(m, model, place, rows, walls, seen, heights, itself, own_image)
 
 

@@ -1,7 +1,7 @@
 """A macroscopic field across an annulus between steel cylinders, changed by the layers that its grains stand in.
 
 A field of one dimension is known from the magnetisation. Across coaxial faces div B = 0 makes r (H_r + M_r) the same at
-every radius, and the magnetomotive force between them is fixed by what stands outside, the integral of H_r dr:
+every radius, and the magnetomotive force between them is fixed by the circuit outside, the integral of H_r dr:
 
     h(r) + b(r) = C,      <h> = h_0,      h = r H_r,   b = r M_r,   < > = integral dr/r over that of the gap;
 
@@ -12,15 +12,15 @@ the kernel of `coupling.smeared_grains` over both directions along the faces,
 
 folded back at the faces as its images in ideal steel are, so that nothing is lost. So near pairs without their smear
 (`coupling.pair_fields`) and this field count each pair once, as with a solved field. Dividing by r alone, where the
-section's kernel divides by sqrt(r r_i), leaves b of even powder even up to the faces; the field has no torque about the
-axis either way.
+section's kernel divides by sqrt(r r_i), leaves b of even powder even up to the faces; in both cases the field has no
+torque about the axis.
 
 The plain iteration M -> H grows where a layer's susceptibility exceeds 1. With chi = b/h' of the field h' in which the
 moments were found, h = C/(1 + chi) has the same fixed point, is never reversed, and leaves (chi - s)/(1 + chi) of an
 error, s = db/dh: nothing where a layer is linear and far wider than the kernel, chi/(1 + chi) where it is saturated.
 Where chi is at its bounds h = (C - (b - chi h'))/(1 + chi): the fixed point is that of the moments, whatever chi is.
 
-Left out: what changes along the faces, and steel that is less than ideal.
+Neglected: changes along the faces, and steel that is not ideal.
 """
 
 from __future__ import annotations

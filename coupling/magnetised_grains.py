@@ -1,4 +1,4 @@
-"""H, grad H and the moments of the grains: what every magnetic effect starts from.
+"""H, grad H and the moments of the grains, the input of every magnetic effect.
 
 The moment is that of a lone sphere in the field, M(H, phi = 0) of `field.laws.powder_law`, parallel to H; with effect
 `dipoles` that of `coupling.mutually_magnetised_grains`.

@@ -2,7 +2,7 @@
 
 A wall is a line in the (r, z) section: row (r0, z0, tangent r, tangent z, length, k). Its normal n is the tangent
 turned by +90 degrees; a grain at the signed height h over it has its image at x* = x - 2 h n, in a cylinder at r -> 2 R
-- r, with the moment P m = k (2 (m.n) n - m), n in the grain's own half plane (`coupling.wall_images`).
+- r, with the moment P m = k (2 (m.n) n - m), n in the grain's own half plane. `coupling.image_lanes` sums them.
 
 Between two grains and a wall there is one energy, whichever of the two is mirrored,
 

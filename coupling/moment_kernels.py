@@ -18,9 +18,9 @@ from coupling.image_lanes import (
     N_SEEN,
     clear_forces,
     find_forces,
-    of_grains,
-    of_pairs,
-    over_walls,
+    list_grain_images,
+    list_pair_images,
+    wall_sides,
 )
 from coupling.influence_kernels import slope_along
 from coupling.kernel_state import Chosen
@@ -195,15 +195,15 @@ def contact_forces(table, model, grains, rows, walls, known, attraction, velocit
     image, own_image = extra[n_near:], np.zeros((n, 4))
     imaged = Chosen(known.image_start, known.image_entry, known.image_twin, known.image_once, known.image_pairs)
     count, room = known.image_pairs, walls.shape[0] * IMAGED_CHUNK + LANES
-    over = over_walls(grains)
+    faces = wall_sides(grains)
     for b in prange((count + IMAGED_CHUNK - 1) // IMAGED_CHUNK):
         first, seen, heights = b * IMAGED_CHUNK, np.empty((N_SEEN, room), np.int32), np.empty((N_HEIGHTS, room))
         clear_forces(first, min(first + IMAGED_CHUNK, count), imaged, image)
-        m = of_pairs(first, min(first + IMAGED_CHUNK, count), model.reach, over, imaged, seen, heights)
+        m = list_pair_images(first, min(first + IMAGED_CHUNK, count), model.reach, faces, imaged, seen, heights)
         find_forces(m, model, place, source, rows, walls, seen, heights, image)
     for b in prange((n + IMAGED_CHUNK - 1) // IMAGED_CHUNK if walls.shape[0] else 0):
         first, seen, heights = b * IMAGED_CHUNK, np.empty((N_SEEN, room), np.int32), np.empty((N_HEIGHTS, room))
-        m = of_grains(first, min(first + IMAGED_CHUNK, n), model.reach, over, seen, heights)
+        m = list_grain_images(first, min(first + IMAGED_CHUNK, n), model.reach, faces, seen, heights)
         find_forces(m, model, place, source, rows, walls, seen, heights, own_image)
     for i in prange(position.shape[0]):
         fx, fy, fz, tz = dipole_force(i, place, source, model, rows)

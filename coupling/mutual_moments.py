@@ -2,7 +2,7 @@
 
 Two models. **mutual**: every grain is a dipole in the field of all others, M_i = M_sph(|S_i|) S_i/|S_i| with S_i the
 applied field and that of the others (and, where the applied field is the mean one of an even powder, the grain's own
-fraction of it; `coupling.pair_fields`). **near_field** adds what finite elements give beyond that for two spheres that
+contribution; `coupling.pair_fields`). **near_field** adds what finite elements give beyond that for two spheres that
 nearly touch (`field.spheres.pair_table`), whose flux gathers in their neck:
 
 - a near pair is driven by the field h_ij along its line of centres n without what each makes at the other: the mean of
@@ -23,7 +23,7 @@ kA/m (`tests/coupling/test_magnetised_contact.py`): pairs along the field within
 to 1.16 of the force, triangles 22 to 24 % too strong; six and more contacts of a grain are not verified.
 
 The moments are a fixed point of a map that is neither linear nor symmetric. It is approached by damped sweeps that
-start from the last moments, mixed with the sweep before as the secant through both asks (`secant_mixed`); every sweep
+start from the last moments, mixed with the sweep before as the secant through both asks (`mix_by_secant`); every sweep
 updates all grains from the same state, so no bit depends on the threads.
 """
 
@@ -36,7 +36,7 @@ import numpy as np
 from coupling.finite_grains import NotFiniteGrains, refuse_not_finite
 from coupling.grain_law_table import GrainLawTable
 from coupling.image_lanes import MAX_WALLS
-from coupling.influence import find_influence, room_for
+from coupling.influence import find_influence, reuse_or_allocate
 from coupling.kernel_state import Influence, MagneticGrains, PairModel
 from coupling.moment_kernels import contact_forces, gather_fields, magnetise, wall_heights
 from coupling.neighbour_rows import NeighbourRows
@@ -205,7 +205,7 @@ class MutualMoments:
         )  # fmt: skip
         self._room = result.known = known
         many = len(known.near_entry) + len(known.image_entry)
-        self._extra = extra = room_for(many, (4,), self._extra)
+        self._extra = extra = reuse_or_allocate(many, (4,), self._extra)
         damping = 1.0 if start is None else FIRST_DAMPING
         before, last = np.inf, None
         for sweep in range(1, most_sweeps + 1):
@@ -222,7 +222,7 @@ class MutualMoments:
             if residual <= tolerance or sweep == most_sweeps:
                 break  # `field`, `potential` and `fraction` are those of `moment`
             asked = (new - moment) / damping
-            mixed = secant_mixed(moment, asked, damping, last)
+            mixed = mix_by_secant(moment, asked, damping, last)
             last = moment, asked
             moment = result.moment = mixed
             grains = grains._replace(moment=moment)
@@ -265,7 +265,7 @@ class MutualMoments:
             found.potential, found.fraction, found.contrast, found.height, found.own_image,
         )  # fmt: skip
         many = len(found.known.near_entry) + len(found.known.image_entry)
-        self._extra = extra = room_for(many, (4,), self._extra)
+        self._extra = extra = reuse_or_allocate(many, (4,), self._extra)
         contact_forces(
             self.table, self.model, grains, rows.arrays, self.walls, found.known, attraction, moving, float(ahead),
             force, torque, extra,
@@ -273,7 +273,7 @@ class MutualMoments:
         return force, -float(torque[:, 0].sum()), float(torque[:, 1].sum())
 
 
-def secant_mixed(
+def mix_by_secant(
     moment: np.ndarray, asked: np.ndarray, damping: float, last: tuple[np.ndarray, np.ndarray] | None
 ) -> np.ndarray:
     """The next moments (n, 3) [A m^2] of a damped fixed-point iteration that remembers one sweep.

@@ -1,9 +1,9 @@
-"""Near grains' attraction in the DEM's own step: fields and moments held between updates, the gap that of each step.
+"""Attraction of near grains in the DEM's own step: fields and moments of the last update, the gap of each step.
 
 The held forces of an update hold every pair's near pull at the places of that update. Of the pairs in the DEM's list it
-is taken out again and handed over as a drive (`particles.dem.attraction`); the others, farther apart, stay held. When
-the list is rebuilt between two updates both are found again, from the same places, fields and moments: the DEM sorts
-and turns them with its grains.
+is taken out again and handed over as a drive (`particles.dem.attraction`); the others, farther apart, stay constant.
+When the list is rebuilt between two updates both are found again, from the same places, fields and moments: the DEM
+sorts and turns them with its grains.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Compiled drives of near pairs and walls for the DEM's own list: what it needs to take their pull from every gap.
+"""Compiled drives of near pairs and walls for the DEM's own list, which computes their pull at every gap.
 
-The pull is that of `coupling.moment_kernels.contact_forces` with everything but the gap held. What is driven here is
-taken out of the held forces, at the places where these were found, so that every near pair counts once.
+The pull is that of `coupling.moment_kernels.contact_forces` with everything but the gap constant. It is
+subtracted from the held forces, at the places where these were found, so that every near pair counts once.
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ def _drive(b, source, rows, known):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def _hand_over(b, known, turn, sign, x, y, z, both, extra):
+def _scatter_pair(b, known, turn, sign, x, y, z, both, extra):
     """Put a vector of the first grain, ``sign`` times it of the second, and a number of both into ``extra``."""
     e, t = load(known.near_once, b, ENTRY), load(known.near_once, b, TWIN)
     c, s = turn
@@ -63,7 +63,7 @@ def excess_of_eight(b, table, source, rows, known, extra):
     row, x, column, y, held, fraction, within = locate_eight(table, load(known.near_pair, b, PLACE), h)
     v = held * fraction * within * interpolate_bilinear(table.moment, row, x, column, y)
     v = select(h < 0.0, -v, v)
-    _hand_over(b, known, turn, 1.0, v * nx, v * ny, v * nz, v, extra)
+    _scatter_pair(b, known, turn, 1.0, v * nx, v * ny, v * nz, v, extra)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
@@ -126,4 +126,4 @@ def near_forces_of_eight(b, table, model, tables, rows, known, attraction, ahead
     along = ex * nx + ey * ny + ez * nz
     ex, ey, ez = ex - along * nx, ey - along * ny, ez - along * nz
     fx, fy, fz = ex * per_true - pull * nx, ey * per_true - pull * ny, ez * per_true - pull * nz
-    _hand_over(b, known, turn, -1.0, fx, fy, fz, -0.5 * (nx * ey - ny * ex), extra)
+    _scatter_pair(b, known, turn, -1.0, fx, fy, fz, -0.5 * (nx * ey - ny * ex), extra)

@@ -1,10 +1,10 @@
 """Rows of neighbours, in SIMD vectors of eight entries: which are near, the field that they produce, their forces.
 
 Inner functions of `coupling.influence_kernels` and `coupling.moment_kernels`. Every pair is found from each of its
-grains: that costs less than to put the reaction where the partner's row lies. What a distance decides is found from
-it in every sweep, which takes less than to fetch it from the memory.
+grains: that costs less than to scatter the reaction to the partner's row. Functions of the distance are computed
+in every sweep, which takes less time than to load them.
 
-Eight that go beyond the end of a row repeat its last entry, and what comes of these is left out.
+Vectors that reach beyond the end of a row repeat its last entry, whose results are discarded.
 """
 
 from __future__ import annotations

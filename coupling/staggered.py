@@ -1,10 +1,10 @@
 """The staggered loop: coil -> field -> moments -> forces -> grains -> field, window by window.
 
-A coupling window holds the field; inside it the effects' forces are evaluated every `steps_per_update` steps of the
-grains and held between (a window is `updates` such sub-cycles). What couples back are the grains' moments,
-spread into the field solve (`coupling.powder_feedback`); they answer inside the same Newton iteration, so that the loop
-is stable for any susceptibility of the powder (an explicit magnetisation source alone would diverge above chi of about
-1.3).
+The field is constant during a coupling window; inside it the effects' forces are evaluated every `steps_per_update`
+steps of the grains and constant in between (a window is `updates` such sub-cycles). What couples back are the grains'
+moments, spread into the field solve (`coupling.powder_feedback`); they answer inside the same Newton iteration, so that
+the loop is stable for any susceptibility of the powder (an explicit magnetisation source alone would diverge above chi
+of about 1.3).
 """
 
 from __future__ import annotations

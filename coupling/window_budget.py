@@ -4,11 +4,11 @@ Torque about z, whole device:  torque on rotor + disc + housing + field + dL/dt 
 
 - on the bodies: contact forces times levers, accumulated step by step as the grains move;
 - on the field (poles and coil): minus the magnetic torque on the grains, from m and B for the pairs of dipoles
-  (-sum m_i x B_j, see `coupling.dipoles`), from x x F for the gradient force and the images; where a slotted body
-  carries the field round, the gradient force's part is booked on that body;
+  (-sum m_i x B_j, see `coupling.mutual_moments`), from x x F for the gradient force and the images; where the field
+  turns with a slotted body, the gradient force's part is booked on that body;
 - on what else holds forces (a fluid, say): minus the torque that its effect books, each in its own column;
 - dL/dt: from positions and velocities at the window's ends, spins included;
-- gravity: weight times lever of the centre of mass, mean of the window's ends: the one term that is no exact sum.
+- gravity: weight times lever of the centre of mass, mean of the window's ends: the only term that is not an exact sum.
 
 Energy of the grains:  work of walls + held forces + gravity - dissipated - d(kinetic + elastic) = residual,
 where every mechanism's loss is its own sum over contacts: the residual is the error of the grains' step, second order.

@@ -1,8 +1,8 @@
 """The physics of a scene as a list of small objects; what is not in the list does not exist.
 
 An effect has a `name`, may act at the start of a coupling window (`begin_window`) and may add to the held forces
-of a sub-cycle (`add_forces`, which returns its bookings for the balances). To add one: a new file here, a model in
-`emclutch.scene.effects`, a line in `emclutch.simulation.assembly`.
+of a sub-cycle (`add_forces`, which returns its bookings for the balances). To add one: a new file here, and its table
+in `emclutch.effects`, see docs/how_to/new_effect.md.
 """
 
 from coupling.effects.dipoles import Dipoles

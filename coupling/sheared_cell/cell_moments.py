@@ -15,7 +15,7 @@ import numpy as np
 
 from coupling.finite_grains import NotFiniteGrains
 from coupling.grain_law_table import GrainLawTable
-from coupling.influence import find_influence, room_for
+from coupling.influence import find_influence, reuse_or_allocate
 from coupling.kernel_state import Influence, MagneticGrains, PairModel
 from coupling.moment_kernels import gather_fields, magnetise
 from coupling.mutual_moments import FIRST_DAMPING, MIN_DAMPING
@@ -106,7 +106,7 @@ class CellMoments:
         near_by, grains = rows.arrays, self._grains(self._everywhere)
         own = self_field_factor(self.reach, True)
         known = find_influence(self.table, self.model, grains, near_by, NO_WALLS, own=own, room=self._room)
-        self._room, self._extra = known, room_for(len(known.near_entry), (4,), self._extra)
+        self._room, self._extra = known, reuse_or_allocate(len(known.near_entry), (4,), self._extra)
         gather_fields(self.model, grains, near_by, known, self._field, self._potential, self._own_image)
         self._field[n:], self._potential[n:] = self._field[whose[n:]], self._potential[whose[n:]]
         magnetise(

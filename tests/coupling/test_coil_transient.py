@@ -87,7 +87,7 @@ def test_current_rises_and_the_energies_close(problem):
 
 
 def test_moving_powder_changes_the_current_and_not_the_linkage(problem):
-    """The fill rises at once: the linkage goes on, the current drops to what the better iron circuit needs."""
+    """The fill rises at once: the linkage continues, the current drops to what the better iron circuit needs."""
     jump = 60
 
     class EvenPowder:

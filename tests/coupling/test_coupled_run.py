@@ -146,7 +146,7 @@ def test_an_interrupted_run_resumes_bit_for_bit(tmp_path):
 
 
 def test_a_run_can_be_lengthened(tmp_path):
-    """Resuming with a later end goes on with the windows it began with, bit for bit as if it had been asked at once."""
+    """Resuming with a later end keeps the windows, bit for bit as if that end had been asked for at once."""
     run(tmp_path, "long", {"time.end": "1.5 ms", "time.window": 1e-5})
     run(tmp_path, "short", {"time.end": "0.8 ms", "time.window": 1e-5})
     summary, seen = tmp_path / "short" / "summary.json", []

@@ -126,7 +126,7 @@ def test_saturated_poles(tmp_path):
 
 @pytest.mark.hard
 def test_one_grain_in_an_empty_gap(tmp_path):
-    """It has the moment of a lone sphere in the gap's field to the share of its ring that a sector of 8 d knows not."""
+    """It has the moment of a lone sphere in the gap's field, to the part of its ring that a sector of 8 d lacks."""
     history = run(tmp_path, "run", {"particles.solid_fraction": 0.0005}).history
     assert len(moments(tmp_path, "run")) == 1
     assert sound(history)

@@ -102,7 +102,7 @@ def test_grains_in_a_scene_follow_the_flow(method, tmp_path):
     np.testing.assert_allclose(turned, speed * b / (b - a) * (r - a / r), rtol=0.02)
 
 
-def test_what_a_scene_gets_wrong_is_told():
+def test_what_a_scene_gets_wrong_is_reported():
     with pytest.raises(SceneError, match=r"fluid_drag\.viscosity"):
         case_from(CELL, {"effects.fluid_drag.viscosity": "1 m"})
     box = {"geometry": {"kind": "box", "size": ["10 mm", "10 mm", "10 mm"]}, "motion": {}}

@@ -11,7 +11,7 @@ from numba import njit
 
 from coupling.cluster import magnetised_cluster
 from coupling.grain_law_table import excess_force, field_index, grain_table
-from coupling.mutual_moments import MutualMoments, secant_mixed
+from coupling.mutual_moments import MutualMoments, mix_by_secant
 from coupling.neighbour_rows import neighbour_rows
 from field import MU_0, GrainLaw, LangevinLaw
 from field.spheres.lone_sphere import sphere_magnetisation
@@ -303,7 +303,7 @@ def test_no_field_has_the_first_place_in_the_tables_whatever_its_sign():
     assert place(table, 1e5) == place(table, -1e5) > 0.0
 
 
-def test_bad_input_is_told():
+def test_bad_input_is_reported():
     with pytest.raises(ValueError, match="model = 'far'"):
         pair(0.1, [0.0, 0.0, 1.0], model="far")
     with pytest.raises(ValueError, match="finite"):
@@ -323,5 +323,5 @@ def test_a_map_that_stretches_alike_everywhere_is_solved_by_its_secant(eigenvalu
     last = None
     for _ in range(2):
         asked = (eigenvalue - 1.0) * (moment - fixed)
-        last, moment = (moment, asked), secant_mixed(moment, asked, damping, last)
+        last, moment = (moment, asked), mix_by_secant(moment, asked, damping, last)
     assert abs(moment - fixed).max() < 1e-12

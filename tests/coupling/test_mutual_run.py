@@ -84,7 +84,7 @@ def test_without_images_or_steel_the_macroscopic_field_is_even():
         assert isinstance(field_source(case.scene, build_device(case.scene), [], [], None), ImposedField), off
 
 
-def test_where_layers_are_left_out_it_is_told():
+def test_where_layers_are_left_out_it_is_reported():
     left_out = "what layers of grains there change in it"
     assert not any(left_out in line for line in case_from(CELL, LAYERS).warnings)
     assert any(left_out in line for line in case_from(CELL, LAYERS | {"field.direction": "axial"}).warnings)
@@ -113,7 +113,7 @@ def test_the_pull_of_every_step_is_the_held_one_where_that_is_renewed_at_every_s
 
 def test_how_the_moments_did_is_in_the_summary(tmp_path):
     values = NEAR | {"time.end": "20 us", "effects.dipoles.update_every": 5}
-    moments = run(tmp_path, "told", values).summary["moments"]
+    moments = run(tmp_path, "reported", values).summary["moments"]
     assert moments["model"] == "near_field" and 0.0 < moments["worst_residual"] <= moments["tolerance"]
     assert 1.0 <= moments["sweeps_per_update"] <= 60.0
     assert 0.0 < moments["necks_over_contact_stiffness"] < 0.1 and "warnings" not in moments
@@ -169,7 +169,7 @@ def test_near_contacts_carry_more_than_dipoles(tmp_path):
         ({"effects.dipoles.surface_gap": 0.0}, "surface_gap"),
     ],
 )
-def test_what_cannot_be_is_told(values, words):
+def test_what_cannot_be_is_reported(values, words):
     with pytest.raises(SceneError, match=words):
         case_from(CELL, NEAR | values)
 

@@ -167,7 +167,7 @@ def test_the_stresses_differ_by_the_torque_of_the_field():
 
 
 def test_lorentz_field_of_a_cubic_lattice():
-    """Correction and own share of an even lattice are phi M/3; the wider the split, the smaller the error.
+    """Correction and own part of an even lattice are phi M/3; the wider the split, the smaller the error.
 
     The error is the smear's at the lattice's wave numbers, of alternating sign: 2.1, -1.6, 0.8, -0.3 % here.
     """

@@ -40,7 +40,7 @@ def integral(smear, low, high, folds=None, n=400):
 
 
 def test_the_sections_kernel_is_the_line_integral_of_the_spherical_one():
-    """K2(rho) = integral of K along a line at the distance rho, and K holds one; K(0)/3 is a grain's own share."""
+    """K2(rho) = integral of K along a line at the distance rho, and K holds one; K(0)/3 is a grain's own part."""
     assert quad(lambda r: 4.0 * np.pi * r**2 * kernel(r), 0.0, A)[0] == pytest.approx(1.0, rel=1e-10)
     assert self_field_factor(A, True) == pytest.approx(float(kernel(0.0)) / 3.0, rel=1e-14)
     assert self_field_factor(A, False) == 0.0
@@ -64,7 +64,7 @@ def test_a_grain_keeps_its_volume():
 
 @pytest.mark.parametrize("height", [0.1, 0.5, 0.9])
 def test_folding_at_a_plane_keeps_the_volume_and_mirrors_the_moment(height):
-    """Of the share q that would lie in the steel all the volume stands beside it, k m_n, and -k m_t."""
+    """Of the fraction q that would lie in the steel all the volume stands beside it, k m_n, and -k m_t."""
     k, h = 0.8, height * A
     floor = np.array([[0.0, 0.0, 1.0, 0.0, 1.0, k]])
     low, high = (R - A, 0.0), (R + A, 2.0 * A)

@@ -107,7 +107,7 @@ def test_factorisation_solves_matrix_after_matrix(backend):
         solver.solve(0.0 * matrix, right)
 
 
-def test_backend_in_use_is_told():
+def test_backend_in_use_is_reported():
     assert "SuperLU" in describe_backend("superlu")
     assert describe_backend().startswith("sparse factorisation: ")
     with pytest.raises(ValueError, match="choose one of"):

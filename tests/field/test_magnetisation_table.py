@@ -90,7 +90,7 @@ UP_TO_SATURATION = [(0.0, 0.0), (100.0, 1.0), (1e3, 1.5), (1e4, 1.9), (1e5, 2.2)
 TAIL = [(2e5, 2.2 + 0.9 * MU_0 * 1e5), (3e5, 2.2 + 1.92 * MU_0 * 1e5)]
 
 
-def test_a_tail_below_vacuum_is_replaced_by_vacuum_and_told(tmp_path):
+def test_a_tail_below_vacuum_is_replaced_by_vacuum_and_reported(tmp_path):
     lines = ["H [A/m],B [T]", *(f"{h!r},{b!r}" for h, b in UP_TO_SATURATION + TAIL)]
     law, without = table_law(written(tmp_path, lines)), TableLaw(*np.array(UP_TO_SATURATION).T)
     points = np.linspace(0.0, 4.0, 401)
@@ -118,7 +118,7 @@ def test_a_published_table_that_stays_above_vacuum_is_used_whole(tmp_path):
     assert law.warning == "" and np.array_equal(law.B, _TEAM_STEEL[:, 0])
 
 
-def test_what_is_no_text_is_told(tmp_path):
+def test_what_is_no_text_is_reported(tmp_path):
     path = tmp_path / "curve.csv"
     path.write_bytes(b"\xff\xfe\x00H")
     with pytest.raises(TableFault, match="UTF-8"):

@@ -93,7 +93,7 @@ def test_curves_are_drawn_into_a_new_file(tmp_path):
     assert "check the path" in asked("steel_1010", "--plot", str(tmp_path / "none" / "curves.png"), code=2)
 
 
-def test_every_wrong_name_is_told(tmp_path):
+def test_every_wrong_name_is_reported(tmp_path):
     (tmp_path / "bad.csv").write_text("H [A/m], B [T]\n100, 1\n1000, 0.5\n9000, 1.7\n")
     output = asked("stel_1010", str(tmp_path / "none.csv"), str(tmp_path / "bad.csv"), code=2)
     assert "did you mean 'steel_1010'" in output and "check the path" in output and "line 3: not monotone" in output

@@ -204,7 +204,7 @@ def test_body_in_the_middle_feels_nothing():
 def test_pole_pressure_in_an_ideal_gap():
     """A pot magnet's armature across a flat gap: F = B^2 A/(2 mu_0) of both poles, ideal iron.
 
-    Gap 0.1 mm against poles of 9 and 10 mm: what fringes is a share of gap/pole.
+    Gap 0.1 mm against poles of 9 and 10 mm: what fringes is a fraction of gap/pole.
     """
     gap = 0.1e-3
     r = lines(np.concatenate((graded_lines(1e-3, (0.0, 40e-3), (0.0, 0.1)), [14e-3, 28e-3, 34e-3])))
@@ -253,7 +253,7 @@ def test_force_of_a_coil_in_an_imposed_uniform_field():
     assert both * against < 0.0 and abs(both) > 3.0 * abs(coil)
 
 
-def test_powder_gives_way_only_when_told():
+def test_powder_is_deformable_only_when_asked():
     """Powder between two poles: refused without `yielding`; with it, virtual work of the powder as a fluid agrees."""
     r = lines(np.concatenate((graded_lines(1e-3, (0.0, 22e-3), (0.0, 0.1)), [8e-3, 12e-3, 20e-3])))
     z = graded_lines(1e-3, (-14e-3, 14e-3), (-0.1, 0.1))

@@ -321,7 +321,7 @@ def test_recovery_does_not_amplify_noise_in_a_thin_layer():
 
 
 def test_line_search_ends_where_the_slope_is_level():
-    """W = sqrt(1 + x^2) from x = -3: Newton's step of 30 overshoots; where it stops |W'| is a share of its first."""
+    """W = sqrt(1 + x^2) from x = -3: Newton's step of 30 overshoots; where it stops |W'| is a fraction of its first."""
 
     class Bowl:
         def gradient(self, x):

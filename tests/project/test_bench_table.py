@@ -16,9 +16,9 @@ def test_a_peer_that_takes_twice_the_time_is_half_as_fast():
 
 def test_chrono_is_scaled_by_the_speed_of_lammps():
     """On a machine where LAMMPS is twice as fast, Chrono takes half the time; without LAMMPS its time is as it was."""
-    told, scaled = bench_rows.chrono(1000, 0.5 * bench_rows.CHRONO_LAMMPS_NS)
+    reported, scaled = bench_rows.chrono(1000, 0.5 * bench_rows.CHRONO_LAMMPS_NS)
     assert scaled == pytest.approx(0.5 * bench_rows.CHRONO_MS[1000])
-    assert told == "Chrono, scaled"
+    assert reported == "Chrono, scaled"
     assert bench_rows.chrono(1000, None) == ("Chrono, not scaled", bench_rows.CHRONO_MS[1000])
 
 

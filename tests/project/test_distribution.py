@@ -45,7 +45,7 @@ def test_citation_and_changelog_are_of_this_version():
 
 
 def test_gpl_extras_are_named_as_such():
-    """gmsh and the packages of `fast` are under the GPL; whoever installs them is told where they are asked for."""
+    """gmsh and the packages of `fast` are under the GPL; whoever installs them is informed where they are asked for."""
     for page in ("README.md", "docs/how_to/licences.md"):
         text = (ROOT / page).read_text(encoding="utf-8")
         assert "GPL" in text and "gmsh" in text and "cvxopt" in text, page

@@ -71,7 +71,7 @@ def blocks(page: Path) -> list[Block]:
 
 
 def lines(block: Block) -> list[list[str]]:
-    """The words of each shell line; a line that goes on behind a backslash is one."""
+    """The words of each shell line; a line that continues behind a backslash is one."""
     joined = re.sub(r"\\\n\s*", " ", block.text)
     return [words for line in joined.splitlines() if (words := shlex.split(line, comments=True))]
 
