@@ -9,7 +9,7 @@ from written_run import written_run, written_study
 
 from emclutch.cli.plot import plot_runs, runs_of
 from emclutch.results import OutputError, load_result, pictures
-from emclutch.results.pictures.picture_file import save_picture
+from emclutch.results.pictures.figure import save_picture
 from emclutch.results.time_unit import time_in_words, time_unit
 from emclutch.simulation.missing_pictures import draw_missing
 from emclutch.simulation.pictures import moment_in_words, steady_current

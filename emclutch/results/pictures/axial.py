@@ -11,11 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from emclutch.results.pictures.grains import WALL_COLOURS
-from emclutch.results.pictures.picture_file import save_picture
-
-MM = 1e3
-MAX_CHAINS = 98  # percentile of the forces that is drawn at full width: a few outliers would hide all others
+from emclutch.results.pictures.figure import (
+    BODY_COLOURS,
+    MM,
+    OTHER_BODY,
+    colour_limits,
+    draw_chains,
+    draw_circles,
+    new_figure,
+    save_picture,
+)
 
 
 def axial_picture(
@@ -41,28 +46,16 @@ def axial_picture(
     angles : angle of each body [rad]; default: 0.
     chains : start (k, 3), end (k, 3) [m] and force (k,) [N] of the contacts.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.collections import EllipseCollection, LineCollection, PolyCollection
-    from matplotlib.figure import Figure
+    from matplotlib.collections import PolyCollection
     from matplotlib.lines import Line2D
 
-    figure = Figure(figsize=(7.6, 6.6), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    axis = figure.add_subplot(aspect="equal")
+    figure, (axis,) = new_figure(7.6, 6.6, title, subplot_kw={"aspect": "equal"})
     reach = [float(np.max(np.hypot(position[:, 0], position[:, 1]) + radius, initial=0.0))]
     order = np.argsort(position[:, 2], kind="stable")
-    diameter = 2.0 * MM * radius[order]
-    grains = EllipseCollection(
-        diameter, diameter, np.zeros_like(diameter), units="xy", offsets=MM * position[order, :2],
-        offset_transform=axis.transData, cmap="cividis", edgecolors="black", linewidths=0.3,
-    )  # fmt: skip
-    values = np.asarray(colour, dtype=np.float64)[order]
-    grains.set_array(values)
-    if len(values) and np.ptp(values) == 0.0:
-        grains.set_clim(values[0] - 0.5, values[0] + 0.5)
-    axis.add_collection(grains)
+    x, y, values = position[order, 0], position[order, 1], np.asarray(colour, dtype=np.float64)[order]
+    grains = draw_circles(axis, x, y, radius[order], array=values, clim=colour_limits(values))
     for wall in walls:
-        shade = WALL_COLOURS.get(wall.body, "#333333")
+        shade = BODY_COLOURS.get(wall.body, OTHER_BODY)
         if hasattr(wall, "triangles"):
             turn = (angles or {}).get(wall.body, 0.0)
             c, s = np.cos(turn), np.sin(turn)
@@ -74,17 +67,12 @@ def axial_picture(
             axis.plot(MM * r * np.cos(theta), MM * r * np.sin(theta), color=shade, lw=2.0)
             reach.append(r)
     if chains is not None and np.any(chains[2]):
-        strongest = float(np.percentile(np.abs(chains[2]), MAX_CHAINS)) or 1.0
-        width = 2.5 * np.minimum(np.abs(chains[2]) / strongest, 1.0)
-        ends = MM * np.stack([chains[0][:, :2], chains[1][:, :2]], axis=1)
-        axis.add_collection(LineCollection(list(ends), colors="crimson", linewidths=width, alpha=0.8))
-    handles = [Line2D([], [], color=WALL_COLOURS.get(body, "#333333"), lw=2.0, label=body)
+        draw_chains(axis, chains[0][:, :2], chains[1][:, :2], chains[2])
+    handles = [Line2D([], [], color=BODY_COLOURS.get(body, OTHER_BODY), lw=2.0, label=body)
                for body in dict.fromkeys(wall.body for wall in walls)]  # fmt: skip
     if handles:
         axis.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.0, -0.1), ncols=4, frameon=False, fontsize=9)
     limit = 1.04 * MM * (max(reach) or 1e-3)
     axis.set(xlim=(-limit, limit), ylim=(-limit, limit), xlabel="x [mm]", ylabel="y [mm]")
     figure.colorbar(grains, ax=axis, label=colour_label, shrink=0.8)
-    if title:
-        axis.set_title(title, loc="left", fontsize=11, parse_math=False)
     return save_picture(figure, path)

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from emclutch.results.pictures.figure_title import legend_below, legend_beside
-from emclutch.results.pictures.picture_file import save_picture
+from emclutch.results.pictures.figure import legend_below, legend_beside, new_figure, save_picture
 
 BLUE, ORANGE, GREY = "#0b5fa5", "#d9730d", "#808080"
 
@@ -22,12 +21,7 @@ def saturation_picture(path: str | Path, table: Any, *, title: str | None = None
     table : columns `current` [A], `flux_linkage` [Wb], `apparent_inductance`, `incremental_inductance` [H]; where
         known `circuit_flux_linkage` [Wb] and `gap_flux_density` [T].
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9.5, 4.2), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    left, right = figure.subplots(1, 2)
+    figure, (left, right) = new_figure(9.5, 4.2, title, columns=2)
     current = np.asarray(table["current"], dtype=float)
     left.plot(current, table["flux_linkage"], "o-", color=BLUE, ms=4, label="flux linkage, finite elements")
     if "circuit_flux_linkage" in table:
@@ -49,8 +43,6 @@ def saturation_picture(path: str | Path, table: Any, *, title: str | None = None
     for axis in (left, right):
         axis.set_xlabel("coil current [A]")
         axis.grid(alpha=0.25)
-    if title:
-        figure.suptitle(title, x=0.01, ha="left", fontsize=11, parse_math=False)
     return save_picture(figure, path)
 
 
@@ -62,12 +54,7 @@ def line_picture(path: str | Path, along: Any, *, title: str | None = None) -> P
     path : PNG to write.
     along : `distance` (k,) [m], `B` (k, 2) [T], `H` (k, 2) [A/m], `region` (k,) names.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8.0, 5.0), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(2, 1, sharex=True)
+    figure, axes = new_figure(8.0, 5.0, title, rows=2, sharex=True)
     mm = 1e3 * np.asarray(along.distance)
     for axis, vector, symbol, unit, scale in ((axes[0], along.B, "B", "T", 1.0), (axes[1], along.H, "H", "kA/m", 1e-3)):
         for component, (name, colour) in enumerate((("r", BLUE), ("z", ORANGE))):
@@ -87,8 +74,6 @@ def line_picture(path: str | Path, along: Any, *, title: str | None = None) -> P
                 transform=axes[0].get_xaxis_transform(),
             )  # fmt: skip
     axes[1].set_xlabel("distance along the line [mm]")
-    if title:
-        figure.suptitle(title, x=0.01, ha="left", fontsize=11, parse_math=False)
     return save_picture(figure, path)
 
 
@@ -102,17 +87,10 @@ def gap_map_picture(
     path : PNG to write.
     angle : (n,) [rad]; z : (m,) [m]; B_r : (m, n) [T].
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9.0, 4.2), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    axis = figure.add_subplot()
+    figure, (axis,) = new_figure(9.0, 4.2, title)
     limit = float(np.abs(B_r).max()) or 1.0
     shown = axis.pcolormesh(np.degrees(angle), 1e3 * z, B_r, cmap="RdBu_r", vmin=-limit, vmax=limit, shading="gouraud")
     figure.colorbar(shown, ax=axis, label="B_r in the middle of the rim gap [T]")
     axis.set_xlabel("angle [deg]")
     axis.set_ylabel("z [mm]")
-    if title:
-        axis.set_title(title, loc="left", fontsize=11, parse_math=False)
     return save_picture(figure, path)

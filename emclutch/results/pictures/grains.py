@@ -12,17 +12,25 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from emclutch.results.pictures.figure_title import LINE, title_lines, write_title
-from emclutch.results.pictures.picture_file import save_picture
+from emclutch.results.pictures.figure import (
+    BODY_COLOURS,
+    MM,
+    OTHER_BODY,
+    colour_limits,
+    draw_chains,
+    draw_circles,
+    label_panel,
+    new_figure,
+    save_picture,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MM = 1e3
 PAGE_WIDTH, PAGE_HEIGHT = 9.0, 7.0  # of the panels together, at most [in]
 THINNEST = 0.06  # height over width of the unrolled view, at least
-WALL_COLOURS = {"disc": "#0b5fa5", "rotor": "#c4540a", "housing": "#6a6a6a"}
+FINE = 3000  # grains: of more in a panel no edges are drawn
 
 
 def grains_picture(
@@ -57,8 +65,6 @@ def grains_picture(
         all where that holds fewer than 20 grains.
     sector_angle : of the cyclic sector [rad]; its faces are marked.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
     position, radius, colour = np.asarray(position), np.asarray(radius), np.asarray(colour, dtype=np.float64)
@@ -77,15 +83,11 @@ def grains_picture(
     if part:  # a whole turn would be a hair's breadth high: show its beginning
         x0, _, y0, y1 = views[0]
         views = ((x0, x0 + (y1 - y0) / THINNEST, y0, y1), views[1])
-    figure = Figure(dpi=150)
-    FigureCanvasAgg(figure)
-    unrolled, plane, colour_bar = _lay_out(figure, views, title)
-    limits = (float(np.min(colour)), float(np.max(colour))) if len(colour) else (0.0, 1.0)
-    if limits[0] == limits[1]:
-        limits = (limits[0] - 0.5, limits[0] + 0.5)
-    circles = _circles(unrolled, reference * theta[drawn], up[drawn], radius[drawn], colour[drawn], limits)
+    figure, unrolled, plane = _panels(views, title)
+    style = {"clim": colour_limits(colour), "linewidths": 0.3 if len(r) < FINE else 0.0}
+    draw_circles(unrolled, reference * theta[drawn], up[drawn], radius[drawn], array=colour[drawn], **style)
     order = np.argsort(theta)  # the meridional view looks along the azimuth: near grains over far ones
-    _circles(plane, z[order], r[order], radius[order], colour[order], limits)
+    circles = draw_circles(plane, z[order], r[order], radius[order], array=colour[order], **style)
     has_chains = chains is not None and _draw_chains(unrolled, chains, across, layer, reference, sector_angle)
 
     for body in dict.fromkeys(wall.body for wall in outlines):
@@ -96,24 +98,19 @@ def grains_picture(
         for face in (0.0, reference * sector_angle):
             unrolled.axvline(MM * face, color="black", lw=0.8, ls="--")
     between = "z" if across == "r" else "r"
-    unrolled.set_xlabel(f"R0·θ [mm], R0 = {MM * reference:.4g} mm" + (" (part of the turn)" if part else ""))
-    unrolled.set_ylabel(f"{across} [mm]")
-    unrolled.set_title(
-        f"unrolled: {np.count_nonzero(drawn)} of {len(r)} grains,\n"
-        f"{between} = {MM * layer[0]:.3g} … {MM * layer[1]:.3g} mm",
-        loc="left",
-        fontsize=10,
-    )
-    plane.set_xlabel("z [mm]")
-    plane.set_ylabel("r [mm]")
-    plane.set_title(f"all {len(r)} grains\nin the (r, z) plane", loc="left", fontsize=10)
+    of_turn = " (part of the turn)" if part else ""
+    unrolled.set(xlabel=f"R0·θ [mm], R0 = {MM * reference:.4g} mm{of_turn}", ylabel=f"{across} [mm]")
+    shown = f"{between} = {MM * layer[0]:.3g} … {MM * layer[1]:.3g} mm"
+    label_panel(unrolled, f"unrolled: {np.count_nonzero(drawn)} of {len(r)} grains,\n{shown}")
+    plane.set(xlabel="z [mm]", ylabel="r [mm]")
+    label_panel(plane, f"all {len(r)} grains\nin the (r, z) plane")
     handles, labels = plane.get_legend_handles_labels()
     if has_chains:
         handles.append(Line2D([], [], color="crimson", lw=2.0))
         labels.append("force chain, width ~ force")
     if handles:
-        figure.legend(handles, labels, loc="lower left", ncols=4, frameon=False, fontsize=9)
-    figure.colorbar(circles, cax=colour_bar, label=colour_label)
+        figure.legend(handles, labels, loc="outside lower left", ncols=4, frameon=False, fontsize=9)
+    figure.colorbar(circles, ax=[unrolled, plane], label=colour_label, shrink=0.8)
     return save_picture(figure, path)
 
 
@@ -155,50 +152,28 @@ def _view(x: np.ndarray, y: np.ndarray, radius: np.ndarray) -> tuple[float, floa
     return float(x.min()) - edge, float(x.max()) + edge, float(y.min()) - edge, float(y.max()) + edge
 
 
-def _lay_out(figure: Figure, views: Sequence[tuple[float, float, float, float]], title: str | None) -> tuple[Axes, ...]:
-    """Two panels true to scale, and the colour bar's axes; the figure gets the height that they need.
-
-    Placed by hand, in inches: with an equal aspect matplotlib's layouts keep the slot and shrink the panel.
-    """
+def _panels(views: Sequence[tuple[float, float, float, float]], title: str | None) -> tuple[Figure, Axes, Axes]:
+    """Return a figure with two panels true to scale, in rows or side by side, whichever makes them larger."""
     aspects = [(y1 - y0) / (x1 - x0) for x0, x1, y0, y1 in views]
-    gap_across, gap_up, left, right, bottom = 0.95, 1.15, 0.8, 1.25, 0.95
-    rows = [(width, width * a) for a in aspects for width in [min(PAGE_WIDTH, 0.5 * PAGE_HEIGHT / a)]]
-    height = min(0.75 * PAGE_HEIGHT, (PAGE_WIDTH - gap_across) / sum(1.0 / a for a in aspects))
-    columns = [(height / a, height) for a in aspects]
-    beside = sum(w * h for w, h in columns) > sum(w * h for w, h in rows)
-    panels = columns if beside else rows
-    slots = [max(w, 2.6) for w, _ in panels]  # 2.6 in: a line of the panel's title
-    content = (
-        (sum(slots) + gap_across, max(h for _, h in panels))
-        if beside
-        else (max(slots), sum(h for _, h in panels) + gap_up)
+    stretch = sum(1.0 / a for a in aspects)
+    width = min(PAGE_WIDTH, PAGE_HEIGHT / sum(aspects))  # of panels in rows
+    height = min(0.75 * PAGE_HEIGHT, PAGE_WIDTH / stretch)  # of panels side by side
+    beside = height**2 * stretch > width**2 * sum(aspects)
+    figure, panels = new_figure(
+        max(6.5, (height * stretch if beside else width) + 2.5),
+        (height if beside else width * sum(aspects) + 1.0) + 2.0,
+        title,
+        rows=1 if beside else 2,
+        columns=2 if beside else 1,
+        layout="compressed",
+        width_ratios=[1.0 / a for a in aspects] if beside else None,
+        height_ratios=None if beside else aspects,
     )
-    # The legend's three entries need 6 in.
-    width = max(6.0, left + content[0] + right)
-    lines = title_lines(title, width)
-    top = 0.55 + LINE * len(lines)
-    total = bottom + content[1] + top
-    figure.set_size_inches(width, total)
-    write_title(figure, lines)
-
-    def axes_at(x: float, y: float, w: float, h: float) -> Axes:
-        return figure.add_axes((x / width, y / total, w / width, h / total))
-
-    from matplotlib.ticker import MaxNLocator
-
-    (w0, h0), (w1, h1) = panels
-    first = axes_at(left, bottom + content[1] - h0, w0, h0)
-    second = axes_at(left + slots[0] + gap_across, bottom, w1, h1) if beside else axes_at(left, bottom, w1, h1)
-    for axis, (x0, x1, y0, y1) in zip((first, second), views, strict=True):
-        axis.set_xlim(MM * x0, MM * x1)
-        axis.set_ylim(MM * y0, MM * y1)
-        axis.set_aspect("equal", adjustable="box")
-        axis.xaxis.set_major_locator(
-            MaxNLocator(max(3, int(1.7 * axis.get_position().width * width)), steps=[1, 2, 2.5, 5, 10])
-        )
-    end = left + (content[0] - slots[1] + w1 if beside else max(w0, w1))
-    bar = min(content[1], 5.0)
-    return first, second, axes_at(end + 0.2, bottom + 0.5 * (content[1] - bar), 0.2, bar)
+    for axis, (x0, x1, y0, y1) in zip(panels, views, strict=True):
+        axis.set(xlim=(MM * x0, MM * x1), ylim=(MM * y0, MM * y1), aspect="equal")
+        broad = height * (x1 - x0) / (y1 - y0) if beside else width
+        axis.locator_params(axis="x", nbins=max(3, int(1.7 * broad)))
+    return figure, panels[0], panels[1]
 
 
 def _azimuth(position: np.ndarray) -> np.ndarray:
@@ -234,35 +209,6 @@ def _loaded_layer(
     return low, high
 
 
-def _circles(
-    axis: Axes,
-    x: np.ndarray,
-    y: np.ndarray,
-    radius: np.ndarray,
-    colour: np.ndarray,
-    limits: tuple[float, float],
-) -> Any:
-    from matplotlib.collections import EllipseCollection
-
-    d = 2.0 * MM * radius
-    edge = 0.3 if len(x) < 3000 else 0.0
-    circles = EllipseCollection(
-        d,
-        d,
-        np.zeros_like(d),
-        units="xy",
-        offsets=MM * np.column_stack([x, y]),
-        offset_transform=axis.transData,
-        cmap="cividis",
-        edgecolors="black",
-        linewidths=edge,
-    )
-    circles.set_array(colour)
-    circles.set_clim(*limits)
-    axis.add_collection(circles)
-    return circles
-
-
 def _draw_chains(
     axis: Axes,
     chains: tuple[np.ndarray, np.ndarray, np.ndarray],
@@ -272,12 +218,8 @@ def _draw_chains(
     sector_angle: float | None,
 ) -> bool:
     """Draw the contacts inside the layer; False where there are none."""
-    from matplotlib.collections import LineCollection
-
-    start, end = np.asarray(chains[0]), np.asarray(chains[1])
-    force = np.abs(np.asarray(chains[2], dtype=np.float64))
-    ends, inside = [], np.ones(len(force), dtype=bool)
-    for point in (start, end):
+    ends, inside = [], np.ones(len(chains[2]), dtype=bool)
+    for point in (np.asarray(chains[0]), np.asarray(chains[1])):
         r, z = np.hypot(point[:, 0], point[:, 1]), point[:, 2]
         up, other = (r, z) if across == "r" else (z, r)
         inside &= (other >= layer[0]) & (other <= layer[1])
@@ -288,28 +230,16 @@ def _draw_chains(
     a, b = (np.column_stack([reference * theta, up]) for theta, up in ends)
     if not inside.any():
         return False
-    strongest = float(np.percentile(force[inside], 98)) or 1.0
-    width = 3.0 * np.minimum(force[inside] / strongest, 1.0)
-    axis.add_collection(
-        LineCollection(list(MM * np.stack([a, b], axis=1)[inside]), colors="crimson", linewidths=width, alpha=0.85)
-    )
+    draw_chains(axis, a[inside], b[inside], chains[2][inside])
     return True
 
 
 def _draw_meridional_walls(axis: Axes, walls: Sequence[Any], body: str) -> None:
-    colour = WALL_COLOURS.get(body, "#333333")
+    colour = BODY_COLOURS.get(body, OTHER_BODY)
     for number, wall in enumerate(walls):
         (r0, z0), (r1, z1) = wall.start, wall.end
         label = body if number == 0 else None
-        axis.plot(
-            [MM * z0, MM * z1],
-            [MM * r0, MM * r1],
-            color=colour,
-            lw=2.0,
-            label=label,
-            scalex=False,
-            scaley=False,
-        )
+        axis.plot([MM * z0, MM * z1], [MM * r0, MM * r1], color=colour, lw=2.0, label=label, scalex=False, scaley=False)
 
 
 def _draw_unrolled_walls(axis: Axes, walls: Sequence[Any], body: str, across: str, layer: tuple[float, float]) -> None:
@@ -319,4 +249,4 @@ def _draw_unrolled_walls(axis: Axes, walls: Sequence[Any], body: str, across: st
         low, high = sorted((wall.start[other], wall.end[other]))
         level = abs(wall.start[up] - wall.end[up]) <= 1e-9 + 1e-6 * abs(wall.start[up])
         if level and low < high and high >= layer[0] and low <= layer[1]:
-            axis.axhline(MM * wall.start[up], color=WALL_COLOURS.get(body, "#333333"), lw=2.0)
+            axis.axhline(MM * wall.start[up], color=BODY_COLOURS.get(body, OTHER_BODY), lw=2.0)

@@ -8,28 +8,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from emclutch.results.pictures.picture_file import save_picture
+from emclutch.results.pictures.figure import BODY_COLOURS, MM, new_figure, save_picture
 
 if TYPE_CHECKING:
     from particles.diagnostics.profiles import Profile
 
-MM = 1e3
-BODY_COLOURS = {"disc": "#0b5fa5", "rotor": "#c4540a", "housing": "#6a6a6a"}
 GRAINS = "#2a8c3f"
 
 
 def profile_picture(path: str | Path, profiles: Sequence[Profile], *, title: str | None = None) -> Path:
     """Draw six panels a profile, two rows of three, one profile below the other."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11.0, 5.6 * len(profiles)), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(2 * len(profiles), 3, squeeze=False)
+    figure, axes = new_figure(11.0, 5.6 * len(profiles), title, rows=2 * len(profiles), columns=3)
     for profile, rows in zip(profiles, axes.reshape(len(profiles), 6), strict=True):
         _draw(rows, profile)
-    if title:
-        figure.suptitle(title, fontsize=11, fontweight="bold", x=0.01, ha="left", parse_math=False)
     return save_picture(figure, path)
 
 

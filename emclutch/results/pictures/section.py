@@ -8,19 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from emclutch.results.pictures.figure_title import LINE, title_lines, write_title
-from emclutch.results.pictures.picture_file import save_picture
+from emclutch.results.pictures.figure import MM, draw_circles, label_panel, new_figure, save_picture
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
     from field.section.smooth_field import SmoothField
     from geometry import AnnularBox
 
-MM = 1e3
 SMALL_TRIANGLES = 30_000  # to draw in a panel: a quarter of a second
 PARTS = (2, 16)  # of an element's edge, at least and at most
 
@@ -47,8 +44,6 @@ def section_picture(
     title : may have several lines.
     flux_lines : how many there are in the whole section.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
 
     mesh = field.elements.mesh
     points, triangles = np.asarray(mesh.points), np.asarray(mesh.triangles)
@@ -71,37 +66,32 @@ def section_picture(
 
     margin = 0.08 * max(r1 - r0, z1 - z0)
     bottom = max(0.0, r0 - margin)
+    windows = [(bottom, r1 + margin, z0 - margin, z1 + margin)] + ([zoom] if zoom else [])
     # Panels of one height, each as wide as what it shows: else an equal aspect leaves a narrow device in a blank slot.
-    widths = [(z1 - z0 + 2.0 * margin) / (r1 + margin - bottom)]
-    if zoom:
-        widths.append((zoom[3] - zoom[2]) / (zoom[1] - zoom[0]))
-    figure = Figure(dpi=150)
-    FigureCanvasAgg(figure)
-    axes, colour_bar = _lay_out(figure, widths, title)
-    inside = device_mask(points, triangles, (r0, r1, z0, z1))
+    widths = [(high - low) / (outer - inner) for inner, outer, low, high in windows]
+    height = float(np.clip(10.0 / sum(widths), 2.6, 5.0))
+    figure, axes = new_figure(
+        height * sum(widths) + 2.5, height + 1.6, title, columns=len(windows), layout="compressed", width_ratios=widths
+    )
+    r, z = points[triangles].mean(axis=1).T
+    inside = (r >= r0) & (r <= r1) & (z >= z0) & (z <= z1)
     # The 99.5th percentile, not the largest: iron corners are singular and would darken all the rest.
     top = float(np.percentile(magnitude[inside], 99.5)) or 1.0
     levels = flux_levels(field, flux_lines)
     outline = _outline(triangles, region)
-    windows = [(bottom, r1 + margin, z0 - margin, z1 + margin)] + ([zoom] if zoom else [])
     for axis, window in zip(axes, windows, strict=True):
         colours = _draw_field(axis, field, window, levels, top)
-        axis.set_aspect("equal")
-        axis.set_xlabel("z [mm]")
+        axis.set(xlabel="z [mm]", aspect="equal")
+        axis.set(xlim=(MM * window[2], MM * window[3]), ylim=(MM * window[0], MM * window[1]))
     _lines(axes[0], points, outline, 0.7)
-    axes[0].set_xlim(MM * (z0 - margin), MM * (z1 + margin))
-    axes[0].set_ylim(MM * bottom, MM * (r1 + margin))
     axes[0].set_ylabel("r [mm]")
     _region_names(axes[0], mesh, points, triangles, float((r1 - r0) * (z1 - z0)))
     if len(levels):
-        axes[0].set_title(
-            f"white: flux lines,\n{1e6 * 2.0 * math.pi * (levels[1] - levels[0]):.3g} µWb between them",
-            loc="left",
-            fontsize=10,
-        )
+        flux = 2.0 * math.pi * (levels[1] - levels[0])
+        label_panel(axes[0], f"white: flux lines,\n{1e6 * flux:.3g} µWb between them")
     if zoom:
         _draw_zoom(axes[1], axes[0], points, outline, zoom, grains)
-    figure.colorbar(colours, cax=colour_bar, label="|B| [T]", extend="max")
+    figure.colorbar(colours, ax=list(axes), label="|B| [T]", extend="max", shrink=0.9)
     return save_picture(figure, path)
 
 
@@ -134,33 +124,6 @@ def _draw_field(
     return colours
 
 
-def _lay_out(figure: Figure, widths: list[float], title: str | None) -> tuple[list[Axes], Axes]:
-    """Panels of one height (`widths` are relative to it), and the colour bar's axes; the figure is as wide as they.
-
-    Placed by hand, in inches: with equal aspects matplotlib's constrained layout does not always converge.
-    """
-    left, between, right, bottom = 0.7, 0.75, 1.15, 0.6
-    high = float(np.clip(10.0 / sum(widths), 2.6, 5.0))
-    panels = [min(high * w, 8.0) for w in widths]
-    width = left + sum(panels) + between * (len(panels) - 1) + right
-    lines = title_lines(title, width)
-    height = bottom + high + 0.55 + LINE * len(lines)
-    figure.set_size_inches(width, height)
-    write_title(figure, lines)
-    axes, x = [], left
-    for panel in panels:
-        axes.append(figure.add_axes((x / width, bottom / height, panel / width, high / height)))
-        x += panel + between
-    bar = (x - between + 0.2) / width
-    return axes, figure.add_axes((bar, (bottom + 0.05 * high) / height, 0.2 / width, 0.9 * high / height))
-
-
-def device_mask(points: np.ndarray, triangles: np.ndarray, box: tuple[float, float, float, float]) -> np.ndarray:
-    """Triangles whose centre lies in r0, r1, z0, z1 [m]."""
-    r, z = points[triangles].mean(axis=1).T
-    return (r >= box[0]) & (r <= box[1]) & (z >= box[2]) & (z <= box[3])
-
-
 def _draw_zoom(
     axis: Axes,
     whole: Axes,
@@ -169,31 +132,15 @@ def _draw_zoom(
     zoom: tuple[float, float, float, float],
     grains: np.ndarray | None,
 ) -> None:
-    from matplotlib.collections import EllipseCollection
     from matplotlib.patches import Rectangle
 
     r0, r1, z0, z1 = zoom
     _lines(axis, points, outline, 1.2)
-    if grains is not None and len(grains):
+    has_grains = grains is not None and len(grains) > 0
+    if grains is not None and has_grains:
         r, z, radius = np.asarray(grains).T
-        d = 2.0 * MM * radius
-        axis.add_collection(
-            EllipseCollection(
-                d,
-                d,
-                np.zeros_like(d),
-                units="xy",
-                offsets=MM * np.column_stack([z, r]),
-                offset_transform=axis.transData,
-                facecolors="#d9d2c5",
-                edgecolors="black",
-                linewidths=0.5,
-            )
-        )
-    axis.set_xlim(MM * z0, MM * z1)
-    axis.set_ylim(MM * r0, MM * r1)
-    what = "slice through the grains" if grains is not None and len(grains) else "powder gap"
-    axis.set_title(f"{what}, enlarged", loc="left", fontsize=10)
+        draw_circles(axis, z, r, radius, facecolors="#d9d2c5", linewidths=0.5)
+    label_panel(axis, f"{'slice through the grains' if has_grains else 'powder gap'}, enlarged")
     frame = Rectangle((MM * z0, MM * r0), MM * (z1 - z0), MM * (r1 - r0), fill=False, ec="crimson", lw=1.2)
     whole.add_patch(frame)
     for spine in axis.spines.values():
@@ -240,15 +187,9 @@ def _region_names(axis: Axes, mesh: Any, points: np.ndarray, triangles: np.ndarr
         r, z = centres[np.argmin(((centres - middle) ** 2).sum(axis=1))]
         width, height = np.ptp(points[corners[largest]][:, :, 1]), np.ptp(points[corners[largest]][:, :, 0])
         axis.text(
-            MM * z,
-            MM * r,
-            name,
-            ha="center",
-            va="center",
-            fontsize=8,
-            rotation=90 if height > 2.5 * width else 0,
+            MM * z, MM * r, name, ha="center", va="center", fontsize=8, rotation=90 if height > 2.5 * width else 0,
             path_effects=[withStroke(linewidth=2.0, foreground="white")],
-        )
+        )  # fmt: skip
 
 
 def _inside(rz: np.ndarray, box: AnnularBox) -> np.ndarray:

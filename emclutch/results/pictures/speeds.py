@@ -13,15 +13,10 @@ import numpy as np
 
 from emclutch.results.columns import DISC_SPEED, ROTOR_SPEED, TIME, TORQUE_DISC
 from emclutch.results.errors import OutputError
-from emclutch.results.pictures.figure_title import legend_beside
-from emclutch.results.pictures.picture_file import save_picture
+from emclutch.results.pictures.figure import BODY_COLOURS, LINES, MARKERS, RPM, legend_beside, new_figure, save_picture
 from emclutch.results.time_unit import time_unit
 
-RPM = 60.0 / (2.0 * np.pi)
-MOTOR = "#c4540a"  # as the rotor in the other pictures
 OUTPUTS = ("#0b5fa5", "#2a8c3f", "#8a1c7c", "#b5179e", "#0a7d7d", "#7f6000")
-MARKERS = "osD^v<>P"
-LINES = ("-", "--", "-.", ":")  # the next one when the colours are used up
 MIN_EXPLAINED = 0.5  # of the torque's variance: a parabola that explains less is not drawn
 MIN_SLIP = 0.05  # of the motor's speed: below it the shot begins to hold
 VARIES = 1e-3  # of the fastest speed: a free shaft that is held by dry friction trembles
@@ -52,12 +47,7 @@ def speed_picture(
         of the legend where there is one run only. Motors that turn alike are drawn once.
     measured : name -> (n, 2) time [s] and speed [rpm], as `read_measured_speeds` returns them; drawn as markers.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10.5, 5.0), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    axis = figure.add_subplot()
+    figure, (axis,) = new_figure(10.5, 5.0, title)
     longest = max((float(np.max(_column(one, TIME), initial=0.0)) for one in runs.values()), default=0.0)
     unit, factor = time_unit(longest)
     motors: list[tuple[np.ndarray, np.ndarray]] = []
@@ -68,7 +58,7 @@ def speed_picture(
         if not any(_alike(other, (time, motor)) for other in motors):
             same = sum(_alike((_column(h, TIME), _column(h, ROTOR_SPEED)), (time, motor)) for h in runs.values())
             label, line = "motor" if same == len(runs) else f"motor{of}", ("--", ":", "-.")[len(motors) % 3]
-            axis.plot(factor * time, RPM * motor, color=MOTOR, lw=1.4, ls=line, label=label)
+            axis.plot(factor * time, RPM * motor, color=BODY_COLOURS["rotor"], lw=1.4, ls=line, label=label)
             motors.append((time, motor))
         color, line = styles[name]
         axis.plot(factor * time, RPM * output, color=color, lw=1.6, label=f"output{of}", ls=line)
@@ -83,8 +73,6 @@ def speed_picture(
     axis.grid(alpha=0.25)
     axis.margins(x=0.0)
     legend_beside(axis)
-    if title:
-        axis.set_title(title, loc="left", fontsize=11, parse_math=False)
     return save_picture(figure, path)
 
 
@@ -115,12 +103,7 @@ def torque_speed_picture(path: str | Path, runs: Mapping[str, Any], *, title: st
     path : PNG to write.
     runs : name -> history with the columns `rotor_speed`, `disc_speed` [rad/s] and `torque_disc` [N m] (window means).
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10.5, 5.0), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    axis = figure.add_subplot()
+    figure, (axis,) = new_figure(10.5, 5.0, title)
     for number, (name, history) in enumerate(runs.items()):
         motor, output = _column(history, ROTOR_SPEED), _column(history, DISC_SPEED)
         speed, torque = np.abs(motor), _column(history, TORQUE_DISC)
@@ -144,8 +127,6 @@ def torque_speed_picture(path: str | Path, runs: Mapping[str, Any], *, title: st
     axis.grid(alpha=0.25)
     axis.margins(x=0.0)
     legend_beside(axis)
-    if title:
-        axis.set_title(title, loc="left", fontsize=11, parse_math=False)
     return save_picture(figure, path)
 
 
@@ -176,13 +157,11 @@ def power_law(speed: Any, torque: Any, error: Any = None) -> tuple[float, float,
     x, y = np.log(speed[used]), np.log(torque[used])
     sigma = np.ones_like(torque) if error is None else np.asarray(error, dtype=np.float64)
     known = bool(np.all(np.isfinite(sigma[used]) & (sigma[used] > 0.0))) and error is not None
-    weight = (torque[used] / sigma[used]) ** 2 if known else np.ones_like(x)
-    middle = np.average(x, weights=weight)
-    spread = float(np.sum(weight * (x - middle) ** 2))
-    exponent = float(np.sum(weight * (x - middle) * y)) / spread
-    level = float(np.average(y, weights=weight)) - exponent * float(middle)
-    scatter = float(np.sum(weight * (y - level - exponent * x) ** 2)) / (len(x) - 2)
-    return math.exp(level), exponent, math.sqrt((max(1.0, scatter) if known else scatter) / spread)
+    weight = torque[used] / sigma[used] if known else np.ones_like(x)
+    law, covariance = np.polyfit(x, y, 1, w=weight, cov="unscaled")
+    scatter = float(np.sum((weight * (y - np.polyval(law, x))) ** 2)) / (len(x) - 2)
+    variance = float(covariance[0, 0]) * (max(1.0, scatter) if known else scatter)
+    return math.exp(law[1]), float(law[0]), math.sqrt(variance)
 
 
 def read_measured_speeds(path: str | Path) -> dict[str, np.ndarray]:

@@ -18,14 +18,10 @@ from emclutch.results.columns import (
     speed_of,
     torque_on,
 )
-from emclutch.results.pictures.figure_title import legend_beside
-from emclutch.results.pictures.picture_file import save_picture
+from emclutch.results.pictures.figure import BODY_COLOURS, RPM, legend_beside, new_figure, save_picture
 from emclutch.results.statistics import Estimate
 from emclutch.results.time_unit import time_unit
 from emclutch.results.torque_in_words import torque_in_words
-
-COLOURS = {"disc": "#0b5fa5", "rotor": "#c4540a", "housing": "#6a6a6a"}
-RPM = 60.0 / (2.0 * np.pi)
 
 
 def torque_picture(
@@ -41,28 +37,24 @@ def torque_picture(
         is said, and no band is drawn.
     others : histories of the other replicas: their torque on the disc is drawn thin, as the mean is of all of them.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     time = np.asarray(history[TIME], dtype=np.float64)
     unit_of_time, time_factor = time_unit(np.max(time, initial=0.0))
     time = time_factor * time
     drives = [name for name in (CURRENT, ROTOR_SPEED, DISC_SPEED) if name in history and varies(history[name])]
     rows = 2 if drives else 1
-    figure = Figure(figsize=(9.0, 4.6 + 2.0 * (rows - 1)), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(rows, 1, sharex=True, squeeze=False, height_ratios=[2.4, 1.0][:rows])[:, 0]
+    height, ratios = 4.6 + 2.0 * (rows - 1), [2.4, 1.0][:rows]
+    figure, axes = new_figure(9.0, height, title, rows=rows, sharex=True, height_ratios=ratios)
     axis = axes[0]
-    shown = [body for body in COLOURS if torque_on(body) in history]
+    shown = [body for body in BODY_COLOURS if torque_on(body) in history]
     unit, factor = torque_unit([np.asarray(history[torque_on(body)], dtype=np.float64) for body in shown])
     for body in shown:
         torque = factor * np.asarray(history[torque_on(body)], dtype=np.float64)
         if body == "housing" and not torque.any():
             continue
-        axis.plot(time, torque, color=COLOURS[body], lw=1.0, label=f"on the {body}")
+        axis.plot(time, torque, color=BODY_COLOURS[body], lw=1.0, label=f"on the {body}")
         if (by_field := f"{torque_on(body)}_field") in history:
             part = factor * np.asarray(history[by_field], dtype=np.float64)
-            axis.plot(time, part, color=COLOURS[body], lw=0.8, ls=":", label="of it by its slots' field")
+            axis.plot(time, part, color=BODY_COLOURS[body], lw=0.8, ls=":", label="of it by its slots' field")
     for number, other in enumerate(others):
         label = None if number else "on the disc, other packings"
         torque = factor * np.asarray(other[TORQUE_DISC], dtype=np.float64)
@@ -85,8 +77,6 @@ def torque_picture(
     axis.set_ylabel(f"torque [{unit}]")
     legend_beside(axis)
     axis.margins(x=0.0)
-    if title:
-        axis.set_title(title, loc="left", fontsize=11, parse_math=False)
     if drives:
         _draw_drives(axes[1], time, history, drives)
     axes[-1].set_xlabel(f"time [{unit_of_time}]")
@@ -106,9 +96,14 @@ def _draw_drives(axis: Any, time: np.ndarray, history: Any, drives: Sequence[str
         right.set_ylim(bottom=0.0)
         if np.min(history[CURRENT]) >= 0.0:
             axis.set_ylim(bottom=0.0)
-    for body in (body for body in COLOURS if speed_of(body) in speeds):
+    for body in (body for body in BODY_COLOURS if speed_of(body) in speeds):
         right.plot(
-            time, RPM * np.asarray(history[speed_of(body)]), color=COLOURS[body], lw=1.2, ls="-.", label=f"{body} speed"
+            time,
+            RPM * np.asarray(history[speed_of(body)]),
+            color=BODY_COLOURS[body],
+            lw=1.2,
+            ls="-.",
+            label=f"{body} speed",
         )
     if speeds:
         right.set_ylabel("speed [rpm]")

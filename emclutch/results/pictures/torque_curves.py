@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from emclutch.results.linear_range import LinearRange
-from emclutch.results.pictures.figure_title import legend_below
-from emclutch.results.pictures.picture_file import save_picture
-from emclutch.results.pictures.speeds import RPM, power_law
+from emclutch.results.pictures.figure import BODY_COLOURS, RPM, legend_below, new_figure, save_picture
+from emclutch.results.pictures.speeds import power_law
 from emclutch.results.torque_curves import NORMAL, TorqueCurve
 
 if TYPE_CHECKING:
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = ("#0b5fa5", "#2a8c3f", "#8a1c7c", "#b8860b", "#00868b", "#a52a2a", "#6a6a6a", "#4b3fbf")
-LAW = "#c4540a"
+LAW = BODY_COLOURS["rotor"]
 
 
 def torque_against_current_picture(
@@ -94,12 +93,7 @@ def _draw_range(axis: Axes, curve: TorqueCurve, found: LinearRange) -> None:
 
 def _torque_axes(curves: Sequence[TorqueCurve], title: str | None, *, joined: bool) -> tuple[Figure, Axes]:
     """Torques with their error bars; hollow where not converged, without a bar where the error is unknown."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7.0, 4.8), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    axis = figure.add_subplot()
+    figure, (axis,) = new_figure(7.0, 4.8, title)
     told: set[str] = set()
 
     def once(label: str) -> str:
@@ -127,6 +121,4 @@ def _torque_axes(curves: Sequence[TorqueCurve], title: str | None, *, joined: bo
     axis.axhline(0.0, color="black", lw=0.6)
     axis.set_ylabel("torque on the disc [N m]")
     axis.grid(alpha=0.25)
-    if title:
-        axis.set_title(title, loc="left", fontsize=11, parse_math=False)
     return figure, axis

@@ -10,17 +10,13 @@ import numpy as np
 
 from emclutch.results.columns import TIME, TORQUE_DISC
 from emclutch.results.errors import OutputError
-from emclutch.results.pictures.figure_title import legend_beside
-from emclutch.results.pictures.picture_file import save_picture
+from emclutch.results.pictures.figure import COLOURS, LINES, legend_beside, new_figure, save_picture
 from emclutch.results.pictures.torque import torque_unit
 from emclutch.results.time_unit import time_unit
 from emclutch.results.torque_in_words import torque_in_words
 
 if TYPE_CHECKING:
     from emclutch.results.result import Result
-
-COLOURS = ("#0b5fa5", "#c4540a", "#2a8c3f", "#8a1c7c", "#7f6000", "#0a7d7d", "#b5179e", "#6a6a6a")
-LINES = ("-", "--", "-.", ":")  # the next one when the colours are used up
 
 
 def torque_overlay_picture(path: str | Path, runs: Mapping[str, Result], *, title: str | None = None) -> Path:
@@ -32,13 +28,8 @@ def torque_overlay_picture(path: str | Path, runs: Mapping[str, Result], *, titl
     runs : name -> result. A run of several packings is drawn by its first, thin; its mean and its band are of all. A
         mean of unknown error is drawn without a band, and one that is not converged is said to be so.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     torques = {name: _torque(result) for name, result in runs.items()}
-    figure = Figure(figsize=(11.0, 5.0), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    axis = figure.add_subplot()
+    figure, (axis,) = new_figure(11.0, 5.0, title)
     unit, factor = torque_unit(list(torques.values()))
     times = {name: result.history[TIME].to_numpy() for name, result in runs.items()}
     unit_of_time, in_unit = time_unit(max((float(time[-1]) for time in times.values()), default=0.0))
@@ -64,8 +55,6 @@ def torque_overlay_picture(path: str | Path, runs: Mapping[str, Result], *, titl
     axis.grid(alpha=0.25)
     axis.margins(x=0.0)
     legend_beside(axis)
-    if title:
-        axis.set_title(title, loc="left", fontsize=11, parse_math=False)
     return save_picture(figure, path)
 
 

@@ -7,13 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from emclutch.results.pictures.figure_title import legend_below
-from emclutch.results.pictures.picture_file import save_picture
+from emclutch.results.pictures.figure import MARKERS, label_panel, legend_below, new_figure, save_picture
 
 if TYPE_CHECKING:
     from matplotlib.axis import Axis
-
-MARKERS = "osD^v<>Ph*"
 
 
 def work_precision_picture(path: str | Path, table: Any, *, title: str | None = None) -> Path:
@@ -27,17 +24,12 @@ def work_precision_picture(path: str | Path, table: Any, *, title: str | None = 
         With a column `noise` (relative, None where there is none, infinite where it is unknown) errors below it
         are drawn hollow.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     knob, quantity = (np.asarray(table[name]).astype(str) for name in ("knob", "quantity"))
     setting = np.array([value if isinstance(value, str) else f"{value:g}" for value in table["setting"]])
     seconds, error = _column(table, "seconds"), _column(table, "error")
     noisy = np.abs(error) < _column(table, "noise") if "noise" in table else np.zeros(len(error), dtype=bool)
     knobs, quantities = list(dict.fromkeys(knob)), list(dict.fromkeys(quantity))
-    figure = Figure(figsize=(max(6.5, 5.2 * len(knobs)), 4.8), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(1, max(1, len(knobs)), squeeze=False, sharey=True)[0]
+    figure, axes = new_figure(max(6.5, 5.2 * len(knobs)), 4.8, title, columns=max(1, len(knobs)), sharey=True)
     positive = error[np.isfinite(error) & (error > 0.0)]
     floor = 0.5 * float(positive.min()) if positive.size else 1e-12
     height = np.maximum(np.abs(error), floor)
@@ -67,7 +59,7 @@ def work_precision_picture(path: str | Path, table: Any, *, title: str | None = 
         for goal in (0.1, 0.03, 0.01):
             axis.axhline(goal, color="#999999", lw=0.7, ls=":")
         axis.set_xlabel("wall-clock time [s]")
-        axis.set_title(f"{name} (setting beside the marker)", loc="left", fontsize=10)
+        label_panel(axis, f"{name} (setting beside the marker)")
         axis.grid(alpha=0.25, which="both")
         axis.margins(x=0.15, y=0.12)
         if first.size:
@@ -79,8 +71,6 @@ def work_precision_picture(path: str | Path, table: Any, *, title: str | None = 
     if np.isfinite(error).any():
         _few_ticks(axes[0].yaxis, height[np.isfinite(error)])  # the panels share it
     axes[0].set_ylabel("relative error")
-    if title:
-        figure.suptitle(title, fontsize=12, parse_math=False)
     return save_picture(figure, path)
 
 

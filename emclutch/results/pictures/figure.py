@@ -1,0 +1,125 @@
+"""What pictures share: figures with a title, legends that hide nothing, colours, circles, and whole files on disk."""
+
+from __future__ import annotations
+
+import io
+import textwrap
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from emclutch.results.atomic_file import replace_bytes
+from emclutch.results.errors import OutputError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.collections import EllipseCollection
+    from matplotlib.figure import Figure
+
+MM = 1e3
+RPM = 60.0 / (2.0 * np.pi)
+BODY_COLOURS = {"disc": "#0b5fa5", "rotor": "#c4540a", "housing": "#6a6a6a"}
+OTHER_BODY = "#333333"
+COLOURS = ("#0b5fa5", "#c4540a", "#2a8c3f", "#8a1c7c", "#7f6000", "#0a7d7d", "#b5179e", "#6a6a6a")
+LINES = ("-", "--", "-.", ":")  # the next one when the colours are used up
+MARKERS = "osD^v<>Ph*"
+LETTERS = 11.5  # to the inch, at 11 points
+STRONGEST = 98  # percentile of the forces that is drawn at full width: a few outliers would hide all others
+
+
+def new_figure(
+    width: float,
+    height: float,
+    title: str | None,
+    *,
+    rows: int = 1,
+    columns: int = 1,
+    layout: Any = "constrained",
+    **ratios: Any,
+) -> tuple[Figure, np.ndarray]:
+    """Return a figure [in] with its title at the upper left, and its axes (rows * columns,).
+
+    `layout` is matplotlib's: "compressed" for axes of equal aspect. What looks like a formula in the title is none.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), dpi=150, layout=layout)
+    if title:
+        lines = [line for part in title.split("\n") for line in textwrap.wrap(part, int(LETTERS * (width - 0.4)))]
+        figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=11, fontweight="bold", parse_math=False)
+    return figure, figure.subplots(rows, columns, squeeze=False, **ratios).ravel()
+
+
+def save_picture(figure: Figure, path: str | Path) -> Path:
+    """Write a figure in one step, in the format that the file's ending names, PNG without one.
+
+    Raises
+    ------
+    OutputError
+        The ending is that of no picture.
+    """
+    path = Path(path)
+    content, kind = io.BytesIO(), path.suffix.removeprefix(".").lower() or "png"
+    known = figure.canvas.get_supported_filetypes()
+    if kind not in known:
+        raise OutputError(f"{path} ends in no picture's format; allowed: {', '.join(f'.{one}' for one in known)}")
+    figure.savefig(content, format=kind)
+    replace_bytes(path, content.getbuffer())
+    return path
+
+
+def label_panel(axis: Axes, title: str) -> None:
+    """Write what a panel shows above its left end."""
+    axis.set_title(title, loc="left", fontsize=10)
+
+
+def legend_beside(axis: Axes, *, away: float = 1.0, handles: Any = None, labels: Any = None) -> None:
+    """Draw a legend to the right of a panel, of what is drawn in it or of `handles` with their `labels`.
+
+    `away`: where it begins, in widths of the panel. Nothing where nothing has a label.
+    """
+    if handles is None:
+        handles, labels = axis.get_legend_handles_labels()
+    if handles:
+        axis.legend(
+            handles=handles, labels=labels, loc="upper left", bbox_to_anchor=(away, 1.0), frameon=False, fontsize=9
+        )
+
+
+def legend_below(axis: Axes, columns: int = 1) -> None:
+    """Draw a legend below a panel and the name of its axis."""
+    if axis.get_legend_handles_labels()[0]:
+        axis.legend(
+            loc="upper left", bbox_to_anchor=(0.0, -0.14), frameon=False, fontsize=9, ncols=columns, borderaxespad=0.0
+        )
+
+
+def draw_circles(axis: Axes, x: np.ndarray, y: np.ndarray, radius: np.ndarray, **options: Any) -> EllipseCollection:
+    """Draw grains true to scale at x, y (n,) [m] on axes in mm; `options` as of matplotlib's collections."""
+    from matplotlib.collections import EllipseCollection
+
+    d = 2.0 * MM * np.asarray(radius)
+    offsets = MM * np.column_stack([x, y])
+    circles = EllipseCollection(
+        d, d, np.zeros_like(d), units="xy", offsets=offsets, offset_transform=axis.transData,
+        **{"cmap": "cividis", "edgecolors": "black", "linewidths": 0.3, **options},
+    )  # fmt: skip
+    axis.add_collection(circles)
+    return circles
+
+
+def draw_chains(axis: Axes, start: np.ndarray, end: np.ndarray, force: np.ndarray) -> None:
+    """Draw contacts from start to end (k, 2) [m] on axes in mm, as wide as their force (k,) [N]."""
+    from matplotlib.collections import LineCollection
+
+    force = np.abs(np.asarray(force, dtype=np.float64))
+    width = 3.0 * np.minimum(force / (float(np.percentile(force, STRONGEST)) or 1.0), 1.0)
+    ends = list(MM * np.stack([start, end], axis=1))
+    axis.add_collection(LineCollection(ends, colors="crimson", linewidths=width, alpha=0.85))
+
+
+def colour_limits(values: np.ndarray) -> tuple[float, float]:
+    """Return the ends of a range of colours; of equal values, a range about them."""
+    low, high = (float(np.min(values)), float(np.max(values))) if len(values) else (0.0, 1.0)
+    return (low, high) if low < high else (low - 0.5, high + 0.5)
