@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 # Processor time on the reference machine, one core of an AMD EPYC (tests/benchmarks/predicted_cost.py)
 STEP_NS = 80.0  # a grain and step by DEM, with its contacts
-RIGID_STEP_NS, CHAINED_STEP_NS = 700.0, 4000.0  # by DVI; where grains attract one another, some tens of sweeps a step
-SAMPLE_NS = 600.0  # the field at a grain, in an update of the magnetic forces
+RIGID_STEP_NS, CHAINED_STEP_NS = 700.0, 8000.0  # by DVI; where grains attract one another, some 50 sweeps a step
+UPDATE_S, SAMPLE_NS = 5e-4, 600.0  # an update of the magnetic forces, and the field at a grain in it
 SOLVE_S = {"cholmod": 4.5e-6, "superlu": 2.2e-5}  # an unknown of the field in the section, and solve
 SOLID_SOLVE_S = 1e-4  # an unknown of the field in 3D, and solve
 WINDOW_S, FRAME_S, FRAME_GRAIN_S, PICTURES_S = 1e-3, 0.03, 4e-5, 2.0  # a row of the history, a snapshot, all pictures
@@ -112,8 +112,8 @@ def predict(scene: Scene, device: Device, dt: float, rhythm: tuple[int, int, int
     times = steps * dt * np.linspace(0.0, 1.0, 65)
     drive = relative_drive(device, times)
     on = float((drive > OFF).mean())  # share of the run in which grains are magnetised
-    update = 1e-9 * grains * update_ns(scene, device) if on > 0.0 else 0.0
-    solves = min(windows, float(np.abs(np.diff(drive)).sum()) / CURRENT_STEP if device.coil is not None else 0.0)
+    update = UPDATE_S + 1e-9 * grains * update_ns(scene, device)
+    solves = float(np.minimum(np.abs(np.diff(drive)) / CURRENT_STEP, windows / (len(times) - 1)).sum())
     solves = max(solves, on * windows * max((one.window_solves for one in scene.effects.present), default=0.0))
     slow, count = slowness(), replica_count(scene)
     gain = sqrt(min(threads, cores_at_hand())) if grains >= WORTH_SHARING else 1.0
