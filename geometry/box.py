@@ -41,6 +41,19 @@ class Box:
         """None: it is filled as a whole."""
         return []
 
+    def space(self, region: str = "cavity") -> Box:
+        """Return the box: it is filled as a whole."""
+        return self
+
+    def extent(self, region: str = "cavity") -> np.ndarray:
+        """Sides [m], shape (3,)."""
+        return np.asarray(self.size)
+
+    @property
+    def bed_height(self) -> float:
+        """Height [m]."""
+        return self.size[2]
+
     def volume_to_fill(self, region: str = "cavity") -> float:
         """Volume [m^3]."""
         return self.volume

@@ -8,12 +8,9 @@ Until then the copper alone takes what it makes, dT/dt = rho J^2/(c rho_m).
 
 from __future__ import annotations
 
-from math import pi
-
 from emclutch.device.decision import with_warnings
 from emclutch.device.excitation import Excitation
 from emclutch.scene.units import two_digits
-from geometry import Clutch
 
 COOLING = 12.0
 """alpha [W/(m^2 K)] of still air and radiation."""
@@ -29,13 +26,6 @@ ABSURD = 1000.0
 """Rise [K] near which copper melts."""
 
 
-def cooled_surface(shape: object) -> float | None:
-    """Mantle and both ends of the housing [m^2]; None where the shape does not tell them."""
-    if not isinstance(shape, Clutch):
-        return None
-    return 2.0 * pi * shape.outer_radius * (shape.housing_length + shape.outer_radius)
-
-
 def coil_heat_in_words(scene, coil: Excitation, shape) -> str:
     """Current density, copper loss and what it heats, at the largest current."""
     current, winding = coil.largest_current, coil.winding
@@ -44,7 +34,7 @@ def coil_heat_in_words(scene, coil: Excitation, shape) -> str:
     loss = scene.coil.resistance_in(shape.coil_area, shape.coil_mean_radius) * current**2
     rate = loss / (winding.copper_mass * COPPER_HEAT)
     text = f"{1e-6 * winding.current_density(current):.3g} A/mm^2, {loss:.3g} W"
-    surface = cooled_surface(shape)
+    surface = scene.geometry.cooled_surface(shape)
     if surface is None:
         return f"{text}; the copper alone warms by {two_digits(rate)} K/s"
     rise = loss / (COOLING * surface)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from coupling.smear_region import elements_within, magnetic_regions
 from emclutch.device.excitation import Excitation
 from emclutch.device.materials import conductivities, grain_law, region_laws
-from emclutch.scene.field_source import UniformFieldSection
+from emclutch.device.pole_zone import GapZone, PoleZone
+from emclutch.devices import GeometrySection
 from emclutch.scene.fill import Fill, fill_of
-from emclutch.scene.geometry import CadGeometry
 from emclutch.scene.grain_smear import element_layers, moments_are_fed_back, smear_width
 from emclutch.scene.model import Scene
 from emclutch.scene.surfaces import surface_walls
@@ -26,9 +26,8 @@ from field import (
 from field.factorisation import describe_backend
 from field.section.adaptive import AdaptiveResult, adapt
 from field.section.error_estimate import FluxLinkage, MeanFluxDensity
-from geometry import AnnularBox, Box, Clutch, SectionMesh, ShearCell, mesh_clutch
-from geometry.cad_shape import CadShape
-from geometry.centrifugal import CentrifugalClutch
+from geometry import AnnularBox, SectionMesh
+from geometry.device_shape import FilledSpace, WoundShape
 from geometry.sheared_gap import ShearedGap
 from geometry.time_profile import TimeProfile
 from geometry.triangle_wall import TriangleWall
@@ -44,7 +43,7 @@ class CoilDevice(Excitation):
 
     Attributes
     ----------
-    shape : Clutch or CadShape
+    shape : WoundShape
     mesh : SectionMesh
     problem : AxisymmetricProblem
     newton_tolerance : float
@@ -54,17 +53,20 @@ class CoilDevice(Excitation):
         How the mesh was refined to `field.tolerance`; None: as meshed.
     voltages : TimeProfile or None
         [V]; None for a coil at a prescribed current.
+    has_poles : bool
+        Whether there are pole faces, under which the flux density is a quantity of its own.
     resistance : float or None
         Of the coil at its temperature [ohm], where a voltage drives it.
     conductivity : dict of str to float or None
         Of the regions [S/m], where eddy currents are simulated.
     """
 
-    shape: Clutch | CadShape
+    shape: WoundShape
     mesh: SectionMesh
     problem: AxisymmetricProblem
     newton_tolerance: float
     powder_boxes: list[AnnularBox]
+    has_poles: bool
     adapted: AdaptiveResult | None = None
     voltages: TimeProfile | None = None
     resistance: float | None = None
@@ -104,9 +106,12 @@ class Device:
 
     Attributes
     ----------
-    shape : Clutch, CadShape, ShearCell, CentrifugalClutch or Box
-    boxes : list of AnnularBox, or the Box
-        Where the powder is filled in, as `particles.pack` takes it.
+    kind : GeometrySection
+        The table [geometry]: what is otherwise with this kind of device.
+    shape : DeviceShape
+        The kind's own.
+    boxes : FilledSpace
+        Where the powder is filled in.
     fill : Fill
         Amount of powder.
     coil : CoilDevice, CoilDevice3D or None
@@ -119,8 +124,9 @@ class Device:
         Of a clutch's chamber, what the powder is filled into: rim, its poles, faces, or the whole cavity.
     """
 
-    shape: Clutch | CadShape | ShearCell | CentrifugalClutch | Box
-    boxes: list[AnnularBox] | Box
+    kind: GeometrySection
+    shape: Any
+    boxes: FilledSpace
     fill: Fill
     coil: CoilDevice | CoilDevice3D | None = None
     imposed: UniformField | RadialField | None = None
@@ -133,9 +139,14 @@ class Device:
         return self.coil if isinstance(self.coil, CoilDevice) else None
 
     @property
-    def box(self) -> Box | None:
-        """The shape where it is a plain box; None of a device with an axis."""
-        return self.shape if isinstance(self.shape, Box) else None
+    def pole_zone(self) -> PoleZone | None:
+        """The powder's zone between pole faces; None without pole faces."""
+        return self.kind.pole_zone(self.shape, self.region)
+
+    @property
+    def gap_zone(self) -> GapZone | None:
+        """The gap that is sheared as a whole; None without."""
+        return self.kind.gap_zone(self.shape, self.region)
 
     def walls(self) -> list[Wall]:
         """Everything that grains touch: the shape's own walls and the surfaces from files."""
@@ -176,10 +187,12 @@ class Device:
     def narrowest_gap(self) -> float:
         """Width [m] of the narrowest space that is filled, in which layers of grains go past each other fastest."""
         gap = self.sheared_gap
-        if gap is None:
-            assert self.box is not None  # all others shear their powder
-            return min(self.box.size)
-        return gap.narrowest
+        return float(min(self.extent)) if gap is None else gap.narrowest
+
+    @property
+    def extent(self) -> np.ndarray:
+        """Extent [m] of what is filled with grains along x, y, z, shape (3,)."""
+        return self.shape.extent(self.region)
 
     @property
     def largest_radius(self) -> float:
@@ -195,15 +208,14 @@ def field_is_needed(scene: Scene) -> bool:
 def build_device(scene: Scene) -> Device:
     """Shape, mesh and materials of a scene with grains; no mesh is made when no effect needs the field."""
     shape, particles = scene.shape(), scene.grains
-    boxes = shape if isinstance(shape, Box) else shape.boxes_to_fill(particles.region)
     fill = fill_of(shape, particles, scene.scene.seed)
     surfaces = tuple(surface_walls(scene.surfaces))
-    device = Device(shape, boxes, fill, surfaces=surfaces, region=particles.region)
+    region = particles.region
+    device = Device(scene.geometry, shape, shape.space(region), fill, surfaces=surfaces, region=region)
     if not field_is_needed(scene):
         return device
-    if scene.prescribed_field is not None:
-        return replace(device, imposed=imposed_field(scene.prescribed_field, shape))
-    return replace(device, coil=solved_coil(scene))
+    assert scene.field is not None  # by the checks between sections
+    return scene.field.equip(device, scene)
 
 
 def solved_coil(scene: Scene) -> CoilDevice | CoilDevice3D:
@@ -213,15 +225,14 @@ def solved_coil(scene: Scene) -> CoilDevice | CoilDevice3D:
     if scene.geometry.is_solved_in_3d:
         from emclutch.device.device_3d import build_coil_device_3d  # local: most scenes need no field in 3D
 
-        return build_coil_device_3d(scene)
+        return build_coil_device_3d(scene, scene.coil_field)
     return build_coil_device(scene)
 
 
 def build_coil_device(scene: Scene) -> CoilDevice:
     """Mesh, materials and coil of a clutch, or of a device from CAD."""
     shape, source, coil = scene.shape(), scene.coil_field, scene.coil
-    assert not isinstance(shape, (Box, ShearCell, CentrifugalClutch))  # by the schema, as the next line
-    assert source is not None and coil is not None
+    assert coil is not None  # by the checks between sections
     powder = PowderLaw(grain_law(scene)) if scene.effects.feedback is not None else None
     boxes = [] if scene.particles is None else shape.boxes_to_fill(scene.particles.region)
     window = shape.coil_area, shape.coil_mean_radius
@@ -268,6 +279,7 @@ def build_coil_device(scene: Scene) -> CoilDevice:
         problem,
         source.newton_tolerance,
         boxes,
+        scene.geometry.has_poles,
         adapted,
         voltages=coil.voltage if coil.is_at_voltage else None,
         resistance=coil.resistance_in(*window) if coil.is_at_voltage else None,
@@ -286,21 +298,7 @@ def even_fill(mesh: SectionMesh, boxes: list[AnnularBox], phi: float) -> np.ndar
 
 
 def mesh_of(scene: Scene) -> SectionMesh:
-    """Mesh the section of a clutch or of a CAD file."""
+    """Mesh the section of a device with a coil."""
     source = scene.coil_field
     layers, size = (4, 1.0) if source is None else (source.gap_layers, source.size_factor)
-    if isinstance(scene.geometry, CadGeometry):
-        return scene.geometry.mesh(gap_layers=element_layers(scene, layers), size_factor=size)
-    shape = scene.shape()
-    assert isinstance(shape, Clutch)  # nothing else has a mesh
-    return mesh_clutch(shape, gap_layers=element_layers(scene, layers), size_factor=size)
-
-
-def imposed_field(source: UniformFieldSection, shape) -> UniformField | RadialField:
-    """The field of a scene without a coil."""
-    H0 = source.field_strength
-    if source.direction == "radial":
-        middle = 0.5 * (shape.inner_radius + shape.outer_radius)
-        return RadialField(H0, middle)
-    axis = {"x": 0, "y": 1, "z": 2, "axial": 2}[source.direction]
-    return UniformField(H0 * np.eye(3)[axis])
+    return scene.geometry.mesh(scene.shape(), element_layers(scene, layers), size)

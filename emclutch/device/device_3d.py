@@ -1,22 +1,49 @@
-"""A clutch with slots or teeth, or solids from CAD: the mesh in 3D, its materials and its coil."""
+"""A device with slots or teeth, or solids of any shape: the mesh in 3D, its materials and its coil."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from emclutch.device.excitation import Excitation
 from emclutch.device.materials import region_laws
-from emclutch.scene.field_source import CoilFieldSection
-from emclutch.scene.geometry import CadGeometry
 from emclutch.scene.model import Scene
 from field.three_d import Field3D, FlatCoil, Problem3D
-from geometry import AnnularBox, Clutch, Mesh3D, mesh_slotted
-from geometry.cad_shape import CadShape
+from geometry import AnnularBox, Mesh3D
+from geometry.device_shape import WoundShape
 
 ALONG = 61
 """Points of the line on which the gap's field is averaged."""
+
+
+@dataclass(frozen=True, slots=True)
+class Solid:
+    """What a kind of device makes for a field in 3D.
+
+    Attributes
+    ----------
+    mesh : Mesh3D
+    coil : FlatCoil
+        The source of the field.
+    carrier : str
+        The body that is no body of revolution, in whose frame the field stands still.
+    pole_line, face_line : ndarray, shape (k, 2)
+        Points (r, z) [m] on the middle of the rim gap under the poles, and of a face gap.
+    centre_z : float
+        Of the outer boundary [m].
+    pitch : float or None
+        Angle [rad] after which the field repeats; None: not known.
+    """
+
+    mesh: Mesh3D
+    coil: FlatCoil
+    carrier: str
+    pole_line: np.ndarray
+    face_line: np.ndarray
+    centre_z: float = 0.0
+    pitch: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +52,7 @@ class CoilDevice3D(Excitation):
 
     Attributes
     ----------
-    shape : Clutch or CadShape
+    shape : WoundShape
     mesh : Mesh3D
     problem : Problem3D
     newton_tolerance : float
@@ -33,14 +60,20 @@ class CoilDevice3D(Excitation):
         What is filled with powder.
     carrier : str
         The body that is no body of revolution, in whose frame the field stands still.
+    line : ndarray, shape (k, 2)
+        Points (r, z) [m] on the middle of the rim gap under the poles, or of a face gap where it alone is filled.
+    pitch : float or None
+        Angle [rad] after which the field repeats; None: not known.
     """
 
-    shape: Clutch | CadShape
+    shape: WoundShape
     mesh: Mesh3D
     problem: Problem3D
     newton_tolerance: float
     powder_boxes: list[AnnularBox]
     carrier: str
+    line: np.ndarray
+    pitch: float | None
 
     def solve_at_peak(self, fill: np.ndarray | None) -> Field3D:
         """The field at the largest current; the powder does not change it."""
@@ -48,15 +81,8 @@ class CoilDevice3D(Excitation):
         return self.problem.solve(self.turns * self.largest_current, tolerance=self.newton_tolerance)
 
     def pole_line(self, *, faces: bool = False) -> np.ndarray:
-        """Points (r, z) [m] on the middle of the rim gap under the poles, or of a face gap where it alone is filled.
-
-        What is filled says so, whatever `faces` is; shape (k, 2).
-        """
-        shape, boxes = self.shape, self.powder_boxes
-        if isinstance(shape, Clutch) and boxes and all(box.r1 <= shape.disc_radius for box in boxes):
-            return shape.face_midline(ALONG)
-        line = shape.gap_midline(ALONG)
-        return line[np.abs(line[:, 1]) > 0.5 * shape.ring_width]
+        """The device's `line`, whatever `faces` is: what is filled decides; shape (k, 2)."""
+        return self.line
 
     def mesh_in_words(self) -> str:
         """Return what the field is solved on."""
@@ -66,43 +92,36 @@ class CoilDevice3D(Excitation):
         )
 
 
-def build_coil_device_3d(scene: Scene) -> CoilDevice3D:
-    """Mesh, materials and coil of a clutch of which one body has slots, or of solids from CAD."""
-    shape, source, coil = scene.shape(), scene.coil_field, scene.coil
-    assert isinstance(shape, (Clutch, CadShape)) and source is not None and coil is not None
-    mesh, winding, carrier = _parts_of(scene, shape, source)
-    outer = mesh.points[mesh.boundaries["outer"]][..., 2]
+def build_coil_device_3d(scene: Scene, source: Any) -> CoilDevice3D:
+    """Mesh, materials and coil of a device that is no body of revolution; `source` is the table [field]."""
+    shape, coil, order = scene.shape(), scene.coil, min(source.order, 2)
+    assert coil is not None  # by the checks between sections
+    solid = scene.geometry.solid(shape, source.gap_layers, source.size_factor, order)
     problem = Problem3D(
-        mesh,
-        region_laws(scene, mesh),
-        winding,
-        order=min(source.order, 2),
+        solid.mesh,
+        region_laws(scene, solid.mesh),
+        solid.coil,
+        order=order,
         outer="open" if source.open_boundary else "flux_wall",
-        centre_z=0.0 if isinstance(shape, Clutch) else 0.5 * float(outer.min() + outer.max()),
+        centre_z=solid.centre_z,
     )
+    region = "" if scene.particles is None else scene.particles.region
     window = shape.coil_area, shape.coil_mean_radius
     return CoilDevice3D(
         coil.winding_in(*window),
         coil.currents_in(*window),
         shape,
-        mesh,
+        solid.mesh,
         problem,
         source.newton_tolerance,
-        [] if scene.particles is None else shape.boxes_to_fill(scene.particles.region),
-        carrier,
+        shape.boxes_to_fill(region) if region else [],
+        solid.carrier,
+        solid.face_line if region == "faces" else solid.pole_line,
+        solid.pitch,
     )
 
 
-def _parts_of(scene: Scene, shape: Clutch | CadShape, source: CoilFieldSection) -> tuple[Mesh3D, FlatCoil, str]:
-    """Mesh, source of the field, and the body that it turns with."""
-    sizes: dict = {
-        "gap_layers": source.gap_layers, "size_factor": source.size_factor, "order": min(source.order, 2)
-    }  # fmt: skip
-    if isinstance(shape, Clutch):
-        half = 0.5 * shape.coil_width
-        winding = FlatCoil.ring((shape.coil_inner_radius, shape.coil_outer_radius), (-half, half))
-        return mesh_slotted(shape, **sizes), winding, "disc" if shape.disc_slots is not None else "rotor"
-    assert isinstance(scene.geometry, CadGeometry)  # nothing else has this shape
-    (part,) = (part for part in shape.section.parts if part.region == "coil")  # by `check_device_3d`
-    winding = FlatCoil.ring((part.r0, part.r1), (part.z0, part.z1))
-    return scene.geometry.mesh_3d(**sizes), winding, next(iter(shape.carriers), "housing")
+def under_the_poles(shape: WoundShape) -> np.ndarray:
+    """Points (r, z) [m] on the middle of the rim gap, without those over the ring between the poles; shape (k, 2)."""
+    line = shape.gap_midline(ALONG)
+    return line[np.abs(line[:, 1]) > 0.5 * shape.ring_width]

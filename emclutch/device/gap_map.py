@@ -7,7 +7,6 @@ import numpy as np
 from emclutch.device.device_3d import CoilDevice3D
 from field import MU_0
 from field.three_d import Field3D
-from geometry import Clutch
 
 
 def gap_map(
@@ -17,10 +16,8 @@ def gap_map(
 
     Over some pitches of a slotted clutch, or all around.
     """
-    shape = device.shape
-    slots = (shape.disc_slots or shape.rotor_slots) if isinstance(shape, Clutch) else None
-    angle = np.linspace(0.0, 2.0 * np.pi if slots is None else pitches * slots.pitch, count)
-    line = shape.gap_midline(80)
+    angle = np.linspace(0.0, 2.0 * np.pi if device.pitch is None else pitches * device.pitch, count)
+    line = device.shape.gap_midline(80)
     r, z = line.T
     points = np.stack(
         [np.outer(r, np.cos(angle)), np.outer(r, np.sin(angle)), np.broadcast_to(z[:, None], (len(z), count))], axis=-1

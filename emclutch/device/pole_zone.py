@@ -1,4 +1,4 @@
-"""The powder between the pole faces of a clutch, where nearly all of its torque is made: shear stress, H and fill.
+"""The powder between pole faces, where nearly all of its torque is made: shear stress, H and fill.
 
 With these three every run is a point on the law tau(H, phi) of its powder, and can be laid beside that of another
 device, of a sheared cell (`emclutch calibrate`) or of a rheometer.
@@ -8,19 +8,63 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi
+from typing import Self
 
 import numpy as np
 
-from emclutch.device.device import Device
 from field import FieldSampler
-from geometry import AnnularBox, Clutch
+from geometry import AnnularBox
 
 ACROSS, ALONG = 5, 41
 """Points at which H is averaged, across the gap and along each face."""
 
 
 @dataclass(frozen=True, slots=True)
-class PoleZone:
+class Zone:
+    """Part of the gap.
+
+    Attributes
+    ----------
+    boxes : tuple of AnnularBox
+        Disjoint.
+    """
+
+    boxes: tuple[AnnularBox, ...]
+
+    @property
+    def volume(self) -> float:
+        """Of a full turn [m^3]."""
+        return sum(box.volume() for box in self.boxes)
+
+    def grain_volume(self, position: np.ndarray, volume: np.ndarray) -> float:
+        """Sum of the volumes (n,) [m^3] of grains whose centres, at (n, 3) [m], lie in the zone."""
+        r, z = np.hypot(position[:, 0], position[:, 1]), position[:, 2]
+        inside = np.zeros(len(r), dtype=bool)
+        for box in self.boxes:
+            inside |= (r > box.r0) & (r < box.r1) & (z > box.z0) & (z < box.z1)
+        return volume[inside].sum()
+
+
+@dataclass(frozen=True, slots=True)
+class GapZone(Zone):
+    """The gap that is sheared as a whole.
+
+    Attributes
+    ----------
+    torque_per_stress : float
+        Area in the middle of the gap times its mean radius [m^3].
+    """
+
+    torque_per_stress: float
+
+    @classmethod
+    def between_cylinders(cls, box: AnnularBox, radius: float) -> Self:
+        """Of a ring with its middle at a radius [m]."""
+        return cls((box,), 2 * pi * radius**2 * (box.z1 - box.z0))
+
+
+@dataclass(frozen=True, slots=True)
+class PoleZone(Zone):
     """Part of the gap between steel pole faces.
 
     Attributes
@@ -33,7 +77,6 @@ class PoleZone:
         Mean lever of a stress there [m].
     """
 
-    boxes: tuple[AnnularBox, ...]
     area: float
     radius: float
 
@@ -61,24 +104,4 @@ class PoleZone:
 
     def fill(self, position: np.ndarray, volume: np.ndarray) -> float:
         """Solid fraction [-] of the zone in a full turn, from all grains at (n, 3) [m] with volumes (n,) [m^3]."""
-        r, z = np.hypot(position[:, 0], position[:, 1]), position[:, 2]
-        inside = np.zeros(len(r), dtype=bool)
-        for box in self.boxes:
-            inside |= (r > box.r0) & (r < box.r1) & (z > box.z0) & (z < box.z1)
-        return float(volume[inside].sum() / sum(box.volume() for box in self.boxes))
-
-
-def pole_zone(device: Device) -> PoleZone | None:
-    """The zone of a device with pole faces: at its rim, or at the disc's faces where these carry the flux; or None."""
-    shape = device.shape
-    if not isinstance(shape, Clutch):
-        return None
-    half, disc = 0.5 * shape.disc_thickness, shape.disc_radius
-    if device.shears_faces or shape.pole_length == 0.0:
-        inner = max(shape.seal_radius, 0.0)
-        boxes = tuple(AnnularBox(inner, disc, *ends) for ends in ((-half - shape.face_gap, -half),
-                                                                  (half, half + shape.face_gap)))  # fmt: skip
-        return PoleZone(boxes, shape.face_area, shape.mean_face_radius)
-    return PoleZone(
-        tuple(shape.pole_boxes().values()), 4.0 * pi * shape.mean_gap_radius * shape.pole_length, shape.mean_gap_radius
-    )
+        return float(self.grain_volume(position, volume) / self.volume)

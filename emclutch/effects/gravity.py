@@ -65,8 +65,7 @@ class GravitySection(EffectSection):
         """Yield the weight of a bed as high as the device."""
         from coupling import weight_load  # local: the schema itself needs no particles
 
-        height = 2.0 * device.largest_radius if device.box is None else device.box.size[2]
-        particles = scene.particles
+        particles, height = scene.particles, device.shape.bed_height
         force = weight_load(particles.density, self.acceleration, height, particles.largest_diameter)
         yield Load(self.name, force, "the weight of the bed")
 

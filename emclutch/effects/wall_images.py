@@ -36,14 +36,9 @@ class WallImagesSection(EffectSection):
     def warnings(self, scene):
         """Yield where images have no effect, or are not those of the device."""
         geometry = scene.geometry
-        slotted = next(iter(geometry.slotted), "")
-        if slotted:
-            yield f"[effects.wall_images] mirrors dipoles in the slots of geometry.{slotted} too, as if they were steel"
-        if geometry.is_from_file and scene.shape().carriers:
-            yield (
-                "[effects.wall_images] mirrors dipoles all around in what is steel in the half-plane y = 0, x > 0: in "
-                "the slots of the other parts too"
-            )
+        where = geometry.false_mirrors(scene.shape())
+        if where:
+            yield f"[effects.wall_images] mirrors dipoles {where}"
         if not geometry.may_have_steel_faces:
             yield f"[effects.wall_images] has no effect: geometry.kind = '{geometry.kind}' has no steel faces"
         elif not any(wall.magnetic for wall in scene.shape().walls()):

@@ -6,23 +6,16 @@ import math
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
+from emclutch.devices import kinds_in_words
 from emclutch.effects import EFFECTS
 from emclutch.scene.draft import Draft, size_key
 from emclutch.scene.errors import Fault
 from emclutch.scene.fill import fill_of
-from emclutch.scene.geometry import ClutchGeometry
 from emclutch.scene.grains import MAX_GRAINS
-from emclutch.scene.magnetic_checks import field_is_3d, field_of_effects, materials, source_fits
-from emclutch.scene.mesh_checks import fine_enough_for_moments, finished_mesh
+from emclutch.scene.magnetic_checks import field_of_effects, materials
 from emclutch.scene.motion import HELD
 from emclutch.scene.replica_count import packs_alike
-from emclutch.scene.sector_checks import (
-    sector_3d,
-    sector_in_field,
-    sector_in_geometry,
-    sector_in_surfaces,
-    sector_width,
-)
+from emclutch.scene.sector_checks import sector_in_geometry, sector_in_surfaces, sector_width
 from emclutch.scene.surfaces import extent_in_words
 
 if TYPE_CHECKING:
@@ -37,7 +30,12 @@ Check = Callable[[Draft], Iterator[Fault]]
 def faults_between_sections(draft: Draft) -> list[Fault]:
     """Run every check whose sections are right, and there."""
     void = draft.broken | {name for name in ("particles", "time") if getattr(draft.scene, name) is None}
-    return [fault for check, sections in CHECKS if not void & set(sections) for fault in check(draft)]
+    checks = [*CHECKS]
+    if GEOMETRY_KIND not in void:
+        checks += draft.scene.geometry.CHECKS
+    if draft.scene.field is not None and "field" not in void:
+        checks += draft.scene.field.CHECKS
+    return [fault for check, sections in checks if not void & set(sections) for fault in check(draft)]
 
 
 def _field_alone(draft: Draft) -> Iterator[Fault]:
@@ -60,7 +58,7 @@ def _field_alone(draft: Draft) -> Iterator[Fault]:
             "particles",
             "",
             "is missing; add the section [particles]; without it a scene is of the field of a coil alone, which needs "
-            "[field] source = 'coil', [coil], and geometry.kind = 'clutch', 'drum' or 'cad'",
+            f"[field] source = 'coil', [coil], and geometry.kind = {kinds_in_words(has_coil=True)}",
         )
 
 
@@ -79,16 +77,11 @@ def _shape(draft: Draft) -> Iterator[Fault]:
 
 
 def _faults_of_shape(draft: Draft, diameter: float | None) -> list[GeometryFault]:
-    """Of a clutch with faulty sizes, what the others say of each other."""
+    """Of a geometry with faulty sizes, what the others say of each other."""
     if "geometry" not in draft.broken:
         return draft.scene.shape().faults(diameter)
-    if not isinstance(draft.scene.geometry, ClutchGeometry):
-        return []
     unknown = {key.split(".")[1] for key in draft.of_geometry}
-    lengths = unknown & set(type(draft.scene.geometry).model_fields) - {"materials", "disc_slots", "rotor_slots"}
-    # not a number: whatever is compared with it is judged neither right nor wrong, but for itself, told already
-    shape = draft.scene.geometry.model_copy(update=dict.fromkeys(lengths, math.nan)).shape(draft.scene.materials or {})
-    return [fault for fault in shape.faults(diameter) if fault.what.split(".")[0] not in unknown]
+    return draft.scene.geometry.faults_of_the_others(unknown, draft.scene.materials or {})
 
 
 def _region(draft: Draft) -> Iterator[Fault]:
@@ -96,7 +89,8 @@ def _region(draft: Draft) -> Iterator[Fault]:
     if particles.region != "cavity" and not geometry.has_regions:
         yield draft.fault(
             "particles.region",
-            f"exists in a clutch or drum only; remove it: a {geometry.kind} is filled as a whole",
+            f"exists with geometry.kind = {kinds_in_words(has_regions=True)} only; remove it: a {geometry.kind} is "
+            "filled as a whole",
         )
 
 
@@ -217,22 +211,16 @@ CHECKS: tuple[tuple[Check, tuple[str, ...]], ...] = (
     (_field_alone, ()),
     (_shape, (GEOMETRY_KIND,)),
     (materials, (GEOMETRY_KIND, "materials")),
-    (source_fits, (GEOMETRY_KIND, "field")),
-    (finished_mesh, ("geometry", "field")),
-    (fine_enough_for_moments, ("geometry", "particles", "effects", "field")),
     (_region, (GEOMETRY_KIND, "particles")),
     (sector_in_geometry, (GEOMETRY_KIND, "particles")),
     (_surfaces, ("geometry", "surfaces")),
     (sector_in_surfaces, ("particles", "surfaces")),
-    (sector_in_field, ("particles", "field")),
     (_fill, ("geometry", "particles")),
     (_pour, ("particles", "effects")),
     (_rigid, ("contact",)),
     (sector_width, ("geometry", "particles", "effects")),
     (field_of_effects, ("effects",)),
     *(check for effect in EFFECTS for check in effect.CHECKS),
-    (field_is_3d, (GEOMETRY_KIND, "effects", "field")),
-    (sector_3d, (GEOMETRY_KIND, "field", "particles")),
     (_motion, (GEOMETRY_KIND, "motion", "surfaces")),
     (_accuracy, ("accuracy", "time")),
     (_replicas, (GEOMETRY_KIND, "accuracy", "time", "particles")),

@@ -9,11 +9,11 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterable, Mapping
 from functools import cache
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any
 
 from pydantic import ValidationError, create_model
 
-from emclutch.scene.geometry import Geometry
+from emclutch.devices import GEOMETRIES
 from emclutch.scene.section import Section
 
 
@@ -27,7 +27,8 @@ def sketch_of(given: Any, keys: Iterable[str], context: dict[str, Any]) -> Secti
     context : as the scene's models take it
     """
     keys = set(keys)
-    model = _kinds().get(str(given.get("kind"))) if isinstance(given, Mapping) else None
+    kind = given.get("kind") if isinstance(given, Mapping) else None
+    model = next((one for one in GEOMETRIES if one.name() == kind), None)
     # without its file nothing of a device from CAD is known
     if model is None or keys & {"geometry", "geometry.kind", "geometry.file"}:
         return None
@@ -43,12 +44,6 @@ def sketch_of(given: Any, keys: Iterable[str], context: dict[str, Any]) -> Secti
         return _with_optional_entries(model).model_validate(right, context=context)
     except ValidationError:
         return None  # a rule between entries is broken; which of them are right is not known
-
-
-@cache
-def _kinds() -> dict[str, type[Section]]:
-    members = get_args(get_args(Geometry)[0])
-    return {get_args(model.model_fields["kind"].annotation)[0]: model for model in members}
 
 
 @cache

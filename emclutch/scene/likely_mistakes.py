@@ -28,9 +28,7 @@ def warnings_of(scene: Any) -> Iterator[str]:
             yield f"without [particles] the scene is of the field alone, which does not use {names}"
     elif scene.field is not None and not effects.magnetise:
         yield f"[field] moves no grain: that needs {effects.tables(needs_moments=True)}"
-    slotted = next(iter(scene.geometry.slotted), "")
-    if slotted and scene.coil_field is None:
-        yield f"geometry.{slotted} has no effect: only the field of a coil sees slots, grains meet smooth walls"
+    yield from scene.geometry.warnings(scene)
     for name, own in scene.materials.items():
         if isinstance(own, TableMaterial) and own.warning:
             yield f"materials.{name}: {own.warning}"

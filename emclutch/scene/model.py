@@ -3,27 +3,22 @@
 from __future__ import annotations
 
 import unicodedata
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, StringConstraints
 
+from emclutch.devices import Geometry
 from emclutch.effects import EffectsSection
 from emclutch.scene.coil import CoilSection
 from emclutch.scene.contact import ContactSection
 from emclutch.scene.errors import Fault, SceneError
-from emclutch.scene.field_source import CoilFieldSection, FieldSection, UniformFieldSection
-from emclutch.scene.geometry import Geometry
 from emclutch.scene.grains import ParticlesSection
 from emclutch.scene.materials import Material
 from emclutch.scene.motion import MotionSection
 from emclutch.scene.section import Section, Whole, refuse
 from emclutch.scene.surfaces import SurfaceSection
 from emclutch.scene.timing import AccuracySection, OutputSection, TimeSection
-
-if TYPE_CHECKING:
-    from geometry import Box, Clutch, ShearCell
-    from geometry.cad_shape import CadShape
-    from geometry.centrifugal import CentrifugalClutch
+from emclutch.sources import FieldSection
 
 _Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 
@@ -87,16 +82,16 @@ class Scene(Section):
             raise SceneError([NO_GRAINS])
         return self.time
 
-    def shape(self) -> Clutch | CadShape | ShearCell | CentrifugalClutch | Box:
-        """Return the device's shape, for meshing, walls and volumes."""
+    def shape(self) -> Any:
+        """Return the device's shape, for meshing, walls and volumes (`geometry.device_shape`)."""
         return self.geometry.shape(self.materials)
 
     @property
-    def coil_field(self) -> CoilFieldSection | None:
+    def coil_field(self) -> Any:
         """[field] where the field of the coil is solved; None where it is prescribed, or there is none."""
-        return self.field if isinstance(self.field, CoilFieldSection) else None
+        return self.field if self.field is not None and self.field.is_solved else None
 
     @property
-    def prescribed_field(self) -> UniformFieldSection | None:
+    def prescribed_field(self) -> Any:
         """[field] where it is prescribed; None where it is solved, or there is none."""
-        return self.field if isinstance(self.field, UniformFieldSection) else None
+        return None if self.field is None or self.field.is_solved else self.field

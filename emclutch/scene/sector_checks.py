@@ -1,4 +1,4 @@
-"""Checks of a cyclic sector: geometry, surfaces, field, and the reach of its grains."""
+"""Checks of a cyclic sector: geometry, surfaces, and the reach of its grains."""
 
 from __future__ import annotations
 
@@ -27,40 +27,6 @@ def sector_in_surfaces(draft: Draft) -> Iterator[Fault]:
         yield draft.fault(
             "particles.sector",
             "cannot stand beside [surfaces]: a mesh does not repeat from sector to sector; remove one of them",
-        )
-
-
-def sector_in_field(draft: Draft) -> Iterator[Fault]:
-    """A uniform field across the axis differs from sector to sector."""
-    field = draft.scene.prescribed_field
-    if draft.scene.particles.sector is not None and field is not None and field.direction in ("x", "y"):
-        yield draft.fault(
-            "field.direction",
-            "turns from sector to sector; with particles.sector take 'axial' or 'radial', or remove particles.sector",
-        )
-
-
-def sector_3d(draft: Draft) -> Iterator[Fault]:
-    """The field of a body with slots repeats every pitch only, that of solids of any shape nobody knows where."""
-    geometry, sector = draft.scene.geometry, draft.scene.particles.sector
-    if sector is None or draft.scene.coil_field is None:
-        return
-    if geometry.is_from_file and geometry.is_solved_in_3d:
-        yield draft.fault(
-            "particles.sector",
-            "needs a field that repeats from sector to sector, which of the solids of geometry.three_dimensional "
-            "nobody knows; "
-            "remove it: the full ring is simulated",
-        )
-    if len(geometry.slotted) != 1:
-        return
-    ((key, slots),) = geometry.slotted.items()
-    pitches = sector * slots.count / (2.0 * math.pi)
-    if abs(pitches - round(pitches)) > 1e-6 or round(pitches) < 1:
-        yield draft.fault(
-            "particles.sector",
-            f"is {pitches:.4g} pitches of geometry.{key}; the field repeats every pitch only: take "
-            f"'{360.0 / slots.count:.10g} deg' or a multiple, or another count of slots",
         )
 
 

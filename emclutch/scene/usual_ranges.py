@@ -5,12 +5,9 @@ The ranges are those of dry metal powders, shot and coils of clutches: handbook 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
-
-_MU_0 = 4e-7 * math.pi  # [H/m]; the field's own constant would load the field
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,10 +51,10 @@ DENSITY = UsualRange(2000.0, 9000.0, "kg/m^3", "glass 2500, ferrite 5000, steel 
                      "it is that of the grains, not of the heap; is g/cm^3 meant, as in '7.7 g/cm^3'?")  # fmt: skip
 SPEED = UsualRange(0.0, 100.0, "m/s", "rims of steel wheels; grinding wheels run at 30 to 100",
                    "a bare number is in rad/s; is rpm meant, as in '1000 rpm'?")  # fmt: skip
-CURRENT_DENSITY = UsualRange(0.0, 30.0, "A/mm^2", "3 to 6 for long without forced cooling, 10 with it, 30 for seconds",
-                             "are current, turns and window in the units that were meant?")  # fmt: skip
 FLUX_DENSITY = UsualRange(0.0, 2.5, "T", "iron saturates at 2.2 T; more takes superconductors or pulses",
                           "are current, turns and gap, or field strength, in the units that were meant?")  # fmt: skip
+CURRENT_DENSITY = UsualRange(0.0, 30.0, "A/mm^2", "3 to 6 for long without forced cooling, 10 with it, 30 for seconds",
+                             "are current, turns and window in the units that were meant?")  # fmt: skip
 
 
 def unusual_entries(scene: Any) -> Iterator[str]:
@@ -76,8 +73,8 @@ def unusual_entries(scene: Any) -> Iterator[str]:
     ]
     for one in scene.effects.present:
         entries += [(usual, f"effects.{one.name}.{key}", getattr(one, key)) for key, usual in one.USUAL.items()]
-    if (prescribed := scene.prescribed_field) is not None:
-        entries.append((FLUX_DENSITY, "mu_0 field.field_strength", abs(_MU_0 * prescribed.field_strength)))
+    if scene.field is not None:
+        entries += scene.field.usual_entries()
     yield from (told for usual, key, value in entries if value is not None and (told := usual.remark(key, value)))
     yield from _of_the_shafts(scene)
     yield from _of_the_winding(scene)

@@ -3,33 +3,21 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
-from math import pi
 
 import numpy as np
 
 from coupling import (
-    CoilField,
-    CoilField3D,
-    ImposedField,
-    LayeredField,
     MagnetisedGrains,
     Simulation,
-    SolvedCoilField,
 )
-from coupling.field_source import FieldSource
-from emclutch.device.device import CoilDevice, Device
+from emclutch.device.device import Device, field_is_needed
 from emclutch.device.materials import grain_law
 from emclutch.scene.case import Case
-from emclutch.scene.grain_smear import layers_change_the_field, smear_width
 from emclutch.scene.model import Scene
 from emclutch.scene.motion import FreeShaftSection
 from emclutch.simulation.dvi_plan import RigidContacts
 from emclutch.simulation.initial_packing import grains_of, packed, settled
 from emclutch.simulation.plan import Plan
-from field import MagneticField, RadialField
-from field.three_d import Field3D
-from geometry import ShearCell
 from particles import DEM, DVI, Body, FreeShaft, GrainMotion, Grains
 
 log = logging.getLogger(__name__)
@@ -71,7 +59,9 @@ def simulation_of(case: Case, device: Device, plan: Plan, grains: Grains) -> Sim
             sector=plan.sector,
             energy_budget=scene.output.energy_budget,
         )
-    source = field_source(scene, device, motion.bodies, walls, plan.peak_field)
+    source = None
+    if scene.field is not None and field_is_needed(scene):
+        source = scene.field.build(scene, device, motion.bodies, walls, plan.peak_field)
     magnetised = None
     if source is not None and effects.attraction is not None:
         magnetised = effects.attraction.magnetised_grains(scene, source.sampler, walls, motion)
@@ -100,44 +90,6 @@ def rigid_grains(scene: Scene, plan: Plan, rigid: RigidContacts, grains: Grains,
         stiffness=rigid.springs,
         rolling=rigid.rolling,
         twisting=rigid.twisting,
-    )
-
-
-def field_source(
-    scene: Scene, device: Device, bodies: Sequence[Body], walls, peak: MagneticField | Field3D | None
-) -> FieldSource | None:
-    """Return the source of the scene's field; None when no effect needs one. `peak` is that at the largest current."""
-    if device.imposed is not None:
-        if not layers_change_the_field(scene):
-            return ImposedField(device.imposed)
-        assert isinstance(device.imposed, RadialField) and isinstance(device.shape, ShearCell)  # by its conditions
-        return LayeredField(device.imposed, device.shape, scene.grains.sector or 2 * pi, smear_width(scene))
-    if device.coil is None:
-        return None
-    if not isinstance(device.coil, CoilDevice):
-        coil = device.coil
-        carrier = next(body for body in bodies if body.name == coil.carrier)
-        known = peak if isinstance(peak, Field3D) else None
-        return CoilField3D(coil.problem, coil.turns, coil.currents, carrier, coil.newton_tolerance, known=known)
-    return coil_source(scene, device.coil, walls)
-
-
-def coil_source(scene: Scene, coil: CoilDevice, walls) -> SolvedCoilField:
-    """The coil's field by what its current follows from: a course in time, the circuit, eddy currents."""
-    circuit, eddy, reaction = scene.effects.circuit, scene.effects.eddy, scene.effects.feedback
-    feedback = None if reaction is None else reaction.powder_feedback(scene, coil.problem, walls)
-    tolerance = 0.0 if reaction is None else reaction.tolerance
-    if eddy is not None:
-        return eddy.source(coil, feedback, tolerance, at_voltage=circuit is not None)
-    if circuit is not None:
-        return circuit.source(coil, feedback, tolerance)
-    return CoilField(
-        coil.problem,
-        coil.turns,
-        coil.currents,
-        newton_tolerance=coil.newton_tolerance,
-        powder_tolerance=tolerance,
-        feedback=feedback,
     )
 
 

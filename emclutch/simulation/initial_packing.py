@@ -8,7 +8,7 @@ import numpy as np
 
 from emclutch.scene.fill import diameters_of
 from emclutch.scene.model import Scene
-from geometry import AnnularBox, Box
+from geometry.device_shape import FilledSpace
 from geometry.walls import Wall
 from particles import CyclicSector, GrainMotion, Grains, PackingError
 from particles.packing.file_packing import OVERLAP_LIMIT
@@ -22,7 +22,7 @@ from particles.packing.space import Space
 
 
 def packed(
-    scene: Scene, boxes: list[AnnularBox] | Box, walls: Sequence[Wall], count: int, sector: CyclicSector | None
+    scene: Scene, boxes: FilledSpace, walls: Sequence[Wall], count: int, sector: CyclicSector | None
 ) -> Packing:
     """The packing of a scene (seeded).
 

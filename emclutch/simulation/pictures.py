@@ -22,7 +22,6 @@ from emclutch.results.time_unit import time_in_words
 from emclutch.simulation.snapshots import contact_lines
 from field import MagneticField
 from field.section.smooth_field import SmoothField
-from geometry.centrifugal import CentrifugalClutch
 
 
 def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
@@ -61,7 +60,7 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
     start, ends, force = contact_lines(motion)
     chains = start, ends, np.linalg.norm(force, axis=1)
     speed = np.linalg.norm(grains.velocity, axis=1)
-    if isinstance(device.shape, CentrifugalClutch):
+    if device.kind.is_seen_along_axis:
         axial_picture(
             folder.grains_picture,
             grains.position,

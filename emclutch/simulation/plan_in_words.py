@@ -19,7 +19,6 @@ from emclutch.scene.replica_count import max_replica_count, replica_count
 from emclutch.scene.start_up import start_up_strain
 from emclutch.scene.surfaces import extent_in_words
 from emclutch.simulation.contacts_in_words import contacts_in_words
-from emclutch.simulation.forecast.expected_speeds import device_extent
 from emclutch.simulation.stopping_rule import strain_rate
 from emclutch.simulation.windows import UpdateRule, Windows
 from field import MagneticField
@@ -89,7 +88,7 @@ def packing_in_words(scene, device: Device) -> str:
     if longest is not None:
         limit = f"{longest:.3g} s as asked"
     elif weight > 0.0:
-        limit = f"100 falls through the device ({100.0 * np.sqrt(2.0 * device_extent(device).max() / weight):.3g} s)"
+        limit = f"100 falls through the device ({100.0 * np.sqrt(2.0 * device.extent.max() / weight):.3g} s)"
     else:
         limit = "1e5 steps"
     energy = "m g d" if weight > 0.0 else "the energy stored in contacts"

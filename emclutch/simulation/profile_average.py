@@ -80,8 +80,7 @@ def _fields(one: Any) -> dict[str, Any]:
 
 def gap_of(shape: Any, dem: DEM) -> Space:
     """The space to fill that holds the centres of most grains; without such rings, what the walls enclose."""
-    boxes = shape.fill_boxes().values() if hasattr(shape, "fill_boxes") else ()
-    rings = [box for box in boxes if isinstance(box, AnnularBox)]
+    rings = shape.boxes_to_fill()
     if not rings:
         return enclosed_space(dem.grains, dem.walls, ring=True if dem.sector else None)
     x = dem.grains.position

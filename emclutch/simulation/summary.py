@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from emclutch.device.grain_size import grain_size
-from emclutch.device.pole_zone import PoleZone, pole_zone
+from emclutch.device.pole_zone import PoleZone
 from emclutch.results import Estimate, RunFolder, read_history
 from emclutch.results.columns import (
     CURRENT,
@@ -86,7 +86,7 @@ def summarise(
     size = grain_size(case.scene, device) if torque is not None else None
     if size is not None:
         summary |= {"grains_across_gap": size.across, "grain_size_note": size.in_words()}
-    zone = None if simulation.magnetised is None else pole_zone(device)
+    zone = None if simulation.magnetised is None else device.pole_zone
     if zone is not None and torque is not None:
         summary |= zone_summary(zone, (history, *others), torque)
     for effect in case.scene.effects.present:

@@ -36,14 +36,13 @@ from emclutch.simulation.forecast.expected_field import field_in_chains, powder_
 from emclutch.studies.field_3d import field_study_3d
 from field import ConvergenceError, MagneticField, PowderLaw
 from field.coil.inductance import apparent_inductance, incremental_inductance
-from field.coil.magnetic_circuit import FilledPowder, clutch_circuit
+from field.coil.magnetic_circuit import FilledPowder
 from field.factorisation import describe_backend
 from field.section.current_sweep import sweep_currents
 from field.section.error_estimate import estimate_error
 from field.section.field_lines import field_along, straight_line
 from field.section.maxwell_force import lorentz_force
 from field.section.smooth_field import SmoothField
-from geometry import Clutch
 
 UNITS = {
     "current": "A",
@@ -307,11 +306,11 @@ def _row(
     }
     forces = {body: stress_force(solution, regions) for body, regions in movable_bodies(coil, solution)}
     row |= {f"axial_force_{body}": force for body, force in forces.items() if force is not None}
-    if isinstance(coil.shape, Clutch):
-        row["gap_flux_density"] = coil.gap_flux_density(solution, faces=_at_the_faces(case, coil.shape))
+    if coil.has_poles:
+        row["gap_flux_density"] = coil.gap_flux_density(solution, faces=_at_the_faces(case, coil))
         laws = region_laws(case.scene, coil.mesh)
-        powder = {} if phi is None else {"powder": FilledPowder(PowderLaw(grain_law(case.scene)), phi)}
-        circuit = clutch_circuit(coil.shape, laws, **powder).solve(solution.ampere_turns)
+        powder = None if phi is None else FilledPowder(PowderLaw(grain_law(case.scene)), phi)
+        circuit = case.scene.geometry.magnetic_circuit(coil.shape, laws, powder).solve(solution.ampere_turns)
         row["circuit_flux_linkage"] = coil.turns * circuit.linkage_per_turn
     return {name: row[name] for name in UNITS if name in row}
 
@@ -322,9 +321,10 @@ def _resistance(case: Case, coil: CoilDevice) -> float:
     return case.scene.coil.resistance_in(coil.shape.coil_area, coil.shape.coil_mean_radius)
 
 
-def _at_the_faces(case: Case, shape: Clutch) -> bool:
-    """Return whether the gap that is meant is that at a clutch's faces."""
-    return shape.shears_faces("cavity" if case.scene.particles is None else case.scene.particles.region)
+def _at_the_faces(case: Case, coil: CoilDevice) -> bool:
+    """Return whether the gap that is meant is that at the faces."""
+    gap = coil.shape.sheared_gap("cavity" if case.scene.particles is None else case.scene.particles.region)
+    return gap is not None and gap.at_faces
 
 
 def _details(case: Case, coil: CoilDevice, solution: MagneticField, phi: float | None) -> dict:
@@ -348,8 +348,8 @@ def _details(case: Case, coil: CoilDevice, solution: MagneticField, phi: float |
         return details
     if phi is not None and moments_are_fed_back(case.scene):
         chains = field_in_chains(coil, phi, solution.ampere_turns / coil.turns, solution)
-        if isinstance(coil.shape, Clutch):
-            B = coil.gap_flux_density(chains, faces=_at_the_faces(case, coil.shape))
+        if coil.has_poles:
+            B = coil.gap_flux_density(chains, faces=_at_the_faces(case, coil))
             details["gap_flux_density_in_chains"] = B
         details["flux_linkage_in_chains"] = coil.turns * chains.flux_linkage_per_turn
     estimate = estimate_error(solution, field_goals(coil.mesh))

@@ -53,7 +53,7 @@ def mesh(case: Case | str | Path, out: str | Path | None = None) -> MeshedScene:
     geometry = case.scene.geometry
     if not geometry.has_coil:
         message = "has no field and so no mesh; clutch and drum have one, and a section from cad"
-        fault = Fault("geometry.kind", repr(geometry.kind), message)
+        fault = Fault("geometry.kind", repr(geometry.name()), message)
         raise SceneError([fault], "scene" if case.path is None else str(case.path))
     if geometry.is_from_file and geometry.is_solved_in_3d:
         message = "makes the mesh a 3D one; `emclutch field` writes it with its field.pvd"

@@ -231,10 +231,9 @@ def _refuse_what_has_no_price(case: Case) -> None:
     """Raise SceneError for a scene without the torque to compare, or without a knob to turn."""
     case.need_grains()
     source = "scene" if case.path is None else str(case.path)
-    kind = case.scene.geometry.kind
-    if kind == "box":
+    if not case.scene.geometry.has_axis:
         message = "has no disc, and accuracy is measured by the disc's torque; take a clutch, a drum or a shear_cell"
-        raise SceneError([Fault("geometry.kind", shown(kind), message)], source)
+        raise SceneError([Fault("geometry.kind", shown(case.scene.geometry.name()), message)], source)
     if not any(knob.settings(case) for knob in KNOBS):
         message = "leaves nothing to vary: the step is fixed and no field is solved; take 'auto'"
         raise SceneError([Fault("time.step", shown(case.scene.span.step), message)], source)

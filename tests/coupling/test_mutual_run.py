@@ -13,7 +13,6 @@ from emclutch.device.device import build_device
 from emclutch.results.checkpoint import read_checkpoint
 from emclutch.results.errors import RunError
 from emclutch.scene.case import SceneError, case_from
-from emclutch.simulation.assembly import field_source
 
 pytestmark = pytest.mark.physics
 
@@ -68,7 +67,7 @@ def test_layers_between_steel_faces_change_the_mean_field(tmp_path):
     assert 0.0 < history["moment_residual"].max() <= 1e-3
     case = case_from(CELL, LAYERS | values)
     device = build_device(case.scene)
-    layers = field_source(case.scene, device, [], [], None)
+    layers = case.scene.field.build(case.scene, device, [], [], None)
     layers.restore({"h": found["whole"]["h"]})
     before = layers.strength
     dem = found["whole"]
@@ -81,7 +80,7 @@ def test_layers_between_steel_faces_change_the_mean_field(tmp_path):
 def test_without_images_or_steel_the_macroscopic_field_is_even():
     for off in ({"effects.wall_images": None}, {"geometry.steel": False}, {"field.means": "applied"}):
         case = case_from(CELL, LAYERS | off)
-        assert isinstance(field_source(case.scene, build_device(case.scene), [], [], None), ImposedField), off
+        assert isinstance(case.scene.field.build(case.scene, build_device(case.scene), [], [], None), ImposedField), off
 
 
 def test_where_layers_are_left_out_it_is_reported():

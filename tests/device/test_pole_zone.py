@@ -7,7 +7,6 @@ import pytest
 
 import emclutch
 from emclutch.device.device import build_device
-from emclutch.device.pole_zone import pole_zone
 from emclutch.scene.grain_smear import element_layers, smear_width
 from emclutch.simulation.assembly import assemble
 from emclutch.simulation.plan import make_plan
@@ -20,7 +19,7 @@ CASE = emclutch.load_case(Path(__file__).resolve().parents[2] / "cases" / "powde
 def zone():
     case = CASE.with_values({"effects.magnetic_force": None, "effects.dipoles": None, "effects.wall_images": None,
                              "effects.saturation": None, "effects.back_reaction": None})  # fmt: skip
-    return pole_zone(build_device(case.scene))
+    return build_device(case.scene).pole_zone
 
 
 def test_a_stress_on_both_pole_faces_gives_its_torque(zone):

@@ -17,7 +17,7 @@ MAY_IMPORT = {
 }
 ROOMS = ("scene", "device", "results", "simulation", "studies", "cli")
 """Of `emclutch`, from the ground up: a room imports from those before it. `THINGS` lie beside `scene`."""
-THINGS = ("effects", "contact_laws")
+THINGS = ("effects", "contact_laws", "devices", "sources")
 SOURCES = [path for package in MAY_IMPORT for path in sorted((ROOT / package).rglob("*.py"))]
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from emclutch.device.coil_heat import COOLING, coil_heat_in_words, cooled_surface
+from emclutch.device.coil_heat import COOLING, coil_heat_in_words
 from emclutch.device.excitation import Excitation
 from emclutch.scene.case import case_from, load_case
 from geometry import Clutch
@@ -76,10 +76,9 @@ def test_a_warm_coil_gives_off_what_it_takes():
     scene = GOOD.scene
     winding = scene.coil.winding_in(shape.coil_area, shape.coil_mean_radius)
     surface = 2.0 * pi * shape.outer_radius * shape.housing_length + 2.0 * pi * shape.outer_radius**2
-    assert cooled_surface(shape) == pytest.approx(surface, rel=1e-12)
+    assert scene.geometry.cooled_surface(shape) == pytest.approx(surface, rel=1e-12)
     rise = 25.5 * 2.0**2 / (COOLING * surface)
     words = coil_heat_in_words(scene, Wound(winding, TimeProfile.constant(-2.0)), shape)
     assert f"102 W: in the end {float(f'{rise:.2g}'):g} K" in words and "short duty" in words
     assert "short duty" not in coil_heat_in_words(scene, Wound(winding, TimeProfile.constant(0.5)), shape)
     assert "0 A" in coil_heat_in_words(scene, Wound(winding, TimeProfile.constant(0.0)), shape)
-    assert cooled_surface(object()) is None

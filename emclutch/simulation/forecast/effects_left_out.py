@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from emclutch.device.coil_heat import COOLING, cooled_surface
+from emclutch.device.coil_heat import COOLING
 from emclutch.device.device import Device
 from emclutch.effects import EFFECTS
 from emclutch.effects.left_out import ABSENT, ALWAYS, LeftOut
@@ -55,7 +55,7 @@ def _of_heat(at: Regime, device: Device) -> Iterator[LeftOut]:
         return
     assert at.heating is not None  # as the power
     note = f"at most {two_digits(at.slip_power)} W of slip, {two_digits(at.heating)} K/s in the powder alone"
-    surface = cooled_surface(device.shape)
+    surface = device.kind.cooled_surface(device.shape)
     if surface is not None:
         note += f"; kept up, {two_digits(at.slip_power / (COOLING * surface))} K of the housing"
     yield LeftOut("heat", ABSENT, "kelvins in this run", at.heating * at.end, 100.0, note=note)

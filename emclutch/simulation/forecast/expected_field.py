@@ -21,7 +21,7 @@ from emclutch.scene.case import Case
 from emclutch.scene.grain_smear import moments_are_fed_back
 from field import MagneticField, PowderState
 from field.three_d import Field3D
-from geometry import AnnularBox, Clutch, ShearCell
+from geometry import AnnularBox
 
 CHAIN_FACTOR = 1.0 / 3.0 - 1.2020569 / 6.0
 """N of grains in straight chains."""
@@ -68,7 +68,7 @@ def powder_in_words(scene, phi: float | None) -> str:
 def chains_in_words(coil: CoilDevice, even: MagneticField, chains: MagneticField, B_max: float, faces: bool) -> str:
     """The gap's field with grains in chains, what to compare a run's mean with, and that neither of both bounds it."""
     text = f"in straight chains up to {B_max:.3g} T"
-    if isinstance(coil.shape, Clutch):
+    if coil.has_poles:
         means = [coil.gap_flux_density(field, faces=faces) for field in (even, chains)]
         text += f". Mean under the poles: {means[0]:.3g} T so, {means[1]:.3g} T in chains"
     return f"{text}; estimates for an even fill, no bounds: runs gather powder there and had up to 15 % more"
@@ -76,7 +76,7 @@ def chains_in_words(coil: CoilDevice, even: MagneticField, chains: MagneticField
 
 def _corners(device: Device) -> np.ndarray:
     """Return where an imposed field is strongest: at the smallest radius that grains reach, (1, 3) [m]."""
-    radius = device.shape.inner_radius if isinstance(device.shape, ShearCell) else 0.0
+    radius = min((box.r0 for box in device.filled_boxes), default=0.0)
     return np.array([[radius, 0.0, 0.0]])
 
 

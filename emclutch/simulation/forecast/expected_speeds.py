@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from emclutch.device.device import Device
-from geometry.centrifugal import CentrifugalClutch
 
 HEAP = 0.6  # solid fraction of grains at rest
 
@@ -25,22 +24,14 @@ def fall_speed(scene, device: Device) -> float:
     if gravity is None:
         return 0.0
     along = np.abs(gravity.direction)
-    whole = float(along @ device_extent(device)) / float(np.linalg.norm(along))
+    whole = float(along @ device.extent) / float(np.linalg.norm(along))
     if scene.particles.packing == "pour":
         height = whole
-    elif device.box is not None:
+    elif device.sheared_gap is None:
         height = max(whole * (1.0 - device.fill.solid_fraction / HEAP), scene.particles.largest_diameter)
     else:
         height = device.shear_gap
     return float(np.sqrt(2 * gravity.acceleration * height))
-
-
-def device_extent(device: Device) -> np.ndarray:
-    """Extent [m] of what is filled with grains along x, y, z."""
-    if device.box is not None:
-        return np.asarray(device.box.size)
-    low, high = min(box.z0 for box in device.filled_boxes), max(box.z1 for box in device.filled_boxes)
-    return np.array([2.0 * device.largest_radius, 2.0 * device.largest_radius, high - low])
 
 
 def impact_speed(scene, device: Device, speed: float) -> float:
@@ -49,8 +40,9 @@ def impact_speed(scene, device: Device, speed: float) -> float:
     Twice that, for the fluctuations; never more than the speed itself, which holds for falling grains and boxes. Shot
     at rest meets the vanes of a centrifugal clutch, which go at the speed of their tips.
     """
-    if isinstance(device.shape, CentrifugalClutch):
-        return max(fall_speed(scene, device), scene.motion.rotor.largest_speed * device.shape.tip_radius)
+    radius = device.kind.impact_radius(device.shape)
+    if radius is not None:
+        return max(fall_speed(scene, device), scene.motion.rotor.largest_speed * radius)
     return max(fall_speed(scene, device), 2.0 * layer_speed(scene, device, speed))
 
 

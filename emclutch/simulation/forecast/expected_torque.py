@@ -32,10 +32,8 @@ from emclutch.device.materials import grain_law
 from emclutch.device.pole_zone import ACROSS, ALONG
 from emclutch.scene.units import two_digits
 from emclutch.simulation.forecast.calibration import carlson_stress
-from emclutch.simulation.forecast.shot_clutch import shot_clutch_torque, shot_ring_radius
 from field import MU_0, MagneticField
 from field.three_d import Field3D
-from geometry.centrifugal import CentrifugalClutch
 
 IRON = 1.7e6
 """Saturation [A/m] of the carbonyl iron of Carlson's fit."""
@@ -216,24 +214,13 @@ def _sampled(device: Device, field) -> tuple[ShearedZone, np.ndarray, np.ndarray
 
 def _friction(scene, device: Device) -> ExpectedTorque:
     """Coulomb friction of all the powder's weight and centrifugal force on the outer wall."""
-    shape, fill, gravity = device.shape, device.fill, scene.effects.weight
-    friction, mass, radius = scene.contact.friction_at_walls, fill.mass, device.shear_radius
+    own = device.kind.friction_torque(scene, device)
+    if own is not None:
+        return own
+    gravity = scene.effects.weight
+    friction, mass, radius = scene.contact.friction_at_walls, device.fill.mass, device.shear_radius
     speed = max(scene.motion.rotor.largest_speed, scene.motion.disc.largest_speed)
     weight = 0.0 if gravity is None else mass * gravity.acceleration
-    if device.box is not None:
-        return ExpectedTorque(None, law="a box has no shaft")
-    if isinstance(shape, CentrifugalClutch):
-        bulk = BULK_FILL * scene.particles.density
-        ring = shot_ring_radius(mass / bulk, shape.width, shape.drum_radius)
-        torque = shot_clutch_torque(
-            speed, friction=friction, bulk_density=bulk, width=shape.width, drum_radius=shape.drum_radius,
-            ring_radius=ring,
-        )  # fmt: skip
-        return ExpectedTorque(
-            torque + friction * weight * shape.drum_radius,
-            trust=ORDER,
-            law="a ring of shot rubs on a smooth drum, pressed by its centrifugal force; ribs give up to thrice that",
-        )
     zone = sheared_zone(device)
     torque = friction * radius * (weight + mass * speed**2 * radius)
     stress = torque / float(zone.lever.sum()) if zone is not None else 0.0

@@ -1,0 +1,305 @@
+"""geometry.kind = "cad": a device from a CAD file or a finished mesh (`geometry.cad_shape`)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
+
+from emclutch.devices.geometry_section import NO_MATERIALS, ONE_CARRIER, Check, GeometrySection
+from emclutch.scene.draft import Draft
+from emclutch.scene.errors import Fault
+from emclutch.scene.grain_smear import ELEMENTS_A_WIDTH, moments_are_fed_back, smear_width
+from emclutch.scene.magnetic_regions import magnetic_regions
+from emclutch.scene.section import Choice, refuse
+from emclutch.scene.units import number
+
+if TYPE_CHECKING:
+    from emclutch.device.device_3d import Solid
+    from emclutch.scene.materials import Material
+    from geometry.cad_meshing import CadSection
+    from geometry.cad_shape import CadShape
+    from geometry.section import SectionMesh
+
+_Body = Annotated[str, Choice(("rotor", "disc", "housing"))]
+_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "inch": 25.4e-3}
+_UNIT_OF_SHAPES = "mm"
+# Of the rows that are meshed here across the width: triangles of another mesher are not all equilateral.
+_ENOUGH = 0.75
+_KEYS = {"open_boundary": "field.open_boundary", "air_factor": "geometry.air_factor"}
+
+
+def _finished_mesh(draft: Draft) -> Iterator[Fault]:
+    """Keys that size a mesh, beside one that is taken as it is, and whether its air can be continued."""
+    geometry, source = draft.scene.geometry, draft.scene.coil_field
+    if not geometry.is_meshed or source is None:
+        return
+    for key in ("gap_layers", "size_factor"):
+        if getattr(source, key) != type(source).model_fields[key].default:
+            yield draft.fault(
+                f"field.{key}",
+                "sizes a mesh that is made here, but geometry.file is a finished one; remove it, mesh the file more "
+                "finely, or refine it by field.tolerance",
+            )
+    if source.open_boundary:
+        from field.section.open_boundary import check_reach  # local: the schema itself needs no field
+        from geometry.fault import with_keys
+
+        try:
+            check_reach(geometry.mesh(draft.scene.shape(), source.gap_layers, source.size_factor))
+        except ValueError as error:
+            reason = with_keys(str(error), lambda name: _KEYS.get(name, f"`{name}`"))
+            yield draft.fault("geometry.file", f"has too little air, or air of a wrong outline: {reason}")
+
+
+def _fine_enough_for_moments(draft: Draft) -> Iterator[Fault]:
+    """Rows of triangles across the width over which back_reaction spreads a grain."""
+    scene = draft.scene
+    geometry, source = scene.geometry, scene.coil_field
+    if not geometry.is_meshed or source is None:
+        return
+    if not moments_are_fed_back(scene) or scene.shape().faults(None):
+        return
+    mesh = geometry.mesh(scene.shape(), source.gap_layers, source.size_factor)
+    # of an equilateral triangle of the same area: its height is 3^(1/4) sqrt(A)
+    row = 3.0**0.25 * float(np.sqrt(np.median(mesh.element_area()[mesh.regions["powder"]])))
+    width = smear_width(scene)
+    if width < _ENOUGH * ELEMENTS_A_WIDTH * row:
+        yield draft.fault(
+            "geometry.file",
+            f"is too coarse for effects.{scene.effects.feedback.name}, which spreads a grain over {1e3 * width:.3g} "
+            f"mm: the powder's triangles are {1e3 * row:.3g} mm high, allowed are "
+            f"{1e3 * width / (_ENOUGH * ELEMENTS_A_WIDTH):.3g} mm; "
+            "mesh it more finely, or remove the effect's table",
+        )
+
+
+def _one_carrier(draft: Draft) -> Iterator[Fault]:
+    """The field stands still in the frame of one body: no other may have parts that are not of revolution."""
+    if draft.scene.coil_field is None or not draft.scene.geometry.is_solved_in_3d or "geometry" in draft.broken:
+        return
+    shape = draft.scene.shape()
+    if len(shape.carriers) > 1:
+        parts = ", ".join(f"{region} ({shape.body(region)})" for region in sorted(shape.section.odd))
+        yield Fault(
+            "geometry.bodies",
+            "",
+            f"of parts that are no bodies of revolution are several: {parts}; {ONE_CARRIER}; let one of them have all",
+        )
+
+
+def _no_sector_of_solids(draft: Draft) -> Iterator[Fault]:
+    """Where the field of solids of any shape repeats, if it does, is not known."""
+    if draft.scene.particles.sector is None or draft.scene.coil_field is None:
+        return
+    if draft.scene.geometry.is_solved_in_3d:
+        yield draft.fault(
+            "particles.sector",
+            "needs a field that repeats from sector to sector, and the periodicity of the solids of "
+            "geometry.three_dimensional is unknown; remove it: the full ring is simulated",
+        )
+
+
+class CadGeometry(GeometrySection):
+    """A device of revolution from a CAD file or a finished mesh, its regions by the names of the parts.
+
+    A CAD file holds the faces of the half section (x is the radius, y or z the axis), or solids of revolution; what no
+    part fills is air. A mesh holds the triangles of the half section and of the air around it, by physical groups
+    (.msh), cell sets or a column of tags: tag 3 is the name `tag3`. Part 3 of a BREP file, which has no names, is
+    `part3`. `coil` and `powder` are the winding and the space of the grains. Parts named disc and shaft_out turn with
+    the disc, housing, yoke and coil stand still, all others turn with the rotor.
+
+    With `three_dimensional` the file holds solids of any shape, and the field is solved in 3D. `powder` and
+    `coil` are of revolution about z even then, the coil a ring of rectangular section whose current flows around z;
+    all parts that are not belong to one body, with which the field turns. Walls are those of the half-plane y = 0,
+    x > 0.
+    """
+
+    has_coil: ClassVar[bool] = True
+    is_from_file: ClassVar[bool] = True
+    CHECKS: ClassVar[tuple[tuple[Check, tuple[str, ...]], ...]] = (
+        (_finished_mesh, ("geometry", "field")),
+        (_fine_enough_for_moments, ("geometry", "particles", "effects", "field")),
+        (_one_carrier, ("field",)),
+        (_no_sector_of_solids, ("field", "particles")),
+    )
+
+    kind: Literal["cad"]
+    file: str = Field(
+        min_length=1,
+        description="STEP (names are those of PRODUCT), IGES, BREP or trusted .geo; or a mesh: .msh, .vtu, .vtk, .inp, "
+        ".mesh, .med; from the scene's folder",
+    )
+    materials: dict[str, str] = Field(description="a material's name for each part but coil and powder")
+    names: dict[str, str] = Field(default={}, description="region for a part's name in the file, where they differ")
+    bodies: dict[str, _Body] = Field(
+        default={},
+        description="body that a region turns with; default: by its name, see the text above",
+    )
+    axis: Annotated[str, Choice(("x", "y", "z"))] = Field(default="z", description="axis of revolution of solids")
+    unit: Annotated[str, Choice(tuple(_UNITS))] | None = Field(
+        default=None, description="of a file that does not say it; default: mm for BREP and .geo, m for meshes"
+    )
+    scale: Annotated[float, number("0.001", 1e-9, 1e9)] = Field(default=1.0, description="factor on the file's lengths")
+    air_factor: Annotated[float, number("3", 1.5, 20.0)] = Field(
+        default=3.0, description="air box / device size; a mesh has its air with it"
+    )
+    three_dimensional: bool = Field(default=False, description="solve in 3D: solids of any shape, see the text above")
+    _trust_scripts: bool = PrivateAttr(default=False)  # the caller's word: no scene may give it to itself
+
+    @field_validator("file")
+    @classmethod
+    def _from_the_scenes_folder(cls, given: str, info: ValidationInfo) -> str:
+        """Make the path absolute, so that a resolved scene finds the file from anywhere."""
+        return str(((info.context or {}).get("folder", Path()) / given).resolve())
+
+    @model_validator(mode="after")
+    def _is_a_device(self, info: ValidationInfo) -> Self:
+        """Read the file once, so that what is wrong with it is told with the scene's other faults."""
+        self._trust_scripts = bool((info.context or {}).get("trust_scripts", False))
+        self._refuse_what_the_file_says()
+        try:
+            self._section()
+        except (ValueError, OSError) as error:
+            from geometry.fault import with_keys
+
+            reason = str(error).removeprefix(self.file).lstrip(": ")
+            keys = type(self).model_fields
+            reason = with_keys(reason, lambda name: f"geometry.{name}" if name in keys else f"`{name}`")
+            raise refuse(reason, key="file") from None
+        return self
+
+    @property
+    def is_meshed(self) -> bool:
+        """True if the file is a finished mesh, which is taken as it is."""
+        from geometry.section_import import MESH_SUFFIXES
+
+        return Path(self.file).suffix.lower() in MESH_SUFFIXES
+
+    @property
+    def key_of_3d(self) -> str:
+        """Solids of any shape are solved in 3D."""
+        return "three_dimensional" if self.three_dimensional else ""
+
+    def false_mirrors(self, shape: CadShape) -> str:
+        """The slots of parts that are not of revolution."""
+        where = "all around in what is steel in the half-plane y = 0, x > 0: in the slots of the other parts too"
+        return where if shape.carriers else ""
+
+    @property
+    def files(self) -> dict[str, Path]:
+        """The drawing or mesh."""
+        return {"geometry.file": Path(self.file)}
+
+    def region_materials(self, regions: Iterable[str]) -> dict[str, str]:
+        """Name of the material of each part; the mesh's regions are those of the file."""
+        return dict(self.materials)
+
+    def _refuse_what_the_file_says(self) -> None:
+        """Refuse keys that a file of this kind leaves nothing to say about."""
+        suffix = Path(self.file).suffix.lower()
+        if self.unit is not None and suffix in (".step", ".stp", ".iges", ".igs"):
+            raise refuse(f"is not for {suffix} files, which say their own unit; remove it, or mend a wrong one by "
+                         "geometry.scale", key="unit")  # fmt: skip
+        for key in ("axis", "air_factor"):
+            if self.is_meshed and getattr(self, key) != type(self).model_fields[key].default:
+                raise refuse(f"is for CAD files, and {Path(self.file).name} is a mesh: its radius is x, and it has its "
+                             "air with it; remove it", key=key)  # fmt: skip
+        if self.three_dimensional and self.is_meshed:
+            raise refuse(
+                "needs solids of a CAD file, which are meshed here; take STEP, or a section", key="three_dimensional"
+            )
+        if self.three_dimensional and self.axis != "z":
+            raise refuse(
+                "is of sections; with geometry.three_dimensional turn the parts about z in the CAD program", key="axis"
+            )
+
+    def options(self) -> dict[str, Any]:
+        """Return what the import needs beside the path; see `geometry.cad_import.imported_section`."""
+        native = "m" if self.is_meshed else _UNIT_OF_SHAPES
+        return {
+            "names": self.names,
+            "needed": tuple(dict.fromkeys(("coil", *(self.materials or ())))),
+            "known": ("powder", "air"),
+            "axis": self.axis,
+            "scale": self.scale * _UNITS[self.unit or native] / _UNITS[native],
+            "trust_scripts": self._trust_scripts,
+        }
+
+    def shape(self, own: Mapping[str, Material] = NO_MATERIALS) -> CadShape:
+        """Return the shape for walls and volumes; `own`: the scene's own materials by name."""
+        from geometry.cad_shape import CadShape
+
+        return CadShape(self._section()[1], self.bodies, magnetic_regions(self.materials, own))
+
+    def mesh(self, shape: CadShape, gap_layers: int, size_factor: float) -> SectionMesh:
+        """Mesh the section; see `geometry.cad_meshing.mesh_cad`. A finished mesh is taken as it is."""
+        from geometry.cad_meshing import mesh_cad
+
+        finished = self._section()[0]
+        if finished is not None:
+            return finished
+        return mesh_cad(
+            self.file,
+            gap_layers=gap_layers,
+            size_factor=size_factor,
+            air_factor=self.air_factor,
+            **self.options(),
+        )
+
+    def solid(self, shape: CadShape, gap_layers: int, size_factor: float, order: int) -> Solid:
+        """Mesh the device in 3D; see `geometry.cad_solid.mesh_cad_solids`."""
+        from emclutch.device.device_3d import Solid, under_the_poles
+        from field.three_d import FlatCoil
+        from geometry.cad_solid import mesh_cad_solids
+
+        (coil,) = (part for part in shape.section.parts if part.region == "coil")  # by `check_device_3d`
+        options = {key: entry for key, entry in self.options().items() if key != "axis"}
+        mesh = mesh_cad_solids(
+            self.file,
+            section=shape.section,
+            gap_layers=gap_layers,
+            size_factor=size_factor,
+            air_factor=self.air_factor,
+            order=order,
+            **options,
+        )
+        outer = mesh.points[mesh.boundaries["outer"]][..., 2]
+        line = under_the_poles(shape)
+        return Solid(
+            mesh,
+            FlatCoil.ring((coil.r0, coil.r1), (coil.z0, coil.z1)),
+            carrier=next(iter(shape.carriers), "housing"),
+            pole_line=line,
+            face_line=line,
+            centre_z=0.5 * float(outer.min() + outer.max()),
+        )
+
+    def _section(self) -> tuple[SectionMesh | None, CadSection]:
+        options = self.options() | ({"any_shape": True} if self.three_dimensional else {})
+        path = Path(self.file)
+        changed = path.stat().st_mtime_ns if path.is_file() else 0
+        options["names"] = tuple(sorted(self.names.items()))
+        return _read_section(self.file, changed, self.is_meshed, **options)
+
+
+@lru_cache(maxsize=8)
+def _read_section(
+    file: str, changed: int, is_meshed: bool, *, names: tuple[tuple[str, str], ...], **options: Any
+) -> tuple[SectionMesh | None, CadSection]:
+    """Read a file once for the many that ask; `changed` is its time, so that a new export is seen."""
+    from geometry.cad_meshing import cad_section
+    from geometry.cad_solid import check_device_3d
+    from geometry.section_import import meshed_section
+
+    if not is_meshed:
+        section = cad_section(file, names=dict(names), **options)
+        if options.get("any_shape"):
+            check_device_3d(file, section)
+        return None, section
+    del options["axis"], options["trust_scripts"]
+    return meshed_section(file, names=dict(names), **options)

@@ -1,0 +1,160 @@
+"""The base of a kind of device: its table [geometry], and all that generic code may ask of it.
+
+A kind is one module of this package; its shape is one of `geometry` (`geometry.device_shape.DeviceShape`). Generic code
+asks the table that the scene has and knows none by name. A shape that a method takes is the kind's own.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, ClassVar, get_args
+
+from emclutch.scene.draft import Draft
+from emclutch.scene.errors import Fault
+from emclutch.scene.section import Section
+
+if TYPE_CHECKING:
+    from emclutch.device.device import Device
+    from emclutch.device.device_3d import Solid
+    from emclutch.device.pole_zone import GapZone, PoleZone
+    from emclutch.scene.materials import Material
+    from emclutch.simulation.forecast.expected_torque import ExpectedTorque
+    from field import Law
+    from field.coil.magnetic_circuit import FilledPowder, MagneticCircuit
+    from geometry.fault import GeometryFault
+    from geometry.section import SectionMesh
+
+Check = Callable[[Draft], Iterator[Fault]]
+
+NO_MATERIALS: Mapping[str, Material] = MappingProxyType({})
+
+ONE_CARRIER = "the field would change with the angle between both, and is solved once a current only"
+"""Why only one body may have slots."""
+
+
+class GeometrySection(Section):
+    """Table [geometry] of a kind; what is said here holds of most, a kind overrides what is otherwise with it.
+
+    Attributes
+    ----------
+    CHECKS : tuple of (check, sections)
+        Checks of this kind against the other sections, and the sections that must be valid for each
+        (`emclutch.scene.consistency`).
+    has_coil : bool
+        Whether it has a winding and parts of materials, so that the field of its coil can be solved.
+    has_poles : bool
+        Whether the field has pole faces to pass, under which the flux density is a quantity of its own.
+    has_axis : bool
+        Whether its shafts turn about an axis.
+    has_regions : bool
+        Whether `particles.region` chooses where its powder is.
+    is_annulus : bool
+        Whether it is the space between two cylinders, across which a field may be prescribed.
+    is_from_file : bool
+        Whether it is read from a file: of the grains' space only the boxes that are filled are known.
+    is_seen_along_axis : bool
+        Whether its grains are drawn as seen along the axis, and not along the gap.
+    why_no_sector : str
+        What is wrong with a cyclic sector of it, and what to do; empty where there may be one.
+    """
+
+    CHECKS: ClassVar[tuple[tuple[Check, tuple[str, ...]], ...]] = ()
+    has_coil: ClassVar[bool] = False
+    has_poles: ClassVar[bool] = False
+    has_axis: ClassVar[bool] = True
+    has_regions: ClassVar[bool] = False
+    is_annulus: ClassVar[bool] = False
+    is_from_file: ClassVar[bool] = False
+    is_seen_along_axis: ClassVar[bool] = False
+    why_no_sector: ClassVar[str] = ""
+
+    @classmethod
+    def name(cls) -> str:
+        """Return its entry of `geometry.kind`."""
+        return get_args(cls.model_fields["kind"].annotation)[0]
+
+    # what the checks ask
+
+    @property
+    def may_have_steel_faces(self) -> bool:
+        """True if grains may touch walls of steel, in which they see their images."""
+        return self.has_coil
+
+    @property
+    def key_of_3d(self) -> str:
+        """The key for which its coil's field is solved in 3D; empty where that of a section is."""
+        return ""
+
+    @property
+    def is_solved_in_3d(self) -> bool:
+        """True if its coil's field is solved in 3D, and not in the section of a device of revolution."""
+        return bool(self.key_of_3d)
+
+    @property
+    def is_meshed(self) -> bool:
+        """True if it comes with a finished mesh, which is taken as it is."""
+        return False
+
+    @property
+    def files(self) -> dict[str, Path]:
+        """Files that it is read from, by the key that names them."""
+        return {}
+
+    def warnings(self, scene: Any) -> Iterator[str]:
+        """Yield what is allowed and yet likely not meant."""
+        yield from ()
+
+    def false_mirrors(self, shape: Any) -> str:
+        """Where images of dipoles in its walls are mirrored in what is no steel; empty where nowhere."""
+        return ""
+
+    def faults_of_the_others(self, unknown: set[str], own: Mapping[str, Material]) -> list[GeometryFault]:
+        """Return what its sizes say of each other where the keys `unknown` have faults of their own."""
+        return []
+
+    # what it is built of
+
+    def region_materials(self, regions: Iterable[str]) -> dict[str, str]:
+        """Name of the material of each of the mesh's `regions` that has one."""
+        return {}
+
+    @abstractmethod
+    def shape(self, own: Mapping[str, Material] = NO_MATERIALS) -> Any:
+        """Return the shape for walls and volumes, and for meshing; `own`: the scene's own materials by name."""
+
+    def mesh(self, shape: Any, gap_layers: int, size_factor: float) -> SectionMesh:
+        """Mesh its section; of kinds with a coil."""
+        raise NotImplementedError
+
+    def solid(self, shape: Any, gap_layers: int, size_factor: float, order: int) -> Solid:
+        """Mesh it in 3D; of kinds whose field is solved so."""
+        raise NotImplementedError
+
+    # what is measured and estimated
+
+    def pole_zone(self, shape: Any, region: str) -> PoleZone | None:
+        """Return the powder's zone between the pole faces; None without pole faces."""
+        return None
+
+    def gap_zone(self, shape: Any, region: str) -> GapZone | None:
+        """Return the gap that is sheared as a whole: it has a fill and an inertial number; None without."""
+        return None
+
+    def magnetic_circuit(self, shape: Any, laws: Mapping[str, Law], powder: FilledPowder | None) -> MagneticCircuit:
+        """Return the circuit of reluctances that estimates its field; of kinds with poles."""
+        raise NotImplementedError
+
+    def cooled_surface(self, shape: Any) -> float | None:
+        """Surface [m^2] that still air cools; None where it is not known."""
+        return None
+
+    def impact_radius(self, shape: Any) -> float | None:
+        """Radius [m] of what meets grains at rest; None where they are sheared in layers."""
+        return None
+
+    def friction_torque(self, scene: Any, device: Device) -> ExpectedTorque | None:
+        """Return the torque that it has without a field; None where it is that of friction in a sheared gap."""
+        return None

@@ -1,0 +1,131 @@
+"""field.source = "coil": the field of the device's coil, by finite elements in its section or in 3D."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from emclutch.scene.draft import Draft
+from emclutch.scene.errors import Fault
+from emclutch.scene.section import Whole
+from emclutch.scene.units import number
+from emclutch.sources.source_section import Check, SourceSection
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from coupling import CoilField3D, SolvedCoilField
+    from emclutch.device.device import CoilDevice
+    from emclutch.device.device_3d import CoilDevice3D
+    from emclutch.scene.model import Scene
+    from field import MagneticField
+    from field.three_d import Field3D
+    from geometry.walls import Wall
+    from particles import Body
+
+MIN_SIZE_IN_3D = 0.2  # `geometry.mesh_slotted`
+
+
+def _device_with_a_coil(draft: Draft) -> Iterator[Fault]:
+    """The device has a coil, and the scene says what drives it."""
+    from emclutch.devices import kinds_in_words  # local: the lists name this module
+    from emclutch.sources import sources_in_words
+
+    geometry, others = draft.scene.geometry, sources_in_words(is_solved=False)
+    if not geometry.has_coil:
+        yield draft.fault(
+            "field.source",
+            f"needs a device with a coil, but geometry.kind = '{geometry.kind}'; "
+            f"take geometry.kind = {kinds_in_words(has_coil=True)}, or field.source = {others}",
+        )
+    elif draft.scene.coil is None and "coil" not in draft.broken:
+        yield Fault("coil", "", "is missing, but field.source = 'coil'; add [coil] with its current and turns")
+
+
+def _solved_in_3d(draft: Draft) -> Iterator[Fault]:
+    """Return what a field in 3D cannot do, or not yet."""
+    source, geometry = draft.scene.field, draft.scene.geometry
+    if not geometry.is_solved_in_3d:
+        return
+    key = f"geometry.{geometry.key_of_3d}"
+    for one in draft.scene.effects.present:
+        if one.not_in_3d:
+            yield Fault(
+                f"effects.{one.name}",
+                "",
+                f"is not available in a 3D field, which {key} asks for: {one.not_in_3d}; remove one of them",
+            )
+    if source.tolerance is not None:
+        yield draft.fault(
+            "field.tolerance", f"refines the mesh of a section, but {key} asks for a field in 3D; remove it, and "
+            "set the mesh by field.size_factor"
+        )  # fmt: skip
+    if source.size_factor < MIN_SIZE_IN_3D:
+        yield draft.fault(
+            "field.size_factor", f"is too fine for a field in 3D, which {key} asks for; allowed: at least "
+            f"{MIN_SIZE_IN_3D:g}"
+        )  # fmt: skip
+
+
+class CoilFieldSection(SourceSection):
+    """The field of the coil in the device, by finite elements."""
+
+    is_solved: ClassVar[bool] = True
+    CHECKS: ClassVar[tuple[tuple[Check, tuple[str, ...]], ...]] = (
+        (_device_with_a_coil, ("geometry.kind",)),
+        (_solved_in_3d, ("geometry.kind", "effects")),
+    )
+
+    source: Literal["coil"]
+    order: Annotated[int, Whole(1, 3, "2")] = Field(default=2, description="polynomial order of the elements")
+    gap_layers: Annotated[int, Whole(3, 40, "4")] = Field(default=4, description="element layers across a gap")
+    size_factor: Annotated[float, number("1", 0.1, 4.0)] = Field(default=1.0, description="scales the mesh size")
+    tolerance: Annotated[float, number("1e-3", 1e-6, 0.1)] | None = Field(
+        default=None, description="refine the mesh until flux linkage and gap field are this accurate; unset: as meshed"
+    )
+    open_boundary: bool = Field(default=True, description="air goes on beyond the mesh; false: a flux wall there")
+    newton_tolerance: Annotated[float, number("1e-8", 1e-14, 1e-2)] = Field(
+        default=1e-8, description="relative residual at which Newton stops"
+    )
+
+    def equip(self, device, scene):
+        """Give the device its coil, with mesh and materials."""
+        from emclutch.device.device import solved_coil  # local: the schema itself needs no fields
+
+        return replace(device, coil=solved_coil(scene))
+
+    def build(self, scene, device, bodies, walls, peak):
+        """Build the coil's field: of a section, or in 3D."""
+        section = device.section_coil
+        return self._in_3d(device.coil, bodies, peak) if section is None else self._in_section(scene, section, walls)
+
+    def _in_section(self, scene: Scene, coil: CoilDevice, walls: Sequence[Wall]) -> SolvedCoilField:
+        """The coil's field by what its current follows from: a course in time, the circuit, eddy currents."""
+        from coupling import CoilField
+
+        circuit, eddy, reaction = scene.effects.circuit, scene.effects.eddy, scene.effects.feedback
+        feedback = None if reaction is None else reaction.powder_feedback(scene, coil.problem, walls)
+        tolerance = 0.0 if reaction is None else reaction.tolerance
+        if eddy is not None:
+            return eddy.source(coil, feedback, tolerance, at_voltage=circuit is not None)
+        if circuit is not None:
+            return circuit.source(coil, feedback, tolerance)
+        return CoilField(
+            coil.problem,
+            coil.turns,
+            coil.currents,
+            newton_tolerance=coil.newton_tolerance,
+            powder_tolerance=tolerance,
+            feedback=feedback,
+        )
+
+    def _in_3d(self, coil: CoilDevice3D, bodies: Sequence[Body], peak: MagneticField | Field3D | None) -> CoilField3D:
+        from coupling import CoilField3D
+        from field.three_d import Field3D
+
+        carrier = next(body for body in bodies if body.name == coil.carrier)
+        known = peak if isinstance(peak, Field3D) else None
+        return CoilField3D(coil.problem, coil.turns, coil.currents, carrier, coil.newton_tolerance, known=known)
