@@ -10,7 +10,8 @@ from pathlib import Path
 
 from emclutch.results import OutputError
 from emclutch.results.time_unit import time_in_words
-from emclutch.results.view.run_files import LOOKS, RunFiles, read_run_files
+from emclutch.results.view.look import LOOKS
+from emclutch.results.view.run_files import RunFiles, read_run_files
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.units import Quantity
 

@@ -8,13 +8,8 @@ from typing import Any
 import numpy as np
 import pyvista
 
+from emclutch.results.view.look import CHAIN_WIDTH, FLUX_DENSITY, FORCE, MARK, SHADES, SWEEP, flux_levels, line_offset
 from emclutch.results.view.run_files import RunFiles
-
-FLUX_LINES = 24
-SWEEP = 180.0  # how far the section is swept round the axis [degrees]
-CHAIN_WIDTH = 0.6  # radius of the tube of the largest force, in radii of the smallest grain
-SHADES = ((0.85, 0.55, 0.25), (0.25, 0.5, 0.8), (0.45, 0.65, 0.4), (0.6, 0.6, 0.6))  # of the bodies, in turn
-MARK = 0.5  # how much darker a mark on a wall is
 
 
 def frame_meshes(files: RunFiles, time: float, parts: tuple[str, ...], colour: str | None) -> dict[str, Any]:
@@ -61,7 +56,7 @@ def _spheres(grains: Any, array: str) -> Any:
 
 def _tubes(contacts: Any, radius: float) -> Any:
     """A tube a contact, its section in proportion to the force."""
-    force = _magnitude(contacts.cell_data["force"])
+    force = _magnitude(contacts.cell_data[FORCE[0]])
     contacts.cell_data["shown"] = force
     contacts.cell_data["tube_radius"] = CHAIN_WIDTH * radius * np.sqrt(force / (force.max() or 1.0))
     return contacts.cell_data_to_point_data().tube(scalars="tube_radius", absolute=True, n_sides=8)
@@ -78,7 +73,7 @@ def _painted(walls: Any) -> Any:
 
 def _without_air(field: Any, files: RunFiles) -> Any:
     place = field.point_data if files.field_at_points else field.cell_data
-    place["shown"] = _magnitude(place["flux_density"])
+    place["shown"] = _magnitude(place[FLUX_DENSITY[0]])
     if files.air is None:
         return field
     return field.extract_cells(np.flatnonzero(field.cell_data["region"] != files.air))
@@ -87,10 +82,9 @@ def _without_air(field: Any, files: RunFiles) -> Any:
 def _flux_lines(device: Any) -> Any:
     """Lines of the section with equal flux between them, where there is flux."""
     flux = 2.0 * math.pi * device.points[:, 0] * device.point_data["vector_potential"]
-    low, high = float(flux.min()), float(flux.max())
-    if high <= low:
+    levels = flux_levels(float(flux.min()), float(flux.max()))
+    if not levels:
         return None
-    levels = low + (high - low) * (np.arange(FLUX_LINES) + 0.5) / FLUX_LINES
     lines = device.contour(levels, scalars=flux)
-    lines.points += (0.0, 2e-4 * device.bounds[1], 0.0)  # before the section, not in it
+    lines.points += (0.0, line_offset(device.bounds[1]), 0.0)
     return lines

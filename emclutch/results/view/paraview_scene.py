@@ -18,12 +18,6 @@ SHOW = None  # None: what suits LOOK; or any of "grains", "chains", "walls", "se
 # In the window each can be switched with the eye beside its name.
 TIME = None  # [s]; None: the last moment
 CROP_AIR = True  # show the field in the device only, without the air around it
-SWEEP = 180.0  # how far the device is swept round its axis [degrees]
-GRAIN_OPACITY = 0.15  # beside force chains, which lie inside the grains
-WALL_OPACITY = 0.3
-CHAIN_WIDTH = 0.6  # radius of the tube of the largest force, in radii of a grain
-PICTURE = (1400, 1000)  # pixels
-BESIDE = 0.07  # of the picture's width, by which what is shown moves away from the bars
 
 # --- What the run's files hold ---------------------------------------------------------------------------------------
 RUN = "."  # where this script was written: for ParaView's window, which does not tell a script its place
@@ -35,15 +29,37 @@ BODIES = ()  # names that the numbers of the walls' array `body` stand for
 WHERE = "POINTS"  # B and H stand at the section's points; "CELLS": at its cells
 # What grains can be coloured by: an array (vectors count by their magnitude) and a label with its unit.
 QUANTITIES = {}
-# Light where there is little, so that what lies before it is seen; steel without flux grey, to be seen before white.
-FORCE_COLOURS = ((0.9, 0.86, 0.8), (0.99, 0.83, 0.62), (0.99, 0.55, 0.35), (0.84, 0.19, 0.12), (0.5, 0.0, 0.0))
-FIELD_COLOURS = ((0.74, 0.75, 0.76), (0.6, 0.71, 0.84), (0.46, 0.5, 0.79), (0.53, 0.25, 0.62), (0.3, 0.0, 0.29))
-FLUX_DENSITY = ("flux_density", "flux density B [T]", FIELD_COLOURS, (0.88, 0.06))
 
 import argparse
 import math
 import os
 import sys
+
+from emclutch.results.view.look import (
+    AMBIENT,
+    BARS,
+    CHAIN_WIDTH,
+    DIFFUSE,
+    FIELD_COLOURS,
+    FLUX_DENSITY,
+    FORCE,
+    FORCE_COLOURS,
+    FRAMES_A_SECOND,
+    GRAIN_OPACITY,
+    LINE_COLOUR,
+    LOOKS,
+    MARK,
+    SHADES,
+    SIZE,
+    SOLID_OPACITY,
+    SWEEP,
+    TIME_PLACE,
+    TITLE_PLACE,
+    WALL_OPACITY,
+    camera,
+    flux_levels,
+    line_offset,
+)
 
 HERE = os.path.dirname(os.path.abspath(__file__)) if "__file__" in globals() else RUN
 if not os.path.exists(os.path.join(HERE, "case.toml")):  # a copy that `emclutch view` made elsewhere
@@ -52,8 +68,6 @@ if not os.path.exists(os.path.join(HERE, "case.toml")):  # a copy that `emclutch
 sys.path[:] = [place for place in sys.path if os.path.realpath(place or ".") != os.path.realpath(HERE)]
 
 from paraview import simple as pv
-
-SHADES = ((0.85, 0.55, 0.25), (0.25, 0.5, 0.8), (0.45, 0.65, 0.4), (0.6, 0.6, 0.6))  # of the bodies, in turn
 
 
 def main():
@@ -72,7 +86,7 @@ def main():
     if not series:
         sys.exit(f"no particles.pvd or field.pvd in {HERE} yet")
     moments = show_time(series, options.time)
-    shown = SUITS[options.look] if options.show is None else options.show
+    shown = LOOKS[options.look] if options.show is None else options.show
     built = shown if options.screenshot or options.movie else PARTS  # the window has all of them, to be switched on
     for part, (name, build) in PARTS.items():
         if name in series and part in built:
@@ -84,17 +98,17 @@ def main():
         pv.SaveScreenshot(options.screenshot, view, ImageResolution=options.size)
     if options.movie:
         last = [0, len(moments) - 1]
-        pv.SaveAnimation(options.movie, view, ImageResolution=options.size, FrameRate=10, FrameWindow=last)
+        pv.SaveAnimation(options.movie, view, ImageResolution=options.size, FrameRate=FRAMES_A_SECOND, FrameWindow=last)
 
 
 def read_options():
     """The choices above, replaced by what pvbatch was called with; paths count from where it was called."""
     parser = argparse.ArgumentParser(description=TITLE)
     parser.add_argument("--colour", choices=list(QUANTITIES), default=COLOUR)
-    parser.add_argument("--look", choices=list(SUITS), default=LOOK)
+    parser.add_argument("--look", choices=list(LOOKS), default=LOOK)
     parser.add_argument("--show", nargs="*", choices=list(PARTS), default=SHOW)
     parser.add_argument("--time", type=float, default=TIME, help="[s]")
-    parser.add_argument("--size", nargs=2, type=int, default=PICTURE, help="pixels")
+    parser.add_argument("--size", nargs=2, type=int, default=SIZE, help="pixels")
     parser.add_argument("--screenshot", type=os.path.abspath, metavar="FILE.png")
     parser.add_argument("--movie", type=os.path.abspath, metavar="FILE.avi")
     return parser.parse_known_args(sys.argv[1:])[0]
@@ -120,7 +134,7 @@ def updated(source):
     return source
 
 
-def coloured(display, view, array, label, palette, place, association="POINTS"):
+def coloured(display, view, part, array, label, palette, association="POINTS"):
     """Colour by an array (a vector: by its magnitude), with a bar that says what and in which unit."""
     display.UseSeparateColorMap = 1
     pv.ColorBy(display, (association, array), separate=True)
@@ -134,7 +148,7 @@ def coloured(display, view, array, label, palette, place, association="POINTS"):
     bar.Title, _, unit = label.partition(" [")
     bar.ComponentTitle = "[" + unit
     bar.TitleColor = bar.LabelColor = (0.0, 0.0, 0.0)
-    bar.WindowLocation, bar.Position = "Any Location", place
+    bar.WindowLocation, bar.Position = "Any Location", (0.88, BARS[part])
     bar.ScalarBarLength, bar.Orientation = 0.25, "Vertical"
     bar.DrawBackground, bar.BackgroundColor = 1, (1.0, 1.0, 1.0, 1.0)  # where the device reaches behind it
     bar.TitleFontSize, bar.LabelFontSize = 16, 14
@@ -156,7 +170,7 @@ def grains(view, particles, visible, options):
     display = pv.Show(spheres, view)
     display.Opacity = GRAIN_OPACITY if options.look == "chains" else 1.0
     display.Visibility = visible
-    coloured(display, view, *QUANTITIES[options.colour], "Viridis (matplotlib)", (0.88, 0.68))
+    coloured(display, view, "grains", *QUANTITIES[options.colour], "Viridis (matplotlib)")
 
 
 def chains(view, contacts, visible, options):
@@ -172,7 +186,7 @@ def chains(view, contacts, visible, options):
     tubes.VaryRadius, tubes.NumberofSides = "By Absolute Scalar", 8
     display = pv.Show(tubes, view)
     display.Visibility = visible
-    coloured(display, view, "force", "contact force [N]", FORCE_COLOURS, (0.88, 0.37))
+    coloured(display, view, "chains", *FORCE, FORCE_COLOURS)
 
 
 def walls(view, surfaces, visible, options):
@@ -186,7 +200,7 @@ def walls(view, surfaces, visible, options):
     for number, body in enumerate(BODIES):
         light = SHADES[number % len(SHADES)]
         names += [str(2 * number), body, str(2 * number + 1), body + ", mark"]
-        colours += [*light, *(0.5 * c for c in light)]
+        colours += [*light, *(MARK * c for c in light)]
     table = pv.GetColorTransferFunction("shade")
     table.InterpretValuesAsCategories = 1
     table.Annotations, table.IndexedColors = names, colours
@@ -199,7 +213,7 @@ def section(view, field, visible, options):
         display = pv.Show(cropped(field), view)
         display.Visibility = visible
         display.Ambient, display.Diffuse = 1.0, 0.0  # the colours of the bar, whatever the light
-        coloured(display, view, *FLUX_DENSITY, WHERE)
+        coloured(display, view, "field", *FLUX_DENSITY, FIELD_COLOURS, WHERE)
 
 
 def lines(view, field, visible, options):
@@ -209,13 +223,13 @@ def lines(view, field, visible, options):
     flux = pv.Calculator(Input=cropped(field), ResultArrayName="flux")
     flux.Function = f"{2.0 * math.pi}*coordsX*vector_potential"
     low, high = updated(flux).PointData.GetArray("flux").GetRange()
-    if high > low:
+    if levels := flux_levels(low, high):
         contour = pv.Contour(registrationName="lines", Input=flux, ContourBy=["POINTS", "flux"])
-        contour.Isosurfaces = [low + (high - low) * (k + 0.5) / 24 for k in range(24)]
+        contour.Isosurfaces = levels
         display = pv.Show(contour, view)
         display.Visibility = visible
-        display.Position = (0.0, 2e-4 * field.GetDataInformation().GetBounds()[1], 0.0)  # before the section, not in it
-        plain(display, (0.25, 0.25, 0.25))
+        display.Position = (0.0, line_offset(field.GetDataInformation().GetBounds()[1]), 0.0)
+        plain(display, LINE_COLOUR)
 
 
 def arrows(view, field, visible, options):
@@ -238,9 +252,9 @@ def device(view, field, visible, options):
         body = pv.RotationalExtrusion(registrationName="device", Input=body, Angle=-SWEEP, Resolution=90, Capping=1)
     display = pv.Show(body, view)
     display.Visibility = visible
-    display.Ambient, display.Diffuse = 0.65, 0.45
-    display.Opacity = 1.0 if FIELD == "section" else 0.4
-    coloured(display, view, *FLUX_DENSITY, WHERE)
+    display.Ambient, display.Diffuse = AMBIENT, DIFFUSE
+    display.Opacity = 1.0 if FIELD == "section" else SOLID_OPACITY
+    coloured(display, view, "field", *FLUX_DENSITY, FIELD_COLOURS, WHERE)
 
 
 def cropped(field):
@@ -257,36 +271,22 @@ def caption(view, series):
     """Return what is shown, and when."""
     first = next(iter(series.values()))
     time = pv.AnnotateTimeFilter(registrationName="time", Input=first, Format="t = {time:.3f} ms", Scale=1e3)
-    for text, place in ((time, (0.02, 0.9)), (pv.Text(registrationName="title", Text=TITLE), (0.02, 0.945))):
+    for text, place in ((time, TIME_PLACE), (pv.Text(registrationName="title", Text=TITLE), TITLE_PLACE)):
         display = pv.Show(text, view)
         display.WindowLocation, display.Position = "Any Location", place
         display.Color, display.FontSize = (0.0, 0.0, 0.0), 18
 
 
 def aim(view, series, options):
-    """Turn the camera: r up and z to the right, as in section.png; on a full circle along its axis."""
-    look = options.look
-    if look == "device":
-        towards, up, margin = (0.5, 1.0, 0.5), (1.0, 0.0, 0.0), 0.56
-    elif SECTOR is not None:
-        towards, up, margin = (0.3, 1.0, 0.12), (1.0, 0.0, 0.0), 0.47
-    else:
-        towards, up, margin = (0.35, 0.5, 1.0), (0.0, 1.0, 0.0), 0.45
-    if look == "device" and "field" in series:
+    """Turn the camera to the device or the grains."""
+    if options.look == "device" and "field" in series:
         box = list(updated(cropped(series["field"])).GetDataInformation().GetBounds())
         box[0] = -box[1] if FIELD == "section" else box[0]
     else:
         box = series.get("particles", next(iter(series.values()))).GetDataInformation().GetBounds()
-    length = math.hypot(*towards)
-    reach = math.hypot(box[1] - box[0], box[3] - box[2], box[5] - box[4])
-    right = [up[k - 2] * towards[k - 1] - up[k - 1] * towards[k - 2] for k in range(3)]
-    beside = BESIDE * 2.0 * margin * reach * options.size[0] / options.size[1] / math.hypot(*right)
-    middle = [0.5 * (box[2 * k] + box[2 * k + 1]) + beside * right[k] for k in range(3)]
-    view.CameraFocalPoint = middle
-    view.CameraPosition = [m + 2.0 * reach * t / length for m, t in zip(middle, towards, strict=True)]
-    view.CameraViewUp = up
-    view.CameraParallelProjection = 1
-    view.CameraParallelScale = margin * reach
+    focus, position, up, half = camera(options.look, SECTOR is not None, box, options.size)
+    view.CameraFocalPoint, view.CameraPosition, view.CameraViewUp = focus, position, up
+    view.CameraParallelProjection, view.CameraParallelScale = 1, half
 
 
 PARTS = {  # what can be shown: the series that it is made of, and who draws it
@@ -297,11 +297,6 @@ PARTS = {  # what can be shown: the series that it is made of, and who draws it
     "lines": ("field", lines),
     "arrows": ("field", arrows),
     "device": ("field", device),
-}
-SUITS = {
-    "gap": ("grains", "walls", "section", "lines"),
-    "chains": ("grains", "chains", "walls"),
-    "device": ("grains", "device", "lines"),
 }
 
 main()

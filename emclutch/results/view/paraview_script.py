@@ -1,4 +1,4 @@
-"""``paraview.py`` of a run: `paraview_scene.py` with what this run's files hold written into its head."""
+"""``paraview.py`` of a run: `paraview_scene.py` and `look.py`, with what this run's files hold in its head."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from emclutch.results.atomic_file import replace_text
 from emclutch.results.view.run_files import RunFiles
 
 NAME = "paraview.py"
-SCENE = Path(__file__).with_name("paraview_scene.py")
+SCENE, LOOK = (Path(__file__).with_name(name) for name in ("paraview_scene.py", "look.py"))
 
 
 def script_text(files: RunFiles) -> str:
@@ -29,7 +29,9 @@ def script_text(files: RunFiles) -> str:
         "BODIES": tuple(files.bodies),
         "QUANTITIES": files.colours,
     }
-    text = re.sub(r"^# (ruff|mypy): .*\n", "", SCENE.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    scene, _, look = SCENE.read_text(encoding="utf-8"), *LOOK.read_text(encoding="utf-8").split("import math\n", 1)
+    text = re.sub(r"^# (ruff|mypy): .*\n", "", scene, flags=re.MULTILINE)
+    text = re.sub(r"^from emclutch.*? import \(.*?^\)\n", lambda _: look, text, flags=re.MULTILINE | re.DOTALL)
     for name, value in known.items():
         line = re.search(rf"^{name} = (.*?)(?=  # |$)", text, flags=re.MULTILINE)
         assert line is not None, f"{SCENE} has no line {name} = ..."

@@ -9,25 +9,26 @@ import numpy as np
 import pyvista
 from matplotlib.colors import LinearSegmentedColormap
 
+from emclutch.results.view import look as looks
 from emclutch.results.view.frame_meshes import frame_meshes
-from emclutch.results.view.run_files import LOOKS, RunFiles
+from emclutch.results.view.run_files import RunFiles
 from emclutch.scene.errors import Fault, SceneError
 
-SIZE = (1400, 1000)  # pixels
-FRAMES_A_SECOND = 10
-BARS = {"grains": 0.68, "chains": 0.37, "field": 0.06}  # bottom of each colour bar, in heights of the picture
-BESIDE = 0.07  # of the picture's width, by which what is shown moves away from the bars
-# Steel without flux is grey, or it would not be seen before white; light enough for what lies before it.
-FIELD_COLOURS = ((0.74, 0.75, 0.76), (0.6, 0.71, 0.84), (0.46, 0.5, 0.79), (0.53, 0.25, 0.62), (0.3, 0.0, 0.29))
-FIELD_MAP = LinearSegmentedColormap.from_list("field", FIELD_COLOURS)
-SHOWN_AS: dict[str, dict[str, Any]] = {
-    "grains": {"cmap": "viridis"},
-    "chains": {"cmap": "OrRd"},
-    "walls": {"rgb": True, "opacity": 0.3},
+FORCE_MAP = LinearSegmentedColormap.from_list("force", looks.FORCE_COLOURS)
+FIELD_MAP = LinearSegmentedColormap.from_list("field", looks.FIELD_COLOURS)
+STYLES: dict[str, dict[str, Any]] = {
+    "grains": {"cmap": looks.GRAIN_COLOURS},
+    "chains": {"cmap": FORCE_MAP},
+    "walls": {"rgb": True, "opacity": looks.WALL_OPACITY},
     "section": {"cmap": FIELD_MAP, "lighting": False},
-    "lines": {"color": (0.25, 0.25, 0.25), "line_width": 2.0},
-    "device": {"cmap": FIELD_MAP, "ambient": 0.65, "diffuse": 0.45},
+    "lines": {"color": looks.LINE_COLOUR, "line_width": 2.0},
+    "device": {"cmap": FIELD_MAP, "ambient": looks.AMBIENT, "diffuse": looks.DIFFUSE},
 }
+BAR = {
+    "vertical": True, "position_x": 0.865, "height": 0.25, "width": 0.12, "color": "black", "fill": True,
+    "background_color": "white", "title_font_size": 18, "label_font_size": 16, "fmt": "%.3g", "n_labels": 4,
+    "render": False,
+}  # fmt: skip
 
 
 class RunView:
@@ -36,13 +37,13 @@ class RunView:
     Parameters
     ----------
     files : what the run's folder holds.
-    look : one of `LOOKS`.
+    look : one of `look.LOOKS`.
     colour : of the grains, one of the run's colours; None where there are no grains.
     window : whether a window is to open.
     """
 
     def __init__(
-        self, files: RunFiles, look: str, colour: str | None, *, window: bool, size: tuple[int, int] = SIZE
+        self, files: RunFiles, look: str, colour: str | None, *, window: bool, size: tuple[int, int] = looks.SIZE
     ) -> None:
         self.files, self.look, self.colour = files, look, colour
         with pyvista.vtk_verbosity("off"):  # without a screen vtk complains before it draws in memory
@@ -53,60 +54,45 @@ class RunView:
         self.plotter.enable_depth_peeling(4)
         self.plotter.enable_anti_aliasing("ssaa")
         self.plotter.add_axes(color="black")
-        self.plotter.add_text(files.title, position=(0.02, 0.945), viewport=True, font_size=10, color="black")
+        self.plotter.add_text(files.title, position=looks.TITLE_PLACE, viewport=True, font_size=10, color="black")
         self._limits: dict[str, tuple[float, float]] = {}
         self._aimed = False
 
     def draw(self, time: float) -> None:
         """Show the moment that was written nearest to a time [s]."""
         time = self.files.nearest_time(time)
-        meshes = frame_meshes(self.files, time, LOOKS[self.look], self.colour)
-        for part in SHOWN_AS:
+        meshes = frame_meshes(self.files, time, looks.LOOKS[self.look], self.colour)
+        for part in STYLES:
             if part in meshes:
                 self._add(part, meshes[part])
             else:
                 self.plotter.remove_actor(part, render=False)
-        self.plotter.add_text(
-            f"t = {1e3 * time:.3f} ms", position=(0.02, 0.9), viewport=True, font_size=10, color="black", name="time"
-        )
+        text = f"t = {1e3 * time:.3f} ms"
+        place = looks.TIME_PLACE
+        self.plotter.add_text(text, position=place, viewport=True, font_size=10, color="black", name="time")
         if not self._aimed and meshes:
             self._aim(meshes)
             self._aimed = True
 
     def _add(self, part: str, mesh: Any) -> None:
         options: dict[str, Any] = {"name": part, "show_scalar_bar": False, "reset_camera": False, "render": False}
-        options |= SHOWN_AS[part]
+        options |= STYLES[part]
         if part == "grains" and self.look == "chains":
-            options["opacity"] = 0.15
+            options["opacity"] = looks.GRAIN_OPACITY
         if part == "device" and self.files.field == "space":
-            options["opacity"] = 0.4  # the grains are inside
+            options["opacity"] = looks.SOLID_OPACITY
         if part != "lines":
             options["scalars"] = "shown"
         bar = {"section": "field", "device": "field"}.get(part, part)
-        if bar in BARS:
+        if bar in looks.BARS:
             if bar not in self._limits:  # of the first moment drawn: colours of a movie keep their meaning
                 low, high = float(np.min(mesh["shown"])), float(np.max(mesh["shown"]))
                 self._limits[bar] = (low, high if high > low else low + (abs(low) or 1.0))
             options["clim"] = self._limits[bar]
             options["show_scalar_bar"] = True
-            options["scalar_bar_args"] = {
-                "title": self._label(bar),
-                "vertical": True,
-                "position_x": 0.865,
-                "position_y": BARS[bar],
-                "height": 0.25,
-                "width": 0.12,
-                "color": "black",
-                "fill": True,
-                "background_color": "white",
-                "title_font_size": 18,
-                "label_font_size": 16,
-                "fmt": "%.3g",
-                "n_labels": 4,
-                "render": False,
-            }
+            options["scalar_bar_args"] = {**BAR, "title": self._label(bar), "position_y": looks.BARS[bar]}
         self.plotter.add_mesh(mesh, **options)
-        if bar in BARS:
+        if bar in looks.BARS:
             drawn = self.plotter.scalar_bars[self._label(bar)]
             drawn.SetVerticalTitleSeparation(2)
             drawn.SetBarRatio(0.18)  # of the white box, which the title too lies in
@@ -115,27 +101,16 @@ class RunView:
         if bar == "grains":
             assert self.colour is not None
             return self.files.colours[self.colour][1]
-        return {"chains": "contact force [N]", "field": "flux density B [T]"}[bar]
+        return {"chains": looks.FORCE[1], "field": looks.FLUX_DENSITY[1]}[bar]
 
     def _aim(self, meshes: dict[str, Any]) -> None:
-        """Turn the camera: r up and z to the right, as in section.png; on a full circle along its axis."""
+        """Turn the camera to the device or the grains."""
         target = meshes.get("device" if self.look == "device" else "grains", next(iter(meshes.values())))
-        if self.look == "device":
-            towards, up, margin = (0.5, 1.0, 0.5), (1.0, 0.0, 0.0), 0.56
-        elif self.files.sector is not None:
-            towards, up, margin = (0.3, 1.0, 0.12), (1.0, 0.0, 0.0), 0.47
-        else:
-            towards, up, margin = (0.35, 0.5, 1.0), (0.0, 1.0, 0.0), 0.45
-        reach = target.length  # diagonal of the box around it
-        right = np.cross(up, towards)
-        width = 2.0 * margin * reach * self.plotter.window_size[0] / self.plotter.window_size[1]
-        middle = np.array(target.center) + BESIDE * width * right / np.linalg.norm(right)
-        camera = self.plotter.camera
-        camera.focal_point = middle
-        camera.position = middle + 2.0 * reach * np.array(towards) / np.linalg.norm(towards)
-        camera.up = up
+        camera, size = self.plotter.camera, self.plotter.window_size
+        is_sector = self.files.sector is not None
+        camera.focal_point, camera.position, camera.up, half = looks.camera(self.look, is_sector, target.bounds, size)
         camera.parallel_projection = True
-        camera.parallel_scale = margin * reach
+        camera.parallel_scale = half
         self.plotter.reset_camera_clipping_range()
 
 
@@ -160,11 +135,11 @@ def movie(view: RunView, path: Path) -> Path:
             view.draw(time)
             with pyvista.vtk_verbosity("off"):
                 pictures.append(Image.fromarray(view.plotter.screenshot(return_img=True)))
-        milliseconds = 1000 // FRAMES_A_SECOND
+        milliseconds = 1000 // looks.FRAMES_A_SECOND
         pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=milliseconds, loop=0)
     else:
         try:
-            view.plotter.open_movie(path, framerate=FRAMES_A_SECOND)
+            view.plotter.open_movie(path, framerate=looks.FRAMES_A_SECOND)
         except ImportError:
             message = "needs imageio and imageio-ffmpeg: pip install imageio imageio-ffmpeg; or write a .gif"
             raise SceneError([Fault("--movie", str(path), message)], "command line") from None

@@ -22,13 +22,6 @@ COLOURS = {
 }
 """What grains can be coloured by: array (vectors count by their magnitude) and label with its unit."""
 
-LOOKS = {
-    "gap": ("grains", "walls", "section", "lines"),
-    "chains": ("grains", "chains", "walls"),
-    "device": ("grains", "device", "lines"),
-}
-"""What is shown: the grains before the field, their force chains, or the device swept round its axis."""
-
 
 @dataclass(frozen=True, slots=True)
 class RunFiles:
