@@ -44,7 +44,7 @@ def finish_run(request: RunRequest, started: StartedRun, observers: RunObservers
     seconds = {"whole_run": perf_counter() - request.opened.begin, "compiling": compiled.seconds}
     summarise(case, folder, started.planned, started.simulation, seconds, others, stopped=early.is_by_callback)
     if case.scene.output.pictures:
-        request.progress.say(1.0, "pictures")
+        request.progress.update(1.0, "pictures")
         from emclutch.simulation.pictures import draw_run  # local: the libraries that draw are heavy
 
         draw_run(case, folder, started.planned.device, started.simulation, across)
@@ -60,7 +60,7 @@ def end_replicas(request: RunRequest, started: StartedRun, observers: RunObserve
         log.info("stopped by the callback at t = %g s", time)
         replicas.end()
         return
-    if replicas.wait(request.is_stopped, lambda: request.progress.say(replicas.share_done(time), "other packings")):
+    if replicas.wait(request.is_stopped, lambda: request.progress.update(replicas.share_done(time), "other packings")):
         replicas.finish()
         replicas.wait_for_results(request.is_stopped)
     if problem := replicas.failure():

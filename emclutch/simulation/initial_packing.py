@@ -21,9 +21,7 @@ from particles.packing.settling import Settling, before_the_start, settle
 from particles.packing.space import Space
 
 
-def packed(
-    scene: Scene, boxes: FilledSpace, walls: Sequence[Wall], count: int, sector: CyclicSector | None
-) -> Packing:
+def packed(scene: Scene, boxes: FilledSpace, walls: Sequence[Wall], count: int, sector: CyclicSector | None) -> Packing:
     """The packing of a scene (seeded).
 
     Raises

@@ -9,12 +9,8 @@ from time import perf_counter
 
 from numba.core import event as numba_event
 
-# What takes longer than a breath: its name, and seconds on a core that makes 3.5 million particle-steps a second of
-# scene A with LAMMPS.
-SLOW = {
-    "particles.dem.step_kernel": ("the grains' step (DEM)", 15),
-    "particles.dvi.step_kernel": ("the grains' step (DVI)", 30),
-}
+SLOW = {"particles.dem.step_kernel": "the grains' step (DEM)", "particles.dvi.step_kernel": "the grains' step (DVI)"}
+"""What is compiled for some half a minute: module and name."""
 
 
 @dataclass
@@ -38,11 +34,11 @@ class Compiled:
 
 @dataclass
 class _Listener(numba_event.Listener):
-    tell: Callable[[str], None]
+    announce: Callable[[str], None]
     compiled: Compiled = field(default_factory=Compiled)
     _depth: int = 0
     _begin: float = 0.0
-    _told: bool = False
+    _announced: bool = False
 
     def on_start(self, event: numba_event.Event) -> None:
         self._depth += 1
@@ -52,11 +48,10 @@ class _Listener(numba_event.Listener):
         self._begin = perf_counter()
         module = event.data["dispatcher"].py_func.__module__
         if module in SLOW:
-            name, seconds = SLOW[module]
-            self.tell(f"compiling {name}, once, about {seconds} s")
-        elif not self._told:
-            self._told = True
-            self.tell("compiling kernels, once for each kind of scene")
+            self.announce(f"compiling {SLOW[module]}, once, about half a minute")
+        elif not self._announced:
+            self._announced = True
+            self.announce("compiling kernels, once for each kind of scene")
 
     def on_end(self, event: numba_event.Event) -> None:
         self._depth -= 1
@@ -67,8 +62,8 @@ class _Listener(numba_event.Listener):
 
 
 @contextmanager
-def compilation_told(tell: Callable[[str], None]) -> Iterator[Compiled]:
-    """Call ``tell`` with a line when a kernel is not in the cache; yields what has been compiled so far."""
-    listener = _Listener(tell)
+def announced_compilation(announce: Callable[[str], None]) -> Iterator[Compiled]:
+    """Call ``announce`` with a line when a kernel is not in the cache; yields what has been compiled so far."""
+    listener = _Listener(announce)
     with numba_event.install_listener("numba:compile", listener):
         yield listener.compiled

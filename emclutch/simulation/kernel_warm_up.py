@@ -78,14 +78,14 @@ def start(scene: Any) -> subprocess.Popen | None:
 
 
 @contextmanager
-def step_compiled_beside(scene: Any, tell: Callable[[str], None]) -> Iterator[None]:
+def step_compiled_aside(scene: Any, announce: Callable[[str], None]) -> Iterator[None]:
     """Compile the grains' step in a second process during the block.
 
     Whoever asks for the step meanwhile waits for it at the cache's lock (`geometry.kernels.cache`).
     """
     child = start(scene)
     if child is not None:
-        tell("compiling the grains' step (DEM) in a second process, once, about half a minute")
+        announce("compiling the grains' step (DEM) in a second process, once, about half a minute")
     try:
         yield
     finally:

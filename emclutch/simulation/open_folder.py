@@ -15,7 +15,7 @@ from emclutch.results.folder_lock import locked_folder
 from emclutch.scene.case import Case
 from emclutch.simulation.forecast.free_disk import NotEnoughDisk
 from emclutch.simulation.forecast.free_memory import NotEnoughMemory
-from emclutch.simulation.kernel_compilation import Compiled, compilation_told
+from emclutch.simulation.kernel_compilation import Compiled, announced_compilation
 from emclutch.simulation.resume import may_go_on
 from emclutch.simulation.run_progress import RunProgress
 from field import ConvergenceError, PointOutside
@@ -54,7 +54,7 @@ def open_folder(case: Case, target: str | Path, resume: bool, progress: RunProgr
     with locked_folder(target):
         goes_on = resume and may_go_on(case, RunFolder(target))  # compared before anything in the folder is touched
         folder = RunFolder.create(target, case.toml(), resume=resume)
-        with folder.logging(), compilation_told(progress.announce) as compiled:
+        with folder.logging(), announced_compilation(progress.announce) as compiled:
             if resume and not goes_on:
                 progress.announce(f"{folder.path} has no checkpoint yet: the run starts again")
             with failures_told(case, folder):

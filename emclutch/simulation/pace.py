@@ -13,10 +13,9 @@ from geometry.kernels.cache import compile_seconds
 if TYPE_CHECKING:
     from coupling import Simulation, WindowRow
 
-log = logging.getLogger(__name__)
 SHARES = (0.01, 0.1)  # of the run, after which the time left is announced; the second corrects the first
 WINDOWS, MIN_S = 6, 5.0  # and seconds, that must have passed
-LONG, BEHIND = 60.0, 2.0  # s: less is not worth a line, unless it is so many times as long as estimated
+LONG, BEHIND = 60.0, 2.0  # s: less is not worth a line; times as long as estimated, from which on it is a warning
 BUSY = 0.7  # cores that this process had, or fewer: other programs take them
 
 
@@ -32,11 +31,11 @@ class RunPace:
         Estimated before the run.
     begin : float
         Simulated time [s] at which this process takes the run up.
-    announce : callable or None
-        Takes the text, which is logged too: as a warning where the run takes longer than estimated by `BEHIND`.
+    announce : callable
+        Takes the text, and the level for the log: a warning where the run takes longer than estimated by `BEHIND`.
     """
 
-    def __init__(self, cost: Cost, begin: float, announce: Callable[[str], None] | None) -> None:
+    def __init__(self, cost: Cost, begin: float, announce: Callable[[str, int], None]) -> None:
         self._cost, self._announce, self._due = cost, announce, [*SHARES]
         self._readings = [(begin, *_clocks())]
 
@@ -58,14 +57,14 @@ class RunPace:
     def _say(self) -> None:
         seconds, cores = self.left()
         estimated = self._cost.until(self._cost.end) - self._cost.until(self._readings[-1][0])
-        slow = seconds > max(BEHIND * estimated, LONG)
+        if seconds <= LONG:
+            return
+        slow = seconds > BEHIND * estimated
         text = f"about {spoken(seconds)} left, by the pace of the windows so far"
         if slow:
             text += f": {seconds / max(estimated, 1e-9):.1f} times as long as estimated before the run"
             text += "; other programs take the cores" if cores < BUSY else ""
-        log.log(logging.WARNING if slow else logging.INFO, "%s", text)
-        if self._announce is not None and seconds > LONG:
-            self._announce(text)
+        self._announce(text, logging.WARNING if slow else logging.INFO)
 
 
 def _clocks() -> tuple[float, float]:

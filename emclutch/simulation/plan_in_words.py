@@ -140,9 +140,9 @@ def end_in_words(scene, device: Device, plan: Plan) -> Iterator[tuple[str, str]]
     """Of how many packings the torque will be, when the run ends, and whether it can be known by then."""
     count, until, end = replica_count(scene), scene.time.until, plan.end
     if count > 1:
-        most, beside = max_replica_count(scene), plan.cost.replicas
+        most, at_a_time = max_replica_count(scene), plan.cost.replicas
         more = f", and up to {most} where the torque needs them" if until is not None and most > count else ""
-        yield "replicas", f"{count} packings{more}, {beside} at a time; the torque and its error are of all"
+        yield "replicas", f"{count} packings{more}, {at_a_time} at a time; the torque and its error are of all"
     rate, needed = strain_rate(scene, device), start_up_strain(scene)
     if rate and count > 1:
         start_up = scene.time.average_from or needed / rate

@@ -12,7 +12,7 @@ from emclutch.scene.case import Case, as_case
 from emclutch.scene.replica_count import max_replica_count, replicas_side_by_side
 from emclutch.simulation.finished_run import finish_run
 from emclutch.simulation.interruption import interruptible
-from emclutch.simulation.kernel_warm_up import step_compiled_beside
+from emclutch.simulation.kernel_warm_up import step_compiled_aside
 from emclutch.simulation.open_folder import open_folder
 from emclutch.simulation.orders import Orders
 from emclutch.simulation.planned_run import plan_run
@@ -83,7 +83,7 @@ def run(
         slots = replicas_side_by_side(max(count, max_replica_count(case.scene)), threads)
         with (
             interruptible(stop, lambda: opened.compiled.is_going_on or last_time(folder.history) is None),
-            step_compiled_beside(case.scene, reporter.announce),
+            step_compiled_aside(case.scene, reporter.announce),
             other_replicas(
                 case, folder, count, threads=threads, slots=slots, tune_threads=tune_threads, resume=resume, start=start
             ) as replicas,

@@ -96,7 +96,7 @@ def make_callbacks(request: RunRequest, started: StartedRun) -> RunObservers:
         WindowProgress(progress, plan.windows, request.replicas),
     )
     keeping = (Checkpoints(request, plan.windows, early, snapshots, profiles),)
-    tuning = (RunPace(plan.cost, simulation.motion.time, progress.tell), *thread_trial(request))
+    tuning = (RunPace(plan.cost, simulation.motion.time, progress.announce), *thread_trial(request))
     callbacks = (alive.stop, history, *deciding, *showing, *keeping, *tuning)
     return RunObservers(measures, callbacks, early, profiles, alive, history, snapshots)
 
@@ -137,7 +137,7 @@ class WindowProgress:
         share = simulation.window / self.windows
         if self.replicas.count > 1 and self.progress.listener is not None:
             share = self.replicas.share_done(row.time)
-        self.progress.say(share, f"t = {row.time * 1e3:.3g} ms{torque}")
+        self.progress.update(share, f"t = {row.time * 1e3:.3g} ms{torque}")
 
 
 def profile_average(scene: Scene, device: Device) -> ProfileAverage | None:
@@ -163,4 +163,4 @@ def thread_trial(request: RunRequest) -> tuple[ThreadTrial, ...]:
     """The callback that finds out how many threads pay; none where there is nothing to choose."""
     if not request.tune_threads or threads_in_use() == 1:
         return ()
-    return (ThreadTrial(threads_in_use(), use_threads, request.progress.tell),)
+    return (ThreadTrial(threads_in_use(), use_threads, request.progress.announce),)

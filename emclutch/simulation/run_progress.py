@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,21 +21,16 @@ class RunProgress:
 
     listener: Any = None
 
-    def say(self, fraction: float, text: str) -> None:
-        """Return how far the run is, and what it does."""
+    def update(self, fraction: float, text: str) -> None:
+        """Show how far the run is, and what it does."""
         if self.listener is not None:
             self.listener.update(fraction, text)
 
-    def announce(self, text: str) -> None:
-        """A line that stays, in the log too."""
-        log.info("%s", text)
-        if self.tell is not None:
-            self.tell(text)
-
-    @property
-    def tell(self) -> Callable[[str], None] | None:
-        """Return what shows a line that stays; None where nobody does."""
-        return getattr(self.listener, "announce", None)
+    def announce(self, text: str, level: int = logging.INFO) -> None:
+        """Log a line, and show it where the listener can."""
+        log.log(level, "%s", text)
+        if (announce := getattr(self.listener, "announce", None)) is not None:
+            announce(text)
 
     @property
     def stop_asked(self) -> bool:

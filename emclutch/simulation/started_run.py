@@ -49,7 +49,7 @@ class StartedRun:
 def start_run(request: RunRequest, planned: PlannedRun) -> StartedRun:
     """Pack the grains of a run, take them from another one, or go on from its checkpoint."""
     case, device, plan = request.case, planned.device, planned.plan
-    request.progress.say(0.0, f"packing {plan.count} grains")
+    request.progress.update(0.0, f"packing {plan.count} grains")
     if not request.opened.goes_on:
         grains = request.grains
         simulation = assemble(case, device, plan) if grains is None else warm_started(case, device, plan, grains)

@@ -7,14 +7,12 @@ property of the machine, the scene and the hour, so it is measured in a few wind
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from coupling import Simulation, WindowRow
 
-log = logging.getLogger(__name__)
 ROUNDS = 3  # windows of each number in a trial; the fastest counts
 REST = 20  # times as many windows pass between two trials as one takes
 GAIN = 1.05  # more threads must be faster by this factor
@@ -29,13 +27,13 @@ class ThreadTrial:
         Threads that this process may use; powers of two below it, and it itself, are tried.
     use : callable
         Sets the number of threads of the compiled loops.
-    announce : callable or None
-        Takes the text of the first choice; all are logged.
+    announce : callable
+        Takes the text of the first choice, and of each that differs from the one before.
     """
 
-    def __init__(self, most: int, use: Callable[[int], object], announce: Callable[[str], None] | None = None) -> None:
+    def __init__(self, most: int, use: Callable[[int], object], announce: Callable[[str], None]) -> None:
         self.numbers = sorted({*(2**k for k in range(most.bit_length()) if 2**k < most), most})
-        self._use, self._announce, self._rested = use, announce, 0
+        self._use, self._announce, self._rested, self._chosen = use, announce, 0, 0
         self._begin()
 
     def __call__(self, simulation: Simulation, row: WindowRow) -> None:
@@ -58,11 +56,9 @@ class ThreadTrial:
         self._rested, least = 0, min(self._seconds.values())
         speeds = ", ".join(f"{n}: {self._seconds[1] / self._seconds[n]:.2f}" for n in self.numbers[1:])
         chosen = next(n for n in self.numbers if self._seconds[n] <= GAIN * least)
-        text = f"threads: {chosen} (tried; times as fast as one thread: {speeds})"
-        log.info("%s", text)
-        if self._announce is not None:
-            self._announce(text)
-            self._announce = None
+        if chosen != self._chosen:
+            self._announce(f"threads: {chosen} (tried; times as fast as one thread: {speeds})")
+        self._chosen = chosen
         return chosen
 
     def _take(self, number: int) -> None:

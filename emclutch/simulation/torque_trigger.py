@@ -104,7 +104,7 @@ class TorqueTrigger:
     def _say(self, here: float) -> None:
         there = self.replicas.have_reached() + 1
         text = f"{there} of {self.now.count} packings at {1e3 * self.now.length:.3g} ms"
-        self.progress.say(self.replicas.share_done(here), text)
+        self.progress.update(self.replicas.share_done(here), text)
 
 
 def how_it_ended(torque: Estimate, history: pandas.DataFrame, target: TorqueTarget) -> dict[str, Any]:

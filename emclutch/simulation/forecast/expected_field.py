@@ -7,7 +7,7 @@ dipoles along the field has the field zeta(3) M/6 of the others,
 
     H_in = H + zeta(3) M/6 - M/3,        N = 1/3 - zeta(3)/6 = 0.133        (2 m/(4 pi r^3) of each, on both sides),
 
-whatever the fill, as long as chains are far from each other beside their diameter: their mean field is H. What the run
+whatever the fill, as long as chains are many diameters apart: their mean field is H. What the run
 finds lies between both, or beyond chains where necks are strong (weak fields, high susceptibility).
 """
 

@@ -150,7 +150,7 @@ class ExpectedTorque:
     def in_words(self) -> str:
         """One line for the plan."""
         if self.torque is None:
-            return f"cannot be told: {self.law}"
+            return f"unknown: {self.law}"
         order = self.trust.format(f"{two_digits(self.torque)} N m")
         if not self.magnetic:
             return f"{order}: {self.law}"

@@ -15,7 +15,7 @@ class NotEnoughDisk(ValueError):
 
 def refuse_full_disk(needed: float, folder: str | Path, *, force: bool = False) -> None:
     """Raise `NotEnoughDisk` where `needed` [MiB] is more than is free in `folder`, unless `force`."""
-    with suppress(OSError):  # not told: the run finds out
+    with suppress(OSError):  # not known: the run finds out
         free = shutil.disk_usage(folder).free / MIB
         if needed > free and not force:
             raise NotEnoughDisk(

@@ -22,7 +22,7 @@ def refuse_too_much(needed: float, *, force: bool = False) -> None:
 
 
 def shortage(needed: float) -> str:
-    """Say by how much `needed` [MiB] exceeds what is free, and what to do; empty where it does not, or none is told."""
+    """Say by how much `needed` [MiB] exceeds what is free, and what to do; empty where it does not."""
     free = free_memory()
     if free is None or needed <= free:
         return ""
@@ -34,7 +34,7 @@ def shortage(needed: float) -> str:
 
 
 def free_memory() -> float | None:
-    """Memory [MiB] that this process may hold altogether, what it has already included; None where none is told.
+    """Memory [MiB] that this process may hold altogether, what it has already included; None if not known.
 
     What the system can give without swapping, and no more than the control group (a container) allows.
     """

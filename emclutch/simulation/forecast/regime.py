@@ -1,4 +1,4 @@
-"""The dimensionless numbers of a scene, before it runs: what its grains feel beside what.
+"""The dimensionless numbers of a scene, before it runs: the forces and times of its grains over each other.
 
 Sources, each with what is compared:
 
