@@ -1,7 +1,8 @@
 """The version of numba that the compiled kernels were tested with; another one is refused when they are imported.
 
-The kernels use parts of numba that it does not promise to keep (docs/how_to/numba_version.md lists them), some of which
-are replaced for the whole process. With another minor version they may fail in any way, wrong numbers included.
+The kernels use parts of numba that it does not promise to keep (docs/explanation/compiled_kernels.md lists them), some
+of which are replaced for the whole process. With another minor version they may fail in any way, wrong numbers
+included.
 """
 
 from __future__ import annotations
@@ -26,5 +27,5 @@ def require_tested_version(installed: str) -> None:
         raise NumbaVersionError(
             f"numba {installed} is installed, and emclutch's compiled kernels are tested with numba {TESTED} alone, of "
             f"which they use internal parts; run: pip install 'numba=={TESTED}.*' (how to move to another version: "
-            "docs/how_to/numba_version.md)"
+            "docs/explanation/compiled_kernels.md)"
         )
