@@ -151,7 +151,7 @@ class CentrifugalClutch(AnnularSpaces):
         return find_faults(self, grain_diameter)
 
     def walls(self) -> list[RevolvedWall | TriangleWall]:
-        """Return what grains touch: hub and vanes on body ``rotor``; drum, covers and ribs on body ``disc``."""
+        """Walls of the grains: hub and vanes on body ``rotor``; drum, covers and ribs on body ``disc``."""
         half = 0.5 * self.width
         smooth = [
             cylinder("hub", "rotor", self.hub_radius, -half, half),

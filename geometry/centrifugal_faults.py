@@ -105,7 +105,7 @@ def _ribs(clutch: CentrifugalClutch) -> list[GeometryFault]:
 
 
 def _grain(clutch: CentrifugalClutch, d: float) -> list[GeometryFault]:
-    """Return where no grain fits, and where all of them would escape the vanes."""
+    """Check that grains fit everywhere, and that not all of them escape the vanes."""
     found, grain = [], millimetres(d)
     ring = clutch.rib_radius - clutch.hub_radius
     if ring < d:

@@ -245,7 +245,7 @@ class Clutch(AnnularSpaces):
         return find_faults(self, grain_diameter)
 
     def walls(self) -> list[RevolvedWall]:
-        """Return what grains touch: the rotor's chamber, from seal rim to seal rim, and the disc in it.
+        """Walls of the grains: the rotor's chamber, from seal rim to seal rim, and the disc in it.
 
         A wall is magnetic when the region that it belongs to is.
         """

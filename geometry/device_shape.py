@@ -27,7 +27,7 @@ class DeviceShape(Protocol):
         """Every inconsistency of its sizes; with a grain diameter [m], also gaps that no grain fits into."""
 
     def walls(self) -> Sequence[Wall]:
-        """Return what grains touch."""
+        """Walls of the grains."""
 
     def boxes_to_fill(self, region: str = "cavity") -> list[AnnularBox]:
         """The rings that a region of it is filled in; none where it is filled as a whole."""

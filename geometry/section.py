@@ -77,8 +77,8 @@ class SectionMesh(NamedMesh):
         """SHA-256 (hex) of all arrays and names: equal meshes, equal hash."""
         return self._hash_with({"points": self.points, "triangles": self.triangles})
 
-    def share_in_boxes(self, region: str, boxes: Sequence[AnnularBox]) -> np.ndarray:
-        """Share of each triangle's volume of revolution inside boxes that do not overlap, shape (k,), 0 to 1."""
+    def fraction_in_boxes(self, region: str, boxes: Sequence[AnnularBox]) -> np.ndarray:
+        """Fraction of each triangle's volume of revolution inside boxes that do not overlap, shape (k,), 0 to 1."""
         corners = self.points[self.triangles[self.elements_of(region)]]
         share = np.zeros(len(corners))
         for box in boxes:

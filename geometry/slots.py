@@ -1,7 +1,7 @@
 """Slots in a clutch's disc or rotor: what makes its field three-dimensional.
 
 The slots run axially through the whole body and open into the rim gap; their sides are radial planes, so
-that a slot is a share of the pitch at every radius. They are filled flush with a non-magnetic material
+that a slot is a fraction of the pitch at every radius. They are filled flush with a non-magnetic material
 (resin): grains still meet smooth walls, and only the field sees the slots.
 """
 
@@ -51,7 +51,7 @@ class Slots:
         return abs(turns - round(turns)) < 1e-9
 
     def cuts(self, angle: float) -> bool:
-        """Return whether the direction ``angle`` [rad] lies in a slot."""
+        """True if the direction ``angle`` [rad] lies in a slot."""
         offset = (angle - self.angle) / self.pitch
         return abs(offset - round(offset)) < 0.5 * self.share
 
@@ -67,7 +67,7 @@ class Slots:
 
 
 def slot_faults(slots: Slots, key: str, body: str, room: float, limit: str) -> list[GeometryFault]:
-    """Return what is impossible about the slots of a body.
+    """Faults of the slots of a body.
 
     Parameters
     ----------

@@ -151,7 +151,7 @@ def _layers(clutch: Clutch, layers: int, factor: float, start: float, end: float
     """Angles between which the section is swept [rad], the slots' sides among them."""
     patterns = [each for each in (clutch.disc_slots, clutch.rotor_slots) if each is not None]
     sides = np.unique(np.concatenate([each.edges(start, end) for each in patterns])) if patterns else np.zeros(0)
-    # sides of two patterns that only rounding tells apart are one
+    # sides of two patterns that differ by rounding only are one
     sides = sides[np.append(True, np.diff(sides) > 1e-9)] if sides.size else sides
     least = _BESIDE_SLOT * gap_size(clutch.gap, layers, factor) / clutch.mean_gap_radius
     widest = min(factor * _WIDEST_LAYER, 2.0 * _WIDEST_LAYER)
@@ -248,7 +248,7 @@ def _boundaries(
     start: float,
     end: float,
 ) -> dict[str, np.ndarray]:
-    """Sides, outer sphere, and the faces of the powder, told apart by where their corners lie."""
+    """Sides, outer sphere, and the faces of the powder, distinguished by where their corners lie."""
     faces, neighbours = faces_of(tetrahedra)
     outline = faces[neighbours[:, 1] < 0]
     close = 1e-7 * clutch.air_radius

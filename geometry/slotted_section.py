@@ -83,7 +83,7 @@ def _section_faces(gmsh: Any, clutch: Clutch) -> tuple[list[str], list[int]]:
 
 
 def _slot_polygons(clutch: Clutch) -> list[tuple[str, np.ndarray]]:
-    """Return where the slots are in the section, (r, z) [m]."""
+    """Position of the slots in the section, (r, z) [m]."""
     found = []
     if clutch.disc_slots is not None:
         rim, half = clutch.disc_radius, 0.5 * clutch.disc_thickness

@@ -12,7 +12,7 @@ import numpy as np
 
 @dataclass(frozen=True, slots=True)
 class TimeProfile:
-    """Linear between ``times`` [s], held before the first and after the last.
+    """Linear between ``times`` [s], constant before the first and after the last.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class TimeProfile:
 
     @classmethod
     def constant(cls, value: float) -> Self:
-        """One value for ever."""
+        """One constant value."""
         return cls((0.0,), (value,))
 
     def at(self, time: np.ndarray) -> np.ndarray:
@@ -58,7 +58,7 @@ class TimeProfile:
 
     @property
     def is_constant(self) -> bool:
-        """True if it is one value for ever."""
+        """True if it is one constant value."""
         return len(self.times) == 1
 
     @property

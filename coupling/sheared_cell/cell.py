@@ -7,7 +7,8 @@ moves at
     x + (s_x Lx + s_z offset, s_y Ly, s_z Lz),      v + (s_z rate Lz, 0, 0).
 
 Grains are wrapped only when the lists are made; between, they move on freely and the images of a pair keep their s,
-while `offset` grows. So a wrap changes no distance and no relative velocity, and springs of contacts go on as they are.
+while `offset` grows. So a wrap changes no distance and no relative velocity, and springs of contacts continue as they
+are.
 
 Source: A. W. Lees, S. F. Edwards, J. Phys. C 5 (1972) 1921.
 """

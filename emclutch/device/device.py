@@ -294,7 +294,7 @@ def field_goals(mesh: SectionMesh) -> tuple[FluxLinkage | MeanFluxDensity, ...]:
 
 def even_fill(mesh: SectionMesh, boxes: list[AnnularBox], phi: float) -> np.ndarray:
     """Solid fraction (n powder elements,) of powder that fills the boxes to `phi`, whatever the mesh's lines are."""
-    return phi * mesh.share_in_boxes("powder", boxes)
+    return phi * mesh.fraction_in_boxes("powder", boxes)
 
 
 def mesh_of(scene: Scene) -> SectionMesh:

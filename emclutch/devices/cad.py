@@ -159,7 +159,7 @@ class CadGeometry(GeometrySection):
 
     @model_validator(mode="after")
     def _is_a_device(self, info: ValidationInfo) -> Self:
-        """Read the file once, so that what is wrong with it is told with the scene's other faults."""
+        """Read the file once, so that what is wrong with it is reported with the scene's other errors."""
         self._trust_scripts = bool((info.context or {}).get("trust_scripts", False))
         self._refuse_what_the_file_says()
         try:
@@ -219,7 +219,7 @@ class CadGeometry(GeometrySection):
             )
 
     def options(self) -> dict[str, Any]:
-        """Return what the import needs beside the path; see `geometry.cad_import.imported_section`."""
+        """Arguments of the import other than the path; see `geometry.cad_import.imported_section`."""
         native = "m" if self.is_meshed else _UNIT_OF_SHAPES
         return {
             "names": self.names,

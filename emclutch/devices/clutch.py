@@ -152,7 +152,7 @@ class ClutchGeometry(GeometrySection):
     def faults_of_the_others(self, unknown: set[str], own: Mapping[str, Material]) -> list[GeometryFault]:
         """See `GeometrySection.faults_of_the_others`."""
         lengths = unknown & set(type(self).model_fields) - {"materials", "disc_slots", "rotor_slots"}
-        # not a number: whatever is compared with it is judged neither right nor wrong, but for itself, told already
+        # not a number: whatever is compared with it is judged neither right nor wrong, but for itself, reported already
         shape = self.model_copy(update=dict.fromkeys(lengths, math.nan)).shape(own)
         return [fault for fault in shape.faults(None) if fault.what.split(".")[0] not in unknown]
 

@@ -112,7 +112,7 @@ class GeometrySection(Section):
         return ""
 
     def faults_of_the_others(self, unknown: set[str], own: Mapping[str, Material]) -> list[GeometryFault]:
-        """Return what its sizes say of each other where the keys `unknown` have faults of their own."""
+        """Faults between its sizes where the keys `unknown` have faults of their own."""
         return []
 
     # what it is built of

@@ -46,7 +46,7 @@ def _device_with_a_coil(draft: Draft) -> Iterator[Fault]:
 
 
 def _solved_in_3d(draft: Draft) -> Iterator[Fault]:
-    """Return what a field in 3D cannot do, or not yet."""
+    """Yield the combinations that a field in 3D does not support."""
     source, geometry = draft.scene.field, draft.scene.geometry
     if not geometry.is_solved_in_3d:
         return
