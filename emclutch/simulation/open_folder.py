@@ -13,8 +13,7 @@ from emclutch.results import OutputError, RunFolder
 from emclutch.results.errors import Interrupted, RunError
 from emclutch.results.folder_lock import locked_folder
 from emclutch.scene.case import Case
-from emclutch.simulation.forecast.free_disk import NotEnoughDisk
-from emclutch.simulation.forecast.free_memory import NotEnoughMemory
+from emclutch.simulation.forecast.space import NotEnoughSpace
 from emclutch.simulation.kernel_compilation import Compiled, announced_compilation
 from emclutch.simulation.resume import may_go_on
 from emclutch.simulation.run_progress import RunProgress
@@ -73,7 +72,7 @@ def failures_told(case: Case, folder: RunFolder) -> Iterator[None]:
     except (ConvergenceError, ParticleError, PointOutside, ValueError) as error:
         text = f"{error}{remedy_in_scene(case, error)}"
         log.error("%s", text)
-        if not isinstance(error, (NotEnoughMemory, NotEnoughDisk)):  # what the machine lacks today
+        if not isinstance(error, NotEnoughSpace):  # what the machine lacks today
             folder.write_failure(text)
         raise RunError(f"{text}\n(log: {folder.log})") from error
     except OSError as error:

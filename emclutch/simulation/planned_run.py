@@ -11,8 +11,7 @@ from emclutch.results.steady_torque import SteadyConditions
 from emclutch.scene.input_files import hashed_input_files
 from emclutch.scene.model import Scene
 from emclutch.scene.start_up import start_up_strain
-from emclutch.simulation.forecast.free_disk import refuse_full_disk
-from emclutch.simulation.forecast.free_memory import refuse_too_much
+from emclutch.simulation.forecast.space import refuse_full_disk, refuse_too_much
 from emclutch.simulation.plan import Plan, make_plan
 from emclutch.simulation.plan_in_words import plan_in_words
 from emclutch.simulation.run_request import RunRequest

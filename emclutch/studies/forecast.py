@@ -11,7 +11,7 @@ from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.replica_count import cores_at_hand, replica_count
 from emclutch.scene.study import StudySection
 from emclutch.simulation.forecast.cost import spoken
-from emclutch.simulation.forecast.free_memory import shortage
+from emclutch.simulation.forecast.space import shortage
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.resume import flat_scene
 from emclutch.simulation.stopping_rule import stopping_rule

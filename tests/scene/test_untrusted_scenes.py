@@ -20,7 +20,7 @@ from emclutch.results.record import Record
 from emclutch.scene.case import DEEPEST, MAX_FILE, case_from, load_case, read_toml
 from emclutch.scene.errors import SceneError
 from emclutch.simulation.check import check
-from emclutch.simulation.forecast import free_disk
+from emclutch.simulation.forecast import space
 from emclutch.simulation.forecast.space import disk, memory
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.run import run
@@ -78,10 +78,10 @@ def test_windows_and_snapshots_count_in_memory_and_disk():
 
 
 def test_a_run_that_would_fill_the_disk_is_refused_unless_forced(tmp_path, monkeypatch):
-    monkeypatch.setattr(free_disk.shutil, "disk_usage", lambda folder: type("Usage", (), {"free": 2**20}))
+    monkeypatch.setattr(space.shutil, "disk_usage", lambda folder: type("Usage", (), {"free": 2**20}))
     with pytest.raises(RunError, match=r"MiB of disk, and 1 MiB are free.*output\.snapshots.*--force"):
         run(case_from(BOX), out=tmp_path / "run")
-    free_disk.refuse_full_disk(100.0, tmp_path, force=True)
+    space.refuse_full_disk(100.0, tmp_path, force=True)
 
 
 @pytest.mark.parametrize("case", ["quickstart", "slotted_disc"])

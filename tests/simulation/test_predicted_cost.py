@@ -15,7 +15,7 @@ from emclutch.results.errors import RunError
 from emclutch.scene.case import case_from
 from emclutch.simulation import pace as run_pace
 from emclutch.simulation.forecast import cost as cost_module
-from emclutch.simulation.forecast import free_memory, machine_speed
+from emclutch.simulation.forecast import machine_speed, space
 from emclutch.simulation.forecast.cost import CURRENT_STEP, Cost, predict, solve_seconds
 from emclutch.simulation.pace import RunPace
 from emclutch.simulation.plan import make_plan
@@ -141,7 +141,7 @@ def test_magnetic_forces_and_solves_cost_while_there_is_a_current():
 
 
 def little_memory(monkeypatch, mib):
-    monkeypatch.setattr(free_memory, "free_memory", lambda: mib)
+    monkeypatch.setattr(space, "free_memory", lambda: mib)
 
 
 def test_check_warns_where_too_little_memory_is_free(monkeypatch):
@@ -161,10 +161,10 @@ def test_a_run_that_needs_too_much_is_refused(monkeypatch, tmp_path):
 
 def test_force_is_not_refused(monkeypatch):
     little_memory(monkeypatch, 100.0)
-    with pytest.raises(free_memory.NotEnoughMemory):
-        free_memory.refuse_too_much(101.0)
-    free_memory.refuse_too_much(101.0, force=True)
-    free_memory.refuse_too_much(99.0)
+    with pytest.raises(space.NotEnoughSpace):
+        space.refuse_too_much(101.0)
+    space.refuse_too_much(101.0, force=True)
+    space.refuse_too_much(99.0)
 
 
 @pytest.mark.parametrize("command", ["run", "sweep"])
@@ -191,16 +191,16 @@ def test_the_command_line_hands_on_force(command, monkeypatch, tmp_path):
 
 
 def test_a_container_allows_less_than_the_machine_has(monkeypatch, tmp_path):
-    monkeypatch.setattr(free_memory, "_NAMES", ((tmp_path, "memory.max", "memory.current"),))
-    monkeypatch.setattr(free_memory, "_own", lambda: 0.0)
-    machine = free_memory.free_memory()
+    monkeypatch.setattr(space, "_NAMES", ((tmp_path, "memory.max", "memory.current"),))
+    monkeypatch.setattr(space, "_own", lambda: 0.0)
+    machine = space.free_memory()
     (tmp_path / "memory.current").write_text("41943040\n")
     (tmp_path / "memory.max").write_text("max\n")
-    assert free_memory.free_memory() == pytest.approx(machine, rel=0.2)
+    assert space.free_memory() == pytest.approx(machine, rel=0.2)
     (tmp_path / "memory.max").write_text("104857600\n")
-    assert free_memory.free_memory() == pytest.approx(60.0)
+    assert space.free_memory() == pytest.approx(60.0)
     (tmp_path / "memory.stat").write_text("anon 1\ninactive_file 10485760\n")  # given back at once
-    assert free_memory.free_memory() == pytest.approx(70.0)
+    assert space.free_memory() == pytest.approx(70.0)
 
 
 # -- pace

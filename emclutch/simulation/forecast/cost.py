@@ -18,9 +18,8 @@ import numpy as np
 
 from emclutch.device.decision import with_warnings
 from emclutch.scene.replica_count import cores_at_hand, replica_count, replicas_side_by_side
-from emclutch.simulation.forecast.free_memory import shortage
 from emclutch.simulation.forecast.machine_speed import slowness
-from emclutch.simulation.forecast.space import disk, memory
+from emclutch.simulation.forecast.space import disk, memory, shortage
 from field.factorisation import available_backends
 from particles.threads import WORTH_SHARING
 
