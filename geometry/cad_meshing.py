@@ -1,4 +1,4 @@
-"""Mesh of a section that comes from CAD: parts made conforming, air around them, sizes from the gaps themselves.
+"""Section of a device from CAD, and its mesh: parts made conforming, air around them, sizes from the gaps themselves.
 
 Element sizes: between two curves of the powder's outline that face each other, a whole number of rows as in
 `geometry.meshing`; in other narrow places (a running clearance) one layer three gaps long; from there h grows with
@@ -8,7 +8,7 @@ the distance, up to a fraction of the device in the parts and an eighth of the r
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
@@ -17,8 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from geometry.cad_import import imported_section
-from geometry.cad_parts import CadError, CadPart, list_of
+from geometry.cad_import import open_section
+from geometry.cad_parts import CadFile, CadPart, list_of
+from geometry.file_content import CadError
 from geometry.mesher import (
     CORNER,
     GROWTH,
@@ -36,16 +37,20 @@ from geometry.mesher import (
 )
 from geometry.section import SectionMesh
 
-# Share of the smaller part's area below which a common piece is a rounding of the CAD program.
-_OVERLAP = 1e-6
+OVERLAP = 1e-6
+"""Of the smaller part's size, below which a common piece of two parts is a rounding of the CAD program."""
+
 _SLIVER = 1e-6  # m; no gap of a device is as narrow, and a STEP file's coordinates are rounded more finely
 _CHORDS = 24  # of a curved edge of the powder's outline, as grains see it
 _MAX_SAMPLES = 2000
 
+_Surfaces = Mapping[str, Sequence[int]]
+"""Tags of the surfaces of each region."""
+
 
 @dataclass(frozen=True, slots=True)
 class OutlineEdge:
-    """A piece of the powder's outline: from start to end (r, z) [m], with what lies behind it.
+    """A piece of the powder's outline: from start to end (r, z) [m], with the region that lies behind it.
 
     A curved edge is given as chords, all with the same `region`.
     """
@@ -77,8 +82,14 @@ class CadSection:
 
 
 def cad_section(path: str | Path, *, powder: str = "powder", **options: Any) -> CadSection:
-    """Read a section without meshing it; options and errors of `cad_import.imported_section`, and overlaps."""
-    with _conforming(path, 2.0, options) as (gmsh, parts, surfaces, odd):
+    """Read a section without meshing it; `options` are those of a `CadFile`.
+
+    Raises
+    ------
+    CadError
+        As `geometry.cad_import.open_section`; parts that overlap or nearly touch.
+    """
+    with _conforming(CadFile(Path(path), **options), 2.0) as (gmsh, parts, surfaces, odd):
         outline = tuple(_outline(gmsh, surfaces, powder))
         pairs = _facing(gmsh, surfaces.get(powder, []))
         return CadSection(tuple(parts), outline, MILLIMETRE * min((d for d, *_ in pairs), default=math.inf), odd)
@@ -106,7 +117,7 @@ def mesh_cad(
     air_factor : float
         Radius of the air's half disc over that of the circle around the device, about the middle of its length.
     **options
-        `names`, `needed`, `known`, `axis`, `scale` of `imported_section`.
+        Those of a `CadFile`.
 
     Returns
     -------
@@ -121,12 +132,11 @@ def mesh_cad(
     check_mesh_options(gap_layers, size_factor)
     if not 1.5 <= air_factor <= 20.0:
         raise ValueError(f"`air_factor` = {air_factor:g}: allowed are 1.5 to 20; the default is 3")
-    with _conforming(path, air_factor, options) as (gmsh, parts, surfaces, _):
+    with _conforming(CadFile(Path(path), **options), air_factor) as (gmsh, parts, surfaces, _):
         gmsh.option.setNumber("Mesh.MeshSizeFactor", size_factor)
-        for name, tags in surfaces.items():
-            gmsh.model.addPhysicalGroup(2, tags, name=name)
-        for name, tags in _named_curves(gmsh, surfaces, powder).items():
-            gmsh.model.addPhysicalGroup(1, tags, name=name)
+        for dim, named in ((2, surfaces), (1, _named_curves(gmsh, surfaces, powder))):
+            for name, tags in named.items():
+                gmsh.model.addPhysicalGroup(dim, tags, name=name)
         layers = max(float(gap_layers), MINIMUM_LAYERS * size_factor)
         expected = _set_sizes(gmsh, parts, surfaces, powder, layers, air_factor) / size_factor**2
         refuse_too_many(expected, MAX_TRIANGLES, "triangles")
@@ -134,59 +144,77 @@ def mesh_cad(
         return read_section(gmsh)
 
 
+def own_pieces(
+    pieces: Sequence[Sequence[tuple[int, int]]], parts: Sequence[CadPart], occ: Any, path: Path
+) -> dict[str, list[int]]:
+    """Return the tags of each region, ``air`` among them, after one fragmentation of the air and the parts.
+
+    Parameters
+    ----------
+    pieces : sequence
+        Pieces (dimension, tag) of the air, then of each part.
+    parts : sequence of CadPart
+
+    Raises
+    ------
+    CadError
+        Two parts overlap by more than `OVERLAP` of the smaller one.
+    """
+    owner: dict[int, CadPart] = {}
+    for part, mine in zip(parts, pieces[1:], strict=True):
+        for dim, tag in mine:
+            other = owner.get(tag, part)
+            size = MILLIMETRE**dim * occ.getMass(dim, tag) if other is not part else 0.0
+            if size > OVERLAP * min(part.size, other.size):
+                centre = occ.getCenterOfMass(dim, tag)
+                place = (f"({', '.join(f'{x:.4g}' for x in centre)}) mm" if dim == 3 else
+                         f"r = {centre[0]:.4g} mm, z = {centre[1]:.4g} mm")  # fmt: skip
+                raise CadError(
+                    f"{path}: {other.region!r} and {part.region!r} overlap by {10.0 ** (3 * dim) * size:.3g} mm{dim} "
+                    f"around {place}; cut one out of the other in the CAD program\n{list_of(parts)}"
+                )
+            owner[tag] = part
+    regions: dict[str, list[int]] = {}
+    for tag, part in owner.items():
+        regions.setdefault(part.region, []).append(tag)
+    regions["air"] = regions.get("air", []) + [tag for _, tag in pieces[0] if tag not in owner]
+    return regions
+
+
 @contextmanager
 def _conforming(
-    path: str | Path, air_factor: float, options: Mapping[str, Any]
+    file: CadFile, air_factor: float
 ) -> Iterator[tuple[Any, list[CadPart], dict[str, list[int]], frozenset[str]]]:
     """The section cut out of its air: surfaces by region, ``air`` among them, neighbours sharing their edges."""
-    with imported_section(path, **options) as (gmsh, parts, tags, odd):
+    with open_section(file) as (gmsh, parts, tags, odd):
         before = gmsh.option.getNumber("Mesh.MeshSizeFactor")
         try:
-            surfaces = _fragments(gmsh, Path(path), parts, tags, air_factor)
-            _refuse_slivers(gmsh, Path(path), surfaces)
+            middle, radius = _disc(parts, air_factor)
+            air = add_half_disc(gmsh, middle, radius)
+            _, pieces = gmsh.model.occ.fragment([(2, air)], [(2, tag) for tag in tags])
+            gmsh.model.occ.synchronize()
+            surfaces = own_pieces(pieces, parts, gmsh.model.occ, file.path)
+            _refuse_slivers(gmsh, file.path, surfaces)
             yield gmsh, parts, surfaces, odd
         finally:
             gmsh.option.setNumber("Mesh.MeshSizeFactor", before)
 
 
-def _disc(parts: Sequence[CadPart], air_factor: float) -> tuple[float, float]:
+def _extent(parts: Iterable[CadPart]) -> tuple[float, float, float]:
+    """Largest radius, lowest and highest z [m] of the parts."""
+    corners = [(part.upper[0], part.lower[1], part.upper[1]) for part in parts]
+    return max(r for r, _, _ in corners), min(low for _, low, _ in corners), max(high for _, _, high in corners)
+
+
+def _disc(parts: Iterable[CadPart], air_factor: float) -> tuple[float, float]:
     """Middle on the axis and radius of the air's half disc [mm]."""
-    low, high = min(part.z0 for part in parts), max(part.z1 for part in parts)
-    radius = air_factor * math.hypot(max(part.r1 for part in parts), 0.5 * (high - low))
+    r1, low, high = _extent(parts)
+    radius = air_factor * math.hypot(r1, 0.5 * (high - low))
     return 0.5 * (low + high) / MILLIMETRE, radius / MILLIMETRE
 
 
-def _fragments(gmsh: Any, path: Path, parts: list[CadPart], tags: list[int], air_factor: float) -> dict[str, list[int]]:
-    occ = gmsh.model.occ
-    middle, radius = _disc(parts, air_factor)
-    air = add_half_disc(gmsh, middle, radius)
-    _, pieces = occ.fragment([(2, air)], [(2, tag) for tag in tags])
-    occ.synchronize()
-    owner: dict[int, CadPart] = {}
-    for part, mine in zip(parts, pieces[1:], strict=True):
-        for _, tag in mine:
-            if tag in owner:
-                _refuse_overlap(occ, path, parts, owner[tag], part, tag)
-            owner[tag] = part
-    surfaces: dict[str, list[int]] = {}
-    for tag, part in owner.items():
-        surfaces.setdefault(part.region, []).append(tag)
-    surfaces["air"] = surfaces.get("air", []) + [tag for _, tag in pieces[0] if tag not in owner]
-    return surfaces
-
-
-def _refuse_overlap(occ: Any, path: Path, parts: list[CadPart], one: CadPart, other: CadPart, tag: int) -> None:
-    area = MILLIMETRE**2 * occ.getMass(2, tag)
-    if area > _OVERLAP * min(one.area, other.area):
-        r, z, _ = occ.getCenterOfMass(2, tag)
-        raise CadError(
-            f"{path}: {one.region!r} and {other.region!r} overlap by {1e6 * area:.3g} mm2 around r = {r:.4g} mm, "
-            f"z = {z:.4g} mm; cut one out of the other in the CAD program\n{list_of(parts)}"
-        )
-
-
-def _refuse_slivers(gmsh: Any, path: Path, surfaces: Mapping[str, Sequence[int]]) -> None:
-    """Parts that nearly touch: neither closed, as the drawer meant it, nor wide enough for elements."""
+def _refuse_slivers(gmsh: Any, path: Path, surfaces: _Surfaces) -> None:
+    """Refuse parts that nearly touch: neither closed, as the drawer meant it, nor wide enough for elements."""
     for tags in surfaces.values():
         for distance, one, other in _facing(gmsh, tags, _SLIVER / MILLIMETRE):
             behind = sorted({name for curve in (one, other) for name in _neighbours(gmsh, curve, surfaces)})
@@ -211,38 +239,37 @@ def _on_axis(gmsh: Any, curve: int) -> bool:
     return max(abs(box[0]), abs(box[3])) < 1e-5
 
 
-def _neighbours(gmsh: Any, curve: int, surfaces: Mapping[str, Sequence[int]]) -> list[str]:
-    """Regions on the two sides of a curve."""
+def _neighbours(gmsh: Any, curve: int, surfaces: _Surfaces, powder: str = "") -> list[str]:
+    """Regions on the two sides of a curve, but for the powder."""
     faces, _ = gmsh.model.getAdjacencies(1, curve)
-    return [name for face in faces for name, tags in surfaces.items() if face in tags]
+    return [name for face in faces for name, tags in surfaces.items() if face in tags and name != powder]
 
 
-def _named_curves(gmsh: Any, surfaces: dict[str, list[int]], powder: str) -> dict[str, list[int]]:
+def _named_curves(gmsh: Any, surfaces: _Surfaces, powder: str) -> dict[str, list[int]]:
     curves: dict[str, list[int]] = {}
     for tag in _curves_of(gmsh, [tag for tags in surfaces.values() for tag in tags]):
         curves.setdefault("axis" if _on_axis(gmsh, tag) else "outer", []).append(tag)
     for tag in _curves_of(gmsh, surfaces.get(powder, [])):
-        behind = [name for name in _neighbours(gmsh, tag, surfaces) if name != powder]
-        if behind:
-            curves.setdefault(f"powder_{behind[0]}", []).append(tag)
+        for behind in _neighbours(gmsh, tag, surfaces, powder)[:1]:
+            curves.setdefault(f"powder_{behind}", []).append(tag)
     return curves
 
 
-def _outline(gmsh: Any, surfaces: dict[str, list[int]], powder: str) -> Iterator[OutlineEdge]:
+def _outline(gmsh: Any, surfaces: _Surfaces, powder: str) -> Iterator[OutlineEdge]:
     for curve in _curves_of(gmsh, surfaces.get(powder, [])):
         if _on_axis(gmsh, curve):
             continue
-        behind = [name for name in _neighbours(gmsh, curve, surfaces) if name != powder]
+        behind = _neighbours(gmsh, curve, surfaces, powder) or ["air"]
         count = 1 if gmsh.model.getType(1, curve) == "Line" else _CHORDS
         low, high = gmsh.model.getParametrizationBounds(1, curve)
         points = gmsh.model.getValue(1, curve, np.linspace(low[0], high[0], count + 1)).reshape(-1, 3)[:, :2]
         corners = [(max(0.0, round(float(r), 12)), round(float(z), 12) + 0.0) for r, z in points * MILLIMETRE]
         for start, end in pairwise(corners):
-            yield OutlineEdge(start, end, behind[0] if behind else "air")
+            yield OutlineEdge(start, end, behind[0])
 
 
 def _facing(gmsh: Any, surfaces: Sequence[int], below: float = math.inf) -> Iterator[tuple[float, int, int]]:
-    """Distance [mm] of every two curves of one face that do not touch, where it is less than ``below``."""
+    """Yield the distance [mm] of every two curves of one face that do not touch, where it is less than ``below``."""
     for surface in surfaces:
         curves = [tag for tag in _curves_of(gmsh, [surface]) if not _on_axis(gmsh, tag)]
         ends = {curve: set(_ends(gmsh, curve)) for curve in curves}
@@ -263,14 +290,13 @@ def _box_distance(a: Sequence[float], b: Sequence[float]) -> float:
 def _set_sizes(
     gmsh: Any,
     parts: Sequence[CadPart],
-    surfaces: dict[str, list[int]],
+    surfaces: _Surfaces,
     powder: str,
     layers: float,
     air_factor: float,
 ) -> float:
-    """Sizes before the size factor: gaps, corners, then growing with the distance; returns the expected triangles."""
-    low, high = min(part.z0 for part in parts), max(part.z1 for part in parts)
-    r1 = max(part.r1 for part in parts)
+    """Set sizes before the size factor: gaps, corners, growing with the distance; return the expected triangles."""
+    r1, low, high = _extent(parts)
     far = _disc(parts, air_factor)[1] * MILLIMETRE / 8.0
     device = min(r1 / 20.0, (high - low) / 8.0)
     extent = {"XMin": 0.0, "XMax": r1, "YMin": low, "YMax": high, "ZMin": -1.0, "ZMax": 1.0}
@@ -297,7 +323,7 @@ def _set_sizes(
 
 
 def _along(gmsh: Any, curves: Sequence[int], size: float, reach: float, far: float) -> int:
-    """A size field: ``size`` [m] within ``reach`` [m] of the curves, growing with the distance beyond."""
+    """Add a size field: ``size`` [m] within ``reach`` [m] of the curves, growing with the distance beyond."""
     field = gmsh.model.mesh.field
     length = max(gmsh.model.occ.getMass(1, curve) for curve in curves) * MILLIMETRE
     near = field.add("Distance")

@@ -8,9 +8,10 @@ To be filled, the powder's region must consist of rectangles: edges along r or z
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 
@@ -67,13 +68,15 @@ class CadShape(AnnularSpaces):
     @property
     def mean_gap_radius(self) -> float:
         """Radius [m] in the middle of the gap: halfway between the disc's outermost wall and what faces it."""
-        disc = [max(edge.start[0], edge.end[0]) for edge in self._edges() if self.body(edge.region) == "disc"]
+        disc = [
+            max(edge.start[0], edge.end[0]) for edge in self.section.powder_outline if self.body(edge.region) == "disc"
+        ]
         return (max(disc) if disc else self.bore_radius) + (0.5 * self.gap if disc else 0.0)
 
     @property
     def bore_radius(self) -> float:
         """Largest radius [m] of the powder's space."""
-        return max((max(edge.start[0], edge.end[0]) for edge in self._edges()), default=0.0)
+        return max((max(edge.start[0], edge.end[0]) for edge in self.section.powder_outline), default=0.0)
 
     @property
     def largest_radius(self) -> float:
@@ -91,16 +94,16 @@ class CadShape(AnnularSpaces):
     @property
     def coil_area(self) -> float:
         """Section of the winding [m^2], the parts named coil."""
-        return sum(part.area for part in self.section.parts if part.region == "coil")
+        return sum(part.size for part in self.section.parts if part.region == "coil")
 
     @property
     def coil_mean_radius(self) -> float:
         """Mean radius of the winding [m]: a mean turn is 2 pi times as long."""
-        return sum(part.area * part.radius for part in self.section.parts if part.region == "coil") / self.coil_area
+        return sum(part.size * part.radius for part in self.section.parts if part.region == "coil") / self.coil_area
 
     @property
     def ring_width(self) -> float:
-        """Return what the middle of the gap leaves out [m]: nothing, a file does not say where poles end."""
+        """Axial width [m] that the middle of the gap leaves out: none, a file does not say where poles end."""
         return 0.0
 
     def gap_midline(self, count: int = 101) -> np.ndarray:
@@ -121,11 +124,11 @@ class CadShape(AnnularSpaces):
 
     def faults(self, grain_diameter: float | None = None) -> list[GeometryFault]:
         """Return why grains cannot be filled in: no powder region, not a set of rectangles, a gap below a grain."""
-        if not self._edges():
+        if not self.section.powder_outline:
             return [_fault("no part of the file is the powder: grains have no space", "a part named powder",
                            "draw the space of the grains as a part of its own, named powder")]  # fmt: skip
         found = []
-        for edge in self._edges():
+        for edge in self.section.powder_outline:
             if not _same(edge.start[0], edge.end[0]) and not _same(edge.start[1], edge.end[1]):
                 place = f"r = {millimetres(edge.start[0])}, z = {millimetres(edge.start[1])}"
                 found.append(_fault(f"the powder's outline runs obliquely at {place}", "edges along r or z",
@@ -140,17 +143,26 @@ class CadShape(AnnularSpaces):
     def walls(self) -> list[RevolvedWall]:
         """The walls around the powder, each belonging to its region's body."""
         walls: list[RevolvedWall] = []
-        for loop, closed in _chains(self._edges()):
-            for run, whole in self._runs(loop, closed):
-                names = [f"{edge.region}_{len(walls) + k + 1}" for k, (edge, _, _) in enumerate(run)]
-                steel = [edge.region in self.magnetic for edge, _, _ in run]
-                vertices = [start for _, start, _ in run] + ([] if whole else [run[-1][2]])
-                walls += outline(names, self.body(run[0][0].region), vertices, whole, magnetic=steel)
+        for regions, corners, is_closed in _chains(self.section.powder_outline):
+            bodies = [self.body(region) for region in regions]
+            begins = [k for k in range(len(bodies)) if bodies[k] != bodies[k - 1]]  # of a closed chain
+            if is_closed and begins:  # begin where a body begins
+                first = begins[0]
+                regions, bodies = regions[first:] + regions[:first], bodies[first:] + bodies[:first]
+                corners = corners[first:-1] + corners[: first + 1]
+            start = 0
+            for body, run in groupby(bodies):
+                end = start + len(list(run))
+                names = [f"{region}_{len(walls) + k}" for k, region in enumerate(regions[start:end], 1)]
+                steel = [region in self.magnetic for region in regions[start:end]]
+                is_loop = is_closed and not begins
+                walls += outline(names, body, corners[start : end + (not is_loop)], is_loop, magnetic=steel)
+                start = end
         return walls
 
     def fill_boxes(self) -> dict[str, AnnularBox]:
         """Disjoint rectangles of the powder's space, ``part_1`` and so on, the ones at small radius first."""
-        edges = self._edges()
+        edges = self.section.powder_outline
         r = _distinct([x for edge in edges for x in (edge.start[0], edge.end[0])])
         z = _distinct([x for edge in edges for x in (edge.start[1], edge.end[1])])
         # A cell between two radii is inside where a line along z has crossed the outline an odd number of times.
@@ -171,61 +183,38 @@ class CadShape(AnnularSpaces):
                     boxes.append(AnnularBox(r0, r1, _nearest(z, z0), _nearest(z, z1)))
         return {f"part_{k + 1}": box for k, box in enumerate(boxes)}
 
-    def _edges(self) -> tuple[OutlineEdge, ...]:
-        return self.section.powder_outline
-
-    def _runs(self, loop: list[_Step], closed: bool) -> list[tuple[list[_Step], bool]]:
-        """Cut a chain where the body changes; the second entry: the run is the whole closed loop."""
-        bodies = [self.body(edge.region) for edge, _, _ in loop]
-        if closed and len(set(bodies)) == 1:
-            return [(loop, True)]
-        if closed:  # begin where a body begins
-            first = next(k for k in range(len(loop)) if bodies[k] != bodies[k - 1])
-            loop, bodies = loop[first:] + loop[:first], bodies[first:] + bodies[:first]
-        runs: list[list[_Step]] = []
-        for k, step in enumerate(loop):
-            if k == 0 or bodies[k] != bodies[k - 1]:
-                runs.append([])
-            runs[-1].append(step)
-        return [(run, False) for run in runs]
-
-
-_Step = tuple[OutlineEdge, Pair, Pair]
-"""An edge with its ends in the order of the chain."""
-
 
 def _fault(reason: str, allowed: str, remedy: str) -> GeometryFault:
     return GeometryFault("file", "", reason, allowed, remedy)
 
 
-def _chains(edges: Sequence[OutlineEdge]) -> list[tuple[list[_Step], bool]]:
-    """Edges joined end to end; open chains (which end on the axis) begin at an end."""
-    left = list(edges)
-    chains: list[tuple[list[_Step], bool]] = []
-    while left:
-        ends = [point for edge in left for point in (edge.start, edge.end)]
-        lonely = [p for p in ends if sum(_joined(p, q) for q in ends) == 1]
-        start = lonely[0] if lonely else left[0].start
-        chain: list[_Step] = []
-        at = start
-        while True:
-            edge = next((e for e in left if _joined(e.start, at) or _joined(e.end, at)), None)
-            if edge is None:
-                break
-            left.remove(edge)
-            step = (edge, edge.start, edge.end) if _joined(edge.start, at) else (edge, edge.end, edge.start)
-            # one corner, one pair of numbers: neighbours must agree to the last digit
-            chain.append((edge, at, step[2]))
-            at = step[2]
-            if _joined(at, start):
-                chain[-1] = (edge, chain[-1][1], start)
-                break
-        chains.append((chain, _joined(at, start)))
-    return chains
+def _chains(edges: Sequence[OutlineEdge]) -> Iterator[tuple[list[str], list[Pair], bool]]:
+    """Yield edges joined end to end: the region behind each, the corners in order, and whether they are closed.
 
+    Open chains, which end on the axis, begin at an end.
+    """
+    corners: list[Pair] = []
 
-def _joined(a: Pair, b: Pair) -> bool:
-    return math.hypot(a[0] - b[0], a[1] - b[1]) < _CLOSE
+    def corner_at(point: Pair) -> Pair:
+        """Return one pair of numbers for a corner: neighbours must agree to the last digit."""
+        found = next((c for c in corners if math.dist(c, point) < _CLOSE), None)
+        if found is None:
+            corners.append(point)
+        return found or point
+
+    ends = {k: (corner_at(edge.start), corner_at(edge.end)) for k, edge in enumerate(edges)}
+    while ends:
+        uses = Counter(corner for pair in ends.values() for corner in pair)
+        here = next((corner for corner, count in uses.items() if count == 1), next(iter(uses)))
+        regions, chain = [], [here]
+        while (k := next((k for k, pair in ends.items() if here in pair), None)) is not None:
+            start, end = ends.pop(k)
+            here = end if here == start else start
+            regions.append(edges[k].region)
+            chain.append(here)
+            if here == chain[0]:
+                break
+        yield regions, chain, here == chain[0]
 
 
 def _same(a: float, b: float) -> bool:

@@ -6,7 +6,7 @@ formulas of the place: inside a shape a fixed size, outside growing in proportio
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -38,8 +38,8 @@ SizeFormula = tuple[float, str]
 """Size [m] inside a shape, and the distance to it in millimetres as a formula of x, y, z."""
 
 
-def box_distance(lower: tuple[float, float, float], upper: tuple[float, float, float]) -> str:
-    """Distance to the box between two corners [m], a formula in millimetres."""
+def box_distance(lower: Sequence[float], upper: Sequence[float]) -> str:
+    """Return the distance to the box between two corners [m], a formula in millimetres."""
     parts = (f"{_beyond(axis, a, b)}^2" for axis, a, b in zip("xyz", lower, upper, strict=True))
     return f"Sqrt({'+'.join(parts)})"
 

@@ -12,7 +12,7 @@ each other across powder.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +21,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from geometry.cad_meshing import CadSection, OutlineEdge
-from geometry.cad_parts import CadError, CadPart, check_names, check_side, check_size, region_of
-from geometry.file_content import content_fault, lone_copy, read_by_meshio, size_fault
+from geometry.cad_parts import CadFile, CadPart
+from geometry.file_content import CadError, check_file, lone_copy, read_by_meshio
 from geometry.mesher import gmsh_model, region_ranges
 from geometry.section import SectionMesh
 
@@ -61,28 +61,19 @@ def meshed_section(path: str | Path, *, powder: str = "powder", **options: Any) 
     mesh, parts = read_section_mesh(path, **options)
     _check_outline(path, mesh)
     edges, behind = _directed_outline(mesh, powder)
-    pieces = _join(mesh.points, edges, behind, _ROUNDED * max(part.r1 for part in parts))
+    pieces = _join(mesh.points, edges, behind, _ROUNDED * max(part.upper[0] for part in parts))
     return mesh, CadSection(tuple(parts), tuple(pieces), _gap(pieces))
 
 
-def read_section_mesh(
-    path: str | Path,
-    *,
-    names: Mapping[str, str] | None = None,
-    needed: Sequence[str] = (),
-    known: Sequence[str] | None = None,
-    scale: float = 1.0,
-) -> tuple[SectionMesh, list[CadPart]]:
+def read_section_mesh(path: str | Path, **options: Any) -> tuple[SectionMesh, list[CadPart]]:
     """Read a mesh of straight triangles, and what each of its names was taken for; the air is no part.
 
     Parameters
     ----------
     path : str or Path
         Its ending is one of `MESH_SUFFIXES`.
-    names, needed, known
-        As `geometry.cad_import.imported_section` takes them.
-    scale : float
-        Metres per unit of the file; meshes written here are in metres.
+    **options
+        Those of a `CadFile`; `scale` is metres per unit of the file, and meshes written here are in metres.
 
     Raises
     ------
@@ -90,27 +81,25 @@ def read_section_mesh(
         A missing or unreadable file, one that is no mesh, triangles without a name or beyond the axis, regions that are
         missing or mean nothing.
     """
-    path, names, expected = Path(path), names or {}, [*needed, *(known or ())]
-    nodes, triangles, labels, edges = _read(path, lambda name: region_of(name, names, expected) in expected)
-    regions = {label: region_of(label, names, expected) for label in sorted(set(labels))}
+    file = CadFile(Path(path), **options)
+    nodes, triangles, labels, edges = _read(file)
+    regions = {label: file.region_of(label) for label in sorted(set(labels))}
     owner = np.array([regions[label] for label in labels])
     order = np.lexsort((labels.astype(str), owner))
     triangles, labels, owner = triangles[order], labels[order], owner[order]
     used, corners = np.unique(triangles, return_inverse=True)
-    points = _plane(path, scale * nodes[used])
+    points = _plane(file.path, file.scale * nodes[used])
     triangles = corners.reshape(-1, 3).astype(np.int64)
     area = _area(points[triangles])
     if np.any(area == 0.0):
         raise CadError(f"{path}: {np.count_nonzero(area == 0.0)} triangle(s) have no area; mesh it again")
     triangles[area < 0.0, 1:] = triangles[area < 0.0, :0:-1]
     parts = [_part(label, region, points[triangles[labels == label]]) for label, region in regions.items()]
+    file.check_parts(parts)
     solid = [part for part in parts if part.region != "air"]
-    check_names(path, parts, needed, known)
-    check_side(path, parts)
     if solid:
-        lower, upper = (f([(part.r0, part.z0, part.r1, part.z1) for part in solid], axis=0) for f in (np.min, np.max))
-        size = float(max(upper[2] - lower[0], upper[3] - lower[1]))
-        check_size(path, size, "say the file's own by `unit`, or give `scale` = {factor}")
+        sides = np.max([part.upper for part in solid], axis=0) - np.min([part.lower for part in solid], axis=0)
+        file.check_size(float(sides.max()), "say the file's own by `unit`, or give `scale` = {factor}")
     boundaries = {name: np.searchsorted(used, pairs).astype(np.int64) for name, pairs in edges.items()}
     outline = _outline(triangles)
     on_axis = np.all(points[outline, 0] == 0.0, axis=1)
@@ -120,16 +109,11 @@ def read_section_mesh(
     return SectionMesh(points, triangles, region_ranges(counts), boundaries), solid
 
 
-def _read(path: Path, is_meant: Callable[[str], bool]) -> _Content:
-    """Read the triangles of a file with their labels; `is_meant` says whether a name is one that the caller seeks."""
-    if not path.is_file():
-        raise CadError(f"{path} does not exist; check the path, which in a scene is relative to its folder")
-    if path.suffix.lower() not in MESH_SUFFIXES:
-        raise CadError(f"{path} is no mesh that is read here; give one of {', '.join(MESH_SUFFIXES)}")
-    is_gmsh = path.suffix.lower() == GMSH
-    if fault := content_fault(path) if is_gmsh else size_fault(path):
-        raise CadError(f"{path} {fault}")
-    nodes, triangles, labels, edges = _read_by_gmsh(path) if is_gmsh else _read_by_meshio(path, is_meant)
+def _read(file: CadFile) -> _Content:
+    """Read the triangles of a file with their labels."""
+    path = file.path
+    check_file(path, "mesh", MESH_SUFFIXES, file.scale)
+    nodes, triangles, labels, edges = _read_by_gmsh(path) if path.suffix.lower() == GMSH else _read_by_meshio(file)
     if len(triangles) == 0:
         raise CadError(f"{path} holds no triangles; {_ONE_ORDER}")
     if unnamed := np.count_nonzero(labels == ""):
@@ -171,7 +155,8 @@ def _by_entity(gmsh: Any, dim: int) -> list[tuple[str, np.ndarray]]:
     return found
 
 
-def _read_by_meshio(path: Path, is_meant: Callable[[str], bool]) -> _Content:
+def _read_by_meshio(file: CadFile) -> _Content:
+    path = file.path
     if path.suffix.lower() == ".inp":  # Abaqus: another file, which nobody has looked at and no run would know of
         with open(path, "rb") as stream:
             if any(line.lstrip().lower().startswith(b"*include") for line in stream):
@@ -183,7 +168,7 @@ def _read_by_meshio(path: Path, is_meant: Callable[[str], bool]) -> _Content:
     flat = [number for number, block in enumerate(mesh.cells) if block.type == "triangle"]
     triangles = np.concatenate([np.zeros((0, 3), dtype=np.int64), *(mesh.cells[number].data for number in flat)])
     points = np.pad(mesh.points, ((0, 0), (0, 3 - mesh.points.shape[1])))
-    labels = _labels_of_sets(mesh, flat, is_meant)
+    labels = _labels_of_sets(mesh, flat, lambda name: file.expects(file.region_of(name)))
     if labels is None and len(triangles):
         labels = _labels_of_tags(path, mesh, flat)
     return points, triangles.astype(np.int64), np.zeros(0, dtype=object) if labels is None else labels, {}
@@ -257,9 +242,9 @@ def _area(corners: np.ndarray) -> np.ndarray:
 
 def _part(label: str, region: str, corners: np.ndarray) -> CadPart:
     area = _area(corners)
-    (r0, z0), (r1, z1) = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     radius = float((area * corners[:, :, 0].mean(axis=1)).sum() / area.sum())
-    return CadPart(label, region, float(area.sum()), radius, float(r0), float(r1), float(z0), float(z1))
+    lower, upper = corners.min(axis=(0, 1)).tolist(), corners.max(axis=(0, 1)).tolist()
+    return CadPart(label, region, float(area.sum()), tuple(lower), tuple(upper), radius)
 
 
 def _outline(triangles: np.ndarray) -> np.ndarray:

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from geometry.file_content import SHAPE_FORMATS, content_fault, size_fault
+from geometry.file_content import SHAPE_FORMATS, CadError, check_file, read_by_meshio
 from geometry.mesher import MAX_TRIANGLES, MILLIMETRE, gmsh_model
-from geometry.triangle_wall import MERGED, TriangleWall, _heights
+from geometry.triangle_wall import MERGED, TriangleWall, heights
 
 MESH_SUFFIXES = (".stl", ".obj", ".ply", ".vtk", ".vtu", ".msh")
 CAD_SUFFIXES = tuple(SHAPE_FORMATS)
@@ -31,10 +30,6 @@ _OPTIONS = {
 }
 
 
-class SurfaceError(ValueError):
-    """A file that cannot be taken as a wall; says what was found in it and what to do."""
-
-
 def triangle_wall_from_file(
     path: str | Path,
     name: str,
@@ -44,7 +39,7 @@ def triangle_wall_from_file(
     size: float | None = None,
     magnetic: bool = False,
 ) -> TriangleWall:
-    """The surface in a file as a wall.
+    """Read the surface in a file as a wall.
 
     Parameters
     ----------
@@ -61,71 +56,53 @@ def triangle_wall_from_file(
 
     Raises
     ------
-    SurfaceError
+    CadError
         For a file that is missing or cannot be read, an unknown ending, no triangles, a wall larger than 10 m.
     """
     path = Path(path)
-    suffix = path.suffix.lower()
-    if suffix not in MESH_SUFFIXES + CAD_SUFFIXES:
-        raise SurfaceError(
-            f"{path} ends in {suffix or 'nothing'!r}; read are {', '.join(MESH_SUFFIXES)} and {', '.join(CAD_SUFFIXES)}"
-        )
-    if not path.is_file():
-        raise SurfaceError(f"{path} does not exist; check the path, which in a scene is relative to its folder")
-    if not (math.isfinite(scale) and scale > 0.0):
-        raise SurfaceError(f"`scale` = {scale}: allowed is a factor above 0, e.g. 0.001 for a mesh in millimetres")
+    check_file(path, "surface", MESH_SUFFIXES + CAD_SUFFIXES, scale)
     if size is not None and not (math.isfinite(size) and size > 0.0):
-        raise SurfaceError(f"`size` = {size}: allowed is a length above 0 m")
-    is_mesh = suffix in MESH_SUFFIXES
-    if is_mesh and size is not None:
-        raise SurfaceError(f"`size` is for CAD files; {path} is a mesh and keeps its triangles: remove `size`")
-    if fault := size_fault(path) if is_mesh else content_fault(path):
-        raise SurfaceError(f"{path} {fault}")
-    vertices, triangles = _mesh(path) if is_mesh else _cad(path, None if size is None else size / scale)
+        raise CadError(f"`size` = {size}: allowed is a length above 0 m")
+    if path.suffix.lower() in CAD_SUFFIXES:
+        vertices, triangles = _mesh_faces(path, None if size is None else size / scale)
+    elif size is None:
+        vertices, triangles = _read_mesh(path)
+    else:
+        raise CadError(f"`size` is for CAD files; {path} is a mesh and keeps its triangles: remove `size`")
     vertices = scale * vertices
     if len(triangles) == 0:
-        raise SurfaceError(f"{path} holds no triangles; export it again: the surface, not curves or solid cells alone")
+        raise CadError(f"{path} holds no triangles; export it again: the surface, not curves or solid cells alone")
     if not np.isfinite(vertices[triangles]).all():
-        raise SurfaceError(f"{path} holds coordinates that are not finite; export it again")
-    extent = float(np.ptp(vertices[triangles].reshape(-1, 3), axis=0).max())
-    if extent > LARGEST:
-        raise SurfaceError(
-            f"{path}: the wall measures {extent:.4g} m, allowed are {LARGEST:g} m; if the file is in millimetres, "
+        raise CadError(f"{path} holds coordinates that are not finite; export it again")
+    sides = np.ptp(vertices[triangles].reshape(-1, 3), axis=0)
+    if sides.max() > LARGEST:
+        raise CadError(
+            f"{path}: the wall measures {sides.max():.4g} m, allowed are {LARGEST:g} m; if the file is in millimetres, "
             f"give `scale` = {0.001 * scale:g}"
         )
-    diagonal = float(np.linalg.norm(np.ptp(vertices[triangles].reshape(-1, 3), axis=0)))
     # exports hold needles of no area; twice the limit, as merging may still move their corners
-    triangles = triangles[_heights(vertices, triangles) > 2.0 * MERGED * diagonal]
+    triangles = triangles[heights(vertices, triangles) > 2.0 * MERGED * float(np.linalg.norm(sides))]
     if len(triangles) == 0:
-        raise SurfaceError(f"{path}: none of its triangles has an area; export it again")
+        raise CadError(f"{path}: none of its triangles has an area; export it again")
     return TriangleWall(name, body, vertices, triangles, magnetic)
 
 
-def _mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
+def _read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (v, 3) in the file's unit and triangles (t, 3) of a mesh."""
-    import meshio
-
+    is_stl = path.suffix.lower() == ".stl"
     try:
-        with np.errstate(over="ignore"):  # of a text's bytes, read as the number of triangles of a binary STL
-            mesh = meshio.read(path)
-    except (Exception, SystemExit) as error:  # each of meshio's readers fails in a way of its own
-        if path.suffix.lower() == ".stl":
-            raise SurfaceError(f"{path} {_wrong_stl(path)}; export it again") from None
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise SurfaceError(f"{path} cannot be read as {path.suffix.lower()} ({reason}); export it again") from None
+        mesh = read_by_meshio(path)
+    except CadError:
+        if is_stl:
+            raise CadError(f"{path} {_wrong_stl(path)}; export it again") from None
+        raise
     if len(mesh.points) == 0:  # also what is made of some files that are no STL
-        found_instead = _wrong_stl(path) if path.suffix.lower() == ".stl" else "holds no triangles"
-        raise SurfaceError(f"{path} {found_instead}; export it again")
-    points = np.asarray(mesh.points, dtype=float).reshape(len(mesh.points), -1)
-    vertices = np.zeros((len(points), 3))
-    vertices[:, : points.shape[1]] = points
+        raise CadError(f"{path} {_wrong_stl(path) if is_stl else 'holds no triangles'}; export it again")
+    vertices = np.pad(np.asarray(mesh.points, dtype=float), ((0, 0), (0, 3 - mesh.points.shape[1])))
     found = [np.zeros((0, 3), dtype=np.int64)]
     for block in mesh.cells:
-        cells = np.asarray(block.data)
-        if block.type == "triangle":
-            found.append(cells)
-        elif block.type == "quad":
-            found += [cells[:, [0, 1, 2]], cells[:, [0, 2, 3]]]
+        if block.type in ("triangle", "quad"):
+            found += [block.data[:, [0, k, k + 1]] for k in range(1, block.data.shape[1] - 1)]
     return vertices, np.vstack(found).astype(np.int64)
 
 
@@ -143,34 +120,27 @@ def _wrong_stl(path: Path) -> str:
     return "is neither ASCII nor binary STL"
 
 
-def _cad(path: Path, size: float | None) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (v, 3) [m] and triangles (t, 3) on all faces of a CAD file."""
-    options = _OPTIONS | {"Mesh.MeshSizeMax": 1e22 if size is None else size / MILLIMETRE}
-    with gmsh_model(options) as gmsh:
+def _mesh_faces(path: Path, size: float | None) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (v, 3) [m] and triangles (t, 3) on all faces of a CAD file, of at most `size` [m]."""
+    with gmsh_model(_OPTIONS | {"Mesh.MeshSizeMax": 1e22 if size is None else size / MILLIMETRE}) as gmsh:
         try:
             gmsh.model.occ.importShapes(str(path), highestDimOnly=False, format=SHAPE_FORMATS[path.suffix.lower()])
             gmsh.model.occ.synchronize()
-            if size is not None:
-                _refuse_too_fine(gmsh, path, size / MILLIMETRE)
+            area = MILLIMETRE**2 * sum(gmsh.model.occ.getMass(2, tag) for _, tag in gmsh.model.getEntities(2))
+            count = 0.0 if size is None else area / (math.sqrt(3.0) / 4.0 * size**2)
+            if count > MAX_TRIANGLES:
+                raise CadError(
+                    f"{path} would have about {count:.2g} triangles; allowed: at most {MAX_TRIANGLES:.2g}; raise "
+                    "`size`, or leave it out"
+                )
             gmsh.model.mesh.generate(2)
-        except SurfaceError:
+        except CadError:
             raise
         except Exception as error:  # gmsh raises plain Exception, with its own last message
-            raise SurfaceError(f"{path} cannot be read and meshed ({error}); export it again, best as STEP") from None
+            raise CadError(f"{path} cannot be read and meshed ({error}); export it again, best as STEP") from None
         tags, coordinates, _ = gmsh.model.mesh.getNodes()
         _, corners = gmsh.model.mesh.getElementsByType(2)
     position = np.empty((int(tags.max(initial=0)) + 1, 3))
     position[tags] = coordinates.reshape(-1, 3)
     used, triangles = np.unique(corners, return_inverse=True)
     return MILLIMETRE * position[used], triangles.reshape(-1, 3).astype(np.int64)
-
-
-def _refuse_too_fine(gmsh: Any, path: Path, side: float) -> None:
-    """Refuse sides [mm] with which the faces of a CAD file would have more triangles than any wall needs."""
-    area = sum(gmsh.model.occ.getMass(2, tag) for _, tag in gmsh.model.getEntities(2))
-    count = area / (math.sqrt(3.0) / 4.0 * side**2)
-    if count > MAX_TRIANGLES:
-        raise SurfaceError(
-            f"{path} would have about {count:.2g} triangles; allowed: at most {MAX_TRIANGLES:.2g}; raise `size`, or "
-            "leave it out"
-        )

@@ -41,7 +41,7 @@ class TriangleWall:
         vertices, triangles = np.array(self.vertices, dtype=float), np.asarray(self.triangles)
         self._check(vertices, triangles)
         size = float(np.linalg.norm(np.ptp(vertices[triangles].reshape(-1, 3), axis=0)))
-        thin = np.flatnonzero(~(_heights(vertices, triangles) > MERGED * size))
+        thin = np.flatnonzero(~(heights(vertices, triangles) > MERGED * size))
         if len(thin):
             corners = np.round(1e3 * vertices[triangles[thin[0]]], 6).tolist()
             raise ValueError(
@@ -181,7 +181,7 @@ def joined(name: str, body: str, walls: Sequence[TriangleWall], *, magnetic: boo
     )
 
 
-def _heights(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+def heights(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Height over the longest edge of each triangle [m]; 0 where all its corners coincide."""
     a, b, c = np.moveaxis(vertices[triangles], 1, 0)
     longest = np.maximum.reduce([np.linalg.norm(side, axis=1) for side in (b - a, c - b, a - c)])

@@ -219,7 +219,7 @@ class CadGeometry(GeometrySection):
             )
 
     def options(self) -> dict[str, Any]:
-        """Arguments of the import other than the path; see `geometry.cad_import.imported_section`."""
+        """Arguments of the import other than the path; see `geometry.cad_parts.CadFile`."""
         native = "m" if self.is_meshed else _UNIT_OF_SHAPES
         return {
             "names": self.names,
@@ -270,9 +270,10 @@ class CadGeometry(GeometrySection):
         )
         outer = mesh.points[mesh.boundaries["outer"]][..., 2]
         line = under_the_poles(shape)
+        (r0, z0), (r1, z1) = coil.lower, coil.upper
         return Solid(
             mesh,
-            FlatCoil.ring((coil.r0, coil.r1), (coil.z0, coil.z1)),
+            FlatCoil.ring((r0, r1), (z0, z1)),
             carrier=next(iter(shape.carriers), "housing"),
             pole_line=line,
             face_line=line,

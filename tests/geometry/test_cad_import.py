@@ -7,11 +7,16 @@ import pytest
 from step_file import area_of, rectangle, solids_of_revolution, write_polygons, write_step
 
 from geometry import Clutch
-from geometry.cad_import import read_cad
 from geometry.cad_meshing import cad_section, mesh_cad
-from geometry.cad_parts import CadError, plain_name
+from geometry.cad_parts import plain_name
+from geometry.file_content import CadError
 
 CLUTCH = Clutch()
+
+
+def read_cad(path, **options):
+    return cad_section(path, **options).parts
+
 
 
 def test_names_and_areas_survive_the_file(tmp_path):
@@ -19,9 +24,9 @@ def test_names_and_areas_survive_the_file(tmp_path):
     drawn = [(name, polygon) for name, polygons in CLUTCH.section_polygons().items() for polygon in polygons]
     assert [part.region for part in parts] == [name for name, _ in drawn]
     for part, (_, polygon) in zip(parts, drawn, strict=True):
-        assert part.area == pytest.approx(area_of(polygon), rel=1e-9)
-        assert (part.r0, part.z0) == pytest.approx(polygon.min(axis=0), abs=1e-9)
-        assert (part.r1, part.z1) == pytest.approx(polygon.max(axis=0), abs=1e-9)
+        assert part.size == pytest.approx(area_of(polygon), rel=1e-9)
+        assert part.lower == pytest.approx(polygon.min(axis=0), abs=1e-9)
+        assert part.upper == pytest.approx(polygon.max(axis=0), abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -60,10 +65,10 @@ def test_the_files_own_unit_is_kept(unit, tmp_path):
     if unit == "m":
         path.write_text(text.replace("SI_UNIT(.MILLI.,.METRE.)", "SI_UNIT($,.METRE.)"))
         part = read_cad(path)[0]
-        assert (part.r0, part.r1, part.z1) == pytest.approx((2.0, 3.0, 1.0))
+        assert (part.lower[0], *part.upper) == pytest.approx((2.0, 3.0, 1.0))
     else:
         part = read_cad(path, scale=25.4)[0]
-        assert (part.r0, part.r1, part.z1) == pytest.approx((2 * 25.4e-3, 3 * 25.4e-3, 25.4e-3))
+        assert (part.lower[0], *part.upper) == pytest.approx((2 * 25.4e-3, 3 * 25.4e-3, 25.4e-3))
 
 
 @pytest.mark.parametrize("axis", ["x", "y", "z"])
@@ -76,9 +81,9 @@ def test_solids_are_cut_by_the_half_plane(axis, tmp_path):
         return names
 
     parts = {part.region: part for part in read_cad(write_step(tmp_path / "a.step", build), axis=axis)}
-    assert parts["core"].area == pytest.approx(20e-3 * 20e-3) and parts["coil"].area == pytest.approx(10e-3 * 20e-3)
-    assert (parts["coil"].r0, parts["coil"].r1) == pytest.approx((20e-3, 30e-3), abs=1e-9)
-    assert (parts["coil"].z0, parts["coil"].z1) == pytest.approx((-10e-3, 10e-3), abs=1e-9)
+    assert parts["core"].size == pytest.approx(20e-3 * 20e-3) and parts["coil"].size == pytest.approx(10e-3 * 20e-3)
+    assert parts["coil"].lower == pytest.approx((20e-3, -10e-3), abs=1e-9)
+    assert parts["coil"].upper == pytest.approx((30e-3, 10e-3), abs=1e-9)
 
 
 def test_a_slot_is_not_lost_without_a_word(tmp_path):
@@ -140,7 +145,7 @@ def test_lengths_of_no_device_are_told(tmp_path):
     big = write_polygons(tmp_path / "big.step", {"coil": [1e3 * rectangle(0.02, 0.15, 0.0, 0.01)]})
     with pytest.raises(CadError, match=r"measures 130 m.*`scale` = 0.001"):
         read_cad(big)
-    assert read_cad(big, scale=1e-3)[0].r1 == pytest.approx(0.15)
+    assert read_cad(big, scale=1e-3)[0].upper[0] == pytest.approx(0.15)
     small = write_polygons(tmp_path / "small.step", {"coil": [1e-3 * rectangle(0.02, 0.15, 0.0, 0.01)]})
     with pytest.raises(CadError, match=r"measures 0.00013 m.*`scale` = 1000"):
         read_cad(small)
@@ -174,7 +179,7 @@ def test_parts_of_a_brep_file_are_named_by_their_number(tmp_path):
     with pytest.raises(CadError, match=r"no part named 'coil'(.|\n)*part1: 100 mm2, r 20 to 30 mm"):
         read_cad(path, needed=["coil"])
     parts = read_cad(path, names={"part1": "coil", "part2": "disc"}, needed=["coil"], known=["disc"])
-    assert [part.region for part in parts] == ["coil", "disc"] and parts[1].r1 == pytest.approx(0.01)
+    assert [part.region for part in parts] == ["coil", "disc"] and parts[1].upper[0] == pytest.approx(0.01)
 
 
 EMPTY_STEP = "ISO-10303-21;\nHEADER;\nENDSEC;\nDATA;\nENDSEC;\nEND-ISO-10303-21;\n"
@@ -205,7 +210,7 @@ def test_a_geo_file_with_physical_names_is_a_section(tmp_path):
     path = tmp_path / "a.geo"
     path.write_text('SetFactory("OpenCASCADE");\nRectangle(1) = {20, 0, 0, 10, 5};\nPhysical Surface("coil") = {1};\n')
     part = read_cad(path, needed=["coil"], trust_scripts=True)[0]
-    assert part.region == "coil" and part.area == pytest.approx(50e-6)
+    assert part.region == "coil" and part.size == pytest.approx(50e-6)
     path.write_text(
         'SetFactory("OpenCASCADE");\nRectangle(1) = {0, -10, 0, 20, 20};\nRectangle(2) = {20, -10, 0, 1, 20};\n'
         'Rectangle(3) = {21, -5, 0, 8, 10};\nPhysical Surface("disc") = {1};\nPhysical Surface("powder") = {2};\n'

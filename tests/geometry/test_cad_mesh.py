@@ -8,10 +8,13 @@ import pytest
 from step_file import area_of, rectangle, solids_of_revolution, write_polygons, write_step
 
 from geometry import Clutch
+from geometry.cad_import import open_solids
 from geometry.cad_meshing import mesh_cad
-from geometry.cad_parts import CadError
-from geometry.cad_solid import mesh_cad_solids, read_cad_solids
+from geometry.cad_parts import CadFile
+from geometry.cad_solid import mesh_cad_solids
+from geometry.file_content import CadError
 from geometry.mesher import initialize_gmsh
+from geometry.meshing_3d import SOLID_OPTIONS
 from geometry.section_import import read_section_mesh
 
 CLUTCH = Clutch()
@@ -123,6 +126,11 @@ def test_solids_and_their_section_give_one_mesh(tmp_path):
 # --- solids in 3D ---------------------------------------------------------------------------------------
 
 
+def read_cad_solids(path, **options):
+    with open_solids(CadFile(path, **options), SOLID_OPTIONS) as (_, solids, _):
+        return solids
+
+
 def test_solids_fill_their_volumes_and_curved_elements_converge(tmp_path):
     def build(occ):
         occ.addBox(-20, -20, -30, 40, 40, 20)
@@ -137,7 +145,7 @@ def test_solids_fill_their_volumes_and_curved_elements_converge(tmp_path):
     path = write_step(tmp_path / "a.step", apart)
     exact = {"block": 0.04 * 0.04 * 0.02, "ball": 4.0 / 3.0 * math.pi * 0.01**3}
     for solid in read_cad_solids(path):
-        assert solid.volume == pytest.approx(exact[solid.region], rel=1e-6)
+        assert solid.size == pytest.approx(exact[solid.region], rel=1e-6)
     errors, counts = [], []
     for size in (1.0, 0.5):
         mesh = mesh_cad_solids(path, size_factor=size)

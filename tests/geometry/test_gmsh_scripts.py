@@ -8,10 +8,11 @@ from typer.testing import CliRunner
 
 from emclutch.cli.main import app
 from emclutch.scene.case import load_case, read_toml
-from geometry.cad_import import SUFFIXES, read_cad
-from geometry.cad_parts import CadError
+from geometry.cad_import import SUFFIXES
+from geometry.cad_meshing import cad_section
+from geometry.file_content import CadError
 from geometry.section_import import read_section_mesh
-from geometry.surface_import import CAD_SUFFIXES, MESH_SUFFIXES, SurfaceError, triangle_wall_from_file
+from geometry.surface_import import CAD_SUFFIXES, MESH_SUFFIXES, triangle_wall_from_file
 
 QUICKSTART = Path(__file__).parents[2] / "cases" / "quickstart.toml"
 SECTION = """SetFactory("OpenCASCADE");
@@ -45,8 +46,8 @@ def test_a_script_under_any_name_does_not_run(suffix, beginning, tmp_path, marke
     path = tmp_path / f"a{suffix}"
     path.write_text(beginning + script)
     with pytest.raises(CadError):
-        read_cad(path)
-    with pytest.raises(SurfaceError):
+        cad_section(path)
+    with pytest.raises(CadError):
         triangle_wall_from_file(path, "wall", "rotor")
     with pytest.raises(CadError):
         read_section_mesh(path)
@@ -65,9 +66,9 @@ def test_a_script_runs_for_those_who_trust_it(tmp_path, marker, script):
     path = tmp_path / "a.geo"
     path.write_text(SECTION + script)
     with pytest.raises(CadError, match=r"is a script of gmsh, which may run any command.*--trust-scripts.*STEP"):
-        read_cad(path)
+        cad_section(path)
     assert not marker.exists()
-    assert {part.region for part in read_cad(path, trust_scripts=True)} == {"disc", "powder", "coil"}
+    assert {part.region for part in cad_section(path, trust_scripts=True).parts} == {"disc", "powder", "coil"}
     assert marker.exists()
 
 

@@ -15,8 +15,8 @@ from step_file import rectangle, write_polygons
 
 from field import AxisymmetricProblem, LinearLaw
 from geometry.cad_meshing import cad_section, mesh_cad
-from geometry.cad_parts import CadError
 from geometry.cad_shape import CadShape
+from geometry.file_content import CadError
 from geometry.mesher import initialize_gmsh
 from geometry.section_import import MESH_SUFFIXES, meshed_section, read_section_mesh
 

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from emclutch.results.vtk.wall_surface import triangle_surface
 from emclutch.scene.surfaces import SurfaceSection, surface_walls
-from geometry.surface_import import SurfaceError, triangle_wall_from_file
+from geometry.file_content import CadError
+from geometry.surface_import import triangle_wall_from_file
 from geometry.triangle_wall import TriangleWall, box_surface, extruded, joined
 
 L_SHAPE = np.array([[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]], dtype=float)
@@ -132,9 +133,9 @@ def test_meshes_come_back_from_files(tmp_path, suffix, options):
     found = triangle_wall_from_file(path, "L", "rotor", scale=0.001)
     assert found.body == "rotor" and found.is_closed and len(found.vertices) == 12
     assert found.volume == pytest.approx(3.0, rel=1e-6) and found.area == pytest.approx(14.0, rel=1e-6)
-    with pytest.raises(SurfaceError, match=r"measures 2000 m.*`scale` = 0.001"):
+    with pytest.raises(CadError, match=r"measures 2000 m.*`scale` = 0.001"):
         triangle_wall_from_file(path, "L", "rotor")
-    with pytest.raises(SurfaceError, match="remove `size`"):
+    with pytest.raises(CadError, match="remove `size`"):
         triangle_wall_from_file(path, "L", "rotor", scale=0.001, size=0.1)
 
 
@@ -180,7 +181,7 @@ def test_a_cad_file_is_meshed_to_its_size(rod, suffix, size):
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("wall.xyz", "", r"ends in '.xyz'; read are .stl"),
+        ("wall.xyz", "", r"is no surface that is read here; give one of .stl"),
         ("wall.stl", None, "does not exist"),
         ("wall.stl", "solid\nfacet\nrubbish", "is cut off, or neither ASCII nor binary STL; export it again"),
         ("wall.stl", "solid a\nendsolid a\n", "holds no triangles; export it again"),
@@ -197,7 +198,7 @@ def test_a_cad_file_is_meshed_to_its_size(rod, suffix, size):
 def test_files_that_are_no_wall_are_refused(tmp_path, name, content, message):
     if content is not None:
         (tmp_path / name).write_text(content)
-    with pytest.raises(SurfaceError, match=message):
+    with pytest.raises(CadError, match=message):
         triangle_wall_from_file(tmp_path / name, "wall", "rotor")
 
 

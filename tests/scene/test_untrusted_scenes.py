@@ -24,8 +24,9 @@ from emclutch.simulation.forecast import space
 from emclutch.simulation.forecast.space import disk, memory
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.run import run
+from geometry.file_content import CadError
 from geometry.mesher import GROWTH, expected_triangles
-from geometry.surface_import import SurfaceError, triangle_wall_from_file
+from geometry.surface_import import triangle_wall_from_file
 from particles.packing import file_packing
 from particles.packing.file_packing import read_packing
 
@@ -172,7 +173,7 @@ def test_surfaces_finer_than_any_wall_needs_are_refused(tmp_path):
         return ["tile"]
 
     file = write_step(tmp_path / "tile.step", build)
-    with pytest.raises(SurfaceError, match="triangles; allowed"):
+    with pytest.raises(CadError, match="triangles; allowed"):
         triangle_wall_from_file(file, "tile", "housing", size=1e-6)
     assert len(triangle_wall_from_file(file, "tile", "housing", size=5e-3).triangles) > 1
 
