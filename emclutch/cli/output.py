@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -18,25 +19,34 @@ if TYPE_CHECKING:
 
 
 def torque_line(torque: dict[str, Any] | None) -> str:
-    """Say a run's torque with its error, and where it is not converged, why."""
+    """Return a run's torque with its error, and where it is not converged, why."""
     from emclutch.results.statistics import Estimate  # local: it imports numpy
-    from emclutch.results.torque_in_words import torque_in_words
+    from emclutch.results.text import format_torque
 
     if not torque or torque.get("mean") is None:
         return "torque on the disc: none" + (f" ({torque['reason']})" if torque else "")
     found = Estimate.from_dict(torque)
-    text = f"torque on the disc: {torque_in_words(found)}"
+    text = f"torque on the disc: {format_torque(found)}"
     if found.interval() is not None:
         text += f", {packings(found.replicas)}"
     return f"{text}; {found.reason}"
 
 
 def packings(count: int) -> str:
-    """Say out of how many packings a mean is, and of one, what its error lacks."""
+    """Return out of how many packings a mean is, and of one, what its error lacks."""
     return f"{count} packings" if count > 1 else "one packing: what packings differ by is not in it"
 
 
-def tell_plan(case: Case, as_json: bool, threads: int | None = None) -> None:
+def print_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """Print rows of texts under their head."""
+    table = Table(*head)
+    for row in rows:
+        table.add_row(*(escape(cell) for cell in row))
+    Console().print(table)
+
+
+def print_plan(case: Case, as_json: bool, threads: int | None = None) -> None:
+    """Print what follows from a scene, and what it leaves out."""
     from emclutch.simulation.check import check  # local: it needs the packages of the physics
 
     checked = check(case, threads)
@@ -44,49 +54,39 @@ def tell_plan(case: Case, as_json: bool, threads: int | None = None) -> None:
         print_json({"title": checked.title, "effects": checked.effects, "warnings": checked.warnings,
                      "plan": checked.decisions, "left_out": [line.as_dict() for line in checked.left_out]})  # fmt: skip
         return
-    console = Console()
-    console.print(f"{checked.title}: OK", highlight=False, markup=False)
-    effects = Table("effect", "")
-    for name in case.scene.effects.names():
-        effects.add_row(name, "on" if name in checked.effects else "off")
-    console.print(effects)
-    rows = Table("what follows", "")
-    for label, text in checked.decisions.items():
-        rows.add_row(label, escape(text))
-    console.print(rows)
-    if case.scene.particles is None:
-        return
-    rows = Table("left out", "matters", "by this number (from there on)")
-    for line in checked.left_out:
-        rows.add_row(line.effect, line.verdict, line.in_words())
-    console.print(rows)
+    Console().print(f"{checked.title}: OK", highlight=False, markup=False)
+    effects = case.scene.effects.names()
+    print_table(("effect", ""), ((name, "on" if name in checked.effects else "off") for name in effects))
+    print_table(("what follows", ""), checked.decisions.items())
+    if case.scene.particles is not None:
+        rows = ((line.effect, line.verdict, line.in_words()) for line in checked.left_out)
+        print_table(("left out", "matters", "by this number (from there on)"), rows)
 
 
-def tell_study(study: StudySection, jobs: int, as_json: bool) -> None:
+def print_study(study: StudySection, jobs: int, as_json: bool) -> None:
+    """Print what the points of a study are predicted to take."""
     from emclutch.studies.forecast import predict_study, time_in_words  # local: it needs the packages of the physics
 
     found = predict_study(study, jobs)
     if as_json:
         print_json(found.as_dict())
         return
-    console = Console()
-    console.print(f"{found.title}: OK", highlight=False, markup=False)
-    rows = Table("point", "steps", "grains", "packings", "takes", "memory", "disk")
-    for point in found.points:
-        rows.add_row(
-            escape(point.label),
-            str(point.steps),
-            str(point.grains),
-            str(point.replicas),
-            time_in_words(point.seconds, point.earliest),
-            f"{point.memory:.0f} MiB",
-            f"{point.disk:.0f} MiB",
-        )
-    console.print(rows)
-    console.print(found.in_words(), highlight=False, markup=False)
+    Console().print(f"{found.title}: OK", highlight=False, markup=False)
+    print_table(
+        ("point", "steps", "grains", "packings", "takes", "memory", "disk"),
+        (
+            (
+                point.label, str(point.steps), str(point.grains), str(point.replicas),
+                time_in_words(point.seconds, point.earliest), f"{point.memory:.0f} MiB", f"{point.disk:.0f} MiB",
+            )
+            for point in found.points
+        ),
+    )  # fmt: skip
+    Console().print(found.in_words(), highlight=False, markup=False)
 
 
-def tell_design(found: DesignResult, as_json: bool) -> None:
+def print_design(found: DesignResult, as_json: bool) -> None:
+    """Print the value that a search has found, and the run with it."""
     from emclutch.studies.design_search import (  # local: it needs the packages of the physics
         as_data,
         in_words,
@@ -103,4 +103,5 @@ def tell_design(found: DesignResult, as_json: bool) -> None:
 
 
 def print_json(values: Any) -> None:
+    """Print values as JSON."""
     typer.echo(json.dumps(values, indent=2, default=str))

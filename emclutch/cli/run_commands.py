@@ -28,7 +28,7 @@ from emclutch.cli.options import (
     TrustScripts,
     Vary,
 )
-from emclutch.cli.output import print_json, tell_design, tell_plan, tell_study, torque_line
+from emclutch.cli.output import print_design, print_json, print_plan, print_study, torque_line
 from emclutch.scene.errors import Fault, SceneError
 
 
@@ -53,7 +53,7 @@ def run(
             message = f"needs a run; name the run's folder: emclutch run FOLDER --resume, not the scene {case}"
             raise SceneError([Fault("--resume", "", message)], "command line")
         if dry_run:
-            tell_plan(read, as_json, threads)
+            print_plan(read, as_json, threads)
             return
         from emclutch.results import Progress
         from emclutch.simulation.run import run as run_scene
@@ -81,9 +81,9 @@ def check(
     """Validate a scene, and say what follows from it; of a study each point's plan, and the time of all."""
     with explained():
         if (study := study_to_check(case, sets, jobs, trust_scripts)) is not None:
-            tell_study(study, jobs, as_json)
+            print_study(study, jobs, as_json)
             return
-        tell_plan(load(case, sets, trust_scripts), as_json)
+        print_plan(load(case, sets, trust_scripts), as_json)
 
 
 def sweep(
@@ -156,4 +156,4 @@ def design(
 
         with nullcontext() if as_json or not confirm else Progress() as progress:
             found = design_search.design(asked, like=like, out=out, confirm=confirm, threads=threads, progress=progress)
-        tell_design(found, as_json)
+        print_design(found, as_json)

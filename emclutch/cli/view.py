@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from emclutch.results import OutputError
-from emclutch.results.time_unit import time_in_words
+from emclutch.results.text import format_time
 from emclutch.results.view.look import LOOKS
 from emclutch.results.view.run_files import RunFiles, read_run_files
 from emclutch.scene.errors import Fault, SceneError
@@ -103,7 +103,7 @@ def _moment(text: str, times: list[float]) -> float:
     """The time [s] that was asked for, within those that were written."""
     time = _time(text)
     if not times[0] * (1.0 - 1e-9) <= time <= times[-1] * (1.0 + 1e-9):
-        first, last = (time_in_words(end) for end in (times[0], times[-1]))
+        first, last = (format_time(end) for end in (times[0], times[-1]))
         message = f"is not in the run, whose moments go from {first} to {last}; leave it away for the last"
         raise SceneError([Fault("--time", text, message)], "command line")
     return time

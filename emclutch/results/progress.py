@@ -7,6 +7,8 @@ import time
 from types import TracebackType
 from typing import TYPE_CHECKING, TextIO
 
+from emclutch.results.text import format_duration
+
 if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
 
@@ -86,7 +88,7 @@ class Progress:
     def _left(self, fraction: float) -> str:
         now = time.monotonic()
         if fraction >= 1.0:
-            return f"took {duration_text(now - self._started)}"
+            return f"took {format_duration(now - self._started)}"
         done = (fraction - self._first) / (1.0 - self._first)
         if self._clock is None:
             if self._steps >= FIRST_STEPS and done >= FIRST_FRACTION:
@@ -95,18 +97,10 @@ class Progress:
         passed, advanced = now - self._clock[0], fraction - self._clock[1]
         if done < MIN_DONE or advanced <= 0.0 or passed < 0.5:  # too early for an honest guess
             return ""
-        return f"{duration_text(passed * (1.0 - fraction) / advanced)} left"
+        return f"{format_duration(passed * (1.0 - fraction) / advanced)} left"
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if self._bar is not None:
             self._bar.stop()
-
-
-def duration_text(seconds: float) -> str:
-    """Seconds, minutes or hours in words."""
-    if seconds < 60.0:
-        return f"{seconds:.0f} s"
-    minutes = round(seconds / 60.0)
-    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"

@@ -18,7 +18,7 @@ from emclutch.results.errors import OutputError
 from emclutch.results.folder_lock import LOCK, has_files, locked_folder
 from emclutch.results.history import last_time, whole_rows
 from emclutch.results.provenance import provenance
-from emclutch.results.time_unit import time_in_words
+from emclutch.results.text import format_time
 
 LOGGERS = ("emclutch", "geometry", "field", "particles", "coupling")
 
@@ -43,7 +43,7 @@ class Failure:
 
     def in_words(self) -> str:
         """Return when and why, and that going on helps nothing."""
-        when = "before its first window" if self.time is None else f"after {time_in_words(self.time)}"
+        when = "before its first window" if self.time is None else f"after {format_time(self.time)}"
         return f"the run failed {when}: {self.reason.rstrip('.')}; {CURE}"
 
 

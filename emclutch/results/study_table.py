@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import TYPE_CHECKING, TextIO
 
-from emclutch.results.progress import LINE_EVERY_FRACTION, LINE_EVERY_SECONDS, duration_text
-from emclutch.results.torque_in_words import in_words
+from emclutch.results.progress import LINE_EVERY_FRACTION, LINE_EVERY_SECONDS
+from emclutch.results.text import format_duration, format_mean
 
 if TYPE_CHECKING:
     from rich.live import Live
@@ -170,7 +170,7 @@ class StudyTable:
             for state in (DONE, KEPT, RUNNING, WAITING, FAILED, STOPPED)
             if (number := sum(row.state == state for row in self.rows))
         )
-        ahead = "" if left is None or self.fraction >= 1.0 else f", {duration_text(left)} left"
+        ahead = "" if left is None or self.fraction >= 1.0 else f", {format_duration(left)} left"
         table = Table(title=f"{100.0 * self.fraction:.0f} % of {len(self.rows)} points: {counts}{ahead}")
         for name in ("point", "state", "done", "torque", "time"):
             table.add_column(name, justify="left" if name in ("point", "state") else "right")
@@ -186,7 +186,7 @@ class StudyTable:
                 row.state,
                 "" if row.state == WAITING else f"{100.0 * row.fraction:.0f} %",
                 torque_text(row),
-                "" if seconds is None else duration_text(seconds),
+                "" if seconds is None else format_duration(seconds),
                 style=STYLES.get(row.state),
             )
         table.caption = self._text or None
@@ -204,7 +204,7 @@ class StudyTable:
         done = sum(row.state in (DONE, KEPT) for row in self.rows)
         parts = [f"{100.0 * fraction:3.0f} %", f"{done} of {len(self.rows)} points", self._text]
         if left is not None and fraction < 1.0:
-            parts.append(f"{duration_text(left)} left")
+            parts.append(f"{format_duration(left)} left")
         print("  ".join(part for part in parts if part), file=self.stream, flush=True)
         self._line_time, self._line_fraction = now, fraction
 
@@ -213,5 +213,5 @@ def torque_text(row: PointRow) -> str:
     """A point's torque with its 95 % interval, or nothing."""
     if row.torque is None and row.state in (WAITING, RUNNING, FAILED, STOPPED):
         return ""
-    text = in_words(row.torque, row.interval)
+    text = format_mean(row.torque, row.interval)
     return text if row.converged else f"{text}, not converged"

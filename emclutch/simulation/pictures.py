@@ -18,7 +18,7 @@ from emclutch.results.pictures import (
 from emclutch.results.pictures.field import gap_map_picture
 from emclutch.results.pictures.speeds import speeds_vary
 from emclutch.results.pictures.torque import varies
-from emclutch.results.time_unit import time_in_words
+from emclutch.results.text import format_time
 from emclutch.simulation.snapshots import contact_lines
 from field import MagneticField
 from field.section.smooth_field import SmoothField
@@ -86,7 +86,7 @@ def draw_run(case, folder: RunFolder, device, simulation, profiles=()) -> None:
 
 def moment_in_words(history, time: float) -> str:
     """The moment [s] that a picture shows, with the current at the end of a history where there is a coil."""
-    at = f"t = {time_in_words(time)}"
+    at = f"t = {format_time(time)}"
     return f"{history[CURRENT].iloc[-1]:.4g} A, {at}" if CURRENT in history else at
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from emclutch.results import Estimate, Result
 from emclutch.results.columns import DISC_SPEED, MISSED_STEPS, ROTOR_SPEED, STEPS, TIME, TORQUE_DISC
-from emclutch.results.torque_in_words import in_words
+from emclutch.results.text import format_mean
 
 METHOD = "contact.method"
 
@@ -94,7 +94,7 @@ def comparison_lines(rows: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> 
     for row in rows:
         parts = []
         if {"torque_dem", "torque_dvi"} <= row.keys():
-            parts.append("torque " + ", ".join(_torque_in_words(row, method) for method in ("dvi", "dem")))
+            parts.append("torque " + ", ".join(_format_torque(row, method) for method in ("dvi", "dem")))
             if row["torque_difference"] is not None:
                 bars = row["torque_difference_bars"]
                 over = "" if bars is None else f", {bars:.2g} standard errors"
@@ -113,8 +113,8 @@ def comparison_lines(rows: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> 
     return lines
 
 
-def _torque_in_words(row: Mapping[str, Any], method: str) -> str:
+def _format_torque(row: Mapping[str, Any], method: str) -> str:
     """A method's torque with its 95 % interval, and that it is not converged where it is not."""
     torque, low, high = (row[f"{name}_{method}"] for name in ("torque", "torque_low", "torque_high"))
     doubt = "" if row[f"torque_converged_{method}"] else ", not converged"
-    return f"{in_words(torque, None if low is None else (low, high))} by {method.upper()}{doubt}"
+    return f"{format_mean(torque, None if low is None else (low, high))} by {method.upper()}{doubt}"

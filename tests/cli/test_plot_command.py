@@ -10,7 +10,7 @@ from written_run import written_run, written_study
 from emclutch.cli.plot import plot_runs, runs_of
 from emclutch.results import OutputError, load_result, pictures
 from emclutch.results.pictures.figure import save_picture
-from emclutch.results.time_unit import time_in_words, time_unit
+from emclutch.results.text import format_time, time_unit
 from emclutch.simulation.missing_pictures import draw_missing
 from emclutch.simulation.pictures import moment_in_words, steady_current
 
@@ -66,7 +66,7 @@ def test_one_folder_is_drawn_as_ever_and_an_existing_file_is_kept(tmp_path):
 @pytest.mark.parametrize(("longest", "unit"), [(0.0, "s"), (2.0, "s"), (1.0, "s"), (0.5, "ms"), (2e-4, "µs")])
 def test_times_are_said_in_the_unit_of_their_size(longest, unit):
     name, factor = time_unit(longest)
-    assert name == unit and time_in_words(longest) == f"{factor * longest:.3g} {unit}"
+    assert name == unit and format_time(longest) == f"{factor * longest:.3g} {unit}"
 
 
 def test_a_title_says_the_moment_and_a_current_that_stays():

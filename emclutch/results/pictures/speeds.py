@@ -14,7 +14,7 @@ import numpy as np
 from emclutch.results.columns import DISC_SPEED, ROTOR_SPEED, TIME, TORQUE_DISC
 from emclutch.results.errors import OutputError
 from emclutch.results.pictures.figure import BODY_COLOURS, LINES, MARKERS, RPM, legend_beside, new_figure, save_picture
-from emclutch.results.time_unit import time_unit
+from emclutch.results.text import time_unit
 
 OUTPUTS = ("#0b5fa5", "#2a8c3f", "#8a1c7c", "#b5179e", "#0a7d7d", "#7f6000")
 MIN_EXPLAINED = 0.5  # of the torque's variance: a parabola that explains less is not drawn

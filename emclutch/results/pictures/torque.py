@@ -20,8 +20,7 @@ from emclutch.results.columns import (
 )
 from emclutch.results.pictures.figure import BODY_COLOURS, RPM, legend_beside, new_figure, save_picture
 from emclutch.results.statistics import Estimate
-from emclutch.results.time_unit import time_unit
-from emclutch.results.torque_in_words import torque_in_words
+from emclutch.results.text import format_torque, time_unit
 
 
 def torque_picture(
@@ -70,7 +69,7 @@ def torque_picture(
             axis.fill_between([start, time[-1]], low, high, color="#0b5fa5", alpha=0.25, lw=0, label="95 % interval")
             axis.set_ylim(limits)  # of few packings it is wider than the picture
         label = f"disc{f', {estimate.replicas} packings' if estimate.replicas > 1 else ''}: "
-        label += torque_in_words(estimate, unit, factor) + ("" if estimate.converged else ", not converged")
+        label += format_torque(estimate, unit, factor) + ("" if estimate.converged else ", not converged")
         axis.plot([start, time[-1]], [mean, mean], color="black", lw=1.4, ls="--", label=label, zorder=4)
         if not estimate.converged:
             figure.supxlabel(estimate.reason, x=0.01, ha="left", fontsize=8, color="crimson", parse_math=False)

@@ -12,8 +12,7 @@ from emclutch.results.columns import TIME, TORQUE_DISC
 from emclutch.results.errors import OutputError
 from emclutch.results.pictures.figure import COLOURS, LINES, legend_beside, new_figure, save_picture
 from emclutch.results.pictures.torque import torque_unit
-from emclutch.results.time_unit import time_unit
-from emclutch.results.torque_in_words import torque_in_words
+from emclutch.results.text import format_torque, time_unit
 
 if TYPE_CHECKING:
     from emclutch.results.result import Result
@@ -42,7 +41,7 @@ def torque_overlay_picture(path: str | Path, runs: Mapping[str, Result], *, titl
             steady = [in_unit * estimate.start, in_unit * float(times[name][-1])]
             half = estimate.half_width()
             mean = factor * estimate.mean
-            label = f"{name}: {torque_in_words(estimate, unit, factor)}"
+            label = f"{name}: {format_torque(estimate, unit, factor)}"
             if half is not None:
                 axis.fill_between(steady, mean - factor * half, mean + factor * half, color=colour, alpha=0.2, lw=0)
             label += "" if estimate.converged else ", not converged"

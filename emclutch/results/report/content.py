@@ -18,8 +18,7 @@ from emclutch.results.grain_profiles import profile_column, read_profiles
 from emclutch.results.replicated_mean import drift_in_words
 from emclutch.results.report.verdict import Mark, Statement, sentence, verdict
 from emclutch.results.study_folder import StudyFolder, is_study, read_study, refresh_in_words
-from emclutch.results.time_unit import time_in_words
-from emclutch.results.torque_in_words import torque_in_words
+from emclutch.results.text import format_time, format_torque
 
 LeftOutOf = Callable[[Result], Sequence[LeftOut]]
 """What the scene of a run leaves out, see `emclutch.simulation.check`."""
@@ -188,7 +187,7 @@ def study_page(study: StudyFolder, left_out_of: LeftOutOf) -> Page:
     points = [
         [
             str(row["folder"]), *(str(row[key]) for key in study.varied), torques[label] or "none",
-            "yes" if result.torque.converged else "NO", time_in_words(row["seconds"]),
+            "yes" if result.torque.converged else "NO", format_time(row["seconds"]),
         ]
         for (label, result), (_, row) in zip(results.items(), study.table.iterrows(), strict=True)
     ]  # fmt: skip
@@ -236,7 +235,7 @@ def _rows(rows: Sequence[Sequence[str]]) -> list[Block]:
 
 
 def _torque(result: Result) -> str:
-    return torque_in_words(result.torque) if TORQUE_DISC in result.history else ""
+    return format_torque(result.torque) if TORQUE_DISC in result.history else ""
 
 
 def _scene(folder: RunFolder) -> list[Block]:
@@ -339,13 +338,13 @@ def _torques(result: Result) -> list[tuple[str, str]]:
     if TORQUE_DISC not in result.history:
         return []
     torque, summary = result.torque, result.summary
-    rows = [("torque on the disc", torque_in_words(torque)), ("packings", str(torque.replicas))]
+    rows = [("torque on the disc", format_torque(torque)), ("packings", str(torque.replicas))]
     if torque.drift is not None:
         rows.append(("drift over the averaged stretch", drift_in_words(torque)))
     if torque.start is not None:
-        rows.append(("steady part begins at", time_in_words(torque.start)))
+        rows.append(("steady part begins at", format_time(torque.start)))
     if torque.correlation_time is not None:
-        rows.append(("correlation time", time_in_words(torque.correlation_time)))
+        rows.append(("correlation time", format_time(torque.correlation_time)))
     rows.append(("verdict", torque.reason))
     replicas = summary.get("replicas") or {}
     rows += [

@@ -12,8 +12,7 @@ import numpy as np
 
 from emclutch.results import Result
 from emclutch.results.columns import DISC_SPEED, ROTOR_SPEED, TIME, TORQUE_DISC
-from emclutch.results.time_unit import time_in_words
-from emclutch.results.torque_in_words import torque_in_words
+from emclutch.results.text import format_time, format_torque
 from particles.dem.overlap_limits import SOFT
 
 RPM = 30.0 / math.pi
@@ -83,7 +82,7 @@ def sentence(text: str) -> str:
 def _torque(result: Result) -> Iterator[Statement]:
     torque, until = result.torque, result.summary.get("until")
     half = torque.half_width()
-    words = torque_in_words(torque)
+    words = format_torque(torque)
     if not torque.converged:
         yield Statement(Mark.POOR, f"The torque on the disc is not known: {words}; {torque.reason}.")
     elif half is None or not torque.mean:
@@ -105,7 +104,7 @@ def _end(result: Result) -> Iterator[Statement]:
     elif (failed := result.folder.read_failure()) is not None:
         yield Statement(Mark.POOR, sentence(failed.in_words()))
     else:
-        reached = time_in_words(float(result.history[TIME].iloc[-1]))
+        reached = format_time(float(result.history[TIME].iloc[-1]))
         how = f"go on with: emclutch run {result.folder.path} --resume"
         yield Statement(Mark.POOR, f"The run is not finished: it has come to {reached}; {how}")
 

@@ -1,0 +1,55 @@
+"""Numbers as people read them: times, durations, and torques with their 95 % interval.
+
+Tables for other programs hold SI numbers and standard errors, and say so in the names of their columns.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from emclutch.results.statistics import Estimate
+
+TIME_UNITS = (("s", 1.0), ("ms", 1e3), ("µs", 1e6))
+
+
+def time_unit(longest: float) -> tuple[str, float]:
+    """Return the unit, and the factor from seconds, in which the longest time [s] is at least 1; s where it is 0."""
+    least = TIME_UNITS[-1] if longest else TIME_UNITS[0]
+    return next((one for one in TIME_UNITS if abs(longest) * one[1] >= 1.0), least)
+
+
+def format_time(time: float) -> str:
+    """Return a time [s] with its unit, three digits."""
+    unit, factor = time_unit(time)
+    return f"{factor * time:.3g} {unit}"
+
+
+def format_duration(seconds: float) -> str:
+    """Return a wall-clock time as seconds, minutes or hours."""
+    if seconds < 60.0:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60.0)
+    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+def format_torque(torque: Estimate, unit: str = "N m", factor: float = 1.0) -> str:
+    """Return a torque with its 95 % interval by Student's t, in a unit that is `factor` from N m.
+
+    Examples
+    --------
+    ``2.254 N m (95 %: 2.21 to 2.298)``
+    """
+    return format_mean(torque.mean, torque.interval(), unit, factor)
+
+
+def format_mean(
+    mean: float | None, interval: tuple[float, float] | None, unit: str = "N m", factor: float = 1.0
+) -> str:
+    """Return the same of a mean and the ends of its 95 % interval [N m]; None: unknown."""
+    if mean is None:
+        return "no torque"
+    if interval is None:
+        return f"{factor * mean:.4g} {unit}, error unknown"
+    low, high = interval
+    return f"{factor * mean:.4g} {unit} (95 %: {factor * low:.4g} to {factor * high:.4g})"
