@@ -4,12 +4,11 @@ import geometry.kernels.cache  # noqa: F401 (before the first kernel is defined)
 from particles.bodies import Body, FreeShaft
 from particles.dem.attraction import Attraction, contact_share, depth_warning
 from particles.dem.dem import DEM
-from particles.dem.step_totals import EnergyTotals, StepTotals
 from particles.dem.time_step import TimeStep, choose_time_step, contact_time, stiffness_for_overlap
 from particles.dvi.dvi import DVI
 from particles.dvi.dvi_contact import DviContact
+from particles.dvi.dvi_step import choose_dvi_step
 from particles.dvi.dvi_totals import DviTotals
-from particles.dvi.time_step import choose_dvi_step
 from particles.errors import DemError, DemErrorKind, PackingError, ParticleError
 from particles.grain_motion import GrainMotion
 from particles.grains import Grains
@@ -37,6 +36,7 @@ from particles.packing.settling import NotAtRestError, Settling, before_the_star
 from particles.packing.sizes import EqualSizes, ListedSizes, LogNormalSizes, NormalSizes, UniformSizes, read_sizes
 from particles.packing.space import Space
 from particles.sector import CyclicSector
+from particles.step_totals import EnergyTotals, StepTotals
 
 __all__ = [
     "DEM",

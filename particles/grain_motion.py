@@ -1,20 +1,26 @@
-"""Common interface of `particles.DEM` and `particles.DVI`."""
+"""What the engines `particles.DEM` and `particles.DVI` share: grains, walls on bodies, gravity, lists, checkpoints."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 
 from geometry.walls import Wall
+from particles import run_errors
 from particles.bodies import Body
-from particles.dem.step_totals import StepTotals
-from particles.grains import Grains
+from particles.grains import RECORDS, Grains
 from particles.neighbours.contact_table import ContactTable
+from particles.neighbours.slot_list import SlotList
 from particles.sector import CyclicSector
+from particles.step_answers import DONE
+from particles.step_totals import StepTotals
+from particles.walls.device_walls import DeviceWalls
+from particles.walls.wall_table import Enclosure
 
 Gravity = np.ndarray | Sequence[float] | Callable[[np.ndarray], np.ndarray]
+LIST = "list_"  # before the names of the list's arrays in a state
 
 
 def gravity_at(gravity: Gravity | None, times: np.ndarray) -> np.ndarray:
@@ -36,17 +42,36 @@ def held_force(force: np.ndarray | None, count: int) -> np.ndarray:
     return held
 
 
-class GrainMotion(Protocol):
-    """Grains moving between walls.
+def array_of(state: dict[str, np.ndarray], name: str) -> np.ndarray | None:
+    """Return a copy of an array that a state may have."""
+    value = state.get(name)
+    return None if value is None else value.copy()
 
-    Attributes
+
+class GrainMotion:
+    """Grains moving between walls on turning bodies.
+
+    What moves grains need not know which of the engines does; these differ in how they find contact forces.
+
+    Parameters
     ----------
     grains : Grains
-        In the present order, which a renewed list may change.
+        Taken over: its arrays are replaced, sorted and advanced.
     walls, bodies
         Walls refer to bodies by name.
     dt : float
         Step [s].
+    gravity : array_like, shape (3,), or callable, optional
+        Acceleration [m/s^2]; a callable takes times (k,) [s] and returns (k, 3).
+    sector : CyclicSector or None
+        The wedge of the ring that is simulated; None: all of it.
+    skin : float
+        Of the neighbour list [m].
+    overlap_limit : float
+        Overlap, as a share of the diameter, at which the run is stopped.
+
+    Attributes
+    ----------
     external_force : ndarray, shape (n, 3), or None
         Force on each grain [N] in the present order, held until it is set again; sorted along with the grains.
     step_count : int
@@ -55,71 +80,182 @@ class GrainMotion(Protocol):
         How often the grains have been put in another order, and how often the neighbour list was made.
     """
 
-    grains: Grains
-    walls: list[Wall]
-    bodies: list[Body]
-    dt: float
-    external_force: np.ndarray | None
-    step_count: int
-    order_version: int
-    list_version: int
+    PER_GRAIN: ClassVar[dict[str, bool]] = {"external_force": True}
+    """Arrays with a row a grain, or None: whether rows are vectors that turn where a grain is wrapped."""
+
+    def __init__(
+        self,
+        grains: Grains,
+        walls: Sequence[Wall],
+        bodies: Sequence[Body],
+        *,
+        dt: float,
+        gravity: Gravity | None,
+        sector: CyclicSector | None,
+        skin: float,
+        overlap_limit: float,
+    ) -> None:
+        self.grains, self.walls, self.bodies = grains, list(walls), list(bodies)
+        self.dt, self.sector, self.overlap_limit = float(dt), sector, overlap_limit
+        self.gravity: Gravity | None = gravity
+        if gravity is not None and not callable(gravity):
+            self.gravity = np.array(gravity, dtype=float).reshape(3)
+        self.skin = float(skin)
+        if not 0.0 < self.skin < np.inf:
+            raise ValueError(f"skin = {self.skin * 1e3:g} mm; allowed: more than 0 (a quarter of a diameter is usual)")
+        self.external_force: np.ndarray | None = None
+        self.step_count = self.order_version = self.list_version = 0
+        self._device = DeviceWalls(self.walls, self.bodies)
+        # a device that does not hold its grains at the start (a bare disc, a belt) cannot lose them either
+        enclosure = Enclosure(self.walls)
+        self._enclosure = None if enclosure.outside(grains.position, 0.0).any() else enclosure
+        self._stale = True
 
     @property
     def time(self) -> float:
         """Time [s] of the positions."""
-        ...
-
-    @property
-    def gravity(self) -> Gravity | None:
-        """Acceleration [m/s^2], shape (3,), or a callable that takes times (k,) [s] and returns it (k, 3)."""
-        ...
-
-    @property
-    def gravity_now(self) -> np.ndarray | None:
-        """Acceleration of gravity [m/s^2] at this time, shape (3,)."""
-        ...
-
-    @property
-    def list_skin(self) -> float:
-        """Return how much further than touching the present list reaches [m]."""
-        ...
-
-    @property
-    def sector(self) -> CyclicSector | None:
-        """The wedge of the ring that is simulated; None: all of it."""
-        ...
+        return self.step_count * self.dt
 
     @property
     def n_sectors(self) -> int:
         """Sectors in the full ring (1 without a sector)."""
-        ...
+        return 1 if self.sector is None else self.sector.n_sectors
+
+    @property
+    def gravity_now(self) -> np.ndarray | None:
+        """Acceleration of gravity [m/s^2] at this time, shape (3,)."""
+        pull = gravity_at(self.gravity, np.array([self.time]))
+        return pull[0] if len(pull) else None
+
+    @property
+    def list_skin(self) -> float:
+        """Return how much further than touching the present list reaches [m]."""
+        return self.skin
 
     @property
     def contact_force(self) -> np.ndarray:
         """Sum of the contact forces on each grain in the last step [N], shape (n, 3)."""
-        ...
+        raise NotImplementedError
 
     def run(self, n_steps: int) -> StepTotals:
         """Advance by ``n_steps`` steps; raises `particles.DemError` where a grain is in trouble."""
-        ...
+        raise NotImplementedError
 
     def contacts(self) -> ContactTable:
         """The contacts with their forces; changes nothing."""
-        ...
-
-    def invalidate(self) -> None:
-        """Say that positions were changed from outside: the list is renewed before the next step."""
-        ...
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Everything that `restore` needs to go on bit for bit."""
-        ...
-
-    def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Put a `state` into an engine that was made with the same walls, bodies and contact; else a ValueError."""
-        ...
+        raise NotImplementedError
 
     def begin_with(self, state: dict[str, np.ndarray]) -> None:
         """Begin at time 0 with the grains of a `state` and the angles of its bodies, under this engine's own step,
         contact and speeds; a ValueError where contacts of the state remember something else."""
-        ...
+        raise NotImplementedError
+
+    def invalidate(self) -> None:
+        """Say that positions were changed from outside: the list is rebuilt before the next step."""
+        self._stale = True
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Everything that `restore` needs to go on bit for bit."""
+        arrays = {name: getattr(self.grains, name).copy() for name in RECORDS}
+        held = {name.lstrip("_"): getattr(self, name) for name in self.PER_GRAIN}
+        for name, value in ({"magnetic_moment": self.grains.magnetic_moment} | held).items():
+            if value is not None:
+                arrays[name] = value.copy()
+        arrays |= {f"{LIST}{name}": value.copy() for name, value in self._list.arrays().items()}
+        arrays["bodies"] = np.array([[b.angle, b.speed, b.external_torque] for b in self.bodies]).reshape(-1, 3)
+        arrays["counters"] = np.array(
+            [self.step_count, self.order_version, self._stale, self.list_version], dtype=np.int64
+        )
+        return arrays
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Put a `state` into an engine that was made with the same walls, bodies and contact.
+
+        Raises
+        ------
+        ValueError
+            If the state has another number of grains or bodies, or its contacts remember something else.
+        """
+        self._restore_grains(state)
+        for name in self.PER_GRAIN:
+            setattr(self, name, array_of(state, name.lstrip("_")))
+        self._restore_list({name.removeprefix(LIST): v for name, v in state.items() if name.startswith(LIST)})
+        for body, (angle, speed, torque) in zip(self.bodies, state["bodies"], strict=True):
+            body.angle, body.speed, body.external_torque = float(angle), float(speed), float(torque)
+        self.step_count, self.order_version, stale, self.list_version = (int(v) for v in state["counters"][:4])
+        self._stale = bool(stale)
+
+    # -- for the engines
+
+    @property
+    def _list(self) -> SlotList:
+        raise NotImplementedError
+
+    @property
+    def _outdated(self) -> bool:
+        """Whether the list must be rebuilt before the next step."""
+        return self._stale
+
+    def _rebuild(self) -> None:
+        """Sort the grains by cells, list their neighbours again, and carry over what contacts remember."""
+        raise NotImplementedError
+
+    def _restore_list(self, arrays: dict[str, np.ndarray]) -> None:
+        """Take over the list of a state, by its ``arrays``."""
+        raise NotImplementedError
+
+    def _raise_stopped(self, answer: int, totals: np.ndarray) -> None:
+        """Raise the error that explains the ``answer`` of a step, or what its ``totals`` show."""
+        raise NotImplementedError
+
+    def _body_state(self) -> tuple[np.ndarray, np.ndarray]:
+        """Angles [rad] and speeds [rad/s] of the bodies, shapes (n_bodies,)."""
+        return np.array([b.angle for b in self.bodies]), np.array([b.speed for b in self.bodies])
+
+    def _march(self, n_steps: int, totals: np.ndarray, call: Callable[[int, Any, Any], tuple[int, int]]) -> int:
+        """Advance by ``n_steps``, list by list; returns how many lists were made.
+
+        ``call(steps left, angle, speed)`` does some of the steps and brings the bodies' arrays forward; it returns the
+        step's answer and how many it has done.
+        """
+        rebuilds, left = 0, n_steps
+        angle, speed = self._body_state()
+        while left > 0:
+            if self._outdated:
+                self._rebuild()
+                rebuilds += 1
+            answer, done = call(left, angle, speed)
+            left -= done
+            self.step_count += done
+            for body, a, w in zip(self.bodies, angle, speed, strict=True):
+                body.angle, body.speed = float(a), float(w)
+            self._stale = answer != DONE
+            self._raise_stopped(answer, totals)
+        return rebuilds
+
+    def _refuse_escaped(self, margin: float, remedy: str) -> None:
+        """Raise DemError where a grain is farther than ``margin`` [m] outside of the device."""
+        if self._enclosure is not None:
+            outside = np.flatnonzero(self._enclosure.outside(self.grains.position, margin))
+            if len(outside):
+                raise run_errors.escaped(self.grains, outside, self.time, remedy)
+
+    def _sort(self, order: np.ndarray) -> None:
+        """Put grain ``order[k]`` into place k in everything that has a row a grain."""
+        self.grains.permute(order)
+        for name in self.PER_GRAIN:
+            if (array := getattr(self, name)) is not None:
+                setattr(self, name, array.take(order, axis=0))
+        self.order_version += 1
+
+    def _restore_grains(self, state: dict[str, np.ndarray]) -> None:
+        """Give the grains the arrays of a state; a ValueError where it has another number of grains or bodies."""
+        if len(state["mass"]) != self.grains.count or len(state["bodies"]) != len(self.bodies):
+            raise ValueError(
+                f"the state has {len(state['mass'])} grains and {len(state['bodies'])} bodies, this "
+                f"{type(self).__name__} {self.grains.count} and {len(self.bodies)}; restore it into the scene that it "
+                "came from"
+            )
+        for name in RECORDS:
+            setattr(self.grains, name, state[name].copy())
+        self.grains.magnetic_moment = array_of(state, "magnetic_moment")

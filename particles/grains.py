@@ -20,7 +20,7 @@ class Grains:
     Attributes
     ----------
     position_radius : ndarray, shape (n, 4)
-        Centre and radius [m], side by side: what a neighbour reads first.
+        Centre and radius [m] in one row: what a neighbour reads first.
     velocity_force : ndarray, shape (n, 12)
         Velocity [m/s], spin [rad/s], and the places where a step gathers force [N] and torque [N m].
     mass : ndarray, shape (n,)
@@ -105,7 +105,7 @@ class Grains:
         velocity: np.ndarray | None = None,
         angular_velocity: np.ndarray | None = None,
     ) -> Grains:
-        """Grains of ``radius`` [m] and ``density`` [kg/m^3] (scalars or shape (n,)), at rest unless told.
+        """Grains of ``radius`` [m] and ``density`` [kg/m^3] (scalars or shape (n,)), by default at rest.
 
         Raises
         ------

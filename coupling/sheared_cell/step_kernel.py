@@ -16,7 +16,8 @@ import numpy as np
 from numba import njit
 
 from coupling.sheared_cell.near_pull import held_pull
-from particles.dem.contact_kernel import Touch, contact_force, left_in_springs
+from particles.dem.contact_kernel import contact_force, stored_in_springs
+from particles.dem.contact_kinematics import pair_touch
 
 # Columns of the sums over steps; those of the first line are sums over the steps
 CONTACT_ZX, CONTACT_XZ, CONTACT_ALL, NEAR_ZX, NEAR_ALL, KINETIC_ZX, CONTACTS = range(7)
@@ -124,19 +125,10 @@ def shear_steps(n_steps, dt, flow, grains, pairs, law, attraction, sums):
                 wx, wy, wz = spin[i, 0], spin[i, 1], spin[i, 2]
                 qx, qy, qz = spin[j, 0], spin[j, 1], spin[j, 2]
                 arm = 0.5 * d
-                ax, ay, az = arm * (wx + qx), arm * (wy + qy), arm * (wz + qz)
-                # by how much n has turned in the drift that has just ended
-                hx, hy, hz = (ux - vx) * dt * inverse, (uy - vy) * dt * inverse, (uz - vz) * dt * inverse
-                along = hx * nx + hy * ny + hz * nz
-                last = 1.0 + along
-                hx, hy, hz = (hx - along * nx) * last, (hy - along * ny) * last, (hz - along * nz) * last
-                touch = Touch(
-                    2.0 * radius - d,
-                    (nx, ny, nz),
-                    (vx - ux + ay * nz - az * ny, vy - uy + az * nx - ax * nz, vz - uz + ax * ny - ay * nx),
-                    (hx, hy, hz),
-                    0.5 * ((wx + qx) * nx + (wy + qy) * ny + (wz + qz) * nz),
-                )
+                both = wx + qx, wy + qy, wz + qz
+                swing = arm * (wx + qx), arm * (wy + qy), arm * (wz + qz)
+                between = vx - ux, vy - uy, vz - uz
+                touch = pair_touch(2.0 * radius - d, (nx, ny, nz), inverse, between, swing, both, dt)
                 contact = contact_force(law, 0, ENERGY_COLUMN, 0.5 * mass, 0.5 * radius, dt, touch, history, k)
                 gx, gy, gz = contact.x, contact.y, contact.z
                 mx, my, mz = arm * (ny * gz - nz * gy), arm * (nz * gx - nx * gz), arm * (nx * gy - ny * gx)
@@ -159,7 +151,7 @@ def shear_steps(n_steps, dt, flow, grains, pairs, law, attraction, sums):
             elif touching[k] != 0:
                 touching[k] = 0
                 closing = (vx - ux) * nx + (vy - uy) * ny + (vz - uz) * nz
-                lost_n, lost_s, _, _ = left_in_springs(
+                lost_n, lost_s, _, _ = stored_in_springs(
                     law, 0, None, ENERGY_COLUMN, 0.5 * radius, closing * dt, history, k
                 )
                 lost_normal += lost_n

@@ -15,8 +15,7 @@ from coupling import WindowRow
 from geometry.walls import AnnularBox
 from particles import DEM
 from particles.diagnostics.bins import Bins, RingBins, SlabBins, ring_bins
-from particles.diagnostics.enclosed_space import BoxSpace, Space, enclosed_space
-from particles.diagnostics.grain_diagnostics import default_bins
+from particles.diagnostics.enclosed_space import BoxSpace, Space, default_bins, enclosed_space
 from particles.diagnostics.profiles import Profile, ProfileSums, profile_of, profile_sums
 
 

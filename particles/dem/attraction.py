@@ -23,7 +23,7 @@ holds others than the last one: `drives` may then set `DEM.external_force`, it i
 by pressing the grains together. Their work is booked as external work. Action and reaction are equal, bit for bit, and
 central, so momentum and angular momentum are conserved to round-off. A wall's body gets nothing: a pull along the
 normal of a coaxial wall, or of a plane that cannot swing, has no torque about the axis and does no work on a turning
-body; the force along the axis is not told.
+body; the force along the axis is not reported.
 """
 
 from __future__ import annotations
@@ -116,8 +116,8 @@ class Attraction:
     def stiffest(self) -> float:
         """Largest fall of a pull with the distance, -dF/dr [N/m], that a present slot can meet at any gap.
 
-        A negative stiffness beside the contact's. Where the two parts do not fall steepest at the same gap it is a
-        little more. 0 before the first step.
+        A negative stiffness in parallel with the contact's. Where the two parts do not fall steepest at the same gap
+        it is a little more. 0 before the first step.
         """
         low = np.exp(self.gap_start + self.gap_step * np.arange(len(self.across) - 1))
         met = low * np.exp(self.gap_step) > self.smallest_gap  # the others lie below the smallest gap

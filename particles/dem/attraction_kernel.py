@@ -18,7 +18,7 @@ COLUMN, AMPLITUDE, ACROSS = range(3)
 class HeldAttraction(NamedTuple):
     """Input of the step: the table, the drive of each slot of the present list, and buffers of pulls.
 
-    ``drawn`` (n, 4) [N] and ``cross`` (x, 4) [N], the last column empty, are for pulls what columns 6 to 8 of
+    ``force`` (n, 4) [N] and ``reaction`` (x, 4) [N], the last column empty, are for pulls what columns 6 to 8 of
     `GrainState.velocity_force` and `Chunks.reaction` are for contact forces: apart from these, because their work is
     booked apart.
     """
@@ -31,8 +31,8 @@ class HeldAttraction(NamedTuple):
     across: np.ndarray  # (ng,)
     pair: np.ndarray  # (p, 3) column, amplitude [N], amplitude of `across` [N]
     wall: np.ndarray  # (s, 2) column, amplitude [N]
-    drawn: np.ndarray
-    cross: np.ndarray
+    force: np.ndarray
+    reaction: np.ndarray
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)

@@ -48,14 +48,14 @@ def contact_columns(rows: np.ndarray, table: Any, energy_budget: bool) -> Contac
     if rolls:
         vectors.append(rolling)
     if not energy_budget:
-        return ContactColumns(rolls, twists, resistance, None, whole(last), np.array(vectors, dtype=np.int64))
+        return ContactColumns(rolls, twists, resistance, None, round_up(last), np.array(vectors, dtype=np.int64))
     vectors.append(last + LAST_TANGENTIAL)
     if rolls:
         vectors.append(last + LAST_ROLLING)
     count = last + (8 if twists else 7 if rolls else 4)
-    return ContactColumns(rolls, twists, resistance, last, whole(count), np.array(vectors, dtype=np.int64))
+    return ContactColumns(rolls, twists, resistance, last, round_up(count), np.array(vectors, dtype=np.int64))
 
 
-def whole(columns: int) -> int:
-    """So many columns, or as many more as make whole fours."""
+def round_up(columns: int) -> int:
+    """Round so many columns up to a multiple of WIDE."""
     return WIDE * -(-columns // WIDE)

@@ -14,7 +14,7 @@ Berryman, Mech. Mater. 24 (1996) 229): xi shrinks by k_old/k_new then, and keeps
 
 **Energy, second order in dt.** Velocities belong to the drift between the last force and this one. So a mechanism loses
 in a step the mean of its last and its present force times that drift (trapezoidal rule); the last forces are kept
-beside the spring, in a step that keeps the energy budget (``energy_column``) only.
+with the spring, in a step that keeps the energy budget (``energy_column``) only.
 
 Columns of a contact's history: 0-2 spring xi [m]; with any law but the linear one 3 its memory, 4 its last k_t [N/m],
 5 its last stored energy [J]; then 3 rolling angles [rad] and the twisting angle [rad] (`Resistance`); from
@@ -54,8 +54,8 @@ class Touch(NamedTuple):
         Unit vector n from i to its partner.
     velocity : tuple of 3 floats
         Of i relative to its partner where they touch [m/s].
-    way : tuple of 3 floats, or None
-        By how much n has turned in the drift that has just ended, between grains; None at a wall (`turned`).
+    rotation : tuple of 3 floats, or None
+        How far n has turned in the drift that has just ended, between grains; None at a wall (`rotate_spring`).
     spin : float
         Mean spin of both about n [rad/s].
     """
@@ -63,7 +63,7 @@ class Touch(NamedTuple):
     delta: float
     normal: tuple[float, float, float]
     velocity: tuple[float, float, float]
-    way: tuple[float, float, float] | None
+    rotation: tuple[float, float, float] | None
     spin: float
 
 
@@ -99,20 +99,20 @@ class ContactForce(NamedTuple):
 
 
 @njit_without_refcounts(error_model="numpy", fastmath={"contract"}, forceinline=True)
-def turned(way, phi, n, history, slot, first):
-    """The spring in columns ``first`` .. first + 2 of ``history[slot]``, turned with its pair at unchanged length.
+def rotate_spring(rotation, phi, n, history, slot, first):
+    """Return the spring in columns ``first`` .. first + 2 of ``history[slot]``, turned with its pair, its length kept.
 
     It lay in the tangent plane of the last step; it is laid into that of ``n`` and turned about n by the mean spin
-    ``phi`` of this step. Between grains n has turned by the vector w = n - n_last (tangential part, ``way``), known
-    from the drift; then n_last -> n is the turn xi - (xi.n) n + (xi.n) w/2, with cos and sin of phi as series: no root,
-    no division, lengths right to fourth order in a step's turn and never longer (1 - w^4/8, 1 - phi^6/72 up to 2.8 rad
-    a step). At curved walls (``way`` None), whose curvature is not known here, the length is restored by a root.
+    ``phi`` of this step. Between grains n has turned by the vector w = n - n_last (its tangential part ``rotation``),
+    known from the drift; then n_last -> n is the turn xi - (xi.n) n + (xi.n) w/2, with cos and sin of phi as series: no
+    root, no division, lengths right to fourth order in a step's turn and never longer (1 - w^4/8, 1 - phi^6/72 up to
+    2.8 rad a step). At curved walls (``rotation`` None), whose curvature is not known here, a root restores the length.
     """
     nx, ny, nz = n
     x, y, z = history[slot, first], history[slot, first + 1], history[slot, first + 2]
     along = x * nx + y * ny + z * nz
-    if way is not None:
-        wx, wy, wz = way
+    if rotation is not None:
+        wx, wy, wz = rotation
         half = 0.5 * along
         x, y, z = x - along * nx + half * wx, y - along * ny + half * wy, z - along * nz + half * wz
     else:
@@ -130,25 +130,28 @@ def turned(way, phi, n, history, slot, first):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def closed(k_t, last, held):
-    """By what share a spring shrinks whose stiffness was ``last``, and what is lost; ``held`` is its square/2.
+def stiffen_spring(k_t, last, half_square):
+    """Return the factor by which a spring of last stiffness ``last`` shrinks, and what is lost.
+
+    ``half_square`` is half of its squared length.
 
     One that stiffens while the contact closes keeps its force, one that softens its length (module docstring).
     """
     stiffer = k_t > last
     share = select(stiffer, last / k_t, 1.0)
-    return share, select(stiffer, last * (1.0 - share), last - k_t) * held
+    return share, select(stiffer, last * (1.0 - share), last - k_t) * half_square
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def slid(trial2, limit, gives):
-    """By what share a trial force yields to its limit, and how far the slider slips by unit of the trial force.
+def yield_slider(trial2, limit, compliance):
+    """Return the factor by which a trial force yields to its limit, and how far the slider slips by unit of that force.
 
-    ``trial2`` is the square of that force, ``gives`` the way by unit of force of what stretches (spring and dashpot).
+    ``trial2`` is the square of that force, ``compliance`` the displacement by unit of force of
+    what stretches (spring and dashpot).
     """
-    slides = trial2 > maximum(limit * limit, TINY)  # trial > 0 needs a finite ``gives``
-    share = select(slides, limit * sqrt(trial2) * (1.0 / trial2), 1.0)  # a quotient beside the root, not after it
-    return share, select(slides, (1.0 - share) * gives, 0.0)
+    slides = trial2 > maximum(limit * limit, TINY)  # trial > 0 needs a finite ``compliance``
+    share = select(slides, limit * sqrt(trial2) * (1.0 / trial2), 1.0)  # a quotient in parallel with the root
+    return share, select(slides, (1.0 - share) * compliance, 0.0)
 
 
 @njit_without_refcounts(error_model="numpy", fastmath={"contract"}, forceinline=True)
@@ -156,7 +159,7 @@ def contact_force(law, kind, energy_column, m_eff, r_eff, dt, touch, history, sl
     """Force on grain i in the contact ``touch``, and what it has cost: a `ContactForce`.
 
     ``law`` is the table of a spring (`particles.laws.springs`), ``kind`` its row. ``history[slot]`` is updated;
-    ``energy_column`` is the first column of the last forces there, or None: then nothing that is lost is told.
+    ``energy_column`` is the first column of the last forces there, or None: then losses are not computed.
     """
     delta, inv_dt = touch.delta, 1.0 / dt
     nx, ny, nz = touch.normal
@@ -175,13 +178,12 @@ def contact_force(law, kind, energy_column, m_eff, r_eff, dt, touch, history, sl
         pull = select(coheres, law.rows[kind, COHESION_0] + law.rows[kind, COHESION_1] * r_eff, 0.0)
     f_n = f_rep - pull
 
-    xi_x, xi_y, xi_z = turned(touch.way, phi, touch.normal, history, slot, 0)
+    xi_x, xi_y, xi_z = rotate_spring(touch.rotation, phi, touch.normal, history, slot, 0)
     lost_n = lost_t = lost_s = 0.0
     last = k_t
     if varies(law):
         last = history[slot, LAST_STIFFNESS]
-        held = 0.5 * (xi_x * xi_x + xi_y * xi_y + xi_z * xi_z)
-        share, lost_s = closed(k_t, last, held)
+        share, lost_s = stiffen_spring(k_t, last, 0.5 * (xi_x * xi_x + xi_y * xi_y + xi_z * xi_z))
         xi_x, xi_y, xi_z = xi_x * share, xi_y * share, xi_z * share
         history[slot, LAST_STIFFNESS] = k_t
 
@@ -190,7 +192,7 @@ def contact_force(law, kind, energy_column, m_eff, r_eff, dt, touch, history, sl
     rate = gamma_t * inv_dt
     both = k_t + rate
     tx, ty, tz = k_t * xi_x + both * sx, k_t * xi_y + both * sy, k_t * xi_z + both * sz
-    share, slip = slid(tx * tx + ty * ty + tz * tz, law.rows[kind, MU] * f_rep, 1.0 / both)
+    share, slip = yield_slider(tx * tx + ty * ty + tz * tz, law.rows[kind, MU] * f_rep, 1.0 / both)
     slip_x, slip_y, slip_z = slip * tx, slip * ty, slip * tz
     sx, sy, sz = sx - slip_x, sy - slip_y, sz - slip_z
     tx, ty, tz = tx * share, ty * share, tz * share
@@ -204,7 +206,7 @@ def contact_force(law, kind, energy_column, m_eff, r_eff, dt, touch, history, sl
             lost_n = 0.5 * (history[slot, energy_column] + f_rep - f_el) * closing * dt
             history[slot, energy_column] = f_rep - f_el
         q = energy_column + LAST_TANGENTIAL
-        px, py, pz = turned(touch.way, phi, touch.normal, history, slot, q)
+        px, py, pz = rotate_spring(touch.rotation, phi, touch.normal, history, slot, q)
         lost_t = 0.5 * (
             (px - k_t * xi_x + rate * sx) * sx + (py - k_t * xi_y + rate * sy) * sy + (pz - k_t * xi_z + rate * sz) * sz
         )
@@ -233,23 +235,23 @@ def rolling_torque(law, kind, energy_column, arm, inertia, dt, force, touch, p, 
     damping = law.rows[kind, DAMPING_ROLLING]
     k = k_t * arm * arm
     rate = 2.0 * damping * sqrt(k * inertia) * (1.0 / dt)
-    x, y, z = turned(touch.way, phi, touch.normal, history, slot, first)
+    x, y, z = rotate_spring(touch.rotation, phi, touch.normal, history, slot, first)
     lost = 0.0 * k
     if varies(law):
-        share, lost = closed(k_t, last, 0.5 * arm * arm * (x * x + y * y + z * z))
+        share, lost = stiffen_spring(k_t, last, 0.5 * arm * arm * (x * x + y * y + z * z))
         x, y, z = x * share, y * share, z * share
     along = px * nx + py * ny + pz * nz
     sx, sy, sz = (px - along * nx) * dt, (py - along * ny) * dt, (pz - along * nz) * dt
     both = k + rate
     tx, ty, tz = k * x + both * sx, k * y + both * sy, k * z + both * sz
     limit = law.rows[kind, MU_ROLLING] * arm * force.repulsion
-    share, slip = slid(tx * tx + ty * ty + tz * tz, limit, 1.0 / both)
+    share, slip = yield_slider(tx * tx + ty * ty + tz * tz, limit, 1.0 / both)
     slip_x, slip_y, slip_z = slip * tx, slip * ty, slip * tz
     sx, sy, sz = sx - slip_x, sy - slip_y, sz - slip_z
     tx, ty, tz = tx * share, ty * share, tz * share
     if energy_column is not None:
         q = energy_column + LAST_ROLLING
-        lx, ly, lz = turned(touch.way, phi, touch.normal, history, slot, q)
+        lx, ly, lz = rotate_spring(touch.rotation, phi, touch.normal, history, slot, q)
         lost = lost + 0.5 * (
             (lx - k * x + rate * sx) * sx + (ly - k * y + rate * sy) * sy + (lz - k * z + rate * sz) * sz
             + (lx + tx) * slip_x + (ly + ty) * slip_y + (lz + tz) * slip_z
@@ -273,11 +275,11 @@ def twisting_torque(law, kind, energy_column, arm, inertia, dt, force, spin, his
     angle, step = history[slot, first], spin * dt
     lost = 0.0 * k
     if varies(law):
-        share, lost = closed(k_t, last, 0.5 * arm * arm * angle * angle)
+        share, lost = stiffen_spring(k_t, last, 0.5 * arm * arm * angle * angle)
         angle = angle * share
     both = k + rate
     torque = k * angle + both * step
-    share, slip = slid(torque * torque, law.rows[kind, MU_TWISTING] * arm * force.repulsion, 1.0 / both)
+    share, slip = yield_slider(torque * torque, law.rows[kind, MU_TWISTING] * arm * force.repulsion, 1.0 / both)
     slip = slip * torque
     step = step - slip
     torque = torque * share
@@ -291,17 +293,17 @@ def twisting_torque(law, kind, energy_column, arm, inertia, dt, force, spin, his
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def left_in_springs(law, kind, resistance, energy_column, arm, closed, history, slot):
+def stored_in_springs(law, kind, resistance, energy_column, arm, closing, history, slot):
     """Return what a contact that has just parted still held, by the mechanism that it is lost to [J].
 
-    ``closed`` is the distance by which its last drift closed it (negative: opened) [m]. Returns the losses to normal
+    ``closing`` is the distance by which its last drift closed it (negative: opened) [m]. Returns the losses to normal
     damping, sliding, rolling and twisting.
     """
     k_t = law.rows[kind, 1]
     if varies(law):
         k_t = history[slot, LAST_STIFFNESS]
     # the last normal force worked for half a drift more; the spring's part of it is in the change of stored energy
-    lost_n = 0.5 * history[slot, energy_column] * closed
+    lost_n = 0.5 * history[slot, energy_column] * closing
     if remembers(law):
         lost_n += history[slot, LAST_STORED]
     lost_s = 0.5 * k_t * (history[slot, 0] ** 2 + history[slot, 1] ** 2 + history[slot, 2] ** 2)

@@ -1,7 +1,7 @@
 """Discrete element method: grains, walls on turning bodies, contact laws; the loop around the compiled step.
 
 The step itself is `particles.dem.step_kernel`; grains, lists and checkpoints are `particles.dem.listed_grains`. Sums
-become `StepTotals` in `particles.dem.run_summary`, and what went wrong is explained in `particles.dem.run_faults`.
+become `StepTotals` in `particles.dem.run_summary`, and what went wrong is explained in `particles.run_errors`.
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ import numba
 import numpy as np
 
 from geometry.walls import Wall
+from particles import run_errors
 from particles.bodies import Body
-from particles.dem import run_faults, run_summary, total_columns
+from particles.dem import run_summary, total_columns
 from particles.dem import step_kernel as kernel
 from particles.dem.attraction import PREFIX as ATTRACTION
 from particles.dem.coming_steps import ComingSteps
@@ -29,12 +30,11 @@ from particles.dem.kernel_state import (
 )
 from particles.dem.listed_grains import ListedGrains
 from particles.dem.overlap_limits import STOPS
-from particles.dem.pair_kernel import pair_scratch
-from particles.dem.step_totals import StepTotals
+from particles.dem.pair_search import pair_scratch
 from particles.dem.stored_energy import law_table, stored_at_rest
 from particles.dem.time_step import choose_time_step
-from particles.dem.wall_lanes import wall_scratch
-from particles.grain_motion import Gravity, gravity_at, held_force
+from particles.dem.wall_contacts import wall_scratch
+from particles.grain_motion import Gravity, held_force
 from particles.grains import Grains
 from particles.laws.cohesion import Cohesion
 from particles.laws.contact_law import ContactLaw
@@ -45,6 +45,8 @@ from particles.neighbours.contact_list import ContactList
 from particles.neighbours.contact_table import ContactTable, contact_table, geometric_overlaps
 from particles.sector import CyclicSector
 from particles.shafts import Shafts
+from particles.step_answers import NOT_FINITE, OVERLAP, TOO_FAST
+from particles.step_totals import StepTotals
 from particles.threads import threads_for
 
 STEPS_PER_CALL = 512  # bounds the tables in time (speeds, torques, gravity)
@@ -72,7 +74,7 @@ class DEM(ListedGrains):
     sector : CyclicSector, optional
         Simulate one wedge of the ring.
     rolling, twisting, cohesion : optional
-        Resistance to rolling and to twisting, and pull, beside a single law (`PairLaws` has its own); None leaves each
+        Resistance to rolling and to twisting, and pull, with a single law (`PairLaws` has its own); None leaves each
         out of the compiled step.
     species : ndarray of int, shape (n,), optional
         Material of each grain, a row of ``PairLaws.pair``.
@@ -127,7 +129,7 @@ class DEM(ListedGrains):
     ) -> None:
         if isinstance(contact, PairLaws):
             if (rolling, twisting, cohesion) != (None, None, None):
-                raise ValueError("rolling, twisting and cohesion stand beside PairLaws; give them to PairLaws")
+                raise ValueError("rolling, twisting and cohesion conflict with PairLaws; give them to PairLaws")
             laws = contact
         else:
             laws = PairLaws.of_one(contact, rolling=rolling, twisting=twisting, cohesion=cohesion)
@@ -135,12 +137,14 @@ class DEM(ListedGrains):
         of_grains = species_of(laws, grains.count, species)
         self._table = law_table(laws, grains, one_species=of_grains is None)
         columns = contact_columns(laws.rows, self._table, energy_budget)
-        super().__init__(grains, walls, bodies, columns, dt=dt, sector=sector, skin=skin, species=of_grains)
-        self.laws, self.overlap_limit, self.energy_budget = laws, overlap_limit, energy_budget
-        self.gravity = gravity if gravity is None or callable(gravity) else np.array(gravity, dtype=float).reshape(3)
+        super().__init__(
+            grains, walls, bodies, columns, dt=dt, gravity=gravity, sector=sector, skin=skin,
+            overlap_limit=overlap_limit, species=of_grains,
+        )  # fmt: skip
+        self.laws, self.energy_budget = laws, energy_budget
         if sector is not None and isinstance(self.gravity, np.ndarray) and self.gravity[:2].any():
             raise ValueError(
-                f"gravity = {self.gravity} m/s^2 turns from sector to sector; allowed beside a sector: along z only"
+                f"gravity = {self.gravity} m/s^2 turns from sector to sector; allowed with a sector: along z only"
             )
         self._fastest = FASTEST * float(np.min(grains.radius)) / self.dt
         self._wall_row = wall_rows(laws, len(self.walls), wall_material, self._device.wall)
@@ -155,12 +159,6 @@ class DEM(ListedGrains):
         """The law between grains (of the first species)."""
         return self.laws.laws[int(self.laws.pair[0, 0])]
 
-    @property
-    def gravity_now(self) -> np.ndarray | None:
-        """Acceleration of gravity [m/s^2] at this time, shape (3,)."""
-        pull = gravity_at(self.gravity, np.array([self.time]))
-        return pull[0] if len(pull) else None
-
     def run(self, n_steps: int) -> StepTotals:
         """Advance by ``n_steps`` steps.
 
@@ -173,53 +171,49 @@ class DEM(ListedGrains):
         totals[total_columns.CONTACT_LATER : total_columns.CONTACT_LATER + 3] = self._later
         body_totals = np.zeros((len(self.bodies), total_columns.N_BODY_SUMS))
         body_totals[:, total_columns.LAST_TORQUE] = self._last_torque
-        elastic, kinetic, rebuilds, left = self._elastic, self._kinetic, 0, n_steps
-        angle, speed = (np.array([getattr(b, name) for b in self.bodies]) for name in ("angle", "speed"))
-        coming = None
+        elastic, kinetic, last = self._elastic, self._kinetic, self.step_count + n_steps
+        coming: ComingSteps | None = None
+
+        def call(left: int, angle: np.ndarray, speed: np.ndarray) -> tuple[int, int]:
+            nonlocal coming
+            if self.attraction is not None:  # first: it may set the held force
+                self.attraction.fetch(self)
+            if coming is None or coming.end == self.step_count:
+                coming = self._coming(min(left, STEPS_PER_CALL))
+            batch = coming.end - self.step_count
+            return kernel.run_steps(
+                *self._arguments(batch, coming.end == last, angle, speed, totals, body_totals, coming=coming)
+            )
+
         with threads_for(self.grains.count):
-            while left > 0:
-                if self._outdated:
-                    self._rebuild()
-                    rebuilds += 1
-                if self.attraction is not None:  # first: it may set the held force
-                    self.attraction.fetch(self)
-                if coming is None or coming.end == self.step_count:
-                    coming = self._coming(min(left, STEPS_PER_CALL))
-                batch = coming.end - self.step_count
-                answer, done = kernel.run_steps(
-                    *self._arguments(batch, batch == left, angle, speed, totals, body_totals, coming=coming)
-                )
-                left -= done
-                self.step_count += done
-                for body, a, w in zip(self.bodies, angle, speed, strict=True):
-                    body.angle, body.speed = float(a), float(w)
-                self._stale = answer != total_columns.DONE
-                if answer in (total_columns.NOT_FINITE, total_columns.OVERLAP, total_columns.TOO_FAST):
-                    raise run_faults.stopped(
-                        answer, totals, self.grains, self.dt, self.overlap_limit, FASTEST, self.time
-                    )
+            rebuilds = self._march(n_steps, totals, call)
         self._later = totals[total_columns.CONTACT_LATER : total_columns.CONTACT_LATER + 3].copy()
         self._last_torque = body_totals[:, total_columns.LAST_TORQUE].copy()
         energy, ring = None, self.n_sectors
         if self.energy_budget:
             if n_steps > 0:
-                self._elastic, self._kinetic = (
-                    float(totals[total_columns.ELASTIC]),
-                    float(totals[total_columns.KINETIC]),
-                )
+                self._elastic = float(totals[total_columns.ELASTIC])
+                self._kinetic = float(totals[total_columns.KINETIC])
             energy = run_summary.energy_budget(
-                ring,
-                self.bodies,
-                totals,
-                body_totals,
-                self._columns,
-                (kinetic, self._kinetic),
-                (elastic, self._elastic),
-            )
+                ring, self.bodies, totals, body_totals, self._columns,
+                (kinetic, self._kinetic), (elastic, self._elastic),
+            )  # fmt: skip
         return run_summary.summary(n_steps, self.dt, ring, self.bodies, totals, body_totals, energy, rebuilds)
 
+    def _raise_stopped(self, answer: int, totals: np.ndarray) -> None:
+        g, dt = self.grains, self.dt
+        if answer == OVERLAP:
+            remedy = f"raise the stiffness, too soft for the load, or shorten dt = {dt:.3g} s if grains are fast"
+            row, overlap = int(totals[total_columns.GRAIN]), totals[total_columns.MAX_OVERLAP]
+            raise run_errors.too_deep(g, row, overlap, self.overlap_limit, self.time, remedy)
+        if answer == TOO_FAST:
+            raise run_errors.too_fast(g, dt, FASTEST, self.time)
+        if answer == NOT_FINITE:
+            remedy = f"check the external forces, and whether dt = {dt:.3g} s is too long for the stiffness"
+            raise run_errors.not_finite(g, self.time, remedy)
+
     def contacts(self) -> ContactTable:
-        """the present contacts, with the forces that the next step will feel; changes nothing."""
+        """Return the present contacts, with the forces that the next step will feel; changes nothing."""
         kept = self._list
         if self._stale:  # a list of its own, in the present order; the run will make another one when it goes on
             self._contacts = self._fresh_list(*self._reaches())
@@ -283,8 +277,7 @@ class DEM(ListedGrains):
             self._kinetic = self.grains.kinetic_energy()
             self._elastic = self._stored_now()
 
-    # -- inside: what the kernel is given
-    # ---------------------------------------------------------------------------------------------------
+    # -- arguments of the kernel
 
     def _coming(self, n_steps: int) -> ComingSteps:
         return ComingSteps(self.gravity, self.bodies, self.step_count, n_steps, self.dt)
@@ -334,18 +327,18 @@ class DEM(ListedGrains):
 
     def _probe(self, pair_force: np.ndarray, wall_force: np.ndarray, totals: np.ndarray | None = None) -> StepArguments:
         """Arguments of one step on copies of everything that it changes; it leaves its forces in the first two."""
-        angle, speed = (np.array([getattr(b, name) for b in self.bodies]) for name in ("angle", "speed"))
+        angle, speed = self._body_state()
         totals = np.zeros(total_columns.N_SUMS) if totals is None else totals
         body_totals = np.zeros((len(self.bodies), total_columns.N_BODY_SUMS))
-        given = self._arguments(1, True, angle, speed, totals, body_totals, driven=False)
-        g, contacts = given.grains, self._list
-        return given._replace(
+        arguments = self._arguments(1, True, angle, speed, totals, body_totals, driven=False)
+        g, contacts = arguments.grains, self._list
+        return arguments._replace(
             grains=g._replace(
                 position_radius=g.position_radius.copy(), velocity_force=g.velocity_force.copy(), net=g.net.copy()
             ),
-            pairs=given.pairs._replace(**contacts.pair_memory.copied()._asdict(), record=pair_force),
-            slots=given.slots._replace(**contacts.wall_memory.copied()._asdict(), record=wall_force),
-            chunks=given.chunks._replace(reaction=given.chunks.reaction.copy()),
+            pairs=arguments.pairs._replace(**contacts.pair_memory.copied()._asdict(), record=pair_force),
+            slots=arguments.slots._replace(**contacts.wall_memory.copied()._asdict(), record=wall_force),
+            chunks=arguments.chunks._replace(reaction=arguments.chunks.reaction.copy()),
         )
 
     def _stored_now(self) -> float:

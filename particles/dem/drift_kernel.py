@@ -21,9 +21,8 @@ from geometry.kernels.simd_tables import (
     scatter_two_columns,
 )
 from particles.dem import total_columns as total
+from particles.dem.motion_columns import FORCE, SPIN, TORQUE, VELOCITY
 from particles.laws.springs import equal
-
-VELOCITY, SPIN, FORCE, TORQUE = 0, 3, 6, 9  # columns of a grain's motion
 
 
 class Drifted(NamedTuple):
@@ -32,7 +31,7 @@ class Drifted(NamedTuple):
     Attributes
     ----------
     squared_travel, squared_speed : lanes
-        Largest squared way from ``reference`` [m^2] and squared speed [m^2/s^2].
+        Largest squared displacement from ``reference`` [m^2] and squared speed [m^2/s^2].
     contact, gravity, external : tuples of 2 lanes
         Works [J] of half a kick with the velocities of the drift before it, and with those of the drift after it.
     kinetic : lanes
@@ -55,10 +54,10 @@ def none_drifted():
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def drift_eight(rows, there, now, law, energy_column, attraction, grains, drifted):
+def drift_eight(rows, active, now, law, energy_column, attraction, grains, drifted):
     """Kick and drift of the grains ``rows`` under what lies at their places, which is cleared for the next step.
 
-    ``there`` says which of the eight count; the others repeat one that does. Returns ``drifted`` with theirs.
+    ``active`` says which of the eight count; the others repeat one that does. Returns ``drifted`` with theirs.
     """
     motion, gravity, external = grains.velocity_force, grains.gravity, grains.external
     vx, vy, vz, wx = gather_columns(motion, rows, VELOCITY)
@@ -80,8 +79,8 @@ def drift_eight(rows, there, now, law, energy_column, attraction, grains, drifte
         hx, hy = gather_two_columns(external, rows, 0)
         hz = gather_column(external, rows, 2)
     if attraction is not None:
-        px, py, pz, _ = gather_columns(attraction.drawn, rows, 0)
-        scatter_columns(attraction.drawn, rows, 0, none, none, none, none)
+        px, py, pz, _ = gather_columns(attraction.force, rows, 0)
+        scatter_columns(attraction.force, rows, 0, none, none, none, none)
         hx, hy, hz = hx + px, hy + py, hz + pz  # forces of no contact, booked together
     ax, ay, az = ax + hx, ay + hy, az + hz
     bx, by, bz = vx + kick * ax, vy + kick * ay, vz + kick * az
@@ -94,7 +93,7 @@ def drift_eight(rows, there, now, law, energy_column, attraction, grains, drifte
     if energy_column is not None:
         # half a kick with the velocities of the drift before it, half with those of the drift after it: the mean closes
         # the balance of kinetic energy exactly, and by drifts it is the trapezoidal rule
-        half = select(there, 0.5 * dt, none)
+        half = select(active, 0.5 * dt, none)
         contact = (
             contact[0] + half * (fx * vx + fy * vy + fz * vz + tx * wx + ty * wy + tz * wz),
             contact[1] + half * (fx * bx + fy * by + fz * bz + tx * ox + ty * oy + tz * oz),
@@ -112,7 +111,7 @@ def drift_eight(rows, there, now, law, energy_column, attraction, grains, drifte
             )
         if now.last:  # at the time of the positions that the forces belong to
             moving = vx * bx + vy * by + vz * bz + 0.4 * radius * radius * (wx * ox + wy * oy + wz * oz)
-            kinetic = kinetic + select(there, 0.5 * m * moving, none)
+            kinetic = kinetic + select(active, 0.5 * m * moving, none)
     x, y, z = x + dt * bx, y + dt * by, z + dt * bz
     scatter_columns(grains.position_radius, rows, 0, x, y, z, radius)
     if now.last:
@@ -121,10 +120,10 @@ def drift_eight(rows, there, now, law, energy_column, attraction, grains, drifte
         scatter_column(grains.net, rows, 2, fz)
     at_x, at_y = gather_two_columns(grains.reference, rows, 0)
     dx, dy, dz = x - at_x, y - at_y, z - gather_column(grains.reference, rows, 2)
-    way = dx * dx + dy * dy + dz * dz + 0.0 * (ox + oy + oz)  # a spin that is not finite shows here too
-    way = select(way < np.inf, way, np.inf)
+    travel2 = dx * dx + dy * dy + dz * dz + 0.0 * (ox + oy + oz)  # a spin that is not finite shows here too
+    travel2 = select(travel2 < np.inf, travel2, np.inf)
     return Drifted(
-        maximum(drifted.squared_travel, way),
+        maximum(drifted.squared_travel, travel2),
         maximum(drifted.squared_speed, bx * bx + by * by + bz * bz),
         contact,
         weight,

@@ -104,7 +104,7 @@ class PairSlots(NamedTuple):
     record : ndarray, shape (p, 3) or (0, 3)
         Where forces [N] are left, if they are asked for.
     noted : ndarray of int32, shape (c, N_NOTED, ROOM)
-        Scratch of each chunk (`particles.dem.pair_kernel`).
+        Scratch of each chunk (`particles.dem.pair_search`).
     """
 
     start: np.ndarray
@@ -127,7 +127,7 @@ class WallSlots(NamedTuple):
     record : ndarray, shape (s, 7) or (0, 3)
         Force [N], overlap [m] and unit vector towards the wall, if they are asked for.
     found, near : ndarray, shapes (c, m, N_FOUND), (c, m, N_NEAR)
-        Scratch of each chunk: what grains touch, and what may pull them (`particles.dem.wall_lanes`).
+        Scratch of each chunk: what grains touch, and what may pull them (`particles.dem.wall_contacts`).
     """
 
     start: np.ndarray
@@ -180,29 +180,22 @@ class Totals(NamedTuple):
 
 
 class Tally(NamedTuple):
-    """Sums over the rows of a chunk so far in one step.
+    """Sums over the contacts of a chunk so far in one step.
 
     Attributes
     ----------
     contacts : int
-    elastic : float
-        Energy of the springs [J].
-    normal, tangential, sliding, rolling, twisting : float
-        Losses [J] by mechanism.
-    left : tuple of 4 floats
-        Losses where a grain left a wall: to normal damping, sliding, rolling and twisting.
+    energies : tuple of 6 floats
+        Energy of the springs, losses to normal and tangential damping, sliding, rolling and twisting [J].
+    parted : tuple of 4 floats
+        Losses where a grain left a wall: to normal damping, sliding, rolling and twisting [J].
     deepest, deepest_at : float, int
         Largest overlap [share of the diameter], and the grain that has it.
     """
 
     contacts: int
-    elastic: float
-    normal: float
-    tangential: float
-    sliding: float
-    rolling: float
-    twisting: float
-    left: tuple[float, float, float, float]
+    energies: tuple[float, float, float, float, float, float]
+    parted: tuple[float, float, float, float]
     deepest: float
     deepest_at: int
 

@@ -1,6 +1,6 @@
-"""Grains in the order of their cells, with the list of what each may touch: renewed, saved and put back.
+"""Grains of the DEM in the order of their cells, with the list of what each may touch: rebuilt, saved and put back.
 
-A list is renewed by wrapping grains through the sector, sorting them by cells and carrying over what their contacts
+A list is rebuilt by wrapping grains through the sector, sorting them by cells and carrying over what their contacts
 remember. That, and a checkpoint, handle every array that has a row a grain or a row a slot. Each of these is named
 once: those of a grain in `particles.grains.RECORDS` and in PER_GRAIN, those of a slot in
 `particles.neighbours.contact_list.SlotMemory`.
@@ -14,30 +14,26 @@ from collections.abc import Sequence
 import numpy as np
 
 from geometry.walls import Wall
-from particles import checkpoint
 from particles.bodies import Body
-from particles.dem import run_faults
 from particles.dem.attraction import PREFIX as ATTRACTION
 from particles.dem.attraction import Attraction
-from particles.dem.contact_columns import ContactColumns, whole
+from particles.dem.contact_columns import ContactColumns, round_up
+from particles.grain_motion import GrainMotion, Gravity
 from particles.grains import Grains
 from particles.neighbours.contact_list import ContactList, ListedWalls, reaches
 from particles.neighbours.neighbour_list import PairList, cell_order, finest_cell
 from particles.neighbours.skin import USUAL, WIDEST, next_skin
 from particles.sector import CyclicSector
-from particles.walls.device_walls import DeviceWalls
-from particles.walls.wall_table import Enclosure
 
-PER_GRAIN = {"external_force": True, "_species": False, "_net": True}
-"""Arrays of `ListedGrains` with a row a grain, or None: whether rows are vectors that turn where a grain is wrapped."""
+ESCAPE = "the walls may have a slot, or it was pressed through one: raise the stiffness or shorten dt"
 
 
-class ListedGrains:
+class ListedGrains(GrainMotion):
     """Grains, the walls near them, and the list of both; `particles.DEM` moves them.
 
     Parameters
     ----------
-    grains, walls, bodies, dt, sector, skin
+    grains, walls, bodies, dt, gravity, sector, skin, overlap_limit
         As of `particles.DEM`.
     columns : ContactColumns
         Of what a contact remembers.
@@ -46,9 +42,11 @@ class ListedGrains:
 
     Attributes
     ----------
-    external_force, attraction, step_count, order_version, list_version
+    attraction
         As of `particles.DEM`.
     """
+
+    PER_GRAIN = {"external_force": True, "_species": False, "_net": True}
 
     def __init__(
         self,
@@ -58,40 +56,23 @@ class ListedGrains:
         columns: ContactColumns,
         *,
         dt: float,
+        gravity: Gravity | None,
         sector: CyclicSector | None,
         skin: float | None,
+        overlap_limit: float,
         species: np.ndarray | None,
     ) -> None:
-        self.grains, self.walls, self.bodies = grains, list(walls), list(bodies)
-        self.dt, self.sector = float(dt), sector
         self._mean_radius = math.fsum(grains.radius) / grains.count  # to the bit, in whatever order they stand
         self._own_skin = skin is None
-        self.skin = USUAL * self._mean_radius if skin is None else float(skin)
-        if not 0.0 < self.skin < np.inf:
-            raise ValueError(f"skin = {self.skin * 1e3:g} mm; allowed: more than 0 (a quarter of a diameter is usual)")
-        self.external_force: np.ndarray | None = None
+        super().__init__(
+            grains, walls, bodies, dt=dt, gravity=gravity, sector=sector,
+            skin=USUAL * self._mean_radius if skin is None else skin, overlap_limit=overlap_limit,
+        )  # fmt: skip
         self.attraction: Attraction | None = None
-        self.step_count = self.order_version = self.list_version = 0
         self._columns, self._species, self._net = columns, species, np.zeros((grains.count, 3))
-        self._device = DeviceWalls(self.walls, self.bodies)
-        # a device that does not hold its grains at the start (a bare disc, a belt) cannot lose them either
-        self._enclosure: Enclosure | None = Enclosure(self.walls)
-        if self._enclosure.outside(grains.position, 0.0).any():
-            self._enclosure = None
-        self._stale = True
         self._list_step = 0
         self._contacts: ContactList | None = None
         self._rebuild()
-
-    @property
-    def time(self) -> float:
-        """Time [s] of the positions; velocities lag by half a step."""
-        return self.step_count * self.dt
-
-    @property
-    def list_skin(self) -> float:
-        """Return how much further than touching the present list reaches [m]."""
-        return self.skin
 
     @property
     def listed_pairs(self) -> PairList:
@@ -108,11 +89,6 @@ class ListedGrains:
         return ListedWalls(self._list.wall_start, self._device.wall[number], number < len(self._device.rows))
 
     @property
-    def n_sectors(self) -> int:
-        """Sectors in the full ring (1 without a sector)."""
-        return 1 if self.sector is None else self.sector.n_sectors
-
-    @property
     def contact_force(self) -> np.ndarray:
         """Sum of the contact forces on each grain at the last step [N], shape (n, 3)."""
         return self._net.copy()
@@ -121,10 +97,6 @@ class ListedGrains:
     def _list(self) -> ContactList:
         assert self._contacts is not None
         return self._contacts
-
-    def invalidate(self) -> None:
-        """Say that positions were changed from outside: the list is renewed before the next step."""
-        self._stale = True
 
     def renew_list(self) -> bool:
         """Make the neighbour list again if it is outdated, as `DEM.run` would; whether it was.
@@ -138,13 +110,10 @@ class ListedGrains:
 
     def state(self) -> dict[str, np.ndarray]:
         """Everything that `restore` needs to go on bit for bit."""
-        held = {name.lstrip("_"): getattr(self, name) for name in PER_GRAIN}
-        arrays = checkpoint.taken(self.grains, self.bodies, self._list.arrays(), **held)
+        arrays = super().state()
         if self.attraction is not None:
             arrays |= self.attraction.state()
-        arrays["counters"] = np.array(
-            [self.step_count, self.order_version, self._stale, self.list_version, self._list_step], dtype=np.int64
-        )
+        arrays["counters"] = np.append(arrays["counters"], self._list_step)
         return arrays
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
@@ -157,28 +126,23 @@ class ListedGrains:
             whose table is not known here.
         """
         self._refuse_other_memory(state)
-        checkpoint.refuse_another_scene("DEM", state, self.grains, self.bodies)
         attracts = any(name.startswith(ATTRACTION) for name in state)
         if attracts and self.attraction is None:
             raise ValueError("the state's grains attract each other; give this DEM the same `attraction` first")
-        checkpoint.put_grains(state, self.grains)
-        for name in PER_GRAIN:
-            setattr(self, name, checkpoint.held_in(state, name.lstrip("_")))
+        super().restore(state)
         if self.attraction is not None and attracts:
             self.attraction.restore(state)
         else:
             self.attraction = None
-        self._contacts = ContactList.from_arrays(checkpoint.list_of(state), self._columns.total)
-        checkpoint.put_bodies(state, self.bodies)
-        self.step_count, self.order_version, stale, self.list_version, self._list_step = (
-            int(v) for v in state["counters"]
-        )
-        self._stale = bool(stale)
+        self._list_step = int(state["counters"][4])
+
+    def _restore_list(self, arrays: dict[str, np.ndarray]) -> None:
+        self._contacts = ContactList.from_arrays(arrays, self._columns.total)
 
     def _refuse_other_memory(self, state: dict[str, np.ndarray]) -> None:
         """Raise ValueError unless contacts of the state remember what these do; older ones not in whole fours."""
         remembered, total = state["list_pair_history"].shape[1], self._columns.total
-        if whole(remembered) != total:
+        if round_up(remembered) != total:
             raise ValueError(
                 f"a contact of the state remembers {remembered} numbers, one of this DEM {total}; "
                 "begin with grains of the same kind of contact law, rolling and twisting friction and energy budget"
@@ -205,10 +169,7 @@ class ListedGrains:
     def _rebuild(self) -> None:
         """Wrap, sort by cells, list the neighbours again, and carry what contacts remember into the new list."""
         g = self.grains
-        if self._enclosure is not None:
-            gone = np.flatnonzero(self._enclosure.outside(g.position, 2.0 * float(g.radius.max())))
-            if len(gone):
-                raise run_faults.escaped(g, gone, self.time)
+        self._refuse_escaped(2.0 * float(g.radius.max()), ESCAPE)
         wraps = None if self.sector is None else self._wrap(self.sector)
         memory = None
         if self._contacts is not None:
@@ -239,7 +200,7 @@ class ListedGrains:
         """Turn back into the sector what has left it; by how many sectors each grain was turned, shape (n,)."""
         g, wraps = self.grains, sector.wraps(self.grains.position)
         gone = np.flatnonzero(wraps)
-        held = [getattr(self, name) for name, turns in PER_GRAIN.items() if turns]
+        held = [getattr(self, name) for name, turns in self.PER_GRAIN.items() if turns]
         for array in (g.position, g.velocity, g.angular_velocity, g.magnetic_moment, *held):
             if array is not None:
                 array[gone] = sector.turn(array[gone], wraps[gone])
@@ -248,11 +209,6 @@ class ListedGrains:
         return wraps
 
     def _sort(self, order: np.ndarray) -> None:
-        """Put grain ``order[k]`` into place k in everything that has a row a grain."""
-        self.grains.permute(order)
-        for name in PER_GRAIN:
-            if (array := getattr(self, name)) is not None:
-                setattr(self, name, array.take(order, axis=0))
+        super()._sort(order)
         if self.attraction is not None:
             self.attraction.sorted_as(order)
-        self.order_version += 1

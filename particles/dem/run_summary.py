@@ -9,7 +9,7 @@ import numpy as np
 from particles.bodies import Body
 from particles.dem import total_columns
 from particles.dem.contact_columns import ContactColumns
-from particles.dem.step_totals import EnergyTotals, StepTotals
+from particles.step_totals import EnergyTotals, StepTotals
 
 TORQUES = {"normal": total_columns.TORQUE_N, "damping": total_columns.TORQUE_D, "tangential": total_columns.TORQUE_T}
 FORCES = {"normal": total_columns.FORCE_N, "damping": total_columns.FORCE_D, "tangential": total_columns.FORCE_T}
@@ -21,13 +21,13 @@ def summary(
     ring: int,
     bodies: Sequence[Body],
     totals: np.ndarray,
-    of_bodies: np.ndarray,
+    body_totals: np.ndarray,
     energy: EnergyTotals | None,
     rebuilds: int,
 ) -> StepTotals:
     """Return what ``steps`` of ``dt`` [s] did; ``ring`` is the number of sectors, of one of which the sums are."""
     share = ring / max(steps, 1)
-    rows = dict(zip([body.name for body in bodies], of_bodies, strict=True))
+    rows = dict(zip([body.name for body in bodies], body_totals, strict=True))
     parts = {
         name: {kind: _force(row[first : first + 3] * share, ring) for kind, first in FORCES.items()}
         for name, row in rows.items()
@@ -44,7 +44,7 @@ def summary(
                 "load": float(row[total_columns.LOAD_WORK]),
                 "contact": float(row[total_columns.SHAFT_CONTACT_WORK]),
             }
-            for body, row in zip(bodies, of_bodies, strict=True)
+            for body, row in zip(bodies, body_totals, strict=True)
             if body.is_free
         },
         energy=energy,
@@ -55,18 +55,18 @@ def summary(
     )
 
 
-def _force(of_one: np.ndarray, ring: int) -> np.ndarray:
+def _force(force: np.ndarray, ring: int) -> np.ndarray:
     """A force of all sectors [N]: what is not axial cancels round a ring of several."""
     if ring > 1:
-        of_one[:2] = 0.0
-    return of_one
+        force[:2] = 0.0
+    return force
 
 
 def energy_budget(
     ring: int,
     bodies: Sequence[Body],
     totals: np.ndarray,
-    of_bodies: np.ndarray,
+    body_totals: np.ndarray,
     columns: ContactColumns,
     kinetic: tuple[float, float],
     elastic: tuple[float, float],
@@ -75,7 +75,7 @@ def energy_budget(
     work = ring * totals
     return EnergyTotals(
         wall_work={
-            body.name: ring * float(row[total_columns.BODY_WORK]) for body, row in zip(bodies, of_bodies, strict=True)
+            body.name: ring * float(row[total_columns.BODY_WORK]) for body, row in zip(bodies, body_totals, strict=True)
         },
         dissipation={
             "normal_damping": float(work[total_columns.NORMAL_DAMPING]),

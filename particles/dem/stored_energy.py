@@ -41,8 +41,8 @@ def stored_at_rest(
 ) -> float:
     """Elastic energy [J] of the ``overlaps`` [m] of the list's pairs (p,) and walls (s,).
 
-    ``wall_row`` are the rows of the law for species and wall. A law that remembers is told what the contacts store,
-    for its losses are told from the change of that.
+    ``wall_row`` are the rows of the law for species and wall. For a law with a memory the contacts note what they
+    store, because its losses follow from the change of that.
     """
     energy, c = 0.0, contacts
     kind = np.zeros(grains.count, dtype=np.int64) if species is None else species

@@ -3,7 +3,7 @@
 What a step must resolve, for the lightest grains in each kind of contact (with their like, and with a wall):
 
 * **a contact**: its duration in an impact at the expected speed, and the half period pi sqrt(m_eff/S) in which it
-  trembles at the depth of that impact under the expected load, S its stiffness there; ``steps_per_contact`` steps in
+  vibrates at the depth of that impact under the expected load, S its stiffness there; ``steps_per_contact`` steps in
   the shorter, 5 at the least;
 * **sliding and rolling**: the half period of the stuck tangential spring. It moves and turns the grain,
   omega^2 = 3.5 k_t/m_eff; at a wall with rolling resistance 5.55 k_t/m (the larger eigenvalue of the pair of
@@ -122,13 +122,9 @@ def choose_time_step(
     ValueError
         Another number is out of range.
     """
-    lightest, smallest = float(np.min(mass)), float(np.min(radius))
-    for name, value, unit in (("mass", lightest, "kg"), ("radius", smallest, "m")):
-        if not 0.0 < value < math.inf:
-            raise ValueError(f"{name} of a grain = {value:g} {unit}; allowed: more than 0")
-    for name, value, unit in (("speed", speed, "m/s"), ("load", load, "N"), ("attraction", attraction, "N/m")):
-        if not 0.0 <= value < math.inf:
-            raise ValueError(f"expected {name} = {value:g} {unit}; allowed: 0 or more")
+    lightest, smallest = smallest_grain(
+        mass, radius, speed=(speed, "m/s"), load=(load, "N"), attraction=(attraction, "N/m")
+    )
     if not MIN_STEPS <= steps_per_contact < math.inf:
         raise ValueError(f"steps_per_contact = {steps_per_contact:g}; allowed: 5 or more (20 is usual)")
     meeting = _Meeting(
@@ -156,6 +152,26 @@ def choose_time_step(
     chosen = next(limit for limit in limits if limit.dt <= shortest * (1.0 + 1e-9))
     also = "" if chosen is limits[0] else f" (the contact alone would allow {limits[0].dt:.3g} s)"
     return TimeStep(chosen.dt, f"dt = {chosen.dt:.3g} s: {chosen.why}{also}")
+
+
+def smallest_grain(
+    mass: float | np.ndarray, radius: float | np.ndarray, **expected: tuple[float, str]
+) -> tuple[float, float]:
+    """Return the smallest mass [kg] and radius [m]; check them and what is ``expected``, each a number and its unit.
+
+    Raises
+    ------
+    ValueError
+        If mass or radius are not positive, or an expected number is negative.
+    """
+    lightest, smallest = float(np.min(mass)), float(np.min(radius))
+    for name, value, unit in (("mass", lightest, "kg"), ("radius", smallest, "m")):
+        if not 0.0 < value < math.inf:
+            raise ValueError(f"{name} of a grain = {value:g} {unit}; allowed: more than 0")
+    for name, (value, unit) in expected.items():
+        if not 0.0 <= value < math.inf:
+            raise ValueError(f"expected {name} = {value:g} {unit}; allowed: 0 or more")
+    return lightest, smallest
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geometry.walls import AnnularBox, Plane, RevolvedWall, Wall
+from particles.diagnostics.bins import Bins, SlabBins, even_edges, ring_bins
 from particles.grains import Grains
 
 LEVEL = 1.0 - 1e-9  # component of a plane's normal from which on the plane counts as normal to an axis
@@ -54,3 +55,11 @@ def enclosed_space(grains: Grains, walls: Sequence[Wall], *, ring: bool | None =
         if len(ends) and np.ptp(ends[:, k]) > 0.0:
             sides[2 * k], sides[2 * k + 1] = float(ends[:, k].min()), float(ends[:, k].max())
     return AnnularBox(*sides)
+
+
+def default_bins(space: Space, width: float, angle: float) -> Bins:
+    """Bins of about ``width`` [m]: against r in a ring (a sector of ``angle`` [rad]), against z in a box."""
+    if isinstance(space, BoxSpace):
+        side = space.upper - space.lower
+        return SlabBins(2, 0, even_edges(space.lower[2], space.upper[2], width), float(side[0] * side[1]))
+    return ring_bins(space, width, angle=angle)

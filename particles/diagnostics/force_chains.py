@@ -1,8 +1,6 @@
-"""Force chains: which contacts carry the load, and the lines of grains along which it runs.
+"""Force chains: the lines of grains along which the load runs.
 
-**Strong contacts** carry more than the mean normal force (Radjai, Wolf, Jean & Moreau, Phys. Rev. Lett. 80 (1998) 61).
-
-**Chains** follow Peters, Muthuswamy, Wibowo & Tordesillas, Phys. Rev. E 72 (2005) 041307: a grain is highly stressed
+Chains follow Peters, Muthuswamy, Wibowo & Tordesillas, Phys. Rev. E 72 (2005) 041307: a grain is highly stressed
 where its major principal stress is above the mean of all grains; two of them that touch are linked where the line
 between their centres is within ``angle`` (45 degrees) of the direction of the major principal stress of both; a chain
 has three grains or more. Here a chain does not branch: every grain keeps one link each way along its direction, the
@@ -57,23 +55,6 @@ class ForceChains:
     def share(self) -> float:
         """Share of the grains that stand in a chain [-]."""
         return float(np.mean(self.chain >= 0))
-
-
-def force_distribution(
-    grains: Grains, contacts: ContactTable, sector: CyclicSector | None = None, *, bins: int = 40, largest: float = 8.0
-) -> tuple[np.ndarray, np.ndarray]:
-    """Distribution P(f) of the normal forces over their mean, f = F_n/<F_n>, from 0 to ``largest``.
-
-    Returns (edges (bins + 1,), density (bins,)). The density is that of all contacts: what lies beyond ``largest`` or
-    pulls is missing from its integral. Zeros where nothing presses.
-    """
-    force = contact_geometry(grains, contacts, sector).normal_force
-    edges = np.linspace(0.0, largest, bins + 1)
-    mean = float(force.mean()) if len(force) else 0.0
-    if mean <= 0.0:
-        return edges, np.zeros(bins)
-    counts, _ = np.histogram(force / mean, edges)
-    return edges, counts / (len(force) * np.diff(edges))
 
 
 def force_chains(

@@ -10,8 +10,8 @@ with grains i of mass m_i, a share w_i of each by volume:
 - fluctuation c = v - v_mean, v_mean interpolated linearly in s at each grain, so that shear across a bin is no
   temperature. Temperature T = sum w m c^2 / (3 sum w m). Taking the mean from the same grains costs a share of T of
   about one over the grains in a bin.
-- stress sigma = (sum of contacts + sum w m c c)/V, contacts by Love-Weber, compression positive
-  (`particles.diagnostics.stress`), along (flow, gradient, third) at each contact's point.
+- stress sigma = (sum of contacts + sum w m c c)/V, contacts by Love and Weber, -f l with l the branch from
+  centre to centre or to the wall, compression positive, along (flow, gradient, third) at each contact's point.
 - shear stress tau = -sigma_flow,gradient: positive where the far side (larger s) drives the near one along the flow.
 - mu = |tau|/p and I = |gamma| d sqrt(rho/p) (GDR MiDi, Eur. Phys. J. E 14 (2004) 341), p a third of the trace, d the
   mean diameter by volume, rho the density of the grains themselves.

@@ -25,11 +25,11 @@ import numpy as np
 from numba import njit
 
 from geometry.kernels.device_functions import device_function
-from particles.dvi.anderson_vectors import HISTORY, N_PRODUCTS, Vectors, extrapolate, gather, remember
+from particles.dvi.anderson_vectors import HISTORY, N_PRODUCTS, Vectors, extrapolate, gather, store_change
 from particles.dvi.contact_torques import no_contact_torques, residual, sweep, weigh_contact_torques
 from particles.dvi.gauss_seidel import IWN, grouped
-from particles.dvi.kernel_state import Search, whole
-from particles.dvi.partition import extrapolate_chunks, gather_chunks, residual_of_chunks, store_chunks, sweep_chunks
+from particles.dvi.solver_state import SolverSettings, all_of
+from particles.dvi.sweep_chunks import extrapolate_chunks, gather_chunks, residual_of_chunks, store_chunks, sweep_chunks
 
 GAUSS_SEIDEL, ANDERSON = range(2)  # methods: sweeps alone, accelerated
 PLAIN = 1.0  # relaxation of sweeps that are not over-relaxed
@@ -42,14 +42,14 @@ OVER = 1.6  # over-relaxation of the sweeps after a stall; beyond 1.8 sheared be
 
 
 @device_function(error_model="numpy", fastmath={"contract"})
-def solve(convex, compliance, search, records, contact_torques, chunk=None, alone=True):
+def solve(convex, compliance, settings, records, contact_torques, chunk=None, alone=True):
     """Plain sweeps, then (unless the method is GAUSS_SEIDEL) accelerated ones.
 
-    ``chunk`` not None, and ``alone`` None: threads share the sweeps (`particles.dvi.partition`). Returns sweeps, the
+    ``chunk`` not None, and ``alone`` None: threads share the sweeps (`particles.dvi.sweep_chunks`). Returns sweeps, the
     honest residual [m/s], and whether acceleration took over.
     """
-    cap, tolerance = search.cap, search.tolerance
-    first = cap if search.method == GAUSS_SEIDEL else min(cap, PLAIN_SWEEPS)
+    cap, tolerance = settings.cap, settings.tolerance
+    first = cap if settings.method == GAUSS_SEIDEL else min(cap, PLAIN_SWEEPS)
     for count in range(first):
         change = _sweep(convex, PLAIN, compliance, records, contact_torques, chunk, alone)
         if change <= tolerance:
@@ -58,14 +58,14 @@ def solve(convex, compliance, search, records, contact_torques, chunk=None, alon
                 return count + 1, reached, 0
     if first == cap:
         return cap, _residual(convex, compliance, records, contact_torques, chunk, alone), 0
-    done, reached = anderson(convex, compliance, search, cap - first, records, contact_torques, chunk, alone)
+    done, reached = anderson(convex, compliance, settings, cap - first, records, contact_torques, chunk, alone)
     return first + done, reached, 1
 
 
 @device_function(error_model="numpy", fastmath={"contract"})
-def anderson(convex, compliance, search, cap, records, contact_torques, chunk=None, alone=True):
+def anderson(convex, compliance, settings, cap, records, contact_torques, chunk=None, alone=True):
     """Up to ``cap`` accelerated sweeps from the impulses in the records; returns their number and the residual."""
-    tolerance = search.tolerance
+    tolerance = settings.tolerance
     bodies, all_contacts = records.body.shape[0], records.pair.shape[0] + records.wall.shape[0]
     contacts = 3 * all_contacts + bodies
     if contact_torques.law.shape[0] > 0:
@@ -117,7 +117,7 @@ def anderson(convex, compliance, search, cap, records, contact_torques, chunk=No
             best = norm
         if not first:
             known = min(known + 1, HISTORY)
-        _remember(better, first, slot, known, vectors, records, contact_torques, chunk, alone)
+        _store_change(better, first, slot, known, vectors, records, contact_torques, chunk, alone)
         if not first:
             for q in range(known):
                 gram[slot, q] = gram[q, slot] = products[q]
@@ -162,7 +162,7 @@ def _sweep(convex, relax, compliance, records, contact_torques, chunk, alone):
 def _residual(convex, compliance, records, contact_torques, chunk, alone):
     reached = 0.0
     if alone is not None:
-        reached = residual(whole(records), convex, compliance, records, contact_torques)
+        reached = residual(all_of(records), convex, compliance, records, contact_torques)
     if chunk is not None:
         reached = residual_of_chunks(convex, compliance, records, contact_torques, chunk)
     return reached
@@ -171,15 +171,15 @@ def _residual(convex, compliance, records, contact_torques, chunk, alone):
 @device_function(inline="always", error_model="numpy", fastmath={"contract"})
 def _gather(g, vectors, records, contact_torques, chunk, alone):
     if alone is not None:
-        gather(whole(records), g, vectors, vectors.products, records, contact_torques)
+        gather(all_of(records), g, vectors, vectors.products, records, contact_torques)
     if chunk is not None:
         gather_chunks(g, vectors, records, contact_torques, chunk)
 
 
 @device_function(inline="always", error_model="numpy", fastmath={"contract"})
-def _remember(better, first, slot, known, vectors, records, contact_torques, chunk, alone):
+def _store_change(better, first, slot, known, vectors, records, contact_torques, chunk, alone):
     if alone is not None:
-        remember(whole(records), better, first, slot, known, vectors, vectors.products, records, contact_torques)
+        store_change(all_of(records), better, first, slot, known, vectors, vectors.products, records, contact_torques)
     if chunk is not None:
         store_chunks(better, first, slot, known, vectors, records, contact_torques, chunk)
 
@@ -187,7 +187,7 @@ def _remember(better, first, slot, known, vectors, records, contact_torques, chu
 @device_function(inline="always", error_model="numpy", fastmath={"contract"})
 def _extrapolate(g, c, known, vectors, records, contact_torques, chunk, alone):
     if alone is not None:
-        extrapolate(whole(records), g, c, known, vectors, records, contact_torques)
+        extrapolate(all_of(records), g, c, known, vectors, records, contact_torques)
     if chunk is not None:
         extrapolate_chunks(g, c, known, vectors, records, contact_torques, chunk)
 
@@ -233,11 +233,11 @@ def _solve_gram(gram, c, n):
 
 # for calls from Python: the functions above are compiled into the step and have no cache of their own
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _anderson(convex, compliance, search, contact_torques, grain, body, pair_index, pair, wall_index, wall):
+def _anderson(convex, compliance, settings, contact_torques, grain, body, pair_index, pair, wall_index, wall):
     records = grouped(grain, body, pair_index, pair, wall_index, wall)
-    return anderson(convex, compliance, search, search.cap, records, contact_torques)
+    return anderson(convex, compliance, settings, settings.cap, records, contact_torques)
 
 
 def accelerate_records(convex, compliance, tolerance, cap, *records):
     """`anderson` for calls from Python, without torques."""
-    return _anderson(convex, compliance, Search(ANDERSON, tolerance, cap), no_contact_torques(), *records)
+    return _anderson(convex, compliance, SolverSettings(ANDERSON, tolerance, cap), no_contact_torques(), *records)

@@ -1,7 +1,7 @@
 """Anderson's vectors part by part: what `particles.dvi.accelerated` keeps of its last sweeps.
 
 A vector holds the impulses of pairs, of walls and the loads of shafts, the torques of pairs and of walls where there
-are some, then the velocities of grains and of shafts. Parts (`particles.dvi.kernel_state.Part`) do not touch each
+are some, then the velocities of grains and of shafts. Parts (`particles.dvi.solver_state.Part`) do not touch each
 other's entries, so that threads may work on several.
 """
 
@@ -16,7 +16,8 @@ from particles.dvi.contact_torques import CX
 from particles.dvi.gauss_seidel import BRAKE, PX, PY, PZ, RX, SPEED, VX, VY, VZ
 
 HISTORY = 5
-# what `remember` adds up: products of the newest change with all kept ones, and of these with f; `gather`: f.f, first
+# what `store_change` adds up: products of the newest change with all kept ones, and of these with f; `gather`: f.f,
+# first
 N_PRODUCTS = 2 * HISTORY
 
 
@@ -109,7 +110,7 @@ def _weigh(lo, hi, g, r, weight, f):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def remember(part, better, first, slot, known, vectors, products, records, contact_torques):
+def store_change(part, better, first, slot, known, vectors, products, records, contact_torques):
     """Keep the changes since the last time, unless this is the ``first``, and ``g`` also where it is ``better``."""
     p0, p1, w0, w1, i0, i1, shafts = part
     g, old_g, best_g, d_g = vectors.g, vectors.old_g, vectors.best_g, vectors.d_g

@@ -56,12 +56,12 @@ from particles.laws.restitution import damping_ratio
 FIRST_ROOT, PER_OCTAVE, OCTAVES = 0.0625, 8, 9
 ROOTS = FIRST_ROOT * 2.0 ** (np.arange(OCTAVES * PER_OCTAVE + 1) / PER_OCTAVE)
 HARD = 0.01  # c_n/w_n of a contact that rebounds by Newton's law: hard, yet finite where it jams
-LEAST = 1e-3  # restitution, for which the dashpot is critical already
+MIN_RESTITUTION = 1e-3  # for which the dashpot is critical already
 PHASES = (np.arange(16) + 0.5) / 16.0  # of the first gap, in ways of a step
 
 
 def spring_table(dt: float, stiffness: np.ndarray, restitution: np.ndarray) -> np.ndarray:
-    """Return tables for `remember`, between grains and at walls, (2, SHARES + n): log K at sqrt(a) of `ROOTS` (n,).
+    """Return tables for `set_springs`, between grains and at walls, (2, SHARES + n): log K at sqrt(a) of `ROOTS` (n,).
 
     Parameters
     ----------
@@ -77,16 +77,16 @@ def spring_table(dt: float, stiffness: np.ndarray, restitution: np.ndarray) -> n
     ValueError
         If a stiffness is not more than 0.
     """
-    given = np.array(stiffness, dtype=float)
-    if given.shape != (2, 2) or not (np.isfinite(given).all() and (given > 0.0).all()):
+    springs = np.array(stiffness, dtype=float)
+    if springs.shape != (2, 2) or not (np.isfinite(springs).all() and (springs > 0.0).all()):
         raise ValueError(
             f"stiffness = {stiffness} N/m; allowed: [[k_n, k_t] between grains, [k_n, k_t] at walls], each more than 0"
         )
     rows = []
-    for (k_n, k_t), e in zip(given, restitution, strict=True):
+    for (k_n, k_t), e in zip(springs, restitution, strict=True):
         fraction, met = calibrated(ROOTS, float(e))
         limit = ROOTS[met].max() if met.any() else 0.0
-        dashpot = 2.0 * min(damping_ratio(max(float(e), LEAST)), 1.0)
+        dashpot = 2.0 * min(damping_ratio(max(float(e), MIN_RESTITUTION)), 1.0)
         rows.append(np.concatenate([[k_n, 1.0 / (k_t * dt * dt), limit, dashpot], np.log(fraction)]))
     return np.array(rows)
 
@@ -128,7 +128,7 @@ def implicit_fraction(root, row):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def remember(h, compliance, kind, gap, row, offset):
+def set_springs(h, compliance, kind, gap, row, offset):
     """Put springs into a contact's row, which holds its geometry, masses and the impulse of the step before.
 
     Returns c_n/w_n where Newton's restitution may act, -1 elsewhere. ``offset``: column of the tangential offset.
@@ -152,8 +152,10 @@ def remember(h, compliance, kind, gap, row, offset):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def strike(e, before, give, row, offset):
-    """Newton's restitution for a contact that `remember` has filled, with c_n/w_n = ``give``; ``before`` is u_n [m/s].
+def apply_restitution(e, before, give, row, offset):
+    """Put Newton's restitution into a contact that `set_springs` has filled, with c_n/w_n = ``give``.
+
+    ``before`` is u_n [m/s].
 
     That law is a rigid one: it would rebound from each of several contacts as if it were alone, to the compliance's
     share of the impulse. So c_n falls to `HARD` for this step; a grain alone rebounds at e exactly.

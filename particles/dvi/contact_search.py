@@ -6,20 +6,18 @@ import numpy as np
 from numba import prange
 
 from geometry.kernels.device_functions import device_function
-from particles.dvi import gauss_seidel as gs
-from particles.dvi.compliance import remember, strike
+from particles.dvi.contact_rows import set_law, set_wall_geometry
 from particles.dvi.gauss_seidel import (
     ARM,
     EX,
     EY,
     EZ,
-    IJ,
     IM,
     IWN,
     IWT,
-    LX,
-    LY,
-    MU,
+    N_PAIR,
+    N_WALL_CONTACT,
+    PAIRS,
     PX,
     PY,
     PZ,
@@ -29,8 +27,8 @@ from particles.dvi.gauss_seidel import (
     VX,
     VY,
     VZ,
-    B,
-)  # fmt: skip
+    WALLS,
+)
 from particles.dvi.triangle_contacts import record, search
 from particles.walls.wall_kernels import _wall_gap
 
@@ -60,24 +58,24 @@ def free_velocities(h, step, grains, grain):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def find_contacts(rows, numbers, near, look, compliance, grains, pair_slots, slots, walls, old_speed, records):
+def find_contacts(rows, numbers, near, horizon, compliance, grains, pair_slots, slots, walls, old_speed, records):
     """Fill the records of contacts, from the ``numbers`` of a pair and a wall on, of the rows[0] <= i < rows[1].
 
     These are the slots whose gap may close within the step; ``near`` says of which pairs it is already known. Returns
     the numbers behind the last ones.
     """
-    h, margin, slop, law = look
+    h, margin, slop, law = horizon
     position, velocity, radius, bound = grains.position, grains.velocity, grains.radius, grains.bound
     pair_start, pair_other, pair_impulse, pair_slot = (
         pair_slots.start,
         pair_slots.other,
         pair_slots.impulse,
-        pair_slots.met,
+        pair_slots.contact_slot,
     )
-    wall_start, wall_other, wall_impulse, wall_slot = slots.start, slots.other, slots.impulse, slots.met
+    wall_start, wall_other, wall_impulse, wall_slot = slots.start, slots.other, slots.impulse, slots.contact_slot
     grain, body, pair_index, pair, wall_index, wall_row = records[:6]
     wall, wall_body = walls.smooth, walls.body
-    pairs, met = numbers
+    pairs, at_walls = numbers
     for i in range(rows[0], rows[1]):
         x, y, z, ri = position[i, 0], position[i, 1], position[i, 2], radius[i]
         for k in range(pair_start[i], pair_start[i + 1]):
@@ -101,22 +99,12 @@ def find_contacts(rows, numbers, near, look, compliance, grains, pair_slots, slo
             w_n = grain[i, IM] + grain[j, IM]
             row[IWN] = 1.0 / w_n
             row[IWT] = 1.0 / (w_n * (1.0 + 2.5 * row[ARM] * row[ARM]))
-            row[MU] = law[0, 0]
-            gap, give = d - reach, 0.0
-            if compliance is None:
-                row[B] = gap / h if gap > slop * min(ri, radius[j]) else 0.0
-            else:
-                give = remember(h, compliance, gs.PAIRS, gap, row, gs.N_PAIR)
-            if law[0, 1] > 0.0 and give >= 0.0:
-                before = (
-                    (velocity[i, 0] - velocity[j, 0]) * ex
-                    + (velocity[i, 1] - velocity[j, 1]) * ey
-                    + (velocity[i, 2] - velocity[j, 2]) * ez
-                )
-                if before < -law[0, 2] and gap + h * before < 0.0:
-                    row[B] = law[0, 1] * before
-                    if compliance is not None:
-                        strike(law[0, 1], before, give, row, gs.N_PAIR)
+            before = (
+                (velocity[i, 0] - velocity[j, 0]) * ex
+                + (velocity[i, 1] - velocity[j, 1]) * ey
+                + (velocity[i, 2] - velocity[j, 2]) * ez
+            )
+            set_law(PAIRS, h, slop * min(ri, radius[j]), law, compliance, d - reach, before, row, N_PAIR)
             pair_index[pairs, 0], pair_index[pairs, 1], pair_slot[pairs] = i, j, k
             pairs += 1
         for k in range(wall_start[i], wall_start[i + 1]):
@@ -127,34 +115,21 @@ def find_contacts(rows, numbers, near, look, compliance, grains, pair_slots, slo
             if not owned or distance >= ri + h * 2.0 * bound[i] + margin + slop * ri:
                 wall_impulse[k, 0] = wall_impulse[k, 1] = wall_impulse[k, 2] = 0.0
                 continue
-            row = wall_row[met]
-            row[EX], row[EY], row[EZ], row[ARM] = -nx, -ny, -nz, distance / ri
+            row = wall_row[at_walls]
+            point = x + distance * nx, y + distance * ny
+            along = set_wall_geometry((nx, ny, nz), distance / ri, point, grain[i], body[b], row)
             row[RX], row[RY], row[RZ] = wall_impulse[k, 0], wall_impulse[k, 1], wall_impulse[k, 2]
-            row[LX], row[LY] = -(y + distance * ny), x + distance * nx
-            along = row[LX] * row[EX] + row[LY] * row[EY]
-            row[IWN] = 1.0 / (grain[i, IM] + body[b, IJ] * along * along)
-            row[IWT] = 1.0 / (grain[i, IM] * (1.0 + 2.5 * row[ARM] * row[ARM]))
-            row[MU] = law[1, 0]
-            gap, give = distance - ri, 0.0
-            if compliance is None:
-                row[B] = gap / h if gap > slop * ri else 0.0
-            else:
-                give = remember(h, compliance, gs.WALLS, gap, row, gs.N_WALL_CONTACT)
-            if law[1, 1] > 0.0 and give >= 0.0:
-                before = -(velocity[i, 0] * nx + velocity[i, 1] * ny + velocity[i, 2] * nz) - old_speed[b] * along
-                if before < -law[1, 2] and gap + h * before < 0.0:
-                    row[B] = law[1, 1] * before
-                    if compliance is not None:
-                        strike(law[1, 1], before, give, row, gs.N_WALL_CONTACT)
-            wall_index[met, 0], wall_index[met, 1], wall_slot[met] = i, b, k
-            met += 1
-    return pairs, met
+            before = -(velocity[i, 0] * nx + velocity[i, 1] * ny + velocity[i, 2] * nz) - old_speed[b] * along
+            set_law(WALLS, h, slop * ri, law, compliance, distance - ri, before, row, N_WALL_CONTACT)
+            wall_index[at_walls, 0], wall_index[at_walls, 1], wall_slot[at_walls] = i, b, k
+            at_walls += 1
+    return pairs, at_walls
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def _near(lo, hi, look, grains, pair_slots, near):
+def _near(lo, hi, horizon, grains, pair_slots, near):
     """Mark the pairs of rows lo <= i < hi whose gap may close within the step; returns how many."""
-    h, margin, slop, _ = look
+    h, margin, slop, _ = horizon
     position, radius, bound = grains.position, grains.radius, grains.bound
     pair_start, pair_other = pair_slots.start, pair_slots.other
     count = 0
@@ -170,16 +145,16 @@ def _near(lo, hi, look, grains, pair_slots, near):
 
 
 @device_function(parallel=True, error_model="numpy", fastmath={"contract"})
-def find_in_chunks(look, compliance, grains, pair_slots, slots, walls, old_speed, records, chunk, ends):
+def find_in_chunks(horizon, compliance, grains, pair_slots, slots, walls, old_speed, records, chunk, ends):
     """`find_contacts` and `record` by chunks: pairs without gaps, walls from the first slot of each chunk to ``ends``.
 
     How many contacts the shares before it have must be known before a chunk can fill its records. Those of walls are
-    put in order by `particles.dvi.partition.sort_walls`.
+    put in order by `particles.dvi.sweep_chunks.sort_walls`.
     """
     rows, pairs, near, first = chunk.rows, chunk.pairs, chunk.near, slots.start
     count = rows.shape[0] - 1
     for c in prange(count):
-        pairs[c + 1] = _near(rows[c], rows[c + 1], look, grains, pair_slots, near)
+        pairs[c + 1] = _near(rows[c], rows[c + 1], horizon, grains, pair_slots, near)
     for c in range(count):
         pairs[c + 1] += pairs[c]
     for c in prange(count):
@@ -188,7 +163,7 @@ def find_in_chunks(look, compliance, grains, pair_slots, slots, walls, old_speed
             own,
             (pairs[c], first[rows[c]]),
             near,
-            look,
+            horizon,
             compliance,
             grains,
             pair_slots,
@@ -198,17 +173,17 @@ def find_in_chunks(look, compliance, grains, pair_slots, slots, walls, old_speed
             records,
         )
         if walls.triangle.shape[0] > 0:
-            end = record(own, end, look, compliance, grains, slots, walls, old_speed, records)
+            end = record(own, end, horizon, compliance, grains, slots, walls, old_speed, records)
         ends[c] = end
 
 
 @device_function(parallel=True, error_model="numpy", fastmath={"contract"})
-def search_in_chunks(look, grains, slots, walls, shafts, body, chunk):
+def search_in_chunks(horizon, grains, slots, walls, shafts, body, chunk):
     """`search` by chunks."""
     rows, sums = chunk.rows, chunk.sums
     count = rows.shape[0] - 1
     for c in prange(count):
-        sums[c, 0] = search(rows[c], rows[c + 1], look, grains, slots, walls, shafts, body)
+        sums[c, 0] = search(rows[c], rows[c + 1], horizon, grains, slots, walls, shafts, body)
     raised = 0.0
     for c in range(count):
         raised = max(raised, sums[c, 0])

@@ -1,4 +1,4 @@
-"""Rolling and twisting friction of rigid grains: a torque beside the impulse of each contact.
+"""Rolling and twisting friction in DVI: a torque with the impulse of each contact.
 
 With the coefficients and R_eff of `particles.laws.rolling_friction` and `particles.laws.twisting_friction`
 (1/R_eff = 1/R_i + 1/R_j, R_i at a wall), a contact with the normal impulse r_n also transmits the angular impulse
@@ -18,7 +18,7 @@ c - w/W solves one torque alone. At a wall w = p_i - R_i omega_b e_z, and a free
 twisting is solved first, then rolling on the axes of its 2 x 2 block, by the secular equation of the disc.
 
 A sweep visits the torques after all impulses, with their present r_n. The bounds follow r_n, but r_n does not see the
-torques' law: it is the same beside exact Coulomb and beside the convex relaxation.
+torques' law: it is the same with exact Coulomb friction and with the convex relaxation.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ from particles.dvi.gauss_seidel import (
     TANGENTIAL,
     WALLS,
 )  # fmt: skip
-from particles.dvi.kernel_state import Torques, whole
 from particles.dvi.local_problem import in_disc
+from particles.dvi.solver_state import Torques, all_of
 from particles.dvi.triangle_contacts import COS_STEP, SIN_STEP
 
 # columns of a torque: c, R_eff/R_i, R_eff/R_j (at a wall R_i itself), 1/W (the largest W), mu_r, mu_w; with springs
@@ -69,7 +69,12 @@ def begin_contact_torques(compliance, radius, pairs, slots, walls, records, cont
     """
     law, pair_torque, wall_torque = contact_torques
     grain, body, pair_index, pair, wall_index, wall = records[:6]
-    pair_slot, pair_impulse, wall_slot, wall_impulse = pairs.met, pairs.impulse, slots.met, slots.impulse
+    pair_slot, pair_impulse, wall_slot, wall_impulse = (
+        pairs.contact_slot,
+        pairs.impulse,
+        slots.contact_slot,
+        slots.impulse,
+    )
     n_smooth, wall_other, turn = walls.smooth.shape[0], slots.other, walls.turn
     for k in range(pair.shape[0]):
         row, s = pair_torque[k], pair_slot[k]
@@ -82,7 +87,7 @@ def begin_contact_torques(compliance, radius, pairs, slots, walls, records, cont
         for a in range(3):
             row[CX + a] = pair_impulse[s, 3 + a] if held else 0.0
         if compliance is not None:
-            _remember(compliance[PAIRS, TANGENTIAL], pair[k, GAP], row)
+            _set_spring(compliance[PAIRS, TANGENTIAL], pair[k, GAP], row)
     for k in range(wall.shape[0]):
         row, s = wall_torque[k], wall_slot[k]
         i, b = wall_index[k, 0], wall_index[k, 1]
@@ -98,14 +103,14 @@ def begin_contact_torques(compliance, radius, pairs, slots, walls, records, cont
                 row[CX] = turn[b, COS_STEP] * x - turn[b, SIN_STEP] * y
                 row[CY] = turn[b, SIN_STEP] * x + turn[b, COS_STEP] * y
         if compliance is not None:
-            _remember(compliance[WALLS, TANGENTIAL], wall[k, GAP], row)
+            _set_spring(compliance[WALLS, TANGENTIAL], wall[k, GAP], row)
     pair_impulse[:, 3:] = 0.0
     wall_impulse[:, 3:] = 0.0
     apply_contact_torques(1.0, records, contact_torques)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def _remember(give, gap, row):
+def _set_spring(give, gap, row):
     """Put the spring into a torque's row, which holds the torque of the step before."""
     row[GIVE] = give
     row[IW] = 1.0 / (1.0 / row[IW] + give)
@@ -294,7 +299,7 @@ def sweep(convex, relax, compliance, records, contact_torques):
     """One sweep over impulses and, where there are ``torques``, these; returns the largest change [m/s]."""
     change = gs.sweep(convex, relax, compliance, records)
     if contact_torques.law.shape[0] > 0:
-        change = max(change, sweep_contact_torques(whole(records), relax, compliance, records, contact_torques))
+        change = max(change, sweep_contact_torques(all_of(records), relax, compliance, records, contact_torques))
     return change
 
 
@@ -328,7 +333,12 @@ def record_contact_torques(
     """
     grain, _, pair_index, pair, wall_index, wall = records[:6]
     spin, radius, springs, body_totals = grains.spin, grains.radius, totals.springs, totals.bodies
-    pair_slot, pair_impulse, wall_slot, wall_impulse = pairs.met, pairs.impulse, slots.met, slots.impulse
+    pair_slot, pair_impulse, wall_slot, wall_impulse = (
+        pairs.contact_slot,
+        pairs.impulse,
+        slots.contact_slot,
+        slots.impulse,
+    )
     pair_torque, wall_torque = contact_torques.pair, contact_torques.wall
     rolling = twisting = work = spring_r = spring_w = 0.0
     for k in range(pair.shape[0]):

@@ -11,10 +11,10 @@ import numpy as np
 
 from geometry.kernels.simd import LANES
 from geometry.walls import Wall
-from particles import checkpoint
+from particles import run_errors
 from particles.bodies import Body
 from particles.dem.overlap_limits import STOPS
-from particles.dvi import end_of_step, run_faults
+from particles.dvi import end_of_step
 from particles.dvi import gauss_seidel as gs
 from particles.dvi import step_kernel as kernel
 from particles.dvi.accelerated import ANDERSON, GAUSS_SEIDEL
@@ -24,33 +24,32 @@ from particles.dvi.contact_torques import N_SPRING_TORQUE, N_TORQUE, no_contact_
 from particles.dvi.dvi_contact import DviContact
 from particles.dvi.dvi_totals import DviTotals, dvi_totals, rigid_energy_budget
 from particles.dvi.impulse_list import ImpulseList
-from particles.dvi.kernel_state import (
-    Call,
-    GrainState,
-    PairSlots,
-    Partition,
-    Records,
-    Search,
-    StepArguments,
-    Torques,
-    Totals,
-    WallSlots,
-    WallState,
-)
 from particles.dvi.loaded_contacts import loaded_contacts, net_impulses, pressed_in
-from particles.dvi.partition import make_chunks
+from particles.dvi.solver_state import (
+    DviArguments,
+    DviCall,
+    DviGrains,
+    DviSums,
+    DviWalls,
+    PairImpulses,
+    Records,
+    SolverSettings,
+    SweepThreads,
+    Torques,
+    WallImpulses,
+)
+from particles.dvi.sweep_chunks import make_sweep_chunks
 from particles.dvi.triangle_contacts import N_TURN
-from particles.grain_motion import Gravity, gravity_at, held_force
+from particles.grain_motion import GrainMotion, Gravity, gravity_at, held_force
 from particles.grains import Grains
 from particles.laws.rolling_friction import RollingFriction
 from particles.laws.twisting_friction import TwistingFriction
 from particles.neighbours.contact_table import ContactTable
 from particles.neighbours.neighbour_list import cell_order
 from particles.shafts import Shafts, drives_at
+from particles.step_answers import NOT_FINITE, OVERLAP
 from particles.threads import at_most
-from particles.walls.device_walls import DeviceWalls
 from particles.walls.triangle_kernels import N_FOUND
-from particles.walls.wall_table import Enclosure
 
 STEPS_PER_CALL = 512  # bounds the table of prescribed speeds
 # grains may reach beyond the gap that their own speeds close, when others push them: this share of the fastest one's
@@ -58,10 +57,11 @@ STEPS_PER_CALL = 512  # bounds the table of prescribed speeds
 MARGIN = 0.25
 FAST_SKIN = 4.0  # skin, in ways of the fastest grain in a step: a step from the list and the next, for two grains
 FAST_WALLS = 4.0  # the same for triangles, in ways of their fastest point: three steps from the list and the next
+USUAL_SKIN = 0.8  # of the mean radius
 SLOP = 1e-4  # overlap, as a share of the radius, below which positions are left alone
 
 
-class DVI:
+class DVI(GrainMotion):
     """Rigid grains moving between walls.
 
     Parameters
@@ -137,59 +137,37 @@ class DVI:
         ):
             if value not in allowed:
                 raise ValueError(f"{name} = {value!r}; allowed: {', '.join(allowed)}")
-        self.grains, self.walls, self.bodies, self.contact = grains, list(walls), list(bodies), contact
-        self.dt, self.theta, self.sector, self.overlap_limit = float(dt), float(theta), sector, overlap_limit
+        super().__init__(
+            grains, walls, bodies, dt=dt, gravity=gravity, sector=None,
+            skin=USUAL_SKIN * float(np.mean(grains.radius)) if skin is None else skin, overlap_limit=overlap_limit,
+        )  # fmt: skip
+        self.contact, self.theta = contact, float(theta)
         self.tolerance, self.max_sweeps = float(tolerance), int(max_sweeps)
-        self.gravity = gravity if gravity is None or callable(gravity) else np.array(gravity, dtype=float).reshape(3)
-        self.skin = 0.8 * float(np.mean(grains.radius)) if skin is None else float(skin)
-        if not 0.0 < self.skin < np.inf:
-            raise ValueError(f"skin = {self.skin * 1e3:g} mm; allowed: more than 0")
         self.energy_budget = True  # the energy budget is a by-product here
-        self.external_force: np.ndarray | None = None
-        self.step_count = self.order_version = self.list_version = 0
         self._resist = np.zeros((2, 2))  # mu_r and mu_w between grains, at walls
         for column, part in enumerate((rolling, twisting)):
             if part is not None:
                 self._resist[:, column] = part.table()
-        self._law, self._met = contact.table(), np.zeros(2, dtype=np.int64)
+        self._law, self._n_contacts = contact.table(), np.zeros(2, dtype=np.int64)
         self._stiffness = None if stiffness is None else np.array(stiffness, dtype=float)
         self._compliance = self._springs_of_step()
         self._springs = np.zeros(4)  # energy [J]: normal, tangential, of rolling, of twisting
         self._convex = None if friction_cone == "coulomb" else True  # None is a type of its own: the kernel without it
         self._method = ANDERSON if solver == "accelerated" else GAUSS_SEIDEL
-        self._device = DeviceWalls(self.walls, self.bodies)
         self._turn = np.zeros((len(self.bodies) if len(self._device.triangles) else 0, N_TURN))
-        walls_around = Enclosure(self.walls)
-        self._enclosure = None if walls_around.outside(grains.position, 0.0).any() else walls_around
         n = grains.count
         self._grain, self._bound, self._seen = np.zeros((n, gs.N_GRAIN)), np.zeros(n), np.zeros((n, 2), dtype=np.int64)
         self._body = np.zeros((len(self.bodies), gs.N_BODY))
         self._contact_torques = no_contact_torques()
-        self._stale, self._reach = True, self.skin
+        self._reach = self.skin
         self._impulses: ImpulseList | None = None
         self._rebuild()
         self._springs[0] = self._pressed_in()
 
     @property
-    def time(self) -> float:
-        """Time [s] of the positions."""
-        return self.step_count * self.dt
-
-    @property
     def list_skin(self) -> float:
         """Reach of the present list beyond touching [m]: more than `skin` where grains are fast."""
         return self._reach
-
-    @property
-    def gravity_now(self) -> np.ndarray | None:
-        """Acceleration of gravity [m/s^2] at this time, shape (3,)."""
-        pull = gravity_at(self.gravity, np.array([self.time]))
-        return pull[0] if len(pull) else None
-
-    @property
-    def n_sectors(self) -> int:
-        """Sectors in the full ring."""
-        return 1
 
     @property
     def contact_force(self) -> np.ndarray:
@@ -212,45 +190,36 @@ class DVI:
         totals = np.zeros(end_of_step.N_SUMS)
         totals[kernel.GRAIN] = -1.0
         body_totals = np.zeros((len(self.bodies), end_of_step.N_BODY_SUMS))
-        kinetic, rebuilds, left = self.grains.kinetic_energy(), 0, n_steps
-        elastic = float(self._springs.sum())
-        angle, speed = (np.array([getattr(b, name) for b in self.bodies]) for name in ("angle", "speed"))
-        while left > 0:
-            if self._stale:
-                self._rebuild()
-                rebuilds += 1
-            answer, done = self._advance(min(left, STEPS_PER_CALL), angle, speed, totals, body_totals)
-            left -= done
-            self.step_count += done
-            for body, a, w in zip(self.bodies, angle, speed, strict=True):
-                body.angle, body.speed = float(a), float(w)
-            self._stale = answer != kernel.DONE
-            if answer in (kernel.NOT_FINITE, kernel.OVERLAP):
-                raise run_faults.stopped(
-                    answer, totals, self.grains, self.dt, self.overlap_limit, self.tolerance, self.time
-                )
-            run_faults.refuse_shot_off(totals[end_of_step.MAX_SPEED], self.grains, self.dt, self.tolerance, self.time)
+        kinetic, elastic = self.grains.kinetic_energy(), float(self._springs.sum())
+
+        def call(left: int, angle: np.ndarray, speed: np.ndarray) -> tuple[int, int]:
+            return self._advance(min(left, STEPS_PER_CALL), angle, speed, totals, body_totals)
+
+        rebuilds = self._march(n_steps, totals, call)
         energy = rigid_energy_budget(
             self.bodies, totals, body_totals, self._resist,
             (kinetic, self.grains.kinetic_energy()), (elastic, float(self._springs.sum())),
         )  # fmt: skip
         return dvi_totals(n_steps, self.dt, self.bodies, totals, body_totals, energy, rebuilds)
 
+    def _raise_stopped(self, answer: int, totals: np.ndarray) -> None:
+        g, dt = self.grains, self.dt
+        if answer == OVERLAP:
+            remedy = f"shorten dt = {dt:.3g} s, or tighten the tolerance of {self.tolerance:.3g} m/s"
+            row, overlap = int(totals[end_of_step.GRAIN]), totals[end_of_step.MAX_OVERLAP]
+            raise run_errors.too_deep(g, row, overlap, self.overlap_limit, self.time, remedy)
+        if answer == NOT_FINITE:
+            raise run_errors.not_finite(g, self.time, "check the external forces")
+        run_errors.refuse_shot_off(totals[end_of_step.MAX_SPEED], g, dt, self.tolerance, self.time)
+
     def contacts(self) -> ContactTable:
         """The loaded contacts of the last step."""
         return loaded_contacts(self.grains, self._list, self._device, self.bodies, self.dt)
 
-    def invalidate(self) -> None:
-        """Say that positions were changed from outside: the list is renewed before the next step."""
-        self._stale = True
-
     def state(self) -> dict[str, np.ndarray]:
         """Everything that `restore` needs to go on bit for bit."""
-        arrays = checkpoint.taken(self.grains, self.bodies, self._list.arrays(), external_force=self.external_force)
+        arrays = super().state()
         arrays["brake"], arrays["springs"] = self._body[:, gs.BRAKE].copy(), self._springs.copy()
-        arrays["counters"] = np.array(
-            [self.step_count, self.order_version, self._stale, self.list_version], dtype=np.int64
-        )
         arrays["scalars"] = np.array([self.dt, self.skin, self._reach])
         return arrays
 
@@ -262,22 +231,19 @@ class DVI:
         ValueError
             If the state has another number of grains or bodies, or torques where this DVI has none, or none.
         """
-        checkpoint.refuse_another_scene("DVI", state, self.grains, self.bodies)
         if state["list_pair_impulse"].shape[1] != self._list.pair_impulse.shape[1]:
             raise ValueError(
                 "of the state and this DVI, one has rolling or twisting friction and the other none; restore it into "
                 "the scene that it came from"
             )
-        checkpoint.put_grains(state, self.grains)
-        self.external_force = checkpoint.held_in(state, "external_force")
-        self._impulses = ImpulseList.from_arrays(checkpoint.list_of(state))
-        checkpoint.put_bodies(state, self.bodies)
+        super().restore(state)
         self._body[:, gs.BRAKE], self._springs = state["brake"], state["springs"].copy()
-        self.step_count, self.order_version = (int(v) for v in state["counters"][:2])
-        self._stale, self.list_version = bool(state["counters"][2]), int(state["counters"][3])
         self.dt, self.skin, self._reach = (float(v) for v in state["scalars"])
         self._compliance = self._springs_of_step()
         self._make_room()
+
+    def _restore_list(self, arrays: dict[str, np.ndarray]) -> None:
+        self._impulses = ImpulseList.from_arrays(arrays)
 
     def begin_with(self, state: dict[str, np.ndarray]) -> None:
         """Begin at time 0 with the grains of a `state` and the angles of its bodies; impulses are left behind.
@@ -287,8 +253,7 @@ class DVI:
         ValueError
             If the state has another number of grains or bodies.
         """
-        checkpoint.refuse_another_scene("DVI", state, self.grains, self.bodies)
-        checkpoint.put_grains(state, self.grains)
+        self._restore_grains(state)
         self.grains.magnetic_moment = self.external_force = self._impulses = None
         for body, (angle, _, _) in zip(self.bodies, state["bodies"], strict=True):
             body.angle, body.external_torque = float(angle), 0.0
@@ -300,39 +265,39 @@ class DVI:
         self, n_steps: int, angle: np.ndarray, speed: np.ndarray, totals: np.ndarray, body_totals: np.ndarray
     ) -> tuple[int, int]:
         g = self.grains
-        given = self._arguments(n_steps, angle, speed, Totals(totals, body_totals, self._springs))
+        arguments = self._arguments(n_steps, angle, speed, DviSums(totals, body_totals, self._springs))
         with at_most(1 if self._chunks is None else len(self._chunks.pairs) // 2):
-            answer = kernel.run_steps(*given)
-        state = given.grains
+            answer = kernel.run_steps(*arguments)
+        state = arguments.grains
         g.position[:], g.velocity[:], g.angular_velocity[:] = state.position, state.velocity, state.spin
         return answer
 
-    def _arguments(self, n_steps: int, angle: np.ndarray, speed: np.ndarray, totals: Totals) -> StepArguments:
+    def _arguments(self, n_steps: int, angle: np.ndarray, speed: np.ndarray, totals: DviSums) -> DviArguments:
         g, c, device = self.grains, self._list, self._device
         external = held_force(self.external_force, g.count)
         position, velocity, spin = (np.ascontiguousarray(a) for a in (g.position, g.velocity, g.angular_velocity))
         times = (self.step_count + np.arange(n_steps)) * self.dt
         # the new velocities are those of the end of the step at theta = 1/2, and lag behind it at 1
         drives, constants = drives_at(self.bodies, times, times + 2.0 * (1.0 - self.theta) * self.dt)
-        return StepArguments(
-            Call(
-                n_steps, self.dt, self.theta, 0.5 * self._reach, c.wall_way, self.overlap_limit, SLOP, MARGIN,
-                self._law, Search(self._method, self.tolerance, self.max_sweeps), self._met,
+        return DviArguments(
+            DviCall(
+                n_steps, self.dt, self.theta, 0.5 * self._reach, c.wall_travel, self.overlap_limit, SLOP, MARGIN,
+                self._law, SolverSettings(self._method, self.tolerance, self.max_sweeps), self._n_contacts,
             ),
             self._convex,
             self._compliance,
-            GrainState(
+            DviGrains(
                 position, velocity, spin, np.ascontiguousarray(g.radius), g.mass,
                 gravity_at(self.gravity, times), external, c.reference, self._bound,
             ),
-            PairSlots(c.pairs.start, c.pairs.other, c.pair_impulse, self._pair_slot),
-            WallSlots(c.wall_start, c.wall_other, c.wall_impulse, self._wall_slot, self._found, self._tally),
-            WallState(device.rows, device.triangles, device.body, self._turn),
+            PairImpulses(c.pairs.start, c.pairs.other, c.pair_impulse, self._pair_slot),
+            WallImpulses(c.wall_start, c.wall_other, c.wall_impulse, self._wall_slot, self._found, self._tally),
+            DviWalls(device.rows, device.triangles, device.body, self._turn),
             Shafts(drives, constants, angle, speed, device.reach, c.angles, float(self.n_sectors)),
             Records(self._grain, self._body, self._pair_index, self._pair, self._wall_index, self._wall,
                     self._pair_group, self._wall_group, self._seen),
             self._contact_torques,
-            Partition(self._chunks, True if self._chunks is None else None),
+            SweepThreads(self._chunks, True if self._chunks is None else None),
             totals,
         )  # fmt: skip
 
@@ -342,7 +307,7 @@ class DVI:
 
     def _records(self) -> tuple[np.ndarray, ...]:
         """Grains, bodies and contacts as the last step left them (`particles.dvi.gauss_seidel`), copied."""
-        p, s = self._met
+        p, s = self._n_contacts
         views = (self._grain, self._body, self._pair_index[:p], self._pair[:p], self._wall_index[:s], self._wall[:s])
         return tuple(array.copy() for array in views)
 
@@ -358,7 +323,7 @@ class DVI:
         if self._resist.any():
             columns = N_TORQUE if self._compliance is None else N_SPRING_TORQUE
             self._contact_torques = Torques(self._resist, np.zeros((p, columns)), np.zeros((s, columns)))
-        self._chunks = make_chunks(
+        self._chunks = make_sweep_chunks(
             self._list.pairs.start, self._list.pairs.other, self._list.wall_start,
             (len(self.bodies), end_of_step.N_BODY_SUMS), self._wall.shape[1],
         )  # fmt: skip
@@ -368,18 +333,12 @@ class DVI:
     def _rebuild(self) -> None:
         """Sort by cells, list the neighbours again, and carry the impulses into it."""
         g = self.grains
-        if self._enclosure is not None:
-            gone = np.flatnonzero(self._enclosure.outside(g.position, float(g.radius.max())))
-            if len(gone):
-                raise run_faults.escaped(g, gone, self.dt, self.time)
+        self._refuse_escaped(float(g.radius.max()), f"the walls may have a slot; or shorten dt = {self.dt:.3g} s")
         old_id = g.particle_id
         order = cell_order(g.position_radius, 2.0 * float(g.radius.max()) + self.skin)
         if np.any(order[1:] < order[:-1]):
             old_id = old_id.copy()
-            g.permute(order)
-            if self.external_force is not None:
-                self.external_force = np.ascontiguousarray(self.external_force[order])
-            self.order_version += 1
+            self._sort(order)
         # whatever the step may move must be in the list: fast grains need a thicker skin
         fastest = float(np.sqrt(np.max(np.sum(g.velocity**2, axis=1))))
         vane = max((abs(b.speed) * r for b, r in zip(self.bodies, self._device.reach, strict=True)), default=0.0)

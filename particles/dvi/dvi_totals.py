@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from particles.bodies import Body
-from particles.dem.step_totals import EnergyTotals, StepTotals
 from particles.dvi import end_of_step
+from particles.step_totals import EnergyTotals, StepTotals
 
 
 @dataclass(frozen=True, slots=True)
 class DviTotals(StepTotals):
-    """Totals of a run of rigid grains; ``energy.dissipation`` has "impact" and "sliding", where they are simulated also
-    "rolling" and "twisting"; no force is "damping".
+    """Totals of a run by DVI; ``energy.dissipation`` has "impact", "sliding" and, where simulated, "rolling"
+    and "twisting"; no force is "damping".
 
     Attributes
     ----------
@@ -53,15 +53,15 @@ def dvi_totals(
     dt: float,
     bodies: Sequence[Body],
     totals: np.ndarray,
-    of_bodies: np.ndarray,
+    body_totals: np.ndarray,
     energy: EnergyTotals,
     rebuilds: int,
 ) -> DviTotals:
     """Return what ``steps`` of ``dt`` [s] did, by the sums of the run and of its bodies."""
     per_step = 1.0 / max(steps, 1)
     names = [body.name for body in bodies]
-    normal = of_bodies[:, end_of_step.NORMAL_X : end_of_step.NORMAL_Z + 1] * per_step
-    whole = of_bodies[:, end_of_step.FORCE_X : end_of_step.FORCE_Z + 1] * per_step
+    normal = body_totals[:, end_of_step.NORMAL_X : end_of_step.NORMAL_Z + 1] * per_step
+    force = body_totals[:, end_of_step.FORCE_X : end_of_step.FORCE_Z + 1] * per_step
     return DviTotals(
         steps=steps,
         duration=steps * dt,
@@ -71,12 +71,12 @@ def dvi_totals(
                 "damping": 0.0,
                 "tangential": float(t[end_of_step.TORQUE_T]) * per_step,
             }
-            for name, t in zip(names, of_bodies, strict=True)
+            for name, t in zip(names, body_totals, strict=True)
         },
-        force=dict(zip(names, whole, strict=True)),
+        force=dict(zip(names, force, strict=True)),
         force_parts={
             name: {"normal": n, "damping": np.zeros(3), "tangential": f - n}
-            for name, n, f in zip(names, normal, whole, strict=True)
+            for name, n, f in zip(names, normal, force, strict=True)
         },
         shaft_work={
             body.name: {
@@ -84,7 +84,7 @@ def dvi_totals(
                 "load": float(t[end_of_step.LOAD_WORK]),
                 "contact": -float(t[end_of_step.BODY_WORK]),
             }
-            for body, t in zip(bodies, of_bodies, strict=True)
+            for body, t in zip(bodies, body_totals, strict=True)
             if body.is_free
         },
         energy=energy,
@@ -107,14 +107,14 @@ def dvi_totals(
 def rigid_energy_budget(
     bodies: Sequence[Body],
     totals: np.ndarray,
-    of_bodies: np.ndarray,
+    body_totals: np.ndarray,
     resist: np.ndarray,
     kinetic: tuple[float, float],
     elastic: tuple[float, float],
 ) -> EnergyTotals:
     """The energy budget; ``resist`` (2, 2) are mu_r and mu_w, ``kinetic`` and ``elastic`` before and now [J]."""
     return EnergyTotals(
-        wall_work={body.name: float(t[end_of_step.BODY_WORK]) for body, t in zip(bodies, of_bodies, strict=True)},
+        wall_work={body.name: float(t[end_of_step.BODY_WORK]) for body, t in zip(bodies, body_totals, strict=True)},
         dissipation={
             "impact": float(totals[end_of_step.IMPACT]),
             "sliding": float(totals[end_of_step.SLIDING]),

@@ -25,7 +25,7 @@ from particles.dvi.gauss_seidel import (
     VY,
     VZ,
 )  # fmt: skip
-from particles.dvi.partition import part_of
+from particles.dvi.sweep_chunks import part_of
 
 # columns of the totals
 (
@@ -47,7 +47,12 @@ N_BOOKED = 7
 def book(part, h, compliance, body_speed, mean_speed, grains, pair_slots, slots, records, sums, body_sums):
     """Keep the impulses of a part for the next step; book work and torques with the mean of old and new velocity."""
     velocity, spin, radius = grains.velocity, grains.spin, grains.radius
-    pair_slot, pair_impulse, wall_slot, wall_impulse = pair_slots.met, pair_slots.impulse, slots.met, slots.impulse
+    pair_slot, pair_impulse, wall_slot, wall_impulse = (
+        pair_slots.contact_slot,
+        pair_slots.impulse,
+        slots.contact_slot,
+        slots.impulse,
+    )
     grain, _, pair_index, pair, wall_index, wall = records[:6]
     loaded = kept = 0
     impact = sliding = work = spring_n = spring_t = 0.0

@@ -15,7 +15,7 @@ distance of the centres (a = 1 where they touch): angular momentum is conserved 
 
 **Order.** Groups of up to eight contacts without a common grain are visited at once, which is the same as one contact
 after another (`particles.dvi.contact_groups`); those of all rows of the neighbour list, or in chunks of them
-(`particles.dvi.partition`); it follows from the list alone. No branch within a group: wrong guesses would cost more.
+(`particles.dvi.sweep_chunks`); it follows from the list alone. No branch within a group: wrong guesses would cost more.
 
 **Springs.** With ``compliance`` every contact is compliant like the springs of `LinearContact`, taken at the end of the
 step (`particles.dvi.compliance`): instead of u the laws hold for u + o + C r, with C = diag(c_n, c_t, c_t), and
@@ -31,8 +31,8 @@ from geometry.kernels.device_functions import device_function
 from geometry.kernels.simd import LANES, llvm_sqrt, reduce_max, select, splat
 from geometry.kernels.simd_tables import gather_columns, load, scatter_columns
 from particles.dvi.contact_groups import CONTACT, FIRST, N_GROUP, SECOND, group_contacts
-from particles.dvi.kernel_state import Records, whole
 from particles.dvi.local_problem import coulomb_block, natural_map
+from particles.dvi.solver_state import Records, all_of
 
 # columns of a grain: velocity, 1/m, scaled spin
 VX, VY, VZ, IM, PX, PY, PZ = range(7)
@@ -377,7 +377,7 @@ def grouped(grain, body, pair_index, pair, wall_index, wall):
     wall_group = np.empty((wall.shape[0], N_GROUP, LANES), dtype=np.int32)
     seen = np.empty((grain.shape[0], 2), dtype=np.int64)
     records = Records(grain, body, pair_index, pair, wall_index, wall, pair_group, wall_group, seen)
-    group_contacts(whole(records), body, IJ, records)
+    group_contacts(all_of(records), body, IJ, records)
     return records
 
 
@@ -397,4 +397,4 @@ def sweep_records(convex, relax, compliance, grain, body, pair_index, pair, wall
 def residual_records(convex, compliance, grain, body, pair_index, pair, wall_index, wall):
     """`residual` for calls from Python."""
     records = grouped(grain, body, pair_index, pair, wall_index, wall)
-    return residual(whole(records), convex, compliance, records)
+    return residual(all_of(records), convex, compliance, records)

@@ -53,14 +53,13 @@ from particles.dvi.end_of_step import (
     record_chunks,
 )
 from particles.dvi.gauss_seidel import BRAKE, IJ
-from particles.dvi.kernel_state import Look, Records, WallSlots, first_of, whole
-from particles.dvi.partition import group_chunks, sort_walls
 from particles.dvi.projection import project
+from particles.dvi.solver_state import Horizon, Records, WallImpulses, all_of, first_of
+from particles.dvi.sweep_chunks import group_chunks, sort_walls
 from particles.dvi.triangle_contacts import pass_on, record, search, turn_bodies
 from particles.shafts import DRIVE, DRIVE_SLOPE, FREE, INERTIA, LOAD, SPEED
+from particles.step_answers import DONE, NOT_FINITE, OVERLAP, REBUILD
 
-# what the kernel answers
-DONE, REBUILD, NOT_FINITE, OVERLAP = 0, 1, 2, 3
 PROJECTION_SWEEPS = 5  # a jam that needs more gets them in the next steps
 
 
@@ -93,47 +92,57 @@ def _free_bodies(h, step, shafts, body):
 
 
 @device_function(error_model="numpy", fastmath={"contract"})
-def _search(look, grains, slots, walls, shafts, body, chunk, alone):
+def _search(horizon, grains, slots, walls, shafts, body, chunk, alone):
     """Return what grains may meet of triangles within the step; the largest speed that these push one to [m/s]."""
     if alone is not None:
-        raised = search(np.int64(0), grains.mass.shape[0], look, grains, slots, walls, shafts, body)
+        raised = search(np.int64(0), grains.mass.shape[0], horizon, grains, slots, walls, shafts, body)
     if chunk is not None:
-        raised = search_in_chunks(look, grains, slots, walls, shafts, body, chunk)
+        raised = search_in_chunks(horizon, grains, slots, walls, shafts, body, chunk)
     return raised
 
 
 @device_function(error_model="numpy", fastmath={"contract"})
-def _find(look, compliance, grains, pairs, slots, walls, shafts, records, chunk, alone):
+def _find(horizon, compliance, grains, pairs, slots, walls, shafts, records, chunk, alone):
     """The contacts that may close within the step, with the impulses of the last one; their numbers."""
     if alone is not None:
         rows = np.int64(0), grains.mass.shape[0]
-        met, met_walls = find_contacts(
-            rows, (np.int64(0), np.int64(0)), None, look, compliance, grains, pairs, slots, walls, shafts.speed, records
+        n_pairs, n_walls = find_contacts(
+            rows,
+            (np.int64(0), np.int64(0)),
+            None,
+            horizon,
+            compliance,
+            grains,
+            pairs,
+            slots,
+            walls,
+            shafts.speed,
+            records,
         )
         if walls.triangle.shape[0] > 0:
-            met_walls = record(rows, met_walls, look, compliance, grains, slots, walls, shafts.speed, records)
+            n_walls = record(rows, n_walls, horizon, compliance, grains, slots, walls, shafts.speed, records)
     if chunk is not None:
         unsorted = Records(
-            records.grain, records.body, records.pair_index, records.pair, chunk.met_index, chunk.met,
+            records.grain, records.body, records.pair_index, records.pair, chunk.found_index, chunk.found,
             records.pair_group, records.wall_group, records.seen,
         )  # fmt: skip
-        places = WallSlots(slots.start, slots.other, slots.impulse, chunk.met_slot, slots.found, slots.tally)
-        find_in_chunks(look, compliance, grains, pairs, places, walls, shafts.speed, unsorted, chunk, chunk.ends)
-        met, met_walls = chunk.pairs[-1], sort_walls(chunk, slots, records)
-        group_chunks(first_of(records, met, met_walls), chunk)
+        places = WallImpulses(slots.start, slots.other, slots.impulse, chunk.found_slot, slots.found, slots.tally)
+        find_in_chunks(horizon, compliance, grains, pairs, places, walls, shafts.speed, unsorted, chunk, chunk.ends)
+        n_pairs, n_walls = chunk.pairs[-1], sort_walls(chunk, slots, records)
+        group_chunks(first_of(records, n_pairs, n_walls), chunk)
     if alone is not None:
-        contacts = first_of(records, met, met_walls)
-        group_contacts(whole(contacts), contacts.body, IJ, contacts)
-    return met, met_walls
+        contacts = first_of(records, n_pairs, n_walls)
+        group_contacts(all_of(contacts), contacts.body, IJ, contacts)
+    return n_pairs, n_walls
 
 
 @device_function(error_model="numpy", fastmath={"contract"})
-def _begin(call, step, compliance, grains, pairs, slots, walls, shafts, records, contact_torques, partition, totals):
+def _begin(call, step, compliance, grains, pairs, slots, walls, shafts, records, contact_torques, threads, totals):
     """Stages 1 to 3: half drift, overlap, free velocities, contacts, warm start.
 
     Returns the numbers of pairs and walls that are contacts, and the largest speed [m/s].
     """
-    h, chunk, alone = call.h, partition.chunk, partition.alone
+    h, chunk, alone = call.h, threads.chunk, threads.alone
     _drift_half(call, grains, shafts, walls)
     deepest, at, work, count = project(
         call.slop if compliance is None else np.inf, PROJECTION_SWEEPS, step, grains, pairs, slots, walls, chunk, alone
@@ -146,18 +155,18 @@ def _begin(call, step, compliance, grains, pairs, slots, walls, shafts, records,
     _free_bodies(h, step, shafts, records.body)
     fastest = free_velocities(h, step, grains, records.grain)
     if walls.triangle.shape[0] > 0:
-        look = Look(h, call.margin * h * fastest, call.slop, call.law)
-        raised = _search(look, grains, slots, walls, shafts, records.body, chunk, alone)
+        horizon = Horizon(h, call.margin * h * fastest, call.slop, call.law)
+        raised = _search(horizon, grains, slots, walls, shafts, records.body, chunk, alone)
         if raised > 0.0:
             fastest = max(fastest, raised)
             pass_on(h, grains, pairs)
-    look = Look(h, call.margin * h * fastest, call.slop, call.law)
-    met, met_walls = _find(look, compliance, grains, pairs, slots, walls, shafts, records, chunk, alone)
-    contacts = first_of(records, met, met_walls)
+    horizon = Horizon(h, call.margin * h * fastest, call.slop, call.law)
+    n_pairs, n_walls = _find(horizon, compliance, grains, pairs, slots, walls, shafts, records, chunk, alone)
+    contacts = first_of(records, n_pairs, n_walls)
     gs.apply_impulses(1.0, contacts)
     if contact_torques.law.shape[0] > 0:
         begin_contact_torques(compliance, grains.radius, pairs, slots, walls, contacts, contact_torques)
-    return met, met_walls, fastest
+    return n_pairs, n_walls, fastest
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
@@ -193,7 +202,8 @@ def _book(h, compliance, mean, grains, pairs, slots, shafts, contacts, chunk, al
     booked = np.zeros((1, N_BOOKED))
     if alone is not None:
         book(
-            whole(contacts), h, compliance, shafts.speed, mean, grains, pairs, slots, contacts, booked[0], totals.bodies
+            all_of(contacts), h, compliance, shafts.speed, mean, grains, pairs, slots, contacts, booked[0],
+            totals.bodies,
         )  # fmt: skip
     if chunk is not None:
         booked = chunk.sums
@@ -202,12 +212,12 @@ def _book(h, compliance, mean, grains, pairs, slots, shafts, contacts, chunk, al
 
 
 @device_function(error_model="numpy", fastmath={"contract"})
-def _finish(call, step, compliance, grains, pairs, slots, shafts, contacts, contact_torques, partition, totals):
+def _finish(call, step, compliance, grains, pairs, slots, shafts, contacts, contact_torques, threads, totals):
     """Stages 5 and 6: work recorded, and drift; returns how far from its list a grain is [m]."""
     h, run = call.h, totals.run
     mean = np.empty(shafts.speed.shape[0])
     _turn_shafts(call, step, shafts, contacts.body, mean, totals.bodies)
-    _book(h, compliance, mean, grains, pairs, slots, shafts, contacts, partition.chunk, partition.alone, totals)
+    _book(h, compliance, mean, grains, pairs, slots, shafts, contacts, threads.chunk, threads.alone, totals)
     if contact_torques.law.shape[0] > 0:
         rolling, twisting, work = record_contact_torques(
             h, compliance, mean, grains, pairs, slots, contacts, contact_torques, totals, TORQUE_T, BODY_WORK
@@ -227,16 +237,14 @@ def _verdict(call, travel, shafts, walls):
         return REBUILD
     if walls.triangle.shape[0] > 0:
         for b in range(shafts.speed.shape[0]):
-            way = abs(shafts.angle[b] - shafts.list_angle[b]) + call.h * abs(shafts.speed[b])
-            if way * shafts.reach[b] > call.wall_travel:
+            turn = abs(shafts.angle[b] - shafts.list_angle[b]) + call.h * abs(shafts.speed[b])
+            if turn * shafts.reach[b] > call.wall_travel:
                 return REBUILD
     return DONE
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def run_steps(
-    call, convex, compliance, grains, pairs, slots, walls, shafts, records, contact_torques, partition, totals
-):
+def run_steps(call, convex, compliance, grains, pairs, slots, walls, shafts, records, contact_torques, threads, totals):
     """Up to ``call.n_steps`` steps; stops early when the list must be rebuilt or a grain is in trouble.
 
     Parameters
@@ -245,8 +253,8 @@ def run_steps(
         The convex relaxation; None: exact Coulomb.
     compliance : ndarray, or None
         Table of springs (`particles.dvi.compliance`); None: rigid.
-    call, grains, pairs, slots, walls, shafts, records, contact_torques, partition, totals
-        `particles.dvi.kernel_state`, and `particles.shafts.Shafts`.
+    call, grains, pairs, slots, walls, shafts, records, contact_torques, threads, totals
+        `particles.dvi.solver_state`, and `particles.shafts.Shafts`.
 
     Returns
     -------
@@ -254,21 +262,21 @@ def run_steps(
     """
     for step in range(call.n_steps):
         # 1-3. half drift, free velocities, contacts, warm start
-        met, met_walls, fastest = _begin(
-            call, step, compliance, grains, pairs, slots, walls, shafts, records, contact_torques, partition, totals
+        n_pairs, n_walls, fastest = _begin(
+            call, step, compliance, grains, pairs, slots, walls, shafts, records, contact_torques, threads, totals
         )
-        call.met[0], call.met[1] = met, met_walls
+        call.n_contacts[0], call.n_contacts[1] = n_pairs, n_walls
         if totals.run[MAX_OVERLAP] > call.overlap:
             return OVERLAP, step
         # 4. impulses
-        contacts = first_of(records, met, met_walls)
+        contacts = first_of(records, n_pairs, n_walls)
         sweeps, reached, taken = solve(
-            convex, compliance, call.search, contacts, contact_torques, partition.chunk, partition.alone
+            convex, compliance, call.settings, contacts, contact_torques, threads.chunk, threads.alone
         )
         # 5-6. work recorded, half drift
-        _count(call.search.tolerance, contacts, sweeps, reached, taken, totals.run)
+        _count(call.settings.tolerance, contacts, sweeps, reached, taken, totals.run)
         travel = _finish(
-            call, step, compliance, grains, pairs, slots, shafts, contacts, contact_torques, partition, totals
+            call, step, compliance, grains, pairs, slots, shafts, contacts, contact_torques, threads, totals
         )
         answer = _verdict(call, travel + call.h * fastest, shafts, walls)
         if answer != DONE:

@@ -17,27 +17,8 @@ from __future__ import annotations
 import numpy as np
 
 from geometry.kernels.device_functions import device_function
-from particles.dvi.compliance import remember, strike
-from particles.dvi.gauss_seidel import (
-    ARM,
-    EX,
-    EY,
-    EZ,
-    IJ,
-    IM,
-    IWN,
-    IWT,
-    LX,
-    LY,
-    MU,
-    N_WALL_CONTACT,
-    RX,
-    RY,
-    RZ,
-    SPEED,
-    WALLS,
-    B,
-)  # fmt: skip
+from particles.dvi.contact_rows import set_law, set_wall_geometry
+from particles.dvi.gauss_seidel import N_WALL_CONTACT, RX, RY, RZ, SPEED, WALLS
 from particles.walls.triangle_kernels import (
     DISTANCE,
     LEADER,
@@ -66,13 +47,13 @@ def turn_bodies(h, theta, shafts, walls):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def search(lo, hi, look, grains, slots, walls, shafts, body):
+def search(lo, hi, horizon, grains, slots, walls, shafts, body):
     """Contacts of grains lo <= i < hi with triangles into ``found``, ``tally``; bounds that walls push grains to.
 
     ``found`` (s, N_FOUND): those of a grain with a body from its first slot of that body on, directions in world axes;
     ``tally`` (s, 2), at that slot: how many count, and how many were seen. Returns the largest bound that was raised.
     """
-    h, margin, _, law = look
+    h, margin, _, law = horizon
     bound, position, radius = grains.bound, grains.position, grains.radius
     triangle, n_smooth, wall_body, turn = walls.triangle, walls.smooth.shape[0], walls.body, walls.turn
     wall_start, wall_other, found, tally = slots.start, slots.other, slots.found, slots.tally
@@ -135,14 +116,14 @@ def pass_on(h, grains, pair_slots):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def record(rows, met, look, compliance, grains, slots, walls, old_speed, records):
-    """Fill the records of rows[0] <= i < rows[1], from number ``met`` on, of what may close within the step.
+def record(rows, n_walls, horizon, compliance, grains, slots, walls, old_speed, records):
+    """Fill the records of rows[0] <= i < rows[1], from number ``n_walls`` on, of what may close within the step.
 
     Returns the number behind the last one.
 
     Impulses of slots that hold no contact any more are handed over, or forgotten.
     """
-    h, margin, slop, law = look
+    h, margin, slop, law = horizon
     position, velocity, radius, bound = grains.position, grains.velocity, grains.radius, grains.bound
     wall_start, wall_other, wall_impulse, wall_slot, found, tally = slots
     n_smooth, wall_body, turn = walls.smooth.shape[0], walls.body, walls.turn
@@ -154,7 +135,7 @@ def record(rows, met, look, compliance, grains, slots, walls, old_speed, records
         x, y, ri = position[i, 0], position[i, 1], radius[i]
         while k < end:
             b = wall_body[wall_other[k]]
-            begin, first = k, met
+            begin, first = k, n_walls
             while k < end and wall_body[wall_other[k]] == b:
                 k += 1
             part = found[begin:k]
@@ -170,36 +151,22 @@ def record(rows, met, look, compliance, grains, slots, walls, old_speed, records
                 px, py = x + d * nx, y + d * ny
                 if d >= ri + h * (bound[i] + speed * np.sqrt(px * px + py * py)) + margin:
                     continue
-                row = wall_row[met]
-                row[EX], row[EY], row[EZ], row[ARM] = -nx, -ny, -nz, d / ri
+                row = wall_row[n_walls]
+                along = set_wall_geometry((nx, ny, nz), d / ri, (px, py), grain[i], body[b], row)
                 rx, ry = wall_impulse[slot, 0], wall_impulse[slot, 1]
                 row[RX] = turn[b, COS_STEP] * rx - turn[b, SIN_STEP] * ry
                 row[RY] = turn[b, SIN_STEP] * rx + turn[b, COS_STEP] * ry
                 row[RZ] = wall_impulse[slot, 2]
-                row[LX], row[LY] = -py, px
-                along = row[LX] * row[EX] + row[LY] * row[EY]
-                row[IWN] = 1.0 / (grain[i, IM] + body[b, IJ] * along * along)
-                row[IWT] = 1.0 / (grain[i, IM] * (1.0 + 2.5 * row[ARM] * row[ARM]))
-                row[MU] = law[1, 0]
-                gap, give = d - ri, 0.0
-                if compliance is None:
-                    row[B] = gap / h if gap > slop * ri else 0.0
-                else:
-                    give = remember(h, compliance, WALLS, gap, row, N_WALL_CONTACT)
-                if law[1, 1] > 0.0 and give >= 0.0:
-                    before = -(velocity[i, 0] * nx + velocity[i, 1] * ny + velocity[i, 2] * nz) - old_speed[b] * along
-                    if before < -law[1, 2] and gap + h * before < 0.0:
-                        row[B] = law[1, 1] * before
-                        if compliance is not None:
-                            strike(law[1, 1], before, give, row, N_WALL_CONTACT)
-                wall_index[met, 0], wall_index[met, 1], wall_slot[met] = i, b, slot
-                met += 1
+                before = -(velocity[i, 0] * nx + velocity[i, 1] * ny + velocity[i, 2] * nz) - old_speed[b] * along
+                set_law(WALLS, h, slop * ri, law, compliance, d - ri, before, row, N_WALL_CONTACT)
+                wall_index[n_walls, 0], wall_index[n_walls, 1], wall_slot[n_walls] = i, b, slot
+                n_walls += 1
             for q in range(begin, k):
                 wall_impulse[q, 0] = wall_impulse[q, 1] = wall_impulse[q, 2] = 0.0
-            for w in range(first, met):  # the energy budget ask whether a contact has had an impulse
+            for w in range(first, n_walls):  # the energy budget ask whether a contact has had an impulse
                 for q in range(3):
                     wall_impulse[wall_slot[w], q] = wall_row[w, RX + q]
-    return met
+    return n_walls
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})

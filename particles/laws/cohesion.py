@@ -8,10 +8,10 @@ contact parts under the pull-off force F_c. It stores -F_c delta, takes no energ
     JKR         F_c = (3/2) pi w r_eff    large soft grains (Johnson, Kendall & Roberts 1971)
 
 w [J/m^2] is the work of adhesion, twice the surface energy of like bodies; r_eff = R_i R_j/(R_i + R_j), R_i at a
-wall. Which of the two applies, Tabor's parameter says: DMT below 0.1, JKR above 5 (Johnson &
-Greenwood, J. Colloid Interface Sci. 192 (1997) 326). Of JKR only the pull-off force is taken: the neck that holds
-beyond touch, and the hysteresis with its energy, are left out. Restitution is that asked for only where the impact is
-much stronger than F_c delta.
+wall. Which of the two applies, Tabor's parameter (r_eff w^2/(E*^2 z_0^3))^(1/3) says, with the spacing z_0 of atoms,
+0.4 nm: DMT below 0.1, JKR above 5 (Johnson & Greenwood, J. Colloid Interface Sci. 192 (1997) 326). Of JKR only the
+pull-off force is taken: the neck that holds beyond touch, and the hysteresis with its energy, are left out. Restitution
+is that asked for only where the impact is much stronger than F_c delta.
 """
 
 from __future__ import annotations

@@ -15,7 +15,8 @@ gamma_n v_closing): it never pulls.
 from __future__ import annotations
 
 import math
-from typing import Protocol, runtime_checkable
+from dataclasses import dataclass
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -49,6 +50,46 @@ class ContactLaw(Protocol):
 
     def overlap_under(self, force: float, m_eff: float, speed: float, r_eff: float) -> float:
         """Depth [m] of a contact that rests under ``force`` [N] and is hit at ``speed`` [m/s], undamped."""
+
+
+class LinearImpact:
+    """Scales of a law whose normal spring loads with the constant ``stiffness_n`` [N/m]."""
+
+    __slots__ = ()
+    stiffness_n: float
+
+    def contact_time(self, m_eff: float, r_eff: float, speed: float) -> float:
+        """pi sqrt(m_eff/k_n) [s], whatever radius and speed."""
+        return math.pi * math.sqrt(m_eff / self.stiffness_n)
+
+    def stiffness_at(self, delta: float, r_eff: float) -> float:
+        """k_n [N/m] at every overlap."""
+        return self.stiffness_n
+
+    def overlap_under(self, force: float, m_eff: float, speed: float, r_eff: float) -> float:
+        """F/k + v sqrt(m/k) [m]: rest under ``force`` [N], then an undamped impact at ``speed`` [m/s]."""
+        return force / self.stiffness_n + speed * math.sqrt(m_eff / self.stiffness_n)
+
+
+@dataclass(frozen=True, slots=True)
+class ResistanceCoefficient:
+    """A coefficient [-] of rolling or twisting between grains, and at walls (as between grains unless given)."""
+
+    name: ClassVar[str]
+    usual: ClassVar[str]
+    coefficient: float
+    wall_coefficient: float | None = None
+
+    def __post_init__(self) -> None:
+        for key in ("coefficient", "wall_coefficient"):
+            value = getattr(self, key)
+            if value is not None and not 0.0 <= value < math.inf:
+                raise ValueError(f"{key} of {self.name} = {value:g}; allowed: 0 or more ({self.usual} is usual)")
+
+    def table(self) -> np.ndarray:
+        """Coefficients between grains and at walls, shape (2,)."""
+        wall = self.coefficient if self.wall_coefficient is None else self.wall_coefficient
+        return np.array([self.coefficient, wall])
 
 
 def law_row(columns: list[float], friction: float, damping_rolling: float) -> np.ndarray:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from geometry.kernels.device_functions import njit_without_refcounts
 from geometry.kernels.simd_math import sqrt
 from particles.laws.columns import DAMPING_N, DAMPING_T, STIFFNESS_N, STIFFNESS_T
 from particles.laws.contact_law import check_parameters, law_row
-from particles.laws.hertz_impact import impact_time, loaded_depth, tangent_stiffness
+from particles.laws.hertz_impact import HertzianImpact
 from particles.laws.restitution import check_reference, damping_ratio, power_law_damping, power_law_restitution
 
 
@@ -41,7 +41,7 @@ def hertz_spring(table, kind, delta, m_eff, r_eff, memory):
 
 
 @dataclass(frozen=True, slots=True)
-class HertzContact:
+class HertzContact(HertzianImpact):
     """Parameters of every contact; `from_restitution` is the usual way to make one.
 
     Attributes
@@ -57,6 +57,8 @@ class HertzContact:
     damping_rolling : float
         Share of critical damping of rolling and twisting [-], where a scene has them.
     """
+
+    kernel: ClassVar[str] = "hertz"
 
     stiffness_n: float
     stiffness_t: float
@@ -124,24 +126,11 @@ class HertzContact:
         depth = (m_eff * speed * speed / self.stiffness_n) ** 0.4
         return power_law_restitution(self.damping_n * depth / (m_eff * speed), 1.5, 0.0)
 
-    @property
-    def kernel(self) -> str:
-        """Name of the compiled spring."""
-        return "hertz"
-
     def row(self) -> np.ndarray:
         """(k, k_t, gamma_n, gamma_t) and the friction between grains, shape (N_LAW,)."""
         columns = [self.stiffness_n, self.stiffness_t, self.damping_n, self.damping_t]
         return law_row(columns, self.friction, self.damping_rolling)
 
-    def contact_time(self, m_eff: float, r_eff: float, speed: float) -> float:
-        """Duration of an undamped impact at ``speed`` [m/s] (`particles.laws.hertz_impact`) [s]."""
-        return impact_time(self.stiffness_n, m_eff, speed)
-
-    def stiffness_at(self, delta: float, r_eff: float) -> float:
-        """1.5 k sqrt(delta) [N/m]."""
-        return tangent_stiffness(self.stiffness_n, delta)
-
-    def overlap_under(self, force: float, m_eff: float, speed: float, r_eff: float) -> float:
-        """Depth [m] at rest under ``force`` [N] and hit at ``speed`` [m/s], undamped."""
-        return loaded_depth(self.stiffness_n, force, m_eff, speed)
+    def hertzian_stiffness(self, r_eff: float) -> float:
+        """Return k [N/m^1.5], which holds for every radius."""
+        return self.stiffness_n

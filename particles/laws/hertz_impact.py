@@ -51,6 +51,28 @@ def loaded_depth(k: float, force: float, m_eff: float, speed: float) -> float:
     return rest + float(brentq(surplus, 0.0, alone * (1.0 + 1e-9), xtol=1e-15 * (rest + alone), rtol=1e-12))
 
 
+class HertzianImpact:
+    """Scales of a law whose normal spring is F = k delta^1.5; the law gives k [N/m^1.5] at an effective radius [m]."""
+
+    __slots__ = ()
+
+    def hertzian_stiffness(self, r_eff: float) -> float:
+        """Return k [N/m^1.5]."""
+        raise NotImplementedError
+
+    def contact_time(self, m_eff: float, r_eff: float, speed: float) -> float:
+        """Duration [s] of an undamped impact at ``speed`` [m/s]."""
+        return impact_time(self.hertzian_stiffness(r_eff), m_eff, speed)
+
+    def stiffness_at(self, delta: float, r_eff: float) -> float:
+        """1.5 k sqrt(delta) [N/m]."""
+        return tangent_stiffness(self.hertzian_stiffness(r_eff), delta)
+
+    def overlap_under(self, force: float, m_eff: float, speed: float, r_eff: float) -> float:
+        """Depth [m] at rest under ``force`` [N] and hit at ``speed`` [m/s], undamped."""
+        return loaded_depth(self.hertzian_stiffness(r_eff), force, m_eff, speed)
+
+
 def stiffness_for_depth(depth: float, force: float, m_eff: float, speed: float) -> float:
     """k [N/m^1.5] at which a contact under ``force`` [N], hit at ``speed`` [m/s], is ``depth`` [m] deep at most.
 

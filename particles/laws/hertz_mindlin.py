@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from geometry.kernels.simd_math import sqrt
 from particles.laws.columns import DAMPING_N, DAMPING_T, SHEAR, YOUNG
 from particles.laws.contact_law import check_parameters, law_row
 from particles.laws.elastic import Elastic, effective_modulus, effective_shear_modulus
-from particles.laws.hertz_impact import impact_time, loaded_depth, tangent_stiffness
+from particles.laws.hertz_impact import HertzianImpact
 from particles.laws.restitution import damping_ratio, restitution_of
 
 
@@ -45,7 +45,7 @@ def hertz_mindlin_spring(table, kind, delta, m_eff, r_eff, memory):
 
 
 @dataclass(frozen=True, slots=True)
-class HertzMindlin:
+class HertzMindlin(HertzianImpact):
     """Contact of two elastic materials; `from_restitution` is the usual way to make one.
 
     Attributes
@@ -59,6 +59,8 @@ class HertzMindlin:
     wall_friction : float
         Coulomb coefficient at walls [-].
     """
+
+    kernel: ClassVar[str] = "hertz_mindlin"
 
     grain: Elastic
     partner: Elastic
@@ -96,11 +98,6 @@ class HertzMindlin:
         )
 
     @property
-    def kernel(self) -> str:
-        """Name of the compiled spring."""
-        return "hertz_mindlin"
-
-    @property
     def restitution(self) -> float:
         """Restitution [-] of every impact."""
         return restitution_of(self.damping_n)
@@ -122,17 +119,6 @@ class HertzMindlin:
         damping = [unit * self.damping_n * math.sqrt(2.0 * E), unit * self.damping_t * math.sqrt(8.0 * G)]
         return law_row([E, G, *damping], self.friction, self.damping_n)
 
-    def contact_time(self, m_eff: float, r_eff: float, speed: float) -> float:
-        """Duration of an undamped impact at ``speed`` [m/s] (`particles.laws.hertz_impact`) [s]."""
-        return impact_time(self._k(r_eff), m_eff, speed)
-
-    def stiffness_at(self, delta: float, r_eff: float) -> float:
-        """2 E* sqrt(r_eff delta) [N/m]."""
-        return tangent_stiffness(self._k(r_eff), delta)
-
-    def overlap_under(self, force: float, m_eff: float, speed: float, r_eff: float) -> float:
-        """Depth [m] at rest under ``force`` [N] and hit at ``speed`` [m/s], undamped."""
-        return loaded_depth(self._k(r_eff), force, m_eff, speed)
-
-    def _k(self, r_eff: float) -> float:
+    def hertzian_stiffness(self, r_eff: float) -> float:
+        """Return k = (4/3) E* sqrt(r_eff) [N/m^1.5]."""
         return 4.0 / 3.0 * self.modulus * math.sqrt(r_eff)

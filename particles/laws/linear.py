@@ -26,16 +26,15 @@ equals the normal one for solid spheres) and gamma_t = gamma_n/2.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from geometry.kernels.device_functions import njit_without_refcounts
 from geometry.kernels.simd_math import sqrt
 from particles.laws.columns import DAMPING_N, DAMPING_T, STIFFNESS_N, STIFFNESS_T
-from particles.laws.contact_law import check_parameters, law_row
+from particles.laws.contact_law import LinearImpact, check_parameters, law_row
 from particles.laws.restitution import damping_ratio, restitution_of
 
 
@@ -69,7 +68,7 @@ def equal_linear_spring(table, kind, delta, m_eff, r_eff, memory):
 
 
 @dataclass(frozen=True, slots=True)
-class LinearContact:
+class LinearContact(LinearImpact):
     """Parameters of every contact; `from_restitution` is the usual way to make one.
 
     Attributes
@@ -84,6 +83,8 @@ class LinearContact:
         Coulomb coefficient at walls [-].
     """
 
+    kernel: ClassVar[str] = "linear"
+
     stiffness_n: float
     stiffness_t: float
     damping_n: float
@@ -97,11 +98,6 @@ class LinearContact:
             {"stiffness_n": "N/m"},
             {"stiffness_t": "N/m", "damping_n": "", "damping_t": "", "friction": "", "wall_friction": ""},
         )
-
-    @property
-    def kernel(self) -> str:
-        """Name of the compiled spring."""
-        return "linear"
 
     @property
     def restitution(self) -> float:
@@ -134,21 +130,3 @@ class LinearContact:
         """(k_n, k_t, zeta_n, zeta_t) and the friction between grains, shape (N_LAW,)."""
         columns = [self.stiffness_n, self.stiffness_t, self.damping_n, self.damping_t]
         return law_row(columns, self.friction, self.damping_n)
-
-    def contact_time(self, m_eff: float, r_eff: float, speed: float) -> float:
-        """pi sqrt(m_eff/k_n) [s], whatever radius and speed."""
-        return math.pi * math.sqrt(m_eff / self.stiffness_n)
-
-    def stiffness_at(self, delta: float, r_eff: float) -> float:
-        """k_n [N/m] at every overlap."""
-        return self.stiffness_n
-
-    def overlap_under(self, force: float, m_eff: float, speed: float, r_eff: float) -> float:
-        """F/k + v sqrt(m/k) [m]: rest under ``force`` [N], then an undamped impact at ``speed`` [m/s]."""
-        return force / self.stiffness_n + speed * math.sqrt(m_eff / self.stiffness_n)
-
-    def table(self) -> np.ndarray:
-        """Rows grain-grain and grain-wall of (k_n, k_t, zeta_n, zeta_t, mu), shape (2, 5)."""
-        row = [self.stiffness_n, self.stiffness_t, self.damping_n, self.damping_t]
-        wall = self.friction if self.wall_friction is None else self.wall_friction
-        return np.array([[*row, self.friction], [*row, wall]])

@@ -102,6 +102,7 @@ class PairLaws:
         wall = np.array([[number(a, b, "wall") for b in walls] for a in species], dtype=np.int64)
         return _table(tuple(found), pair, wall.reshape(len(species), len(walls)), rolling, twisting, cohesion)
 
+
 def _table(
     laws: tuple[ContactLaw, ...],
     pair: np.ndarray,

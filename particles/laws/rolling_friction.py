@@ -15,26 +15,11 @@ angular: values of 0.1 to 0.3 are usual for irregular grains (Wensrich & Katterf
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
-
-import numpy as np
+from particles.laws.contact_law import ResistanceCoefficient
 
 
-@dataclass(frozen=True, slots=True)
-class RollingFriction:
+class RollingFriction(ResistanceCoefficient):
     """Coefficients mu_r [-] between grains, and at walls (as between grains unless given)."""
 
-    coefficient: float
-    wall_coefficient: float | None = None
-
-    def __post_init__(self) -> None:
-        for name in ("coefficient", "wall_coefficient"):
-            value = getattr(self, name)
-            if value is not None and not 0.0 <= value < math.inf:
-                raise ValueError(f"{name} of rolling friction = {value:g}; allowed: 0 or more (0.1 to 0.3 is usual)")
-
-    def table(self) -> np.ndarray:
-        """(mu_r between grains, mu_r at walls), shape (2,), for the kernel."""
-        wall = self.coefficient if self.wall_coefficient is None else self.wall_coefficient
-        return np.array([self.coefficient, wall])
+    __slots__ = ()
+    name, usual = "rolling friction", "0.1 to 0.3"

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -80,6 +80,8 @@ class ThesisContact:
     damping_rolling : float
         Share of critical damping of rolling and twisting [-], where a scene has them.
     """
+
+    kernel: ClassVar[str] = "thesis"
 
     stiffness_n: float
     stiffness_t: float
@@ -159,11 +161,6 @@ class ThesisContact:
             return restitution_of(0.5 * self.damping_n * math.sqrt(m_eff / self.stiffness_n))
         depth = (m_eff * speed * speed / self._k) ** 0.4
         return power_law_restitution(self.damping_n * depth**1.5 / (speed * math.sqrt(self.diameter)), 1.5, 0.5)
-
-    @property
-    def kernel(self) -> str:
-        """Name of the compiled spring."""
-        return "thesis"
 
     def row(self) -> np.ndarray:
         """(k_n, k_t, gamma_n, gamma_t, D, exponent) and the friction between grains, shape (N_LAW,)."""

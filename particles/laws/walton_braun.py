@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from geometry.kernels.device_functions import njit_without_refcounts
 from geometry.kernels.simd import maximum
 from geometry.kernels.simd_math import sqrt
 from particles.laws.columns import DAMPING_T, STIFFNESS_N, STIFFNESS_T, UNLOADING
-from particles.laws.contact_law import check_parameters, law_row
+from particles.laws.contact_law import LinearImpact, check_parameters, law_row
 from particles.laws.restitution import checked_restitution, damping_ratio
 
 
@@ -46,7 +46,7 @@ def walton_braun_spring(table, kind, delta, m_eff, r_eff, memory):
 
 
 @dataclass(frozen=True, slots=True)
-class WaltonBraun:
+class WaltonBraun(LinearImpact):
     """Parameters of every contact; `from_restitution` is the usual way to make one.
 
     Attributes
@@ -62,6 +62,8 @@ class WaltonBraun:
     damping_rolling : float
         Share of critical damping of rolling and twisting [-], where a scene has them.
     """
+
+    kernel: ClassVar[str] = "walton_braun"
 
     stiffness_n: float
     unloading_stiffness: float
@@ -107,11 +109,6 @@ class WaltonBraun:
         )
 
     @property
-    def kernel(self) -> str:
-        """Name of the compiled spring."""
-        return "walton_braun"
-
-    @property
     def restitution(self) -> float:
         """sqrt(k_1/k_2) [-]."""
         return math.sqrt(self.stiffness_n / self.unloading_stiffness)
@@ -126,9 +123,5 @@ class WaltonBraun:
         return 0.5 * math.pi * (math.sqrt(m_eff / self.stiffness_n) + math.sqrt(m_eff / self.unloading_stiffness))
 
     def stiffness_at(self, delta: float, r_eff: float) -> float:
-        """k_2 [N/m], on which a loaded contact trembles."""
+        """k_2 [N/m], on which a loaded contact vibrates."""
         return self.unloading_stiffness
-
-    def overlap_under(self, force: float, m_eff: float, speed: float, r_eff: float) -> float:
-        """F/k_1 + v sqrt(m/k_1) [m]: rest under ``force`` [N], then an impact at ``speed`` [m/s]."""
-        return force / self.stiffness_n + speed * math.sqrt(m_eff / self.stiffness_n)

@@ -1,6 +1,6 @@
 """Grids of cells: which grains lie in which cell, and the order in which they are stored.
 
-Cells are numbered with one axis running fastest, so that cells beside each other along it are one contiguous
+Cells are numbered with one axis running fastest, so that adjacent cells along it are one contiguous
 run of grains. The slowest axis is the longest one of the cloud: a contiguous share of the grains is then a slab
 with small faces. Along the fastest axis cells have half the length, which trims the ends of a run.
 

@@ -1,4 +1,4 @@
-"""Verlet list of the grains and of the walls near them, with the history of each contact beside its slot.
+"""Verlet list of the grains and of the walls near them, with the history of each contact.
 
 A list made with a skin stays complete until a grain has moved by half the skin. When a new one is made the
 grains may have been sorted again and wrapped through the faces of the sector; the history of every touching
@@ -21,8 +21,9 @@ from numba import njit, prange
 
 from geometry.kernels.aligned_arrays import aligned_zeros
 from geometry.kernels.device_functions import device_function
-from particles.neighbours.neighbour_list import WORTH_SHARING, PairList, find_pairs
+from particles.neighbours.neighbour_list import WORTH_SHARING, find_pairs
 from particles.neighbours.partition import Chunks, make_chunks
+from particles.neighbours.slot_list import SlotList, slots_of
 from particles.sector import CyclicSector
 from particles.threads import at_most
 from particles.walls.device_walls import DeviceWalls
@@ -129,32 +130,21 @@ class _Turned(NamedTuple):
 
 
 @dataclass(slots=True)
-class ContactList:
-    """Slots of possible contacts: p pairs and s (grain, wall) slots for n grains.
+class ContactList(SlotList):
+    """Slots of possible contacts, with what each contact remembers.
 
     Attributes
     ----------
-    pairs : PairList
-        Half list.
-    row : ndarray of uint32, shape (p,)
-        First grain of each pair.
+    columns : int
+        Numbers that a contact remembers.
     chunk_start : ndarray of int64, or None
         First row of each of its `chunks`, once they are made.
-    wall_start, wall_other : ndarray, shapes (n + 1,), (s,) int32
-        Walls near each grain; triangles count on after the smooth walls.
+    row : ndarray of uint32, shape (p,)
+        First grain of each pair.
     pair_memory, wall_memory : SlotMemory
         Of p pairs and of s wall slots.
-    reference : ndarray, shape (n, 3)
-        Positions [m] at which the list was made.
-    angles : ndarray, shape (n_bodies,)
-        Angles of the bodies [rad] at that time.
     """
 
-    pairs: PairList
-    wall_start: np.ndarray
-    wall_other: np.ndarray
-    reference: np.ndarray
-    angles: np.ndarray
     columns: int = 3
     chunk_start: np.ndarray | None = None
     row: np.ndarray = field(init=False)
@@ -196,10 +186,6 @@ class ContactList:
             self.chunk_start = self._chunks.start
         return self._chunks
 
-    def wall_rows(self) -> np.ndarray:
-        """The grain of each wall slot, int64, shape (s,)."""
-        return np.repeat(np.arange(len(self.wall_start) - 1), np.diff(self.wall_start))
-
     def memory(self) -> ContactMemory:
         """Return what the touching contacts remember; the list itself can be dropped then."""
         pairs = self.pairs
@@ -234,22 +220,13 @@ class ContactList:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Everything that a restart needs."""
-        places = {
-            "pair_start": self.pairs.start, "pair_other": self.pairs.other, "pair_shift": self.pairs.shift,
-            "wall_start": self.wall_start, "wall_other": self.wall_other,
-            "reference": self.reference, "angles": self.angles, "chunk_start": self.chunks.start,
-        }  # fmt: skip
-        return places | self.pair_memory.arrays("pair") | self.wall_memory.arrays("wall")
+        memory = self.pair_memory.arrays("pair") | self.wall_memory.arrays("wall")
+        return SlotList.arrays(self) | {"chunk_start": self.chunks.start} | memory
 
     @classmethod
     def from_arrays(cls, state: dict[str, np.ndarray], columns: int) -> ContactList:
         """The inverse of `arrays`, of contacts that remember so many ``columns``."""
-        pairs = PairList(*(state[f"pair_{name}"].copy() for name in ("start", "other", "shift")))
-        start, other, reference, angles = (
-            state[name].copy() for name in ("wall_start", "wall_other", "reference", "angles")
-        )
-        chunk_start = state.get("chunk_start")  # older states have none
-        made = cls(pairs, start, other, reference, angles, columns, chunk_start)
+        made = cls(*slots_of(state), columns, state.get("chunk_start"))  # older states have no chunks
         made.pair_memory, made.wall_memory = (SlotMemory.from_arrays(kind, state, columns) for kind in ("pair", "wall"))
         return made
 

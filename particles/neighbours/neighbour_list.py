@@ -150,15 +150,15 @@ def _rows(
 
 
 def _ghosts(
-    points: np.ndarray, beside: float, sector: CyclicSector | None
+    points: np.ndarray, margin: float, sector: CyclicSector | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Images of the grains within ``beside`` [m] of a face: points (g, 4), codes (g,), which grains these are (n,)."""
+    """Images of the grains within ``margin`` [m] of a face: points (g, 4), codes (g,), which grains these are (n,)."""
     if sector is None:
         return np.zeros((0, 4)), np.zeros(0, dtype=np.int32), np.zeros(0, dtype=bool)
     x, y = points[:, 0], points[:, 1]
     c, s = np.cos(sector.angle), np.sin(sector.angle)
-    low = (y < beside) & (x > 0.0)
-    high = (c * y - s * x > -beside) & (c * x + s * y > 0.0)
+    low = (y < margin) & (x > 0.0)
+    high = (c * y - s * x > -margin) & (c * x + s * y > 0.0)
     grain = np.concatenate([np.flatnonzero(low), np.flatnonzero(high)])
     shift = np.repeat([1, -1], [np.count_nonzero(low), np.count_nonzero(high)])
     ghosts = points[grain]

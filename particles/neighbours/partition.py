@@ -2,8 +2,8 @@
 
 Rows are consecutive grains, sorted by cells; a chunk ends where its share of the work does. How many there are follows
 from the number of grains alone, and never from the threads, so that every sum is the same with any number of them. A
-pair whose grains lie in different chunks has its place in a buffer; its second grain is *late*: it can only be moved
-when the other chunk has written there.
+pair whose grains lie in different chunks has its place in a buffer; its second grain is *deferred*: it can only be
+moved when the other chunk has written there.
 """
 
 from __future__ import annotations
@@ -30,22 +30,22 @@ class Chunks(NamedTuple):
         First place in the buffer of each chunk's pairs with later chunks, in the order of the list.
     reaction : ndarray, shape (x, 6)
         The buffer: force [N] and torque [N m] of such a pair.
-    late : ndarray of uint8, shape (n,)
+    deferred : ndarray of uint8, shape (n,)
         1 for grains that wait.
-    late_start, late_grain : ndarray of int64, shape (c + 1,) and int32, shape (l,)
-        The late grains, and a like share of them for each chunk: the first chunk has none of its own.
-    in_start, in_slot : ndarray of int64, shape (l + 1,) and int32, shape (x,)
-        Places in the buffer that each late grain has to add, in order.
+    deferred_start, deferred_grain : ndarray of int64, shape (c + 1,) and int32, shape (l,)
+        The deferred grains, and an equal share of them for each chunk: the first chunk has none of its own.
+    reaction_start, reaction_place : ndarray of int64, shape (l + 1,) and int32, shape (x,)
+        Places in the buffer that each deferred grain has to add, in order.
     """
 
     start: np.ndarray
     cross_start: np.ndarray
     reaction: np.ndarray
-    late: np.ndarray
-    late_start: np.ndarray
-    late_grain: np.ndarray
-    in_start: np.ndarray
-    in_slot: np.ndarray
+    deferred: np.ndarray
+    deferred_start: np.ndarray
+    deferred_grain: np.ndarray
+    reaction_start: np.ndarray
+    reaction_place: np.ndarray
 
 
 def chunk_count(n: int) -> int:
@@ -121,23 +121,26 @@ def _share(pair_start, pair_other, start):
     arrivals = np.zeros(n, dtype=np.int32)
     for k in range(crossings):
         arrivals[second[k]] += 1
-    late, late_start = np.empty(n, dtype=np.uint8), np.empty(parts + 1, dtype=np.int64)
-    crowd = 0
+    deferred, deferred_start = np.empty(n, dtype=np.uint8), np.empty(parts + 1, dtype=np.int64)
+    n_deferred = 0
     for i in range(n):
-        late[i] = arrivals[i] > 0
-        crowd += late[i]
-    late_grain, in_start = np.empty(crowd, dtype=np.int32), np.empty(crowd + 1, dtype=np.int64)
+        deferred[i] = arrivals[i] > 0
+        n_deferred += deferred[i]
+    deferred_grain, reaction_start = np.empty(n_deferred, dtype=np.int32), np.empty(n_deferred + 1, dtype=np.int64)
     for c in range(parts + 1):
-        late_start[c] = crowd * c // parts
+        deferred_start[c] = n_deferred * c // parts
     waiting = before = 0
     for i in range(n):
-        if late[i] != 0:
-            late_grain[waiting], in_start[waiting] = i, before
+        if deferred[i] != 0:
+            deferred_grain[waiting], reaction_start[waiting] = i, before
             before, arrivals[i] = before + arrivals[i], before  # from here on its next place
             waiting += 1
-    in_start[crowd] = before
-    in_slot = np.empty(crossings, dtype=np.int32)
+    reaction_start[n_deferred] = before
+    reaction_place = np.empty(crossings, dtype=np.int32)
     for k in range(crossings):
-        in_slot[arrivals[second[k]]] = k
+        reaction_place[arrivals[second[k]]] = k
         arrivals[second[k]] += 1
-    return Chunks(start, cross_start, np.zeros((crossings, 6)), late, late_start, late_grain, in_start, in_slot)
+    return Chunks(
+        start, cross_start, np.zeros((crossings, 6)), deferred, deferred_start, deferred_grain, reaction_start,
+        reaction_place,
+    )  # fmt: skip

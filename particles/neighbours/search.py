@@ -77,13 +77,13 @@ def make_search(points, ghosts, ghost_code, limit):
     low, high, first, top = np.empty(3), np.empty(3), np.empty(LEVELS + 1, dtype=np.int64), np.empty(LEVELS)
     n_grids, own, ordered, begin, finite = 0, 0, -1, 0, True
     for cloud in range(2):
-        given = points if cloud == 0 else ghosts
-        if given.shape[0] == 0:
+        these = points if cloud == 0 else ghosts
+        if these.shape[0] == 0:
             break
-        finite &= bounds(given, low, high)
+        finite &= bounds(these, low, high)
         if not finite:
             break
-        x, member = sort_by_level(given, first, top)
+        x, member = sort_by_level(these, first, top)
         for level in range(LEVELS):
             a, b = first[level], first[level + 1]
             if a == b:

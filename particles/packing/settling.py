@@ -86,7 +86,7 @@ def settle(
         Time [s] after which it is given up; by default a hundred falls through the height of the device, or 1e5 steps
         where there is no gravity.
     damping : float, optional
-        Rate [1/s] at which velocities and spins are taken down between the looks, beside what the contacts do:
+        Rate [1/s] at which velocities and spins are taken down between the looks, in addition to what the contacts do:
         exp(-damping t). By default sqrt(g/d), 1/e a look, with gravity, and none without. It acts against walls that
         turn as well.
     required : bool

@@ -54,7 +54,7 @@ CHRONO = {200: 6.8, 500: 18.0, 1000: 37.0}  # ms a step in the box
 SPRINGS = ((2e6, 4e6 / 7.0), (2e6, 4e6 / 7.0))
 
 WAYS: dict[str, dict] = {
-    "convex, 50 sweeps": {"friction": "convex", "solver": "gauss_seidel", "tolerance": 1e-300, "max_sweeps": 50},
+    "convex, 50 sweeps": {"friction_cone": "convex", "solver": "gauss_seidel", "tolerance": 1e-300, "max_sweeps": 50},
     "exact, 50 sweeps": {"solver": "gauss_seidel", "tolerance": 1e-300, "max_sweeps": 50},
     "exact, 1e-3 m/s": {"solver": "accelerated", "tolerance": 1e-3, "max_sweeps": 2000},
     "exact, 1e-4 m/s": {"solver": "accelerated", "tolerance": 1e-4, "max_sweeps": 2000},

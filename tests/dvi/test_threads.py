@@ -14,7 +14,7 @@ from geometry.triangle_wall import box_surface
 from geometry.walls import annulus, cylinder
 from particles import DVI, Body, DviContact, FreeShaft, Grains
 from particles.dvi import gauss_seidel as gs
-from particles.dvi import partition
+from particles.dvi import sweep_chunks
 from particles.laws.rolling_friction import RollingFriction
 from particles.laws.twisting_friction import TwistingFriction
 from particles.neighbours.neighbour_list import cell_order, find_pairs
@@ -38,7 +38,7 @@ def one_thread():
 
 @pytest.fixture
 def few_are_worth_sharing(monkeypatch):
-    monkeypatch.setattr(partition, "WORTH_SHARING", 100)
+    monkeypatch.setattr(sweep_chunks, "WORTH_SHARING", 100)
 
 
 def _lattice(size, count, seed=0):
@@ -129,7 +129,7 @@ def test_four_threads_agree_bitwise():
     """In a process of its own: numba starts no more threads than there are cores unless it is told to at the start."""
     script = (
         "import sys, numba, numpy as np; sys.path.insert(0, sys.argv[1]); import test_threads as t\n"
-        "t.partition.WORTH_SHARING = 100\n"
+        "t.sweep_chunks.WORTH_SHARING = 100\n"
         "runs = [t._with_threads(k, t._box, 3000, 16, max_sweeps=40, stiffness=t.STIFF) for k in (1, 2, 4)]\n"
         "assert numba.config.NUMBA_NUM_THREADS == 4 and len(runs[0][0]._chunks.rows) > 8\n"
         "print([t._differences(runs[0][0], r[0]) for r in runs[1:]], len({repr(r[1]) for r in runs}))\n"
@@ -158,13 +158,13 @@ def test_a_restart_goes_on_bit_for_bit():
 )
 def test_the_solution_does_not_depend_on_the_shares(make, more, monkeypatch):
     """Springs make it unique: from one state, all at once and by chunks reach the same velocities and torques."""
-    monkeypatch.setattr(partition, "WORTH_SHARING", 100)
+    monkeypatch.setattr(sweep_chunks, "WORTH_SHARING", 100)
     dvi = make(300, tolerance=1e-10, **more)
     dvi.run(60)
     state = dvi.state()
     answers = []
     for worth in (100, 1000):
-        monkeypatch.setattr(partition, "WORTH_SHARING", worth)
+        monkeypatch.setattr(sweep_chunks, "WORTH_SHARING", worth)
         again = make(300, tolerance=1e-10, **more)
         again.restore(state)
         assert (again._chunks is None) == (worth == 1000)
@@ -199,7 +199,9 @@ def test_books_balance_and_the_residual_is_honest():
 def _chunks_of(position, radius, skin=0.2 * R):
     order = cell_order(position, 2.0 * float(radius.max()) + skin)
     pairs = find_pairs(position[order], 2.0 * float(radius.max()) + skin, None, (radius + 0.5 * skin)[order])
-    made = partition.make_chunks(pairs.start, pairs.other, np.zeros(len(position) + 1, dtype=np.int64), (1, 1), 14)
+    made = sweep_chunks.make_sweep_chunks(
+        pairs.start, pairs.other, np.zeros(len(position) + 1, dtype=np.int64), (1, 1), 14
+    )
     return pairs, made.rows
 
 

@@ -27,12 +27,19 @@ def test_every_reaction_between_chunks_has_one_place_and_one_reader(n):
     crossing = np.flatnonzero(chunk_of[i] != chunk_of[j])
     assert len(c.reaction) == len(crossing) == c.cross_start[-1]
     # the buffer's places are in the order of the list, chunk by chunk; each late grain reads those of its own pairs
-    readers = np.repeat(c.late_grain, np.diff(c.in_start))
-    assert np.array_equal(np.sort(c.in_slot), np.arange(len(crossing)))
-    assert np.array_equal(j[crossing][c.in_slot], readers)
-    assert all(np.all(np.diff(c.in_slot[a:b]) > 0) for a, b in zip(c.in_start[:-1], c.in_start[1:], strict=True))
-    assert np.array_equal(np.flatnonzero(c.late), c.late_grain)
-    assert c.late_start[0] == 0 and c.late_start[-1] == len(c.late_grain) and np.ptp(np.diff(c.late_start)) <= 1
+    readers = np.repeat(c.deferred_grain, np.diff(c.reaction_start))
+    assert np.array_equal(np.sort(c.reaction_place), np.arange(len(crossing)))
+    assert np.array_equal(j[crossing][c.reaction_place], readers)
+    assert all(
+        np.all(np.diff(c.reaction_place[a:b]) > 0)
+        for a, b in zip(c.reaction_start[:-1], c.reaction_start[1:], strict=True)
+    )
+    assert np.array_equal(np.flatnonzero(c.deferred), c.deferred_grain)
+    assert (
+        c.deferred_start[0] == 0
+        and c.deferred_start[-1] == len(c.deferred_grain)
+        and np.ptp(np.diff(c.deferred_start)) <= 1
+    )
 
 
 def test_chunks_share_the_work_evenly():

@@ -10,7 +10,6 @@ from particles.diagnostics.bins import ring_bins
 from particles.diagnostics.fabric import fabric
 from particles.diagnostics.force_chains import force_chains
 from particles.diagnostics.profiles import profile_of, profile_sums
-from particles.diagnostics.stress import contact_stress
 from particles.grains import Grains
 from particles.neighbours.contact_table import ContactTable
 from particles.sector import CyclicSector
@@ -76,10 +75,6 @@ def test_sector_and_its_full_ring_agree(seed):
         a, b = fabric(wedge, part, sector, force_weighted=weighted), fabric(ring, whole, force_weighted=weighted)
         np.testing.assert_allclose(a.cartesian, b.cartesian, **close)
         np.testing.assert_allclose(a.cylindrical, b.cylindrical, **close)
-    a = contact_stress(wedge, part, RING.volume(sector.angle), sector)
-    b = contact_stress(ring, whole, RING.volume())
-    np.testing.assert_allclose(a.cartesian, b.cartesian, rtol=1e-9, atol=1e-9 * abs(b.pressure))
-    np.testing.assert_allclose(a.cylindrical, b.cylindrical, rtol=1e-9, atol=1e-9 * abs(b.pressure))
     for along in ("r", "z"):
         small, full = (ring_bins(RING, 1e-3, along=along, angle=angle) for angle in (sector.angle, 2 * math.pi))
         one = profile_of(profile_sums(wedge, part, small, sector), small, {"rotor": 2.0})

@@ -1,4 +1,4 @@
-"""Contacts side by side: the forces of lanes are those of the contacts one by one, whatever fills a batch."""
+"""SIMD contacts: the forces of vectors are those of the contacts one by one, whatever fills a batch."""
 
 import math
 
@@ -10,7 +10,7 @@ from geometry import Box
 from geometry.kernels.simd_math import log, sqrt
 from particles import DEM, Body, Grains, LinearContact
 from particles.dem.contact_kernel import Touch, contact_force
-from particles.dem.pair_kernel import ROOM
+from particles.dem.pair_search import ROOM
 from particles.dem.stored_energy import law_table
 from particles.laws.elastic import Elastic
 from particles.laws.hertz_mindlin import HertzMindlin

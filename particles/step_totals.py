@@ -65,8 +65,8 @@ class StepTotals:
     steps, duration : int, float
         Steps done and the time they span [s].
     torque : dict of body -> {"normal", "damping", "tangential"}
-        Mean torque about z on the body [N m]: of the springs along the normals, of the dashpots beside them, and of
-        friction with rolling and twisting torques.
+        Mean torque about z on the body [N m]: of the springs along the normals, of the dashpots parallel to them, and
+        of friction with rolling and twisting torques.
     force : dict of body -> ndarray, shape (3,)
         Mean force on the body [N]; in a sector only the axial one is left, the others cancel round the ring.
     force_parts : dict of body -> {"normal", "damping", "tangential"} -> ndarray, shape (3,)

@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 
-from particles.dem.time_step import TimeStep
+from particles.dem.time_step import TimeStep, smallest_grain
 
 TRAVEL = 0.1  # largest share of a diameter that a grain may move in one step
 ATTRACTION = 0.1  # share of the time sqrt(m a/F)
@@ -52,13 +52,7 @@ def choose_dvi_step(
     ValueError
         If a number is out of range, the wished step is too long, or nothing moves grains and none is wished for.
     """
-    lightest, smallest = float(np.min(mass)), float(np.min(radius))
-    for name, value, unit in (("mass", lightest, "kg"), ("radius", smallest, "m")):
-        if not 0.0 < value < math.inf:
-            raise ValueError(f"{name} of a grain = {value:g} {unit}; allowed: more than 0")
-    for name, value, unit in (("speed", speed, "m/s"), ("attraction", attraction, "N")):
-        if not 0.0 <= value < math.inf:
-            raise ValueError(f"expected {name} = {value:g} {unit}; allowed: 0 or more")
+    lightest, smallest = smallest_grain(mass, radius, speed=(speed, "m/s"), attraction=(attraction, "N"))
     limits = []
     if speed > 0.0:
         limits.append((TRAVEL * 2.0 * smallest / speed, f"a tenth of a diameter of travel at {speed:.3g} m/s"))

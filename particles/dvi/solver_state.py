@@ -16,10 +16,10 @@ from geometry.kernels.device_functions import device_function
 from particles.shafts import Shafts
 
 if TYPE_CHECKING:
-    from particles.dvi.partition import Chunks
+    from particles.dvi.sweep_chunks import SweepChunks
 
 
-class Search(NamedTuple):
+class SolverSettings(NamedTuple):
     """Settings of the solver of a step.
 
     Attributes
@@ -37,7 +37,7 @@ class Search(NamedTuple):
     cap: int
 
 
-class Call(NamedTuple):
+class DviCall(NamedTuple):
     """One call of the step: how far, by which rules, and what stops it.
 
     Attributes
@@ -54,11 +54,11 @@ class Call(NamedTuple):
     slop : float
         Share of the radius.
     margin : float
-        Share of the fastest grain's way that contacts are looked for beyond their own.
+        Share of the fastest grain's displacement that contacts are looked for beyond their own.
     law : ndarray, shape (2, 3)
         Friction, restitution and its threshold [m/s] between grains, at walls (`particles.dvi.dvi_contact`).
-    search : Search
-    met : ndarray of int64, shape (2,)
+    settings : SolverSettings
+    n_contacts : ndarray of int64, shape (2,)
         Pairs and wall contacts of the last step; written.
     """
 
@@ -71,13 +71,13 @@ class Call(NamedTuple):
     slop: float
     margin: float
     law: np.ndarray
-    search: Search
-    met: np.ndarray
+    settings: SolverSettings
+    n_contacts: np.ndarray
 
 
-class Look(NamedTuple):
-    """Search for contacts in the present step: h [s], beyond the grains' own travel by ``margin`` [m], what
-    ``slop`` lets be, by which ``law``, as in `Call`."""
+class Horizon(NamedTuple):
+    """SolverSettings for contacts in the present step: h [s], beyond the grains' own travel by ``margin`` [m], what
+    ``slop`` lets be, by which ``law``, as in `DviCall`."""
 
     h: float
     margin: float
@@ -85,7 +85,7 @@ class Look(NamedTuple):
     law: np.ndarray
 
 
-class GrainState(NamedTuple):
+class DviGrains(NamedTuple):
     """Grains and what is held during the call.
 
     Attributes
@@ -115,7 +115,7 @@ class GrainState(NamedTuple):
     bound: np.ndarray
 
 
-class PairSlots(NamedTuple):
+class PairImpulses(NamedTuple):
     """Slots of the half list, row by row.
 
     Attributes
@@ -124,18 +124,18 @@ class PairSlots(NamedTuple):
         Grain i has the slots ``start[i]`` up to ``start[i + 1]``.
     impulse : ndarray, shape (p, 3) or (p, 6)
         Of the last step [N s], on the first grain (`particles.dvi.impulse_list`).
-    met : ndarray of int32, shape (p,)
+    contact_slot : ndarray of int32, shape (p,)
         Slot of each contact of the step.
     """
 
     start: np.ndarray
     other: np.ndarray
     impulse: np.ndarray
-    met: np.ndarray
+    contact_slot: np.ndarray
 
 
-class WallSlots(NamedTuple):
-    """Slots of (grain, wall), row by row, as in `PairSlots`.
+class WallImpulses(NamedTuple):
+    """Slots of (grain, wall), row by row, as in `PairImpulses`.
 
     Attributes
     ----------
@@ -146,12 +146,12 @@ class WallSlots(NamedTuple):
     start: np.ndarray
     other: np.ndarray
     impulse: np.ndarray
-    met: np.ndarray
+    contact_slot: np.ndarray
     found: np.ndarray
     tally: np.ndarray
 
 
-class WallState(NamedTuple):
+class DviWalls(NamedTuple):
     """Walls on bodies that turn.
 
     Attributes
@@ -225,14 +225,14 @@ class Part(NamedTuple):
     shafts: int
 
 
-class Partition(NamedTuple):
+class SweepThreads(NamedTuple):
     """Threads of the sweeps: one, ``alone`` True and ``chunk`` None; or threads in chunks, ``alone`` None."""
 
-    chunk: Chunks | None
+    chunk: SweepChunks | None
     alone: bool | None
 
 
-class Totals(NamedTuple):
+class DviSums(NamedTuple):
     """Sums over steps (`particles.dvi.end_of_step`).
 
     Attributes
@@ -247,21 +247,21 @@ class Totals(NamedTuple):
     springs: np.ndarray
 
 
-class StepArguments(NamedTuple):
+class DviArguments(NamedTuple):
     """The arguments of `run_steps`, in its order."""
 
-    call: Call
+    call: DviCall
     convex: bool | None
     compliance: np.ndarray | None
-    grains: GrainState
-    pairs: PairSlots
-    slots: WallSlots
-    walls: WallState
+    grains: DviGrains
+    pairs: PairImpulses
+    slots: WallImpulses
+    walls: DviWalls
     shafts: Shafts
     records: Records
     contact_torques: Torques
-    partition: Partition
-    totals: Totals
+    threads: SweepThreads
+    totals: DviSums
 
 
 @device_function(error_model="numpy")
@@ -274,8 +274,8 @@ def first_of(records, pairs, walls):
 
 
 @device_function(without_refcounts=True, error_model="numpy")
-def whole(records):
-    """All of it as one part."""
+def all_of(records):
+    """Return all contacts and grains as one part."""
     none, one = np.int64(0), np.int64(1)  # plain numbers are types of their own
     pairs, walls, grains = records.pair.shape[0], records.wall.shape[0], records.grain.shape[0]
     return Part(none, pairs, none, walls, none, grains, one)  # type: ignore[arg-type]

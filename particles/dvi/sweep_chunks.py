@@ -1,12 +1,12 @@
 """Chunks of the contacts that threads sweep at the same time, with the same result for any number of threads.
 
 Grains are stored cell by cell, layer upon layer along the longest side of the cloud. Chunks are consecutive rows of
-the list, thick enough for a row to have its partners in its own share and in the next one only. Those with even
-numbers then touch no grain in common, nor do the odd ones: a sweep first does all even shares side by side, pairs and
-walls of bodies of prescribed speed, then the odd ones, and at the end, alone, the walls of the free shafts, which all
-grains share. It stays a Gauss-Seidel sweep, in another order.
+the list, thick enough for a row to have its partners in its own chunk and in the next one only. Those with even
+numbers then touch no grain in common, nor do the odd ones: a sweep first does all even chunks at the same time, pairs
+and walls of bodies of prescribed speed, then the odd ones, and at the end, alone, the walls of the free shafts, which
+all grains share. It stays a Gauss-Seidel sweep, in another order.
 
-The shares follow from the list alone, and sums are kept by share and added in the order of chunks: no bit depends on
+The chunks follow from the list alone, and sums are kept by chunk and added in the order of chunks: no bit depends on
 the number of threads.
 """
 
@@ -18,18 +18,18 @@ import numpy as np
 from numba import njit, prange
 
 from geometry.kernels.device_functions import device_function
-from particles.dvi.anderson_vectors import N_PRODUCTS, extrapolate, gather, remember
+from particles.dvi.anderson_vectors import N_PRODUCTS, extrapolate, gather, store_change
 from particles.dvi.contact_groups import group_contacts
 from particles.dvi.contact_torques import residual, sweep_contact_torques
 from particles.dvi.gauss_seidel import IJ, sweep_loads, sweep_pairs, sweep_walls
-from particles.dvi.kernel_state import Part
+from particles.dvi.solver_state import Part
 
-WORTH_SHARING = 2000  # grains; for fewer the gain is small beside the longer compilation
+WORTH_SHARING = 2000  # grains; for fewer the gain is small against the longer compilation
 COUNTS = (64, 48, 32, 24, 16, 12, 8, 4, 1)  # of chunks: as many even as odd ones, for two threads or four
-N_SUMS = 16  # whole lines of the cache
+N_SUMS = 16  # full lines of the cache
 
 
-class Chunks(NamedTuple):
+class SweepChunks(NamedTuple):
     """c chunks of the rows.
 
     Attributes
@@ -37,13 +37,13 @@ class Chunks(NamedTuple):
     rows : ndarray of int64, shape (c + 1,)
         Chunk k holds the rows rows[k] to rows[k + 1].
     pairs, walls : ndarray of int64, shapes (c + 1,), (c + 2,)
-        The same for the contacts of a step; the last share of walls is that of the free shafts.
+        The same for the contacts of a step; the last chunk of walls is that of the free shafts.
     sums, body_sums : ndarray, shapes (c + 1, N_SUMS), (c + 1, n_bodies, N_BODY_SUMS)
         What each chunk has added up or found.
     near : ndarray of uint8, shape (p,)
         1 for pairs of the list that are contacts of the step.
-    met_index, met_slot, met : ndarray
-        Wall contacts as the shares meet them, from their first slot in the list on.
+    found_index, found_slot, found : ndarray
+        Wall contacts as the chunks find them, from their first slot in the list on.
     ends : ndarray of int64, shape (c,)
         Where those of each chunk end.
     """
@@ -54,16 +54,16 @@ class Chunks(NamedTuple):
     sums: np.ndarray
     body_sums: np.ndarray
     near: np.ndarray
-    met_index: np.ndarray
-    met_slot: np.ndarray
-    met: np.ndarray
+    found_index: np.ndarray
+    found_slot: np.ndarray
+    found: np.ndarray
     ends: np.ndarray
 
 
-def make_chunks(
+def make_sweep_chunks(
     pair_start: np.ndarray, pair_other: np.ndarray, wall_start: np.ndarray, body_sums: tuple[int, int], columns: int
-) -> Chunks | None:
-    """Chunks of a half list ``pair_start`` (n + 1,), ``pair_other`` (p,) with ``wall_start`` (n + 1,).
+) -> SweepChunks | None:
+    """Return chunks of a half list ``pair_start`` (n + 1,), ``pair_other`` (p,) with ``wall_start`` (n + 1,).
 
     ``body_sums``: numbers of bodies and of their sums; ``columns``: of a wall contact. None where there are too few
     grains to share.
@@ -80,7 +80,7 @@ def make_chunks(
         if np.all(furthest[rows[1:-1] - 1] < rows[2:]) and np.all(rows[1:] > rows[:-1]):
             break
     s = int(wall_start[-1])
-    return Chunks(
+    return SweepChunks(
         rows, np.zeros(count + 1, dtype=np.int64), np.zeros(count + 2, dtype=np.int64),
         np.zeros((count + 1, N_SUMS)), np.zeros((count + 1, *body_sums)), np.zeros(len(pair_other), dtype=np.uint8),
         np.zeros((s, 2), dtype=np.int32), np.zeros(s, dtype=np.int32), np.zeros((s, columns)),
@@ -100,11 +100,11 @@ def _furthest(start, other, furthest):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def sort_walls(chunk, slots, records):
-    """Put the wall contacts that chunks have met in their order, those of free shafts last; returns how many."""
+    """Put the wall contacts that chunks have found in their order, those of free shafts last; returns how many."""
     rows, walls, ends, from_index, from_slot, from_row = (
-        chunk.rows, chunk.walls, chunk.ends, chunk.met_index, chunk.met_slot, chunk.met,
+        chunk.rows, chunk.walls, chunk.ends, chunk.found_index, chunk.found_slot, chunk.found,
     )  # fmt: skip
-    first, slot, body, index, row = slots.start, slots.met, records.body, records.wall_index, records.wall
+    first, slot, body, index, row = slots.start, slots.contact_slot, records.body, records.wall_index, records.wall
     to, count = 0, rows.shape[0] - 1
     for last in range(2):
         for c in range(count):
@@ -122,7 +122,7 @@ def sort_walls(chunk, slots, records):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def part_of(c, rows, pairs, walls):
-    """Return what share c has of contacts and grains; c = number of chunks: what belongs to the free shafts."""
+    """Return what chunk c has of contacts and grains; c = number of chunks: what belongs to the free shafts."""
     count = rows.shape[0] - 1
     after = min(c + 1, count)
     return Part(pairs[c], pairs[after], walls[c], walls[c + 1], rows[c], rows[after], 1 if c == count else 0)
@@ -197,10 +197,11 @@ def gather_chunks(g, vectors, records, contact_torques, chunk):
 
 @device_function(parallel=True, error_model="numpy", fastmath={"contract"})
 def store_chunks(better, first, slot, known, vectors, records, contact_torques, chunk):
-    """`remember` by chunks."""
+    """`store_change` by chunks."""
     rows, pairs, walls, sums = chunk.rows, chunk.pairs, chunk.walls, chunk.sums
     for c in prange(rows.shape[0]):
-        remember(part_of(c, rows, pairs, walls), better, first, slot, known, vectors, sums[c], records, contact_torques)
+        part = part_of(c, rows, pairs, walls)
+        store_change(part, better, first, slot, known, vectors, sums[c], records, contact_torques)
     _add_products(vectors.products, sums)
 
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from geometry.kernels.device_functions import device_function
-from particles.dem.contact_kernel import left_in_springs
+from particles.dem.contact_kernel import stored_in_springs
 from particles.walls.triangle_kernels import LEADER, SLOT, triangle_contacts
 from particles.walls.wall_kernels import _wall_gap
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def add_left(law, kind, resistance, energy_column, radius, slots, slot, left):
-    """Add to ``left`` (4) [J] what the springs of a wall's slot held when the grain left it."""
-    a, b, c, d = left_in_springs(law, kind, resistance, energy_column, radius, 0.0, slots.history, slot)
-    return left[0] + a, left[1] + b, left[2] + c, left[3] + d
+def add_stored(law, kind, resistance, energy_column, radius, slots, slot, parted):
+    """Add to ``parted`` (4) [J] what the springs of a wall's slot held when the grain left it."""
+    a, b, c, d = stored_in_springs(law, kind, resistance, energy_column, radius, 0.0, slots.history, slot)
+    return parted[0] + a, parted[1] + b, parted[2] + c, parted[3] + d
 
 
 @device_function(without_refcounts=True, error_model="numpy", forceinline=True)
@@ -21,12 +21,12 @@ def _note(row, slot, distance, nx, ny, nz, i):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def touching_walls(i, law, resistance, energy_column, attraction, grains, slots, walls, found, near, many, left):
+def touching_walls(i, law, resistance, energy_column, attraction, grains, slots, walls, found, near, n_near, parted):
     """Find the walls that grain i touches, as rows of ``found``: slot, distance, unit vector towards the wall, i.
 
-    Smooth walls that it is near to go into such rows of ``near``, from row ``many`` on, where there is an attraction. A
-    grain that rolls from one face of a body onto the next keeps its springs: they are handed to the new slot. Returns
-    the number of rows found, ``many`` with those of ``near``, and ``left`` (4) [J] with what those that parted have
+    Smooth walls that it is near to go into such rows of ``near``, from row ``n_near`` on, where there is an attraction.
+    A grain that rolls from one face of a body onto the next keeps its springs: they are moved to the new slot. Returns
+    the number of rows found, ``n_near`` with those of ``near``, and ``parted`` (4) [J] with what those that parted have
     lost.
     """
     kind_row = 0
@@ -40,20 +40,20 @@ def touching_walls(i, law, resistance, energy_column, attraction, grains, slots,
     if end == first + 1 and other[first] < n_walls:  # most grains that have a wall have one
         distance, nx, ny, nz, owned = _wall_gap(wall, other[first], x, y, z)
         if attraction is not None:
-            _note(near[many], first, distance, nx, ny, nz, i)
-            many += 1 if owned else 0
+            _note(near[n_near], first, distance, nx, ny, nz, i)
+            n_near += 1 if owned else 0
         if distance < radius and owned:
             touching[first] = 1
             _note(found[0], first, distance, nx, ny, nz, i)
-            return 1, many, left
+            return 1, n_near, parted
         if touching[first] != 0:
             touching[first] = 0
             if energy_column is not None:
                 row = law_row[kind_row, other[first]]
-                left = add_left(law, row, resistance, energy_column, radius, slots, first, left)
+                parted = add_stored(law, row, resistance, energy_column, radius, slots, first, parted)
             for a in range(history.shape[1]):
                 history[first, a] = 0.0
-        return 0, many, left
+        return 0, n_near, parted
     count = 0
     k = first
     while k < end:
@@ -62,8 +62,8 @@ def touching_walls(i, law, resistance, energy_column, attraction, grains, slots,
         if w < n_walls:
             distance, nx, ny, nz, owned = _wall_gap(wall, w, x, y, z)
             if attraction is not None:
-                _note(near[many], k - 1, distance, nx, ny, nz, i)
-                many += 1 if owned else 0
+                _note(near[n_near], k - 1, distance, nx, ny, nz, i)
+                n_near += 1 if owned else 0
             if distance < radius and owned:
                 _note(found[count], k - 1, distance, nx, ny, nz, i)
                 count += 1
@@ -74,45 +74,45 @@ def touching_walls(i, law, resistance, energy_column, attraction, grains, slots,
                 k += 1
             c, s = walls.turn[body, 0], walls.turn[body, 1]
             part = found[count:]
-            more, seen = triangle_contacts(
+            new_rows, seen = triangle_contacts(
                 walls.triangle, other, begin, k, c * x + s * y, c * y - s * x, z, radius, part
             )
-            for a in range(more, seen):  # a grain that goes over an edge changes its triangle, not its contact
+            for a in range(new_rows, seen):  # a grain that goes over an edge changes its triangle, not its contact
                 old, new = int(part[a, SLOT]), int(part[int(part[a, LEADER]), SLOT])
                 if touching[old] != 0:
                     touching[old] = 0
                     if touching[new] != 0 and energy_column is not None:  # two contacts have become one
                         row = law_row[kind_row, other[old]]
-                        left = add_left(law, row, resistance, energy_column, radius, slots, old, left)
+                        parted = add_stored(law, row, resistance, energy_column, radius, slots, old, parted)
                     if touching[new] == 0:
                         touching[new] = 1
                         for b in range(history.shape[1]):
                             history[new, b] = history[old, b]
                     for b in range(history.shape[1]):
                         history[old, b] = 0.0
-            for a in range(more):
+            for a in range(new_rows):
                 nx, ny = part[a, 2], part[a, 3]
                 part[a, 2], part[a, 3], part[a, 5] = c * nx - s * ny, s * nx + c * ny, i
-            count += more
+            count += new_rows
     for a in range(count):
         touching[int(found[a, 0])] += 2  # 2: new, 3: as before; what is 1 now has parted
     for k in range(first, end):
         if touching[k] == 1:
             touching[k] = 0
-            handed = False
+            moved = False
             for a in range(count):
                 new = int(found[a, 0])
                 if touching[new] == 2 and body_of[other[new]] == body_of[other[k]]:
                     for b in range(history.shape[1]):
                         history[new, b] = history[k, b]
                     touching[new] = 3
-                    handed = True
+                    moved = True
                     break
-            if energy_column is not None and not handed:
+            if energy_column is not None and not moved:
                 row = law_row[kind_row, other[k]]
-                left = add_left(law, row, resistance, energy_column, radius, slots, k, left)
+                parted = add_stored(law, row, resistance, energy_column, radius, slots, k, parted)
             for b in range(history.shape[1]):
                 history[k, b] = 0.0
     for a in range(count):
         touching[int(found[a, 0])] = 1
-    return count, many, left
+    return count, n_near, parted

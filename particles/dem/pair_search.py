@@ -1,7 +1,7 @@
 """Compiled search for contacts among the pairs of the list, and the pulls of those that attract each other.
 
 The slots of a chunk are looked through eight at a time. Contacts are noted, and computed eight at a time when there is
-room for no more (`particles.dem.contact_lanes`); what a pair has pulled goes to its grains at once. Eight that go
+room for no more (`particles.dem.pair_contacts`); what a pair has pulled goes to its grains at once. Eight that go
 beyond the end of the chunk repeat its last slot, and what comes of these is left out.
 """
 
@@ -23,7 +23,7 @@ from geometry.kernels.simd_tables import (
     scatter_add,
 )
 from particles.dem.attraction_kernel import ACROSS, COLUMN, pulls_at
-from particles.dem.contact_kernel import left_in_springs
+from particles.dem.contact_kernel import stored_in_springs
 from particles.laws.springs import equal
 
 ROOM = 24 * LANES  # contacts that are noted at a time: with few, the last eight are often not full
@@ -33,24 +33,24 @@ SLOT, PLACE, PLACE_OF_PAIR, N_NOTED = range(4)
 
 
 def pair_scratch(n_chunks: int) -> np.ndarray:
-    """Scratch of so many chunks: ``noted`` of `particles.dem.kernel_state.PairSlots`."""
+    """Return scratch of so many chunks: ``noted`` of `particles.dem.kernel_state.PairSlots`."""
     return np.zeros((n_chunks, N_NOTED, ROOM), dtype=np.int32)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def through_faces(pairs, slot, way, x, y):
-    """Components across the axis of eight vectors, turned with the images of a sector: there (way 1.0) or back (-1.0).
+def through_faces(pairs, slot, sign, x, y):
+    """Components across the axis of eight vectors, rotated to the images of a sector (sign 1.0) or back (-1.0).
 
     Those of the partners in the slots ``slot`` come as their images have them; reactions on images go back.
     """
-    return _turned_with_images(pairs.turn, pairs.shift, slot, way, x, y)
+    return _rotate_to_images(pairs.turn, pairs.shift, slot, sign, x, y)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def _turned_with_images(turn, shift, slot, way, x, y):
+def _rotate_to_images(turn, shift, slot, sign, x, y):
     if turn is not None:
         crossed = from_integers(gather(shift, slot))
-        cosine, sine = select(crossed * crossed > 0.0, turn[0], 1.0), way * turn[1] * crossed
+        cosine, sine = select(crossed * crossed > 0.0, turn[0], 1.0), sign * turn[1] * crossed
         x, y = cosine * x - sine * y, sine * x + cosine * y
     return x, y
 
@@ -66,7 +66,7 @@ def _through_face(turn, shift, k, x, y):
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def _pull_eight(there, slot, place, i, j, away, sizes, law, attraction, pairs):
+def _pull_eight(active, slot, place, i, j, away, sizes, law, attraction, pairs):
     """Add the pulls of eight pairs to those on their grains.
 
     ``away`` (3) are the centres of j from those of i [m], ``sizes`` (2) their radii [m].
@@ -81,15 +81,15 @@ def _pull_eight(there, slot, place, i, j, away, sizes, law, attraction, pairs):
         gap = (d - (ri + rj)) * (ri + rj) / (2.0 * ri * rj)
     at_column, amplitude = gather_two_columns(attraction.pair, slot, COLUMN)
     pull = pulls_at(attraction, gap, at_column, amplitude, gather_column(attraction.pair, slot, ACROSS))
-    pull = select(there, pull * select(d2 > 0.0, d * (1.0 / d2), 0.0), 0.0)
+    pull = select(active, pull * select(d2 > 0.0, d * (1.0 / d2), 0.0), 0.0)
     gx, gy, gz, none = pull * dx, pull * dy, pull * dz, splat(0.0)
-    scatter_add(attraction.drawn, i, 0, None, None, (gx, gy, gz, none))
+    scatter_add(attraction.force, i, 0, None, None, (gx, gy, gz, none))
     gx, gy = through_faces(pairs, slot, -1.0, gx, gy)
-    scatter_add(attraction.drawn, j, 0, attraction.cross, place, (-gx, -gy, -gz, none))
+    scatter_add(attraction.force, j, 0, attraction.reaction, place, (-gx, -gy, -gz, none))
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def _left_by_pair(k, dt, law, resistance, energy_column, grains, pairs):
+def _stored_in_pair(k, dt, law, resistance, energy_column, grains, pairs):
     """Return what the springs of pair k, which has parted, held [J] (4)."""
     position_radius, velocity_force, species = grains.position_radius, grains.velocity_force, grains.species
     i, j, kind = pairs.row[k], pairs.other[k], 0
@@ -102,42 +102,42 @@ def _left_by_pair(k, dt, law, resistance, energy_column, grains, pairs):
     ux, uy = _through_face(pairs.turn, pairs.shift, k, velocity_force[j, 0], velocity_force[j, 1])
     ux, uy, uz = velocity_force[i, 0] - ux, velocity_force[i, 1] - uy, velocity_force[i, 2] - velocity_force[j, 2]
     closing = (ux * dx + uy * dy + uz * dz) / sqrt(dx * dx + dy * dy + dz * dz)
-    return left_in_springs(law, kind, resistance, energy_column, ri * rj / (ri + rj), closing * dt, pairs.history, k)
+    return stored_in_springs(law, kind, resistance, energy_column, ri * rj / (ri + rj), closing * dt, pairs.history, k)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def _change(k, bits, changed, dt, law, resistance, energy_column, grains, pairs, left):
-    """Pairs from slot k on that have met or parted, by their bits; returns ``left`` with what these have lost."""
+def _change(k, bits, changed, dt, law, resistance, energy_column, grains, pairs, parted):
+    """Pairs from slot k on that have met or parted, by their bits; returns ``parted`` with what these have lost."""
     for q in range(LANES):
         if (changed >> q) & 1:
             p = np.uint32(k + q)
             pairs.touching[p] = (bits >> q) & 1
             if pairs.touching[p] == 0:
                 if energy_column is not None:
-                    lost = _left_by_pair(p, dt, law, resistance, energy_column, grains, pairs)
-                    left = left[0] + lost[0], left[1] + lost[1], left[2] + lost[2], left[3] + lost[3]
+                    lost = _stored_in_pair(p, dt, law, resistance, energy_column, grains, pairs)
+                    parted = parted[0] + lost[0], parted[1] + lost[1], parted[2] + lost[2], parted[3] + lost[3]
                 for a in range(pairs.history.shape[1]):
                     pairs.history[p, a] = 0.0
-    return left
+    return parted
 
 
 @device_function(without_refcounts=True, error_model="numpy", forceinline=True)
-def _bits_at(array, k, bound, many):
-    """Return which of the first ``many`` of eight entries from k on are ``bound`` or more, as bits."""
-    if many == LANES:
+def _bits_at(array, k, bound, n_slots):
+    """Return which of the first ``n_slots`` of eight entries from k on are ``bound`` or more, as bits."""
+    if n_slots == LANES:
         return movemask_at_least(array, k, bound)
     bits = 0
-    for q in range(many):
+    for q in range(n_slots):
         bits |= (1 if array[np.uint32(k + q)] >= bound else 0) << q
     return bits
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def find_contacts(chunk, cursor, dt, law, resistance, energy_column, attraction, grains, pairs, chunks, left):
+def find_contacts(chunk, cursor, dt, law, resistance, energy_column, attraction, grains, pairs, chunks, parted):
     """Note contacts from the slot ``cursor[0]`` on, until the batch is full or the chunk ends; pulls are found besides.
 
-    Returns the new cursor, how many contacts were noted, and ``left`` (4) [J] with what pairs that parted have lost.
-    ``cursor`` is a slot and the last place used in the buffer of reactions.
+    ``cursor`` is a slot and the last place used in the buffer of reactions. Returns the new one, how many contacts were
+    noted, and ``parted`` (4) [J] with what pairs that parted have lost.
     """
     position_radius, touching, history = grains.position_radius, pairs.touching, pairs.history
     noted = pairs.noted[chunk]
@@ -149,7 +149,7 @@ def find_contacts(chunk, cursor, dt, law, resistance, energy_column, attraction,
     alike = 4.0 * radius * radius
     while k < stop and count <= ROOM - LANES:
         slot = eight_indices(k, last)
-        many = min(stop - k, LANES)
+        n_slots = min(stop - k, LANES)
         i, j = gather(pairs.row, slot), gather(pairs.other, slot)
         xi, yi, zi, ri = gather_columns(position_radius, i, 0)
         dx, dy, dz, rj = gather_columns(position_radius, j, 0)
@@ -158,10 +158,10 @@ def find_contacts(chunk, cursor, dt, law, resistance, energy_column, attraction,
         reach2 = splat(alike)
         if not equal(law):
             reach2 = (ri + rj) * (ri + rj)
-        now = movemask(dx * dx + dy * dy + dz * dz < reach2) & ((1 << many) - 1)
+        now = movemask(dx * dx + dy * dy + dz * dz < reach2) & ((1 << n_slots) - 1)
         prefetch_rows(history, k, LANES)  # needed soon, and in no cache of a large scene
         # written in any case, kept by counting it: a branch would often be mispredicted
-        crossing = _bits_at(pairs.other, k, end, many)
+        crossing = _bits_at(pairs.other, k, end, n_slots)
         if crossing == 0:
             for q in range(LANES):
                 c = np.uint32(count)
@@ -175,15 +175,15 @@ def find_contacts(chunk, cursor, dt, law, resistance, energy_column, attraction,
                 c, here = np.uint32(count), place if (crossing >> q) & 1 else -1
                 noted[SLOT, c], noted[PLACE, c], noted[PLACE_OF_PAIR, q] = k + q, here, here
                 count += (now >> q) & 1
-        changed = now ^ _bits_at(touching, k, 1, many)
+        changed = now ^ _bits_at(touching, k, 1, n_slots)
         if changed != 0:
-            left = _change(k, now, changed, dt, law, resistance, energy_column, grains, pairs, left)
+            parted = _change(k, now, changed, dt, law, resistance, energy_column, grains, pairs, parted)
         if attraction is not None:
-            for q in range(many, LANES):  # what is repeated goes where the last one does: nobody else adds there
-                noted[PLACE_OF_PAIR, q] = noted[PLACE_OF_PAIR, many - 1]
+            for q in range(n_slots, LANES):  # what is repeated goes where the last one does: nobody else adds there
+                noted[PLACE_OF_PAIR, q] = noted[PLACE_OF_PAIR, n_slots - 1]
             _pull_eight(
-                mask_of_first(many), slot, load(noted, PLACE_OF_PAIR, 0), i, j, (dx, dy, dz), (ri, rj), law,
+                mask_of_first(n_slots), slot, load(noted, PLACE_OF_PAIR, 0), i, j, (dx, dy, dz), (ri, rj), law,
                 attraction, pairs,
             )  # fmt: skip
-        k += many
-    return (k, place), count, left
+        k += n_slots
+    return (k, place), count, parted
