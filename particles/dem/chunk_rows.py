@@ -22,7 +22,7 @@ from particles.dem import total_columns as column
 from particles.dem.contact_kinematics import MAX_REMEMBERED
 from particles.dem.drift_kernel import add_drifted, drift_eight, none_drifted
 from particles.dem.kernel_state import Tally
-from particles.dem.motion_columns import FORCE
+from particles.dem.motion_columns import FORCE, TORQUE
 from particles.dem.pair_contacts import broadcast_law, pair_contacts
 from particles.dem.pair_search import find_contacts
 from particles.dem.wall_contacts import add_walls
@@ -64,28 +64,36 @@ def sweep_rows(chunk, now, law, resistance, energy_column, attraction, grains, p
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def finish_rows(chunk, now, law, energy_column, attraction, grains, chunks, totals):
     """The deferred grains of a chunk: reactions from earlier chunks, then kick and drift."""
+    motion, reaction, start, place = (
+        grains.velocity_force,
+        chunks.reaction,
+        chunks.reaction_start,
+        chunks.reaction_place,
+    )
     first, end = chunks.deferred_start[chunk], chunks.deferred_start[chunk + 1]
     for a in range(first, end):
         i = np.int64(chunks.deferred_grain[a])
-        _add_reactions(chunks, a, chunks.reaction, grains.velocity_force[i, FORCE:])
+        fx, fy, fz = motion[i, FORCE], motion[i, FORCE + 1], motion[i, FORCE + 2]
+        tx, ty, tz = motion[i, TORQUE], motion[i, TORQUE + 1], motion[i, TORQUE + 2]
+        for p in range(start[a], start[a + 1]):
+            q = place[p]
+            fx, fy, fz = fx + reaction[q, 0], fy + reaction[q, 1], fz + reaction[q, 2]
+            tx, ty, tz = tx + reaction[q, 3], ty + reaction[q, 4], tz + reaction[q, 5]
+            for b in range(6):
+                reaction[q, b] = 0.0  # for the next step
+        motion[i, FORCE], motion[i, FORCE + 1], motion[i, FORCE + 2] = fx, fy, fz
+        motion[i, TORQUE], motion[i, TORQUE + 1], motion[i, TORQUE + 2] = tx, ty, tz
         if attraction is not None:
-            _add_reactions(chunks, a, attraction.reaction, attraction.force[i])
+            for p in range(start[a], start[a + 1]):
+                for b in range(3):
+                    attraction.force[i, b] += attraction.reaction[place[p], b]
+                    attraction.reaction[place[p], b] = 0.0
     drifted = none_drifted()
     for a in range(first, end, LANES):
         count = min(end - a, LANES)
         rows = gather(chunks.deferred_grain, eight_indices(a, a + count - 1))
         drifted = drift_eight(rows, mask_of_first(count), now, law, energy_column, attraction, grains, drifted)
     add_drifted(drifted, energy_column, totals.chunk[chunk])
-
-
-@device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
-def _add_reactions(chunks, a, reaction, force):
-    """Add the reactions on the a-th deferred grain to its force, in order, and clear them for the next step."""
-    for p in range(chunks.reaction_start[a], chunks.reaction_start[a + 1]):
-        q = chunks.reaction_place[p]
-        for b in range(force.shape[0]):
-            force[b] += reaction[q, b]
-            reaction[q, b] = 0.0
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
