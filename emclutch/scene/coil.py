@@ -78,7 +78,7 @@ class CoilSection(Section):
         return self.is_at_voltage and self.resistance is None
 
     def winding_in(self, window_area: float, mean_radius: float) -> Winding:
-        """The winding [-] in a window of area [m^2] at a mean radius [m], at its temperature."""
+        """The winding in a window of area [m^2] at a mean radius [m], at its temperature."""
         from field.coil.winding import Winding  # local: a scene is read without the field
 
         fill = _FILL_FACTOR if self.fill_factor is None else self.fill_factor
@@ -87,14 +87,6 @@ class CoilSection(Section):
             assert self.resistance is not None  # by the model's rule
             turns = Winding.of_resistance(self.resistance, window_area, mean_radius, fill).turns
         return Winding(turns, window_area, mean_radius, fill, self.temperature)
-
-    def turns_in(self, window_area: float, mean_radius: float) -> float:
-        """Return the number of turns [-] in a window of area [m^2] at a mean radius [m].
-
-        A wire of length l = N 2 pi r and section a = fill A / N has R = rho l / a, so that
-        N^2 = R fill A / (rho 2 pi r), valid for a layer winding whose turns share the mean radius.
-        """
-        return self.winding_in(window_area, mean_radius).turns
 
     def resistance_in(self, window_area: float, mean_radius: float) -> float:
         """Return the resistance [ohm] at the winding's temperature: the given one, or that of the turns in copper."""

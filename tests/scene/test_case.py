@@ -95,10 +95,11 @@ def test_a_smear_that_knows_single_grains_is_warned_of(values, words):
 def test_turns_follow_from_resistance_and_window(good):
     """R = rho l/a with l = N 2 pi r and a = fill A/N, recomputed from the wire."""
     area, radius, rho = 1e-4, 0.06, 1.72e-8
-    turns = good.scene.coil.turns_in(area, radius)
+    turns = good.scene.coil.winding_in(area, radius).turns
     wire_section = 0.6 * area / turns
     assert rho * turns * 2 * math.pi * radius / wire_section == pytest.approx(25.5, rel=1e-12)
-    assert good.with_values({"coil.resistance": None, "coil.turns": 700}).scene.coil.turns_in(area, radius) == 700
+    given = good.with_values({"coil.resistance": None, "coil.turns": 700}).scene.coil
+    assert given.winding_in(area, radius).turns == 700
 
 
 def test_mass_is_that_of_the_whole_device(good):

@@ -18,7 +18,7 @@ def test_resistance_follows_from_the_turns_in_copper():
     coil = CoilSection.model_validate({"voltage": "24 V", "turns": 500})
     resistance = coil.resistance_in(AREA, RADIUS)
     back = CoilSection.model_validate({"voltage": "24 V", "resistance": resistance})
-    assert back.turns_in(AREA, RADIUS) == pytest.approx(500.0, rel=1e-12)
+    assert back.winding_in(AREA, RADIUS).turns == pytest.approx(500.0, rel=1e-12)
     currents = coil.currents_in(AREA, RADIUS)
     assert currents.is_constant and currents(0.0) == pytest.approx(24.0 / resistance)
     assert coil.winding_in(AREA, RADIUS).copper_loss(currents(0.0)) == pytest.approx(24.0 * currents(0.0))
@@ -31,7 +31,7 @@ def test_a_warm_coil_takes_less_current():
     )
     assert cold.resistance_in(AREA, RADIUS) == 30.0
     assert warm.resistance_in(AREA, RADIUS) == pytest.approx(30.0 * (1.0 + 80.0 * 3.93e-3))
-    assert warm.turns_in(AREA, RADIUS) == cold.turns_in(AREA, RADIUS) == 500.0
+    assert warm.winding_in(AREA, RADIUS).turns == cold.winding_in(AREA, RADIUS).turns == 500.0
 
 
 def test_voltage_in_time_switches_off_and_reverses():

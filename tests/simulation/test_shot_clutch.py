@@ -11,10 +11,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from emclutch.simulation.forecast.shot_clutch import (
-    engagement_speed,
     shot_clutch_torque,
     shot_ring_radius,
-    start_up_time,
 )
 
 SHOT = {"friction": 0.3, "bulk_density": 4500.0, "width": 0.09, "drum_radius": 0.12, "ring_radius": 0.09}
@@ -61,28 +59,3 @@ def test_the_ring_holds_the_shot(volume):
     ring = shot_ring_radius(volume, 0.09, 0.12)
     held = math.pi * (0.12**2 - ring**2) * 0.09
     assert held == pytest.approx(min(volume, math.pi * 0.12**2 * 0.09))
-
-
-def test_start_up_is_the_time_in_which_the_output_is_integrated_to_the_inputs_speed():
-    inertia, load, torque = 2.0, 150.0, shot_clutch_torque(OMEGA, **SHOT)
-
-    def arrived(t, omega):
-        return omega[0] - OMEGA
-
-    arrived.terminal = True
-    run = solve_ivp(lambda t, w: [(torque - load) / inertia], (0.0, 100.0), [0.0], events=arrived, rtol=1e-10)
-    time = start_up_time(inertia, OMEGA, torque, load)
-    assert time == pytest.approx(run.t_events[0][0], rel=1e-8)
-    # the drive gives T omega_1 t; half of what the load does not take heats the shot: J omega_1^2/2 each
-    given_energy = torque * OMEGA * time
-    load_work = load * 0.5 * OMEGA * time  # the output turns half as far as the input meanwhile
-    heat = torque * 0.5 * OMEGA * time
-    assert given_energy == pytest.approx(load_work + heat + 0.5 * inertia * OMEGA**2)
-
-
-def test_below_the_engagement_speed_the_output_never_arrives():
-    torque = shot_clutch_torque(OMEGA, **SHOT)
-    engaged = engagement_speed(torque, OMEGA, 200.0)
-    assert shot_clutch_torque(engaged, **SHOT) == pytest.approx(200.0)
-    assert start_up_time(2.0, engaged, 200.0, 200.0) == math.inf
-    assert start_up_time(2.0, 0.9 * engaged, shot_clutch_torque(0.9 * engaged, **SHOT), 200.0) == math.inf

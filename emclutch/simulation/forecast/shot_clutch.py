@@ -43,17 +43,3 @@ def shot_clutch_torque(
     """
     normal = bulk_density * speed * abs(speed) * 2.0 * math.pi * width * (drum_radius**3 - ring_radius**3) / 3.0
     return friction * normal * drum_radius
-
-
-def start_up_time(inertia: float, speed: float, torque: float, load_torque: float = 0.0) -> float:
-    """Time J omega_1/(T - T_l) [s] in which the output, at rest at first, reaches the input's constant ``speed``.
-
-    ``torque`` T [N m] is what the clutch transmits at that speed; infinite where it does not exceed the load.
-    """
-    excess = torque - load_torque
-    return inertia * speed / excess if excess > 0.0 else math.inf
-
-
-def engagement_speed(torque: float, speed: float, load_torque: float) -> float:
-    """Speed of the input [rad/s] from which the output moves: ``torque`` [N m] at ``speed`` [rad/s] is K omega^2."""
-    return speed * math.sqrt(load_torque / torque)
