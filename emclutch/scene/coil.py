@@ -32,7 +32,7 @@ class CoilSection(Section):
     )
     voltage: VoltageProfile | None = Field(
         default=None,
-        description="voltage that drives the coil, one value or a table in time; beside a current the supply, "
+        description="voltage that drives the coil, one value or a table in time; with a current the supply, "
         "to check the current against",
     )
     temperature: Annotated[float, number("80", -100.0, 250.0)] = Field(

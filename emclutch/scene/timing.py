@@ -14,7 +14,7 @@ from emclutch.scene.units import Instant, Time, number
 class TimeSection(Section):
     """End of the simulation, coupling window and step of the grains; None is chosen by the program.
 
-    Required beside `[particles]`.
+    Required with `[particles]`.
     """
 
     end: Time = Field(description="end of the simulation; with `until` the latest")
