@@ -12,6 +12,7 @@ import numpy as np
 
 from coupling.finite_grains import refuse_not_finite
 from field import FieldSampler, ParticleLaw
+from particles import GrainMotion
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +57,9 @@ class MagnetisedGrains:
 
     def hold(self, dem, force: np.ndarray) -> None:
         """Take the sum of all held forces (n, 3) [N] of this update: there is nothing to add to it."""
+
+    def resume(self, motion: GrainMotion) -> None:
+        """Give the motion what the state of a checkpoint refers to, before it is restored: nothing."""
 
     def window_part(self) -> MomentRow | None:
         """Convergence of the moments, once a window; None where they follow from the field."""

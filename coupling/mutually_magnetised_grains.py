@@ -19,7 +19,7 @@ from coupling.mutual_moments import Magnetisation, MutualMoments
 from coupling.near_attraction import NearAttraction
 from coupling.wall_reflection import steel_walls
 from field import ConvergenceError, MagneticField
-from particles import DEM
+from particles import DEM, GrainMotion
 
 MAX_SWEEPS, MAX_ROUNDS = 200, 30
 LOST = 0.1
@@ -79,6 +79,11 @@ class MutuallyMagnetisedGrains(MagnetisedGrains):
         """Take the sum of all held forces (n, 3) [N] of this update, and let the DEM follow the near gaps."""
         if self.near is not None and self.found is not None:
             self.near.hold(dem, self.found, force)
+
+    def resume(self, motion: GrainMotion) -> None:
+        """Give a DEM the attraction that its saved drives belong to."""
+        if self.near is not None and isinstance(motion, DEM):
+            motion.attraction = self.near.attraction
 
     def window_part(self) -> MomentRow:
         """Return the worst residual and the sweeps since the last call."""

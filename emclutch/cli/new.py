@@ -1,6 +1,6 @@
 """`emclutch new`: a scene of a kind to begin with, with every key, its unit and what it is for.
 
-The values are those of a file in `emclutch/scene/starters`; everything that is said of them comes from the schema.
+The values are those of a file in `emclutch/devices/starters`; everything that is said of them comes from the schema.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from emclutch.scene.commented import commented_scene
 from emclutch.scene.errors import Fault, SceneError, shown
 from emclutch.scene.section import not_one_of
 
-STARTERS = Path(__file__).parents[1] / "scene" / "starters"
+STARTERS = Path(__file__).parents[1] / "devices" / "starters"
 
 
 def starter_kinds() -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coupling.smear_region import elements_within, magnetic_regions
-from emclutch.device.excitation import Excitation
+from emclutch.device.excitation import Excitation, Supply
 from emclutch.device.materials import conductivities, grain_law, region_laws
 from emclutch.device.pole_zone import GapZone, PoleZone
 from emclutch.devices import GeometrySection
@@ -29,7 +29,6 @@ from field.section.error_estimate import FluxLinkage, MeanFluxDensity
 from geometry import AnnularBox, SectionMesh
 from geometry.device_shape import FilledSpace, WoundShape
 from geometry.sheared_gap import ShearedGap
-from geometry.time_profile import TimeProfile
 from geometry.triangle_wall import TriangleWall
 from geometry.walls import Wall
 
@@ -51,12 +50,10 @@ class CoilDevice(Excitation):
         What is filled with powder.
     adapted : AdaptiveResult or None
         How the mesh was refined to `field.tolerance`; None: as meshed.
-    voltages : TimeProfile or None
-        [V]; None for a coil at a prescribed current.
     has_poles : bool
         Whether there are pole faces, under which the flux density is a quantity of its own.
-    resistance : float or None
-        Of the coil at its temperature [ohm], where a voltage drives it.
+    supply : Supply or None
+        What drives the coil; None: its current is prescribed.
     conductivity : dict of str to float or None
         Of the regions [S/m], where eddy currents are simulated.
     """
@@ -68,8 +65,7 @@ class CoilDevice(Excitation):
     powder_boxes: list[AnnularBox]
     has_poles: bool
     adapted: AdaptiveResult | None = None
-    voltages: TimeProfile | None = None
-    resistance: float | None = None
+    supply: Supply | None = None
     conductivity: dict[str, float] | None = None
 
     def solve_at_peak(self, fill: np.ndarray | None) -> MagneticField:
@@ -271,6 +267,9 @@ def build_coil_device(scene: Scene) -> CoilDevice:
         )
         mesh = adapted.mesh
     problem = problem_on(mesh) if adapted is None else adapted.problem
+    supply = None
+    if coil.voltage is not None and coil.is_at_voltage:
+        supply = Supply(coil.voltage, coil.resistance_in(*window))
     return CoilDevice(
         winding,
         currents,
@@ -281,8 +280,7 @@ def build_coil_device(scene: Scene) -> CoilDevice:
         boxes,
         scene.geometry.has_poles,
         adapted,
-        voltages=coil.voltage if coil.is_at_voltage else None,
-        resistance=coil.resistance_in(*window) if coil.is_at_voltage else None,
+        supply=supply,
         conductivity=conductivities(scene, mesh),
     )
 

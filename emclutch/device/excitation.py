@@ -13,6 +13,22 @@ from geometry.time_profile import TimeProfile
 
 
 @dataclass(frozen=True, slots=True)
+class Supply:
+    """What drives a coil at a voltage.
+
+    Attributes
+    ----------
+    voltage : TimeProfile
+        [V].
+    resistance : float
+        Of the coil at its temperature [ohm].
+    """
+
+    voltage: TimeProfile
+    resistance: float
+
+
+@dataclass(frozen=True, slots=True)
 class Excitation(ABC):
     """A winding and its current in time.
 

@@ -18,6 +18,7 @@ from emclutch.scene.units import number
 if TYPE_CHECKING:
     from coupling import CircuitCoilField, PowderFeedback
     from emclutch.device.device import CoilDevice
+    from emclutch.device.excitation import Supply
 
 
 def _has_a_voltage(draft: Draft) -> Iterator[Fault]:
@@ -65,16 +66,17 @@ class CoilCircuitSection(EffectSection):
         "flux linkage follows a line, whose error is of its square",
     )
 
-    def source(self, coil: CoilDevice, feedback: PowderFeedback | None, powder_tolerance: float) -> CircuitCoilField:
+    def source(
+        self, coil: CoilDevice, supply: Supply, feedback: PowderFeedback | None, powder_tolerance: float
+    ) -> CircuitCoilField:
         """Build the coil's field with the current of its circuit."""
         from coupling import CircuitCoilField  # local: the schema itself needs no fields
 
-        assert coil.voltages is not None and coil.resistance is not None  # by the checks between sections
         return CircuitCoilField(
             coil.problem,
             coil.turns,
-            coil.voltages,
-            coil.resistance,
+            supply.voltage,
+            supply.resistance,
             newton_tolerance=coil.newton_tolerance,
             current_tolerance=self.tolerance,
             begin_steady=self.begin == "steady",

@@ -18,6 +18,7 @@ from emclutch.scene.units import Quantity, number
 if TYPE_CHECKING:
     from coupling import EddyCoilField, PowderFeedback
     from emclutch.device.device import CoilDevice
+    from emclutch.device.excitation import Supply
 
 _Conductivity = Annotated[float, Quantity("a conductivity", "S/m", "5 MS/m", 0.0, 1e9)]
 
@@ -64,20 +65,18 @@ class EddyCurrentsSection(EffectSection):
     )
 
     def source(
-        self, coil: CoilDevice, feedback: PowderFeedback | None, powder_tolerance: float, *, at_voltage: bool
+        self, coil: CoilDevice, supply: Supply | None, feedback: PowderFeedback | None, powder_tolerance: float
     ) -> EddyCoilField:
-        """Build the coil's field with eddy currents, at its current or at its voltage."""
+        """Build the coil's field with eddy currents, at the voltage of a supply or, without one, at its current."""
         from coupling import EddyCoilField  # local: the schema itself needs no fields
         from field.section.eddy_currents import EddyCurrentProblem
 
-        supply = coil.voltages if at_voltage else coil.currents
-        assert supply is not None  # by the checks between sections
         return EddyCoilField(
             coil.problem,
             coil.turns,
             EddyCurrentProblem(coil.problem, coil.conductivity or {}, turns=coil.turns),
-            supply,
-            coil.resistance if at_voltage else None,
+            coil.currents if supply is None else supply.voltage,
+            None if supply is None else supply.resistance,
             newton_tolerance=coil.newton_tolerance,
             begin_steady=self.begin == "steady",
             change_tolerance=self.tolerance,

@@ -40,8 +40,8 @@ def plan_in_words(scene: Scene, device: Device, plan: Plan) -> dict[str, str]:
     """Return what was decided for a run, and why: label -> text, in the order in which `emclutch check` says it."""
     words = dict(device_in_words(scene, device))
     coil, in_section, field = device.coil, device.section_coil, plan.peak_section
-    if in_section is not None and in_section.resistance is not None and field is not None:
-        words["coil"] = coil_in_words(scene, in_section, field)
+    if in_section is not None and in_section.supply is not None and field is not None:
+        words["coil"] = coil_in_words(scene, in_section, in_section.supply.resistance, field)
     words |= dict(contacts_in_words(scene, plan.contact))
     words |= dict(windows_in_words(plan.division))
     if moments_are_fed_back(scene) and in_section is not None:
@@ -98,14 +98,13 @@ def packing_in_words(scene, device: Device) -> str:
     )
 
 
-def coil_in_words(scene, coil: CoilDevice, field: MagneticField) -> str:
+def coil_in_words(scene, coil: CoilDevice, resistance: float, field: MagneticField) -> str:
     """Resistance, current and, where its circuit is simulated, inductance and time constant of a coil at a voltage."""
-    assert coil.resistance is not None
-    loss = coil.resistance * coil.largest_current**2
-    text = f"{coil.resistance:.3g} ohm: up to {coil.largest_current:.3g} A, {loss:.3g} W of copper loss"
+    loss = resistance * coil.largest_current**2
+    text = f"{resistance:.3g} ohm: up to {coil.largest_current:.3g} A, {loss:.3g} W of copper loss"
     if scene.effects.circuit is not None and coil.largest_current > 0.0:
         inductance = apparent_inductance(field, coil.turns)
-        tau = inductance / coil.resistance
+        tau = inductance / resistance
         text += f"; {inductance:.3g} H at that current (incremental {incremental_inductance(field, coil.turns):.3g} H)"
         text += f": time constant about {tau:.3g} s"
         if scene.time.end < 3.0 * tau:

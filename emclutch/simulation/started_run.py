@@ -15,7 +15,7 @@ from emclutch.simulation.planned_run import PlannedRun
 from emclutch.simulation.resume import run_checkpoint
 from emclutch.simulation.run_request import RunRequest
 from emclutch.simulation.warm_start import warm_started
-from particles import DEM, Grains
+from particles import Grains
 
 log = logging.getLogger(__name__)
 
@@ -69,9 +69,8 @@ def restored(case: Case, device: Device, plan: Plan, state: dict[str, Any]) -> S
     """The simulation of a checkpoint."""
     of_the_grains = state["dem"]
     simulation = simulation_of(case, device, plan, Grains.of_records(of_the_grains))
-    near = getattr(simulation.magnetised, "near", None)
-    if near is not None and isinstance(simulation.motion, DEM):
-        simulation.motion.attraction = near.attraction  # the state's drives belong to it
+    if simulation.magnetised is not None:
+        simulation.magnetised.resume(simulation.motion)
     simulation.motion.restore(of_the_grains)
     simulation.window = state["window"]
     simulation.restore_rows(state["rows"])

@@ -109,10 +109,11 @@ class CoilFieldSection(SourceSection):
         circuit, eddy, reaction = scene.effects.circuit, scene.effects.eddy, scene.effects.feedback
         feedback = None if reaction is None else reaction.powder_feedback(scene, coil.problem, walls)
         tolerance = 0.0 if reaction is None else reaction.tolerance
+        supply = None if circuit is None else coil.supply
         if eddy is not None:
-            return eddy.source(coil, feedback, tolerance, at_voltage=circuit is not None)
-        if circuit is not None:
-            return circuit.source(coil, feedback, tolerance)
+            return eddy.source(coil, supply, feedback, tolerance)
+        if supply is not None:
+            return circuit.source(coil, supply, feedback, tolerance)
         return CoilField(
             coil.problem,
             coil.turns,
