@@ -99,7 +99,7 @@ def test_moving_powder_changes_the_current_and_not_the_linkage(problem):
         def state(self, solution):
             return np.full(problem.powder_elements.size, self.fill)
 
-        def solved(self, solution):
+        def sampler_after_solve(self, solution):
             self.residual.total = 0.0
 
     source = circuit_source(problem, begin_steady=True, feedback=EvenPowder())
