@@ -68,6 +68,8 @@ class ShearParameters:
         Of the grains' material; None: no magnetism.
     fill, H : float
         Solid fraction [-]; macroscopic field [A/m], along z.
+    friction : float
+        Coulomb coefficient of the grains [-].
     model : str
         near_field or mutual.
     count, seed : int
@@ -94,7 +96,7 @@ class ShearParameters:
     seed: int = 1
     strain: float = 2.5
     inertial_number: float = 5e-3
-    friction: float = 0.3
+    friction: float
     restitution: float = 0.5
     smallest_gap: float = MIN_GAP
     width: float = 2.5

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from emclutch.cli.input import number_or_text, read_list
 from emclutch.results import OutputError, RunFolder
 from emclutch.results.atomic_file import json_values, replace_bytes, replace_json, replace_text
 from emclutch.results.progress import Progress
@@ -35,39 +36,6 @@ _FILL = Quantity("a solid fraction", "", "0.32", 0.0, 0.58, open_minimum=True)
 _MS = Quantity("a magnetisation", "A/m", "1.7 MA/m", 0.0, 1e7, open_minimum=True)
 
 
-def read_list(text: str, of: Quantity, key: str) -> list[float]:
-    """Numbers in SI from ``18 kA/m, 80 kA/m``, ascending, each once; a range is ``first : last : how many``.
-
-    Raises
-    ------
-    SceneError
-        With every entry that cannot be read.
-    """
-    parts = [part.strip() for part in text.split(":")]
-    faults, values = [], []
-    many = parts.pop() if len(parts) == 3 else None
-    if (many is not None and not (many.isdigit() and int(many) > 1)) or (len(parts) == 2 and many is None):
-        message = f"is no list and no range; write '{of.example}, …' or first : last : how many"
-        raise SceneError([Fault(key, repr(text), message)], "command line")
-    for entry in parts if many is not None else text.split(","):
-        try:
-            values.append(of.read(_plain(entry)))
-        except ValueError as error:
-            faults.append(Fault(key, repr(entry.strip()), str(error)))
-    if faults:
-        raise SceneError(faults, "command line")
-    if many is not None:
-        values = np.linspace(values[0], values[1], int(many)).tolist()
-    return sorted(set(values))
-
-
-def _plain(text: str) -> float | str:
-    try:
-        return float(text)
-    except ValueError:
-        return text.strip()
-
-
 def grains_of(material: str | None, chi: float | None, Ms: str | None) -> tuple[str, GrainLaw]:
     """Name and law of the grains: of a powder by its name, or of susceptibility and saturation.
 
@@ -86,7 +54,7 @@ def grains_of(material: str | None, chi: float | None, Ms: str | None) -> tuple[
         if material is not None:
             return material, grain_material(material)[0]
         assert chi is not None and Ms is not None
-        return f"chi {chi:g}", GrainLaw(chi, _MS.read(_plain(Ms)))
+        return f"chi {chi:g}", GrainLaw(chi, _MS.read(number_or_text(Ms)))
     except ValueError as error:
         raise SceneError([Fault("" if material else "--chi, --ms", "", str(error))], "command line") from None
 
@@ -108,7 +76,10 @@ def points_of(
 
     if model not in MODELS:
         raise SceneError([Fault("--model", model, f"is not known; choose one of {', '.join(MODELS)}")], "command line")
-    fills, strengths = read_list(fill, _FILL, "--fill"), read_list(field_strength, _FIELD, "--field")
+    fills, strengths = (
+        sorted(set(read_list(fill, _FILL, "--fill"))),
+        sorted(set(read_list(field_strength, _FIELD, "--field"))),
+    )
     return [
         ShearParameters(law=law, fill=phi, H=H, model=model, count=grains, seed=seed, strain=strain, friction=friction)
         for phi in fills

@@ -7,43 +7,25 @@ from pathlib import Path
 import typer
 from rich.console import Console
 
+from emclutch.cli import options as opt
 from emclutch.cli.errors import explained
-from emclutch.cli.input import load
-from emclutch.cli.options import (
-    AsJson,
-    CaseFile,
-    Chi,
-    Currents,
-    CurvePicture,
-    DipoleModel,
-    FieldList,
-    FillList,
-    FrictionAsked,
-    GrainCount,
-    Lines,
-    MaterialNames,
-    NewPicture,
-    Out,
-    PairForceAsked,
-    PowderName,
-    Saturation,
-    Seeds,
-    Sets,
-    Strain,
-    TrustScripts,
-)
+from emclutch.cli.input import load, read_line, read_list
 from emclutch.cli.output import print_json
+from emclutch.scene.contact import FRICTION
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
+from emclutch.scene.units import Quantity
+
+_CURRENT = Quantity("a current", "A", "0.5 A")
 
 
 def field(
-    case: CaseFile,
-    current: Currents = None,
-    line: Lines = None,
-    out: Out = None,
-    sets: Sets = None,
-    as_json: AsJson = False,
-    trust_scripts: TrustScripts = False,
+    case: opt.CaseFile,
+    current: opt.Currents = None,
+    line: opt.Lines = None,
+    out: opt.Out = None,
+    sets: opt.Sets = None,
+    as_json: opt.AsJson = False,
+    trust_scripts: opt.TrustScripts = False,
 ) -> None:
     """Solve the field alone: gap field, inductance, energy, force, error, at one current or along a sweep."""
     with explained():
@@ -51,9 +33,8 @@ def field(
         from emclutch.studies import field as field_study
         from emclutch.studies.field_result import field as solve_field
 
-        with bad_input_for(case):
-            currents = None if current is None else field_study.read_currents(current)
-            lines = [field_study.read_line(text) for text in line or ()]
+        currents = None if current is None else read_list(current, _CURRENT, "--current")
+        lines = [read_line(text) for text in line or ()]
         found = solve_field(read, currents, lines, out)
         if as_json:
             print_json(found.summary)
@@ -62,7 +43,9 @@ def field(
             typer.echo(f"results and pictures: {found.folder}")
 
 
-def mesh(case: CaseFile, out: Out = None, sets: Sets = None, trust_scripts: TrustScripts = False) -> None:
+def mesh(
+    case: opt.CaseFile, out: opt.Out = None, sets: opt.Sets = None, trust_scripts: opt.TrustScripts = False
+) -> None:
     """Write the mesh of the cross-section (.msh) and its picture with the regions named."""
     with explained():
         read = load(case, sets, trust_scripts)
@@ -73,11 +56,11 @@ def mesh(case: CaseFile, out: Out = None, sets: Sets = None, trust_scripts: Trus
 
 
 def materials(
-    names: MaterialNames = None,
-    picture: CurvePicture = None,
-    pair_force: PairForceAsked = False,
-    out: NewPicture = None,
-    as_json: AsJson = False,
+    names: opt.MaterialNames = None,
+    picture: opt.CurvePicture = None,
+    pair_force: opt.PairForceAsked = False,
+    out: opt.NewPicture = None,
+    as_json: opt.AsJson = False,
 ) -> None:
     """List the built-in magnetic materials, draw the curves of some, or the force between two grains of one."""
     with explained():
@@ -100,18 +83,18 @@ def materials(
 
 
 def calibrate(
-    material: PowderName = None,
-    chi: Chi = None,
-    ms: Saturation = None,
-    fill: FillList = "0.32",
-    field_strength: FieldList = "18 kA/m, 46 kA/m, 80 kA/m, 200 kA/m, 500 kA/m",
-    seeds: Seeds = 2,
-    grains: GrainCount = 600,
-    strain: Strain = 2.5,
-    friction: FrictionAsked = 0.3,
-    model: DipoleModel = "near_field",
-    out: Out = None,
-    as_json: AsJson = False,
+    material: opt.PowderName = None,
+    chi: opt.Chi = None,
+    ms: opt.Saturation = None,
+    fill: opt.FillList = "0.32",
+    field_strength: opt.FieldList = "18 kA/m, 46 kA/m, 80 kA/m, 200 kA/m, 500 kA/m",
+    seeds: opt.Seeds = 2,
+    grains: opt.GrainCount = 600,
+    strain: opt.Strain = 2.5,
+    friction: opt.FrictionAsked = FRICTION,
+    model: opt.DipoleModel = "near_field",
+    out: opt.Out = None,
+    as_json: opt.AsJson = False,
 ) -> None:
     """Shear a powder in a periodic cell: shear stress and permeability against the field; finished points are kept."""
     with explained():

@@ -6,10 +6,14 @@ import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import typer
 
 from emclutch.scene.case import Case, load_case, read_toml, removes
 from emclutch.scene.errors import Fault, SceneError, shown
+from emclutch.scene.fault_report import key_fault
+from emclutch.scene.model import Scene
+from emclutch.scene.units import Quantity
 
 if TYPE_CHECKING:
     from emclutch.scene.design import Search
@@ -37,7 +41,7 @@ def study_to_check(path: Path, sets: list[str] | None, jobs: int, trust_scripts:
 
     if "study" not in read_toml(path):
         if jobs != 1:
-            raise SceneError([Fault("--jobs", str(jobs), "is for studies; leave it away for a scene")], "command line")
+            raise SceneError([Fault("--jobs", str(jobs), "is for studies; remove it for a scene")], "command line")
         return None
     if sets:
         raise SceneError([Fault("--set", sets[0], "is for scenes; a study has study.set for it")], "command line")
@@ -57,7 +61,7 @@ def assignments(sets: list[str] | None) -> dict[str, Any]:
             message = "is not KEY=VALUE; write it as in --set coil.current='0.8 A'"
             raise SceneError([Fault("--set", shown(text), message)], "command line")
         if removes(key, value):
-            if reason := _unknown(key):
+            if reason := key_fault(key, Scene):
                 raise SceneError([Fault(key, value, reason)], "command line")
             values[key] = None
             continue
@@ -79,12 +83,12 @@ def search(
 
     if "design" in read_toml(file):
         given = {"--vary": vary, "--target": target, "--set": sets}
-        message = f"stands in {file} already; leave it away"
+        message = f"is given in {file} already; remove the option"
         if faults := [Fault(name, "", message) for name, one in given.items() if one]:
             raise SceneError(faults, "command line")
         return read_design(file, trust_scripts=trust_scripts)
     key, equals, ends = (part.strip() for part in (vary or "").partition("="))
-    between = [_entry(part) for part in ends.split(":")]
+    between = [number_or_text(part) for part in ends.split(":")]
     faults = []
     if not equals or len(between) != 2:
         shown_entry = shown(vary) if vary else ""
@@ -96,12 +100,55 @@ def search(
     return search_of(load(file, sets, trust_scripts), key, (between[0], between[1]), target, "--")
 
 
-def _entry(text: str) -> str | float:
-    """A number in SI or a text with its unit."""
+def number_or_text(text: str) -> str | float:
+    """Return a bare number, which is in SI as in a scene, or the text with its unit."""
     try:
         return float(text)
     except ValueError:
         return text.strip()
+
+
+def read_list(text: str, quantity: Quantity, option: str) -> list[float]:
+    """Return numbers in SI of a list ``18 kA/m, 80 kA/m``, or of a range ``first : last : how many``.
+
+    Raises
+    ------
+    SceneError
+        With every entry that cannot be read.
+    """
+    entries, colon, count = text.rpartition(":")
+    if not colon:
+        return _read_all(text.split(","), quantity, option)
+    ends = entries.split(":")
+    if len(ends) != 2 or not count.strip().isdigit() or int(count) < 2:
+        message = f"is not a list or a range; write '{quantity.example}, ...' or first : last : how many"
+        raise SceneError([Fault(option, shown(text), message)], "command line")
+    first, last = _read_all(ends, quantity, option)
+    return np.linspace(first, last, int(count)).tolist()
+
+
+def read_line(text: str) -> tuple[float, ...]:
+    """Return the ends of a line [m] from ``44 mm, 0 mm, 46 mm, 0 mm``, or of six lengths; SceneError otherwise."""
+    parts = text.split(",")
+    if len(parts) not in (4, 6):
+        message = (
+            "is not a line; write r0, z0, r1, z1, e.g. '44 mm, 0 mm, 46 mm, 0 mm' (for a field in 3D x0, y0, z0, "
+            "x1, y1, z1)"
+        )
+        raise SceneError([Fault("--line", shown(text), message)], "command line")
+    return tuple(_read_all(parts, Quantity("a length", "m", "44 mm"), "--line"))
+
+
+def _read_all(entries: list[str], quantity: Quantity, option: str) -> list[float]:
+    values, faults = [], []
+    for entry in entries:
+        try:
+            values.append(quantity.read(number_or_text(entry)))
+        except ValueError as error:
+            faults.append(Fault(option, shown(entry.strip()), str(error)))
+    if faults:
+        raise SceneError(faults, "command line")
+    return values
 
 
 def check_threads(threads: int | None) -> None:
@@ -118,18 +165,10 @@ def check_threads(threads: int | None) -> None:
 def run_to_resume(folder: Path, out: Path | None) -> tuple[Path, Path]:
     """The scene and the folder of a run that is to go on."""
     if out is not None and out.resolve() != folder.resolve():
-        message = f"is another folder than the run's, {folder}; leave --out away"
+        message = f"is another folder than the run's, {folder}; remove --out"
         raise SceneError([Fault("--out", str(out), message)], "command line")
     scene = folder / "case.toml"
     if not scene.is_file():
         message = "has no case.toml and so no run to resume; name the folder of a run"
         raise SceneError([Fault(str(folder), "", message)], "command line")
     return scene, folder
-
-
-def _unknown(key: str) -> str:
-    """Say why a key cannot be removed; empty where a scene may have it."""
-    from emclutch.scene.fault_report import key_fault
-    from emclutch.scene.model import Scene
-
-    return key_fault(key, Scene)

@@ -6,37 +6,18 @@ from pathlib import Path
 
 import typer
 
+from emclutch.cli import options as opt
 from emclutch.cli.errors import explained
-from emclutch.cli.options import (
-    AsHtml,
-    ColourBy,
-    ExportFormat,
-    Look,
-    Measured,
-    Moment,
-    Movie,
-    NewFile,
-    NewPicture,
-    Out,
-    ParaViewAsked,
-    ResultPath,
-    RunPath,
-    RunPaths,
-    Screenshot,
-    SpeedsAsked,
-    TorqueSpeedAsked,
-    TrustScripts,
-)
 from emclutch.scene.errors import Fault, SceneError
 
 
 def plot(
-    folders: RunPaths,
-    speeds: SpeedsAsked = False,
-    torque_speed: TorqueSpeedAsked = False,
-    measured: Measured = None,
-    out: NewPicture = None,
-    trust_scripts: TrustScripts = False,
+    folders: opt.RunPaths,
+    speeds: opt.SpeedsAsked = False,
+    torque_speed: opt.TorqueSpeedAsked = False,
+    measured: opt.Measured = None,
+    out: opt.NewPicture = None,
+    trust_scripts: opt.TrustScripts = False,
 ) -> None:
     """Draw runs, or a study's points, over one another in a new file: torques with their 95 % bands, or speeds.
 
@@ -56,13 +37,13 @@ def plot(
 
 
 def view(
-    folder: RunPath,
-    look: Look = None,
-    colour: ColourBy = None,
-    time: Moment = None,
-    screenshot: Screenshot = None,
-    movie: Movie = None,
-    paraview: ParaViewAsked = False,
+    folder: opt.RunPath,
+    look: opt.Look = None,
+    colour: opt.ColourBy = None,
+    time: opt.Moment = None,
+    screenshot: opt.Screenshot = None,
+    movie: opt.Movie = None,
+    paraview: opt.ParaViewAsked = False,
 ) -> None:
     """Show a run in 3D: in a window, as a picture or a movie, or in ParaView."""
     with explained():
@@ -78,7 +59,7 @@ def view(
             typer.echo(str(path))
 
 
-def report(folder: ResultPath, out: NewFile = None, html: AsHtml = False) -> None:
+def report(folder: opt.ResultPath, out: opt.NewFile = None, html: opt.AsHtml = False) -> None:
     """Write a run or a study as Markdown; with --html as one page for a browser, pictures inside."""
     with explained():
         from emclutch.results.report.content import page_of
@@ -94,7 +75,7 @@ def report(folder: ResultPath, out: NewFile = None, html: AsHtml = False) -> Non
             typer.echo(str(write_new(out, markdown(page, out.parent))))
 
 
-def export(folder: ResultPath, to: ExportFormat, out: Out = None) -> None:
+def export(folder: opt.ResultPath, to: opt.ExportFormat, out: opt.Out = None) -> None:
     """Write the history and profiles of a run, or of all points of a study, for other programs."""
     with explained():
         from emclutch.cli.export import Format

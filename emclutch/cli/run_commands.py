@@ -6,42 +6,23 @@ from contextlib import nullcontext
 
 import typer
 
+from emclutch.cli import options as opt
 from emclutch.cli.errors import explained
 from emclutch.cli.input import check_threads, load, run_to_resume, search, study_to_check
-from emclutch.cli.options import (
-    AsJson,
-    CaseFile,
-    CheckedFile,
-    Confirm,
-    DesignSource,
-    DryRun,
-    Force,
-    Jobs,
-    Like,
-    Out,
-    Resume,
-    RunSource,
-    Sets,
-    StudyFile,
-    Target,
-    Threads,
-    TrustScripts,
-    Vary,
-)
 from emclutch.cli.output import print_design, print_json, print_plan, print_study, torque_line
 from emclutch.scene.errors import Fault, SceneError
 
 
 def run(
-    case: RunSource,
-    out: Out = None,
-    sets: Sets = None,
-    resume: Resume = False,
-    threads: Threads = None,
-    dry_run: DryRun = False,
-    as_json: AsJson = False,
-    trust_scripts: TrustScripts = False,
-    force: Force = False,
+    case: opt.RunSource,
+    out: opt.Out = None,
+    sets: opt.Sets = None,
+    resume: opt.Resume = False,
+    threads: opt.Threads = None,
+    dry_run: opt.DryRun = False,
+    as_json: opt.AsJson = False,
+    trust_scripts: opt.TrustScripts = False,
+    force: opt.Force = False,
 ) -> None:
     """Simulate one scene."""
     with explained():
@@ -72,11 +53,11 @@ def run(
 
 
 def check(
-    case: CheckedFile,
-    sets: Sets = None,
-    jobs: Jobs = 1,
-    as_json: AsJson = False,
-    trust_scripts: TrustScripts = False,
+    case: opt.CheckedFile,
+    sets: opt.Sets = None,
+    jobs: opt.Jobs = 1,
+    as_json: opt.AsJson = False,
+    trust_scripts: opt.TrustScripts = False,
 ) -> None:
     """Validate a scene, and say what follows from it; of a study each point's plan, and the time of all."""
     with explained():
@@ -87,13 +68,13 @@ def check(
 
 
 def sweep(
-    study: StudyFile,
-    out: Out = None,
-    resume: Resume = False,
-    jobs: Jobs = 1,
-    threads: Threads = None,
-    trust_scripts: TrustScripts = False,
-    force: Force = False,
+    study: opt.StudyFile,
+    out: opt.Out = None,
+    resume: opt.Resume = False,
+    jobs: opt.Jobs = 1,
+    threads: opt.Threads = None,
+    trust_scripts: opt.TrustScripts = False,
+    force: opt.Force = False,
 ) -> None:
     """Simulate every point of a parameter study, several at a time with --jobs."""
     with explained():
@@ -121,7 +102,11 @@ def sweep(
 
 
 def accuracy(
-    case: CaseFile, out: Out = None, sets: Sets = None, threads: Threads = None, trust_scripts: TrustScripts = False
+    case: opt.CaseFile,
+    out: opt.Out = None,
+    sets: opt.Sets = None,
+    threads: opt.Threads = None,
+    trust_scripts: opt.TrustScripts = False,
 ) -> None:
     """Measure what accuracy costs in time."""
     with explained():
@@ -136,16 +121,16 @@ def accuracy(
 
 
 def design(
-    file: DesignSource,
-    vary: Vary = None,
-    target: Target = None,
-    like: Like = None,
-    confirm: Confirm = False,
-    out: Out = None,
-    sets: Sets = None,
-    threads: Threads = None,
-    as_json: AsJson = False,
-    trust_scripts: TrustScripts = False,
+    file: opt.DesignSource,
+    vary: opt.Vary = None,
+    target: opt.Target = None,
+    like: opt.Like = None,
+    confirm: opt.Confirm = False,
+    out: opt.Out = None,
+    sets: opt.Sets = None,
+    threads: opt.Threads = None,
+    as_json: opt.AsJson = False,
+    trust_scripts: opt.TrustScripts = False,
 ) -> None:
     """Search the value of one key that gives a wanted torque, over the expected torque; a run confirms it."""
     with explained():

@@ -7,11 +7,11 @@ import json
 import typer
 from rich.console import Console
 
+from emclutch.cli import options as opt
 from emclutch.cli.errors import FAILED, explained, stop
-from emclutch.cli.options import AsMarkdown, NewFile, NewScene, SceneKind
 
 
-def new(file: NewScene, kind: SceneKind = "drum") -> None:
+def new(file: opt.NewScene, kind: opt.SceneKind = "drum") -> None:
     """Write a scene of a kind, with every key, its unit and what it is for; nothing is overwritten."""
     with explained():
         from emclutch.cli.new import new_scene
@@ -20,7 +20,7 @@ def new(file: NewScene, kind: SceneKind = "drum") -> None:
             typer.echo(str(written))
 
 
-def schema(out: NewFile = None, markdown: AsMarkdown = False) -> None:
+def schema(out: opt.NewFile = None, markdown: opt.AsMarkdown = False) -> None:
     """Write the JSON schema of a scene, with which editors complete and check."""
     from emclutch.scene.model import Scene
     from emclutch.scene.reference import scene_reference

@@ -44,7 +44,7 @@ class Hertz(LawKind):
         return HertzContact.from_restitution(
             k,
             section.at("restitution", wall),
-            section.friction_of(wall),
+            section.at("friction", wall),
             m_eff=at.mass if wall else 0.5 * at.mass,
             speed=reference_speed(section, at),
             stiffness_t=1.5 * tangential_ratio(section) * k,

@@ -51,7 +51,7 @@ class HertzMindlinKind(LawKind):
         grain = _grain(section, at)
         partner = _wall(section, grain) if wall else grain
         return HertzMindlin.from_restitution(
-            grain, section.at("restitution", wall), section.friction_of(wall), partner=partner
+            grain, section.at("restitution", wall), section.at("friction", wall), partner=partner
         )
 
 

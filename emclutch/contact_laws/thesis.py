@@ -51,7 +51,7 @@ class Thesis(LawKind):
         return ThesisContact.from_restitution(
             k,
             section.at("restitution", wall),
-            section.friction_of(wall),
+            section.at("friction", wall),
             diameter=at.diameter,
             exponent=0.5 if rooted else 0.0,
             m_eff=at.mass if wall else 0.5 * at.mass,

@@ -65,5 +65,5 @@ class WaltonBraunKind(LawKind):
 
         k = linear_stiffness(section, at, wall=wall)
         return WaltonBraun.from_restitution(
-            k, section.at("restitution", wall), section.friction_of(wall), stiffness_t=tangential_ratio(section) * k
+            k, section.at("restitution", wall), section.at("friction", wall), stiffness_t=tangential_ratio(section) * k
         )

@@ -20,6 +20,9 @@ from emclutch.scene.units import number
 if TYPE_CHECKING:
     from particles.laws.contact_law import ContactLaw
 
+FRICTION = 0.3
+"""Coulomb coefficient where none is given, also of `emclutch calibrate`: rough grains of metal."""
+
 _Friction = Annotated[float, number("0.3", 0.0, 10.0)]
 _Restitution = Annotated[float, number("0.5", 0.0, 1.0, above=True)]
 _COHESION = tuple(
@@ -40,7 +43,7 @@ class BaseContactSection(Section):
         default="linear", description="; ".join(f"{name}: {law.summary}" for name, law in LAWS.items())
     )
     dvi: DviSection = Field(default=DviSection(), description="solver of rigid contacts, read with method = 'dvi' only")
-    friction: _Friction = Field(default=0.3, description="between grains")
+    friction: _Friction = Field(default=FRICTION, description="between grains")
     wall_friction: _Friction | None = Field(default=None, description="between grain and wall; default: friction")
     restitution: _Restitution = Field(default=0.5, description="speed after / before a head-on collision")
     wall_restitution: _Restitution | None = Field(default=None, description="at walls; default: restitution")
@@ -70,7 +73,7 @@ class BaseContactSection(Section):
     @property
     def friction_at_walls(self) -> float:
         """Coefficient of friction between grain and wall."""
-        return self.friction if self.wall_friction is None else self.wall_friction
+        return self.at("friction", wall=True)
 
     @property
     def stiffness_entry(self) -> StiffnessEntry:
@@ -105,10 +108,6 @@ class BaseContactSection(Section):
         """Return the entry between grains, or its twin at walls where that is wanted and given."""
         own = getattr(self, f"wall_{key}") if wall else None
         return getattr(self, key) if own is None else own
-
-    def friction_of(self, wall: bool) -> float:
-        """Return the coefficient of friction between grains, or at walls."""
-        return self.friction_at_walls if wall else self.friction
 
 
 if TYPE_CHECKING:

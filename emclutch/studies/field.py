@@ -11,11 +11,9 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
-from typing import Annotated
 
 import numpy as np
 import pandas
-from pydantic import TypeAdapter, ValidationError
 from rich.markup import escape
 from rich.table import Table
 
@@ -31,7 +29,6 @@ from emclutch.results.vtk.series import PvdSeries
 from emclutch.scene.case import Case
 from emclutch.scene.fill import fill_of
 from emclutch.scene.grain_smear import moments_are_fed_back
-from emclutch.scene.units import Quantity
 from emclutch.simulation.forecast.expected_field import field_in_chains, powder_in_words
 from emclutch.studies.field_3d import field_study_3d
 from field import ConvergenceError, MagneticField, PowderLaw
@@ -240,47 +237,6 @@ def _in_words(value: object) -> str:
     if value is None:
         return "none"
     return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
-def read_currents(text: str) -> list[float]:
-    """Currents [A] from ``0.5 A``, from a list ``0 A, 0.5 A, 1 A``, or from ``0 A : 1 A : 11`` (first, last, how many).
-
-    Raises
-    ------
-    ValueError
-        With what was expected.
-    """
-    parts = [part.strip() for part in text.split(":")]
-    if len(parts) == 3 and parts[2].isdigit() and int(parts[2]) > 1:
-        return list(np.linspace(_quantity(parts[0], "A"), _quantity(parts[1], "A"), int(parts[2])))
-    if len(parts) != 1:
-        raise ValueError(f"{text!r} is no range of currents; write first : last : how many, e.g. '0 A : 1 A : 11'")
-    return [_quantity(part, "A") for part in text.split(",")]
-
-
-def read_line(text: str) -> tuple[float, ...]:
-    """Ends of a line [m], of ``44 mm, 0 mm, 46 mm, 0 mm`` or in 3D; ValueError with what was expected."""
-    parts = text.split(",")
-    if len(parts) not in (4, 6):
-        raise ValueError(
-            f"{text!r} is no line; write r0, z0, r1, z1, e.g. '44 mm, 0 mm, 46 mm, 0 mm' (a field in 3D: also "
-            "x0, y0, z0, x1, y1, z1)"
-        )
-    return tuple(_quantity(part, "m") for part in parts)
-
-
-_ENTRIES = {"A": Quantity("a current", "A", "0.5 A"), "m": Quantity("a length", "m", "44 mm")}
-
-
-def _quantity(text: str, unit: str) -> float:
-    try:
-        value: str | float = float(text)  # a bare number is in SI, as in a scene
-    except ValueError:
-        value = text.strip()
-    try:
-        return TypeAdapter(Annotated[float, _ENTRIES[unit]]).validate_python(value)
-    except ValidationError as error:
-        raise ValueError(f"{text.strip()!r} {error.errors()[0]['msg']}") from error
 
 
 def _row(

@@ -33,11 +33,7 @@ class ContactLaw(Protocol):
 
     @property
     def friction(self) -> float:
-        """Coulomb coefficient mu [-] between grains."""
-
-    @property
-    def wall_friction(self) -> float | None:
-        """Coulomb coefficient at walls [-]; None: as between grains."""
+        """Coulomb coefficient mu [-]."""
 
     def row(self) -> np.ndarray:
         """The law's columns and the friction between grains, shape (N_LAW,)."""

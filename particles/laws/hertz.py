@@ -51,9 +51,7 @@ class HertzContact(HertzianImpact):
     damping_n, damping_t : float
         Dashpots [kg/s].
     friction : float
-        Coulomb coefficient mu [-] between grains, and at walls unless ``wall_friction`` is given.
-    wall_friction : float
-        Coulomb coefficient at walls [-].
+        Coulomb coefficient mu [-].
     damping_rolling : float
         Share of critical damping of rolling and twisting [-], where a scene has them.
     """
@@ -65,7 +63,6 @@ class HertzContact(HertzianImpact):
     damping_n: float
     damping_t: float
     friction: float
-    wall_friction: float | None = None
     damping_rolling: float = 0.25
 
     def __post_init__(self) -> None:
@@ -77,7 +74,6 @@ class HertzContact(HertzianImpact):
                 "damping_n": "kg/s",
                 "damping_t": "kg/s",
                 "friction": "",
-                "wall_friction": "",
                 "damping_rolling": "",
             },
         )
@@ -91,7 +87,6 @@ class HertzContact(HertzianImpact):
         *,
         m_eff: float,
         speed: float,
-        wall_friction: float | None = None,
         stiffness_t: float | None = None,
         damping_t: float | None = None,
     ) -> HertzContact:
@@ -116,7 +111,6 @@ class HertzContact(HertzianImpact):
             gamma,
             0.5 * gamma if damping_t is None else damping_t,
             friction,
-            wall_friction,
             damping_ratio(restitution),
         )
 

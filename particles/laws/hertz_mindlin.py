@@ -55,9 +55,7 @@ class HertzMindlin(HertzianImpact):
     damping_n, damping_t : float
         beta and beta_t [-].
     friction : float
-        Coulomb coefficient mu [-] between grains, and at walls unless ``wall_friction`` is given.
-    wall_friction : float
-        Coulomb coefficient at walls [-].
+        Coulomb coefficient mu [-].
     """
 
     kernel: ClassVar[str] = "hertz_mindlin"
@@ -67,10 +65,9 @@ class HertzMindlin(HertzianImpact):
     damping_n: float
     damping_t: float
     friction: float
-    wall_friction: float | None = None
 
     def __post_init__(self) -> None:
-        check_parameters(self, {}, {"damping_n": "", "damping_t": "", "friction": "", "wall_friction": ""})
+        check_parameters(self, {}, {"damping_n": "", "damping_t": "", "friction": ""})
 
     @classmethod
     def from_restitution(
@@ -80,7 +77,6 @@ class HertzMindlin(HertzianImpact):
         friction: float,
         *,
         partner: Elastic | None = None,
-        wall_friction: float | None = None,
         damping_t: float | None = None,
     ) -> HertzMindlin:
         """Contact whose impacts have ``restitution`` [-] at every speed; ``partner``: as ``grain`` unless given.
@@ -94,7 +90,6 @@ class HertzMindlin(HertzianImpact):
             beta,
             0.5 * beta if damping_t is None else damping_t,
             friction,
-            wall_friction,
         )
 
     @property

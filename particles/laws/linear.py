@@ -78,9 +78,7 @@ class LinearContact(LinearImpact):
     damping_n, damping_t : float
         Share of critical damping zeta [-]: gamma = 2 zeta sqrt(stiffness_n m_eff) for both.
     friction : float
-        Coulomb coefficient mu [-] between grains, and at walls unless ``wall_friction`` is given.
-    wall_friction : float
-        Coulomb coefficient at walls [-].
+        Coulomb coefficient mu [-].
     """
 
     kernel: ClassVar[str] = "linear"
@@ -90,13 +88,12 @@ class LinearContact(LinearImpact):
     damping_n: float
     damping_t: float
     friction: float
-    wall_friction: float | None = None
 
     def __post_init__(self) -> None:
         check_parameters(
             self,
             {"stiffness_n": "N/m"},
-            {"stiffness_t": "N/m", "damping_n": "", "damping_t": "", "friction": "", "wall_friction": ""},
+            {"stiffness_t": "N/m", "damping_n": "", "damping_t": "", "friction": ""},
         )
 
     @property
@@ -111,7 +108,6 @@ class LinearContact(LinearImpact):
         restitution: float,
         friction: float,
         *,
-        wall_friction: float | None = None,
         stiffness_t: float | None = None,
         damping_t: float | None = None,
     ) -> LinearContact:
@@ -123,7 +119,6 @@ class LinearContact(LinearImpact):
             zeta,
             0.5 * zeta if damping_t is None else damping_t,
             friction,
-            wall_friction,
         )
 
     def row(self) -> np.ndarray:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from particles.laws.cohesion import Cohesion
-from particles.laws.columns import COHESION_0, COHESION_1, COHESIVE, MU, MU_ROLLING, MU_TWISTING
+from particles.laws.columns import COHESION_0, COHESION_1, COHESIVE, MU_ROLLING, MU_TWISTING
 from particles.laws.contact_law import ContactLaw
 from particles.laws.rolling_friction import RollingFriction
 from particles.laws.twisting_friction import TwistingFriction
@@ -60,7 +60,7 @@ class PairLaws:
     ) -> PairLaws:
         """Row 0 between all grains, row 1 at all walls.
 
-        ``at_walls`` is the law there; without it ``law`` with its own wall friction.
+        ``at_walls`` is the law there; without it as between grains.
         """
         pair = np.zeros((n_species, n_species), dtype=np.int64)
         wall = np.ones((n_species, n_walls), dtype=np.int64)
@@ -116,9 +116,6 @@ def _table(
             raise ValueError(f"contact laws '{laws[0].kernel}' and '{law.kernel}' stand in one scene; take one of them")
     rows = np.array([law.row() for law in laws])
     at_wall = np.isin(np.arange(len(laws)), wall).astype(int)  # 0: between grains, 1: at a wall
-    for k in np.flatnonzero(at_wall):
-        own = laws[k].wall_friction
-        rows[k, MU] = laws[k].friction if own is None else own
     if rolling is not None:
         rows[:, MU_ROLLING] = rolling.table()[at_wall]
     if twisting is not None:

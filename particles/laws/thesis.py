@@ -74,9 +74,7 @@ class ThesisContact:
     exponent : float
         0: f = 1; 0.5: f = sqrt(delta/D).
     friction : float
-        Coulomb coefficient mu [-] between grains, and at walls unless ``wall_friction`` is given.
-    wall_friction : float
-        Coulomb coefficient at walls [-].
+        Coulomb coefficient mu [-].
     damping_rolling : float
         Share of critical damping of rolling and twisting [-], where a scene has them.
     """
@@ -90,7 +88,6 @@ class ThesisContact:
     diameter: float
     exponent: float
     friction: float
-    wall_friction: float | None = None
     damping_rolling: float = 0.25
 
     def __post_init__(self) -> None:
@@ -102,7 +99,6 @@ class ThesisContact:
                 "damping_n": "1/s",
                 "damping_t": "1/s",
                 "friction": "",
-                "wall_friction": "",
                 "damping_rolling": "",
             },
         )
@@ -120,7 +116,6 @@ class ThesisContact:
         exponent: float,
         m_eff: float,
         speed: float = 1.0,
-        wall_friction: float | None = None,
         stiffness_t: float | None = None,
         damping_t: float | None = None,
     ) -> ThesisContact:
@@ -136,7 +131,7 @@ class ThesisContact:
         check_reference(m_eff, speed)
         zeta = damping_ratio(restitution)
         # validated before the damping is solved with them
-        law = cls(stiffness_n, 0.0, 0.0, 0.0, diameter, exponent, friction, wall_friction, zeta)
+        law = cls(stiffness_n, 0.0, 0.0, 0.0, diameter, exponent, friction, zeta)
         if exponent == 0.0:
             gamma = 2.0 * zeta * math.sqrt(stiffness_n / m_eff)
         else:
@@ -150,7 +145,6 @@ class ThesisContact:
             diameter,
             exponent,
             friction,
-            wall_friction,
             zeta,
         )
 

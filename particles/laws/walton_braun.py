@@ -56,9 +56,7 @@ class WaltonBraun(LinearImpact):
     damping_t : float
         Tangential share of critical damping zeta_t [-].
     friction : float
-        Coulomb coefficient mu [-] between grains, and at walls unless ``wall_friction`` is given.
-    wall_friction : float
-        Coulomb coefficient at walls [-].
+        Coulomb coefficient mu [-].
     damping_rolling : float
         Share of critical damping of rolling and twisting [-], where a scene has them.
     """
@@ -70,14 +68,13 @@ class WaltonBraun(LinearImpact):
     stiffness_t: float
     damping_t: float
     friction: float
-    wall_friction: float | None = None
     damping_rolling: float = 0.25
 
     def __post_init__(self) -> None:
         check_parameters(
             self,
             {"stiffness_n": "N/m", "unloading_stiffness": "N/m"},
-            {"stiffness_t": "N/m", "damping_t": "", "friction": "", "wall_friction": "", "damping_rolling": ""},
+            {"stiffness_t": "N/m", "damping_t": "", "friction": "", "damping_rolling": ""},
         )
         if self.unloading_stiffness < self.stiffness_n:
             raise ValueError(
@@ -92,7 +89,6 @@ class WaltonBraun(LinearImpact):
         restitution: float,
         friction: float,
         *,
-        wall_friction: float | None = None,
         stiffness_t: float | None = None,
         damping_t: float | None = None,
     ) -> WaltonBraun:
@@ -104,7 +100,6 @@ class WaltonBraun(LinearImpact):
             2.0 / 7.0 * stiffness_n if stiffness_t is None else stiffness_t,
             0.5 * zeta if damping_t is None else damping_t,
             friction,
-            wall_friction,
             zeta,
         )
 

@@ -7,7 +7,8 @@ import pandas
 import pytest
 from typer.testing import CliRunner
 
-from emclutch.cli.calibrate import read_list
+from emclutch.cli.calibrate import points_of
+from emclutch.cli.input import read_list
 from emclutch.cli.main import app
 from emclutch.scene.errors import SceneError
 from emclutch.scene.units import Quantity
@@ -82,7 +83,7 @@ def test_points_that_are_not_of_these_parameters_are_not_taken(tmp_path, monkeyp
     from coupling.sheared_cell import ShearParameters
 
     monkeypatch.setenv("EMCLUTCH_CACHE", str(tmp_path))
-    point = ShearParameters(law=None, fill=0.3, H=0.0)
+    point = ShearParameters(law=None, fill=0.3, H=0.0, friction=0.3)
     path = point_file(point)
     for text in ('{"digest": "of another"}', "{", "[]"):
         path.write_text(text)
@@ -114,7 +115,11 @@ def test_carlson_as_tabulated():
 
 
 def test_lists_of_fields():
-    assert read_list("80 kA/m, 18 kA/m,80000", FIELD, "--field") == [18e3, 80e3]
+    assert read_list("80 kA/m, 18 kA/m,80000", FIELD, "--field") == [80e3, 18e3, 80e3]
+    points = points_of(
+        None, "0.3", "80 kA/m, 18 kA/m,80000", seeds=1, grains=600, strain=1.0, friction=0.3, model="near_field"
+    )
+    assert [point.H for point in points] == [18e3, 80e3]  # ascending, each once
     assert read_list("10 kA/m : 30 kA/m : 3", FIELD, "--field") == [10e3, 20e3, 30e3]
     for wrong in ("10 : 20", "a : b : 1", "3 kg", "", "0 A/m"):
         with pytest.raises(SceneError):

@@ -10,11 +10,12 @@ import tomli_w
 from step_file import rectangle, write_polygons
 from typer.testing import CliRunner
 
+from emclutch.cli.input import read_line, read_list
 from emclutch.cli.main import app
 from emclutch.device.body_forces import forces_on, regions_of_body
 from emclutch.device.device import build_device
 from emclutch.scene.case import load_case, read_toml
-from emclutch.studies.field import read_currents, read_line
+from emclutch.scene.units import Quantity
 from field import MU_0, ConvergenceError, pole_pressure
 
 QUICKSTART = Path(__file__).parents[2] / "cases" / "quickstart.toml"
@@ -207,6 +208,8 @@ def test_nothing_is_overwritten(studied):
 
 
 def test_currents_and_lines_are_read():
-    assert read_currents("0.5 A") == [0.5] and read_currents("500 mA, 1 A") == [0.5, 1.0]
-    assert np.allclose(read_currents("-1 A : 1 A : 5"), [-1.0, -0.5, 0.0, 0.5, 1.0])
+    current = Quantity("a current", "A", "0.5 A")
+    assert read_list("0.5 A", current, "--current") == [0.5]
+    assert read_list("500 mA, 1 A", current, "--current") == [0.5, 1.0]
+    assert np.allclose(read_list("-1 A : 1 A : 5", current, "--current"), [-1.0, -0.5, 0.0, 0.5, 1.0])
     assert read_line("44 mm, 0 mm, 0.046, -1 mm") == (0.044, 0.0, 0.046, -0.001)

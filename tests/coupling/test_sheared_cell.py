@@ -21,7 +21,7 @@ pytestmark = pytest.mark.physics
 D = 1e-4
 MU_0 = 4e-7 * np.pi
 IRON = GrainLaw(999.0, 1.7e6)
-POWDER = ShearParameters(law=IRON, fill=0.30, H=40e3, count=70, width=2.0)  # edges of 4.96 diameters
+POWDER = ShearParameters(law=IRON, fill=0.30, H=40e3, friction=0.3, count=70, width=2.0)  # edges of 4.96 diameters
 DRY = dataclasses.replace(POWDER, law=None, H=0.0)
 PAIR = dataclasses.replace(POWDER, count=2, fill=1e-3)
 

@@ -13,6 +13,7 @@ from particles import (
     CyclicSector,
     Grains,
     LinearContact,
+    PairLaws,
     RollingFriction,
     choose_time_step,
     pack,
@@ -26,8 +27,9 @@ CELL = ShearCell(0.006, 0.0085, 0.003)
 RADIUS = 0.25e-3
 
 
-def _law(wall_friction=0.5):
-    return LinearContact.from_restitution(500.0, 0.7, 0.5, wall_friction=wall_friction)
+def _law(wall_friction=0.5, rolling=None):
+    between, at_walls = (LinearContact.from_restitution(500.0, 0.7, mu) for mu in (0.5, wall_friction))
+    return PairLaws.of_one(between, at_walls=at_walls, rolling=rolling)
 
 
 def _wedge(fraction=0.5, stir=0.2):
@@ -49,18 +51,18 @@ def _ring(wedge):
     return Grains.create(x, RADIUS, 7850.0, velocity=v, angular_velocity=w)
 
 
-def _dem(grains, sector, law, speed=60.0, rolling=None):
+def _dem(grains, sector, law, speed=60.0):
     bodies = [Body("disc"), Body("rotor", TimeProfile.constant(speed)), Body("housing")]
     dt = choose_time_step(law, grains.mass, grains.radius).dt
-    return DEM(grains, CELL.walls(), bodies, law, dt=dt, sector=sector, rolling=rolling)
+    return DEM(grains, CELL.walls(), bodies, law, dt=dt, sector=sector)
 
 
 @pytest.mark.parametrize("rolling", [None, RollingFriction(0.2)], ids=["rolls", "rolling friction"])
 def test_ring_of_copies_follows_the_sector(rolling):
     """Same trajectories to the growth of round-off, same torque, with contacts carried through the faces."""
     wedge = _wedge()
-    ring = _dem(_ring(wedge), None, _law(), rolling=rolling)
-    part = _dem(wedge, SECTOR, _law(), rolling=rolling)
+    ring = _dem(_ring(wedge), None, _law(rolling=rolling))
+    part = _dem(wedge, SECTOR, _law(rolling=rolling))
     first, n = part.grains.angular_momentum_z(), part.grains.count
     total_ring, total_part = ring.run(300), part.run(300)
     assert total_part.rebuilds >= 3 and total_part.n_contacts > n
