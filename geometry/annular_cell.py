@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from geometry.annular_spaces import AnnularSpaces
-from geometry.fault import GeometryFault, millimetres
+from geometry.fault import FaultFinder, GeometryFault, millimetres
 from geometry.sheared_gap import ShearedGap
 from geometry.walls import AnnularBox, RevolvedWall, annulus, cylinder
 
@@ -39,43 +39,23 @@ class ShearCell(AnnularSpaces):
 
     def faults(self, grain_diameter: float | None = None) -> list[GeometryFault]:
         """Every inconsistency; with a grain diameter [m], also a cell that no grain fits into."""
-        found = [
-            GeometryFault(name, millimetres(value), f"{what} must be positive", "more than 0 mm",
-                  f"give `{name}` a positive length")
-            for name, value, what in (
-                ("inner_radius", self.inner_radius, "the inner cylinder's radius"),
-                ("outer_radius", self.outer_radius, "the outer cylinder's radius"),
-                ("height", self.height, "the cell's height"),
-            )
-            if not 0.0 < value < float("inf")
-        ]  # fmt: skip
-        if found:
-            return found
+        mm, it = millimetres, FaultFinder(self)
+        it.check_lengths("inner_radius", "outer_radius", "height")
+        it.judge_relations()
         width = self.outer_radius - self.inner_radius
-        if width <= 0.0:
-            found.append(
-                GeometryFault("outer_radius", millimetres(self.outer_radius),
-                      "the outer cylinder lies inside the inner one",
-                      f"more than {millimetres(self.inner_radius)}",
-                      "raise `outer_radius` or lower `inner_radius`")
-            )  # fmt: skip
+        it.refuse(width <= 0.0, "outer_radius", "the outer cylinder lies inside the inner one",
+                  f"more than {mm(self.inner_radius)}", "raise `outer_radius` or lower `inner_radius`",
+                  "inner_radius")  # fmt: skip
         if grain_diameter is not None:
-            if 0.0 < width < grain_diameter:
-                found.append(
-                    GeometryFault("outer_radius", millimetres(self.outer_radius),
-                          f"the annulus of {millimetres(width)} is thinner than one grain "
-                          f"({millimetres(grain_diameter)}): no grain fits",
-                          f"at least {millimetres(self.inner_radius + grain_diameter)}",
-                          "raise `outer_radius` or lower `grain_diameter`")
-                )  # fmt: skip
-            if self.height < grain_diameter:
-                found.append(
-                    GeometryFault("height", millimetres(self.height),
-                          f"the cell is lower than one grain ({millimetres(grain_diameter)}): no grain fits",
-                          f"at least {millimetres(grain_diameter)}",
-                          "raise `height` or lower `grain_diameter`")
-                )  # fmt: skip
-        return found
+            grain = mm(grain_diameter)
+            it.refuse(0.0 < width < grain_diameter, "outer_radius",
+                      f"the annulus of {mm(width)} is thinner than one grain ({grain}): no grain fits",
+                      f"at least {mm(self.inner_radius + grain_diameter)}",
+                      "raise `outer_radius` or lower `grain_diameter`", "inner_radius")  # fmt: skip
+            it.refuse(self.height < grain_diameter, "height",
+                      f"the cell is lower than one grain ({grain}): no grain fits", f"at least {grain}",
+                      "raise `height` or lower `grain_diameter`")  # fmt: skip
+        return it.found
 
     def walls(self) -> list[RevolvedWall]:
         """The four walls; all corners are concave, so that no edge is owned."""

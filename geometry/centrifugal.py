@@ -23,11 +23,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from geometry.annular_spaces import AnnularSpaces
-from geometry.centrifugal_faults import find_faults
-from geometry.fault import GeometryFault
+from geometry.fault import FaultFinder, GeometryFault, millimetres
 from geometry.sheared_gap import ShearedGap
 from geometry.triangle_wall import TriangleWall, extruded
 from geometry.walls import AnnularBox, RevolvedWall, annulus, cylinder
+
+_COUNTS = (("vanes", 1, 60), ("slots", 0, 20), ("ribs", 0, 360))
+_SIZES = ("drum_radius", "width", "hub_radius", "vane_thickness", "tip_clearance", "side_clearance")
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,8 +149,77 @@ class CentrifugalClutch(AnnularSpaces):
         return []
 
     def faults(self, grain_diameter: float | None = None) -> list[GeometryFault]:
-        """Every inconsistency; with a grain diameter [m], also a place that no grain fits into, or all escape by."""
-        return find_faults(self, grain_diameter)
+        """Every inconsistency; with a grain diameter [m], also a place that no grain fits into, or all escape by.
+
+        Relations are judged only where all numbers are right by themselves, grains only where the clutch is.
+        """
+        it = FaultFinder(self)
+        for name, least, most in _COUNTS:
+            count = getattr(self, name)
+            it.refuse(not least <= count <= most or count != int(count), name, f"it is not a number of {name}",
+                      f"a whole number from {least} to {most}", f"correct `{name}`", value=f"{count:g}")  # fmt: skip
+        slot_sizes = ("slot_width", "slot_depth") if self.slots else ()
+        rib_sizes = ("rib_height", "rib_width") if self.ribs else ()
+        it.check_lengths(*_SIZES, *slot_sizes, *rib_sizes)
+        if not it.found:
+            self._judge_relations(it)
+        if not it.found and grain_diameter is not None:
+            self._judge_grains(it, grain_diameter)
+        return it.found
+
+    def _judge_relations(self, it: FaultFinder) -> None:
+        mm, vanes = millimetres, max(self.vanes, 2)
+        # a vane shorter than thick is none
+        least = self.hub_radius + self.drum_radius - self.tip_radius + self.vane_thickness
+        it.refuse(self.drum_radius <= least, "drum_radius", "hub, ribs and tip clearance leave no room for the vanes",
+                  f"more than {mm(least)}", "raise `drum_radius` or lower `hub_radius`")  # fmt: skip
+        thickest = 2.0 * self.hub_radius * math.sin(math.pi / vanes)
+        it.refuse(self.vane_thickness >= thickest, "vane_thickness",
+                  f"{self.vanes} vanes of this thickness meet on the hub", f"less than {mm(thickest)}",
+                  "lower `vane_thickness` or `vanes`")  # fmt: skip
+        it.refuse(self.side_clearance >= 0.5 * self.width, "side_clearance",
+                  "the clearances at both covers leave no width for the vanes", f"less than {mm(0.5 * self.width)}",
+                  "lower `side_clearance` or raise `width`")  # fmt: skip
+        if self.slots:
+            room, length = self.width - 2.0 * self.side_clearance, self.tip_radius - self.hub_radius
+            it.refuse(0.0 < room <= self.slots * self.slot_width, "slot_width",
+                      f"{self.slots} slots leave no tooth of a vane {mm(room)} wide",
+                      f"less than {mm(room / self.slots)}", "lower `slot_width` or `slots`")  # fmt: skip
+            it.refuse(0.0 < length <= self.slot_depth, "slot_depth", "the slots reach the hub and cut the teeth off",
+                      f"less than {mm(length)}", "lower `slot_depth`")  # fmt: skip
+        if self.ribs and self.rib_radius > 0.0:
+            # Flat tops: as wide as the chord of the drum at their height, or as the polygon of all tops has sides.
+            chord = 2.0 * math.sqrt(self.drum_radius**2 - self.rib_radius**2)
+            side = 2.0 * self.rib_radius * math.tan(math.pi / max(self.ribs, 3))
+            crowded = f"{self.ribs} of them leave no groove between them"
+            reason = "their edges vanish in the drum" if chord < side else crowded
+            it.refuse(self.rib_width >= min(chord, side), "rib_width", f"the ribs are so wide that {reason}",
+                      f"less than {mm(min(chord, side))}",
+                      "lower `rib_width` or " + ("raise `rib_height`" if chord < side else "`ribs`"))  # fmt: skip
+
+    def _judge_grains(self, it: FaultFinder, d: float) -> None:
+        """Note where no grain of diameter d [m] fits, and where all of them would escape the vanes."""
+        mm, grain, ring = millimetres, millimetres(d), self.rib_radius - self.hub_radius
+        it.refuse(ring < d, "drum_radius",
+                  f"the ring of {mm(ring)} between hub and ribs is thinner than one grain ({grain}): no grain fits",
+                  f"at least {mm(self.drum_radius + d - ring)}",
+                  "raise `drum_radius` or lower `grain_diameter`")  # fmt: skip
+        it.refuse(self.width < d, "width", f"the drum is narrower than one grain ({grain}): no grain fits",
+                  f"at least {grain}", "raise `width` or lower `grain_diameter`")  # fmt: skip
+        chamber = 2.0 * self.tip_radius * math.sin(math.pi / max(self.vanes, 2)) - self.vane_thickness
+        ratio = 0.5 * (d + self.vane_thickness) / self.tip_radius
+        most = max(1, math.floor(math.pi / math.asin(ratio))) if ratio < 1.0 else 1
+        it.refuse(chamber < d, "vanes", f"two vanes are {mm(chamber)} apart at their tips, less than one grain "
+                  f"({grain}): none fits between them", f"at most {most}", "lower `vanes` or `grain_diameter`",
+                  value=f"{self.vanes:g}")  # fmt: skip
+        over = self.drum_radius - self.tip_height
+        it.refuse(over >= d, "tip_clearance",
+                  f"the vanes end {mm(over)} short of the drum, a grain's diameter ({grain}) or more: the shot "
+                  "passes over their tips and nothing drags it round",
+                  f"less than {mm(max(0.0, self.tip_clearance + d - over))}",
+                  "lower `tip_clearance` or raise `grain_diameter`")  # fmt: skip
+        it.refuse(self.side_clearance >= d, "side_clearance", f"a grain ({grain}) passes beside the vanes",
+                  f"less than {grain}", "lower `side_clearance` or raise `grain_diameter`")  # fmt: skip
 
     def walls(self) -> list[RevolvedWall | TriangleWall]:
         """Walls of the grains: hub and vanes on body ``rotor``; drum, covers and ribs on body ``disc``."""

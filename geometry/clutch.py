@@ -24,11 +24,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from geometry.annular_spaces import AnnularSpaces
-from geometry.clutch_faults import find_faults
-from geometry.fault import GeometryFault
+from geometry.fault import FaultFinder, GeometryFault, millimetres
 from geometry.sheared_gap import AT_RIM, ShearedGap
-from geometry.slots import Slots
+from geometry.slots import Slots, slot_faults
 from geometry.walls import AnnularBox, Pair, RevolvedWall, outline
+
+# A gap is meshed with elements as wide as a quarter of it: about 40 x slenderness triangles, here 80 000.
+SLENDEREST = 2000.0
+AIR_FACTORS = (1.5, 20.0)
+
+_SIZES = (
+    "disc_radius", "disc_thickness", "gap", "face_gap", "seal_radius", "rotor_wall", "ring_width", "cover_thickness",
+    "clearance", "coil_width", "coil_height", "yoke", "shaft_radius", "housing_width", "coil_radius",
+)  # fmt: skip
 
 REGIONS = {
     "cavity": ("rim", "face_left", "face_right"),
@@ -241,8 +249,91 @@ class Clutch(AnnularSpaces):
         return "housing" if region in ("housing", "coil") else "rotor"
 
     def faults(self, grain_diameter: float | None = None) -> list[GeometryFault]:
-        """Every inconsistency of the sizes; with a grain diameter [m], also gaps that no grain fits into."""
-        return find_faults(self, grain_diameter)
+        """Every inconsistency of the sizes; with a grain diameter [m], also gaps that no grain fits into.
+
+        The parts are stacked radially, so that most cannot overlap whatever their sizes. Relations are judged only
+        between sizes that are lengths by themselves.
+        """
+        mm = millimetres
+        it = FaultFinder(self, {"housing_width": self.housing_length, "coil_radius": self.coil_inner_radius})
+        it.check_lengths(*_SIZES, or_zero={"ring_width": "no ring"})
+        for name in ("gap", "face_gap", "clearance"):
+            it.refuse(0.0 < self.disc_radius <= getattr(self, name) < math.inf, name,
+                      "a gap is wider than the disc's radius; a bare number is in metres",
+                      f"less than {mm(self.disc_radius)}",
+                      f"write it with its unit, as in `{name}` = '1 mm'")  # fmt: skip
+        low, high = AIR_FACTORS
+        it.refuse(not low <= self.air_factor <= high, "air_factor",
+                  "the air must enclose the device with some room, and not dwarf it", f"{low:g} to {high:g}",
+                  "3 is a good choice for `air_factor`", value=f"{self.air_factor:g}")  # fmt: skip
+        it.judge_relations()
+
+        it.refuse(self.seal_radius >= self.disc_radius, "seal_radius",
+                  "the seal covers the whole face of the disc, no powder reaches it",
+                  f"less than `disc_radius` ({mm(self.disc_radius)})", "lower `seal_radius` or raise `disc_radius`",
+                  "disc_radius")  # fmt: skip
+        it.refuse(self.seal_radius <= self.shaft_radius, "seal_radius", "the seal lies inside the shaft",
+                  f"more than `shaft_radius` ({mm(self.shaft_radius)})", "raise `seal_radius` or lower `shaft_radius`",
+                  "shaft_radius")  # fmt: skip
+        it.refuse(self.shaft_radius >= self.disc_radius, "shaft_radius", "the shaft is as thick as the disc",
+                  f"less than `disc_radius` ({mm(self.disc_radius)})", "lower `shaft_radius` or raise `disc_radius`",
+                  "disc_radius")  # fmt: skip
+
+        # With steel covers the flux enters the disc through its faces and needs no pole at the rim.
+        rotor = ("disc_thickness", "face_gap", "cover_thickness")
+        limit, part = ((self.cavity_length, "powder chamber") if self.cover_magnetic else
+                       (self.disc_thickness, "disc"))  # fmt: skip
+        it.refuse(self.ring_width >= limit, "ring_width",
+                  f"the non-magnetic ring is as wide as the {part} and leaves no pole",
+                  f"0 mm to less than {mm(limit)}", "lower `ring_width` or raise `disc_thickness`", *rotor)  # fmt: skip
+        width = mm(self.housing_length)
+        if not it.refuse(self.coil_width >= self.housing_length, "coil_width",
+                         f"the coil cuts through the side walls of the housing, which is {width} wide",
+                         f"less than {width}", "lower `coil_width` or raise `housing_width`",
+                         "housing_width", *rotor):  # fmt: skip
+            it.refuse(self.coil_width >= self.rotor_length, "coil_width",
+                      "the coil is as wide as the rotor: the housing's poles face no rotor",
+                      f"less than {mm(self.rotor_length)}", "lower `coil_width` or raise `disc_thickness`",
+                      "housing_width", *rotor)  # fmt: skip
+        it.refuse(self.housing_length <= self.ring_width, "housing_width",
+                  "the housing is no wider than the ring: its poles face no steel",
+                  f"more than `ring_width` ({mm(self.ring_width)})", "raise `housing_width` or lower `ring_width`",
+                  "ring_width", "coil_width", *rotor)  # fmt: skip
+        ends = ((self.disc_radius, "the disc"), (self.bore_radius, "the powder cavity"),
+                (self.rotor_radius, "the rotor's shell"), (self.housing_bore, "the running clearance"))  # fmt: skip
+        cut = next((end for end in ends if self.coil_inner_radius < end[0]), (0.0, ""))
+        it.refuse(bool(cut[1]), "coil_radius", f"the coil cuts {cut[1]}, which reaches to r = {mm(cut[0])}",
+                  f"at least {mm(self.housing_bore)}",
+                  "raise `coil_radius`, or leave it out and the coil lies right outside the rotor",
+                  "disc_radius", "gap", "rotor_wall", "clearance")  # fmt: skip
+
+        for name, length, sizes in (
+            ("gap", self.cavity_length, rotor[:2]),
+            ("face_gap", self.disc_radius - self.seal_radius, ("disc_radius", "seal_radius")),
+            ("clearance", self.rotor_length, rotor),
+        ):
+            it.refuse(getattr(self, name) * SLENDEREST < length, name,
+                      f"it is {mm(length)} long: too slender for a mesh", f"at least {mm(length / SLENDEREST)}",
+                      f"raise `{name}`, and check the units of the sizes", *sizes)  # fmt: skip
+        if self.disc_slots is not None and it.are_right("disc_radius", "shaft_radius"):
+            room = self.disc_radius - self.shaft_radius
+            it.found += slot_faults(self.disc_slots, "disc_slots", "the disc", room, "the shaft")
+        if self.rotor_slots is not None and it.are_right("rotor_wall"):
+            it.found += slot_faults(
+                self.rotor_slots, "rotor_slots", "the rotor's shell", self.rotor_wall, "the clearance"
+            )
+
+        if grain_diameter is not None:
+            grain, lower_grain = mm(grain_diameter), "or lower `grain_diameter`"
+            for name in ("gap", "face_gap"):
+                it.refuse(getattr(self, name) < grain_diameter, name,
+                          f"it is thinner than one grain ({grain}): no grain fits", f"at least {grain}",
+                          f"raise `{name}` {lower_grain}")  # fmt: skip
+            it.refuse(0.0 < self.disc_radius - self.seal_radius < grain_diameter, "seal_radius",
+                      f"the chamber is lower than one grain ({grain})",
+                      f"at most {mm(self.disc_radius - grain_diameter)}", "lower `seal_radius` or `grain_diameter`",
+                      "disc_radius")  # fmt: skip
+        return it.found
 
     def walls(self) -> list[RevolvedWall]:
         """Walls of the grains: the rotor's chamber, from seal rim to seal rim, and the disc in it.

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +49,51 @@ class GeometryError(ValueError):
     def __init__(self, faults: Sequence[GeometryFault]) -> None:
         self.faults = list(faults)
         super().__init__("\n".join(str(fault) for fault in self.faults))
+
+
+class FaultFinder:
+    """Collects the faults of a shape.
+
+    Attributes
+    ----------
+    found : list of GeometryFault
+    """
+
+    def __init__(self, shape: object, defaults: Mapping[str, float] = MappingProxyType({})) -> None:
+        self.found: list[GeometryFault] = []
+        self._shape, self._defaults = shape, defaults
+        self._broken: frozenset[str] = frozenset()
+
+    def check_lengths(self, *names: str, or_zero: Mapping[str, str] = MappingProxyType({})) -> None:
+        """Note sizes that are no positive lengths; `or_zero` has those that may be 0, with what 0 stands for."""
+        for name in names:
+            value, zero = getattr(self._shape, name), or_zero.get(name)
+            right = value is None or 0.0 < value < math.inf or (zero is not None and value == 0.0)
+            allowed = "more than 0 mm" if zero is None else f"0 mm ({zero}) or more"
+            self.refuse(not right, name, "it is not a positive length", allowed, f"correct `{name}`")
+
+    def judge_relations(self) -> None:
+        """From here on, refuse a size only where it and those that it is judged with have no fault so far."""
+        self._broken = frozenset(fault.what for fault in self.found)
+
+    def are_right(self, *names: str) -> bool:
+        """Return whether sizes had no fault when relations began to be judged."""
+        return self._broken.isdisjoint(names)
+
+    def refuse(
+        self, wrong: bool, name: str, reason: str, allowed: str, remedy: str, *judged_with: str, value: str = ""
+    ) -> bool:
+        """Note a fault of the size `name` where something is wrong with it; return whether it was noted.
+
+        The value is that of a length where none is given; of a size of None it is the default that follows from others.
+        """
+        if not wrong or not self.are_right(name, *judged_with):
+            return False
+        if not value:
+            length = getattr(self._shape, name)
+            value = millimetres(self._defaults[name] if length is None else length)
+        self.found.append(GeometryFault(name, value, reason, allowed, remedy))
+        return True
 
 
 def millimetres(length: float) -> str:
