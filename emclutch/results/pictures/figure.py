@@ -74,6 +74,15 @@ def label_panel(axis: Axes, title: str) -> None:
     axis.set_title(title, loc="left", fontsize=10)
 
 
+def finish_axis(axis: Axes, x: str, y: str) -> None:
+    """Name the axes of curves from edge to edge, and draw zero, a grid and the legend."""
+    axis.set(xlabel=x, ylabel=y)
+    axis.axhline(0.0, color="black", lw=0.6, zorder=1)
+    axis.grid(alpha=0.25)
+    axis.margins(x=0.0)
+    legend_beside(axis)
+
+
 def legend_beside(axis: Axes, *, away: float = 1.0, handles: Any = None, labels: Any = None) -> None:
     """Draw a legend to the right of a panel, of what is drawn in it or of `handles` with their `labels`.
 

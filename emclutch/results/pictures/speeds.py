@@ -13,7 +13,7 @@ import numpy as np
 
 from emclutch.results.columns import DISC_SPEED, ROTOR_SPEED, TIME, TORQUE_DISC
 from emclutch.results.errors import OutputError
-from emclutch.results.pictures.figure import BODY_COLOURS, LINES, MARKERS, RPM, legend_beside, new_figure, save_picture
+from emclutch.results.pictures.figure import BODY_COLOURS, LINES, MARKERS, RPM, finish_axis, new_figure, save_picture
 from emclutch.results.text import time_unit
 
 OUTPUTS = ("#0b5fa5", "#2a8c3f", "#8a1c7c", "#b5179e", "#0a7d7d", "#7f6000")
@@ -67,12 +67,7 @@ def speed_picture(
         time, speed = points[::every].T
         axis.plot(factor * time, speed, ls="", marker=MARKERS[number % len(MARKERS)], ms=4.5, mfc="none",
                   color="black", label=f"measured: {name}")  # fmt: skip
-    axis.set_xlabel(f"time [{unit}]")
-    axis.set_ylabel("speed [rpm]")
-    axis.axhline(0.0, color="black", lw=0.6, zorder=1)
-    axis.grid(alpha=0.25)
-    axis.margins(x=0.0)
-    legend_beside(axis)
+    finish_axis(axis, f"time [{unit}]", "speed [rpm]")
     return save_picture(figure, path)
 
 
@@ -121,12 +116,7 @@ def torque_speed_picture(path: str | Path, runs: Mapping[str, Any], *, title: st
             at_1000 = factor * (1000.0 / RPM) ** 2
             axis.plot(RPM * along, factor * along**2, color=colour, lw=1.6,
                       label=f"{of}{at_1000:.3g} N m · (rpm/1000)², R² = {explained:.2f}")  # fmt: skip
-    axis.set_xlabel("speed of the motor [rpm]")
-    axis.set_ylabel("torque on the output [N m]")
-    axis.axhline(0.0, color="black", lw=0.6, zorder=1)
-    axis.grid(alpha=0.25)
-    axis.margins(x=0.0)
-    legend_beside(axis)
+    finish_axis(axis, "speed of the motor [rpm]", "torque on the output [N m]")
     return save_picture(figure, path)
 
 

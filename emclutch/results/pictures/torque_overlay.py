@@ -10,7 +10,7 @@ import numpy as np
 
 from emclutch.results.columns import TIME, TORQUE_DISC
 from emclutch.results.errors import OutputError
-from emclutch.results.pictures.figure import COLOURS, LINES, legend_beside, new_figure, save_picture
+from emclutch.results.pictures.figure import COLOURS, LINES, finish_axis, new_figure, save_picture
 from emclutch.results.pictures.torque import torque_unit
 from emclutch.results.text import format_torque, time_unit
 
@@ -48,12 +48,7 @@ def torque_overlay_picture(path: str | Path, runs: Mapping[str, Result], *, titl
             axis.plot(steady, [mean, mean], color=colour, lw=2.0, ls=line, label=label)
         else:
             axis.plot([], [], color=colour, lw=2.0, ls=line, label=label)
-    axis.axhline(0.0, color="black", lw=0.6, zorder=1)
-    axis.set_xlabel(f"time [{unit_of_time}]")
-    axis.set_ylabel(f"torque on the disc [{unit}]")
-    axis.grid(alpha=0.25)
-    axis.margins(x=0.0)
-    legend_beside(axis)
+    finish_axis(axis, f"time [{unit_of_time}]", f"torque on the disc [{unit}]")
     return save_picture(figure, path)
 
 

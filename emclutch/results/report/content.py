@@ -297,8 +297,8 @@ def _effects(on: Sequence[str], left_out: Sequence[LeftOut]) -> Table:
         field, line = EffectsSection.model_fields.get(name), None if name in on else of.get(name)
         state = "on" if name in on else OFF if line is None else line.where
         what = "" if field is None else str(field.description)
-        matters = ("", "") if line is None else (line.verdict, line.in_words())
-        rows.append((name.replace("_", " "), state, what, *matters))
+        matters = "" if line is None else line.verdict.lower() if line.where == ALWAYS else line.verdict
+        rows.append((name.replace("_", " "), state, what, matters, "" if line is None else line.in_words()))
     return Table(rows, ("effect", "", "what it is", "would matter", "by this number (from there on)"))
 
 

@@ -23,7 +23,7 @@ from emclutch.results import OutputError
 from emclutch.results.report.content import Page, Picture
 
 TEMPLATES = Path(__file__).parent / "templates"
-CLASSES = {"on": "good", "yes": "good", "off": "soft", "YES": "poor", "NO": "poor"}
+CLASSES = {"on": "good", "off": "soft", "YES": "poor", "NO": "poor"}
 """Colours of cells that have these words."""
 MARKS = {"good": "✓", "poor": "✗", "note": "–"}
 

@@ -7,7 +7,7 @@
 
 Each choice is an option of pvbatch as well: --colour moment --look device --show grains chains.
 """
-# ruff: noqa: E402
+# ruff: noqa: E402, I001
 # mypy: ignore-errors
 
 # --- Choices ---------------------------------------------------------------------------------------------------------
@@ -36,30 +36,10 @@ import os
 import sys
 
 from emclutch.results.view.look import (
-    AMBIENT,
-    BARS,
-    CHAIN_WIDTH,
-    DIFFUSE,
-    FIELD_COLOURS,
-    FLUX_DENSITY,
-    FORCE,
-    FORCE_COLOURS,
-    FRAMES_A_SECOND,
-    GRAIN_OPACITY,
-    LINE_COLOUR,
-    LOOKS,
-    MARK,
-    SHADES,
-    SIZE,
-    SOLID_OPACITY,
-    SWEEP,
-    TIME_PLACE,
-    TITLE_PLACE,
-    WALL_OPACITY,
-    camera,
-    flux_levels,
-    line_offset,
-)
+    AMBIENT, BARS, CHAIN_WIDTH, DIFFUSE, FIELD_COLOURS, FLUX_DENSITY, FORCE, FORCE_COLOURS, FRAMES_A_SECOND,
+    GRAIN_OPACITY, LINE_COLOUR, LOOKS, MARK, SHADES, SIZE, SOLID_OPACITY, SWEEP, TIME_PLACE, TITLE_PLACE,
+    WALL_OPACITY, camera, flux_levels, line_offset,
+)  # fmt: skip
 
 HERE = os.path.dirname(os.path.abspath(__file__)) if "__file__" in globals() else RUN
 if not os.path.exists(os.path.join(HERE, "case.toml")):  # a copy that `emclutch view` made elsewhere

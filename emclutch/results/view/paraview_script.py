@@ -31,7 +31,7 @@ def script_text(files: RunFiles) -> str:
     }
     scene, _, look = SCENE.read_text(encoding="utf-8"), *LOOK.read_text(encoding="utf-8").split("import math\n", 1)
     text = re.sub(r"^# (ruff|mypy): .*\n", "", scene, flags=re.MULTILINE)
-    text = re.sub(r"^from emclutch.*? import \(.*?^\)\n", lambda _: look, text, flags=re.MULTILINE | re.DOTALL)
+    text = re.sub(r"^from emclutch.*? import \(.*?^\).*?\n", lambda _: look, text, flags=re.MULTILINE | re.DOTALL)
     for name, value in known.items():
         line = re.search(rf"^{name} = (.*?)(?=  # |$)", text, flags=re.MULTILINE)
         assert line is not None, f"{SCENE} has no line {name} = ..."

@@ -54,13 +54,7 @@ def wall_surfaces(
     planes = [wall for wall in walls if hasattr(wall, "normal")]
     reach = _reach(walls)
     points, velocity, polygons = [np.zeros((0, 3))], [np.zeros((0, 3))], []
-    cells: dict[str, list[np.ndarray]] = {
-        name: [np.zeros(0, dtype=kind)]
-        for name, kind in (
-            ("body", np.int32), ("wall", np.int32), ("angular_speed", np.float64), ("material_angle", np.float64),
-            ("stripe", np.int32),
-        )
-    }  # fmt: skip
+    rows: list[tuple[int, int, float, float, int]] = []
     count = 0
     for number, wall in enumerate(walls):
         turned, speed = angles.get(wall.body, 0.0), speeds.get(wall.body, 0.0)
@@ -77,14 +71,12 @@ def wall_surfaces(
         velocity.append(speed * np.column_stack([-corners[:, 1], corners[:, 0], np.zeros(len(corners))]))
         polygons += list(faces + count)
         count += len(corners)
-        same = np.ones(len(faces), dtype=np.int32)
-        cells["body"].append(bodies.index(wall.body) * same)
-        cells["wall"].append(number * same)
-        cells["angular_speed"].append(speed * same)
-        cells["material_angle"].append(material)
-        cells["stripe"].append(stripes(material, sector_angle) if hasattr(wall, "start") else 0 * same)
-    joined = {name: np.concatenate(parts) for name, parts in cells.items()}
-    return WallSurfaces(np.vstack(points), np.vstack(velocity), polygons, joined, bodies)
+        marks = stripes(material, sector_angle) if hasattr(wall, "start") else np.zeros(len(faces), dtype=np.int32)
+        rows += [(bodies.index(wall.body), number, speed, *cell) for cell in zip(material, marks, strict=True)]
+    kinds = {"body": "i4", "wall": "i4", "angular_speed": "f8", "material_angle": "f8", "stripe": "i4"}
+    cells = np.array(rows, dtype=list(kinds.items()))
+    arrays = {name: np.ascontiguousarray(cells[name]) for name in kinds}
+    return WallSurfaces(np.vstack(points), np.vstack(velocity), polygons, arrays, bodies)
 
 
 def revolved_surface(
