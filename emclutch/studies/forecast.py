@@ -30,7 +30,7 @@ class PointForecast:
     ----------
     label : its values.
     steps, grains : of one replica.
-    replicas : runs side by side.
+    replicas : runs of the point, each of another packing.
     seconds : wall-clock time to the scene's end [s], while other points run at the same time.
     earliest : the same where `time.until` ends it as early as shear of the gap allows [s]; `seconds` without an aim.
     memory, disk : of all its replicas at most, and of its folder in the end [MiB].

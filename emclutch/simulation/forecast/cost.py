@@ -93,8 +93,8 @@ class Cost:
             threads += f", in {self.rounds} rounds"
         each = " each" if self.replicas > 1 else ""
         text = (
-            f"{self.steps} steps of {self.grains} grains: about {spoken(seconds['total'])}, within a factor of two, on "
-            f"{threads} of idle cores ({parts}; without compiling), {self.memory:.0f} MiB of memory{each}, "
+            f"{self.steps} steps of {self.grains} grains: about {spoken(seconds['total'])} on idle cores, within a "
+            f"factor of two, on {threads} ({parts}; without compiling), {self.memory:.0f} MiB of memory{each}, "
             f"{self.disk:.0f} MiB on disk"
         )
         long = "more than a day; are all lengths and times in the units that were meant?"
