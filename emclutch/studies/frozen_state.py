@@ -10,7 +10,6 @@ from time import perf_counter
 
 import numpy as np
 
-from coupling import MutuallyMagnetisedGrains, SolvedCoilField
 from coupling.staggered import held_forces, refresh_field
 from coupling.window_budget import WindowBudget
 from emclutch.scene.case import Case
@@ -51,6 +50,9 @@ def frozen_state(case: Case, position: np.ndarray, diameter: np.ndarray | float 
 
     Raises what field and moments raise where they do not converge.
     """
+    effects = case.scene.effects
+    exact = ((effects.attraction, MOMENTS_TOLERANCE), (effects.feedback, FEEDBACK_TOLERANCE))
+    case = case.with_values({f"effects.{one.name}.tolerance": value for one, value in exact if one is not None})
     device, plan = make_plan(case)
     d = case.scene.grains.largest_diameter if diameter is None else diameter
     radius = 0.5 * np.broadcast_to(np.asarray(d, dtype=float), len(position))
@@ -59,10 +61,6 @@ def frozen_state(case: Case, position: np.ndarray, diameter: np.ndarray | float 
     magnetised, source = simulation.magnetised, simulation.source
     if magnetised is None or source is None:
         raise ValueError("the scene has no magnetic effect: there is nothing to hold still")
-    if isinstance(magnetised, MutuallyMagnetisedGrains):
-        magnetised.tolerance = MOMENTS_TOLERANCE
-    if isinstance(source, SolvedCoilField) and source.feedback is not None:
-        source.powder_tolerance = FEEDBACK_TOLERANCE
     for effect in simulation.effects:
         effect.begin_window(simulation)
     begin = perf_counter()

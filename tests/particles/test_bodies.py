@@ -1,4 +1,4 @@
-"""Speed profiles, the choice of the time step, creation of grains, walls that belong to bodies."""
+"""Shafts, the choice of the time step, creation of grains, walls that belong to bodies."""
 
 import math
 
@@ -18,17 +18,6 @@ from particles import (
 from particles.walls.wall_table import wall_table
 
 LAW = LinearContact.from_restitution(100.0, 0.5, 0.3)
-
-
-def test_profile_is_linear_and_held():
-    profile = TimeProfile((0.0, 1.0, 3.0), (0.0, 10.0, 4.0))
-    assert profile.at(np.array([-1.0, 0.5, 2.0, 9.0])) == pytest.approx([0.0, 5.0, 7.0, 4.0])
-
-
-@pytest.mark.parametrize("times, speeds", [((0.0, 1.0), (1.0,)), ((1.0, 0.0), (0.0, 1.0)), ((), ())])
-def test_bad_profile_is_refused(times, speeds):
-    with pytest.raises(ValueError, match="time profile"):
-        TimeProfile(times, speeds)
 
 
 def test_bad_shaft_is_refused():

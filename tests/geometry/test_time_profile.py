@@ -1,0 +1,31 @@
+"""A time profile is linear between its instants, held outside them, and one value where it is constant."""
+
+import numpy as np
+import pytest
+
+from geometry.time_profile import TimeProfile
+
+PROFILE = TimeProfile((0.0, 1.0, 3.0), (0.0, 10.0, -14.0))
+
+
+def test_profile_is_linear_and_held():
+    times = np.array([-1.0, 0.5, 2.0, 9.0])
+    assert PROFILE.at(times) == pytest.approx([0.0, 5.0, -2.0, -14.0])
+    assert [PROFILE(time) for time in times] == PROFILE.at(times).tolist()
+    assert PROFILE.largest == 14.0 and not PROFILE.is_constant
+
+
+def test_a_constant_is_one_value_for_ever():
+    constant = TimeProfile.constant(24.0)
+    assert constant.is_constant and constant(-1.0) == constant(1e9) == constant.largest == 24.0
+
+
+def test_a_profile_over_a_number_has_its_values_over_it():
+    """As the current V/R of a voltage."""
+    assert PROFILE / 2.0 == TimeProfile((0.0, 1.0, 3.0), (0.0, 5.0, -7.0))
+
+
+@pytest.mark.parametrize("times, values", [((0.0, 1.0), (1.0,)), ((1.0, 0.0), (0.0, 1.0)), ((), ())])
+def test_bad_profile_is_refused(times, values):
+    with pytest.raises(ValueError, match="time profile"):
+        TimeProfile(times, values)
