@@ -15,7 +15,7 @@ from emclutch.scene.fault_report import faults_from, key_fault, quantity_at
 from emclutch.scene.model import Scene
 from emclutch.scene.section import Section
 from emclutch.scene.study import flat_keys
-from emclutch.scene.units import Quantity
+from emclutch.scene.units import Quantity, in_unit_of
 
 WANTED = Quantity("a torque", "N*m", "12 N m", 0.0, 1e7, open_minimum=True)
 _EXAMPLE = "write it as in 'torque 12 N m'"
@@ -75,6 +75,10 @@ class Search:
     source: str
     like: Path | None = None
 
+    def shown(self, value: float) -> str:
+        """Return a value [SI] in the unit in which the range was given."""
+        return in_unit_of(self.entries[0], value, self.quantity)
+
 
 def read_design(path: str | Path, *, trust_scripts: bool = False) -> Search:
     """Read a design file; `trust_scripts` as in `emclutch.scene.case.load_case`.
@@ -119,7 +123,7 @@ def _search(
     if reason := key_fault(vary, Scene):
         faults.append(Fault(f"{prefix}vary", shown(vary), reason))
     elif (quantity := quantity_at(vary, Scene, {} if case is None else case.data)) is None:
-        message = "is no quantity that changes continuously; search a length, a current, a fraction"
+        message = "is not a continuous quantity; search a length, a current, a fraction"
         faults.append(Fault(f"{prefix}vary", shown(vary), message))
     ends, torque = [], 0.0
     for entry in between:
@@ -144,5 +148,5 @@ def _aim(target: str | float) -> str | float:
         return target
     match = re.fullmatch(r"\s*torque\s+(.+)", target)
     if match is None:
-        raise ValueError("is no aim")
+        raise ValueError("is not a valid torque target")
     return match[1]

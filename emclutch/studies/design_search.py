@@ -28,7 +28,6 @@ from emclutch.results.atomic_file import replace_json, replace_text
 from emclutch.scene.case import Case, as_case, load_case
 from emclutch.scene.design import Search, search_of
 from emclutch.scene.errors import Fault, SceneError, bad_input_for
-from emclutch.scene.units import in_unit_of
 from emclutch.simulation.forecast.expected_field import expected_magnetisation
 from emclutch.simulation.forecast.expected_torque import BOUND, ORDER, THREEFOLD, ExpectedTorque, expected_torque
 
@@ -36,25 +35,22 @@ if TYPE_CHECKING:
     from emclutch.results import Progress
 
 FACTORS = {THREEFOLD: (3.0, 3.0), ORDER: (10.0, 10.0), BOUND: (1.0, inf)}
-"""How many times more and less the law may give than a run does; a bound is never less."""
-SHARP, BLUNT = (
-    1e-3,
-    1e-2,
-)  # of the range of x: of the answer (a mesh of each x: 3e-4 of the torque is noise), and of its bracket
+"""Factors by which a run may give less and more than the law; a bound is never less."""
+VALUE_TOLERANCE, BRACKET_TOLERANCE = 1e-3, 1e-2
+"""Of the range of x. Another mesh for each x is a noise of 3e-4 of the torque: a closer value would be noise."""
 
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """Torque of a run beside that of the law.
+    """Torque of a run over that which the law expects of its scene.
 
     Attributes
     ----------
     folder : Path
         Of the run.
     ratio : float
-        Its torque over that expected of its scene.
     interval : tuple of float or None
-        The same of the ends of its 95 % interval; None where its error is unknown, or wider than the torque.
+        Ratio at the ends of the run's 95 % interval; None where its error is unknown, or wider than the torque.
     """
 
     folder: Path
@@ -63,19 +59,20 @@ class Correction:
 
 
 def correction_by(folder: str | Path) -> Correction:
-    """The correction of the law by a finished run; OutputError where it has no torque."""
+    """Return the correction of the law by a finished run; OutputError where it has no torque."""
     run = load_result(folder)
     expected = expectation_of(load_case(run.folder.case)).torque
     mean, interval = run.torque.mean, run.torque.interval()
     if not mean or not expected:
         raise OutputError(f"{folder} has no torque that could be compared with an expectation; name another run")
-    ends = None if interval is None else sorted(abs(end) / expected for end in interval)
-    known = interval is not None and interval[0] * interval[1] > 0.0
-    return Correction(run.folder.path, abs(mean) / expected, (ends[0], ends[1]) if ends and known else None)
+    if interval is None or interval[0] * interval[1] <= 0.0:
+        return Correction(run.folder.path, abs(mean) / expected, None)
+    low, high = sorted(abs(end) / expected for end in interval)
+    return Correction(run.folder.path, abs(mean) / expected, (low, high))
 
 
 def expectation_of(case: Case) -> ExpectedTorque:
-    """The torque that is expected of a scene; SceneError where its field cannot be solved."""
+    """Return the torque that is expected of a scene; SceneError where its field cannot be solved."""
     case.need_grains()
     with bad_input_for(case.path):
         device = build_device(case.scene)
@@ -136,10 +133,6 @@ class DesignResult:
         mean = None if self.run is None else self.run.torque.mean
         return None if mean is None else abs(mean) / (self.expected.torque or inf)
 
-    def shown(self, value: float) -> str:
-        """A value [SI] in the unit in which the range was given."""
-        return in_unit_of(self.search.entries[0], value, self.search.quantity)
-
 
 def design(
     case: Case | str | Path | Search,
@@ -181,109 +174,98 @@ def design(
         raise OutputError(f"{folder} exists; name another folder with --out")
     law = _Expectation(search)
     correction = None if search.like is None else correction_by(search.like)
-    value = law.value_at(search.torque / (correction.ratio if correction else 1.0), SHARP)
+    ratio = 1.0 if correction is None else correction.ratio
+    value = law.value_at(search.torque / ratio, VALUE_TOLERANCE)
     if value is None:
-        raise SceneError([_out_of_range(search, law, correction)], search.source)
+        reached = ", ".join(f"{ratio * law.torque(end):.4g} N m at {search.shown(end)}" for end in search.between)
+        message = f"does not reach {search.torque:g} N m between both values: {reached} are expected; "
+        message += "widen the range, vary another key, or change the target"
+        raise SceneError([Fault(search.key, "", message)], search.source)
     expected = law.at(value)
-    bracket, is_cut = _bracket(search, law, expected.trust, correction)
+    ends = [law.value_at(torque, BRACKET_TOLERANCE) for torque in _torques_at_the_ends(search, expected, correction)]
+    if law.torque(search.between[1]) < law.torque(search.between[0]):
+        ends.reverse()
+    low, high = (end if one is None else one for end, one in zip(search.between, ends, strict=True))
     found = search.case.with_values({search.key: value})
     folder.mkdir(parents=True)
     found.write_toml(folder / "found.toml")
-    result = DesignResult(folder, search, value, expected, bracket, is_cut, law.tried(), found, correction)
+    is_cut = ends[0] is None, ends[1] is None
+    result = DesignResult(folder, search, value, expected, (low, high), is_cut, law.tried(), found, correction)
     _write(result)
     if confirm:
         from emclutch.simulation.run import run  # local: a search alone compiles no kernel
 
         result = replace(result, run=run(found, out=folder / "run", threads=threads, progress=progress))
         if result.ratio:
-            asked = law.value_at(search.torque / result.ratio, SHARP)
-            result = replace(result, next_value=asked, tried=law.tried())
+            corrected = law.value_at(search.torque / result.ratio, VALUE_TOLERANCE)
+            result = replace(result, next_value=corrected, tried=law.tried())
         _write(result)
     return result
 
 
 class _Expectation:
-    """The expected torque of each value of the key, worked out once."""
+    """The expected torque over the key that is searched; each value is computed once."""
 
     def __init__(self, search: Search) -> None:
         self._search = search
         self._known: dict[float, ExpectedTorque] = {}
 
     def at(self, value: float) -> ExpectedTorque:
-        """The expectation at a value [SI]; SceneError where the scene cannot be there, or has no torque to tell."""
+        """Return the expectation at a value [SI]; SceneError where the scene is not valid there, or has no torque."""
+        search = self._search
         if value not in self._known:
-            search = self._search
-            where = in_unit_of(search.entries[0], value, search.quantity)
             try:
-                case = search.case.with_values({search.key: value})
-                found = expectation_of(case)
+                found = expectation_of(search.case.with_values({search.key: value}))
             except SceneError as error:
-                at = f"(at {search.key} = {where})"
+                at = f"(at {search.key} = {search.shown(value)})"
                 faults = [Fault(one.key, one.value, f"{one.message} {at}") for one in error.faults]
                 raise SceneError(faults, error.source) from None
             if not found.torque:
-                raise SceneError([Fault("target", "", f"cannot be searched: no torque is expected, {found.law}")],
-                                 search.source)  # fmt: skip
+                message = f"cannot be searched: no torque is expected, {found.law}"
+                raise SceneError([Fault("target", "", message)], search.source)
             self._known[value] = found
         return self._known[value]
 
     def torque(self, value: float) -> float:
-        """The same as a number [N m]."""
+        """Return the expected torque at a value [SI], in N m."""
         return self.at(value).torque or 0.0
 
     def tried(self) -> list[tuple[float, float]]:
-        """All values [SI] with their torques [N m], ascending."""
+        """Return all values [SI] with their torques [N m], ascending."""
         return [(value, self.torque(value)) for value in sorted(self._known)]
 
     def value_at(self, torque: float, tolerance: float) -> float | None:
-        """A value [SI] that gives a torque [N m], to `tolerance` of the range; None where both ends are on one side."""
+        """Return the value [SI] of a torque [N m], to `tolerance` of the range; None where the range has none."""
         low, high = self._search.between
-        ends = [log(self.torque(end) / torque) for end in (low, high)]
-        if ends[0] * ends[1] > 0.0:
+        if torque == inf:
             return None
-        # of logarithms: torques are positive and go with powers of the quantities
-        return float(brentq(lambda x: log(self.torque(x) / torque), low, high, xtol=tolerance * (high - low)))
+
+        def excess(value: float) -> float:  # of logarithms: torques are positive and go with powers of the quantities
+            return log(self.torque(value) / torque)
+
+        if excess(low) * excess(high) > 0.0:
+            return None
+        return float(brentq(excess, low, high, xtol=tolerance * (high - low)))
 
 
-def _bracket(
-    search: Search, law: _Expectation, trust: str, correction: Correction | None
-) -> tuple[tuple[float, float], tuple[bool, bool]]:
-    """Range of the key that the law's uncertainty leaves, and which of its ends are those of what is searched.
+def _torques_at_the_ends(
+    search: Search, expected: ExpectedTorque, correction: Correction | None
+) -> tuple[float, float]:
+    """Return the least and the largest expectation [N m] that may mean the wanted torque.
 
-    The uncertainty is that of the run that corrects the law, where its interval is known, and the law's own otherwise.
+    They follow from the 95 % interval of the run that corrects the law, where it is known, else from the law's factor.
     """
-    less, more = FACTORS[trust]
     if correction is not None and correction.interval is not None:
-        less, more = correction.interval[1], 1.0 / correction.interval[0]
-    elif correction is not None:
-        less, more = less * correction.ratio, more / correction.ratio
-    low, high = search.between
-    rises = law.torque(high) >= law.torque(low)
-    weak = law.value_at(search.torque / less, BLUNT)
-    strong = None if more == inf else law.value_at(search.torque * more, BLUNT)
-    first, last = (weak, strong) if rises else (strong, weak)
-    return (low if first is None else first, high if last is None else last), (first is None, last is None)
-
-
-def _out_of_range(search: Search, law: _Expectation, correction: Correction | None) -> Fault:
-    ratio = correction.ratio if correction else 1.0
-    ends = ", ".join(
-        f"{ratio * law.torque(end):.4g} N m at {in_unit_of(search.entries[0], end, search.quantity)}"
-        for end in search.between
-    )
-    return Fault(
-        search.key,
-        "",
-        f"gives no {search.torque:g} N m between both values: {ends} are expected; widen the range, vary another key, "
-        "or change the target",
-    )
+        return search.torque / correction.interval[1], search.torque / correction.interval[0]
+    less, more = FACTORS[expected.trust]
+    wanted = search.torque / (1.0 if correction is None else correction.ratio)
+    return wanted / less, wanted * more
 
 
 def _write(result: DesignResult) -> None:
-    """design.csv and design.json, again after the run."""
-    search = result.search
+    """Write design.csv and design.json, again after the run."""
     rows = "".join(f"{value!r},{torque!r}\n" for value, torque in result.tried)
-    replace_text(result.folder / "design.csv", f"{search.key},expected_torque\n{rows}")
+    replace_text(result.folder / "design.csv", f"{result.search.key},expected_torque\n{rows}")
     replace_json(result.folder / "design.json", as_data(result))
 
 
@@ -311,40 +293,36 @@ def as_data(result: DesignResult) -> dict[str, Any]:
 
 
 def in_words(result: DesignResult) -> list[str]:
-    """The answer for a terminal, a line each."""
-    search, expected = result.search, result.expected
-    torque = (expected.torque or 0.0) * (result.correction.ratio if result.correction else 1.0)
+    """Return the answer for a terminal, line by line."""
+    search, expected, correction = result.search, result.expected, result.correction
+    torque = (expected.torque or 0.0) * (correction.ratio if correction else 1.0)
     low, high = (
-        f"{result.shown(end)}{' (end of the range: perhaps beyond)' if is_cut else ''}"
+        f"{search.shown(end)}{' (end of the range: perhaps beyond)' if is_cut else ''}"
         for end, is_cut in zip(result.bracket, result.is_cut, strict=True)
     )
     lines = [
-        f"{search.key} = {result.shown(result.value)}: {torque:.4g} N m expected, {search.torque:g} N m wanted",
+        f"{search.key} = {search.shown(result.value)}: {torque:.4g} N m expected, {search.torque:g} N m wanted",
         f"law: {expected.in_words()}",
-        *([] if result.correction is None else [_correction_in_words(result.correction)]),
-        f"its uncertainty leaves {low} to {high}"
-        if result.correction is None or result.correction.interval is None
-        else f"the error of that run leaves {low} to {high}, where its ratio is the same there",
     ]
+    if correction is not None:
+        ends = correction.interval
+        spread = "its error unknown" if ends is None else f"95 %: {ends[0]:.2f} to {ends[1]:.2f}"
+        lines.append(f"times {correction.ratio:.2f} ({spread}), the ratio of {correction.folder} to its expectation")
+    if correction is not None and correction.interval is not None:
+        lines.append(f"the error of that run leaves {low} to {high}, if its ratio is the same there")
+    else:
+        lines.append(f"its uncertainty leaves {low} to {high}")
     if not result.is_monotone:
-        lines.append(
-            "WARNING: the torque rises and falls between both values: there may be other answers, see design.csv"
-        )
+        lines.append("WARNING: the torque rises and falls between both values: other answers may exist, see design.csv")
     lines.append(f"scene: {result.folder / 'found.toml'}")
     return lines
 
 
-def _correction_in_words(correction: Correction) -> str:
-    ends = correction.interval
-    spread = "its error unknown" if ends is None else f"95 %: {ends[0]:.2f} to {ends[1]:.2f}"
-    return f"times {correction.ratio:.2f} ({spread}), which {correction.folder} has over what is expected of it"
-
-
 def run_in_words(result: DesignResult) -> list[str]:
-    """Return what the run of the scene says, beside its expectation."""
+    """Return how the run of the scene compares with its expectation."""
     if result.ratio is None:
         return []
-    text = f"run over expected: {result.ratio:.2f}; "
+    search, text = result.search, f"run over expected: {result.ratio:.2f}; "
     if result.next_value is None:
-        return [f"{text}with it no value of {result.search.key} that was searched gives {result.search.torque:g} N m"]
-    return [f"{text}with it {result.search.key} = {result.shown(result.next_value)} gives {result.search.torque:g} N m"]
+        return [f"{text}with it no value of {search.key} in the range gives {search.torque:g} N m"]
+    return [f"{text}with it {search.key} = {search.shown(result.next_value)} gives {search.torque:g} N m"]

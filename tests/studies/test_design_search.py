@@ -132,9 +132,9 @@ def test_faults_of_a_design_file_come_together(tmp_path):
     told = [str(fault) for fault in refused.value.faults]
     assert len(told) == 2 and "'1 kg' is a mass" in told[0] and "torque 12 kg" in told[1]
     file.write_text(text.format(QUICKSTART, "particles.count", "[1, 2]", "torque 12 N m", "scene.seed"))
-    with pytest.raises(SceneError, match=r"design\.vary = 'particles\.count' is no quantity"):
+    with pytest.raises(SceneError, match=r"design\.vary = 'particles\.count' is not a continuous quantity"):
         read_design(file)
     answer = CliRunner().invoke(app, ["design", str(file), "--target", "torque 1 N m"])
-    assert answer.exit_code == 2 and "--target stands in" in answer.stderr
+    assert answer.exit_code == 2 and "--target is given in" in answer.stderr
     answer = CliRunner().invoke(app, ["design", str(QUICKSTART)])
     assert answer.exit_code == 2 and "--vary is needed" in answer.stderr and "--target is missing" in answer.stderr
