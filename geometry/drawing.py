@@ -1,4 +1,4 @@
-"""A picture of the cross-section: regions in colour with their names, and the mesh around the gap.
+"""A picture of the cross-section: regions in colour, named in a legend, and the mesh around the gap.
 
 Drawn as engineers draw a shaft: z to the right, r upwards, the upper half only. Matplotlib's object
 interface with the Agg canvas is used: no display is needed and nobody's pyplot state is touched.
@@ -15,7 +15,6 @@ from geometry.section import SectionMesh
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.tri import Triangulation
 
 # Steel in blues and greys, conductors copper, non-magnetic parts light, the powder dark red.
 _COLOURS = {
@@ -24,8 +23,6 @@ _COLOURS = {
     "shaft_out": "#5f7f9b",
 }  # fmt: skip
 _OTHERS = ("#b5a7c9", "#9cc5a1", "#e0a9b4", "#88b7b5", "#c7b58b", "#a9a9d4")
-_FONT = 9.0  # points
-_INCH = 72.0  # points
 _MM = 1e3
 
 
@@ -50,28 +47,25 @@ def draw_section(mesh: SectionMesh, path: str | Path, title: str | None = None, 
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
-    from matplotlib.tri import Triangulation
+    from matplotlib.patches import Patch
 
-    triangulation = Triangulation(mesh.points[:, 1] * _MM, mesh.points[:, 0] * _MM, mesh.triangles[:, ::-1])
-    views = [_device_view(mesh)]
+    spare = iter(_OTHERS * (1 + len(mesh.regions)))
+    colours = {name: _COLOURS.get(name) or next(spare) for name in mesh.regions}
     gap = _gap_view(mesh)
-    if gap is not None:
-        views.append(gap)
+    views = [_device_view(mesh), *([] if gap is None else [gap])]
     height = 6.6
     shapes = [(right - left) / (top - bottom) for left, right, bottom, top in views]
-    figure = Figure(figsize=(sum(shapes) * (height - 1.1) + 1.0 * len(views), height), layout="constrained")
+    figure = Figure(figsize=(sum(shapes) * (height - 1.1) + 1.0 * len(views) + 1.2, height), layout="constrained")
     FigureCanvasAgg(figure)
     panels = figure.subplots(1, len(views), squeeze=False, width_ratios=shapes)[0]
-    for panel, view in zip(panels, views, strict=True):
-        panel.set(xlim=view[:2], ylim=view[2:], xlabel="z [mm]", ylabel="r [mm]", aspect="equal")
-    figure.draw_without_rendering()  # the panels get their final scale, which the names are fitted to
-    for number, (panel, view) in enumerate(zip(panels, views, strict=True)):
-        _paint(panel, mesh, triangulation, with_mesh=number > 0)
-        _write_names(panel, mesh, triangulation, view, leaders=number == 0)
     count = f"{len(mesh.triangles)} triangles, {len(mesh.points)} nodes"
-    panels[0].set_title(f"cross-section ({count})", fontsize=_FONT)
-    if gap is not None:
-        panels[1].set_title("mesh at the corner of the disc", fontsize=_FONT)
+    headings = (f"cross-section ({count})", "mesh at the corner of the disc")
+    for number, (panel, view) in enumerate(zip(panels, views, strict=True)):
+        panel.set(xlim=view[:2], ylim=view[2:], xlabel="z [mm]", ylabel="r [mm]", aspect="equal")
+        panel.set_title(headings[number], fontsize="medium")
+        _paint(panel, mesh, list(colours.values()), with_mesh=number > 0)
+    patches = [Patch(facecolor=colour, edgecolor="#303030", label=name) for name, colour in colours.items()]
+    figure.legend(handles=patches, loc="outside right upper")
     if title:
         figure.suptitle(title)
     figure.savefig(path, dpi=dpi)
@@ -99,30 +93,20 @@ def _gap_view(mesh: SectionMesh) -> View | None:
     return z - 3.5 * reach, z + 2.5 * reach, r - 3.5 * reach, r + 3.5 * reach
 
 
-def _paint(panel: Axes, mesh: SectionMesh, triangulation: Triangulation, with_mesh: bool) -> None:
+def _paint(panel: Axes, mesh: SectionMesh, colours: list[str], with_mesh: bool) -> None:
     from matplotlib.colors import ListedColormap
+    from matplotlib.tri import Triangulation
 
-    colours = list(_colours(mesh).values())
     number = np.empty(len(mesh.triangles))
     for i, elements in enumerate(mesh.regions.values()):
         number[elements] = i
+    r, z = mesh.points.T * _MM
     lines: dict[str, Any] = {"edgecolors": "#00000060", "linewidth": 0.5} if with_mesh else {"edgecolors": "face"}
-    panel.tripcolor(
-        triangulation,
-        facecolors=number,
-        cmap=ListedColormap(colours),
-        vmin=-0.5,
-        vmax=len(colours) - 0.5,
-        **lines,
-    )
+    limits = {"cmap": ListedColormap(colours), "vmin": -0.5, "vmax": len(colours) - 0.5}
+    panel.tripcolor(Triangulation(z, r, mesh.triangles[:, ::-1]), facecolors=number, **limits, **lines)
     for elements in mesh.regions.values():
-        z, r = (mesh.points[_outline(mesh.triangles[elements])] * _MM).T[::-1]
-        panel.plot(z, r, color="#303030", linewidth=0.6)
-
-
-def _colours(mesh: SectionMesh) -> dict[str, str]:
-    spare = iter(_OTHERS * (1 + len(mesh.regions)))
-    return {name: _COLOURS.get(name) or next(spare) for name in mesh.regions}
+        nodes = _outline(mesh.triangles[elements])
+        panel.plot(z[nodes].T, r[nodes].T, color="#303030", linewidth=0.6)
 
 
 def _outline(triangles: np.ndarray) -> np.ndarray:
@@ -130,65 +114,3 @@ def _outline(triangles: np.ndarray) -> np.ndarray:
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     _, first, uses = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
     return edges[first[uses == 1]]
-
-
-def _write_names(panel: Axes, mesh: SectionMesh, triangulation: Triangulation, view: View, leaders: bool) -> None:
-    """A name goes where it fits into its region, level or upright; else to the right, with a leader line."""
-    find = triangulation.get_trifinder()
-    region_of = np.full(len(mesh.triangles) + 1, -1)
-    for i, elements in enumerate(mesh.regions.values()):
-        region_of[elements] = i
-    width, height = panel.get_window_extent().size
-    point = max((view[1] - view[0]) / width, (view[3] - view[2]) / height) * panel.figure.dpi / _INCH  # [mm]
-    colours = _colours(mesh)
-    low, high = np.array(view[::2]), np.array(view[1::2])
-    led: list[tuple[float, float, str]] = []
-    for i, name in enumerate(mesh.regions):
-        centres = mesh.centroid()[mesh.regions[name]][:, ::-1] * _MM
-        inside = (centres[:, 0] > view[0]) & (centres[:, 0] < view[1])
-        if name == "air":  # its right half is for the names with leader lines
-            inside &= centres[:, 0] < 0.5 * (view[0] + view[1])
-        centres = centres[inside & (centres[:, 1] > view[2]) & (centres[:, 1] < view[3])]
-        if len(centres) == 0:
-            continue
-        depth = _depth(centres, mesh.points[_outline(mesh.triangles[mesh.regions[name]])][..., ::-1] * _MM, view)
-        # Along a strip many points are equally deep: the name goes to the middle of it.
-        middle = np.linalg.norm(centres - centres.mean(axis=0), axis=1)
-        order = np.argsort(0.1 * middle - depth, kind="stable")
-        text = np.array([0.62 * len(name) + 0.8, 1.6]) * _FONT * point
-        for upright in (False, True):
-            box = 0.5 * (text[::-1] if upright else text)
-            grid = np.array([(x, y) for x in np.linspace(-1, 1, 9) for y in np.linspace(-1, 1, 9)]) * box
-            corners = centres[order][:, None, :] + grid
-            fits = np.all(region_of[np.asarray(find(corners[..., 0], corners[..., 1]), dtype=np.int64)] == i, axis=1)
-            fits &= np.all((centres[order] - box > low) & (centres[order] + box < high), axis=1)
-            if fits.any():
-                z, r = centres[order][np.argmax(fits)]
-                dark = name in ("powder", "shaft_out")
-                panel.text(
-                    z, r, name, ha="center", va="center", fontsize=_FONT, rotation=90.0 * upright,
-                    color="white" if dark else "black",
-                    bbox={"facecolor": colours[name], "edgecolor": "none", "pad": 0.5},
-                )  # fmt: skip
-                break
-        else:
-            # High up and to the right, so that the line is short and leaves the names of others alone.
-            z, r = centres[np.argmax(depth + 0.02 * centres.sum(axis=1))]
-            led.append((z, r, name))
-    level = np.inf
-    for z, r, name in sorted(led, key=lambda item: -item[1]) if leaders else ():
-        level = min(r + 0.5 * _FONT * point, level - 1.8 * _FONT * point)
-        panel.annotate(
-            name, (z, r), (view[1] - 0.5 * _FONT * point, level), ha="right", va="center", fontsize=_FONT,
-            arrowprops={"arrowstyle": "-", "linewidth": 0.8, "shrinkA": 1.0, "shrinkB": 0.0},
-        )  # fmt: skip
-
-
-def _depth(points: np.ndarray, edges: np.ndarray, view: View) -> np.ndarray:
-    """Distance of points, shape (n, 2), to the nearest of the edges, shape (k, 2, 2), or of the frame."""
-    start, along = edges[:, 0], edges[:, 1] - edges[:, 0]
-    to = points[:, None, :] - start
-    t = np.clip((to * along).sum(2) / (along**2).sum(1), 0.0, 1.0)
-    nearest = np.linalg.norm(to - t[..., None] * along, axis=2).min(axis=1)
-    frame = np.minimum(points - np.array(view[::2]), np.array(view[1::2]) - points).min(axis=1)
-    return np.minimum(nearest, frame)
