@@ -102,8 +102,14 @@ def _paint(panel: Axes, mesh: SectionMesh, colours: list[str], with_mesh: bool) 
         number[elements] = i
     r, z = mesh.points.T * _MM
     lines: dict[str, Any] = {"edgecolors": "#00000060", "linewidth": 0.5} if with_mesh else {"edgecolors": "face"}
-    limits = {"cmap": ListedColormap(colours), "vmin": -0.5, "vmax": len(colours) - 0.5}
-    panel.tripcolor(Triangulation(z, r, mesh.triangles[:, ::-1]), facecolors=number, **limits, **lines)
+    panel.tripcolor(
+        Triangulation(z, r, mesh.triangles[:, ::-1]),
+        facecolors=number,
+        cmap=ListedColormap(colours),
+        vmin=-0.5,
+        vmax=len(colours) - 0.5,
+        **lines,
+    )
     for elements in mesh.regions.values():
         nodes = _outline(mesh.triangles[elements])
         panel.plot(z[nodes].T, r[nodes].T, color="#303030", linewidth=0.6)
