@@ -40,7 +40,7 @@ class DeviceShape(Protocol):
 
     @property
     def bed_height(self) -> float:
-        """Largest height [m] that a bed of grains can have, whatever way the device stands."""
+        """Largest height [m] that a bed of grains can have, however the device is turned."""
 
     def volume_to_fill(self, region: str = "cavity") -> float:
         """Volume of a region [m^3]."""

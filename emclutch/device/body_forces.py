@@ -1,4 +1,4 @@
-"""Axial magnetic force on the bodies of a device that can move: which regions they are, and how it is told."""
+"""Axial magnetic force on the bodies of a device that can move: which regions they are, and the force in words."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def forces_in_words(
 ) -> Iterator[tuple[str, Sequence[str], str]]:
     """Each body with its regions and the axial force on it and its error; none on which no force is defined.
 
-    The error is told by a solve with elements of the next order.
+    The error is that of a solve with elements of the next order.
     """
     richer, _ = _next_order(solution)
     for name, regions in bodies:
@@ -84,8 +84,8 @@ def forces_in_words(
             continue
         error = replace(force, next_order=force_of_weight(richer, force.weight)).error
         doubt = "; smaller than its error: none is known" if abs(stress) <= error else ""
-        told = f"{stress:.4g} ± {error:.2g} N along z (twice the change to elements of the next order){doubt}"
-        yield name, regions, told
+        text = f"{stress:.4g} ± {error:.2g} N along z (twice the change to elements of the next order){doubt}"
+        yield name, regions, text
 
 
 def _next_order(solution: MagneticField) -> tuple[MagneticField | None, str]:

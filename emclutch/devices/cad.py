@@ -34,7 +34,7 @@ _KEYS = {"open_boundary": "field.open_boundary", "air_factor": "geometry.air_fac
 
 
 def _finished_mesh(draft: Draft) -> Iterator[Fault]:
-    """Keys that size a mesh, beside one that is taken as it is, and whether its air can be continued."""
+    """Keys that would size a mesh that is taken as it is, and whether its air can be continued."""
     geometry, source = draft.scene.geometry, draft.scene.coil_field
     if not geometry.is_meshed or source is None:
         return

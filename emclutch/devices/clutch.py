@@ -55,7 +55,7 @@ class SlotsSection(Section):
 def _one_slotted_body(draft: Draft) -> Iterator[Fault]:
     """The field stands still in the frame of one body: no other may have slots."""
     if draft.scene.coil_field is not None and len(draft.scene.geometry.slotted) == 2:
-        yield Fault("geometry.rotor_slots", "", f"stands beside geometry.disc_slots: {ONE_CARRIER}; keep one of them")
+        yield Fault("geometry.rotor_slots", "", f"conflicts with geometry.disc_slots: {ONE_CARRIER}; keep one of them")
 
 
 def _sector_of_whole_pitches(draft: Draft) -> Iterator[Fault]:

@@ -55,7 +55,7 @@ def _all_parts_of_the_feedback(draft: Draft) -> Iterator[Fault]:
     effects = draft.scene.effects
     if not moments_are_fed_back(draft.scene):
         return
-    stands = f"is missing beside [effects.back_reaction] with effects.dipoles.model = '{effects.attraction.model}'"
+    stands = f"is missing with [effects.back_reaction] and effects.dipoles.model = '{effects.attraction.model}'"
     if "magnetic_force" not in effects.active:
         yield Fault(
             "effects.magnetic_force",

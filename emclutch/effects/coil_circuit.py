@@ -30,7 +30,7 @@ def _has_a_voltage(draft: Draft) -> Iterator[Fault]:
     if coil.current is not None and coil.voltage is not None:
         yield draft.fault(
             "coil.current",
-            "stands beside coil.voltage, but [effects.coil_circuit] computes it; remove it, or the effect's table",
+            "conflicts with coil.voltage: [effects.coil_circuit] computes it; remove it, or the effect's table",
         )
     elif coil.voltage is None:
         yield Fault(

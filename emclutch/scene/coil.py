@@ -20,8 +20,8 @@ _FILL_FACTOR = 0.6
 class CoilSection(Section):
     """The winding: its turns are given, or follow from its resistance and the window that it fills.
 
-    Its current is given; or a voltage is, and the current is V/R, or with the effect `coil_circuit` what the circuit
-    of resistance and flux linkage makes of it. Without `resistance` that is the one of the turns in copper.
+    Its current is given; or a voltage is, and the current is V/R, or with the effect `coil_circuit` follows
+    from resistance and flux linkage. Without `resistance` that is the one of the turns in copper.
     """
 
     current: CurrentProfile | None = Field(default=None, description="current, one value or a table in time")
@@ -47,23 +47,23 @@ class CoilSection(Section):
             return self
         if not self.voltage.is_constant:
             raise refuse(
-                "is a time profile beside coil.current; drive the coil by one of them and remove the other",
+                "is a time profile, and coil.current is given too; drive the coil by one of them and remove the other",
                 key="voltage",
             )
         if not self.voltage(0.0) > 0.0:
-            raise refuse("of the supply must be above 0 V beside coil.current; correct or remove it", key="voltage")
+            raise refuse("of the supply must be above 0 V with coil.current; correct or remove it", key="voltage")
         return self
 
     @model_validator(mode="after")
     def _has_one_way_to_the_turns(self) -> Self:
         # at a voltage both may be given: a resistance that is not that of the turns alone (a lead, another metal)
         if self.turns is not None and self.resistance is not None and not self.is_at_voltage:
-            raise refuse("stands beside coil.resistance, which gives the turns too; keep one of them", key="turns")
+            raise refuse("conflicts with coil.resistance, which gives the turns too; keep one of them", key="turns")
         if self.turns is None and self.resistance is None:
             raise refuse("is missing; give turns, e.g. 1000, or resistance, e.g. '25.5 ohm'", key="turns")
         if self.turns is not None and self.fill_factor is not None and not self._resistance_follows:
             raise refuse(
-                "has no meaning beside coil.turns; remove it, or give coil.resistance instead of the turns",
+                "has no meaning with coil.turns; remove it, or give coil.resistance instead of the turns",
                 key="fill_factor",
             )
         return self

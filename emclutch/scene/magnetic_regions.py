@@ -28,7 +28,7 @@ def magnetic_regions(materials: Mapping[str, str], own: Mapping[str, Material]) 
         Name of the material of each region.
     own : mapping
         The scene's own materials by name; all others are built in. A name that is neither counts as magnetic: it is a
-        fault that is told elsewhere.
+        fault that is reported elsewhere.
     """
     return frozenset(region for region, name in materials.items() if _is_magnetic(name, own))
 

@@ -158,9 +158,9 @@ def _with_columns(given: Any, info: ValidationInfo) -> Any:
         return given
     key = keys[0]
     if len(keys) > 1:
-        raise refuse("stands beside table; keep one of them, they mean the same", key="file")
+        raise refuse("conflicts with table; keep one of them, they mean the same", key="file")
     if "H" in given or "B" in given:
-        raise refuse("stands beside H or B; give either the file or the two lists", key=key)
+        raise refuse("conflicts with H or B; give either the file or the two lists", key=key)
     folder = (info.context or {}).get("folder", Path())
     H, B = _columns(folder / str(given[key]), key)
     return {"law": "table", **{name: value for name, value in given.items() if name != key}, "H": H, "B": B}

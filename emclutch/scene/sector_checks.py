@@ -26,7 +26,7 @@ def sector_in_surfaces(draft: Draft) -> Iterator[Fault]:
     if draft.scene.particles.sector is not None and draft.scene.surfaces:
         yield draft.fault(
             "particles.sector",
-            "cannot stand beside [surfaces]: a mesh does not repeat from sector to sector; remove one of them",
+            "cannot be combined with [surfaces]: a mesh does not repeat from sector to sector; remove one of them",
         )
 
 

@@ -1,4 +1,4 @@
-"""[surfaces.NAME]: a wall of triangles from a file, beside those of the geometry; NAME is the wall's."""
+"""[surfaces.NAME]: a wall of triangles from a file, in addition to those of the geometry; NAME is the wall's."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class SurfaceSection(Section):
 
     @model_validator(mode="after")
     def _is_a_surface(self) -> Self:
-        """Read the file once, so that what is wrong with it is told with the scene's other faults."""
+        """Read the file once, so that what is wrong with it is reported with the scene's other faults."""
         try:
             self.wall("surface")
         except (ValueError, OSError) as error:
