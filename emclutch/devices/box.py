@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field
 
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 class BoxGeometry(GeometrySection):
     """A closed box at rest, x and y centred on the axis, its floor at z = 0."""
 
-    has_axis: ClassVar[bool] = False
-    why_no_sector: ClassVar[str] = "needs a shape with an axis; remove it, or take another geometry.kind than 'box'"
+    has_axis = False
+    why_no_sector = "needs a shape with an axis; remove it, or take another geometry.kind than 'box'"
 
     kind: Literal["box"]
     size: tuple[Length, Length, Length] = Field(description="lengths along x, y and z")

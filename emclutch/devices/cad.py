@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
-from emclutch.devices.geometry_section import NO_MATERIALS, ONE_CARRIER, Check, GeometrySection
+from emclutch.devices.geometry_section import NO_MATERIALS, ONE_CARRIER, GeometrySection
 from emclutch.scene.draft import Draft
 from emclutch.scene.errors import Fault
 from emclutch.scene.grain_smear import ELEMENTS_A_WIDTH, moments_are_fed_back, smear_width
@@ -119,9 +119,9 @@ class CadGeometry(GeometrySection):
     x > 0.
     """
 
-    has_coil: ClassVar[bool] = True
-    is_from_file: ClassVar[bool] = True
-    CHECKS: ClassVar[tuple[tuple[Check, tuple[str, ...]], ...]] = (
+    has_coil = True
+    is_from_file = True
+    CHECKS: ClassVar = (
         (_finished_mesh, ("geometry", "field")),
         (_fine_enough_for_moments, ("geometry", "particles", "effects", "field")),
         (_one_carrier, ("field",)),

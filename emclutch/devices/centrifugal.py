@@ -7,7 +7,7 @@ between the vanes, and what says how it transmits are the speeds and torques of 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -28,8 +28,8 @@ class CentrifugalGeometry(GeometrySection):
     Its axis is z; gravity across it, e.g. direction = [0, -1, 0], makes it a horizontal shaft.
     """
 
-    is_seen_along_axis: ClassVar[bool] = True
-    why_no_sector: ClassVar[str] = (
+    is_seen_along_axis = True
+    why_no_sector = (
         "cannot stand in a centrifugal clutch: its vanes and ribs do not repeat from sector to sector as one turns "
         "past the other; remove it (the full ring is simulated)"
     )

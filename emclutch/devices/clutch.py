@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from emclutch.devices.geometry_section import NO_MATERIALS, ONE_CARRIER, Check, GeometrySection
+from emclutch.devices.geometry_section import NO_MATERIALS, ONE_CARRIER, GeometrySection
 from emclutch.scene.draft import Draft
 from emclutch.scene.errors import Fault
 from emclutch.scene.magnetic_regions import magnetic_regions
@@ -76,10 +76,10 @@ def _sector_of_whole_pitches(draft: Draft) -> Iterator[Fault]:
 class ClutchGeometry(GeometrySection):
     """A disc in a rotor's cavity, in a housing with a coil; steel covers lead the flux to the faces."""
 
-    has_coil: ClassVar[bool] = True
-    has_regions: ClassVar[bool] = True
-    has_poles: ClassVar[bool] = True
-    CHECKS: ClassVar[tuple[tuple[Check, tuple[str, ...]], ...]] = (
+    has_coil = True
+    has_regions = True
+    has_poles = True
+    CHECKS: ClassVar = (
         (_one_slotted_body, ("field",)),
         (_sector_of_whole_pitches, ("field", "particles")),
     )

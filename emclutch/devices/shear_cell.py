@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 class ShearCellGeometry(GeometrySection):
     """The annulus between two cylinders: body `disc` inside, `rotor` outside, floor and ceiling at rest."""
 
-    is_annulus: ClassVar[bool] = True
+    is_annulus = True
 
     kind: Literal["shear_cell"]
     inner_radius: Length = Field(description="radius of the inner cylinder")

@@ -12,7 +12,7 @@ from emclutch.scene.draft import Draft
 from emclutch.scene.errors import Fault
 from emclutch.scene.section import Whole
 from emclutch.scene.units import number
-from emclutch.sources.source_section import Check, SourceSection
+from emclutch.sources.source_section import SourceSection
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -73,8 +73,8 @@ def _solved_in_3d(draft: Draft) -> Iterator[Fault]:
 class CoilFieldSection(SourceSection):
     """The field of the coil in the device, by finite elements."""
 
-    is_solved: ClassVar[bool] = True
-    CHECKS: ClassVar[tuple[tuple[Check, tuple[str, ...]], ...]] = (
+    is_solved = True
+    CHECKS: ClassVar = (
         (_device_with_a_coil, ("geometry.kind",)),
         (_solved_in_3d, ("geometry.kind", "effects")),
     )

@@ -16,7 +16,7 @@ from emclutch.scene.grain_smear import layers_change_the_field, smear_width
 from emclutch.scene.section import Choice
 from emclutch.scene.units import FieldStrength
 from emclutch.scene.usual_ranges import FLUX_DENSITY
-from emclutch.sources.source_section import Check, SourceSection
+from emclutch.sources.source_section import SourceSection
 
 if TYPE_CHECKING:
     from field import RadialField, UniformField
@@ -48,7 +48,7 @@ def _alike_in_every_sector(draft: Draft) -> Iterator[Fault]:
 class UniformFieldSection(SourceSection):
     """A prescribed field for tests of grains: uniform, or radial, H_r = H0 R0/r, R0 in mid gap."""
 
-    CHECKS: ClassVar[tuple[tuple[Check, tuple[str, ...]], ...]] = (
+    CHECKS: ClassVar = (
         (_radial_in_an_annulus, ("geometry.kind",)),
         (_alike_in_every_sector, ("particles",)),
     )
