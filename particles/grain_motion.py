@@ -1,4 +1,4 @@
-"""What the engines `particles.DEM` and `particles.DVI` share: grains, walls on bodies, gravity, lists, checkpoints."""
+"""Base of the engines `particles.DEM` and `particles.DVI`: grains, walls on bodies, gravity, lists, checkpoints."""
 
 from __future__ import annotations
 
@@ -193,7 +193,7 @@ class GrainMotion:
 
     @property
     def _outdated(self) -> bool:
-        """Whether the list must be rebuilt before the next step."""
+        """True if the list must be rebuilt before the next step."""
         return self._stale
 
     def _rebuild(self) -> None:

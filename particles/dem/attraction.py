@@ -120,10 +120,10 @@ class Attraction:
         it is a little more. 0 before the first step.
         """
         low = np.exp(self.gap_start + self.gap_step * np.arange(len(self.across) - 1))
-        met = low * np.exp(self.gap_step) > self.smallest_gap  # the others lie below the smallest gap
-        width = self.gap_step * np.maximum(low, self.smallest_gap)[met]
+        reachable = low * np.exp(self.gap_step) > self.smallest_gap  # the others lie below the smallest gap
+        width = self.gap_step * np.maximum(low, self.smallest_gap)[reachable]
         return self._largest(
-            -np.diff(self.values, axis=0)[met] / width[:, None], -np.diff(self.across)[met] / width, True
+            -np.diff(self.values, axis=0)[reachable] / width[:, None], -np.diff(self.across)[reachable] / width, True
         )
 
     @property

@@ -134,12 +134,12 @@ class DEM(ListedGrains):
         else:
             laws = PairLaws.of_one(contact, rolling=rolling, twisting=twisting, cohesion=cohesion)
         choose_time_step(laws, grains.mass, grains.radius, dt=dt)
-        of_grains = species_of(laws, grains.count, species)
-        self._table = law_table(laws, grains, one_species=of_grains is None)
+        grain_species = species_of(laws, grains.count, species)
+        self._table = law_table(laws, grains, one_species=grain_species is None)
         columns = contact_columns(laws.rows, self._table, energy_budget)
         super().__init__(
             grains, walls, bodies, columns, dt=dt, gravity=gravity, sector=sector, skin=skin,
-            overlap_limit=overlap_limit, species=of_grains,
+            overlap_limit=overlap_limit, species=grain_species,
         )  # fmt: skip
         self.laws, self.energy_budget = laws, energy_budget
         if sector is not None and isinstance(self.gravity, np.ndarray) and self.gravity[:2].any():

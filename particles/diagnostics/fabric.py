@@ -46,7 +46,7 @@ class Fabric:
 
     @property
     def ring_anisotropy(self) -> float:
-        """The same of the cylindrical tensor: the one that says something in a ring."""
+        """Anisotropy of the cylindrical tensor [-], which has a meaning in a ring."""
         return deviator(self.cylindrical)
 
 

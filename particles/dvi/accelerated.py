@@ -42,28 +42,28 @@ OVER = 1.6  # over-relaxation of the sweeps after a stall; beyond 1.8 sheared be
 
 
 @device_function(error_model="numpy", fastmath={"contract"})
-def solve(convex, compliance, settings, records, contact_torques, chunk=None, alone=True):
+def solve(convex, compliance, settings, records, contact_torques, chunk=None, serial=True):
     """Plain sweeps, then (unless the method is GAUSS_SEIDEL) accelerated ones.
 
-    ``chunk`` not None, and ``alone`` None: threads share the sweeps (`particles.dvi.sweep_chunks`). Returns sweeps, the
-    honest residual [m/s], and whether acceleration took over.
+    ``chunk`` not None, and ``serial`` None: threads share the sweeps (`particles.dvi.sweep_chunks`). Returns sweeps,
+    the residual [m/s] of all contacts at the same velocities, and whether acceleration took over.
     """
     cap, tolerance = settings.cap, settings.tolerance
     first = cap if settings.method == GAUSS_SEIDEL else min(cap, PLAIN_SWEEPS)
     for count in range(first):
-        change = _sweep(convex, PLAIN, compliance, records, contact_torques, chunk, alone)
+        change = _sweep(convex, PLAIN, compliance, records, contact_torques, chunk, serial)
         if change <= tolerance:
-            reached = _residual(convex, compliance, records, contact_torques, chunk, alone)
+            reached = _residual(convex, compliance, records, contact_torques, chunk, serial)
             if reached <= tolerance:
                 return count + 1, reached, 0
     if first == cap:
-        return cap, _residual(convex, compliance, records, contact_torques, chunk, alone), 0
-    done, reached = anderson(convex, compliance, settings, cap - first, records, contact_torques, chunk, alone)
+        return cap, _residual(convex, compliance, records, contact_torques, chunk, serial), 0
+    done, reached = anderson(convex, compliance, settings, cap - first, records, contact_torques, chunk, serial)
     return first + done, reached, 1
 
 
 @device_function(error_model="numpy", fastmath={"contract"})
-def anderson(convex, compliance, settings, cap, records, contact_torques, chunk=None, alone=True):
+def anderson(convex, compliance, settings, cap, records, contact_torques, chunk=None, serial=True):
     """Up to ``cap`` accelerated sweeps from the impulses in the records; returns their number and the residual."""
     tolerance = settings.tolerance
     bodies, all_contacts = records.body.shape[0], records.pair.shape[0] + records.wall.shape[0]
@@ -82,24 +82,24 @@ def anderson(convex, compliance, settings, cap, records, contact_torques, chunk=
     known, slot, best, first = none, none, np.inf, True
     waited, plain, mark, pause = 0, 0, np.inf, PATIENCE
     done = 0
-    _gather(r, vectors, records, contact_torques, chunk, alone)
+    _gather(r, vectors, records, contact_torques, chunk, serial)
     while done < cap:
         change = 0.0
         for _ in range(min(SWEEPS, cap - done)):
             over = OVER if plain > 0 else SLIGHTLY_OVER
-            change = _sweep(convex, over, compliance, records, contact_torques, chunk, alone)
+            change = _sweep(convex, over, compliance, records, contact_torques, chunk, serial)
             done += 1
         if change <= tolerance:
-            reached = _residual(convex, compliance, records, contact_torques, chunk, alone)
+            reached = _residual(convex, compliance, records, contact_torques, chunk, serial)
             if reached <= tolerance:
                 return done, reached
         if plain > 0:
             plain -= SWEEPS
             if plain <= 0:
-                _gather(r, vectors, records, contact_torques, chunk, alone)
+                _gather(r, vectors, records, contact_torques, chunk, serial)
                 waited, best, mark = 0, np.inf, np.inf
             continue
-        _gather(g, vectors, records, contact_torques, chunk, alone)
+        _gather(g, vectors, records, contact_torques, chunk, serial)
         norm = np.sqrt(products[0])
         waited += SWEEPS
         if waited > PATIENCE:
@@ -108,7 +108,7 @@ def anderson(convex, compliance, settings, cap, records, contact_torques, chunk=
             continue
         if norm > 2.0 * best:
             known, slot, best, first = none, none, np.inf, True
-            _extrapolate(vectors.best_g, c, known, vectors, records, contact_torques, chunk, alone)
+            _extrapolate(vectors.best_g, c, known, vectors, records, contact_torques, chunk, serial)
             continue
         better = norm < best
         if better:
@@ -117,7 +117,7 @@ def anderson(convex, compliance, settings, cap, records, contact_torques, chunk=
             best = norm
         if not first:
             known = min(known + 1, HISTORY)
-        _store_change(better, first, slot, known, vectors, records, contact_torques, chunk, alone)
+        _store_change(better, first, slot, known, vectors, records, contact_torques, chunk, serial)
         if not first:
             for q in range(known):
                 gram[slot, q] = gram[q, slot] = products[q]
@@ -126,9 +126,9 @@ def anderson(convex, compliance, settings, cap, records, contact_torques, chunk=
         for q in range(known):
             c[q] = products[HISTORY + q]
         solved = known > 0 and _solve_gram(gram, c, known) and _largest(c, known) < FURTHEST
-        _extrapolate(g, c, known if solved else none, vectors, records, contact_torques, chunk, alone)
-    _sweep(convex, PLAIN, compliance, records, contact_torques, chunk, alone)
-    return done, _residual(convex, compliance, records, contact_torques, chunk, alone)
+        _extrapolate(g, c, known if solved else none, vectors, records, contact_torques, chunk, serial)
+    _sweep(convex, PLAIN, compliance, records, contact_torques, chunk, serial)
+    return done, _residual(convex, compliance, records, contact_torques, chunk, serial)
 
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
@@ -149,9 +149,9 @@ def _weights(weight, records, contact_torques):
 
 # What follows is done in one piece, or in chunks: numba leaves out a branch that asks for something that is None
 @device_function(inline="always", error_model="numpy", fastmath={"contract"})
-def _sweep(convex, relax, compliance, records, contact_torques, chunk, alone):
+def _sweep(convex, relax, compliance, records, contact_torques, chunk, serial):
     change = 0.0
-    if alone is not None:
+    if serial is not None:
         change = sweep(convex, relax, compliance, records, contact_torques)
     if chunk is not None:
         change = sweep_chunks(convex, relax, compliance, records, contact_torques, chunk)
@@ -159,9 +159,9 @@ def _sweep(convex, relax, compliance, records, contact_torques, chunk, alone):
 
 
 @device_function(inline="always", error_model="numpy", fastmath={"contract"})
-def _residual(convex, compliance, records, contact_torques, chunk, alone):
+def _residual(convex, compliance, records, contact_torques, chunk, serial):
     reached = 0.0
-    if alone is not None:
+    if serial is not None:
         reached = residual(all_of(records), convex, compliance, records, contact_torques)
     if chunk is not None:
         reached = residual_of_chunks(convex, compliance, records, contact_torques, chunk)
@@ -169,24 +169,24 @@ def _residual(convex, compliance, records, contact_torques, chunk, alone):
 
 
 @device_function(inline="always", error_model="numpy", fastmath={"contract"})
-def _gather(g, vectors, records, contact_torques, chunk, alone):
-    if alone is not None:
+def _gather(g, vectors, records, contact_torques, chunk, serial):
+    if serial is not None:
         gather(all_of(records), g, vectors, vectors.products, records, contact_torques)
     if chunk is not None:
         gather_chunks(g, vectors, records, contact_torques, chunk)
 
 
 @device_function(inline="always", error_model="numpy", fastmath={"contract"})
-def _store_change(better, first, slot, known, vectors, records, contact_torques, chunk, alone):
-    if alone is not None:
+def _store_change(better, first, slot, known, vectors, records, contact_torques, chunk, serial):
+    if serial is not None:
         store_change(all_of(records), better, first, slot, known, vectors, vectors.products, records, contact_torques)
     if chunk is not None:
         store_chunks(better, first, slot, known, vectors, records, contact_torques, chunk)
 
 
 @device_function(inline="always", error_model="numpy", fastmath={"contract"})
-def _extrapolate(g, c, known, vectors, records, contact_torques, chunk, alone):
-    if alone is not None:
+def _extrapolate(g, c, known, vectors, records, contact_torques, chunk, serial):
+    if serial is not None:
         extrapolate(all_of(records), g, c, known, vectors, records, contact_torques)
     if chunk is not None:
         extrapolate_chunks(g, c, known, vectors, records, contact_torques, chunk)

@@ -180,8 +180,8 @@ def extrapolate(part, g, c, known, vectors, records, contact_torques):
 def _dot(a, b):
     """Sum of products in eight partial sums: a fixed order that the compiler can still vectorise."""
     s0 = s1 = s2 = s3 = s4 = s5 = s6 = s7 = 0.0
-    whole = 8 * (a.shape[0] // 8)
-    for k in range(0, whole, 8):
+    full = 8 * (a.shape[0] // 8)
+    for k in range(0, full, 8):
         s0 += a[k] * b[k]
         s1 += a[k + 1] * b[k + 1]
         s2 += a[k + 2] * b[k + 2]
@@ -190,6 +190,6 @@ def _dot(a, b):
         s5 += a[k + 5] * b[k + 5]
         s6 += a[k + 6] * b[k + 6]
         s7 += a[k + 7] * b[k + 7]
-    for k in range(whole, a.shape[0]):
+    for k in range(full, a.shape[0]):
         s0 += a[k] * b[k]
     return ((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7))

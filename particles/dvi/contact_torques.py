@@ -353,15 +353,15 @@ def record_contact_torques(
         wy = a * (grain[i, PY] + radius[i] * spin[i, 1]) - b * (grain[j, PY] + radius[j] * spin[j, 1])
         wz = a * (grain[i, PZ] + radius[i] * spin[i, 2]) - b * (grain[j, PZ] + radius[j] * spin[j, 2])
         ex, ey, ez = pair[k, EX], pair[k, EY], pair[k, EZ]
-        whole = x * wx + y * wy + z * wz
+        total = x * wx + y * wy + z * wz
         c_n = x * ex + y * ey + z * ez
         along = c_n * (wx * ex + wy * ey + wz * ez)
         if compliance is not None:
             spring_r += 0.5 * row[GIVE] * max(x * x + y * y + z * z - c_n * c_n, 0.0)
             spring_w += 0.5 * row[GIVE] * c_n * c_n
-        rolling -= whole - along
+        rolling -= total - along
         twisting -= along
-        work += whole
+        work += total
     for k in range(wall.shape[0]):
         row, s = wall_torque[k], wall_slot[k]
         x, y, z = row[CX], row[CY], row[CZ]
@@ -375,13 +375,13 @@ def record_contact_torques(
         work += x * wx + y * wy + z * wz
         wz -= row[QJ] * mean_speed[b]
         ex, ey, ez = wall[k, EX], wall[k, EY], wall[k, EZ]
-        whole = x * wx + y * wy + z * wz
+        total = x * wx + y * wy + z * wz
         c_n = x * ex + y * ey + z * ez
         along = c_n * (wx * ex + wy * ey + wz * ez)
         if compliance is not None:
             spring_r += 0.5 * row[GIVE] * max(x * x + y * y + z * z - c_n * c_n, 0.0)
             spring_w += 0.5 * row[GIVE] * c_n * c_n
-        rolling -= whole - along
+        rolling -= total - along
         twisting -= along
         body_totals[b, torque] -= row[QJ] * z / h
         body_totals[b, body_work] += row[QJ] * z * mean_speed[b]

@@ -82,11 +82,11 @@ def book(part, h, compliance, body_speed, mean_speed, grains, pair_slots, slots,
             u_n += (grain[i, VZ] - grain[j, VZ]) * ez
             a, b = stored(compliance, gs.PAIRS, pair[k, gs.GAP] + h * u_n, x, y, z, ex, ey, ez)
             spring_n, spring_t = spring_n + a, spring_t + b
-        whole = 0.5 * (x * ux + y * uy + z * uz)
+        total = 0.5 * (x * ux + y * uy + z * uz)
         normal = 0.5 * (x * ex + y * ey + z * ez) * (ux * ex + uy * ey + uz * ez)
         impact -= normal
-        sliding -= whole - normal
-        work += whole
+        sliding -= total - normal
+        work += total
     for k in range(part.w0, part.w1):
         s = wall_slot[k]
         x, y, z = wall[k, RX], wall[k, RY], wall[k, RZ]

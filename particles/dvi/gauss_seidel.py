@@ -128,7 +128,7 @@ def _velocity(e, arm, r, u, s, b, springs):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _change(convex, relax, e, r, inverse, slow, mu, velocity):
-    """By how much the local law changes the impulses r, and the square of that."""
+    """Return the change of the impulses r by the local law, and its square."""
     ex, ey, ez = e
     rx, ry, rz = r
     u_n, ux, uy, uz, was = velocity
@@ -189,7 +189,7 @@ def sweep_pairs(lo, hi, convex, relax, compliance, records):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def sweep_walls(lo, hi, convex, relax, compliance, records):
-    """The same for contacts with walls."""
+    """Visit the contacts with walls lo <= k < hi, as `sweep_pairs`."""
     grain, body, table, wall = records.grain, records.body, records.wall_group, records.wall
     largest, at_shafts = splat(0.0), 0.0
     for g in range(lo, hi):

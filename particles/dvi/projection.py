@@ -12,7 +12,7 @@ from particles.walls.wall_kernels import _wall_gap
 
 
 @device_function(error_model="numpy", fastmath={"contract"})
-def project(slop, cap, step, grains, pair_slots, slots, walls, chunk=None, alone=True):
+def project(slop, cap, step, grains, pair_slots, slots, walls, chunk=None, serial=True):
     """Push overlapping grains apart, positions only, by inverse masses, until none overlaps by more than slop*radius.
 
     Nonlinear Gauss-Seidel on the gaps; with an infinite ``slop``, that of springs, they are only looked at. Returns the
@@ -21,7 +21,7 @@ def project(slop, cap, step, grains, pair_slots, slots, walls, chunk=None, alone
     """
     deepest, at, work, sweeps = 0.0, -1, 0.0, 0
     for sweep in range(cap):
-        if alone is not None:
+        if serial is not None:
             worst, depth, where, done = _project_rows(
                 0, grains.radius.shape[0], sweep == 0, slop, step, grains, pair_slots, slots, walls
             )
@@ -114,8 +114,8 @@ def _project_rows(lo, hi, first, slop, step, grains, pair_slots, slots, walls):
                 for a in range(begin, begin + count):
                     nx, ny, nz = found[a, TOWARDS_X], found[a, TOWARDS_Y], found[a, TOWARDS_Z]
                     # what earlier pushes have already moved it away from this wall
-                    gone = -(nx * (position[i, 0] - x) + ny * (position[i, 1] - y) + nz * (position[i, 2] - z))
-                    depth = 1.0 - (found[a, DISTANCE] + gone) / radius[i]
+                    moved = -(nx * (position[i, 0] - x) + ny * (position[i, 1] - y) + nz * (position[i, 2] - z))
+                    depth = 1.0 - (found[a, DISTANCE] + moved) / radius[i]
                     if depth <= 0.0:
                         continue
                     if first and 0.5 * depth > deepest:

@@ -226,10 +226,10 @@ class Part(NamedTuple):
 
 
 class SweepThreads(NamedTuple):
-    """Threads of the sweeps: one, ``alone`` True and ``chunk`` None; or threads in chunks, ``alone`` None."""
+    """Threads of the sweeps: one, ``serial`` True and ``chunk`` None; or threads in chunks, ``serial`` None."""
 
     chunk: SweepChunks | None
-    alone: bool | None
+    serial: bool | None
 
 
 class DviSums(NamedTuple):

@@ -92,9 +92,9 @@ def _free_bodies(h, step, shafts, body):
 
 
 @device_function(error_model="numpy", fastmath={"contract"})
-def _search(horizon, grains, slots, walls, shafts, body, chunk, alone):
+def _search(horizon, grains, slots, walls, shafts, body, chunk, serial):
     """Return what grains may meet of triangles within the step; the largest speed that these push one to [m/s]."""
-    if alone is not None:
+    if serial is not None:
         raised = search(np.int64(0), grains.mass.shape[0], horizon, grains, slots, walls, shafts, body)
     if chunk is not None:
         raised = search_in_chunks(horizon, grains, slots, walls, shafts, body, chunk)
@@ -102,9 +102,9 @@ def _search(horizon, grains, slots, walls, shafts, body, chunk, alone):
 
 
 @device_function(error_model="numpy", fastmath={"contract"})
-def _find(horizon, compliance, grains, pairs, slots, walls, shafts, records, chunk, alone):
+def _find(horizon, compliance, grains, pairs, slots, walls, shafts, records, chunk, serial):
     """The contacts that may close within the step, with the impulses of the last one; their numbers."""
-    if alone is not None:
+    if serial is not None:
         rows = np.int64(0), grains.mass.shape[0]
         n_pairs, n_walls = find_contacts(
             rows,
@@ -130,7 +130,7 @@ def _find(horizon, compliance, grains, pairs, slots, walls, shafts, records, chu
         find_in_chunks(horizon, compliance, grains, pairs, places, walls, shafts.speed, unsorted, chunk, chunk.ends)
         n_pairs, n_walls = chunk.pairs[-1], sort_walls(chunk, slots, records)
         group_chunks(first_of(records, n_pairs, n_walls), chunk)
-    if alone is not None:
+    if serial is not None:
         contacts = first_of(records, n_pairs, n_walls)
         group_contacts(all_of(contacts), contacts.body, IJ, contacts)
     return n_pairs, n_walls
@@ -142,11 +142,12 @@ def _begin(call, step, compliance, grains, pairs, slots, walls, shafts, records,
 
     Returns the numbers of pairs and walls that are contacts, and the largest speed [m/s].
     """
-    h, chunk, alone = call.h, threads.chunk, threads.alone
+    h, chunk, serial = call.h, threads.chunk, threads.serial
     _drift_half(call, grains, shafts, walls)
     deepest, at, work, count = project(
-        call.slop if compliance is None else np.inf, PROJECTION_SWEEPS, step, grains, pairs, slots, walls, chunk, alone
-    )
+        call.slop if compliance is None else np.inf, PROJECTION_SWEEPS, step, grains, pairs, slots, walls, chunk,
+        serial,
+    )  # fmt: skip
     totals.run[STABILISATION] += work
     totals.run[PROJECTIONS] += count
     if deepest > totals.run[MAX_OVERLAP]:
@@ -156,12 +157,12 @@ def _begin(call, step, compliance, grains, pairs, slots, walls, shafts, records,
     fastest = free_velocities(h, step, grains, records.grain)
     if walls.triangle.shape[0] > 0:
         horizon = Horizon(h, call.margin * h * fastest, call.slop, call.law)
-        raised = _search(horizon, grains, slots, walls, shafts, records.body, chunk, alone)
+        raised = _search(horizon, grains, slots, walls, shafts, records.body, chunk, serial)
         if raised > 0.0:
             fastest = max(fastest, raised)
             pass_on(h, grains, pairs)
     horizon = Horizon(h, call.margin * h * fastest, call.slop, call.law)
-    n_pairs, n_walls = _find(horizon, compliance, grains, pairs, slots, walls, shafts, records, chunk, alone)
+    n_pairs, n_walls = _find(horizon, compliance, grains, pairs, slots, walls, shafts, records, chunk, serial)
     contacts = first_of(records, n_pairs, n_walls)
     gs.apply_impulses(1.0, contacts)
     if contact_torques.law.shape[0] > 0:
@@ -197,10 +198,10 @@ def _turn_shafts(call, step, shafts, body, mean, body_totals):
 
 
 @device_function(error_model="numpy", fastmath={"contract"})
-def _book(h, compliance, mean, grains, pairs, slots, shafts, contacts, chunk, alone, totals):
+def _book(h, compliance, mean, grains, pairs, slots, shafts, contacts, chunk, serial, totals):
     """Keep the impulses, and book their works and torques."""
     booked = np.zeros((1, N_BOOKED))
-    if alone is not None:
+    if serial is not None:
         book(
             all_of(contacts), h, compliance, shafts.speed, mean, grains, pairs, slots, contacts, booked[0],
             totals.bodies,
@@ -217,7 +218,7 @@ def _finish(call, step, compliance, grains, pairs, slots, shafts, contacts, cont
     h, run = call.h, totals.run
     mean = np.empty(shafts.speed.shape[0])
     _turn_shafts(call, step, shafts, contacts.body, mean, totals.bodies)
-    _book(h, compliance, mean, grains, pairs, slots, shafts, contacts, threads.chunk, threads.alone, totals)
+    _book(h, compliance, mean, grains, pairs, slots, shafts, contacts, threads.chunk, threads.serial, totals)
     if contact_torques.law.shape[0] > 0:
         rolling, twisting, work = record_contact_torques(
             h, compliance, mean, grains, pairs, slots, contacts, contact_torques, totals, TORQUE_T, BODY_WORK
@@ -271,7 +272,7 @@ def run_steps(call, convex, compliance, grains, pairs, slots, walls, shafts, rec
         # 4. impulses
         contacts = first_of(records, n_pairs, n_walls)
         sweeps, reached, taken = solve(
-            convex, compliance, call.settings, contacts, contact_torques, threads.chunk, threads.alone
+            convex, compliance, call.settings, contacts, contact_torques, threads.chunk, threads.serial
         )
         # 5-6. work recorded, half drift
         _count(call.settings.tolerance, contacts, sweeps, reached, taken, totals.run)

@@ -163,7 +163,7 @@ def record(rows, n_walls, horizon, compliance, grains, slots, walls, old_speed, 
                 n_walls += 1
             for q in range(begin, k):
                 wall_impulse[q, 0] = wall_impulse[q, 1] = wall_impulse[q, 2] = 0.0
-            for w in range(first, n_walls):  # the energy budget ask whether a contact has had an impulse
+            for w in range(first, n_walls):  # the energy budget asks whether a contact has had an impulse
                 for q in range(3):
                     wall_impulse[wall_slot[w], q] = wall_row[w, RX + q]
     return n_walls

@@ -68,15 +68,15 @@ class SlotMemory(NamedTuple):
 
     @classmethod
     def empty(cls, count: int, columns: int) -> SlotMemory:
-        """Of so many slots that touch nothing."""
+        """Return the memory of so many slots that touch nothing."""
         return cls(np.zeros(count, dtype=np.uint8), aligned_zeros((count, columns)))
 
     def copied(self) -> SlotMemory:
-        """The same in arrays of its own."""
+        """Return a copy in arrays of its own."""
         return SlotMemory(*(array.copy() for array in self))
 
     def arrays(self, kind: str) -> dict[str, np.ndarray]:
-        """Of slots of a ``kind``, by their names in a checkpoint."""
+        """Return the arrays of slots of a ``kind`` by their names in a checkpoint."""
         return {f"{kind}_{name}": array for name, array in self._asdict().items()}
 
     @classmethod

@@ -59,8 +59,8 @@ def contact_table(
     k = np.flatnonzero(touching)
     i, j = contacts.pairs.rows()[k], contacts.pairs.other[k].astype(np.int64)
     shift = contacts.pairs.shift[k].astype(np.int64)
-    there = x[j] if sector is None else sector.turn(x[j], shift)
-    away = there - x[i]
+    partner = x[j] if sector is None else sector.turn(x[j], shift)
+    away = partner - x[i]
     distance = np.linalg.norm(away, axis=1)
     reach = radius[i] + radius[j]
     point = x[i] + away * (radius[i] / reach)[:, None]
@@ -83,6 +83,6 @@ def geometric_overlaps(
     """Overlap [m] of each pair (p,) and each wall slot (s,) of the list, negative or -inf where nothing touches."""
     x, radius = np.array(grains.position), np.array(grains.radius)
     i, j = contacts.pairs.rows(), contacts.pairs.other
-    there = x[j] if sector is None else sector.turn(x[j], contacts.pairs.shift)
-    pairs = radius[i] + radius[j] - np.linalg.norm(there - x[i], axis=1)
+    partner = x[j] if sector is None else sector.turn(x[j], contacts.pairs.shift)
+    pairs = radius[i] + radius[j] - np.linalg.norm(partner - x[i], axis=1)
     return pairs, walls.overlaps(x, radius, contacts.wall_start, contacts.wall_other, angles)[:, 0]

@@ -256,7 +256,7 @@ class ListedSizes(GrainSizes):
     diameter : sequence of float
         [m]
     weight : sequence of float, optional
-        Chunks, scaled to one; all alike without.
+        Shares, scaled to a sum of one; by default equal.
     by_mass : bool
         The weights are shares of the mass, as a sieve gives them; false: of the number of grains.
 

@@ -161,12 +161,12 @@ class Space:
         PackingError
             If a place is thinner than the thickest grain.
         """
-        shares = _chunks(self.volumes, len(radius))
+        shares = _counts_by_volume(self.volumes, len(radius))
         owner = np.repeat(np.arange(len(self.places)), shares)
         return np.concatenate([self._spread(rng, k, radius[owner == k]) for k in range(len(self.places)) if shares[k]])
 
     def scatter(self, rng: np.random.Generator, radius: np.ndarray) -> np.ndarray:
-        """As `throw`, but every grain draws its place by volume."""
+        """Throw grains as `throw`, but every grain draws its place by volume."""
         owner = rng.choice(len(self.places), len(radius), p=self.volumes / self.volume)
         found = np.empty((len(radius), 3))
         for k in np.unique(owner):
@@ -204,7 +204,7 @@ class Space:
         ], axis=1)  # fmt: skip
 
 
-def _chunks(volumes: np.ndarray, count: int) -> np.ndarray:
+def _counts_by_volume(volumes: np.ndarray, count: int) -> np.ndarray:
     """Whole numbers in proportion to ``volumes`` that add up to ``count`` (largest remainders)."""
     exact = count * volumes / volumes.sum()
     shares = np.floor(exact).astype(int)

@@ -219,8 +219,8 @@ def push_off_triangles(position, radius, rows, start, other):
             worst = max(worst, radius[i] - found[c, DISTANCE])
             nx, ny, nz = found[c, TOWARDS_X], found[c, TOWARDS_Y], found[c, TOWARDS_Z]
             # what earlier pushes of this grain have already moved it away from this wall
-            gone = -(nx * (position[i, 0] - x) + ny * (position[i, 1] - y) + nz * (position[i, 2] - z))
-            push = radius[i] - found[c, DISTANCE] - gone
+            moved = -(nx * (position[i, 0] - x) + ny * (position[i, 1] - y) + nz * (position[i, 2] - z))
+            push = radius[i] - found[c, DISTANCE] - moved
             if push > 0.0:
                 position[i, 0] -= push * nx
                 position[i, 1] -= push * ny

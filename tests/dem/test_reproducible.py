@@ -92,7 +92,7 @@ def test_beginning_with_the_grains_of_another_run_goes_on_at_time_0():
 
 
 def test_energy_is_balanced_from_the_first_step_on_under_a_stiffer_law():
-    """What the springs of the other run store under this one's law is what the energy budget begin with."""
+    """What the springs of the other run store under this one's law is what the energy budget begins with."""
     first = _scene(200, speed=3.0)
     first.run(150)
     stiffer = LinearContact.from_restitution(8e4, 0.6, 0.4)
