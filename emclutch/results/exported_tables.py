@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING
 
 from emclutch.results.columns import units_of
 from emclutch.results.grain_profiles import profile_column, read_profiles
-from emclutch.results.history import read_history
 from emclutch.results.result import Result, load_result
-from emclutch.results.run_folder import RunFolder
 from emclutch.results.study_folder import is_study, read_study
 
 if TYPE_CHECKING:
@@ -64,10 +62,7 @@ def tables_of(folder: Path) -> dict[str, pandas.DataFrame]:
 
 
 def _tables_of_run(result: Result) -> dict[str, pandas.DataFrame]:
-    histories = [result.history.copy()]
-    for path in result.folder.replica_folders():
-        if RunFolder(path).history.is_file():
-            histories.append(read_history(RunFolder(path).history))
+    histories = [result.history.copy(), *result.other_histories]
     if len(histories) > 1:
         for number, history in enumerate(histories):
             history.insert(0, REPLICA, number)

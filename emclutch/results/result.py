@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,9 +29,7 @@ class Result:
     def history(self) -> pandas.DataFrame:
         """One row a coupling window; columns as of `emclutch.results.COLUMNS`. OutputError where there is none."""
         if self._history is None:
-            from emclutch.results.history import read_history
-
-            self._history = read_history(self.folder.history)
+            self._history = self.folder.read_history()
             if not len(self._history):
                 failed = self.folder.read_failure()
                 how = f"go on with: emclutch run {self.folder.path} --resume" if failed is None else failed.in_words()
@@ -69,10 +66,8 @@ class Result:
     @property
     def other_histories(self) -> list[pandas.DataFrame]:
         """Histories of the other replicas, as far as they have come."""
-        from emclutch.results.history import read_history
-
         folders = (RunFolder(path) for path in self.folder.replica_folders())
-        found = [read_history(folder.history) for folder in folders if folder.history.is_file()]
+        found = [folder.read_history() for folder in folders if folder.history.is_file()]
         return [history for history in found if len(history)]
 
     def _conditions(self) -> SteadyConditions:
@@ -80,7 +75,7 @@ class Result:
         plan = self.folder.read_plan()
         if "steady_torque" in plan:
             return SteadyConditions.from_dict(plan["steady_torque"])
-        scene = tomllib.loads(self.folder.case.read_text(encoding="utf-8")) if self.folder.case.is_file() else {}
+        scene = self.folder.read_scene() if self.folder.case.is_file() else {}
         return SteadyConditions(average_from=scene.get("time", {}).get("average_from"))
 
     def open_record(self) -> Record:

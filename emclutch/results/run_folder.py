@@ -11,14 +11,17 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from emclutch.results.atomic_file import remove_unfinished, replace_json, replace_text
 from emclutch.results.errors import OutputError
 from emclutch.results.folder_lock import LOCK, has_files, locked_folder
-from emclutch.results.history import last_time, whole_rows
+from emclutch.results.history import last_time, read_history, whole_rows
 from emclutch.results.provenance import provenance
 from emclutch.results.text import format_time
+
+if TYPE_CHECKING:
+    import pandas
 
 LOGGERS = ("emclutch", "geometry", "field", "particles", "coupling")
 
@@ -47,11 +50,62 @@ class Failure:
         return f"the run failed {when}: {self.reason.rstrip('.')}; {CURE}"
 
 
+class _File:
+    """A file of a folder, by its name there."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def __get__(self, folder: RunFolder, owner: type) -> Path:
+        return folder.path / self.name
+
+
 class RunFolder:
-    """Paths of a run's files.
+    """Paths of a run's files, and what stands in them.
 
     ``RunFolder(path)`` names the files of an existing run; `create` makes the folder of a new one.
+
+    Attributes
+    ----------
+    case : Path
+        The resolved scene.
+    provenance : Path
+        Versions, commit, seed, mesh hash, threads, machine.
+    history : Path
+        One row a coupling window.
+    failure : Path
+        Why the run failed for its scene, where it did.
+    plan : Path
+        What was decided before the first window, as numbers and as words.
+    record : Path
+        Grains and observables.
+    checkpoint : Path
+        Complete state of the latest checkpoint.
+    replicas : Path
+        Folder of the runs of the same scene with other packings; this run is the first of them.
+    particles, field, walls, contacts : Path
+        For ParaView: grains, the field's cross-section, the walls that grains touch, and force chains in time. The
+        numbered files of a series lie in a folder of its name.
     """
+
+    case = _File("case.toml")
+    provenance = _File("provenance.json")
+    log = _File("run.log")
+    history = _File("history.csv")
+    summary = _File("summary.json")
+    failure = _File("failure.json")
+    plan = _File("plan.json")
+    record = _File("run.h5")
+    checkpoint = _File("checkpoint.h5")
+    replicas = _File("replicas")
+    mesh = _File("mesh.msh")
+    particles = _File("particles.pvd")
+    field = _File("field.pvd")
+    walls = _File("walls.pvd")
+    contacts = _File("contacts.pvd")
+    section_picture = _File("section.png")
+    torque_picture = _File("torque.png")
+    grains_picture = _File("grains.png")
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
@@ -132,7 +186,7 @@ class RunFolder:
         """Return whether a run is done, was to draw pictures, lacks the last, and has the checkpoint to draw it of."""
         if not self.summary.is_file() or self.grains_picture.is_file() or not self.checkpoint.is_file():
             return False
-        return bool(tomllib.loads(self.read_case()).get("output", {}).get("pictures", True))
+        return bool(self.read_scene().get("output", {}).get("pictures", True))
 
     @staticmethod
     def next_path(case_stem: str, parent: str | Path = "runs") -> Path:
@@ -145,106 +199,29 @@ class RunFolder:
                     used.append(int(number))
         return Path(parent) / f"{case_stem}-{max(used) + 1:03d}"
 
-    @property
-    def case(self) -> Path:
-        """The resolved scene."""
-        return self.path / "case.toml"
-
-    @property
-    def provenance(self) -> Path:
-        """Versions, commit, seed, mesh hash, threads, machine."""
-        return self.path / "provenance.json"
-
-    @property
-    def log(self) -> Path:
-        return self.path / "run.log"
-
-    @property
-    def history(self) -> Path:
-        """One row a coupling window."""
-        return self.path / "history.csv"
-
-    @property
-    def summary(self) -> Path:
-        return self.path / "summary.json"
-
-    @property
-    def failure(self) -> Path:
-        """Return why the run failed for its scene, where it did."""
-        return self.path / "failure.json"
-
-    @property
-    def plan(self) -> Path:
-        """Return what was decided before the first window, as numbers and as words."""
-        return self.path / "plan.json"
-
-    @property
-    def record(self) -> Path:
-        """HDF5 record of grains and observables."""
-        return self.path / "run.h5"
-
-    @property
-    def checkpoint(self) -> Path:
-        """Complete state of the latest checkpoint."""
-        return self.path / "checkpoint.h5"
-
-    @property
-    def replicas(self) -> Path:
-        """Folder of the runs of the same scene with other packings; this run is the first of them."""
-        return self.path / "replicas"
-
     def replica_folders(self) -> list[Path]:
         """Folders of the other packings that are there, in their order."""
         return sorted(self.replicas.glob("[0-9][0-9]")) if self.replicas.is_dir() else []
-
-    @property
-    def mesh(self) -> Path:
-        return self.path / "mesh.msh"
-
-    @property
-    def particles(self) -> Path:
-        """ParaView: grains in time. The numbered files of a series lie in a folder of its name."""
-        return self.path / "particles.pvd"
-
-    @property
-    def field(self) -> Path:
-        """ParaView: the field's cross-section in time."""
-        return self.path / "field.pvd"
-
-    @property
-    def walls(self) -> Path:
-        """ParaView: the walls that grains touch, in time."""
-        return self.path / "walls.pvd"
-
-    @property
-    def contacts(self) -> Path:
-        """ParaView: force chains in time."""
-        return self.path / "contacts.pvd"
 
     def series(self) -> tuple[Path, ...]:
         """The files for ParaView."""
         return self.particles, self.field, self.walls, self.contacts
 
-    @property
-    def section_picture(self) -> Path:
-        return self.path / "section.png"
-
-    @property
-    def torque_picture(self) -> Path:
-        return self.path / "torque.png"
-
-    @property
-    def grains_picture(self) -> Path:
-        return self.path / "grains.png"
-
     def read_case(self) -> str:
-        """``case.toml``; OutputError where it cannot be read."""
+        """Return ``case.toml``; OutputError where it cannot be read."""
+        self.read_scene()
+        return self.case.read_text(encoding="utf-8")
+
+    def read_scene(self) -> dict[str, Any]:
+        """Return the tables of ``case.toml``; OutputError where it cannot be read."""
         try:
-            text = self.case.read_text(encoding="utf-8")
-            tomllib.loads(text)
+            return tomllib.loads(self.case.read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
             raise OutputError(f"cannot read {self.case}: {error}; put it back, or start again with --out") from error
-        return text
+
+    def read_history(self) -> pandas.DataFrame:
+        """Return ``history.csv``, see `emclutch.results.read_history`."""
+        return read_history(self.history)
 
     def write_provenance(self, **known: Any) -> None:
         """Write ``provenance.json``; keywords as of `provenance.provenance`. A resumed run adds an entry.

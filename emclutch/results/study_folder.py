@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import isclose
@@ -93,7 +92,7 @@ def refresh_in_words(study: StudyFolder) -> str:
 
 def _end_of(folder: Path) -> float | None:
     """The end [s] that a run's scene has now; None: it does not say."""
-    end = tomllib.loads(RunFolder(folder).read_case()).get("time", {}).get("end")
+    end = RunFolder(folder).read_scene().get("time", {}).get("end")
     return None if end is None else float(end)
 
 

@@ -24,7 +24,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from emclutch.results import OutputError, RunFolder, read_history
+from emclutch.results import OutputError, RunFolder
 from emclutch.results.columns import TIME
 from emclutch.results.folder_lock import FolderInUse, has_files, locked_folder
 from emclutch.results.history import last_time
@@ -207,7 +207,7 @@ class Replicas:
 
     def histories(self, until: float | None = None) -> list[pandas.DataFrame]:
         """Return what all have so far, in their order; rows up to the first that ends at `until` [s] or later."""
-        found = [read_history(each.history) for each in self.folders if each.history.is_file()]
+        found = [each.read_history() for each in self.folders if each.history.is_file()]
         if until is not None:
             found = [each.iloc[: int(each[TIME].searchsorted(until - self.tolerance)) + 1] for each in found]
         return [each for each in found if len(each)]

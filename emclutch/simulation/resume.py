@@ -7,7 +7,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from emclutch.results import OutputError, RunFolder, read_history
+from emclutch.results import OutputError, RunFolder
 from emclutch.results.checkpoint import read_checkpoint
 from emclutch.results.columns import TIME
 from emclutch.results.history import rows_until
@@ -75,7 +75,7 @@ def refuse_earlier_end(folder: RunFolder, state: dict, end: float) -> None:
     """
     if end >= tomllib.loads(state["case"])["time"]["end"] or not folder.history.is_file():
         return
-    times = read_history(folder.history)[TIME].to_numpy()
+    times = folder.read_history()[TIME].to_numpy()
     reached = float(times[min(state["window"], len(times)) - 1]) if len(times) else 0.0
     if end < reached:
         raise OutputError(

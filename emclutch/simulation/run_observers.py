@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from coupling import Simulation, WindowRow, run_staggered
 from coupling.staggered import Measure
 from emclutch.device.device import Device
-from emclutch.results import read_history
 from emclutch.scene.model import Scene
 from emclutch.simulation.checkpoints import Checkpoints
 from emclutch.simulation.early_end import EarlyEnd, early_end
@@ -155,7 +154,7 @@ def missed_steps(request: RunRequest, resume_time: float | None) -> tuple[Missed
     contact = request.case.scene.contact
     if contact.method != "dvi":
         return ()
-    before = None if resume_time is None else read_history(request.folder.history)
+    before = None if resume_time is None else request.folder.read_history()
     return (MissedSteps(contact.dvi.allowed_misses, before),)
 
 

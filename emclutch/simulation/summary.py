@@ -8,7 +8,7 @@ import numpy as np
 
 from emclutch.device.grain_size import grain_size
 from emclutch.device.pole_zone import PoleZone
-from emclutch.results import Estimate, RunFolder, read_history
+from emclutch.results import Estimate, RunFolder
 from emclutch.results.columns import (
     CURRENT,
     DISC_SPEED,
@@ -63,7 +63,7 @@ def summarise(
     all else is of this run. `stopped`: the user's callback has ended it.
     """
     device, plan, conditions = planned.device, planned.plan, planned.conditions
-    history = read_history(folder.history)
+    history = folder.read_history()
     summary: dict = {"title": case.scene.scene.title, "effects": list(case.scene.effects.active)}
     for body in ("rotor", "field"):
         column = torque_on(body)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from emclutch.results import OutputError, RunFolder, read_history
+from emclutch.results import OutputError, RunFolder
 from emclutch.results.columns import TIME
 from emclutch.results.folder_lock import has_files
 from emclutch.results.history import last_time
@@ -149,7 +149,7 @@ def _refuse_earlier_end(path: Path, old: dict[str, Any], new: dict[str, Any]) ->
         return
     if differing_keys(old, new) == ["time.end"] and run.summary.is_file():  # finished, and known the better for it
         return
-    times = read_history(run.history)[TIME]
+    times = run.read_history()[TIME]
     reached = float(times.iloc[-1]) if len(times) else 0.0
     if reached > new["time.end"]:
         raise OutputError(

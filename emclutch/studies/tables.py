@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -104,7 +103,7 @@ def row_of(values: dict[str, Any], result: Result) -> dict[str, Any]:
     """A point's row of `study.csv`."""
     torque, summary = disc_torque(result), result.summary
     low, high = torque.interval() or (None, None)
-    end = tomllib.loads(result.folder.read_case())["time"]["end"]  # a point may have been resumed alone to a later one
+    end = result.folder.read_scene()["time"]["end"]  # a point may have been resumed alone to a later one
     row = {**values, "end_time": end}  # [s]
     if "current" in summary:
         row["current"] = summary["current"]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import tempfile
-import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -225,7 +224,7 @@ def effects_of(result: Result) -> list[str]:
     if "effects" in result.summary:
         return list(result.summary["effects"])
     try:
-        return list(tomllib.loads(result.folder.read_case()).get("effects", {}))
+        return list(result.folder.read_scene().get("effects", {}))
     except OutputError:  # a folder that lost its scene has a history all the same
         return []
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -86,7 +85,7 @@ def read_run_files(folder: str | Path) -> RunFiles:
             f"{run.path} holds no series for looking at; a run writes them with output.formats = ['vtk'] and "
             "output.snapshots > 0, at the end of its first window"
         )
-    scene = tomllib.loads(run.read_case()) if run.case.is_file() else {}
+    scene = run.read_scene() if run.case.is_file() else {}
     first = {name: read_data_set(written[0][1]) for name, written in series.items()}
     at_points = {name: array_names(data.GetPointData()) for name, data in first.items()}
     colours = {name: known for name, known in COLOURS.items() if known[0] in at_points.get("particles", ())}
