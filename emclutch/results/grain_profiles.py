@@ -6,8 +6,6 @@ grain, nothing that presses) is an empty cell; one that no bin has, such as an a
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -76,17 +74,12 @@ def write_profiles(folder: str | Path, profiles: Sequence[Profile]) -> Path:
         raise OutputError("no profile to write: the run took none; set output.profiles = true")
     if len({profile.moments for profile in profiles}) > 1:
         raise OutputError("profiles of one file must be averaged over the same moments")
-    tables = [profile_table(profile) for profile in profiles]
-    names = list(dict.fromkeys(name for table in tables for name in table))
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["along", "moments", *names])
-    for profile, table in zip(profiles, tables, strict=True):
-        for k in range(len(profile.low)):
-            cells = [_cell(table[name][k]) if name in table else "" for name in names]
-            writer.writerow([profile.along, profile.moments, *cells])
+    import pandas
+
+    tables = [pandas.DataFrame({"along": one.along, "moments": one.moments, **profile_table(one)}) for one in profiles]
     path = Path(folder) / "profiles.csv"
-    replace_text(path, text.getvalue())
+    known = pandas.concat(tables, ignore_index=True).replace([math.inf, -math.inf], math.nan)
+    replace_text(path, known.to_csv(index=False, lineterminator="\n"))
     return path
 
 
@@ -94,21 +87,11 @@ def read_profiles(path: str | Path) -> dict[str, pandas.DataFrame]:
     """The profiles of a file by coordinate, each a table whose ``attrs["units"]`` holds the units of its columns."""
     import pandas
 
-    header, *rows = list(csv.reader(io.StringIO(Path(path).read_text(encoding="utf-8"))))
     found = {}
-    for along in dict.fromkeys(row[0] for row in rows):
-        own = [row for row in rows if row[0] == along]
-        columns = {
-            name: np.array([float(row[k]) if row[k] else math.nan for row in own])
-            for k, name in enumerate(header)
-            if k > 1
-        }
-        table = pandas.DataFrame(columns)
-        table.attrs["units"] = {name: profile_column(name)[0] for name in columns}
-        table.attrs["moments"] = int(own[0][1])
-        found[along] = table
+    rows = pandas.read_csv(path, dtype=str)  # as text: numbers are read to the last bit by float()
+    for along, own in rows.groupby("along", sort=False):
+        table = own.drop(columns=["along", "moments"]).reset_index(drop=True).astype(float)
+        table.attrs["units"] = {name: profile_column(name)[0] for name in table}
+        table.attrs["moments"] = int(own["moments"].iloc[0])
+        found[str(along)] = table
     return found
-
-
-def _cell(value: float) -> str:
-    return repr(float(value)) if math.isfinite(value) else ""

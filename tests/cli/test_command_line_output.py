@@ -20,7 +20,7 @@ from emclutch.cli.main import app
 from emclutch.cli.output import torque_line
 from emclutch.results import OutputError
 from emclutch.results.errors import Interrupted
-from emclutch.results.report.verdict import closing_lines, soft_grains
+from emclutch.results.report.verdict import closing_lines
 from emclutch.scene.case import load_case
 from emclutch.scene.reference import scene_reference
 from emclutch.simulation.open_folder import remedy_in_scene
@@ -93,11 +93,6 @@ def test_a_lock_and_soft_grains_are_told_last():
     # the words of the plan decide nothing
     rigid = {"contact": {"compliant": False}, "plan": {"stiffness": "none"}, "max_overlap": 0.05}
     assert closing_lines(SimpleNamespace(summary=rigid, history=last)) == []
-
-
-def test_soft_grains_are_told_of_runs_of_earlier_versions():
-    assert "grains too soft" in soft_grains({"plan": {"stiffness": "k_n = 1 N/m"}, "max_overlap": 0.05})
-    assert soft_grains({"plan": {}, "solver": {"tolerance": 1e-6}, "max_overlap": 0.05}) == ""
 
 
 @pytest.mark.parametrize(

@@ -89,7 +89,7 @@ def test_average_begins_at_its_time_and_takes_the_mean_of_the_moments():
     grains, contacts = moment()
     rotor = SimpleNamespace(name="rotor", speed=0.0)
     dem = SimpleNamespace(time=0.0, grains=grains, sector=None, bodies=[rotor], walls=[], contacts=lambda: contacts)
-    shape = SimpleNamespace(fill_boxes=lambda: {"empty": AnnularBox(0.1, 0.2, 0.0, 1.0), "gap": RING})
+    shape = SimpleNamespace(boxes_to_fill=lambda: [AnnularBox(0.1, 0.2, 0.0, 1.0), RING])
     average = ProfileAverage(shape, 1.0)
     for dem.time, rotor.speed in ((0.5, 1e3), (1.0, 1e3), (1.5, 10.0), (2.0, 20.0)):
         assert average.profiles() == [] or dem.time > 1.5
@@ -106,7 +106,10 @@ def test_an_average_goes_on_from_a_checkpoint_as_if_nothing_had_been(tmp_path):
     grains, contacts = moment()
     rotor = SimpleNamespace(name="rotor", speed=10.0)
     dem = SimpleNamespace(time=1.0, grains=grains, sector=None, bodies=[rotor], walls=[], contacts=lambda: contacts)
-    for shape in (SimpleNamespace(fill_boxes=lambda: {"gap": RING}), SimpleNamespace()):  # in a ring, in a box
+    for shape in (
+        SimpleNamespace(boxes_to_fill=lambda: [RING]),
+        SimpleNamespace(boxes_to_fill=list),
+    ):  # in a ring, in a box
         whole, part, again, other = (ProfileAverage(shape, start) for start in (0.0, 0.0, 0.0, 0.5))
         for average in (whole, whole, part):
             average(SimpleNamespace(motion=dem), {})
@@ -124,5 +127,5 @@ def test_an_average_goes_on_from_a_checkpoint_as_if_nothing_had_been(tmp_path):
 def test_gap_is_the_space_that_holds_most_grains_or_what_walls_enclose():
     grains, _ = moment()
     dem = SimpleNamespace(grains=grains, sector=None, walls=[])
-    assert gap_of(SimpleNamespace(fill_boxes=lambda: {"a": AnnularBox(1.0, 2.0, 0.0, 1.0), "b": RING}), dem) == RING
-    assert isinstance(gap_of(SimpleNamespace(), dem), BoxSpace)
+    assert gap_of(SimpleNamespace(boxes_to_fill=lambda: [AnnularBox(1.0, 2.0, 0.0, 1.0), RING]), dem) == RING
+    assert isinstance(gap_of(SimpleNamespace(boxes_to_fill=list), dem), BoxSpace)

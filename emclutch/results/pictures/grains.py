@@ -7,6 +7,7 @@ chains are seen at once. Chains are the contacts, drawn as wide as their force.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -114,33 +115,26 @@ def grains_picture(
     return save_picture(figure, path)
 
 
+def _is_level(wall: Any, up: int) -> bool:
+    """Return whether a revolved wall keeps its coordinate `up` (0: r, 1: z)."""
+    return abs(wall.start[up] - wall.end[up]) <= 1e-9 + 1e-6 * abs(wall.start[up])
+
+
 def _across(r: np.ndarray, z: np.ndarray, walls: Sequence[Any]) -> str:
-    """Coordinate across the gap: that in which a wall of the disc faces one of the rotor over more grains."""
-    enclosed = {}
+    """Return the coordinate across the gap: in it a wall of the disc faces one of the rotor over more grains."""
+    enclosed: dict[str, np.ndarray] = {}
     for name, up, along in (("r", 0, 1), ("z", 1, 0)):
-        coordinate = (r, z)
-        inside, found = np.zeros(len(r), dtype=bool), False
-        sides = [
-            [w for w in walls if w.body == body and abs(w.start[up] - w.end[up]) <= 1e-9 + 1e-6 * abs(w.start[up])]
-            for body in ("disc", "rotor")
-        ]
-        for disc in sides[0]:
-            for rotor in sides[1]:
-                low = max(min(disc.start[along], disc.end[along]), min(rotor.start[along], rotor.end[along]))
-                high = min(max(disc.start[along], disc.end[along]), max(rotor.start[along], rotor.end[along]))
-                if low >= high:
-                    continue
-                found = True
-                bottom, top = sorted((disc.start[up], rotor.start[up]))
-                inside |= (
-                    (coordinate[up] >= bottom)
-                    & (coordinate[up] <= top)
-                    & ((coordinate[along] >= low) & (coordinate[along] <= high))
-                )
-        if found:
-            enclosed[name] = np.count_nonzero(inside)
+        discs, rotors = ([w for w in walls if w.body == body and _is_level(w, up)] for body in ("disc", "rotor"))
+        for pair in product(discs, rotors):
+            low = max(min(wall.start[along], wall.end[along]) for wall in pair)
+            high = min(max(wall.start[along], wall.end[along]) for wall in pair)
+            if low < high:
+                bottom, top = sorted(wall.start[up] for wall in pair)
+                height, place = (r, z)[up], (r, z)[along]
+                inside = (height >= bottom) & (height <= top) & (place >= low) & (place <= high)
+                enclosed[name] = enclosed.get(name, False) | inside
     if enclosed:
-        return max(enclosed, key=lambda name: enclosed[name])
+        return max(enclosed, key=lambda name: np.count_nonzero(enclosed[name]))
     return "z" if len(r) and np.ptp(z) < np.ptp(r) else "r"
 
 
@@ -247,6 +241,5 @@ def _draw_unrolled_walls(axis: Axes, walls: Sequence[Any], body: str, across: st
     for wall in walls:
         up, other = (0, 1) if across == "r" else (1, 0)
         low, high = sorted((wall.start[other], wall.end[other]))
-        level = abs(wall.start[up] - wall.end[up]) <= 1e-9 + 1e-6 * abs(wall.start[up])
-        if level and low < high and high >= layer[0] and low <= layer[1]:
+        if _is_level(wall, up) and low < high and high >= layer[0] and low <= layer[1]:
             axis.axhline(MM * wall.start[up], color=BODY_COLOURS.get(body, OTHER_BODY), lw=2.0)

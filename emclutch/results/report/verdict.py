@@ -64,9 +64,7 @@ def closing_lines(result: Result) -> list[str]:
 def soft_grains(summary: dict[str, Any]) -> str:
     """Return a warning where grains that press in overlapped too much; else empty."""
     overlap = summary.get("max_overlap") or 0.0
-    # summaries of earlier versions do not say; those of DVI, rigid or not, are known by their solver
-    contact = summary.get("contact") or {"compliant": "solver" not in summary}
-    if not contact["compliant"] or overlap <= SOFT:
+    if overlap <= SOFT or not summary["contact"]["compliant"]:
         return ""
     return (
         f"the largest overlap is {100 * overlap:.2g} % of the diameter: grains too soft; torque peaks are not to be "

@@ -65,8 +65,7 @@ def _tubes(contacts: Any, radius: float) -> Any:
 def _painted(walls: Any) -> Any:
     """Walls, each body in a colour of its own with darker marks, which turn with its shaft."""
     rgb = np.array(SHADES)[walls.cell_data["body"] % len(SHADES)]
-    if "stripe" in walls.cell_data:  # files of earlier versions have no marks
-        rgb = rgb * np.where(walls.cell_data["stripe"] == 1, MARK, 1.0)[:, None]
+    rgb = rgb * np.where(walls.cell_data["stripe"] == 1, MARK, 1.0)[:, None]
     walls.cell_data["shown"] = (255.0 * rgb).astype(np.uint8)
     return walls
 

@@ -172,7 +172,7 @@ def chains(view, contacts, visible, options):
 def walls(view, surfaces, visible, options):
     """The walls that grains touch, each body in two shades: the marks turn with its shaft."""
     shade = pv.Calculator(registrationName="walls", Input=surfaces, AttributeType="Cell Data", ResultArrayName="shade")
-    shade.Function = "2*body+stripe" if surfaces.CellData.GetArray("stripe") else "2*body"
+    shade.Function = "2*body+stripe"
     display = pv.Show(shade, view)
     display.Opacity, display.Visibility = WALL_OPACITY, visible
     pv.ColorBy(display, ("CELLS", "shade"))
