@@ -42,7 +42,7 @@ class CadShape(AnnularSpaces):
     ----------
     section : CadSection
     bodies : mapping of str to str
-        Body of each region, beside those of `BODIES`.
+        Body of a region, where it is another than that of `BODIES`.
     magnetic : collection of str
         Regions whose faces mirror dipoles.
     """

@@ -227,11 +227,6 @@ class Clutch(AnnularSpaces):
         half, rim = 0.5 * self.disc_thickness, self.disc_radius
         return [(AnnularBox(box.r0, box.r1, -half, half), True) if box.r0 >= rim else (box, False) for box in boxes]
 
-    @property
-    def powder_volume(self) -> float:
-        """Volume of the powder chamber [m^3]."""
-        return sum(box.volume() for box in self.fill_boxes().values())
-
     def gap_midline(self, count: int = 101) -> np.ndarray:
         """Points (r, z) [m] along the middle of the rim gap, over the disc's thickness; shape (count, 2)."""
         z = np.linspace(-0.5, 0.5, count) * self.disc_thickness

@@ -108,6 +108,6 @@ def read_by_meshio(path: Path) -> Any:
     try:
         with np.errstate(over="ignore"):  # of a text's bytes, read as the number of triangles of a binary STL
             return meshio.read(path)
-    except (Exception, SystemExit) as error:  # each of meshio's readers fails in a way of its own
+    except (Exception, SystemExit) as error:  # each of meshio's readers raises errors of its own
         reason = " ".join(str(error).split()) or type(error).__name__
         raise CadError(f"{path} cannot be read as {path.suffix.lower()} ({reason}); export it again") from None

@@ -130,24 +130,6 @@ class Mesh3D(NamedMesh):
         """Volume [m^3] of a region of the whole machine, `n_sectors` times that of the mesh."""
         return float(self.n_sectors * self.element_volume()[self.elements_of(region)].sum())
 
-    def quality(self) -> np.ndarray:
-        """Three times the inradius over the circumradius of every element's corners [-]: 1 regular, 0 flat."""
-        a, b, c, d = (self.points[self.tetrahedra[:, i]] for i in range(4))
-        u, v, w = b - a, c - a, d - a
-        six_volumes = np.einsum("ij,ij->i", np.cross(u, v), w)
-        faces = (np.cross(u, v), np.cross(v, w), np.cross(w, u), np.cross(c - b, d - b))
-        area = 0.5 * sum(np.linalg.norm(face, axis=1) for face in faces)
-        square = [np.einsum("ij,ij->i", x, x)[:, None] for x in (u, v, w)]
-        outward = square[0] * np.cross(v, w) + square[1] * np.cross(w, u) + square[2] * np.cross(u, v)
-        return 3.0 * (0.5 * six_volumes / area) / (0.5 * np.linalg.norm(outward, axis=1) / six_volumes)
-
-    def boundary_area(self, boundary: str) -> float:
-        """Area [m^2] of the flat triangles of a boundary of this mesh (not times `n_sectors`)."""
-        if boundary not in self.boundaries:
-            raise KeyError(f"no boundary {boundary!r} in this mesh; it has {', '.join(sorted(self.boundaries))}")
-        a, b, c = (self.points[self.boundaries[boundary][:, i]] for i in range(3))
-        return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
-
     def hash(self) -> str:
         """SHA-256 (hex) of all arrays and names: equal meshes, equal hash."""
         arrays = {"points": self.points, "tetrahedra": self.tetrahedra}

@@ -28,7 +28,7 @@ SOLID_OPTIONS = {
     "Mesh.MeshSizeFactor": 1.0,
 }
 
-# gmsh's ten nodes have the last two middles the other way round than ours.
+# Of gmsh's ten nodes the last two middles are ours exchanged.
 _FROM_GMSH = np.array([0, 1, 2, 3, 4, 5, 6, 7, 9, 8])
 # The same element with its second and third corner exchanged.
 _MIRRORED = np.array([0, 2, 1, 3, 6, 5, 4, 7, 9, 8])
@@ -98,7 +98,7 @@ def generate(
 
 
 def positive(points: np.ndarray, elements: np.ndarray) -> np.ndarray:
-    """Exchange two corners of the elements that are the wrong way round."""
+    """Exchange two corners of the elements of negative volume."""
     a, b, c, d = (points[elements[:, i]] for i in range(4))
     negative = np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) < 0.0
     elements = elements.copy()

@@ -96,7 +96,7 @@ def test_a_slot_is_not_lost_without_a_word(tmp_path):
         read_cad(write_step(tmp_path / "a.step", slotted))
 
 
-def test_a_wrong_axis_is_told(tmp_path):
+def test_a_wrong_axis_is_reported(tmp_path):
     path = write_step(tmp_path / "a.step", solids_of_revolution)
     with pytest.raises(CadError, match="give the right `axis`"):
         read_cad(path, axis="x")
@@ -114,7 +114,7 @@ def test_a_wrong_axis_is_told(tmp_path):
 COIL = {"coil": [rectangle(0.02, 0.03, 0.0, 0.01)]}
 
 
-def test_a_missing_name_is_told_with_what_was_found(tmp_path):
+def test_a_missing_name_is_reported_with_what_was_found(tmp_path):
     path = write_polygons(tmp_path / "a.step", {"coill": COIL["coil"], "disc": [rectangle(0, 0.01, 0, 0.01)]})
     with pytest.raises(CadError) as error:
         read_cad(path, needed=["coil"])
@@ -123,25 +123,25 @@ def test_a_missing_name_is_told_with_what_was_found(tmp_path):
     assert "coill: 100 mm2, r 20 to 30 mm, z 0 to 10 mm, taken for 'coill'" in text and "disc: 100 mm2" in text
 
 
-def test_an_unknown_name_is_told(tmp_path):
+def test_an_unknown_name_is_reported(tmp_path):
     path = write_polygons(tmp_path / "a.step", {**COIL, "bolt": [rectangle(0, 0.01, 0, 0.01)]})
     with pytest.raises(CadError, match="name means nothing here: 'bolt'"):
         read_cad(path, needed=["coil"], known=["powder", "air"])
 
 
-def test_parts_that_overlap_are_told(tmp_path):
+def test_parts_that_overlap_are_reported(tmp_path):
     path = write_polygons(tmp_path / "a.step", {**COIL, "disc": [rectangle(0.01, 0.022, 0.0, 0.01)]})
     with pytest.raises(CadError, match=r"'coil' and 'disc' overlap by 20 mm2 around r = 21 mm, z = 5 mm; cut one"):
         cad_section(path)
 
 
-def test_parts_that_nearly_touch_are_told(tmp_path):
+def test_parts_that_nearly_touch_are_reported(tmp_path):
     path = write_polygons(tmp_path / "a.step", {**COIL, "disc": [rectangle(0.01, 0.02 - 1e-8, 0.0, 0.01)]})
     with pytest.raises(CadError, match=r"leave a slit of 0.01 um near r = .* let the parts touch exactly"):
         cad_section(path)
 
 
-def test_lengths_of_no_device_are_told(tmp_path):
+def test_lengths_of_no_device_are_reported(tmp_path):
     big = write_polygons(tmp_path / "big.step", {"coil": [1e3 * rectangle(0.02, 0.15, 0.0, 0.01)]})
     with pytest.raises(CadError, match=r"measures 130 m.*`scale` = 0.001"):
         read_cad(big)
@@ -151,7 +151,7 @@ def test_lengths_of_no_device_are_told(tmp_path):
         read_cad(small)
 
 
-def test_a_part_beyond_the_axis_is_told(tmp_path):
+def test_a_part_beyond_the_axis_is_reported(tmp_path):
     path = write_polygons(
         tmp_path / "a.step", {"coil": [rectangle(0.02, 0.03, 0.0, 0.01), rectangle(-0.03, -0.02, 0.0, 0.01)]}
     )
@@ -159,7 +159,7 @@ def test_a_part_beyond_the_axis_is_told(tmp_path):
         read_cad(path)
 
 
-def test_faces_out_of_plane_are_told(tmp_path):
+def test_faces_out_of_plane_are_reported(tmp_path):
     def lifted(occ):
         occ.addRectangle(20, 0, 5, 10, 10)
         return ["coil"]
@@ -168,7 +168,7 @@ def test_faces_out_of_plane_are_told(tmp_path):
         read_cad(write_step(tmp_path / "a.step", lifted))
 
 
-def test_parts_without_names_are_told(tmp_path):
+def test_parts_without_names_are_reported(tmp_path):
     path = write_polygons(tmp_path / "a.step", {"Open CASCADE STEP translator 7.8 9": COIL["coil"]})
     with pytest.raises(CadError, match="1 of 1 parts have no name"):
         read_cad(path)
@@ -197,7 +197,7 @@ NOTHING = r"cannot be read|neither solids nor faces"
      ("a.brep", "DBRep_DrawableShape nonsense", NOTHING), ("a.geo", "Point(1) = {0, 0, 0", NOTHING),
      ("a.geo", BUILT_IN, "built-in kernel")],
 )  # fmt: skip
-def test_files_that_are_no_cad_are_told(name, content, words, tmp_path):
+def test_files_that_are_no_cad_are_reported(name, content, words, tmp_path):
     path = tmp_path / name
     if content is not None:
         path.write_text(content)

@@ -229,7 +229,7 @@ def test_a_mesh_of_another_program_gets_its_axis_and_outline(tmp_path):
     [("nonsense", "is not a mesh of gmsh"), ("$MeshFormat\nnonsense", r"cannot be read|no triangles"),
      (MESH_OF_ANOTHER_PROGRAM.replace("2 20 0 0", "2 -20 0 0"), "beyond the axis")],
 )  # fmt: skip
-def test_a_wrong_mesh_file_is_told(text, words, tmp_path):
+def test_a_wrong_mesh_file_is_reported(text, words, tmp_path):
     (tmp_path / "a.msh").write_text(text)
     with pytest.raises(CadError, match=words):
         read_section_mesh(tmp_path / "a.msh", scale=1e-3)
@@ -242,6 +242,6 @@ def test_a_wrong_mesh_file_is_told(text, words, tmp_path):
     [({"gap_layers": 2}, "gap_layers"), ({"size_factor": 9.0}, "size_factor"), ({"air_factor": 1.0}, "air_factor"),
      ({"axis": "w"}, "axis"), ({"scale": 0.0}, "scale")],
 )  # fmt: skip
-def test_options_out_of_range_are_told(options, words, tmp_path):
+def test_options_out_of_range_are_reported(options, words, tmp_path):
     with pytest.raises(ValueError, match=words):
         mesh_cad(write_polygons(tmp_path / "a.step", {"coil": [rectangle(0.02, 0.03, 0.0, 0.01)]}), **options)

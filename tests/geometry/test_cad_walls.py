@@ -76,7 +76,7 @@ def test_a_cavity_on_the_axis_has_no_wall_there(tmp_path):
     ]  # fmt: skip
 
 
-def test_a_powder_that_is_no_set_of_rectangles_is_told(tmp_path):
+def test_a_powder_that_is_no_set_of_rectangles_is_reported(tmp_path):
     cone = np.array([(0.02, 0.0), (0.03, 0.0), (0.03, 0.01), (0.02, 0.005)])
     shape = CadShape(cad_section(write_polygons(tmp_path / "a.step", {"powder": [cone]})))
     assert "runs obliquely" in shape.faults()[0].message

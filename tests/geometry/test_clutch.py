@@ -46,7 +46,7 @@ def test_fill_boxes_fill_the_powder_chamber(clutch):
     assert polygon_area(chamber) == pytest.approx(area, rel=1e-12)
     hollow = np.pi * (clutch.bore_radius**2 - clutch.seal_radius**2) * clutch.cavity_length
     disc = np.pi * (clutch.disc_radius**2 - clutch.seal_radius**2) * clutch.disc_thickness
-    assert clutch.powder_volume == pytest.approx(hollow - disc, rel=1e-12)
+    assert sum(box.volume() for box in boxes.values()) == pytest.approx(hollow - disc, rel=1e-12)
 
 
 def test_section_polygons_run_counter_clockwise_and_the_gap_midline_lies_in_the_gap():

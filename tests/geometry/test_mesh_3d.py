@@ -24,7 +24,6 @@ def test_straight_edges_give_the_flat_volume():
     flat = one(points=CORNERS, second_order=None)
     assert one().volume("body") == pytest.approx(1.0 / 6.0, rel=1e-14)
     assert flat.volume("body") == pytest.approx(1.0 / 6.0, rel=1e-14)
-    assert flat.boundary_area("floor") == pytest.approx(0.5, rel=1e-14)
 
 
 def test_the_volume_under_a_bent_face_is_that_of_the_quadratic_map():
@@ -37,13 +36,6 @@ def test_the_volume_under_a_bent_face_is_that_of_the_quadratic_map():
     lifted[4, 2] += 0.1
     mesh = one(points=lifted)
     assert mesh.volume("body") == pytest.approx(1.0 / 6.0 - 0.1 / 6.0, rel=1e-12)
-
-
-def test_the_quality_is_one_for_a_regular_tetrahedron_and_zero_for_a_flat_one():
-    regular = np.array([[1.0, 1, 1], [-1, 1, -1], [1, -1, -1], [-1, -1, 1]])
-    assert one(points=regular, second_order=None).quality() == pytest.approx(1.0, rel=1e-14)
-    flat = regular * [1.0, 1.0, 1e-4]
-    assert one(points=flat, second_order=None).quality()[0] < 1e-3
 
 
 def test_a_sector_stands_for_the_machine():
@@ -82,8 +74,6 @@ def test_equal_meshes_have_equal_hashes_and_others_do_not():
     assert one().hash() != one(regions={"other": np.array([0])}).hash()
 
 
-def test_an_unknown_region_or_boundary_is_named_with_those_there_are():
+def test_an_unknown_region_is_named_with_those_there_are():
     with pytest.raises(KeyError, match="body"):
         one().volume("disc")
-    with pytest.raises(KeyError, match="floor"):
-        one().boundary_area("outer")

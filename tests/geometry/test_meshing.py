@@ -55,7 +55,7 @@ def test_every_region_has_its_closed_form_area_and_pappus_volume(meshed):
     R = clutch.air_radius  # a polygon inscribed in the half-circle lacks a little
     assert mesh.area("air") == pytest.approx(0.5 * np.pi * R**2 - total[0], rel=0.01)
     assert set(mesh.regions) == {*clutch.section_polygons(), "air"}
-    assert mesh.volume("powder") == pytest.approx(clutch.powder_volume, rel=1e-9)
+    assert mesh.volume("powder") == pytest.approx(clutch.volume_to_fill(), rel=1e-9)
 
 
 def test_boundaries_have_their_closed_form_lengths(meshed):
