@@ -18,7 +18,7 @@ import numpy as np
 from geometry.annular_spaces import AnnularSpaces
 from geometry.cad_meshing import CadSection, OutlineEdge
 from geometry.fault import GeometryFault, millimetres
-from geometry.sheared_gap import ShearedGap, thin_parts
+from geometry.sheared_gap import ShearedGap
 from geometry.walls import AnnularBox, Pair, RevolvedWall, outline
 
 BODIES: Mapping[str, str] = {
@@ -89,7 +89,8 @@ class CadShape(AnnularSpaces):
 
     def gap_parts(self, boxes: Sequence[AnnularBox]) -> list[tuple[AnnularBox, bool]]:
         """Those filled parts, of `boxes`, that lie between the shafts, and whether the gap's width is along r."""
-        return thin_parts(boxes, 1.5 * self.gap)
+        sizes = [(box, box.r1 - box.r0, box.z1 - box.z0) for box in boxes]
+        return [(box, along_r < along_z) for box, along_r, along_z in sizes if min(along_r, along_z) < 1.5 * self.gap]
 
     @property
     def coil_area(self) -> float:
@@ -108,9 +109,8 @@ class CadShape(AnnularSpaces):
 
     def gap_midline(self, count: int = 101) -> np.ndarray:
         """Points (r, z) [m] along the middle of the largest gap, a gap's width short of its ends; shape (count, 2)."""
-        boxes = self.fill_boxes().values()
-        thin = [box for box in boxes if min(box.r1 - box.r0, box.z1 - box.z0) < 1.5 * self.gap] or list(boxes)
-        box = max(thin, key=lambda box: box.volume())
+        boxes = list(self.fill_boxes().values())
+        box = max([box for box, _ in self.gap_parts(boxes)] or boxes, key=lambda box: box.volume())
         wide = box.r1 - box.r0, box.z1 - box.z0
         short = min(min(wide), 0.25 * max(wide))
         along = np.linspace(short, max(wide) - short, count)

@@ -25,7 +25,7 @@ import numpy as np
 
 from geometry.annular_spaces import AnnularSpaces
 from geometry.fault import FaultFinder, GeometryFault, millimetres
-from geometry.sheared_gap import AT_RIM, ShearedGap
+from geometry.sheared_gap import ShearedGap
 from geometry.slots import Slots, slot_faults
 from geometry.walls import AnnularBox, Pair, RevolvedWall, outline
 
@@ -45,6 +45,9 @@ REGIONS = {
     "faces": ("face_left", "face_right"),
 }
 """Boxes of the parts of the chamber that may be filled."""
+
+_AT_RIM = ("rim", "poles")
+"""Regions from which the powder is sheared in the rim gap."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,7 +214,7 @@ class Clutch(AnnularSpaces):
 
     def shears_faces(self, region: str = "cavity") -> bool:
         """True if powder in a region of the chamber is sheared at the faces; of both the greater area."""
-        return region not in AT_RIM and (region == "faces" or self.face_area > self.rim_area)
+        return region not in _AT_RIM and (region == "faces" or self.face_area > self.rim_area)
 
     def sheared_gap(self, region: str = "cavity") -> ShearedGap:
         """The gap at the rim or at the faces, by the region that is filled."""
@@ -220,7 +223,7 @@ class Clutch(AnnularSpaces):
             return ShearedGap(
                 self.mean_face_radius, self.face_gap, self.face_gap if region == "faces" else narrowest, at_faces=True
             )
-        return ShearedGap(self.mean_gap_radius, self.gap, self.gap if region in AT_RIM else narrowest)
+        return ShearedGap(self.mean_gap_radius, self.gap, self.gap if region in _AT_RIM else narrowest)
 
     def gap_parts(self, boxes: Sequence[AnnularBox]) -> list[tuple[AnnularBox, bool]]:
         """Those filled parts, of `boxes`, that lie between the shafts, and whether the gap's width is along r."""

@@ -2,13 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-
-from geometry.walls import AnnularBox
-
-AT_RIM = ("rim", "poles")
-"""Regions of a clutch's chamber from which the powder is sheared in the rim gap."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +30,3 @@ class ShearedGap:
     def of_annulus(cls, inner: float, outer: float) -> ShearedGap:
         """Between two coaxial cylinders of these radii [m]."""
         return cls(0.5 * (inner + outer), outer - inner, outer - inner)
-
-
-def thin_parts(boxes: Sequence[AnnularBox], limit: float) -> list[tuple[AnnularBox, bool]]:
-    """Parts of the powder's space that are thinner than `limit` [m], and whether their thickness is along r."""
-    sizes = [(box, box.r1 - box.r0, box.z1 - box.z0) for box in boxes]
-    return [(box, along_r < along_z) for box, along_r, along_z in sizes if min(along_r, along_z) < limit]
