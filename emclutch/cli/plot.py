@@ -25,7 +25,7 @@ def plot_runs(
     measured: Path | None = None,
     out: Path | None = None,
     trust_scripts: bool = False,
-    tell: Callable[[str], None] = lambda text: None,
+    log: Callable[[str], None] = lambda text: None,
 ) -> Path:
     """Draw runs and return the new picture.
 
@@ -36,7 +36,7 @@ def plot_runs(
     measured : table of speeds to lay over SPEEDS, as `read_measured_speeds` takes it.
     out : new file; default: the next free <kind>-<n>.png in the first folder.
     trust_scripts : as for `load_case`, of runs whose own pictures are missing.
-    tell : is told whose own pictures were missing and are drawn.
+    log : takes a line for each run whose own pictures were missing.
 
     Raises
     ------
@@ -54,12 +54,12 @@ def plot_runs(
     for result in results:
         try:
             if draw_missing(result.folder, trust_scripts=trust_scripts):
-                tell(f"{result.folder.path} had no pictures: they are drawn")
+                log(f"{result.folder.path} had no pictures: they are drawn")
         except OutputError as error:  # what was asked for needs them not
-            tell(f"{result.folder.path} has no pictures, and they cannot be drawn: {error}")
+            log(f"{result.folder.path} has no pictures, and they cannot be drawn: {error}")
     for folder in folders:
         if is_study(folder) and (old := refresh_in_words(read_study(folder))):
-            tell(f"{folder}: {old}")
+            log(f"{folder}: {old}")
     points = None if measured is None else _measured(measured)
     if out is None:
         numbered = (folders[0] / f"{kind}-{number}.png" for number in itertools.count(1))

@@ -31,7 +31,7 @@ def plot(
             raise SceneError([Fault("--torque-speed", "", message)], "command line")
         kind = drawn.SPEEDS if speeds else drawn.TORQUE_SPEED if torque_speed else drawn.TORQUE
         picture = drawn.plot_runs(
-            folders, kind, measured=measured, out=out, trust_scripts=trust_scripts, tell=typer.echo
+            folders, kind, measured=measured, out=out, trust_scripts=trust_scripts, log=typer.echo
         )
         typer.echo(str(picture))
 

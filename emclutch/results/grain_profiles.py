@@ -1,6 +1,6 @@
 """``profiles.csv``: what the grains do across the gap, one row a bin, averaged over the steady part of a run.
 
-Column names carry no unit; `PROFILE_COLUMNS` says unit and meaning of each. A quantity that a bin does not have (no
+Column names carry no unit; unit and meaning of each are in `PROFILE_COLUMNS`. A quantity that a bin does not have (no
 grain, nothing that presses) is an empty cell; one that no bin has, such as an angular speed in a box, has no column.
 """
 
@@ -45,7 +45,7 @@ SLIP = "slip_"
 def profile_column(name: str) -> tuple[str, str]:
     """Unit and meaning of a column of profiles.csv; `slip_<body>` for every body of the device."""
     if name.startswith(SLIP):
-        return "m/s", f"velocity of the grains beside that of the {name.removeprefix(SLIP)} turning along"
+        return "m/s", f"velocity of the grains relative to the {name.removeprefix(SLIP)} turning along"
     return PROFILE_COLUMNS[name]
 
 
@@ -63,7 +63,7 @@ def profile_table(profile: Profile) -> dict[str, np.ndarray]:
 
 
 def write_profiles(folder: str | Path, profiles: Sequence[Profile]) -> Path:
-    """Write ``profiles.csv`` into ``folder``: the rows of one profile after another, told apart by `along`.
+    """Write ``profiles.csv`` into ``folder``: one profile after another, by `along`.
 
     Raises
     ------

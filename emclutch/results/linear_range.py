@@ -110,7 +110,7 @@ def _unweighted(x: np.ndarray, y: np.ndarray, known: int) -> LinearRange:
     slope, offset, errors = _line(x, y, np.ones_like(x))
     scatter = math.sqrt(float(np.sum((y - slope * (x - offset)) ** 2)) / (x.size - 2))
     return LinearRange(
-        f"a line through all points, unweighted: {known} of them have an error, {MIN_POINTS} needed to tell where it "
+        f"a line through all points, unweighted: {known} of them have an error, {MIN_POINTS} needed to find where it "
         "holds; run longer",
         slope, scatter * errors[0], offset, scatter * errors[1], first=float(x[0]), last=float(x[-1]), points=x.size,
     )  # fmt: skip

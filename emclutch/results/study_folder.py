@@ -43,7 +43,7 @@ class StudyFolder:
 
     @property
     def varied(self) -> list[str]:
-        """Keys that tell the points apart."""
+        """Return the keys in whose values the points differ."""
         keys = list(self.table.columns[: list(self.table.columns).index(AFTER_VALUES)])
         return [key for key in keys if self.table[key].astype(str).nunique() > 1]
 
@@ -61,13 +61,13 @@ class StudyFolder:
         return [*changed, *sorted(done - set(names))]
 
     def failures(self) -> dict[str, Failure]:
-        """Of points that failed for their scene what they failed of, by their folder."""
+        """Return the failures of points that failed for their scene, by the name of their folder."""
         folders = sorted(path.parent for path in self.path.glob("point-*/failure.json"))
         found = {path.name: RunFolder(path).read_failure() for path in folders}
         return {name: failure for name, failure in found.items() if failure is not None}
 
     def labels(self) -> list[str]:
-        """Of each point what tells it from the others."""
+        """Return of each point the values in which it differs from the others."""
         texts = [", ".join(f"{key.rpartition('.')[2].replace('_', ' ')} {row[key]}" for key in self.varied)
                  for _, row in self.table.iterrows()]  # fmt: skip
         names = self.table["folder"].astype(str)
@@ -80,7 +80,7 @@ class StudyFolder:
 
 
 def refresh_in_words(study: StudyFolder) -> str:
-    """That the tables and pictures in a study's folder are older than its points, and how they are renewed."""
+    """Return a warning where tables and pictures are older than their points, and how they are renewed; else empty."""
     old = study.outdated()
     if not old:
         return ""
@@ -91,7 +91,7 @@ def refresh_in_words(study: StudyFolder) -> str:
 
 
 def _end_of(folder: Path) -> float | None:
-    """The end [s] that a run's scene has now; None: it does not say."""
+    """Return the end [s] of a run's scene; None where it has none."""
     end = RunFolder(folder).read_scene().get("time", {}).get("end")
     return None if end is None else float(end)
 
@@ -102,12 +102,12 @@ def is_study(path: Path) -> bool:
 
 
 def write_about(folder: Path, title: str, values: dict[str, Any], points: int) -> None:
-    """``study.json``: title, values and number of points, which the tables do not say."""
+    """Write ``study.json``: title, values and number of points, which the tables do not say."""
     replace_json(folder / ABOUT, {"title": title, "values": values, "points": points})
 
 
 def write_empty_table(folder: Path, values: Iterable[str]) -> None:
-    """``study.csv`` of a study over these keys of which no point is done, so that it can be read as any other."""
+    """Write ``study.csv`` of a study over these keys of which no point is done, so that it can be read as any other."""
     replace_text(folder / TABLE, ",".join((*values, AFTER_VALUES, "torque", "folder")) + "\n")
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 WAITING, RUNNING, DONE, KEPT, FAILED, STOPPED = "waiting", "running", "done", "kept", "failed", "stopped"
 MIN_DONE = 0.01  # of the work since the start; below, no time left is guessed
-FRAME = 7  # lines of a terminal beside the points: title, head, rules, what is going on
+FRAME = 7  # lines of a terminal in addition to the points: title, head, rules, what is going on
 STYLES = {RUNNING: "bold", FAILED: "red", STOPPED: "yellow", WAITING: "dim"}
 
 
@@ -91,23 +91,23 @@ class StudyTable:
         self.rows = [PointRow(label) for label in labels]
 
     def set_running(self, number: int) -> None:
-        """A point begins."""
+        """Note that a point begins."""
         row = self.rows[number]
         row.state, row.began = RUNNING, self._clock()
 
     def set_fraction(self, number: int, fraction: float, text: str = "") -> None:
-        """Say how far a running point is; `text` what is going on in it."""
+        """Note how far a running point is; `text` what is going on in it."""
         row = self.rows[number]
         if row.marched is None and fraction > 0.0:
             row.marched, row.first = self._clock(), fraction
         row.fraction = max(row.fraction, min(fraction, 1.0))
         self._text = f"{row.label}: {text}" if text else ""
-        self._tell()
+        self._print_line()
 
     def announce(self, number: int, text: str) -> None:
         """Show at once what a point waits for."""
         self._text = f"{self.rows[number].label}: {text}"
-        self._tell(at_once=True)
+        self._print_line(at_once=True)
 
     def set_done(
         self,
@@ -119,7 +119,7 @@ class StudyTable:
         kept: bool = False,
         converged: bool = True,
     ) -> None:
-        """A point is done, now or before: its torque with its 95 % interval [N m] and its seconds."""
+        """Note that a point is done, in this run or before: its torque with its 95 % interval [N m] and its seconds."""
         row = self.rows[number]
         if row.marched is None and not kept:  # it was too short to be seen running
             row.marched = self._clock() - (seconds or 0.0)
@@ -127,25 +127,25 @@ class StudyTable:
         row.torque, row.interval, row.seconds = torque, interval, seconds
         row.converged = converged
         self._text = f"{row.label} is {row.state}: {torque_text(row)}"
-        self._tell(at_once=True)
+        self._print_line(at_once=True)
 
     def set_ended(self, number: int, state: str) -> None:
-        """A point has failed or was stopped."""
+        """Note that a point has failed or was stopped."""
         row = self.rows[number]
         row.seconds = None if row.state == WAITING else self._clock() - row.began
         row.state = state
         self._text = f"{row.label} {'has failed' if state == FAILED else 'was stopped'}"
-        self._tell(at_once=True)
+        self._print_line(at_once=True)
 
     @property
     def fraction(self) -> float:
-        """Of the whole study."""
+        """Return the fraction of the whole study that is done."""
         return sum(row.fraction for row in self.rows) / max(len(self.rows), 1)
 
     def seconds_left(self) -> float | None:
-        """Wall-clock time [s] that the study will still take; None too early for an honest guess.
+        """Return the wall-clock time [s] that the study will still take; None too early for an honest guess.
 
-        All points are taken to cost the same. What was done since the first of them began here tells the rate; but it
+        All points are taken to cost the same. What was done since the first of them began here gives the rate; but it
         lasts no shorter than the slowest of those that run.
         """
         now = self._clock()
@@ -161,7 +161,7 @@ class StudyTable:
         return guess
 
     def table(self) -> Table:
-        """The table as it stands; on a terminal with too few lines from the first point on that is not done."""
+        """Return the table; on a terminal with too few lines from the first point on that is not done."""
         from rich.table import Table
 
         left = self.seconds_left()
@@ -192,8 +192,8 @@ class StudyTable:
         table.caption = self._text or None
         return table
 
-    def _tell(self, at_once: bool = False) -> None:
-        """A line where there is no terminal, when it is due."""
+    def _print_line(self, at_once: bool = False) -> None:
+        """Print a line where there is no terminal, when it is due."""
         if self._live is not None:
             return
         now, fraction = self._clock(), self.fraction
@@ -210,7 +210,7 @@ class StudyTable:
 
 
 def torque_text(row: PointRow) -> str:
-    """A point's torque with its 95 % interval, or nothing."""
+    """Return a point's torque with its 95 % interval, or nothing."""
     if row.torque is None and row.state in (WAITING, RUNNING, FAILED, STOPPED):
         return ""
     text = format_mean(row.torque, row.interval)

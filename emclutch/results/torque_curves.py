@@ -32,7 +32,7 @@ class TorqueCurve:
     converged: np.ndarray
 
     def along(self, x: np.ndarray) -> TorqueCurve:
-        """The same torques over another x, (n,)."""
+        """Return the same torques over another x, (n,)."""
         return replace(self, x=x)
 
     @property
@@ -49,7 +49,7 @@ def torque_curves(rows: Sequence[Mapping[str, Any]], x: str, others: Sequence[st
     rows : columns `x`, `others`, `torque`, `standard_error` [N m] or None, `converged`, and where known the ends `low`
         and `high` [N m] of the torque's 95 % interval.
     x : name of the column along the curves.
-    others : names of the columns that tell the curves apart.
+    others : names of the columns in which the curves differ.
     """
     groups: dict[str, list[Mapping[str, Any]]] = {}
     for row in rows:

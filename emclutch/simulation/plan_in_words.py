@@ -126,17 +126,17 @@ def windows_in_words(division: Windows) -> Iterator[tuple[str, str]]:
 
 
 def feedback_in_words(scene, coil: CoilDevice) -> str:
-    """Over which width moments are fed back, and why."""
+    """Return the width over which moments are fed back, and why."""
     width, d = smear_width(scene), scene.particles.largest_diameter
     text = f"moments spread over {1e3 * width:.3g} mm ({width / d:.3g} diameters"
     if width < scene.effects.attraction.cutoff * d:
         attraction = scene.effects.attraction
         text += f": the gap's width, less than effects.{attraction.name}.cutoff = {attraction.cutoff:g}"
-    return text + f"); {len(coil.problem.powder_elements)} elements of powder and beside it"
+    return text + f"); {len(coil.problem.powder_elements)} elements of powder and next to it"
 
 
 def end_in_words(scene, device: Device, plan: Plan) -> Iterator[tuple[str, str]]:
-    """Of how many packings the torque will be, when the run ends, and whether it can be known by then."""
+    """Return number of packings, start-up and end of a run, and whether its torque can be known by then."""
     count, until, end = replica_count(scene), scene.time.until, plan.end
     if count > 1:
         most, at_a_time = max_replica_count(scene), plan.cost.replicas

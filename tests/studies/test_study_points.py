@@ -83,7 +83,7 @@ def test_a_study_whose_first_point_fails_says_so(tmp_path, monkeypatch, runs):
     page = html(study_page(found, lambda result: ()))
     assert "0 of 2 points are done" in page and "point-000: the run failed before its first window" in page
     with pytest.raises(OutputError, match="no point of the study"):
-        plot_runs([out], out=tmp_path / "picture.png", tell=print)
+        plot_runs([out], out=tmp_path / "picture.png", log=print)
     sweep(study, out=out, resume=True)
     (out / "point-000" / "summary.json").unlink()
     with monkeypatch.context() as patched, pytest.raises(RunError, match="point-000"):
@@ -140,7 +140,7 @@ def test_a_point_resumed_alone_makes_the_table_old_and_sweep_renews_it(tmp_path,
     runs(case.with_values({"time.end": "5 ms"}), **alone)
     assert read_folder(out).outdated() == ["point-000"]
     told = []
-    plot_runs([out], out=tmp_path / "picture.png", tell=told.append)
+    plot_runs([out], out=tmp_path / "picture.png", log=told.append)
     assert any("older than point-000" in text and "--resume" in text for text in told)
     runs.asked.clear()
     sweep(study, out=out, resume=True)

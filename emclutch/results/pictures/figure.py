@@ -1,4 +1,4 @@
-"""What pictures share: figures with a title, legends that hide nothing, colours, circles, and whole files on disk."""
+"""Shared by all pictures: figures with a title, legends that hide nothing, colours, circles, whole files on disk."""
 
 from __future__ import annotations
 

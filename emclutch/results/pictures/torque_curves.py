@@ -74,8 +74,8 @@ def torque_against_speed_picture(path: str | Path, curves: Sequence[TorqueCurve]
 
 def _draw_range(axis: Axes, curve: TorqueCurve, found: LinearRange) -> None:
     """The line over its range and to its offset, dashed with torques not converged; of an untold range, no line."""
-    told = found.is_tested or found.unconverged > 0
-    if found.slope is None or found.offset is None or found.slope_error is None or not told:
+    is_known = found.is_tested or found.unconverged > 0
+    if found.slope is None or found.offset is None or found.slope_error is None or not is_known:
         return
     end = found.last if found.knee is None else found.knee
     sign = -1.0 if np.nanmean(curve.x) < 0.0 else 1.0
@@ -94,12 +94,12 @@ def _draw_range(axis: Axes, curve: TorqueCurve, found: LinearRange) -> None:
 def _torque_axes(curves: Sequence[TorqueCurve], title: str | None, *, joined: bool) -> tuple[Figure, Axes]:
     """Torques with their error bars; hollow where not converged, without a bar where the error is unknown."""
     figure, (axis,) = new_figure(7.0, 4.8, title)
-    told: set[str] = set()
+    labelled: set[str] = set()
 
     def once(label: str) -> str:
-        """The meaning of a mark, said of the first curve that has it."""
-        first = label not in told
-        told.add(label)
+        """Return the label of a mark for the first curve that has it."""
+        first = label not in labelled
+        labelled.add(label)
         return label if first else "_nolegend_"
 
     for number, curve in enumerate(curves):

@@ -1,4 +1,4 @@
-"""What a view of a run shows, in pyvista as in ParaView: layers, colours, places, camera.
+"""Layers, colours, places and camera of a view of a run, in pyvista as in ParaView.
 
 The script for ParaView holds this file, so that both programs show the same: it is plain Python and imports nothing of
 the project.
@@ -11,14 +11,14 @@ LOOKS = {
     "chains": ("grains", "chains", "walls"),
     "device": ("grains", "device", "lines"),
 }
-"""What is shown: the grains before the field, their force chains, or the device swept round its axis."""
+"""Layers of each look: the grains before the field, their force chains, or the device swept round its axis."""
 
 SIZE = (1400, 1000)  # pixels
 FRAMES_A_SECOND = 10  # of a movie
 FLUX_LINES = 24
 SWEEP = 180.0  # how far the device is swept round its axis [degrees]
 CHAIN_WIDTH = 0.6  # radius of the tube of the largest force, in radii of the smallest grain
-GRAIN_OPACITY = 0.15  # beside force chains, which lie inside the grains
+GRAIN_OPACITY = 0.15  # with force chains, which are inside the grains
 WALL_OPACITY = 0.3
 SOLID_OPACITY = 0.4  # of a device in 3D, which the grains are inside of
 AMBIENT, DIFFUSE = 0.65, 0.45  # light on the device

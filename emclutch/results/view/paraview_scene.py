@@ -15,12 +15,12 @@ COLOUR = "speed"  # of the grains, one of QUANTITIES below
 LOOK = "gap"  # at the grains before the field ("gap"), at their force chains ("chains"), or at the whole device, swept
 # round its axis ("device")
 SHOW = None  # None: what suits LOOK; or any of "grains", "chains", "walls", "section", "lines", "arrows", "device".
-# In the window each can be switched with the eye beside its name.
+# In the window each can be switched with the eye next to its name.
 TIME = None  # [s]; None: the last moment
 CROP_AIR = True  # show the field in the device only, without the air around it
 
 # --- What the run's files hold ---------------------------------------------------------------------------------------
-RUN = "."  # where this script was written: for ParaView's window, which does not tell a script its place
+RUN = "."  # where this script was written: for ParaView's window, which gives a script no path
 TITLE = ""
 SECTOR = None  # the grains fill a sector of so many degrees; None: the whole circle
 AIR = None  # number of the air in the field's array `region`
@@ -109,7 +109,7 @@ def show_time(series, time):
 
 
 def updated(source):
-    """The same, after it was computed for the present moment."""
+    """Return a source after it was computed for the present moment."""
     source.UpdatePipeline(pv.GetAnimationScene().AnimationTime)
     return source
 

@@ -19,7 +19,7 @@ COLOURS = {
     "contacts": ("n_contacts", "contacts of a grain [1]"),
     "diameter": ("diameter", "diameter [m]"),
 }
-"""What grains can be coloured by: array (vectors count by their magnitude) and label with its unit."""
+"""Quantities that grains can be coloured by: array (vectors count by their magnitude) and label with its unit."""
 
 
 @dataclass(frozen=True, slots=True)
