@@ -9,7 +9,7 @@ SIBLINGS = ("geometry", "field", "particles", "coupling")
 
 
 def check_siblings() -> None:
-    """Raise ImportError when one of the sibling packages would be imported from elsewhere; name the file in the way."""
+    """Raise ImportError, with the file, when one of the sibling packages would be imported from elsewhere."""
     home = Path(__file__).resolve().parent.parent
     for name in SIBLINGS:
         spec = find_spec(name)

@@ -104,7 +104,7 @@ class CadFile:
         return plain_name(own_name(label))
 
     def expects(self, region: str) -> bool:
-        """Return whether a region is one that is needed or known."""
+        """True if a region is one that is needed or known."""
         return region in self.needed or region in (self.known or ())
 
     def check_size(self, size: float, remedy: str) -> None:
@@ -152,7 +152,7 @@ class CadFile:
 
 
 def list_of(parts: Sequence[CadPart]) -> str:
-    """Return what was found in a file, a line a part."""
+    """Parts found in a file, a line each."""
     return "\n".join(["found in the file:", *(f"  {part}" for part in parts)])
 
 

@@ -39,7 +39,7 @@ def check_device_3d(path: str | Path, section: CadSection) -> None:
     for region in ("coil", "powder"):
         if region in section.odd:
             raise CadError(
-                f"{path}: {region!r} is no body of revolution about z; draw it as one, and the slots and teeth of "
+                f"{path}: {region!r} is not a body of revolution about z; draw it as one, and the slots and teeth of "
                 f"other bodies as parts of their own\n{list_of(section.parts)}"
             )
     coil = _coil_of(section)
@@ -50,8 +50,8 @@ def check_device_3d(path: str | Path, section: CadSection) -> None:
         )
     if section.odd and any(edge.region == "air" for edge in section.powder_outline):
         raise CadError(
-            f"{path}: beside the powder is air in the half-plane y = 0, x > 0, and air is no body that grains could "
-            "touch; draw what fills the slots as a part, or turn the device so that a tooth lies in that half-plane"
+            f"{path}: next to the powder is air in the half-plane y = 0, x > 0, and air is not a body that grains "
+            "could touch; draw what fills the slots as a part, or turn the device so that a tooth lies there"
         )
 
 

@@ -77,7 +77,7 @@ class FaultFinder:
         self._broken = frozenset(fault.what for fault in self.found)
 
     def are_right(self, *names: str) -> bool:
-        """Return whether sizes had no fault when relations began to be judged."""
+        """True if sizes had no fault when relations began to be judged."""
         return self._broken.isdisjoint(names)
 
     def refuse(

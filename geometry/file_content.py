@@ -2,7 +2,7 @@
 
 gmsh's own reading (``merge``, ``open``) decides by name and first line, and whatever it does not know it runs as a
 script in its language, whose SystemCall is a shell: a text that is named ``a.msh``, or an options file ``a.msh.opt``
-beside an honest mesh. So shapes go to the CAD kernel alone, by ``importShapes`` with the format named; a mesh that
+next to an honest mesh. So shapes go to the CAD kernel alone, by ``importShapes`` with the format named; a mesh that
 begins as meshes do is copied without its neighbours; and scripts (.geo) are run only for those who trust them.
 """
 
@@ -90,7 +90,7 @@ def check_file(path: Path, kind: str, suffixes: Sequence[str], scale: float = 1.
 
 @contextmanager
 def lone_copy(path: Path) -> Iterator[Path]:
-    """Copy a file into a folder of its own: gmsh also runs what lies beside a file as FILE.opt."""
+    """Copy a file into a folder of its own: gmsh also runs FILE.opt in the folder of a file."""
     with tempfile.TemporaryDirectory(prefix="emclutch-") as folder:
         yield Path(shutil.copyfile(path, Path(folder) / f"copy{path.suffix.lower()}"))
 

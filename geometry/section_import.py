@@ -295,7 +295,7 @@ def _join(points: np.ndarray, edges: np.ndarray, behind: Sequence[str], toleranc
     meets = np.bincount(edges.ravel())
 
     def are_straight(first: int, one: int, other: int) -> bool:
-        """Return whether `other`, beginning where `one` ends, goes on along the line from the start of `first`."""
+        """True if `other`, beginning where `one` ends, continues along the line from the start of `first`."""
         a, b, c = points[edges[first, 0]], points[edges[one, 1]], points[edges[other, 1]]
         u, v = b - a, c - b
         is_line = u @ v > 0.0 and abs(u[0] * v[1] - u[1] * v[0]) < tolerance * np.hypot(*u)

@@ -107,7 +107,7 @@ def _read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _wrong_stl(path: Path) -> str:
-    """Return what is wrong with an STL file that could not be read."""
+    """Fault of an STL file that could not be read."""
     content = path.read_bytes()
     is_text = content.lstrip()[:5].lower() == b"solid" and b"\0" not in content
     announced = int.from_bytes(content[80:84], "little") if len(content) >= 84 else -1

@@ -15,8 +15,8 @@ MERGED = 1e-9  # of the wall's size: vertices closer than this are one, a triang
 class TriangleWall:
     """Triangles that grains may touch from either side.
 
-    Vertices that coincide are merged, those that no triangle uses and triangles that stand twice (either way round) are
-    dropped, so that `vertices` and `triangles` may be fewer than were given.
+    Vertices that coincide are merged, those that no triangle uses and triangles that stand twice (in either direction)
+    are dropped, so that `vertices` and `triangles` may be fewer than were given.
 
     Attributes
     ----------
@@ -142,7 +142,7 @@ def extruded(
     Parameters
     ----------
     polygon_xy : array_like, shape (k, 2)
-        Corners [m] in order, either way round, the first not repeated.
+        Corners [m] in order, in either direction, the first not repeated.
     caps : bool
         Whether bottom and top are there. Normals point outwards.
 

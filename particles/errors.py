@@ -8,7 +8,7 @@ import numpy as np
 
 
 class ParticleError(RuntimeError):
-    """A run of grains that cannot go on or cannot start; the message says what to change."""
+    """A run of grains that cannot continue or cannot start; the message says what to change."""
 
 
 class PackingError(ParticleError):
@@ -17,7 +17,7 @@ class PackingError(ParticleError):
     Attributes
     ----------
     overlap : float or None
-        The largest overlap that was reached, as a share of the diameter; None where nothing was tried.
+        The largest overlap that was reached, as a fraction of the diameter; None where nothing was tried.
     """
 
     def __init__(self, message: str, overlap: float | None = None) -> None:

@@ -68,7 +68,7 @@ class GrainMotion:
     skin : float
         Of the neighbour list [m].
     overlap_limit : float
-        Overlap, as a share of the diameter, at which the run is stopped.
+        Overlap, as a fraction of the diameter, at which the run is stopped.
 
     Attributes
     ----------
@@ -129,7 +129,7 @@ class GrainMotion:
 
     @property
     def list_skin(self) -> float:
-        """Return how much further than touching the present list reaches [m]."""
+        """Reach of the present list beyond touching [m]."""
         return self.skin
 
     @property
@@ -155,7 +155,7 @@ class GrainMotion:
         self._stale = True
 
     def state(self) -> dict[str, np.ndarray]:
-        """Everything that `restore` needs to go on bit for bit."""
+        """Everything that `restore` needs to continue bit for bit."""
         arrays = {name: getattr(self.grains, name).copy() for name in RECORDS}
         held = {name.lstrip("_"): getattr(self, name) for name in self.PER_GRAIN}
         for name, value in ({"magnetic_moment": self.grains.magnetic_moment} | held).items():

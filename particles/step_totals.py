@@ -76,7 +76,7 @@ class StepTotals:
     energy : EnergyTotals or None
         None where the energy budget is not kept (``DEM(energy_budget=False)``).
     max_overlap : float
-        Largest overlap, as a share of the (smaller) grain's diameter [-].
+        Largest overlap, as a fraction of the (smaller) grain's diameter [-].
     n_contacts : int
         Contacts at the last step in what is simulated (one sector).
     max_speed : float

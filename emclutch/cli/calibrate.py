@@ -203,7 +203,7 @@ def table_of(name: str, rows: list[StressOfField]) -> Table:
 
 
 def _draw(path: Path, name: str, rows: list[StressOfField]) -> None:
-    """tau against H, both logarithmic, beside Carlson's fit."""
+    """tau against H, both logarithmic, with Carlson's fit."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.ticker import LogLocator, NullFormatter

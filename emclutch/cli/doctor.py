@@ -35,7 +35,7 @@ OPTIONAL = (
 
 
 def examine() -> tuple[Table, bool]:
-    """Return what was found, and whether all that is needed is there."""
+    """Findings, and whether all that is needed is there."""
     table, good = Table("", "found", ""), True
     table.add_row("emclutch", __version__, "ok")
     table.add_row("python", sys.version.split()[0], "ok")

@@ -78,7 +78,7 @@ def assignments(sets: list[str] | None) -> dict[str, Any]:
 def search(
     file: Path, vary: str | None, target: str | None, sets: list[str] | None = None, trust_scripts: bool = False
 ) -> Search:
-    """Return what a design search is asked: by a design file, or by a scene with options."""
+    """Question of a design search, from a design file or from a scene with options."""
     from emclutch.scene.design import read_design, search_of
 
     if "design" in read_toml(file):
@@ -163,7 +163,7 @@ def check_threads(threads: int | None) -> None:
 
 
 def run_to_resume(folder: Path, out: Path | None) -> tuple[Path, Path]:
-    """The scene and the folder of a run that is to go on."""
+    """The scene and the folder of a run that is to continue."""
     if out is not None and out.resolve() != folder.resolve():
         message = f"is another folder than the run's, {folder}; remove --out"
         raise SceneError([Fault("--out", str(out), message)], "command line")

@@ -68,7 +68,7 @@ class Characteristics:
 
 
 def characteristics(law: Law) -> Characteristics:
-    """Return what the list says of a law."""
+    """Line of the list for a law."""
     name = canonical_name(law.name)
     conducts: Conductivity | None = None if name is None else conductivity(name)
     H, slope = law.H_of_B(_CURVE_B)

@@ -21,7 +21,7 @@ def starter_kinds() -> tuple[str, ...]:
 
 
 def new_scene(path: str | Path, kind: str) -> list[Path]:
-    """Write a commented scene of a kind (`starter_kinds`), with the CAD file that it names beside it.
+    """Write a commented scene of a kind (`starter_kinds`), with the CAD file that it names in the same folder.
 
     Returns
     -------

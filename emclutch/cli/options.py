@@ -63,7 +63,7 @@ Sets = Annotated[
     ),
 ]
 Resume = Annotated[
-    bool, typer.Option("--resume", help="go on from the last checkpoint; killed before the first, start again")
+    bool, typer.Option("--resume", help="continue from the last checkpoint; a run killed before the first starts again")
 ]
 Threads = Annotated[int | None, typer.Option("--threads", help="threads; results do not depend on them")]
 Force = Annotated[bool, typer.Option("--force", help="run also where more memory or disk is needed than is free")]

@@ -56,7 +56,7 @@ def pair_force(name: str, out: Path | None = None) -> tuple[Path, Table]:
         numbered = (Path(f"{name}-pair-force-{number}.png") for number in itertools.count(1))
         out = next(path for path in numbered if not path.exists())
     if out.suffix.lower() != ".png":
-        raise SceneError([Fault("--out", str(out), "is no picture; change its ending to .png")], "command line")
+        raise SceneError([Fault("--out", str(out), "is not a picture; change its ending to .png")], "command line")
     if out.exists():
         raise OutputError(f"{out} exists; name another file with --out")
     with Progress(f"two grains of {name}") as progress:

@@ -83,5 +83,5 @@ def export(folder: opt.ResultPath, to: opt.ExportFormat, out: opt.Out = None) ->
 
         if to not in list(Format):
             allowed = ", ".join(Format)
-            raise SceneError([Fault("--to", to, f"is no format; allowed: {allowed}")], "command line")
+            raise SceneError([Fault("--to", to, f"is not a format; allowed: {allowed}")], "command line")
         typer.echo(str(export_tables(folder, Format(to), out)))

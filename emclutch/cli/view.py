@@ -77,7 +77,7 @@ def open_in_paraview(folder: Path) -> str:
 
 
 def has_screen() -> bool:
-    """Return whether a window can open."""
+    """True if a window can open."""
     return not sys.platform.startswith("linux") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
@@ -115,4 +115,4 @@ def _writable(option: str, path: Path, endings: tuple[str, ...]) -> None:
     if path.exists():
         raise OutputError(f"{path} exists; name another file with {option}")
     if not path.parent.is_dir():
-        raise OutputError(f"{path.parent} is no folder; make it first")
+        raise OutputError(f"{path.parent} is not a folder; make it first")

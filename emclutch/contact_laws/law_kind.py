@@ -67,7 +67,7 @@ class LawKind:
     name, summary : str
         The entry of `contact.law`, and what it is in a few words.
     KEYS : dict
-        Its keys beside those of every law: (type, pydantic field) by name.
+        Its keys in addition to those of every law: (type, pydantic field) by name.
     STIFFNESS : StiffnessEntry
         The key that gives the stiffness.
     """

@@ -50,7 +50,7 @@ class WaltonBraunKind(LawKind):
             key, twin = f"{place}unloading_stiffness", f"{place}restitution"
             loading = section.stiffness if stiffness is None else stiffness
             if loading is None:
-                raise refuse("needs stiffness beside it; give it, e.g. '10 kN/m'", key=key)
+                raise refuse("needs stiffness as well; give it, e.g. '10 kN/m'", key=key)
             if unloading < loading:
                 raise refuse(f"is below the stiffness {loading:g} N/m of loading; allowed: that or more", key=key)
             e = math.sqrt(loading / unloading)

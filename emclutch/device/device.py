@@ -82,7 +82,7 @@ class CoilDevice(Excitation):
         return self.shape.face_midline(201) if faces or len(under) < 10 else under
 
     def mesh_in_words(self) -> str:
-        """Return what the field is solved on."""
+        """Domain on which the field is solved."""
         text = (
             f"{len(self.mesh.triangles)} triangles, {self.problem.n_dofs} unknowns of order "
             f"{self.problem.elements.order}; coil of {self.turns:.0f} turns; "
@@ -197,7 +197,7 @@ class Device:
 
 
 def field_is_needed(scene: Scene) -> bool:
-    """Return whether any effect of the scene samples the field."""
+    """True if any effect of the scene samples the field."""
     return scene.effects.magnetise
 
 
@@ -286,7 +286,7 @@ def build_coil_device(scene: Scene) -> CoilDevice:
 
 
 def field_goals(mesh: SectionMesh) -> tuple[FluxLinkage | MeanFluxDensity, ...]:
-    """Return what a mesh is refined for: flux linkage, and the field where the powder is, or would be."""
+    """Goals of mesh refinement: flux linkage, and the field where the powder is, or would be."""
     return (FluxLinkage(), MeanFluxDensity("powder")) if "powder" in mesh.regions else (FluxLinkage(),)
 
 

@@ -57,7 +57,7 @@ class Excitation(ABC):
 
     @abstractmethod
     def mesh_in_words(self) -> str:
-        """Return what the field is solved on."""
+        """Domain on which the field is solved."""
 
     @property
     def largest_current(self) -> float:

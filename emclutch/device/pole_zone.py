@@ -83,7 +83,8 @@ class PoleZone(Zone):
     def shear_stress(self, torque: float) -> float:
         """Torque [N m] over area and lever [Pa], all of it counted as that of the pole faces: an upper bound.
 
-        Powder beside the faces, on the rest of the rim and in the other gaps, has 3 to 7 % of it in the shipped drums.
+        Powder outside of the faces, on the rest of the rim and in the other gaps, has 3 to 7 % of it in the shipped
+        drums.
         """
         return torque / (self.area * self.radius)
 

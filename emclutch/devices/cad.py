@@ -203,7 +203,7 @@ class CadGeometry(GeometrySection):
         """Refuse keys that a file of this kind leaves nothing to say about."""
         suffix = Path(self.file).suffix.lower()
         if self.unit is not None and suffix in (".step", ".stp", ".iges", ".igs"):
-            raise refuse(f"is not for {suffix} files, which say their own unit; remove it, or mend a wrong one by "
+            raise refuse(f"is not for {suffix} files, which say their own unit; remove it, or correct a wrong one by "
                          "geometry.scale", key="unit")  # fmt: skip
         for key in ("axis", "air_factor"):
             if self.is_meshed and getattr(self, key) != type(self).model_fields[key].default:

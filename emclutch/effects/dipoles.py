@@ -119,7 +119,7 @@ class DipolesSection(EffectSection):
     )
     cutoff: Annotated[float, number("3", 1.1, 10.0)] = Field(default=3.0, description="reach, in grain diameters")
     update_every: Annotated[Annotated[int, Whole(1, 10_000, "10")] | None, Automatic()] = Field(
-        default=None, description="steps between evaluations of the magnetic forces, which are held meanwhile"
+        default=None, description="steps between evaluations of the magnetic forces, which are constant in between"
     )
     tolerance: Annotated[float, number("1e-3", 1e-12, 0.05)] = Field(
         default=1e-3, description="residual of the moments, relative to the magnetisation"

@@ -46,7 +46,7 @@ class WallImagesSection(EffectSection):
         prescribed = scene.prescribed_field
         if prescribed is not None and prescribed.is_macroscopic and not layers_change_the_field(scene):
             yield (
-                "[effects.wall_images] beside field.means = 'macroscopic': the mean field is taken as even up to the "
+                "[effects.wall_images] with field.means = 'macroscopic': the mean field is taken as even up to the "
                 "steel; what layers of grains there change in it is followed with geometry.kind = 'shear_cell' and "
                 "field.direction = 'radial' only"
             )
@@ -55,4 +55,4 @@ class WallImagesSection(EffectSection):
     def left_out(cls, at):
         """Yield the fraction of the grains that touch steel."""
         if at.M > 0.0 and at.wall_share is not None:
-            yield LeftOut(cls.name, OFF, "share of the grains that touch steel", at.wall_share, 0.1)
+            yield LeftOut(cls.name, OFF, "fraction of the grains that touch steel", at.wall_share, 0.1)

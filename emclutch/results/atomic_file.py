@@ -52,7 +52,7 @@ def remove_unfinished(folder: Path) -> None:
 
 
 def is_unfinished(path: Path) -> bool:
-    """Return whether a file is one that was being written."""
+    """True if a file is one that was being written."""
     return path.match(f"*.[0-9]*{UNFINISHED}")
 
 

@@ -1,6 +1,6 @@
 """``checkpoint.h5``: the complete state of a run, bit for bit.
 
-A file of its own that is written beside and then moved into place: at every moment there is one whole
+A file of its own that is written under a temporary name and then moved into place: at every moment there is one whole
 checkpoint. Inside ``run.h5`` a crash while writing could take the record and the checkpoint with it.
 
 Values are nested dictionaries and lists of numpy arrays, numbers, strings, bytes, booleans and None; each
@@ -32,7 +32,7 @@ def write_checkpoint(path: str | Path, state: dict[str, Any]) -> None:
     TypeError : a value of a type that cannot be stored, named by its place.
     OSError : the disk does not take it; the former checkpoint is untouched.
     """
-    content = io.BytesIO()  # a disk that takes no more is told by Python, at once and in words
+    content = io.BytesIO()  # a full disk is reported by Python, at once and in words
     with h5py.File(content, "w") as file:
         file.attrs["version"] = VERSION
         _write(file, "state", state, "state")

@@ -80,7 +80,7 @@ SOLVER_RESIDUAL = Column(
     "solver_residual", "m/s", "largest natural map of the contacts at the end of a step, worst of the window"
 )
 MISSED_STEPS = Column("missed_steps", "1", "steps of the window that did not reach the solver's tolerance")
-WARM_HITS = Column("warm_hits", "1", "share of the loaded contacts that began from the impulse of the step before")
+WARM_HITS = Column("warm_hits", "1", "fraction of the loaded contacts that began from the impulse of the step before")
 STABILISATION_WORK = Column("stabilisation_work", "J", "work of the held forces on displacements that removed overlap")
 REBUILDS = Column("rebuilds", "1", "rebuilds of the neighbour list in the window")
 STEPS = Column("steps", "1", "time steps of the grains in the window")

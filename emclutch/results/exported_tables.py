@@ -35,7 +35,7 @@ UNITS_OF_A_STUDY = {
     "fill_powder": "1",
 }
 POINT, REPLICA, ALONG = "point", "replica", "along"
-"""Columns that tell apart what one table holds: a study's points, a run's packings, the profiles' coordinates."""
+"""Columns that distinguish what one table holds: a study's points, a run's packings, the profiles' coordinates."""
 
 
 def tables_of(folder: Path) -> dict[str, pandas.DataFrame]:

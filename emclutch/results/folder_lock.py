@@ -2,7 +2,7 @@
 
 Two programs in one folder would interleave their rows and replace each other's checkpoints. The lock is the kernel's
 (``flock`` on ``emclutch.lock`` in the folder), not the file's existence, nor a number in it that is compared with the
-processes that run: the kernel releases it when its process ends in whatever way. So the file that a killed run leaves
+processes that run: the kernel releases it when its process ends, however it ends. So the file that a killed run leaves
 behind locks nothing, and a process number that is given out again deceives nobody. What stands in the file - process,
 host, time - is for the message alone.
 """
@@ -61,7 +61,7 @@ def locked_folder(folder: str | Path) -> Iterator[None]:
 
 
 def has_files(folder: str | Path) -> bool:
-    """Return whether anything lies in a folder but a lock and what a killed process had begun to write."""
+    """True if anything lies in a folder but a lock and what a killed process had begun to write."""
     return any(entry.name != LOCK and not is_unfinished(entry) for entry in Path(folder).iterdir())
 
 
@@ -87,7 +87,7 @@ def _take(path: Path) -> int:
 
 
 def _is_still(path: Path, descriptor: int) -> bool:
-    """Return whether an open file is the one of that name."""
+    """True if an open file is the one of that name."""
     try:
         return os.path.samestat(os.stat(path), os.fstat(descriptor))
     except FileNotFoundError:

@@ -25,7 +25,7 @@ PROFILE_COLUMNS: dict[str, tuple[str, str]] = {
     "low": ("m", "lower edge of the bin, in the coordinate that `along` names"),
     "high": ("m", "upper edge of the bin"),
     "position": ("m", "mean coordinate of the bin's grains"),
-    "solid_fraction": ("1", "share of the bin that grains fill"),
+    "solid_fraction": ("1", "fraction of the bin that grains fill"),
     "velocity": ("m/s", "mean velocity of the grains along the flow (phi in a ring, x in a box)"),
     "angular_speed": ("rad/s", "mean speed of the grains about z"),
     "spin": ("rad/s", "mean spin of the grains about z"),

@@ -125,7 +125,7 @@ def read_history(path: str | Path) -> pandas.DataFrame:
         cells = zip(*rows, strict=True) if rows else ([] for _ in header)
         table = pandas.DataFrame({name: _numbers(column) for name, column in zip(header, cells, strict=True)})
     except ValueError as error:
-        raise OutputError(f"{path} is no history that a run wrote, or damaged ({error}); name another run") from error
+        raise OutputError(f"{path} is not the history of a run, or damaged ({error}); name another run") from error
     table.attrs["units"] = units_of(table.columns)
     return table
 
@@ -136,7 +136,7 @@ def _rows_of(path: Path) -> list[list[str]]:
         text = path.read_text(encoding="utf-8")
         return list(csv.reader(io.StringIO(text[: text.rfind("\n") + 1])))
     except (UnicodeDecodeError, csv.Error) as error:
-        raise OutputError(f"{path} is no history that a run wrote, or damaged ({error}); name another run") from error
+        raise OutputError(f"{path} is not the history of a run, or damaged ({error}); name another run") from error
 
 
 def _time_of(row: list[str], header: list[str]) -> float | None:
@@ -182,5 +182,5 @@ def _cell(name: str, value: Any, row: Mapping[str, Any]) -> str:
     number = value.item() if hasattr(value, "item") else value
     if not math.isfinite(number):
         unit = COLUMNS[name].unit
-        raise OutputError(f"{name} = {number} {unit} at t = {row.get(TIME)} s is no number: the run is broken")
+        raise OutputError(f"{name} = {number} {unit} at t = {row.get(TIME)} s is not a number: the run is broken")
     return repr(number) if isinstance(number, float) else str(int(number))

@@ -194,7 +194,7 @@ def _corner(
 
 
 def _is_noise(residuals: np.ndarray, sigma: np.ndarray, numbers: int) -> bool:
-    """Return whether chi^2 of the residuals of a fit of so many numbers is one that noise alone would leave."""
+    """True if chi^2 of the residuals of a fit of so many numbers is one that noise alone would leave."""
     from scipy.special import chdtrc
 
     freedom = residuals.size - numbers

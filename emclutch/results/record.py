@@ -70,7 +70,7 @@ class Record:
         resume_time : with "a": frames after this time [s] are removed.
 
         With "a", a record that a crash left unreadable is kept under another name and a new one started:
-        a run must be able to go on from its checkpoint.
+        a run must be able to continue from its checkpoint.
 
         Raises
         ------
@@ -201,7 +201,7 @@ class Record:
     @contextmanager
     def _reading(self) -> Iterator[h5py.File]:
         """The open file of a record; OutputError where it is none, or damaged."""
-        remedy = "it is no HDF5 file, was cut off or is being written; the history of a run stands in history.csv too"
+        remedy = "it is not an HDF5 file, was cut off or is being written; history.csv has the history, too"
         with reading(self.path, remedy) as file:
             missing = [name for name in (GRAINS, "observables") if name not in file]
             if missing:
@@ -232,7 +232,7 @@ class Record:
 
 
 class _Copy(io.FileIO):
-    """A file that HDF5 writes; HDF5 is not told of a write that fails, for it would take the process with it."""
+    """A file that HDF5 writes; HDF5 does not learn of a write that fails, for it would take the process with it."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, "r+")

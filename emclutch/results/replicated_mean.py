@@ -112,7 +112,7 @@ def replicated_mean(
         latest = max(first, size - MIN_STRETCH)
         found_cut, is_over = mser_cut(y.mean(axis=0), dt)
         cut = int(MSER_FACTOR * found_cut) if begin[found_cut] > settled else 0  # else part of what is known
-        # beside a start-up that is known MSER alone decides; else a start-up is over after twice its cut
+        # after a start-up that is known MSER alone decides; else a start-up is over after twice its cut
         starting = cut > 0 and (not is_over if settled > 0.0 else cut > START_UP_LIMIT * size)
         cut = min(cut, int(MAX_MSER_CUT * size))
         if cut > first:
@@ -192,7 +192,7 @@ def steadiness(found: Estimate, wanted: float) -> Steadiness:
 
 
 def creeps_for_certain(found: Estimate, wanted: float) -> bool:
-    """Return whether a drift beyond `CREEP` times `wanted` is certain (95 %): more replicas do not cure it."""
+    """True if a drift beyond `CREEP` times `wanted` is certain (95 %): more replicas do not cure it."""
     if found.drift is None or found.drift_error is None or found.drift_freedom is None:
         return False
     drift, error = _nominal_drift(found)

@@ -32,7 +32,8 @@ class Result:
             self._history = self.folder.read_history()
             if not len(self._history):
                 failed = self.folder.read_failure()
-                how = f"go on with: emclutch run {self.folder.path} --resume" if failed is None else failed.in_words()
+                resume = f"continue with: emclutch run {self.folder.path} --resume"
+                how = resume if failed is None else failed.in_words()
                 raise OutputError(f"{self.folder.history} has no window yet; {how}")
         return self._history
 

@@ -81,7 +81,7 @@ def _torque_rise(time: np.ndarray, torque: np.ndarray) -> dict[str, float | str 
 
 
 def time_to_reach(time: np.ndarray, value: np.ndarray, final: float, share: float = SHARE) -> float | None:
-    """Time [s] at which a positive quantity that begins near zero first reaches a share, 63 %, of `final`.
+    """Time [s] at which a positive quantity that begins near zero first reaches a fraction, 63 %, of `final`.
 
     None if it does not reach it, or does not begin near zero.
 
@@ -101,6 +101,6 @@ def _begins_low(value: np.ndarray, final: float) -> bool:
 
 
 def _still_moves(time: np.ndarray, value: np.ndarray) -> bool:
-    """Return whether the last tenth of the run changes a quantity by more than `SETTLED` of its value."""
+    """True if the last tenth of the run changes a quantity by more than `SETTLED` of its value."""
     late = value[time >= 0.9 * time[-1]]
     return bool(np.ptp(late) > SETTLED * value[-1])

@@ -45,7 +45,7 @@ class Failure:
     reason: str
 
     def in_words(self) -> str:
-        """Return when and why, and that going on helps nothing."""
+        """Time and reason, and that continuing does not help."""
         when = "before its first window" if self.time is None else f"after {format_time(self.time)}"
         return f"the run failed {when}: {self.reason.rstrip('.')}; {CURE}"
 
@@ -168,7 +168,7 @@ class RunFolder:
         return self.checkpoint.is_file()
 
     def is_begun(self) -> bool:
-        """Return whether there is a run that can be resumed, without losing anything if it has no checkpoint."""
+        """True if there is a run that can be resumed, without losing anything if it has no checkpoint."""
         nothing_yet = self.case.is_file() and not self.summary.is_file() and whole_rows(self.history) <= 1
         return self.checkpoint.is_file() or nothing_yet
 
@@ -183,7 +183,7 @@ class RunFolder:
         return aside
 
     def lacks_pictures(self) -> bool:
-        """Return whether a run is done, was to draw pictures, lacks the last, and has the checkpoint to draw it of."""
+        """True if a run is done, was to draw pictures, lacks the last, and has the checkpoint to draw it of."""
         if not self.summary.is_file() or self.grains_picture.is_file() or not self.checkpoint.is_file():
             return False
         return bool(self.read_scene().get("output", {}).get("pictures", True))
@@ -269,11 +269,11 @@ class RunFolder:
 
     def write_failure(self, reason: str) -> None:
         """Note that the run fails for its scene, after the last window that it has; `read_failure` returns it."""
-        with suppress(OSError):  # what it failed of is told all the same
+        with suppress(OSError):  # what it failed of is reported all the same
             replace_json(self.failure, asdict(Failure(last_time(self.history), reason)))
 
     def read_failure(self) -> Failure | None:
-        """Return what the run failed of, None where it did not for its scene; raises as `read_provenance`."""
+        """Failure of the run, None where it did not fail for its scene; raises as `read_provenance`."""
         found = _read_json(self.failure)
         return Failure(found.get("time"), str(found.get("reason", ""))) if found else None
 

@@ -42,7 +42,7 @@ BATCH_CORRELATION_TIMES = 4.0  # with 2 the error of AR(1) series came out 1.5 t
 SOKAL_WINDOW = 5.0
 DRIFT_SIGNIFICANCE = 1e-3
 STOPPING_ALLOWANCE = 0.6
-"""Share of the probability of error that an interval of several replicas uses: 97 % is computed for 95 %."""
+"""Fraction of the probability of error that an interval of several replicas uses: 97 % is computed for 95 %."""
 TOO_FEW = "needed; run longer"
 """End of a reason that time alone mends."""
 
@@ -124,7 +124,7 @@ class Estimate:
 
 
 def more_time(found: Estimate, end: float, wanted: float) -> float | None:
-    """Estimate how much longer [s] a single series must go on until half its 95 % interval is `wanted`.
+    """Estimate how much longer [s] a single series must continue until half its 95 % interval is `wanted`.
 
     The error falls with the root of the time averaged, so that time grows with the square of half width over wanted;
     and it holds at least `MIN_BATCHES` batches. None: the steady part or the error is unknown.

@@ -205,7 +205,7 @@ def _imbalance(late: pandas.DataFrame, duration: np.ndarray, mean: float, error:
 def _little_shear(
     history: pandas.DataFrame, duration: np.ndarray, late: np.ndarray, conditions: SteadyConditions
 ) -> tuple[str, float]:
-    """Return what is wrong with the shear of the gap while averaging, and how much longer [s] helps.
+    """Fault of the gap's shear while averaging, and how much longer [s] helps.
 
     Empty where it suffices or the shafts hold.
     """
@@ -214,7 +214,7 @@ def _little_shear(
     if _holds(history):
         return "", 0.0
     if conditions.shear_gap is None:
-        text = "the folder does not say how wide the gap is, so its shear is unknown; go on with --resume, which"
+        text = "the folder does not say how wide the gap is, so its shear is unknown; continue with --resume, which"
         return f"{text} writes it", 0.0
     strain = _strain(history, duration, conditions)
     if strain is None:
@@ -238,7 +238,7 @@ def _strain(history: pandas.DataFrame, duration: np.ndarray, conditions: SteadyC
 
 
 def _holds(history: pandas.DataFrame) -> bool:
-    """Return whether the shafts do not slip in some window of the later half."""
+    """True if the shafts do not slip in some window of the later half."""
     slip = (history[ROTOR_SPEED] - history[DISC_SPEED]).abs().to_numpy()
     return float(slip[len(slip) // 2 :].min()) <= HOLDS * max(float(history[ROTOR_SPEED].abs().max()), 1e-300)
 

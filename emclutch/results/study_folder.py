@@ -97,7 +97,7 @@ def _end_of(folder: Path) -> float | None:
 
 
 def is_study(path: Path) -> bool:
-    """Return whether a folder is that of a study with a point that is done, or one that has failed."""
+    """True if a folder is that of a study with a point that is done, or one that has failed."""
     return (path / TABLE).is_file()
 
 

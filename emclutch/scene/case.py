@@ -158,7 +158,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     except FileNotFoundError:
         reason = "does not exist; check the path"
     except IsADirectoryError:
-        reason = "is a folder; name a scene's .toml file, or go on with a run in it by --resume"
+        reason = "is a folder; name a scene's .toml file, or continue a run in it by --resume"
     except OSError as error:
         reason = f"cannot be read ({error.strerror}); check the path and its permissions"
     except UnicodeDecodeError:
@@ -191,7 +191,7 @@ def _not_of_a_scene(data: dict[str, Any], path: Path) -> list[Fault]:
 
 
 def _set(data: dict[str, Any], key: str, value: Any) -> list[Fault]:
-    """Set a dotted key in place; tables on its way are made."""
+    """Set a dotted key in place; tables on its path are created."""
     *tables, name = key.split(".")
     if not all((*tables, name)):
         return [Fault(key, "", "is not a dotted key; write it as in 'coil.current'")]
@@ -228,7 +228,7 @@ def _validate(data: dict[str, Any], folder: Path, trust_scripts: bool) -> tuple[
 
 @lru_cache(maxsize=1)
 def _partial_scene() -> type[Section]:
-    """Return the scene's model with every section optional, to check what is right beside what is broken."""
+    """Return the scene's model with every section optional, to check its valid parts even where others are broken."""
     sections: dict[str, Any] = {}
     for name, info in Scene.model_fields.items():
         if info.is_required():

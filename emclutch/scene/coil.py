@@ -28,7 +28,7 @@ class CoilSection(Section):
     turns: Annotated[float, number("1000", 0.0, 1e7, above=True)] | None = Field(default=None, description="turns")
     resistance: Resistance | None = Field(default=None, description="resistance at 20 degrees C")
     fill_factor: Annotated[float, number("0.6", 0.0, 1.0, above=True)] | None = Field(
-        default=None, description="copper's share of the window, where turns or resistance follow from it; default 0.6"
+        default=None, description="copper's fraction of the window, if turns or resistance follow from it; default 0.6"
     )
     voltage: VoltageProfile | None = Field(
         default=None,

@@ -90,7 +90,7 @@ def _line(key: str, field: FieldInfo, data: dict[str, Any]) -> Iterator[str]:
 
 
 def _meaning(field: FieldInfo) -> str:
-    """Return what a key is for, with its unit, or what may be chosen."""
+    """Purpose of a key, with its unit, or its choices."""
     if tag_of(field):
         return "the keys below are those of this kind"
     kind = kind_of(annotation_of(field)).replace("`", "")

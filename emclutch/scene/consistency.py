@@ -50,8 +50,8 @@ def _field_alone(draft: Draft) -> Iterator[Fault]:
         yield Fault(
             "particles",
             "",
-            f"is missing beside {names or '[effects]'}; add the section [particles], or, for the field alone, remove "
-            "the tables of the effects",
+            f"is missing, but required by {names or '[effects]'}; add the section [particles], or, for the field "
+            "alone, remove the tables of the effects",
         )
     elif scene.coil_field is None and "field" not in draft.broken:
         yield Fault(
@@ -98,7 +98,7 @@ def _surfaces(draft: Draft) -> Iterator[Fault]:
     """A surface that no grain can reach, wherever its body turns to."""
     geometry, shape = draft.scene.geometry, draft.scene.shape()
     if geometry.is_from_file or shape.faults(None):
-        return  # only the boxes that a CAD device is filled in are known, not all of its cavity; the latter is told
+        return  # only the boxes that a CAD device is filled in are known, not all of its cavity; the latter is reported
     inner = 0.0
     if not geometry.has_axis:
         lower, upper = shape.lower, shape.upper
@@ -122,21 +122,21 @@ def _surfaces(draft: Draft) -> Iterator[Fault]:
 
 
 def _rigid(draft: Draft) -> Iterator[Fault]:
-    """Return what rigid grains cannot do yet."""
+    """Yield the combinations that rigid grains do not support."""
     scene = draft.scene
     if scene.contact.method != "dvi":
         return
     if scene.particles is not None and scene.particles.sector is not None:
         yield draft.fault(
             "particles.sector",
-            "cannot stand beside contact.method = 'dvi'; remove it (the full ring is simulated), or take 'dem'",
+            "cannot be combined with contact.method = 'dvi'; remove it (the full ring is simulated), or take 'dem'",
         )
 
 
 def _fill(draft: Draft) -> Iterator[Fault]:
     particles, shape = draft.scene.particles, draft.scene.shape()
     if shape.faults(None):
-        return  # already told; volumes of a broken shape mean nothing
+        return  # already reported; volumes of a broken shape mean nothing
     fill = fill_of(shape, particles)
     amounts = ("mass", "solid_fraction", "count")
     key = next((name for name in amounts if getattr(particles, name) is not None), "packing_file")

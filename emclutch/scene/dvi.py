@@ -39,7 +39,7 @@ class DviSection(Section):
     )
     allowed_misses: Annotated[float, number("0.1", 0.0, 1.0)] = Field(
         default=0.1,
-        description="share of the steps that may miss the tolerance before the run is stopped",
+        description="fraction of the steps that may miss the tolerance before the run is stopped",
     )
     step: Annotated[Time | None, Automatic()] = Field(
         default=None, description="step of the rigid grains; default: time.step, else by the rules of travel and force"

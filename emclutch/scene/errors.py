@@ -59,7 +59,7 @@ class SceneError(Exception):
 
     def report(self) -> str:
         """All faults, a line each, under the name of the file."""
-        count = "1 fault" if len(self.faults) == 1 else f"{len(self.faults)} faults"
+        count = "1 error" if len(self.faults) == 1 else f"{len(self.faults)} errors"
         return "\n".join([f"{self.source}: {count}", *(f"  - {fault}" for fault in self.faults)])
 
 

@@ -18,7 +18,7 @@ ELEMENTS_A_WIDTH = 4.0
 
 
 def moments_are_fed_back(scene: Scene) -> bool:
-    """Return whether the field is solved with the grains' own moments in it."""
+    """True if the field is solved with the grains' own moments in it."""
     return scene.effects.feedback is not None and scene.effects.attraction is not None
 
 

@@ -86,13 +86,13 @@ class ParticlesSection(Section):
         if self.packing == "file":
             if given:
                 raise refuse(
-                    "stands beside packing = 'file', which says how many grains there are; remove it", given[0]
+                    "conflicts with packing = 'file', which says how many grains there are; remove it", given[0]
                 )
         elif not given:
             raise refuse("is missing; give one of mass, solid_fraction, count, e.g. mass = '20 g'", key="mass")
         if len(given) > 1:
             raise refuse(
-                f"stands beside {' and '.join(given[:-1])}; keep exactly one of mass, solid_fraction, count",
+                f"conflicts with {' and '.join(given[:-1])}; keep exactly one of mass, solid_fraction, count",
                 key=given[-1],
             )
         if self.sector is not None:
@@ -116,12 +116,12 @@ class ParticlesSection(Section):
                 raise refuse("is missing; a length is needed, e.g. diameter = '1 mm', or sizes = "
                              "{ kind = 'uniform', min = '0.8 mm', max = '1 mm' }", key="diameter")  # fmt: skip
             if self.diameter is not None and self.sizes is not None:
-                raise refuse("stands beside diameter; keep one of the two", key="sizes")
+                raise refuse("conflicts with diameter; keep one of the two", key="sizes")
         else:
             if self.packing_file is None:
                 raise refuse("is missing, but packing = 'file'; name a CSV, npz or vtp file", key="packing_file")
             if self.sizes is not None:
-                raise refuse("stands beside packing = 'file'; the file has the diameters, or diameter gives one for "
+                raise refuse("conflicts with packing = 'file'; the file has the diameters, or diameter gives one for "
                              "all: remove it", key="sizes")  # fmt: skip
             try:
                 self.packing_in_file()

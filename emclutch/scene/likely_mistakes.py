@@ -43,5 +43,5 @@ def warnings_of(scene: Any) -> Iterator[str]:
 
 
 def _is_told(scene: Any, name: str) -> bool:
-    """Return whether a section says anything; a resolved scene has the defaults written out."""
+    """True if a section says anything; a resolved scene has the defaults written out."""
     return getattr(scene, name) != type(scene).model_fields[name].default

@@ -23,7 +23,7 @@ def materials(draft: Draft) -> Iterator[Fault]:
             if canonical_name(name) is None and name not in own:
                 yield draft.fault(
                     f"geometry.materials.{region}",
-                    f"is no material; {did_you_mean(name, [*own, *built_in, *material_aliases()])}"
+                    f"is not a material; {did_you_mean(name, [*own, *built_in, *material_aliases()])}"
                     f"built in: {', '.join(built_in)}; "
                     f"or define [materials.{name}]",
                 )

@@ -39,7 +39,7 @@ class _OwnMaterial(Section):
         except ValueError as error:
             from geometry.fault import with_keys  # local: the schema itself needs no shapes
 
-            raise refuse(f"is no material: {with_keys(str(error), str)}") from None
+            raise refuse(f"is not a material: {with_keys(str(error), str)}") from None
         return self
 
 
@@ -147,7 +147,7 @@ class TableMaterial(_OwnMaterial):
 
     @property
     def warning(self) -> str:
-        """Return what of the points is not used, in words; empty where all are."""
+        """Description of the points that are not used; empty where all are."""
         return self.magnetic_law("this material").warning
 
 

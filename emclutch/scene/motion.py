@@ -28,7 +28,7 @@ class MotorSection(Section):
     @model_validator(mode="after")
     def _turns(self) -> Self:
         if self.no_load_speed == 0.0:
-            raise refuse("is no speed; give that of the idling motor, e.g. '1500 rpm'", key="no_load_speed")
+            raise refuse("is not a speed; give that of the idling motor, e.g. '1500 rpm'", key="no_load_speed")
         return self
 
     @property
@@ -60,7 +60,7 @@ class FreeShaftSection(Section):
     @model_validator(mode="after")
     def _has_one_drive(self) -> Self:
         if self.motor is not None and self.drive_torque != 0.0:
-            raise refuse("stands beside motor; keep one of them", key="drive_torque")
+            raise refuse("conflicts with motor; keep one of them", key="drive_torque")
         return self
 
     @property
@@ -78,7 +78,7 @@ class ShaftMotionSection(Section):
     @model_validator(mode="after")
     def _moves_one_way(self) -> Self:
         if self.speed is not None and self.free is not None:
-            raise refuse("stands beside free; keep the speed, or let the shaft be free", key="speed")
+            raise refuse("conflicts with free; keep the speed, or let the shaft be free", key="speed")
         if self.speed is None and self.free is None:
             raise refuse(
                 "is missing; give speed, e.g. '100 rpm' (0 holds the shaft), or free = {inertia = ...}",

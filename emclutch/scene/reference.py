@@ -32,7 +32,7 @@ HEAD = """# The scene file: all sections and keys
 A scene is a TOML file. A quantity is a text with its unit (`"1.2 mm"`, `"1500 rpm"`) or a bare number in the SI unit
 that stands in brackets; a pure number has no unit. A key whose default is "required" must be given where its section
 is. Where an entry may be a table in time, write `{ times = ["0 s", "20 ms"], values = ["0 A", "0.94 A"] }`: linear
-between the instants, held before and after.
+between the instants, constant before and after.
 """
 
 
@@ -40,7 +40,7 @@ OTHER_FILES = """# Study files and design files
 
 A study ([studies.md](studies.md)) and a design search ([design_search.md](design_search.md)) have a TOML file of one
 section each. A dotted key is one of the scene's above, with or without quotes: `"coil.current"`; the entry `"none"`
-leaves it away, for `effects.NAME` also `"off"`.
+removes it, for `effects.NAME` also `"off"`.
 """
 
 

@@ -13,7 +13,7 @@ AUTOMATIC = 4
 
 
 def replica_count(scene: Scene) -> int:
-    """Return what the scene asks for; where it asks for nothing, with how many packings a run of it begins."""
+    """Number of packings that the scene asks for; where it does not, with how many a run begins."""
     return automatic_count(scene) if scene.accuracy.replicas is None else scene.accuracy.replicas
 
 
@@ -39,7 +39,7 @@ def cores_at_hand() -> int:
 
 
 def has_steady_torque(scene: Scene) -> bool:
-    """Return whether current and speeds are constant from the start on, so that a torque comes to a steady mean."""
+    """True if current and speeds are constant from the start on, so that a torque comes to a steady mean."""
     shafts = (scene.motion.rotor, scene.motion.disc)
     coil = scene.coil
     drive = None if coil is None else coil.voltage if coil.current is None else coil.current
@@ -52,7 +52,7 @@ def has_steady_torque(scene: Scene) -> bool:
 
 
 def packs_alike(scene: Scene) -> bool:
-    """Return whether the seed has no part in where the grains begin."""
+    """True if the seed has no part in where the grains begin."""
     particles = scene.grains
     if particles.packing == "file":
         return True

@@ -30,7 +30,7 @@ class _Distribution(Section):
         return self
 
     def _check(self) -> None:
-        """Refuse what can be told by its key."""
+        """Refuse what can be assigned to a key."""
 
     def _check_limits(self, middle: str, width: str, smallest: float, largest: float) -> None:
         """Refuse limits that are no diameters in order, or that the key ``middle`` is not between."""
@@ -121,7 +121,7 @@ class ListedDiameters(_Distribution):
 
     kind: Literal["list"]
     diameters: tuple[Length, ...] = Field(min_length=1, description="diameters")
-    shares: tuple[_Weight, ...] | None = Field(default=None, description="share of each, any scale; default: alike")
+    shares: tuple[_Weight, ...] | None = Field(default=None, description="fraction of each, any scale; default: alike")
     by: Annotated[str, Choice(("number", "mass"))] = Field(default="number", description="shares of what")
 
     def _check(self) -> None:
@@ -129,7 +129,7 @@ class ListedDiameters(_Distribution):
             return
         if len(self.shares) != len(self.diameters):
             raise refuse(
-                f"has {len(self.shares)} entries, but diameters {len(self.diameters)}; give a share for each diameter",
+                f"has {len(self.shares)} entries, but diameters {len(self.diameters)}; give a fraction for each",
                 key="shares",
             )
         if not any(self.shares):
@@ -143,7 +143,7 @@ class ListedDiameters(_Distribution):
 
 
 class DiametersOfFile(_Distribution):
-    """A CSV file with a column diameter and perhaps its share, number or mass; units stand in the heads."""
+    """A CSV file with a column diameter and perhaps its fraction, number or mass; units stand in the heads."""
 
     kind: Literal["file"]
     file: str = Field(min_length=1, description="CSV such as 'diameter [um], mass [%]', from the scene's folder")

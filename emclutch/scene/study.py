@@ -81,7 +81,7 @@ class StudySection(Section):
         return found
 
     def changes(self, point: dict[str, Any]) -> dict[str, Any]:
-        """Return what a point changes in the scene; None removes a key, as in `Case.with_values`."""
+        """Changes of a point in the scene; None removes a key, as in `Case.with_values`."""
         given = {**self.set, **point}
         return {key: None if removes(key, value) else value for key, value in given.items()}
 
@@ -172,7 +172,7 @@ def _is_list(values: Any) -> bool:
 
 
 def _warm_start_faults(study: StudySection) -> list[Fault]:
-    """Return what is wrong with the axis along which grains are handed on."""
+    """Fault of the axis along which grains are handed on; None where there is none."""
     key = study.warm_start
     if key is None:
         return []
@@ -185,7 +185,7 @@ def _warm_start_faults(study: StudySection) -> list[Fault]:
 
 
 def _faults_of_points(study: StudySection) -> list[Fault]:
-    """Faults of the scene and of every point, with what is right of the study; one that several share is told once."""
+    """Faults of the scene and of every point, with the valid part of the study; a common one is reported once."""
     try:
         data = read_toml(study.case_path)
         if "study" in data:

@@ -275,7 +275,7 @@ def number(example: str, minimum: float = -math.inf, maximum: float = math.inf, 
 
 
 def in_unit_of(entry: object, value: float, quantity: Quantity) -> str:
-    """Return a value [SI] of a quantity as text, in the unit of an `entry` of it: 1.234 mm beside '0.5 mm'."""
+    """Return a value [SI] of a quantity as text, in the unit of an `entry` of it: 1.234 mm where that is '0.5 mm'."""
     match = _NUMBER_AND_UNIT.fullmatch(entry) if isinstance(entry, str) else None
     if match is None or not match[2] or float(match[1]) == 0.0:
         return f"{value:.4g} {quantity.unit}".rstrip()

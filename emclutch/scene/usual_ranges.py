@@ -33,7 +33,7 @@ class UsualRange:
     ask: str
 
     def remark(self, name: str, value: float) -> str | None:
-        """Return what is to be said of a value in `unit`; None within the range."""
+        """Remark on a value in `unit`; None within the range."""
         if self.low <= value <= self.high:
             return None
         unit = f" {self.unit}" if self.unit else ""

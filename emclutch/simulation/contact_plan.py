@@ -129,7 +129,7 @@ def _loads(scene, device: Device, M_max: float, chained: float) -> Iterator[Load
 
 
 def _too_soft(contact: ContactSection, overlap: Callable[[ContactSection], float], why: str) -> str:
-    """Return what is said of a stiffness with which the run would stop; `overlap` over the diameter."""
+    """Message for a stiffness with which the run would stop; `overlap` over the diameter."""
     key, unit = contact.stiffness_entry.name, contact.stiffness_entry.unit
     given = {name: value for name in (key, f"wall_{key}") if (value := getattr(contact, name)) is not None}
     factor = 1.0

@@ -33,7 +33,7 @@ def contacts_in_words(scene: Scene, contacts: ElasticContacts | RigidContacts) -
 
 
 def stiffness_in_words(stiffness: Stiffness) -> str:
-    """Return how stiff contacts between grains are, why, and what speaks against it."""
+    """Stiffness of contacts between grains, its reason, and objections to it."""
     why = load_in_words(stiffness.load, stiffness.speed)
     kind = "" if stiffness.law == "linear" else f"law {stiffness.law}, at that overlap "
     text = (
@@ -54,7 +54,7 @@ def stiffness_in_words(stiffness: Stiffness) -> str:
 
 
 def load_in_words(load: Load, speed: float) -> str:
-    """Return what presses grains in, a load and impacts at a speed [m/s]; empty where nothing does."""
+    """Text of the loads that press grains in: a load, and impacts at a speed [m/s]; empty without any."""
     loaded = f"{load.force:.3g} N from {load.text}" if load.force > 0.0 else ""
     hit = f"impacts at {speed:.3g} m/s" if speed > 0.0 else ""
     return " and ".join(filter(None, (loaded, hit)))
@@ -71,7 +71,7 @@ def rigidity_in_words(section: DviSection, contacts: RigidContacts) -> str:
 
 
 def solver_in_words(section: DviSection, contacts: RigidContacts) -> str:
-    """Return how exactly the contacts of rigid grains are solved, and which of them rebound."""
+    """Tolerance of the contacts of rigid grains, and the speed from which they rebound."""
     share = "" if section.tolerance is not None else f", {TOLERANCE:g} of the speed expected"
     return (
         f"{section.solver}: to {contacts.tolerance:.3g} m/s on the natural map{share}, at most {section.max_sweeps} "

@@ -53,7 +53,7 @@ class EarlyEnd:
 
 
 def early_end(request: RunRequest, planned: PlannedRun, reached: float) -> EarlyEnd:
-    """Return what may end the run of a scene before its last window; it goes on from the time `reached` [s]."""
+    """Rule that may end the run of a scene before its last window; it continues from the time `reached` [s]."""
     plan, replicas = planned.plan, request.replicas
     trigger = asked = None
     replicas.tolerance = 0.5 * window(plan)

@@ -13,7 +13,7 @@ from field import MagneticField
 
 
 def field_plan(case: Case) -> dict[str, str]:
-    """Return what is solved, on which mesh, and what comes of it at the largest current: label -> text."""
+    """Equations, mesh, and results at the largest current: label -> text."""
     scene = case.scene
     coil = solved_coil(scene)
     words = {

@@ -29,7 +29,7 @@ RADIUS, MASS = 1e-3, 1e-5
 
 
 def kind_of(scene: Any) -> list[str]:
-    """Return what decides which step a scene by DEM has: its law, and the parts that cost in the loop over pairs."""
+    """Law and optional parts of the loop over pairs, which decide the compiled DEM step of a scene."""
     effects = scene.effects
     parts = {
         "resistance": bool({"rolling", "twisting"} & set(effects.contact_terms())),

@@ -18,13 +18,13 @@ class MissedSteps:
 
     Parameters
     ----------
-    allowed : share of all steps.
+    allowed : fraction of all steps.
     before : history of a run that is resumed: its steps count.
 
     Raises
     ------
     ParticleError
-        If more than the share ``allowed`` of all steps so far, and of a hundred at the least, have missed it.
+        If more than the fraction ``allowed`` of all steps so far, and of a hundred at the least, have missed it.
     """
 
     def __init__(self, allowed: float, before: pandas.DataFrame | None = None):

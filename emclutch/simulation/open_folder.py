@@ -31,7 +31,7 @@ class OpenFolder:
     ----------
     folder : RunFolder
     goes_on : bool
-        Whether the run goes on from a checkpoint in it.
+        Whether the run continues from a checkpoint in it.
     compiled : Compiled
         What has been compiled since it was opened.
     begin : float
@@ -46,7 +46,7 @@ class OpenFolder:
 
 @contextmanager
 def open_folder(case: Case, target: str | Path, resume: bool, progress: RunProgress) -> Iterator[OpenFolder]:
-    """Hold a run's folder, fit to go on in; what fails in the block is told as a RunError or OutputError."""
+    """Hold a run's folder, fit to continue in; what fails in the block is reported as a RunError or OutputError."""
     begin = perf_counter()
     if resume:  # before the lock makes a folder
         RunFolder(target).has_checkpoint()
@@ -67,7 +67,7 @@ def failures_told(case: Case, folder: RunFolder) -> Iterator[None]:
         yield
     except KeyboardInterrupt as error:  # before there was a window to end, or in a kernel that was compiled
         log.info("stopped by the user at once")
-        how = f"go on with: emclutch run {folder.path} --resume" if folder.checkpoint.is_file() else "run it again"
+        how = f"continue with: emclutch run {folder.path} --resume" if folder.checkpoint.is_file() else "run it again"
         raise Interrupted(f"stopped at once, what was computed since the last checkpoint is lost; {how}") from error
     except (ConvergenceError, ParticleError, PointOutside, ValueError) as error:
         text = f"{error}{remedy_in_scene(case, error)}"
@@ -78,12 +78,12 @@ def failures_told(case: Case, folder: RunFolder) -> Iterator[None]:
     except OSError as error:
         text = f"{error.filename or folder.path}: {error.strerror or error}"
         log.error("%s", text)
-        how = f"go on with: emclutch run {folder.path} --resume" if folder.is_begun() else "start again"
-        raise OutputError(f"{text}; see to the path, its room and its permissions, then {how}") from error
+        how = f"continue with: emclutch run {folder.path} --resume" if folder.is_begun() else "start again"
+        raise OutputError(f"{text}; check the path, its free space and its permissions, then {how}") from error
 
 
 def remedy_in_scene(case: Case, error: Exception) -> str:
-    """Return which keys of the scene mend grains that were pressed in too far; empty for other errors."""
+    """Keys of the scene that remedy too deep overlaps; empty for other errors."""
     contact = case.scene.contact
     if contact.method != "dem" or not isinstance(error, DemError) or error.kind is not DemErrorKind.OVERLAP:
         return ""

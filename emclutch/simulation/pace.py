@@ -20,7 +20,7 @@ BUSY = 0.7  # cores that this process had, or fewer: other programs take them
 
 
 class RunPace:
-    """Callback of the loop that announces how long the run has to go, should it go on like the windows so far.
+    """Callback of the loop that announces how long the run has to go, should it continue like the windows so far.
 
     The pace is that of the later half of them: in the first ones grains have not met yet, and the field is solved more
     often.

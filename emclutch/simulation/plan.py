@@ -95,7 +95,7 @@ class Plan:
         return {"method": method, "compliant": self.stiffness is not None, "stiffness": self.stiffness}
 
     def continued(self, steps_per_update: int, updates: int, end: float) -> Plan:
-        """The plan of a run that goes on with the windows it began with, to the time `end` [s]."""
+        """The plan of a run that continues with the windows it began with, to the time `end` [s]."""
         windows = parts_of(end, steps_per_update * updates * self.dt)
         division = replace(self.division, steps_per_update=steps_per_update, updates=updates, count=windows)
         return replace(self, division=division)

@@ -37,7 +37,7 @@ UPDATE_RULES = {
 
 
 def plan_in_words(scene: Scene, device: Device, plan: Plan) -> dict[str, str]:
-    """Return what was decided for a run, and why: label -> text, in the order in which `emclutch check` says it."""
+    """Decisions for a run and their reasons: label -> text, in the order in which `emclutch check` prints them."""
     words = dict(device_in_words(scene, device))
     coil, in_section, field = device.coil, device.section_coil, plan.peak_section
     if in_section is not None and in_section.supply is not None and field is not None:
@@ -78,7 +78,7 @@ def device_in_words(scene, device: Device) -> Iterator[tuple[str, str]]:
 
 
 def packing_in_words(scene, device: Device) -> str:
-    """Return how the grains are packed, and to what they settle."""
+    """Text on the packing of the grains, and to what they settle."""
     particles, gravity = scene.particles, scene.effects.weight
     lattice = f" ({particles.lattice})" if particles.packing == "lattice" else ""
     if not particles.settles:
@@ -113,7 +113,7 @@ def coil_in_words(scene, coil: CoilDevice, resistance: float, field: MagneticFie
 
 
 def windows_in_words(division: Windows) -> Iterator[tuple[str, str]]:
-    """Return how often magnetic forces are evaluated, why, and the windows: label and text."""
+    """Interval of magnetic forces, its reason, and the windows: label and text."""
     if division.rule is not None:
         steps = division.steps_per_update
         every = f"every {steps} steps" if steps > 1 else "every step"
@@ -162,7 +162,7 @@ def end_in_words(scene, device: Device, plan: Plan) -> Iterator[tuple[str, str]]
 
 
 def paths_in_words(case: Case) -> dict[str, str]:
-    """Return what of the scene lies outside its folder; nothing where all lies within."""
+    """Paths of the scene outside its folder; nothing where all lie within."""
     elsewhere = paths_elsewhere(case.scene, case.data, Path() if case.path is None else case.path.parent)
     if not elsewhere:
         return {}

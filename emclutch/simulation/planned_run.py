@@ -67,7 +67,7 @@ def plan_run(request: RunRequest) -> PlannedRun:
 
 
 def steady_conditions(scene: Scene, device: Device) -> SteadyConditions:
-    """Return what the verdict on a run's torque needs of its scene."""
+    """Criteria of the scene for the verdict on a run's torque."""
     until = scene.span.until
     negligible, share = (0.0, 0.0) if until is None else (until.absolute or 0.0, until.relative or 0.0)
     return SteadyConditions(

@@ -49,7 +49,7 @@ class ProfileAverage:
             self._speeds[body.name] = self._speeds.get(body.name, 0.0) + body.speed
 
     def state(self) -> dict[str, Any]:
-        """Return what a run that is resumed goes on with."""
+        """State with which a resumed run continues."""
         bins = [{"kind": type(one).__name__, **_fields(one)} for one in self._bins]
         sums = [_fields(one) for one in self._sums]
         return {"start": self._start, "bins": bins, "sums": sums, "speeds": self._speeds}

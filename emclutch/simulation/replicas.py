@@ -1,12 +1,12 @@
-"""The other replicas of a run: processes beside it, each a whole run of the scene with another packing.
+"""The other replicas of a run: processes of their own, each a whole run of the scene with another packing.
 
 The run itself is the first replica. Each of the others is a process (`emclutch.simulation.replica_process`) with a
 folder of its own under the run's. They form a pool: as many run at a time as there are cores for, the others start, or
-go on, when one has come to the time that all are to reach (`Replicas.request`).
+continue, when one has come to the time that all are to reach (`Replicas.request`).
 
-Standard input of a process is the bond between the two. Its first line is the task, each later one a time [s] to go on
-to, or ``end``: it then writes its summary and is done. Where the input ends, because the run was stopped, failed or was
-killed, the replica writes a checkpoint and ends too.
+Standard input of a process is the bond between the two. Its first line is the task, each later one a time [s] to
+continue to, or ``end``: it then writes its summary and is done. Where the input ends, because the run was stopped,
+failed or was killed, the replica writes a checkpoint and ends too.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ class Replicas:
         return max(1, len(self.folders))
 
     def request(self, count: int, length: float) -> None:
-        """Set how many replicas are to reach a time [s]; they start, or go on, with `pump`."""
+        """Set how many replicas are to reach a time [s]; they start, or continue, with `pump`."""
         home = self.folders[0]
         for number in range(len(self.folders), count):
             own = RunFolder(home.replicas / f"{number:02d}")
@@ -176,7 +176,7 @@ class Replicas:
         return process is not None and (process.is_done or self._reached(number) >= self.length - self.tolerance)
 
     def share_done(self, own: float) -> float:
-        """Share of the simulated time that is requested and done; `own` is the time of this replica [s]."""
+        """Fraction of the simulated time that is requested and done; `own` is the time of this replica [s]."""
         times = [own, *(self._reached(number) for number in range(1, self.count))]
         return min(1.0, sum(min(each, self.length) for each in times) / (self.count * max(self.length, 1e-300)))
 
@@ -198,15 +198,15 @@ class Replicas:
         return next(filter(None, (one.failure() for one in self.processes.values())), "")
 
     def failed_for_the_scene(self) -> bool:
-        """Return whether one of them failed as it will again when it is resumed."""
+        """True if one of them failed as it will again when it is resumed."""
         return any(one.failure() and one.folder.read_failure() is not None for one in self.processes.values())
 
     def are_running(self) -> bool:
-        """Return whether one of the processes has not ended."""
+        """True if one of the processes has not ended."""
         return any(one.process.poll() is None for one in self.processes.values())
 
     def histories(self, until: float | None = None) -> list[pandas.DataFrame]:
-        """Return what all have so far, in their order; rows up to the first that ends at `until` [s] or later."""
+        """Histories of all so far, in their order; rows up to the first that ends at `until` [s] or later."""
         found = [each.read_history() for each in self.folders if each.history.is_file()]
         if until is not None:
             found = [each.iloc[: int(each[TIME].searchsorted(until - self.tolerance)) + 1] for each in found]
@@ -288,13 +288,13 @@ def other_replicas(
 
 
 def _goes_on(folder: RunFolder) -> bool:
-    """Return whether a replica has a checkpoint to go on from; what lies there without one is put aside."""
+    """True if a replica has a checkpoint to continue from; what lies there without one is put aside."""
     _wait_for_the_former(folder)
     if folder.checkpoint.is_file():
         return True
     if folder.path.is_dir() and has_files(folder.path):
         aside = folder.set_aside()
-        log.warning("%s has no checkpoint to go on from: it begins again, its files are kept as %s", folder.path, aside)
+        log.warning("%s has no checkpoint to continue from: restarted, its files are kept as %s", folder.path, aside)
     return False
 
 

@@ -32,7 +32,7 @@ def run_checkpoint(path: str | Path) -> dict[str, Any]:
     state = read_checkpoint(path)
     missing = [name for name in _OF_A_RUN if name not in state]
     if missing:
-        raise OutputError(f"{path} is no checkpoint of a run: it lacks {', '.join(missing)}; start again with --out")
+        raise OutputError(f"{path} is not a checkpoint of a run: it lacks {', '.join(missing)}; start again with --out")
     return state
 
 
@@ -90,13 +90,13 @@ def checkpoint_time(path: Path, dem: dict[str, Any], method: str) -> float:
     try:
         return float(dem["counters"][0] * dem["scalars"][0 if method == "dvi" else 2])
     except (KeyError, IndexError, TypeError) as error:
-        raise OutputError(f"{path} is no checkpoint of a run ({error!r}); start again with --out") from error
+        raise OutputError(f"{path} is not a checkpoint of a run ({error!r}); start again with --out") from error
 
 
 def refuse_changed_files(case: Case, folder: RunFolder) -> None:
     """OutputError where a file that the scene names has another content than when the run began.
 
-    A run of a version that kept no hashes goes on with a warning in its log.
+    A run of a version that kept no hashes continues with a warning in its log.
     """
     now = hashed_input_files(case.scene)
     if not now:
@@ -105,7 +105,7 @@ def refuse_changed_files(case: Case, folder: RunFolder) -> None:
     entries = [written, *written.get("resumed", [])]  # a run of an older version may have been resumed by this one
     before = next((entry["input_files"] for entry in entries if entry.get("input_files") is not None), None)
     if before is None:
-        log.warning("the run did not note what its input files held; whether they changed since cannot be told")
+        log.warning("the run did not note the content of its input files; whether they changed since is unknown")
         return
     changed = [
         f"{key} = {file['path']}"
@@ -135,7 +135,7 @@ def differing_keys(old: dict[str, Any], new: dict[str, Any]) -> list[str]:
 
 
 def may_change(key: str) -> bool:
-    """Return whether a continued run may have another value of a dotted key."""
+    """True if a continued run may have another value of a dotted key."""
     return key not in MUST_STAY and key.startswith(MAY_CHANGE)
 
 

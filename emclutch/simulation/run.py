@@ -40,7 +40,7 @@ def run(
     """Run a scene and return its result: the first of its replicas, with the torque of all of them.
 
     The other replicas (`accuracy.replicas`, and with `time.until` as many more as its rule asks for) are processes
-    beside this one, as many at a time as there are cores for; their folders lie under its own.
+    in addition to this one, as many at a time as there are cores for; their folders lie under its own.
 
     Parameters
     ----------

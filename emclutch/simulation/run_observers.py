@@ -101,7 +101,7 @@ def make_callbacks(request: RunRequest, started: StartedRun) -> RunObservers:
 
 
 def march(started: StartedRun, observers: RunObservers) -> None:
-    """Take the run to its end, unless the torque is known already at the checkpoint that it goes on from."""
+    """Take the run to its end, unless the torque is known already at the checkpoint that it continues from."""
     early = observers.early
     with observers.alive:
         try:

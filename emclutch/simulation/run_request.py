@@ -60,8 +60,8 @@ class RunRequest:
 
     @property
     def how_to_go_on(self) -> str:
-        """Return what to type after a run that was stopped or failed beside the scene."""
-        return f"go on with: emclutch run {self.folder.path} --resume"
+        """Command to type after a run that was stopped or failed for reasons other than the scene."""
+        return f"continue with: emclutch run {self.folder.path} --resume"
 
     def is_stopped(self) -> bool:
         """True if the run is to end after its present window, for the user or because another replica has failed."""

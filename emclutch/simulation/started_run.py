@@ -27,10 +27,10 @@ class StartedRun:
     Attributes
     ----------
     planned : PlannedRun
-        Of a run that goes on, with the windows that it began with.
+        Of a run that continues, with the windows that it began with.
     simulation : Simulation
     resume_time : float or None
-        Of the checkpoint that it goes on from [s]; None: it begins.
+        Of the checkpoint that it continues from [s]; None: it begins.
     profiles : dict or None
         What the checkpoint has of profiles.
     """
@@ -47,7 +47,7 @@ class StartedRun:
 
 
 def start_run(request: RunRequest, planned: PlannedRun) -> StartedRun:
-    """Pack the grains of a run, take them from another one, or go on from its checkpoint."""
+    """Pack the grains of a run, take them from another one, or continue from its checkpoint."""
     case, device, plan = request.case, planned.device, planned.plan
     request.progress.update(0.0, f"packing {plan.count} grains")
     if not request.opened.goes_on:

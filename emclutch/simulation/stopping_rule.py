@@ -3,12 +3,13 @@
 A run begins with a few packings (`FIRST_COUNT`) of the first length. At each look the torque of all of them is judged
 (`emclutch.results.steady_torque`). Where its interval is not narrow enough, or its drift not excluded:
 
-- all packings go on to the next length, 1.5 times the last one and at most `time.end`, where that is estimated to need
-  less simulated time than more packings, or where the torque creeps for certain;
+- all packings continue to the next length, 1.5 times the last one and at most `time.end`, where that is estimated to
+  need less simulated time than more packings, or where the torque creeps for certain;
 - else the length stays, and more packings are run: 6, 8, 12, 16, 24, ... (`COUNTS`), at most `accuracy.max_replicas`.
 
-Looks are few, and both ways to go on are decided by numbers that all packings share, so that the end depends neither on
-the speed of the machine nor on the number of cores. How often such runs are right: tests/results/test_stopping_rule.py.
+Looks are few, and both ways to continue are decided by numbers that all packings share, so that the end depends neither
+on the speed of the machine nor on the number of cores. How often such runs are right:
+tests/results/test_stopping_rule.py.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ def lengths(end: float, start_up: float) -> tuple[float, ...]:
 
 
 def is_known(torque: Estimate, target: TorqueTarget) -> bool:
-    """Return whether a torque is steady, and its 95 % interval narrow enough."""
+    """True if a torque is steady, and its 95 % interval narrow enough."""
     half = torque.half_width()
     if not torque.converged or half is None or torque.mean is None:
         return False
@@ -97,12 +98,12 @@ class StoppingRule:
     max_count: int
 
     def first(self, count: int = FIRST_COUNT, reached: float = 0.0) -> GoOn:
-        """Return what to run before the first look; of a run that goes on, from the time `reached` [s] on."""
+        """First request; of a run that continues, from the time `reached` [s] on."""
         length = next((one for one in self.lengths if one >= reached * (1.0 - 1e-9)), self.lengths[-1])
         return GoOn(min(count, self.max_count), length)
 
     def after(self, torque: Estimate, now: GoOn) -> GoOn | Stop:
-        """Return what follows from the torque of `now.count` packings up to `now.length`."""
+        """Decide by the torque of `now.count` packings up to `now.length`."""
         if is_known(torque, self.target):
             return Stop(True)
         longer = [one for one in self.lengths if one > now.length * (1.0 + 1e-9)]
@@ -119,7 +120,7 @@ class StoppingRule:
     def _time_is_cheaper(
         self, torque: Estimate, now: GoOn, longer: Sequence[float], more: Sequence[int], wanted: float
     ) -> bool:
-        """Return whether running all packings longer is estimated to need less simulated time than more packings."""
+        """True if running all packings longer is estimated to need less simulated time than more packings."""
         if torque.converged and not torque.drift_error:  # what is missing are balance and shear
             return True
         if not more_packings_suffice(torque, more[-1], wanted):
@@ -148,12 +149,12 @@ def strain_rate(scene: Scene, device: Device) -> float:
 
 
 def more_packings_suffice(torque: Estimate, count: int, wanted: float) -> bool:
-    """Return whether `count` packings of the same length are expected to reach the half width `wanted` [N m]."""
+    """True if `count` packings of the same length are expected to reach the half width `wanted` [N m]."""
     return _expected(torque, count, 1.0) <= MARGIN * wanted and _expected_drift(torque, count, 1.0, wanted)
 
 
 def more_time_suffices(torque: Estimate, length: float, wanted: float) -> bool:
-    """Return whether the same packings are expected to reach the half width `wanted` [N m] at the time `length` [s]."""
+    """True if the same packings are expected to reach the half width `wanted` [N m] at the time `length` [s]."""
     start, end = torque.start or 0.0, torque.end or length
     start = max(start, 0.5 * length)
     if torque.end is None or torque.start is None or length <= start or end <= torque.start:
@@ -175,7 +176,7 @@ def _expected(torque: Estimate, count: int, factor: float) -> float:
 
 
 def _expected_drift(torque: Estimate, count: int, factor: float, wanted: float) -> bool:
-    """Return whether a drift is expected to be excluded, if there is none."""
+    """True if a drift is expected to be excluded, if there is none."""
     from scipy.special import stdtrit
 
     if torque.drift_error is None or torque.end is None or torque.settled is None:
@@ -192,8 +193,8 @@ def remedy(torque: Estimate, target: TorqueTarget, end: float) -> str:
     wanted = target.half_width(torque.mean)
     if abs(torque.mean) <= half and not target.absolute:
         return (
-            f"there is no torque that differs from 0 ({torque.mean:.2g} +- {half:.2g} N m), so no share of it can be "
-            f"reached; give a torque beside it: until = '{target} or 0.01 N m'"
+            f"there is no torque that differs from 0 ({torque.mean:.2g} +- {half:.2g} N m), so no fraction of it "
+            f"can be reached; give a torque as well: until = '{target} or 0.01 N m'"
         )
     if torque.replicas < 2:
         if not torque.converged:

@@ -106,7 +106,7 @@ def summarise(
 
 
 def coil_summary(coil, source, history) -> dict[str, Any]:
-    """Return what the coil's field was at the run's end, how it rose, and how exactly it was solved."""
+    """The coil's field at the run's end, its rise, and its accuracy."""
     return {
         "current": float(history[CURRENT].iloc[-1]),
         "turns": coil.turns,
@@ -140,7 +140,7 @@ def zone_summary(zone: PoleZone, histories, torque: Estimate) -> dict[str, float
     late = [each[each[TIME] > (torque.start or 0.0)] for each in histories]
     found: dict[str, float | str | None] = {
         "shear_stress": None if torque.mean is None else zone.shear_stress(torque.mean),
-        "shear_stress_note": "upper bound: the whole torque over the pole faces; 3 to 7 % of it act beside them",
+        "shear_stress_note": "upper bound: the whole torque over the pole faces; 3 to 7 % of it act outside of them",
         "shear_stress_error": None if torque.standard_error is None else zone.shear_stress(torque.standard_error),
     }
     for name in (FIELD_STRENGTH_POWDER, FILL_POWDER):
@@ -165,7 +165,7 @@ def replicas_summary(case, histories, torque: Estimate) -> dict[str, Any]:
 
 
 def solver_summary(history, tolerance: float) -> dict[str, float | list[str]]:
-    """Return how the solver of rigid contacts converged, and warnings where steps are far from the law."""
+    """Convergence of the solver of rigid contacts, and warnings where steps violate the law."""
     missed, worst = int(history[MISSED_STEPS].sum()), float(history[SOLVER_RESIDUAL].max())
     share = missed / float(history[STEPS].sum())
     summary: dict[str, float | list[str]] = {

@@ -1,4 +1,4 @@
-"""Tries how many threads pay, while a run goes on: no bit of a result depends on their number, so it may change.
+"""Tries how many threads pay, while a run continues: no bit of a result depends on their number, so it may change.
 
 Two threads gain up to a factor of two, or cost some of it: a thousand grains leave them some ten microseconds of
 work between two stages, and a thread that shares its core with another program is late at each. Which holds is a

@@ -21,7 +21,7 @@ def use_threads(threads: int | None, replicas: int = 1) -> int:
 
 
 def may_tune_threads(threads: int | None) -> bool:
-    """Return whether neither the caller nor ``OMP_NUM_THREADS`` says how many, so that a run may find out what pays."""
+    """True if neither the caller nor ``OMP_NUM_THREADS`` says how many, so that a run may find out what pays."""
     return threads is None and requested_threads() is None
 
 

@@ -55,7 +55,7 @@ class StartingGrains:
     state: dict[str, np.ndarray]
 
     def as_dict(self) -> dict[str, Any]:
-        """Return where the grains came from, for ``provenance.json``."""
+        """Origin of the grains, for ``provenance.json``."""
         return {"folder": str(self.folder), "time": self.time, "checkpoint_sha256": self.sha256}
 
 

@@ -86,7 +86,7 @@ class CoilFieldSection(SourceSection):
     tolerance: Annotated[float, number("1e-3", 1e-6, 0.1)] | None = Field(
         default=None, description="refine the mesh until flux linkage and gap field are this accurate; unset: as meshed"
     )
-    open_boundary: bool = Field(default=True, description="air goes on beyond the mesh; false: a flux wall there")
+    open_boundary: bool = Field(default=True, description="air continues beyond the mesh; false: a flux wall there")
     newton_tolerance: Annotated[float, number("1e-8", 1e-14, 1e-2)] = Field(
         default=1e-8, description="relative residual at which Newton stops"
     )

@@ -163,7 +163,7 @@ def design(
     ------
     SceneError
         Faults of the scene or of what is searched; the torque is not reached between both values, which are then told
-        with their torques; it cannot be told of this scene.
+        with their torques; it cannot be estimated for this scene.
     OutputError, RunError
         The folder is there already; of the run.
     """

@@ -2,7 +2,7 @@
 
 The powder, where `back_reaction` is on, is spread evenly over the space that it fills, with the permeability of grains
 without order; no grain is moved. Where a run feeds back the moments of its grains, the gap field and the linkage of
-grains in straight chains stand beside at the last current (`emclutch.simulation.forecast.expected_field`).
+grains in straight chains are given as well at the last current (`emclutch.simulation.forecast.expected_field`).
 """
 
 from __future__ import annotations
@@ -215,7 +215,7 @@ def field_study(
 
 
 def tables_of(summary: dict) -> list[Table]:
-    """Return what `field.json` holds, for a terminal: a row a current, and what is known at the last one."""
+    """Text of `field.json` for a terminal: a row per current, and the results at the last one."""
     rows, tables = summary["currents"], []
     for columns in IN_TERMINAL:
         shown = [name for name in columns if name in rows[0]]
@@ -278,13 +278,13 @@ def _resistance(case: Case, coil: CoilDevice) -> float:
 
 
 def _at_the_faces(case: Case, coil: CoilDevice) -> bool:
-    """Return whether the gap that is meant is that at the faces."""
+    """True if the gap that is meant is that at the faces."""
     gap = coil.shape.sheared_gap("cavity" if case.scene.particles is None else case.scene.particles.region)
     return gap is not None and gap.at_faces
 
 
 def _details(case: Case, coil: CoilDevice, solution: MagneticField, phi: float | None) -> dict:
-    """Return what is computed once, at the last current: powder in chains, error estimate, forces, winding, solver."""
+    """Results at the last current only: powder in chains, error estimate, forces, winding, solver."""
     details: dict = {
         "powder": powder_in_words(case.scene, phi),
         "unknowns": solution.problem.n_dofs,

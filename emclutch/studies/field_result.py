@@ -45,7 +45,7 @@ class FieldResult:
 
     @property
     def at_last_current(self) -> dict[str, Any]:
-        """Return what is computed once: error estimate, forces [N], winding, solver, powder in chains."""
+        """Results that are computed once: error estimate, forces [N], winding, solver, powder in chains."""
         return self.summary["at_last_current"]
 
     @cached_property

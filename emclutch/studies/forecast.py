@@ -105,7 +105,7 @@ def time_in_words(seconds: float, earliest: float) -> str:
 def predict_study(study: StudySection, jobs: int = 1, folders: Sequence[PointFolder] = ()) -> StudyForecast:
     """Plan every point of a study that is not done, and say what they cost, `jobs` at a time.
 
-    `folders` are those of all points where the study goes on: of a point that has begun the rest is predicted.
+    `folders` are those of all points where the study continues: of a point that has begun the rest is predicted.
 
     Raises
     ------
@@ -146,7 +146,7 @@ def predict_study(study: StudySection, jobs: int = 1, folders: Sequence[PointFol
 
 
 def _predict(case: Case, label: str, jobs: int, reached: float) -> PointForecast:
-    """One point, which goes on from the simulated time `reached` [s]."""
+    """One point, which continues from the simulated time `reached` [s]."""
     replicas = replica_count(case.scene)
     device, plan = make_plan(case, threads=threads_of_a_worker(jobs * replicas) if jobs > 1 else None)
     cost = plan.cost

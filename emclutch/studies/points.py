@@ -44,7 +44,7 @@ class PointFolder:
 
     @property
     def reached(self) -> float:
-        """Simulated time [s] from which a run that is resumed goes on, to a minute of its work; 0: it restarts."""
+        """Simulated time [s] from which a run that is resumed continues, to a minute of its work; 0: it restarts."""
         folder = RunFolder(self.path)
         return (last_time(folder.history) or 0.0) if folder.checkpoint.is_file() else 0.0
 
@@ -118,11 +118,11 @@ def _scene_in(case: Path) -> dict[str, Any]:
     try:
         return flat_scene(case.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise OutputError(f"cannot read {case}: {error}; move {case.parent} elsewhere, then go on") from error
+        raise OutputError(f"cannot read {case}: {error}; move {case.parent} elsewhere, then continue") from error
 
 
 def _is_of(old: dict[str, Any], new: dict[str, Any], exactly: bool, fixed: Collection[str]) -> bool:
-    """Return whether a run of one scene is, or may become, that of another."""
+    """True if a run of one scene is, or may become, that of another."""
     keys = differing_keys(old, new)
     return not keys or (not exactly and all(may_change(key) and not _is_in(key, fixed) for key in keys))
 

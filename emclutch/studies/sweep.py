@@ -65,7 +65,7 @@ def sweep(
     resume : keep the points that are done and continue the others from their checkpoints, also to a later time.end.
         A point is known by its values, so that values may be inserted, removed and put in another order; the folders
         keep their names, and new points get the next numbers.
-    jobs : points that run at a time, each in a process of its own with its replicas beside it; 1, the default, runs all
+    jobs : points that run at a time, each in a process of its own with its replicas; 1, the default, runs all
         of them in this one. A script that asks for more must do so under ``if __name__ == "__main__":``. Results do not
         depend on it.
     executor : where points run instead: any `concurrent.futures.Executor`, of a cluster too, whose workers see the same
@@ -113,7 +113,7 @@ def sweep(
 
 
 class _StudyRun:
-    """The points of a study on their way: which wait, which run, what became of them."""
+    """The points of a running study: which wait, which run, what became of them."""
 
     def __init__(
         self,
@@ -181,10 +181,10 @@ class _StudyRun:
                     for number in running.values():
                         self._look_at(number)
         except BrokenExecutor as error:
-            log.error("a process of the study ended without a word: %s", error)
+            log.error("a process of the study ended without a message: %s", error)
             reason = (
-                "its process, or one beside it, ended without a word; it was killed, most often for want of memory, or "
-                "the calling script lacks its if __name__ == '__main__'; take fewer --jobs"
+                "its process, or another one of the pool, ended without a message; it was killed, most often for want "
+                "of memory, or the calling script lacks its if __name__ == '__main__'; take fewer --jobs"
             )
             for number in sorted(set(running.values()) - set(self.done)):
                 self._take(number, PointOutcome(FAILED, reason))
@@ -211,11 +211,11 @@ class _StudyRun:
             )
 
     def goes_on(self) -> bool:
-        """Return whether a point waits that can run."""
+        """True if a point waits that can run."""
         return not self.stopped and any(self.before[n] is None or self.before[n] in self.done for n in self.waiting)
 
     def fail_what_waits_for_failed_points(self) -> None:
-        """Points that begin with the grains of one that failed have failed too, until the study goes on."""
+        """Points that begin with the grains of one that failed have failed too, until the study continues."""
         for number in [] if self.stopped else list(self.waiting):
             before = self.before[number]
             if before is not None and before in self.failures:
@@ -224,7 +224,7 @@ class _StudyRun:
                 self._take(number, PointOutcome(FAILED, f"it begins with the grains of {name}, which has failed"))
 
     def _how_to_go_on(self) -> str:
-        return f"go on with: emclutch sweep {self.study.path} --out {self.folder} --resume"
+        return f"continue with: emclutch sweep {self.study.path} --out {self.folder} --resume"
 
     def _next(self) -> int | None:
         """The first point that waits for no other one, taken off the list."""
@@ -305,14 +305,14 @@ def _outcome(future: Future[PointOutcome]) -> PointOutcome:
 
 
 def _goes_on(case: Case, point: PointFolder, resume: bool) -> bool:
-    """Return whether a point goes on from its checkpoint; what lies there without one is put aside."""
+    """True if a point continues from its checkpoint; what lies there without one is put aside."""
     name = point.path.name
     if resume and RunFolder(point.path).checkpoint.is_file():
-        log.info("%s goes on from its checkpoint to t = %g s", name, case.scene.span.end)
+        log.info("%s continues from its checkpoint to t = %g s", name, case.scene.span.end)
         return True
     if point.path.is_dir() and has_files(point.path):
         aside = RunFolder(point.path).set_aside()
-        log.warning("%s has no checkpoint to go on from: restarted, its files are kept as %s", name, aside.name)
+        log.warning("%s has no checkpoint to continue from: restarted, its files are kept as %s", name, aside.name)
     else:
         log.info("%s starts", name)
     return False

@@ -20,7 +20,7 @@ from emclutch.scene.case import Case
 from emclutch.scene.study import StudySection
 from emclutch.studies.method_comparison import METHOD, compare_methods, comparison_lines
 
-STARTED = 0.01  # of the motor's fastest speed: an output that dry friction holds trembles below it
+STARTED = 0.01  # of the motor's fastest speed: an output that dry friction holds chatters below it
 SEED, CURRENT, VOLTAGE, SPEED = "scene.seed", "coil.current", "coil.voltage", "motion.rotor.speed"
 
 Done = tuple[dict[str, Any], Case, Result]
@@ -157,7 +157,7 @@ def output_start(history: Any) -> tuple[float, float] | None:
 
 
 def label_of(study: StudySection, values: dict[str, Any]) -> str:
-    """Return what tells a point from the others: the last part of each key that has several values, with the value."""
+    """Label of a point: the last part of each key that has several values, with the value."""
     several = [key for key, options in study.values.items() if len(options) > 1]
     parts = (f"{key.rpartition('.')[2].replace('_', ' ')} {values[key]}" for key in several)
     return ", ".join(parts) if not any(isinstance(values[key], (dict, list)) for key in several) else ""

@@ -36,7 +36,7 @@ class PointTask:
         in another folder.
     folder : of the point, inside the study's.
     threads : of the kernels; None: ``OMP_NUM_THREADS``, or all cores.
-    resume : go on from the checkpoint in `folder`.
+    resume : continue from the checkpoint in `folder`.
     start : folder of the run whose grains the point begins with; None packs its own.
     force : run also where more memory is needed than is free.
     """
@@ -68,7 +68,7 @@ class PointOutcome:
 
 
 def run_point(task: PointTask, progress: Any = None) -> PointOutcome:
-    """Run one point; whatever it fails of is the outcome's message, so that the other points go on."""
+    """Run one point; whatever it fails of is the outcome's message, so that the other points continue."""
     folder = Path(task.folder)
     asked = StopAsked(folder.parent, progress)
     if asked.stop_asked:
@@ -112,7 +112,7 @@ class StopAsked:
     Parameters
     ----------
     folder : of the study.
-    progress : what is told how far the run is, or None.
+    progress : notified of the run's progress, or None.
     """
 
     def __init__(self, folder: Path, progress: Any = None) -> None:

@@ -30,7 +30,7 @@ from emclutch.simulation.threads import use_threads
 from emclutch.studies.frozen_state import frozen_state
 
 log = logging.getLogger(__name__)
-WARM_UP_WINDOWS = 0.02  # share of the run that compiles the kernels before anything is timed
+WARM_UP_WINDOWS = 0.02  # fraction of the run that compiles the kernels before anything is timed
 
 
 @dataclass(slots=True)
@@ -146,7 +146,7 @@ KNOBS: tuple[Knob, ...] = (FieldMesh(), SmearWidth(), MomentRefresh(), ContactSt
 
 
 def has_solved_field(case: Case) -> bool:
-    """Return whether the case solves for the field of a coil."""
+    """True if the case solves for the field of a coil."""
     return case.scene.coil_field is not None and field_is_needed(case.scene)
 
 

@@ -17,7 +17,7 @@ def worker_pool(jobs: int) -> ProcessPoolExecutor:
 
 
 def begin_worker() -> None:
-    """Return what a process of the pool does first."""
+    """Initialiser of a process of the pool."""
     leave_ctrl_c_to_the_study()
     threading.Thread(target=end_with_the_study, name="end with the study", daemon=True).start()
 
@@ -25,8 +25,8 @@ def begin_worker() -> None:
 def end_with_the_study() -> None:
     """End this process when the one that started it does not live any more.
 
-    A pool does not do so: without this its processes would go on, hold their points' folders, and then wait for ever.
-    The points go on from their checkpoints.
+    A pool does not do so: without this its processes would continue, hold their points' folders, and then wait for
+    ever. The points continue from their checkpoints.
     """
     study = multiprocessing.parent_process()
     if study is not None:

@@ -142,7 +142,7 @@ def spline_of(law: Law, tolerance: float = 1e-6) -> HSpline:
         if B.size > _MAX_INTERVALS:
             raise ValueError(
                 f"{law.name!r} needs more than {_MAX_INTERVALS} cubics for H to within {tolerance:g}: "
-                "its slope jumps or is not that of H; raise `tolerance`, or mend the law"
+                "its slope jumps or is not that of H; raise `tolerance`, or correct the law"
             )
         middles = 0.5 * (B[:-1] + B[1:])[coarse]
         B = np.sort(np.concatenate((B, middles)))

@@ -109,7 +109,7 @@ class Attraction:
 
     @property
     def last_gap(self) -> float:
-        """Return where the pull ends [radii]."""
+        """Gap at which the pull ends [radii]."""
         return float(np.exp(self.gap_start + (len(self.across) - 1) * self.gap_step))
 
     @property

@@ -7,7 +7,7 @@ batch in which that happens, while it is in the cache. Only a grain that has a p
 every such pair, and `finish_rows` adds them in the order of the pairs once all chunks are swept. Nothing depends on the
 number of threads, bit for bit.
 
-A held attraction pulls every pair of the list that it drives, touching or not; its sums go the same way, in places of
+A held attraction pulls every pair of the list that it drives, touching or not; its sums are treated alike, in places of
 their own.
 """
 

@@ -294,7 +294,7 @@ def twisting_torque(law, kind, energy_column, arm, inertia, dt, force, spin, his
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def stored_in_springs(law, kind, resistance, energy_column, arm, closing, history, slot):
-    """Return what a contact that has just parted still held, by the mechanism that it is lost to [J].
+    """Energy that a contact that has just parted still stored, by the mechanism that it is lost to [J].
 
     ``closing`` is the distance by which its last drift closed it (negative: opened) [m]. Returns the losses to normal
     damping, sliding, rolling and twisting.

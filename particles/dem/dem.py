@@ -83,7 +83,7 @@ class DEM(ListedGrains):
     skin : float, optional
         Of the Verlet list [m]; by default it starts at a quarter of the mean diameter and follows what is cheapest.
     overlap_limit : float
-        Overlap, as a share of the diameter, at which the run is stopped.
+        Overlap, as a fraction of the diameter, at which the run is stopped.
     energy_budget : bool
         Keep the energy budget; without it a step is about a fifth cheaper.
 
@@ -215,7 +215,7 @@ class DEM(ListedGrains):
     def contacts(self) -> ContactTable:
         """Return the present contacts, with the forces that the next step will feel; changes nothing."""
         kept = self._list
-        if self._stale:  # a list of its own, in the present order; the run will make another one when it goes on
+        if self._stale:  # a list of its own, in the present order; the run will make another one when it continues
             self._contacts = self._fresh_list(*self._reaches())
             self._contacts.take(kept.memory(), np.arange(self.grains.count), None, self.sector, self._columns.vectors)
         try:
@@ -234,7 +234,7 @@ class DEM(ListedGrains):
         )  # fmt: skip
 
     def state(self) -> dict[str, np.ndarray]:
-        """Everything that `restore` needs to go on bit for bit."""
+        """Everything that `restore` needs to continue bit for bit."""
         arrays = super().state()
         arrays["last_torque"], arrays["later"] = self._last_torque.copy(), self._later.copy()
         arrays["scalars"] = np.array([self._elastic, self._kinetic, self.dt, self.skin])

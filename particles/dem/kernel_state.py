@@ -31,7 +31,7 @@ class Call(NamedTuple):
     wall_travel : float
         Displacement of a triangle since then [m].
     overlap : float
-        Share of the diameter.
+        Fraction of the diameter.
     speed : float
         Largest allowed [m/s].
     threads : int
@@ -190,7 +190,7 @@ class Tally(NamedTuple):
     parted : tuple of 4 floats
         Losses where a grain left a wall: to normal damping, sliding, rolling and twisting [J].
     deepest, deepest_at : float, int
-        Largest overlap [share of the diameter], and the grain that has it.
+        Largest overlap [fraction of the diameter], and the grain that has it.
     """
 
     contacts: int

@@ -109,7 +109,7 @@ class ListedGrains(GrainMotion):
         return True
 
     def state(self) -> dict[str, np.ndarray]:
-        """Everything that `restore` needs to go on bit for bit."""
+        """Everything that `restore` needs to continue bit for bit."""
         arrays = super().state()
         if self.attraction is not None:
             arrays |= self.attraction.state()

@@ -90,7 +90,7 @@ def _pull_eight(active, slot, place, i, j, away, sizes, law, attraction, pairs):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _stored_in_pair(k, dt, law, resistance, energy_column, grains, pairs):
-    """Return what the springs of pair k, which has parted, held [J] (4)."""
+    """Energy stored by the springs of pair k, which has parted [J] (4)."""
     position_radius, velocity_force, species = grains.position_radius, grains.velocity_force, grains.species
     i, j, kind = pairs.row[k], pairs.other[k], 0
     if species.shape[0] > 0:

@@ -25,7 +25,7 @@ def summary(
     energy: EnergyTotals | None,
     rebuilds: int,
 ) -> StepTotals:
-    """Return what ``steps`` of ``dt`` [s] did; ``ring`` is the number of sectors, of one of which the sums are."""
+    """Totals of ``steps`` of ``dt`` [s]; ``ring`` is the number of sectors, of one of which the sums are."""
     share = ring / max(steps, 1)
     rows = dict(zip([body.name for body in bodies], body_totals, strict=True))
     parts = {

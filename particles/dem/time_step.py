@@ -32,11 +32,12 @@ from particles.laws.hertz_mindlin import HertzMindlin
 from particles.laws.pair_table import PairLaws
 from particles.laws.springs import SPRINGS
 
-TRAVEL = 0.1  # largest share of a radius that a grain may move in one step
+TRAVEL = 0.1  # largest fraction of a radius that a grain may move in one step
 MIN_STEPS = 5.0  # a contact, for a step that the user asks for
-RAYLEIGH, MAX_RAYLEIGH = 0.2, 0.4  # share of the Rayleigh time: chosen, and allowed to the user
-DAMPING, MAX_DAMPING = 0.5, 1.0  # share of m_eff/gamma_n
-REFERENCE_OVERLAP = 0.005  # share of the diameter at which a Hertzian contact is judged when speed and load are unknown
+RAYLEIGH, MAX_RAYLEIGH = 0.2, 0.4  # fraction of the Rayleigh time: chosen, and allowed to the user
+DAMPING, MAX_DAMPING = 0.5, 1.0  # fraction of m_eff/gamma_n
+# fraction of the diameter at which a Hertzian contact is judged when speed and load are unknown
+REFERENCE_OVERLAP = 0.005
 CHECKED_OVERLAP = 1e-5  # the same to check a step: it refuses what is too long for all but the lightest touch
 
 SLIDING = 3.5  # omega^2 m_eff/k_t of a stuck sphere: 1 + R^2 m/I with I = 2/5 m R^2

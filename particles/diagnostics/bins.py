@@ -1,7 +1,7 @@
 """Bins across a gap: shells or discs of a ring, slabs of a box.
 
 What is known of grains and contacts is shared out among bins exactly: a grain by the volume of it that lies in each bin
-(`sphere_parts`), a contact by the share of its line, from s_i to s_end in the coordinate s across the gap, that runs
+(`sphere_parts`), a contact by the fraction of its line, from s_i to s_end in the coordinate s across the gap, that runs
 through each. Overlaps of grains count twice in the volume.
 """
 
@@ -61,7 +61,7 @@ class RingBins:
 
     @property
     def n_sectors(self) -> float:
-        """Return what is simulated, times this, is the full ring."""
+        """Number of simulated parts in the full ring."""
         return 2.0 * math.pi / self.angle
 
     def coordinate(self, points: np.ndarray) -> np.ndarray:
@@ -77,7 +77,7 @@ class RingBins:
         return cylindrical_frame(points)[:, [1, 0, 2] if self.along == "r" else [1, 2, 0]]
 
     def holds(self, points: np.ndarray) -> np.ndarray:
-        """Return which points lie between the limits of the other coordinate: bool, shape (n,)."""
+        """True where points lie between the limits of the other coordinate: bool, shape (n,)."""
         other = points[:, 2] if self.along == "r" else _radius(points)
         margin = 1e-6 * (self.high - self.low)  # where a limit is a wall, contacts lie on it but for round-off
         return (other >= self.low - margin) & (other <= self.high + margin)
@@ -199,7 +199,7 @@ def ring_bins(
 
 
 def contact_shares(start: np.ndarray, end: np.ndarray, edges: np.ndarray) -> csr_array:
-    """Share of each contact's line from ``start`` to ``end`` (m,) [m] in each bin, shape (bins, m)."""
+    """Fraction of each contact's line from ``start`` to ``end`` (m,) [m] in each bin, shape (bins, m)."""
     low, high = np.minimum(start, end), np.maximum(start, end)
     length = high - low
     parts = []

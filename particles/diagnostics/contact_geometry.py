@@ -43,7 +43,7 @@ class ContactGeometry:
 
 
 def contact_geometry(grains: Grains, contacts: ContactTable, sector: CyclicSector | None = None) -> ContactGeometry:
-    """Return where the contacts run."""
+    """Geometry of the contacts."""
     x, is_pair = grains.position, contacts.j >= 0
     end = np.array(contacts.point, dtype=float)
     partner = x[contacts.j[is_pair]]

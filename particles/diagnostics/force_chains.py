@@ -3,7 +3,7 @@
 Chains follow Peters, Muthuswamy, Wibowo & Tordesillas, Phys. Rev. E 72 (2005) 041307: a grain is highly stressed
 where its major principal stress is above the mean of all grains; two of them that touch are linked where the line
 between their centres is within ``angle`` (45 degrees) of the direction of the major principal stress of both; a chain
-has three grains or more. Here a chain does not branch: every grain keeps one link each way along its direction, the
+has three grains or more. Here a chain does not branch: every grain keeps one link in each sense of its direction, the
 best aligned one, and a link counts when both grains keep it. So the chains do not depend on the order of the grains.
 
 A chain through the faces of a cyclic sector is one chain; the full ring has n times as many.
@@ -53,7 +53,7 @@ class ForceChains:
 
     @property
     def share(self) -> float:
-        """Share of the grains that stand in a chain [-]."""
+        """Fraction of the grains that stand in a chain [-]."""
         return float(np.mean(self.chain >= 0))
 
 

@@ -1,14 +1,14 @@
 """Profiles across a gap: fill, flow, stress and torque in bins, averaged over as many moments as wished.
 
 `profile_sums` takes what adds up from one moment; sums of several moments add (``+``); `profile_of` divides. Of a bin
-with grains i of mass m_i, a share w_i of each by volume:
+with grains i of mass m_i, a fraction w_i of each by volume:
 
 - flow: with v the velocity along the flow and l the distance from the axis (1 in a box), the angular speed
   q = sum w m l v / sum w m l^2 (in a box the mean velocity) belongs to s = sum w m l^2 s_i / sum w m l^2. A rigid
   rotation gives exactly its speed and no shear; so does a q linear in s its slope.
 - shear rate gamma = l dq/ds by differences of neighbouring bins (central, one-sided at the ends).
 - fluctuation c = v - v_mean, v_mean interpolated linearly in s at each grain, so that shear across a bin is no
-  temperature. Temperature T = sum w m c^2 / (3 sum w m). Taking the mean from the same grains costs a share of T of
+  temperature. Temperature T = sum w m c^2 / (3 sum w m). Taking the mean from the same grains costs a fraction of T of
   about one over the grains in a bin.
 - stress sigma = (sum of contacts + sum w m c c)/V, contacts by Love and Weber, -f l with l the branch from
   centre to centre or to the wall, compression positive, along (flow, gradient, third) at each contact's point.
@@ -56,7 +56,7 @@ class ProfileSums:
     torque : ndarray, shape (b,)
         Carried by the contacts [N m], full ring (a force [N] in a box).
     contacts : ndarray, shape (b,)
-        Contacts, each by its share.
+        Contacts, each by its part of the line.
     """
 
     moments: np.ndarray
@@ -131,7 +131,7 @@ class Profile:
 
 
 def profile_sums(grains: Grains, contacts: ContactTable, bins: Bins, sector: CyclicSector | None = None) -> ProfileSums:
-    """Return what one moment adds to a profile in ``bins``."""
+    """Contribution of one instant to a profile in ``bins``."""
     part = bins.grain_volumes(grains)
     x = grains.position
     s, lever = bins.coordinate(x), bins.lever(x)
@@ -238,5 +238,5 @@ def _slope(at: np.ndarray, value: np.ndarray) -> np.ndarray:
 
 
 def _apart(at: np.ndarray) -> np.ndarray:
-    """Return which of the increasing means lie beyond the one before; a lone grain in two bins is the mean of both."""
+    """True where the increasing means lie beyond the one before; a lone grain in two bins is the mean of both."""
     return np.append(True, np.diff(at) > 1e-9 * np.abs(at).max(initial=0.0))[: len(at)]

@@ -10,13 +10,13 @@ and takes these modes out together. Velocities, which are linear in the impulses
 extrapolated with them, and the following sweep puts every impulse back into its cone.
 Norms weigh an impulse by sqrt(w_n): an energy, so that light and heavy grains count
 alike. **Safeguard**: the map has kinks, where contacts open, stick or slip. When |F| exceeds twice the smallest one of
-this history, the history is dropped and the iteration goes on from the best G(r).
+this history, the history is dropped and the iteration continues from the best G(r).
 
 **Stalls.** In a bed that shears, a warm start often makes more contacts stick than its motion allows. Each sweep then
 adds the same small change to a pattern of forces that the velocities hardly feel, until a contact at its end slips,
 and so forth from contact to contact: thousands of sweeps, with little to fit in between. So when |F| has not shrunk by
 a tenth in PATIENCE sweeps, over-relaxed ones follow (exact Coulomb; the convex law's are plain), twice as many as
-the last time: they make that way in larger steps, and tolerate the kinks.
+the last time: they cover that distance in larger steps, and tolerate the kinks.
 """
 
 from __future__ import annotations

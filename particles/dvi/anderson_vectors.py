@@ -49,7 +49,7 @@ class Vectors(NamedTuple):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _contacts(contacts, bodies, contact_torques):
-    """Return where the velocities begin."""
+    """Index of the first velocity."""
     if contact_torques.law.shape[0] == 0:
         return 3 * contacts + bodies
     return 6 * contacts + bodies

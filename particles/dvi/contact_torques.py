@@ -137,7 +137,7 @@ def apply_contact_torques(sign, records, contact_torques):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _turn_pair(grain, i, j, row, x, y, z):
-    """Return what the torque (x, y, z) adds to the spins of two grains."""
+    """Add the torque (x, y, z) to the spins of two grains."""
     a, b = 2.5 * row[QI] * grain[i, IM], 2.5 * row[QJ] * grain[j, IM]
     grain[i, PX] += a * x
     grain[i, PY] += a * y

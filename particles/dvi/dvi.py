@@ -52,13 +52,13 @@ from particles.threads import at_most
 from particles.walls.triangle_kernels import N_FOUND
 
 STEPS_PER_CALL = 512  # bounds the table of prescribed speeds
-# grains may reach beyond the gap that their own speeds close, when others push them: this share of the fastest one's
+# grains may reach beyond the gap that their own speeds close, when others push them: this fraction of the fastest one's
 # way is added
 MARGIN = 0.25
 FAST_SKIN = 4.0  # skin, in ways of the fastest grain in a step: a step from the list and the next, for two grains
 FAST_WALLS = 4.0  # the same for triangles, in ways of their fastest point: three steps from the list and the next
 USUAL_SKIN = 0.8  # of the mean radius
-SLOP = 1e-4  # overlap, as a share of the radius, below which positions are left alone
+SLOP = 1e-4  # overlap, as a fraction of the radius, below which positions are left alone
 
 
 class DVI(GrainMotion):
@@ -89,7 +89,7 @@ class DVI(GrainMotion):
     skin : float, optional
         Of the Verlet list [m]; 0.4 of the mean diameter by default.
     overlap_limit : float
-        Overlap, as a share of the diameter, at which the run is stopped.
+        Overlap, as a fraction of the diameter, at which the run is stopped.
     stiffness : array_like, shape (2, 2), optional
         [[k_n, k_t] between grains, [k_n, k_t] at walls] [N/m] of compliant contacts (`particles.dvi.compliance`);
         rigid ones without.
@@ -217,7 +217,7 @@ class DVI(GrainMotion):
         return loaded_contacts(self.grains, self._list, self._device, self.bodies, self.dt)
 
     def state(self) -> dict[str, np.ndarray]:
-        """Everything that `restore` needs to go on bit for bit."""
+        """Everything that `restore` needs to continue bit for bit."""
         arrays = super().state()
         arrays["brake"], arrays["springs"] = self._body[:, gs.BRAKE].copy(), self._springs.copy()
         arrays["scalars"] = np.array([self.dt, self.skin, self._reach])

@@ -19,8 +19,8 @@ import numpy as np
 
 from particles.dem.time_step import TimeStep, smallest_grain
 
-TRAVEL = 0.1  # largest share of a diameter that a grain may move in one step
-ATTRACTION = 0.1  # share of the time sqrt(m a/F)
+TRAVEL = 0.1  # largest fraction of a diameter that a grain may move in one step
+ATTRACTION = 0.1  # fraction of the time sqrt(m a/F)
 
 
 def choose_dvi_step(

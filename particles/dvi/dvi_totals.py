@@ -30,7 +30,7 @@ class DviTotals(StepTotals):
     taken_over : int
         Steps that the accelerated solver finished.
     warm_hits : float
-        Share of the loaded contacts that had an impulse to start from.
+        Fraction of the loaded contacts that had an impulse to start from.
     projections : int
         Sweeps over the positions that removed overlap (they conserve no angular momentum).
     stabilisation_work : float
@@ -57,7 +57,7 @@ def dvi_totals(
     energy: EnergyTotals,
     rebuilds: int,
 ) -> DviTotals:
-    """Return what ``steps`` of ``dt`` [s] did, by the sums of the run and of its bodies."""
+    """Totals of ``steps`` of ``dt`` [s], by the sums of the run and of its bodies."""
     per_step = 1.0 / max(steps, 1)
     names = [body.name for body in bodies]
     normal = body_totals[:, end_of_step.NORMAL_X : end_of_step.NORMAL_Z + 1] * per_step

@@ -2,7 +2,7 @@
 
 A new list takes the impulses over by the sorted keys of its pairs: (smaller id, larger id) of two grains, (id, wall)
 at a wall. An impulse is kept in world axes and acts on the first grain of its pair; where the pair stands the other
-way round in the new list its sign turns. Triangles count as walls, numbered on after the smooth ones.
+order in the new list its sign changes. Triangles count as walls, numbered on after the smooth ones.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ def project(slop, cap, step, grains, pair_slots, slots, walls, chunk=None, seria
     """Push overlapping grains apart, positions only, by inverse masses, until none overlaps by more than slop*radius.
 
     Nonlinear Gauss-Seidel on the gaps; with an infinite ``slop``, that of springs, they are only looked at. Returns the
-    deepest overlap met at first (share of the smaller diameter), the grain, the work of the held forces on the
+    deepest overlap met at first (fraction of the smaller diameter), the grain, the work of the held forces on the
     displacements [J], and the sweeps.
     """
     deepest, at, work, sweeps = 0.0, -1, 0.0, 0
@@ -58,8 +58,8 @@ def _project_chunks(first, slop, step, grains, pair_slots, slots, walls, chunk):
 
 @device_function(without_refcounts=True, error_model="numpy", fastmath={"contract"})
 def _project_rows(lo, hi, first, slop, step, grains, pair_slots, slots, walls):
-    """One sweep over the rows lo <= i < hi; returns the largest overlap as a share of the radius and, the first time,
-    of the diameter, whose it is, and the work."""
+    """One sweep over the rows lo <= i < hi; returns the largest overlap as a fraction of the radius and, the first
+    time, of the diameter, whose it is, and the work."""
     position, radius, mass = grains.position, grains.radius, grains.mass
     pair_start, pair_other = pair_slots.start, pair_slots.other
     wall_start, wall_other, found = slots.start, slots.other, slots.found

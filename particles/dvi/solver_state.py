@@ -50,11 +50,11 @@ class DviCall(NamedTuple):
     travel, wall_travel : float
         Displacement of a grain, and of a triangle, since the list was made, at which it is rebuilt [m].
     overlap : float
-        Share of the diameter.
+        Fraction of the diameter.
     slop : float
-        Share of the radius.
+        Fraction of the radius.
     margin : float
-        Share of the fastest grain's displacement that contacts are looked for beyond their own.
+        Fraction of the fastest grain's displacement that contacts are looked for beyond their own.
     law : ndarray, shape (2, 3)
         Friction, restitution and its threshold [m/s] between grains, at walls (`particles.dvi.dvi_contact`).
     settings : SolverSettings

@@ -93,7 +93,7 @@ def _free_bodies(h, step, shafts, body):
 
 @device_function(error_model="numpy", fastmath={"contract"})
 def _search(horizon, grains, slots, walls, shafts, body, chunk, serial):
-    """Return what grains may meet of triangles within the step; the largest speed that these push one to [m/s]."""
+    """Find the triangles that grains may meet within the step; returns the largest speed of a pushed grain [m/s]."""
     if serial is not None:
         raised = search(np.int64(0), grains.mass.shape[0], horizon, grains, slots, walls, shafts, body)
     if chunk is not None:

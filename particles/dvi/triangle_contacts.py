@@ -1,11 +1,11 @@
 """Rigid grains at triangles: which contacts may close within a step, and what overlaps.
 
 What counts as one contact is decided as for grains that deform (`particles.walls.triangle_kernels`), only for a larger
-sphere: radius, and the way that grain and wall can come nearer within the step. What the rule hides lies behind the
+sphere: radius, and the distance that grain and wall can approach within the step. What the rule hides lies behind the
 plane of a contact that is there, which cannot be crossed in the step.
 
 **Pushed grains.** A vane strikes a grain at rest to its own speed, and that one the next. So that these also find what
-they meet within the same step, the way that a grain is looked ahead along is made as long as the wall's (`search`) and
+they meet within the same step, the distance that a grain is looked ahead is made as long as the wall's (`search`) and
 passed on through the neighbours: over a gap g, a speed v pushes at v - g/h (`pass_on`).
 
 **Impulses** belong to the slot of a triangle. One of a slot that another now hides goes to the contact that hides it;

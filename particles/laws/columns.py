@@ -22,5 +22,5 @@ MU_ROLLING = 7  # torque / (r_eff |F_n|) [-]
 MU_TWISTING = 8  # torque / (r_eff |F_n|) [-]
 COHESION_0 = 9  # pull [N]
 COHESION_1 = 10  # pull / r_eff [N/m]
-DAMPING_ROLLING = 11  # share of critical damping of rolling and twisting [-]
+DAMPING_ROLLING = 11  # fraction of critical damping of rolling and twisting [-]
 COHESIVE = 12  # 1 where there is cohesion; else the kernel does not read its columns

@@ -42,7 +42,7 @@ def hertz_spring(table, kind, delta, m_eff, r_eff, memory):
 
 @dataclass(frozen=True, slots=True)
 class HertzContact(HertzianImpact):
-    """Parameters of every contact; `from_restitution` is the usual way to make one.
+    """Parameters of every contact; `from_restitution` is the usual constructor.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class HertzContact(HertzianImpact):
     friction : float
         Coulomb coefficient mu [-].
     damping_rolling : float
-        Share of critical damping of rolling and twisting [-], where a scene has them.
+        Fraction of critical damping of rolling and twisting [-], where a scene has them.
     """
 
     kernel: ClassVar[str] = "hertz"

@@ -46,7 +46,7 @@ def hertz_mindlin_spring(table, kind, delta, m_eff, r_eff, memory):
 
 @dataclass(frozen=True, slots=True)
 class HertzMindlin(HertzianImpact):
-    """Contact of two elastic materials; `from_restitution` is the usual way to make one.
+    """Contact of two elastic materials; `from_restitution` is the usual constructor.
 
     Attributes
     ----------

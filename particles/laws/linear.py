@@ -69,14 +69,14 @@ def equal_linear_spring(table, kind, delta, m_eff, r_eff, memory):
 
 @dataclass(frozen=True, slots=True)
 class LinearContact(LinearImpact):
-    """Parameters of every contact; `from_restitution` is the usual way to make one.
+    """Parameters of every contact; `from_restitution` is the usual constructor.
 
     Attributes
     ----------
     stiffness_n, stiffness_t : float
         Normal and tangential spring [N/m].
     damping_n, damping_t : float
-        Share of critical damping zeta [-]: gamma = 2 zeta sqrt(stiffness_n m_eff) for both.
+        Fraction of critical damping zeta [-]: gamma = 2 zeta sqrt(stiffness_n m_eff) for both.
     friction : float
         Coulomb coefficient mu [-].
     """

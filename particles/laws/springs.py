@@ -69,17 +69,17 @@ def with_rows(table, rows):
 
 
 def varies(table):
-    """Return whether the tangential stiffness of a table's spring may change (`Spring`); in a kernel a constant."""
+    """True if the tangential stiffness of a table's spring may change (`Spring`); in a kernel a constant."""
     return OF_TABLE[type(table)].varies
 
 
 def remembers(table):
-    """Return whether a table's spring has a memory (`Spring`); in a kernel a constant."""
+    """True if a table's spring has a memory (`Spring`); in a kernel a constant."""
     return OF_TABLE[type(table)].remembers
 
 
 def equal(table):
-    """Return whether a table is for grains of one size and mass (`Spring`); in a kernel a constant."""
+    """True if a table is for grains of one size and mass (`Spring`); in a kernel a constant."""
     return OF_TABLE[type(table)].equal
 
 

@@ -61,7 +61,7 @@ def thesis_spring(table, kind, delta, m_eff, r_eff, memory):
 
 @dataclass(frozen=True, slots=True)
 class ThesisContact:
-    """Parameters of every contact; `from_restitution` is the usual way to make one.
+    """Parameters of every contact; `from_restitution` is the usual constructor.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class ThesisContact:
     friction : float
         Coulomb coefficient mu [-].
     damping_rolling : float
-        Share of critical damping of rolling and twisting [-], where a scene has them.
+        Fraction of critical damping of rolling and twisting [-], where a scene has them.
     """
 
     kernel: ClassVar[str] = "thesis"

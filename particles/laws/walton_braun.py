@@ -4,7 +4,7 @@ r"""Hysteretic contact of Walton & Braun (J. Rheol. 30 (1986) 949): it loads sof
     below the peak    F = max(0, k_2 (delta - delta_0)),     delta_0 = (1 - k_1/k_2) delta_peak,
 
 k_2 > k_1; reloading follows the unloading line up to the peak, which is the memory of the contact and ends with it. The
-work k_1 delta_peak^2/2 comes back by its share k_1/k_2 through the triangle of height k_1 delta_peak, so
+work k_1 delta_peak^2/2 comes back by its fraction k_1/k_2 through the triangle of height k_1 delta_peak, so
 
     e = sqrt(k_1/k_2)
 
@@ -47,18 +47,18 @@ def walton_braun_spring(table, kind, delta, m_eff, r_eff, memory):
 
 @dataclass(frozen=True, slots=True)
 class WaltonBraun(LinearImpact):
-    """Parameters of every contact; `from_restitution` is the usual way to make one.
+    """Parameters of every contact; `from_restitution` is the usual constructor.
 
     Attributes
     ----------
     stiffness_n, unloading_stiffness, stiffness_t : float
         k_1, k_2 and k_t [N/m].
     damping_t : float
-        Tangential share of critical damping zeta_t [-].
+        Tangential fraction of critical damping zeta_t [-].
     friction : float
         Coulomb coefficient mu [-].
     damping_rolling : float
-        Share of critical damping of rolling and twisting [-], where a scene has them.
+        Fraction of critical damping of rolling and twisting [-], where a scene has them.
     """
 
     kernel: ClassVar[str] = "walton_braun"

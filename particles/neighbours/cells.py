@@ -1,7 +1,7 @@
 """Grids of cells: which grains lie in which cell, and the order in which they are stored.
 
 Cells are numbered with one axis running fastest, so that adjacent cells along it are one contiguous
-run of grains. The slowest axis is the longest one of the cloud: a contiguous share of the grains is then a slab
+run of grains. The slowest axis is the longest one of the cloud: a contiguous part of the grains is then a slab
 with small faces. Along the fastest axis cells have half the length, which trims the ends of a run.
 
 Two ways lead from a cell to its grains. A table of starts, one entry a cell, while cells are not many more
@@ -25,7 +25,7 @@ AXIS, COUNT, BEGIN, END, TABLE, NUMBER, N_GRID = 0, 3, 6, 7, 8, 9, 10
 # columns of ``length``. LOW (3): corner of the first cell [m]; INVERSE (3): cells a metre [1/m]; both in the order of
 # AXIS. REACH: the largest of its grains [m]
 LOW, INVERSE, REACH, N_LENGTH = 0, 3, 6, 7
-# A cell is larger than asked by this share: two grains nearer than the edge are then never two cells apart
+# A cell is larger than asked by this fraction: two grains nearer than the edge are then never two cells apart
 # by rounding, which is below 2 eps times the number of cells along an axis.
 MARGIN = 1e-8
 MAX_ALONG_AXIS = 2**20  # cells; three axes together stay within an int64
@@ -63,7 +63,7 @@ def cell_order(position: np.ndarray, size: float) -> np.ndarray:
 
 
 def not_finite(position: np.ndarray) -> ValueError:
-    """Return what to say where one of these positions (n, 3 or more) [m] is not a finite number."""
+    """Message where one of these positions (n, 3 or more) [m] is not a finite number."""
     x = position[:, :3]
     k = int(np.flatnonzero(~np.isfinite(x).all(axis=1))[0])
     return ValueError(

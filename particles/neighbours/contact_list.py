@@ -6,7 +6,7 @@ contact finds its new slot by the pair's two ids. Were grains turned by R^w, the
 
     (i', j', shift + w_i - w_j)   with xi' = R^w_i xi,
 
-or, where the new list has it the other way round, (j', i', -shift') with xi'' = -R^(-shift') xi'.
+or, where the new list has it in reverse order, (j', i', -shift') with xi'' = -R^(-shift') xi'.
 """
 
 from __future__ import annotations
@@ -187,7 +187,7 @@ class ContactList(SlotList):
         return self._chunks
 
     def memory(self) -> ContactMemory:
-        """Return what the touching contacts remember; the list itself can be dropped then."""
+        """History of the touching contacts; the list itself can be dropped then."""
         pairs = self.pairs
         return _touching_rows(
             pairs.start, pairs.other, pairs.shift, *self.pair_memory,
@@ -232,7 +232,7 @@ class ContactList(SlotList):
 
 
 def reaches(radius: np.ndarray, skin: float, gap: float) -> tuple[np.ndarray, float]:
-    """Return how far each grain looks (n,) [m], and the largest distance of a pair [m].
+    """Reach of each grain (n,) [m], and the largest distance of a pair [m].
 
     Surfaces count as touching up to a ``gap`` [radii].
     """
@@ -310,7 +310,7 @@ def _carry_pairs(old_i, vectors, turned, memory, to):
         if parts > 1:
             turns = turned.wraps[old_i]
             across = turns + memory.shift[k] - turned.wraps[old_j]
-        if j < i:  # the new list has it the other way round
+        if j < i:  # the new list has it in reverse order
             i, j = j, i
             across, turns, sign = -across, turns - across, -1.0
         for q in range(to.start[i], to.start[i + 1]):

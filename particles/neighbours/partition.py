@@ -1,6 +1,6 @@
 """Chunks of rows that threads share, and the reactions that pass from one chunk to another.
 
-Rows are consecutive grains, sorted by cells; a chunk ends where its share of the work does. How many there are follows
+Rows are consecutive grains, sorted by cells; a chunk ends where its part of the work does. How many there are follows
 from the number of grains alone, and never from the threads, so that every sum is the same with any number of them. A
 pair whose grains lie in different chunks has its place in a buffer; its second grain is *deferred*: it can only be
 moved when the other chunk has written there.
@@ -81,7 +81,7 @@ def make_chunks(
 
 @device_function(without_refcounts=True, error_model="numpy")
 def _work_before(i, pair_start, contacts, wall_start):
-    """Return what the rows before row i take."""
+    """Work of the rows before row i."""
     return GRAIN * i + PAIR * pair_start[i] + CONTACT * contacts[pair_start[i]] + WALL * wall_start[i]
 
 

@@ -145,7 +145,7 @@ def _from_npz(path: Path) -> dict[str, np.ndarray]:
     # memory: of an array whose head says that it has more numbers than the file; not implemented: zipfile says so of a
     # compression that it lacks
     except (ValueError, OSError, EOFError, BadZipFile, zlib.error, NotImplementedError, MemoryError) as error:
-        raise ValueError(f"{path} is no npz archive of arrays ({error})") from None
+        raise ValueError(f"{path} is not an npz archive of arrays ({error})") from None
     raise _too_much(path, size)
 
 
@@ -161,7 +161,7 @@ def _from_vtp(path: Path) -> dict[str, np.ndarray]:
 
     with open(path, "rb") as stream:
         if b"<VTKFile" not in stream.read(1000):
-            raise ValueError(f"{path} is no VTK file in XML: it does not begin with <VTKFile; export it again")
+            raise ValueError(f"{path} is not a VTK file in XML: it does not begin with <VTKFile; export it again")
         with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
             points = max(map(int, _NUMBER_OF_POINTS.findall(content)), default=0)
     if (size := max(path.stat().st_size, points * _MIN_BYTES_OF_A_POINT)) > MAX_BYTES:
@@ -171,7 +171,7 @@ def _from_vtp(path: Path) -> dict[str, np.ndarray]:
             # the reader's errors arrive as warnings, and the file as one without points
             warnings.filterwarnings("error", message="The VTK reader")
             mesh = pyvista.read(path)
-    except Exception as error:  # VTK's and pyvista's readers fail each in a way of their own
+    except Exception as error:  # VTK's and pyvista's readers fail each differently
         raise ValueError(f"{path} cannot be read as VTK PolyData ({error}); export it again") from None
     if not isinstance(mesh, pyvista.PolyData):
         raise ValueError(f"{path} holds {type(mesh).__name__}, not the points of a PolyData")

@@ -15,7 +15,7 @@ of sc need not match and have their own number of steps. A full ring, or a chamb
 of the straight lattice, and what holds more is taken.
 
 The lattice is stretched until it has as many sites as there are grains; where one step more or less leaves sites over,
-seeded chance says which stay empty. Noise moves each grain by up to its share of the play (a - d)/2, so that
+seeded chance says which stay empty. Noise moves each grain by up to its part of the play (a - d)/2, so that
 grains never overlap, whatever the noise. Grains of different sizes share one lattice, that of the largest.
 """
 
@@ -161,7 +161,7 @@ def _bent(place: AnnularBox, kind: str, a: float, between: tuple[float, float]) 
 
 
 def _cut(place: AnnularBox, kind: str, a: float) -> np.ndarray:
-    """Return what the full ring cuts out of the straight lattice."""
+    """Sites of the straight lattice within the full ring."""
     width = 2.0 * place.r1 - a
     corner = np.array([-0.5 * width, -0.5 * width, place.z0 + 0.5 * a])
     sites = corner + _stack(kind, a, np.array([width, width, place.z1 - place.z0 - a]))

@@ -38,7 +38,7 @@ class Packing:
 
 
 def deepest_overlaps(packing: Packing, space: Space) -> np.ndarray:
-    """Deepest overlap of each grain with a neighbour, as a share of the smaller diameter, shape (n,); 0: none."""
+    """Deepest overlap of each grain with a neighbour, as a fraction of the smaller diameter, shape (n,); 0: none."""
     deepest = np.zeros(packing.count)
     r = packing.radius
     pairs = find_pairs(packing.position, 2.0 * float(r.max()), space.sector, r)
@@ -59,7 +59,7 @@ def require_fit(packing: Packing, space: Space, limit: float) -> None:
     Raises
     ------
     PackingError
-        With the grain's number, from 0, its place, and the overlap as a share of the diameter.
+        With the grain's number, from 0, its place, and the overlap as a fraction of the diameter.
     """
 
     def refuse(k: int, what: str, remedy: str, overlap: float | None = None) -> PackingError:

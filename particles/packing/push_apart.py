@@ -15,14 +15,14 @@ from numba import njit
 from particles.neighbours.neighbour_list import PairList, cell_order, find_pairs
 from particles.packing.space import Near, Space
 
-TOLERANCE = 0.01  # overlap that is left, as a share of the smaller diameter
+TOLERANCE = 0.01  # overlap that is left, as a fraction of the smaller diameter
 _SKIN = 0.3  # of the pair list, in smallest diameters
 _CORNER_ROUNDS = 4  # in a corner one wall pushes a grain into the other
 _SWEEPS_A_THROW = 2
 
 
 class Crowd:
-    """Grains on their way apart.
+    """Grains that are being pushed apart.
 
     Parameters
     ----------
@@ -36,11 +36,11 @@ class Crowd:
     Attributes
     ----------
     position, radius : ndarray
-        As given, but sorted by cells along the way, both alike.
+        As given, but sorted by cells in the process, both alike.
     order : ndarray of int64, shape (n,)
         Which of the grains given stands in each place.
     worst : float
-        Largest overlap of two grains met in the last check, as a share of the smaller diameter.
+        Largest overlap of two grains met in the last check, as a fraction of the smaller diameter.
     """
 
     def __init__(self, position: np.ndarray, radius: np.ndarray, space: Space):
@@ -111,7 +111,7 @@ class Crowd:
 
 @njit(cache=True, error_model="numpy")
 def _sweep(start, other, shift, position, radius, turn, push):
-    """Push pairs apart by ``push`` of their overlap; returns the largest met, as a share of the diameter."""
+    """Push pairs apart by ``push`` of their overlap; returns the largest met, as a fraction of the diameter."""
     worst = 0.0
     for i in range(radius.shape[0]):
         for k in range(start[i], start[i + 1]):

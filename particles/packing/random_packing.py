@@ -38,7 +38,7 @@ def pack(
     Parameters
     ----------
     boxes
-        Where to throw grains in: rings (each gets its share by volume; within ``sector`` where there is
+        Where to throw grains in: rings (each gets its part by volume; within ``sector`` where there is
         one) or a box.
     walls
         Kept clear of.

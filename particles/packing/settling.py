@@ -149,7 +149,7 @@ def settle(
 def before_the_start(dem: GrainMotion) -> Iterator[GrainMotion]:
     """Hold every shaft while grains settle; afterwards shafts and clock are as at the beginning.
 
-    Contact history and the grains' velocities stay: the run goes on from the settled bed without a bump.
+    Contact history and the grains' velocities stay: the run continues from the settled bed without a bump.
     """
     kept = [(body.motion, body.angle, body.speed) for body in dem.bodies]
     clock = dem.step_count

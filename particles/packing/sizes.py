@@ -1,6 +1,6 @@
 """Diameters of grains: the distributions by number, their moments, and seeded draws from them.
 
-Every distribution is drawn through the inverse of its cumulative distribution, one uniform random number a grain: the
+Every distribution is sampled through the inverse of its cumulative distribution, one uniform random number a grain: the
 first n of a longer draw are the draw of n, so that a number of grains and a volume of grains lead to the same sequence.
 
 The unbounded distributions are cut off on both sides (and scaled up to one again): a grain of no size, or one that is
@@ -23,7 +23,7 @@ from particles.packing.columns_file import read_columns
 
 _STREAM = 1  # keeps the sizes' random numbers apart from the positions', which are drawn with the bare seed
 _CUT = 3.0  # standard deviations
-_BLOCK = 4096  # grains drawn at a time on the way to a volume
+_BLOCK = 4096  # grains sampled at a time until a volume is reached
 
 
 class GrainSizes(ABC):
@@ -227,7 +227,7 @@ class LogNormalSizes(GrainSizes):
         return a, b
 
     def moment(self, power: int) -> float:
-        """median^k exp(k^2 s^2/2) times the share of a Gaussian moved by k s that the limits leave; s = ln spread."""
+        """median^k exp(k^2 s^2/2) times the part of a Gaussian moved by k s within the limits; s = ln spread."""
         s = math.log(self.spread)
         below, above = self._standard()
         left = (ndtr(above - power * s) - ndtr(below - power * s)) / (ndtr(above) - ndtr(below))
@@ -249,7 +249,7 @@ def _cut_normal(share: np.ndarray, below: float, above: float) -> np.ndarray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ListedSizes(GrainSizes):
-    """The diameters of a list [m], each with its share.
+    """The diameters of a list [m], each with its fraction.
 
     Parameters
     ----------
@@ -309,7 +309,7 @@ class ListedSizes(GrainSizes):
 
 
 def read_sizes(path: str | Path) -> ListedSizes:
-    """Sizes from a CSV file with a column diameter, and perhaps number or mass, its share: ``diameter [um], mass [%]``.
+    """Sizes from a CSV file with a column diameter, and perhaps one of fractions: ``diameter [um], mass [%]``.
 
     Raises
     ------
@@ -323,7 +323,7 @@ def read_sizes(path: str | Path) -> ListedSizes:
         raise ValueError(f"{path} has no column diameter; it has {', '.join(columns)}")
     shares = [name for name in ("number", "mass") if name in columns]
     if len(shares) > 1:
-        raise ValueError(f"{path} has shares by number and by mass; keep one of the two columns")
+        raise ValueError(f"{path} has fractions by number and by mass; keep one of the two columns")
     weight = columns[shares[0]] if shares else None
     try:
         return ListedSizes(columns["diameter"], weight, by_mass=shares == ["mass"])

@@ -87,7 +87,7 @@ class Space:
         return float(self.volumes.sum())
 
     def solid_fraction(self, radius: np.ndarray) -> float:
-        """Share of the volume that grains of ``radius`` (n,) [m] take."""
+        """Fraction of the volume that grains of ``radius`` (n,) [m] take."""
         return float(np.sum(4.0 / 3.0 * np.pi * radius**3) / self.volume)
 
     def triangles_near(self, position: np.ndarray, reach: np.ndarray) -> Near | None:
@@ -107,13 +107,13 @@ class Space:
         return worst
 
     def wall_overlap(self, position: np.ndarray, radius: np.ndarray) -> np.ndarray:
-        """Return how far the walls push each grain [m], shape (n,); 0 where it is clear of all."""
+        """Displacement by the walls of each grain [m], shape (n,); 0 where it is clear of all."""
         clear = np.array(position, dtype=float, order="C")
         self.push_off(clear, np.ascontiguousarray(radius))
         return np.sqrt(np.sum((clear - position) ** 2, axis=1))
 
     def in_solids(self, position: np.ndarray) -> np.ndarray:
-        """Return which centres lie inside a watertight triangle wall (a vane, a rib): bool, shape (n,).
+        """True where centres lie inside a watertight triangle wall (a vane, a rib): bool, shape (n,).
 
         A triangle wall that holds a place to fill inside it, a drum, is a container and no solid.
         """
@@ -154,7 +154,7 @@ class Space:
     def throw(self, rng: np.random.Generator, radius: np.ndarray) -> np.ndarray:
         """Uniform random centres (n, 3) [m], a radius away from the faces of the boxes, not from those of the sector.
 
-        Every place gets its share of the grains by volume.
+        Every place gets its part of the grains by volume.
 
         Raises
         ------

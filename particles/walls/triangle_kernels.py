@@ -230,7 +230,7 @@ def push_off_triangles(position, radius, rows, start, other):
 
 @njit(cache=True, error_model="numpy")
 def winding_number(position, rows, first, last):
-    """Return how often the triangles first .. last wind round each centre: 0 outside of a closed surface, +-1 inside.
+    """Winding number of the triangles first .. last about each centre: 0 outside of a closed surface, +-1 inside.
 
     The sum of the solid angles over 4 pi (A. Van Oosterom, J. Strackee, IEEE Trans. Biomed. Eng. 30, 1983, 125).
     """

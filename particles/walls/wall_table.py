@@ -163,12 +163,12 @@ class Enclosure:
         self._cylinder = (np.inf, -np.inf, np.inf) if span is None else span
 
     def outside(self, position: np.ndarray, margin: float) -> np.ndarray:
-        """Return which centres (n, 3) [m] are beyond it by more than ``margin`` [m]: bool, shape (n,)."""
+        """True where centres (n, 3) [m] are beyond it by more than ``margin`` [m]: bool, shape (n,)."""
         return beyond(position, self._planes, *self._cylinder, margin)
 
 
 def outside(position: np.ndarray, walls: Sequence[Wall], margin: float) -> np.ndarray:
-    """Return which centres are beyond what the walls enclose by more than ``margin`` [m]: bool, shape (n,)."""
+    """True where centres are outside of the walls by more than ``margin`` [m]: bool, shape (n,)."""
     return Enclosure(walls).outside(position, margin)
 
 

@@ -181,7 +181,7 @@ def test_a_cad_file_is_meshed_to_its_size(rod, suffix, size):
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("wall.xyz", "", r"is no surface that is read here; give one of .stl"),
+        ("wall.xyz", "", r"is not a surface that is read here; give one of .stl"),
         ("wall.stl", None, "does not exist"),
         ("wall.stl", "solid\nfacet\nrubbish", "is cut off, or neither ASCII nor binary STL; export it again"),
         ("wall.stl", "solid a\nendsolid a\n", "holds no triangles; export it again"),

@@ -65,7 +65,8 @@ class At:
 def test_on_a_full_disk_a_run_stops_and_goes_on_once_there_is_room(undisturbed, tmp_path):
     out, full = tmp_path / "run", full_disk()
     try:
-        with pytest.raises(OutputError, match=r"run: File too large; see to .* its room .*go on with: .*run --resume"):
+        words = r"run: File too large; check .* its free space .*continue with: .*run --resume"
+        with pytest.raises(OutputError, match=words):
             emclutch.run(CASE, out=out, progress=At(0.5, full.__enter__))
     finally:
         full.__exit__(None, None, None)

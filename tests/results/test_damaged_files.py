@@ -96,14 +96,14 @@ def test_rows_that_are_missing_before_the_checkpoint_are_told(tmp_path, content,
 )
 def test_a_history_of_something_else_is_told(tmp_path, content):
     (tmp_path / "history.csv").write_bytes(content)
-    with pytest.raises(OutputError, match=r"history\.csv is no history that a run wrote, or damaged"):
+    with pytest.raises(OutputError, match=r"history\.csv is not the history of a run, or damaged"):
         read_history(tmp_path / "history.csv")
 
 
 def test_a_history_without_a_window_is_told(tmp_path):
     (tmp_path / "history.csv").write_text("")
     result = load_result(tmp_path)
-    with pytest.raises(OutputError, match=r"history\.csv has no window yet; go on with: emclutch run .* --resume"):
+    with pytest.raises(OutputError, match=r"history\.csv has no window yet; continue with: emclutch run .* --resume"):
         _ = result.torque
 
 
@@ -120,7 +120,7 @@ def test_a_file_of_json_that_is_damaged_is_told(tmp_path, name, content):
 @pytest.mark.parametrize("content", ["", "<half", '<VTKFile><DataSet timestep="one" file="a"/></VTKFile>'])
 def test_a_series_that_is_damaged_is_told(tmp_path, content):
     (tmp_path / "walls.pvd").write_text(content)
-    with pytest.raises(OutputError, match=r"walls\.pvd is no series that a run wrote.*move it elsewhere"):
+    with pytest.raises(OutputError, match=r"walls\.pvd is not a series of a run.*move it elsewhere"):
         PvdSeries(tmp_path, "walls", resume_time=1.0)
 
 

@@ -215,7 +215,7 @@ def test_a_fault_of_the_geometry_hides_no_other(name, tmp_path):
 def test_a_size_that_is_no_length_is_told_once():
     """What is left of the geometry is judged without it: no relation to a size that is not known."""
     output = refused(["check", str(GOOD), "--set", "geometry.housing_width=3 kg", "--set", "geometry.gap=3 kg"])
-    assert "2 faults" in output and output.count("- geometry.") == 2
+    assert "2 errors" in output and output.count("- geometry.") == 2
 
 
 @pytest.mark.parametrize("setting", ["coil.current", "=3", "scene.title.x=3", "coil..current=1"])

@@ -185,7 +185,7 @@ def test_what_is_not_there_in_space_is_refused_in_words(name, folder):
 def test_slots_of_air_beside_the_powder_are_refused(folder):
     write_step(folder / "open.step", open_slot)
     result = CliRunner().invoke(app, ["check", str(case_of(folder, "open", geometry={"file": "open.step"}))])
-    assert result.exit_code == 2 and "beside the powder is air in the half-plane y = 0, x > 0" in result.output
+    assert result.exit_code == 2 and "next to the powder is air in the half-plane y = 0, x > 0" in result.output
 
 
 def open_slot(occ):

@@ -138,7 +138,7 @@ EQUAL = {"diameter": "1 mm", "count": 10}
     "particles, key, words",
     [
         ({"count": 10}, "particles.diameter", "is missing; a length is needed"),
-        (EQUAL | {"sizes": UNIFORM}, "particles.sizes", "stands beside diameter"),
+        (EQUAL | {"sizes": UNIFORM}, "particles.sizes", "conflicts with diameter"),
         ({"count": 10, "sizes": {"kind": "uniform", "min": "2 mm", "max": "1 mm"}}, "particles.sizes.min",
          "is not below max = 1 mm"),
         ({"count": 10, "sizes": {"kind": "uniform", "min": "2 mm"}}, "particles.sizes.max", "a length is needed"),

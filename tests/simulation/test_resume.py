@@ -54,7 +54,7 @@ def test_a_run_of_an_older_version_goes_on_with_a_warning(begun):
     folder.provenance.write_text('{"seed": 1}')
     with folder.logging():
         refuse_changed_files(case, folder)
-    assert "whether they changed since cannot be told" in folder.log.read_text()
+    assert "whether they changed since is unknown" in folder.log.read_text()
     folder.write_provenance(input_files=hashed_input_files(case.scene))  # of its first resumption by this one
     wall.write_text(CORNER.format("0.2"))
     with pytest.raises(OutputError, match=r"wall\.obj"):
@@ -93,7 +93,7 @@ def test_a_key_that_an_older_scene_lacks_has_its_default(tmp_path):
 
 def test_a_checkpoint_of_something_else_is_told(tmp_path):
     write_checkpoint(tmp_path / "checkpoint.h5", {"case": "", "window": 3})
-    with pytest.raises(OutputError, match=r"is no checkpoint of a run: it lacks steps_per_update, .*--out"):
+    with pytest.raises(OutputError, match=r"is not a checkpoint of a run: it lacks steps_per_update, .*--out"):
         run_checkpoint(tmp_path / "checkpoint.h5")
 
 

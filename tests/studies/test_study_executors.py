@@ -92,7 +92,7 @@ def test_where_a_point_fails_the_others_go_on(tmp_path, runs, threads, error, be
     runs.acts = {0.2: fail, 0.4: fail}
     how = {"executor": threads, "jobs": 2} if beside else {}
     reasons = (
-        r"(?s)point-001 \(contact\.friction = 0\.2\): .*the grains are gone.*\npoint-003 .*2 failed; go on.*--resume"
+        r"(?s)point-001 \(contact\.friction = 0\.2\): .*the grains are gone.*\npoint-003 .*2 failed; continue.*--resume"
     )
     with pytest.raises(RunError, match=reasons):
         sweep(study, out=tmp_path / "out", **how)
@@ -128,7 +128,7 @@ def test_a_point_that_fails_for_its_scene_is_not_only_to_be_resumed(tmp_path, ru
     runs.acts = {0.1: fail}
     with pytest.raises(
         RunError,
-        match=r"leave points whose scene fails out of the study's values, or change the scene; then go on with",
+        match=r"leave points whose scene fails out of the study's values, or change the scene; then continue with",
     ):
         sweep(study, out=tmp_path / "out")
 
@@ -146,7 +146,7 @@ def test_ctrl_c_asks_every_running_point_to_stop(tmp_path, runs, threads):
 
     runs.acts = dict.fromkeys([0.1, 0.2], run_until_asked)
     study = study_of(tmp_path, {FRICTION: [0.1, 0.2, 0.3]})
-    with pytest.raises(Interrupted, match=r"0 of 3 points done; go on with: emclutch sweep .* --resume --jobs 2"):
+    with pytest.raises(Interrupted, match=r"0 of 3 points done; continue with: emclutch sweep .* --resume --jobs 2"):
         sweep(study, out=tmp_path / "out", executor=threads, jobs=2)
     assert len(runs.asked) == 2 and not (tmp_path / "out" / study_tasks.STOP).exists()
 

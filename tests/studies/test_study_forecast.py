@@ -116,7 +116,7 @@ def test_points_fill_the_places_that_are_free_and_chains_wait(before, jobs, tota
 
 def test_faults_of_all_plans_come_together_and_options_are_for_their_files(study, tmp_path):
     refused = CliRunner().invoke(app, ["check", str(study('"time.step" = ["auto", "1 ms", "2 ms"]'))])
-    assert refused.exit_code == 2 and "2 faults" in refused.output
+    assert refused.exit_code == 2 and "2 errors" in refused.output
     assert "time.step = 1 ms)" in refused.output and "time.step = 2 ms)" in refused.output
     alone = CliRunner().invoke(app, ["check", str(tmp_path / "cell.toml"), "--jobs", "2"])
     assert alone.exit_code == 2 and "--jobs = 2 is for studies" in alone.output

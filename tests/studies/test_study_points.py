@@ -187,7 +187,7 @@ def test_a_point_killed_before_its_first_checkpoint_is_started_anew(tmp_path, ru
     out = sweep(study, out=tmp_path / "out", resume=True)
     assert [asked[:2] for asked in runs.asked] == [("point-000", False), ("point-001", False)]
     assert (out / "point-000-set-aside-1" / "history.csv").read_text() == "half"
-    assert "point-000 has no checkpoint to go on from: restarted" in (out / "study.log").read_text()
+    assert "point-000 has no checkpoint to continue from: restarted" in (out / "study.log").read_text()
     runs.asked.clear()
     sweep(study, out=out, resume=True)
     assert not runs.asked

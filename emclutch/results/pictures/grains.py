@@ -48,7 +48,7 @@ def grains_picture(
     sector_angle: float | None = None,
     title: str | None = None,
 ) -> Path:
-    """Draw the unrolled gap and the meridional projection, in rows or side by side, whichever fills the page.
+    """Draw the unrolled gap and the meridional projection, below or next to each other, whichever fills the page.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def grains_picture(
 
 
 def _is_level(wall: Any, up: int) -> bool:
-    """Return whether a revolved wall keeps its coordinate `up` (0: r, 1: z)."""
+    """True if a revolved wall keeps its coordinate `up` (0: r, 1: z)."""
     return abs(wall.start[up] - wall.end[up]) <= 1e-9 + 1e-6 * abs(wall.start[up])
 
 
@@ -147,11 +147,11 @@ def _view(x: np.ndarray, y: np.ndarray, radius: np.ndarray) -> tuple[float, floa
 
 
 def _panels(views: Sequence[tuple[float, float, float, float]], title: str | None) -> tuple[Figure, Axes, Axes]:
-    """Return a figure with two panels true to scale, in rows or side by side, whichever makes them larger."""
+    """Return a figure with two panels true to scale, below or next to each other, whichever makes them larger."""
     aspects = [(y1 - y0) / (x1 - x0) for x0, x1, y0, y1 in views]
     stretch = sum(1.0 / a for a in aspects)
     width = min(PAGE_WIDTH, PAGE_HEIGHT / sum(aspects))  # of panels in rows
-    height = min(0.75 * PAGE_HEIGHT, PAGE_WIDTH / stretch)  # of panels side by side
+    height = min(0.75 * PAGE_HEIGHT, PAGE_WIDTH / stretch)  # of panels next to each other
     beside = height**2 * stretch > width**2 * sum(aspects)
     figure, panels = new_figure(
         max(6.5, (height * stretch if beside else width) + 2.5),
@@ -218,7 +218,7 @@ def _draw_chains(
         up, other = (r, z) if across == "r" else (z, r)
         inside &= (other >= layer[0]) & (other <= layer[1])
         ends.append([_azimuth(point), up])
-    # A contact through the sector's faces joins a grain with the image of another: keep the short way.
+    # A contact through the sector's faces joins a grain with the image of another: keep the short connection.
     period = 2.0 * np.pi if sector_angle is None else sector_angle
     ends[1][0] = ends[1][0] - period * np.round((ends[1][0] - ends[0][0]) / period)
     a, b = (np.column_stack([reference * theta, up]) for theta, up in ends)

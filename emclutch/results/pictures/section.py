@@ -193,7 +193,7 @@ def _region_names(axis: Axes, mesh: Any, points: np.ndarray, triangles: np.ndarr
 
 
 def _inside(rz: np.ndarray, box: AnnularBox) -> np.ndarray:
-    """Return which rows (r, z, ...) [m] lie in a box, bool (n,)."""
+    """True where rows (r, z, ...) [m] lie in a box, bool (n,)."""
     r, z = rz[:, 0], rz[:, 1]
     return (r >= box.r0) & (r <= box.r1) & (z >= box.z0) & (z <= box.z1)
 

@@ -19,11 +19,11 @@ from emclutch.results.text import time_unit
 OUTPUTS = ("#0b5fa5", "#2a8c3f", "#8a1c7c", "#b5179e", "#0a7d7d", "#7f6000")
 MIN_EXPLAINED = 0.5  # of the torque's variance: a parabola that explains less is not drawn
 MIN_SLIP = 0.05  # of the motor's speed: below it the shot begins to hold
-VARIES = 1e-3  # of the fastest speed: a free shaft that is held by dry friction trembles
+VARIES = 1e-3  # of the fastest speed: a free shaft that is held by dry friction chatters
 
 
 def speeds_vary(history: Any) -> bool:
-    """Return whether a history has both shafts and the speed of one of them changes."""
+    """True if a history has both shafts and the speed of one of them changes."""
     if ROTOR_SPEED not in history or DISC_SPEED not in history:
         return False
     speeds = [_column(history, name) for name in (ROTOR_SPEED, DISC_SPEED)]
@@ -127,7 +127,7 @@ def quadratic_factor(speed: np.ndarray, torque: np.ndarray) -> float | None:
 
 
 def explained_share(factor: float, speed: np.ndarray, torque: np.ndarray) -> float | None:
-    """R^2 of the parabola: the share of the torques' variance about their mean that it explains; None of one torque."""
+    """R^2 of the parabola: the fraction of the torques' variance that it explains; None of one torque."""
     total = float(np.sum((torque - np.mean(torque)) ** 2))
     left = float(np.sum((torque - factor * np.square(speed)) ** 2))
     return 1.0 - left / total if total > 0.0 else None
@@ -210,7 +210,7 @@ def _column(history: Any, name: str) -> np.ndarray:
 
 
 def _alike(one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]) -> bool:
-    """Return whether two courses agree to 1 % of the larger one's peak, at the times of the first."""
+    """True if two courses agree to 1 % of the larger one's peak, at the times of the first."""
     scale = max(np.max(np.abs(one[1]), initial=0.0), np.max(np.abs(other[1]), initial=0.0))
     if not len(one[0]) or not len(other[0]):
         return False

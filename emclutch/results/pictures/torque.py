@@ -115,7 +115,7 @@ def _draw_drives(axis: Any, time: np.ndarray, history: Any, drives: Sequence[str
 
 
 def varies(values: Any) -> bool:
-    """Return whether a column changes by more than round-off."""
+    """True if a column changes by more than round-off."""
     array = np.asarray(values, dtype=np.float64)
     return bool(array.size and np.ptp(array) > 1e-6 * np.max(np.abs(array)))
 

@@ -59,7 +59,7 @@ def work_precision_picture(path: str | Path, table: Any, *, title: str | None = 
         for goal in (0.1, 0.03, 0.01):
             axis.axhline(goal, color="#999999", lw=0.7, ls=":")
         axis.set_xlabel("wall-clock time [s]")
-        label_panel(axis, f"{name} (setting beside the marker)")
+        label_panel(axis, f"{name} (setting next to the marker)")
         axis.grid(alpha=0.25, which="both")
         axis.margins(x=0.15, y=0.12)
         if first.size:

@@ -62,10 +62,10 @@ NUMBERS = (
 """Of a summary: key, label and unit."""
 STRUCTURE = {
     "coordination": "contacts a grain, walls included",
-    "rattlers": "share of grains with fewer than two contacts",
+    "rattlers": "fraction of grains with fewer than two contacts",
     "fabric_anisotropy": "anisotropy of the contacts' directions (0 none, 1 all parallel)",
     "force_anisotropy": "the same, weighed by normal force",
-    "in_chains": "share of grains in force chains",
+    "in_chains": "fraction of grains in force chains",
     "longest_chain": "grains in the longest force chain",
 }
 

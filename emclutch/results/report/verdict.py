@@ -21,7 +21,7 @@ CLOSES = 0.01
 statistical errors are larger."""
 
 ROUGH = 0.1
-"""A torque whose 95 % interval reaches further than this share of it is known roughly only."""
+"""A torque whose 95 % interval reaches further than this fraction of it is known roughly only."""
 
 
 class Mark(Enum):
@@ -103,7 +103,7 @@ def _end(result: Result) -> Iterator[Statement]:
         yield Statement(Mark.POOR, sentence(failed.in_words()))
     else:
         reached = format_time(float(result.history[TIME].iloc[-1]))
-        how = f"go on with: emclutch run {result.folder.path} --resume"
+        how = f"continue with: emclutch run {result.folder.path} --resume"
         yield Statement(Mark.POOR, f"The run is not finished: it has come to {reached}; {how}")
 
 

@@ -248,7 +248,7 @@ def cropped(field):
 
 
 def caption(view, series):
-    """Return what is shown, and when."""
+    """Read the options: what is shown, and when."""
     first = next(iter(series.values()))
     time = pv.AnnotateTimeFilter(registrationName="time", Input=first, Format="t = {time:.3f} ms", Scale=1e3)
     for text, place in ((time, TIME_PLACE), (pv.Text(registrationName="title", Text=TITLE), TITLE_PLACE)):

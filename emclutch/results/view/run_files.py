@@ -70,7 +70,7 @@ class RunFiles:
 
 
 def read_run_files(folder: str | Path) -> RunFiles:
-    """Look into a run's folder, also of a run that goes on, or of a field that was solved alone.
+    """Look into a run's folder, also of a run that continues, or of a field that was solved alone.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def read_run_files(folder: str | Path) -> RunFiles:
     """
     run = RunFolder(folder)
     if not run.path.is_dir():
-        raise OutputError(f"{run.path} is no folder; name that of a run")
+        raise OutputError(f"{run.path} is not a folder; name that of a run")
     series = {path.stem: found for path in run.series() if path.is_file() and (found := read_pvd(path))}
     if not series:
         raise OutputError(

@@ -170,7 +170,7 @@ def read_pvd(path: str | Path) -> list[tuple[float, Path]]:
         data_sets = ElementTree.parse(path).getroot().iter("DataSet")
         return [(float(entry.attrib["timestep"]), path.parent / entry.attrib["file"]) for entry in data_sets]
     except (ElementTree.ParseError, KeyError, ValueError) as error:
-        raise OutputError(f"{path} is no series that a run wrote ({error}); move it elsewhere, then go on") from error
+        raise OutputError(f"{path} is not a series of a run ({error}); move it elsewhere, then continue") from error
 
 
 def _meridional(values: np.ndarray) -> np.ndarray:

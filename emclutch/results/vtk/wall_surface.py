@@ -125,7 +125,7 @@ def stripe_angle(sector_angle: float | None) -> float:
 
 
 def stripes(material_angle: np.ndarray, sector_angle: float | None) -> np.ndarray:
-    """Return whether a cell at a material angle [rad] bears a mark, 0 or 1 (m,) int32."""
+    """True if a cell at a material angle [rad] bears a mark, 0 or 1 (m,) int32."""
     return np.floor(np.asarray(material_angle) / stripe_angle(sector_angle)).astype(np.int32) % 2
 
 

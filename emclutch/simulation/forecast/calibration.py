@@ -29,7 +29,7 @@ VERSION = 2
 """Of the cell's physics: raised with each change that moves the stress."""
 
 LEFT_OUT = 0.2
-"""Share of the strain that is not averaged: the powder forgets how it was made."""
+"""Fraction of the strain that is not averaged: the powder forgets how it was made."""
 
 
 def point_digest(parameters: ShearParameters) -> str:
@@ -41,7 +41,7 @@ def point_digest(parameters: ShearParameters) -> str:
 
 
 def point_file(parameters: ShearParameters) -> Path:
-    """Return where a point is kept."""
+    """Path where a point is kept."""
     return cache_folder() / f"sheared-{point_digest(parameters)[:32]}.json"
 
 

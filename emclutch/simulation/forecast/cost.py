@@ -110,7 +110,7 @@ def predict(scene: Scene, device: Device, dt: float, rhythm: tuple[int, int, int
     grains, steps = device.fill.count, per_update * updates * windows
     times = steps * dt * np.linspace(0.0, 1.0, 65)
     drive = relative_drive(device, times)
-    on = float((drive > OFF).mean())  # share of the run in which grains are magnetised
+    on = float((drive > OFF).mean())  # fraction of the run in which grains are magnetised
     update = UPDATE_S + 1e-9 * grains * update_ns(scene, device)
     solves = float(np.minimum(np.abs(np.diff(drive)) / CURRENT_STEP, windows / (len(times) - 1)).sum())
     solves = max(solves, on * windows * max((one.window_solves for one in scene.effects.present), default=0.0))

@@ -75,7 +75,7 @@ def chains_in_words(coil: CoilDevice, even: MagneticField, chains: MagneticField
 
 
 def _corners(device: Device) -> np.ndarray:
-    """Return where an imposed field is strongest: at the smallest radius that grains reach, (1, 3) [m]."""
+    """Point (1, 3) [m] where an imposed field is strongest: at the smallest radius that grains reach."""
     radius = min((box.r0 for box in device.filled_boxes), default=0.0)
     return np.array([[radius, 0.0, 0.0]])
 

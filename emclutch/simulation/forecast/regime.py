@@ -54,7 +54,7 @@ class Regime:
     bond, twist, saturation, gradient, powder_susceptibility : float
         See the module; the force of the field's gradient over `pull`, and phi M/H.
     wall_share : float or None
-        Share of the grains that touch a magnetic wall; None without one.
+        Fraction of the grains that touch a magnetic wall; None without one.
     solved : bool
         Whether a coil makes the field.
     coil_time, diffusion_time, switching_time : float or None
