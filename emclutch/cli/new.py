@@ -42,7 +42,7 @@ def new_scene(path: str | Path, kind: str) -> list[Path]:
     if drawing.is_file():
         files.append(path.with_suffix(drawing.suffix))
         data["geometry"]["file"] = files[1].name
-    if faults := [Fault(str(file), "", "is there already; name another file") for file in files if file.exists()]:
+    if faults := [Fault(str(file), "", "exists; name another file") for file in files if file.exists()]:
         raise SceneError(faults, "command line")
     with open(path, "x", encoding="utf-8") as stream:
         stream.write(commented_scene(data, path.name))

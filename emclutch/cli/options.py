@@ -102,12 +102,12 @@ DesignSource = Annotated[
     typer.Argument(metavar="FILE", help="design file ([design]), or a scene with --vary and --target"),
 ]
 Vary = Annotated[
-    str | None, typer.Option("--vary", metavar="KEY=A:B", help="what is searched: geometry.gap='0.5 mm:2 mm'")
+    str | None, typer.Option("--vary", metavar="KEY=A:B", help="key and range to search: geometry.gap='0.5 mm:2 mm'")
 ]
-Target = Annotated[str | None, typer.Option("--target", metavar="AIM", help="what is wanted: 'torque 12 N m'")]
+Target = Annotated[str | None, typer.Option("--target", metavar="AIM", help="target: 'torque 12 N m'")]
 Like = Annotated[
     Path | None, typer.Option("--like", metavar="RUN", help="finished run, whose torque corrects the expected ones")
 ]
-Confirm = Annotated[bool, typer.Option("--confirm", help="run the scene that was found, and say both torques")]
+Confirm = Annotated[bool, typer.Option("--confirm", help="run the scene that was found, and compare both torques")]
 SceneKind = Annotated[str, typer.Option("--kind", help="clutch, drum, cad, centrifugal, shear_cell, box, or field")]
 NewScene = Annotated[Path, typer.Argument(metavar="FILE", help="new scene file (.toml)")]

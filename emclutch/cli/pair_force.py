@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _FIELDS = (5e3, 18e3, 46e3, 80e3, 200e3, 500e3)
 _GAPS = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
 _RADIUS = 50e-6
-# Beyond this gap [radii] there is no neck to speak of.
+# Beyond this gap [radii] the neck is negligible.
 _NECK = 0.1
 
 

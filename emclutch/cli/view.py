@@ -104,7 +104,7 @@ def _moment(text: str, times: list[float]) -> float:
     time = _time(text)
     if not times[0] * (1.0 - 1e-9) <= time <= times[-1] * (1.0 + 1e-9):
         first, last = (format_time(end) for end in (times[0], times[-1]))
-        message = f"is not in the run, whose moments go from {first} to {last}; leave it away for the last"
+        message = f"is not in the run, whose moments go from {first} to {last}; leave it out for the last"
         raise SceneError([Fault("--time", text, message)], "command line")
     return time
 

@@ -1,4 +1,4 @@
-"""A case: a scene that was read, checked and found right, with the file that it came from."""
+"""A case: a validated scene, with the file that it came from."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from emclutch.scene.section import Section
 MAX_FILE = 20_000_000
 """Bytes of a scene or study: half a million points of a table; a larger file is refused before it is parsed."""
 DEEPEST = 20
-"""Tables and lists in one another; a scene needs five."""
+"""Levels of nested tables and lists; a scene needs five."""
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A right scene.
+    """A validated scene.
 
     Attributes
     ----------
     scene : the models, in SI
     path : the file, or None for a scene made in Python
-    warnings : what is allowed and yet likely not meant
+    warnings : entries that are allowed but likely not meant
     data : the scene as the user wrote it, with the values that were set since
     trust_scripts : whether scripts that the scene names (.geo) may be run; they can run any command
     """
@@ -62,7 +62,7 @@ class Case:
         Raises
         ------
         SceneError
-            The scene is not right with them.
+            The scene is not valid with them.
         """
         return case_from(self.data, values, self.path, trust_scripts=self.trust_scripts)
 
@@ -170,11 +170,11 @@ def read_toml(path: Path) -> dict[str, Any]:
     raise SceneError([Fault(str(path), "", reason)], str(path))
 
 
-_TOO_DEEP = f"has tables in one another more than {DEEPEST} deep; a scene needs five: write them side by side"
+_TOO_DEEP = f"nests tables more than {DEEPEST} deep; a scene needs five levels: write them one after another"
 
 
 def _not_of_a_scene(data: dict[str, Any], path: Path) -> list[Fault]:
-    """Return errors that Python would stumble on: deep nesting, whole numbers of more than TOML's 64 bits."""
+    """Return faults that Python cannot handle: deep nesting, whole numbers of more than TOML's 64 bits."""
     level: list[tuple[str, Any]] = [("", data)]
     for _ in range(DEEPEST):
         below: list[tuple[str, Any]] = []

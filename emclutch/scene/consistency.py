@@ -116,7 +116,7 @@ def _surfaces(draft: Draft) -> Iterator[Fault]:
             hole = f", r above {1e3 * inner:.4g}" if inner > 0.0 else ""
             yield draft.fault(
                 f"surfaces.{name}.file",
-                f"lies wholly outside the grains' space ({extent_in_words(lower, upper)}{hole} mm): it is at "
+                f"lies entirely outside the grains' space ({extent_in_words(lower, upper)}{hole} mm): it is at "
                 f"{extent_in_words(low, high)} mm; move it, or check surfaces.{name}.scale",
             )
 
@@ -199,11 +199,11 @@ def _replicas(draft: Draft) -> Iterator[Fault]:
     if (scene.accuracy.replicas or 1) > 1 and packs_alike(scene):
         yield draft.fault(
             "accuracy.replicas",
-            f"asks for several packings, and particles.packing = '{scene.particles.packing}' packs all of them alike; "
-            "take a random packing, or one replica",
+            f"asks for several packings, but particles.packing = '{scene.particles.packing}' packs all of them "
+            "identically; take a random packing, or one replica",
         )
     if scene.time.until is not None and not scene.geometry.has_axis:
-        yield draft.fault("time.until", "has no disc whose torque could be known; remove it, a box ends at time.end")
+        yield draft.fault("time.until", "needs a disc whose torque is measured; remove it, a box ends at time.end")
 
 
 # What a check needs is right: a section as a whole, or of the geometry no more than the kind and the materials.

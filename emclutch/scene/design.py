@@ -34,7 +34,7 @@ class DesignSection(Section):
         description="folder of a finished run, from the design file's; its torque over the expected corrects the law",
     )
     set: Annotated[dict[str, Any], BeforeValidator(flat_keys)] = Field(
-        default={}, description='dotted key = value, changed in the scene beforehand; "none" leaves the key away'
+        default={}, description='dotted key = value, changed in the scene beforehand; "none" removes the key'
     )
 
 

@@ -46,8 +46,8 @@ class ParticlesSection(Section):
     density: Density = Field(default=7700.0, description="density of the grain's material")
     region: Annotated[str, Choice(("cavity", "rim", "poles", "faces"))] = Field(
         default="cavity",
-        description="where a clutch is filled at first: rim gap, of it what lies between the pole faces (powder that "
-        "has run in), both face gaps, or rim and faces",
+        description="where a clutch is filled at first: rim gap, of it what lies between the pole faces (run-in "
+        "powder), both face gaps, or rim and faces",
     )
     sector: Angle | None = Field(default=None, description="cyclic sector that stands for the ring; divides 360 deg")
     packing: Annotated[str, Choice(("random", "grow", "lattice", "pour", "file"))] = Field(

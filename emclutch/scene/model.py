@@ -24,7 +24,7 @@ _Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 
 
 def _one_line(title: str) -> str:
-    """Refuse what a terminal would obey instead of printing."""
+    """Reject control characters, which a terminal would execute."""
     if any(unicodedata.category(letter) == "Cc" for letter in title):
         raise refuse("has line breaks or other control characters; write one line of text")
     return title

@@ -33,12 +33,12 @@ class _Distribution(Section):
         """Refuse what can be assigned to a key."""
 
     def _check_limits(self, middle: str, width: str, smallest: float, largest: float) -> None:
-        """Refuse limits that are no diameters in order, or that the key ``middle`` is not between."""
+        """Refuse limits that are not positive and ascending, or that do not enclose the key ``middle``."""
         given = self.model_fields_set
         if smallest <= 0.0:
             raise refuse(
-                f"is missing, and three deviations below {middle} is {1e3 * smallest:.4g} mm, no diameter; give it, "
-                f"or lower {width}",
+                f"is missing, and three deviations below {middle} is {1e3 * smallest:.4g} mm, which is not a diameter; "
+                f"give it, or lower {width}",
                 key="min",
             )
         if smallest >= largest:
@@ -133,7 +133,7 @@ class ListedDiameters(_Distribution):
                 key="shares",
             )
         if not any(self.shares):
-            raise refuse("are all 0; raise one at least", key="shares")
+            raise refuse("are all 0; at least one must be positive", key="shares")
 
     def distribution(self) -> GrainSizes:
         """Return the distribution, in SI."""

@@ -42,10 +42,10 @@ class StudySection(Section):
     case: str = Field(min_length=1, description="scene file, relative to the study's folder")
     title: str = Field(default="", description="a line of text")
     values: Annotated[dict[str, Any], BeforeValidator(flat_keys)] = Field(
-        description='dotted key = list of its values; every combination is a point; "none" leaves the key away'
+        description='dotted key = list of its values; every combination is a point; "none" removes the key'
     )
     set: Annotated[dict[str, Any], BeforeValidator(flat_keys)] = Field(
-        default={}, description='dotted key = value, for every point; "none" leaves the key away'
+        default={}, description='dotted key = value, for every point; "none" removes the key'
     )
     warm_start: str | None = Field(
         default=None, description="one of the values: along it each point begins with the grains of the one before"
@@ -92,7 +92,7 @@ class StudySection(Section):
             yield point, base.with_values(self.changes(point))
 
 
-NO_CHECKPOINT = Fault("output.checkpoint", "false", "keeps no grains to hand on; leave it out, or study.warm_start")
+NO_CHECKPOINT = Fault("output.checkpoint", "false", "keeps no grains to start from; remove it, or study.warm_start")
 
 
 class StudyFile(Section):
@@ -180,7 +180,13 @@ def _warm_start_faults(study: StudySection) -> list[Fault]:
     allowed = [one for one in several if one.startswith(("coil.", "motion."))]
     if key not in allowed:
         options = f"one of {', '.join(allowed)}" if allowed else "none, as it varies no coil.* and no motion.*"
-        return [Fault("study.warm_start", shown(key), f"hands on no grains; allowed in this study: {options}")]
+        return [
+            Fault(
+                "study.warm_start",
+                shown(key),
+                f"cannot be used; allowed in this study: {options}",
+            )
+        ]
     return []
 
 

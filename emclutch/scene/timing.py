@@ -74,14 +74,11 @@ class AccuracySection(Section):
 
     @model_validator(mode="after")
     def _goes_from_coarse_to_fine(self) -> Self:
-        if list(self.mesh) != sorted(set(self.mesh), reverse=True):
-            raise refuse("must go from coarse to fine: decreasing numbers, none double", key="mesh")
-        if list(self.contact_step) != sorted(set(self.contact_step)):
-            raise refuse("must go from coarse to fine: increasing numbers, none double", key="contact_step")
-        if list(self.smear) != sorted(set(self.smear)):
-            raise refuse("must go from narrow to wide: increasing numbers, none double", key="smear")
-        if list(self.refresh) != sorted(set(self.refresh), reverse=True):
-            raise refuse("must go from coarse to fine: decreasing numbers, none double", key="refresh")
+        for key, falls in (("mesh", True), ("contact_step", False), ("smear", False), ("refresh", True)):
+            values = list(getattr(self, key))
+            if values != sorted(set(values), reverse=falls):
+                order = "decreasing" if falls else "increasing"
+                raise refuse(f"must be {order} numbers without repetition, from coarse to fine", key=key)
         return self
 
 

@@ -44,7 +44,7 @@ class TorqueTarget:
         shares = [part.strip().removesuffix("%").strip() for part in parts if part.strip().endswith("%")]
         torques = [part.strip() for part in parts if not part.strip().endswith("%")]
         if len(shares) > 1 or len(torques) > 1:
-            raise ValueError(f"has two aims of one kind; {examples}")
+            raise ValueError(f"has two targets of one kind; {examples}")
         if any(_BARE.fullmatch(torque) for torque in torques):
             raise ValueError(f"has no unit; {examples}")
         try:

@@ -99,7 +99,7 @@ class Quantity(Entry):
     example : an entry that is right, as a user would type it
     minimum, maximum : bounds in SI; infinite where there is none
     open_minimum : the minimum itself is not allowed
-    least : what is above 0 and below this is refused: nobody means it, and its square or cube may be no number
+    least : what is above 0 and below this is refused: it is never meant, and its square or cube may be no number
     angular : the unit must contain an angle. Hz, 1/s and pure numbers have the same dimension as rad/s and
         rad, and ``"50 Hz"`` read as 50 rad/s instead of 50 turns per second would be a silent factor of 2 pi.
     """

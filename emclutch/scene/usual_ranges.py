@@ -1,4 +1,4 @@
-"""The usual range of what a scene says: an entry outside is allowed, and told, being likely a slip of unit or of point.
+"""Usual ranges of a scene's entries; one outside is allowed, but warned of: unit or decimal point is likely wrong.
 
 The ranges are those of dry metal powders, shot and coils of clutches: handbook values, unless a source is named.
 """
@@ -12,18 +12,18 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class UsualRange:
-    """From where to where a quantity is usual.
+    """Usual range of a quantity.
 
     Attributes
     ----------
     low, high : float
         In `unit`.
     unit : str
-        As it is spoken of; empty for a pure number.
+        Unit of the message; empty for a pure number.
     why : str
-        What lies at the ends, with its source.
+        Examples at the ends, with their source.
     ask : str
-        What is likely meant by a value outside.
+        Likely mistake behind a value outside.
     """
 
     low: float
@@ -75,7 +75,7 @@ def unusual_entries(scene: Any) -> Iterator[str]:
         entries += [(usual, f"effects.{one.name}.{key}", getattr(one, key)) for key, usual in one.USUAL.items()]
     if scene.field is not None:
         entries += scene.field.usual_entries()
-    yield from (told for usual, key, value in entries if value is not None and (told := usual.remark(key, value)))
+    yield from (text for usual, key, value in entries if value is not None and (text := usual.remark(key, value)))
     yield from _of_the_shafts(scene)
     yield from _of_the_winding(scene)
 
@@ -86,9 +86,9 @@ def _of_the_shafts(scene: Any) -> Iterator[str]:
     radius = scene.shape().largest_radius
     for shaft in ("rotor", "disc"):
         speed = getattr(scene.motion, shaft).largest_speed
-        told = SPEED.remark(f"motion.{shaft}: the speed at r = {1e3 * radius:.3g} mm", speed * radius)
-        if told:
-            yield told
+        text = SPEED.remark(f"motion.{shaft}: the speed at r = {1e3 * radius:.3g} mm", speed * radius)
+        if text:
+            yield text
 
 
 def _of_the_winding(scene: Any) -> Iterator[str]:
@@ -98,6 +98,6 @@ def _of_the_winding(scene: Any) -> Iterator[str]:
     window = shape.coil_area, shape.coil_mean_radius
     current = scene.coil.currents_in(*window).largest
     density = 1e-6 * scene.coil.winding_in(*window).current_density(current)
-    told = CURRENT_DENSITY.remark("[coil]: the current density in the copper", density)
-    if told:
-        yield told
+    text = CURRENT_DENSITY.remark("[coil]: the current density in the copper", density)
+    if text:
+        yield text

@@ -108,7 +108,7 @@ def sweep(
                 run.fail_what_waits_for_failed_points()
             finally:
                 (folder / STOP).unlink(missing_ok=True)
-        run.tell_the_end(jobs)
+        run.raise_failures(jobs)
     return folder
 
 
@@ -189,8 +189,8 @@ class _StudyRun:
             for number in sorted(set(running.values()) - set(self.done)):
                 self._take(number, PointOutcome(FAILED, reason))
 
-    def tell_the_end(self, jobs: int | None) -> None:
-        """Raise what the study ended with before all points were done; nothing where they are."""
+    def raise_failures(self, jobs: int | None) -> None:
+        """Raise the failures of the points, or `Interrupted`; nothing where all points are done."""
         if self.failures:
             texts = []
             for number, failure in sorted(self.failures.items()):
@@ -200,8 +200,8 @@ class _StudyRun:
             folders = (RunFolder(self.targets[number].path) for number in self.failures)
             if any(folder.read_failure() is not None for folder in folders):
                 how = f"leave points whose scene fails out of the study's values, or change the scene; then {how}"
-            told = f"{len(self.failures)} failed; " if len(self.failures) > 1 else ""
-            texts.append(f"{len(self.done)} of {len(self.points)} points are done; {told}{how}")
+            number_failed = f"{len(self.failures)} failed; " if len(self.failures) > 1 else ""
+            texts.append(f"{len(self.done)} of {len(self.points)} points are done; {number_failed}{how}")
             kind = OutputError if all(failure.is_input for failure in self.failures.values()) else RunError
             raise kind("\n".join(texts))
         if self.stopped:

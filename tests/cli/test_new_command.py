@@ -67,7 +67,7 @@ def test_a_clutch_from_cad_brings_its_drawing(written):
 def test_nothing_is_overwritten_and_kinds_are_told(tmp_path):
     file = tmp_path / "mine.toml"
     (tmp_path / "mine.step").write_text("mine")
-    with pytest.raises(SceneError, match=r"mine\.step is there already"):
+    with pytest.raises(SceneError, match=r"mine\.step exists"):
         new_scene(file, "cad")
     assert not file.exists() and (tmp_path / "mine.step").read_text() == "mine"
     answer = CliRunner().invoke(app, ["new", str(file), "--kind", "durm"])

@@ -299,7 +299,7 @@ def test_a_surface_that_no_grain_reaches_is_refused(tmp_path):
     scene = tmp_path / "scene.toml"
     surfaces = {name: {"file": f"{name}.stl", "scale": 0.001} for name in ("away", "near")}
     scene.write_text(tomli_w.dumps(edited(values | {"surfaces": surfaces})))
-    output = refused(["check", str(scene)], "surfaces.away.file", "wholly outside", "x 50 to 51")
+    output = refused(["check", str(scene)], "surfaces.away.file", "entirely outside", "x 50 to 51")
     assert "surfaces.near" not in output
     scene.write_text(tomli_w.dumps(edited(values | {"surfaces": {"near": surfaces["near"]}})))
     told = CliRunner().invoke(app, ["check", str(scene), "--json"])

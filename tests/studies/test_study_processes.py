@@ -102,7 +102,7 @@ def test_grains_are_handed_on_along_a_value_that_leaves_them_as_they_are(tmp_pat
     (tmp_path / "study.toml").write_text(
         text + f'"{SPEED}" = ["1 rpm", "2 rpm"]\n[study.set]\n"output.checkpoint" = false'
     )
-    with pytest.raises(emclutch.SceneError, match=r"output\.checkpoint = false keeps no grains to hand on"):
+    with pytest.raises(emclutch.SceneError, match=r"output\.checkpoint = false keeps no grains to start from"):
         emclutch.read_study(tmp_path / "study.toml")
 
 
