@@ -42,6 +42,6 @@ def warnings_of(scene: Any) -> Iterator[str]:
     yield from unusual_entries(scene)
 
 
-def _is_told(scene: Any, name: str) -> bool:
+def _is_given(scene: Any, name: str) -> bool:
     """True if a section says anything; a resolved scene has the defaults written out."""
     return getattr(scene, name) != type(scene).model_fields[name].default

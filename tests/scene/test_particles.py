@@ -150,7 +150,7 @@ EQUAL = {"diameter": "1 mm", "count": 10}
         ({"count": 10, "sizes": {"kind": "list", "diameters": ["1 mm", "2 mm"], "shares": [1]}},
          "particles.sizes.shares", "has 1 entries, but diameters 2"),
         ({"count": 10, "sizes": {"kind": "file", "file": "no.csv"}}, "particles.sizes.file", "does not exist"),
-        (EQUAL | {"packing": "file"}, "particles.count", "has the number of grains"),
+        (EQUAL | {"packing": "file"}, "particles.count", "says how many grains"),
         ({"diameter": "1 mm", "packing": "file"}, "particles.packing_file", "is missing"),
         ({"diameter": "1 mm", "packing": "file", "packing_file": "no.csv"}, "particles.packing_file", "does not exist"),
         (EQUAL | {"packing_file": "bed.csv"}, "particles.packing_file", "not used by packing = 'random'"),
