@@ -195,16 +195,16 @@ class Attraction:
         if self._seen is None:
             self._seen = dem.listed_pairs, dem.listed_walls.start, dem.grains.radius
 
-    def sorted_as(self, order: np.ndarray) -> None:
+    def permute(self, order: np.ndarray) -> None:
         """Put row ``order[k]`` of `per_grain` into place k."""
         for name, array in self.per_grain.items():
             self.per_grain[name] = np.ascontiguousarray(array[order])
 
-    def wrapped(self, gone: np.ndarray, wraps: np.ndarray, sector: CyclicSector) -> None:
-        """Turn the vectors of the grains ``gone`` by ``wraps`` sectors."""
+    def wrap(self, rows: np.ndarray, wraps: np.ndarray, sector: CyclicSector) -> None:
+        """Turn the vectors of the grains ``rows`` by ``wraps`` sectors."""
         for array in self.per_grain.values():
             if array.ndim == 2 and array.shape[1] == 3:
-                array[gone] = sector.turn(array[gone], wraps)
+                array[rows] = sector.turn(array[rows], wraps)
 
     def held(self, contacts: ContactList, n: int, driven: bool = True) -> HeldAttraction:
         """The argument of a step for ``n`` grains; not ``driven``: all amplitudes 0."""

@@ -17,7 +17,6 @@ from particles.bodies import Body
 from particles.dem import run_summary, total_columns
 from particles.dem import step_kernel as kernel
 from particles.dem.attraction import PREFIX as ATTRACTION
-from particles.dem.coming_steps import ComingSteps
 from particles.dem.contact_columns import contact_columns
 from particles.dem.kernel_state import (
     Call,
@@ -31,6 +30,7 @@ from particles.dem.kernel_state import (
 from particles.dem.listed_grains import ListedGrains
 from particles.dem.overlap_limits import STOPS
 from particles.dem.pair_search import pair_scratch
+from particles.dem.step_tables import StepTables
 from particles.dem.stored_energy import law_table, stored_at_rest
 from particles.dem.time_step import choose_time_step
 from particles.dem.wall_contacts import wall_scratch
@@ -172,17 +172,17 @@ class DEM(ListedGrains):
         body_totals = np.zeros((len(self.bodies), total_columns.N_BODY_SUMS))
         body_totals[:, total_columns.LAST_TORQUE] = self._last_torque
         elastic, kinetic, last = self._elastic, self._kinetic, self.step_count + n_steps
-        coming: ComingSteps | None = None
+        tables: StepTables | None = None
 
         def call(left: int, angle: np.ndarray, speed: np.ndarray) -> tuple[int, int]:
-            nonlocal coming
+            nonlocal tables
             if self.attraction is not None:  # first: it may set the held force
                 self.attraction.fetch(self)
-            if coming is None or coming.end == self.step_count:
-                coming = self._coming(min(left, STEPS_PER_CALL))
-            batch = coming.end - self.step_count
+            if tables is None or tables.end == self.step_count:
+                tables = self._step_tables(min(left, STEPS_PER_CALL))
+            batch = tables.end - self.step_count
             return kernel.run_steps(
-                *self._arguments(batch, coming.end == last, angle, speed, totals, body_totals, coming=coming)
+                *self._arguments(batch, tables.end == last, angle, speed, totals, body_totals, tables=tables)
             )
 
         with threads_for(self.grains.count):
@@ -279,8 +279,8 @@ class DEM(ListedGrains):
 
     # -- arguments of the kernel
 
-    def _coming(self, n_steps: int) -> ComingSteps:
-        return ComingSteps(self.gravity, self.bodies, self.step_count, n_steps, self.dt)
+    def _step_tables(self, n_steps: int) -> StepTables:
+        return StepTables(self.gravity, self.bodies, self.step_count, n_steps, self.dt)
 
     def _arguments(
         self,
@@ -291,15 +291,15 @@ class DEM(ListedGrains):
         totals: np.ndarray,
         body_totals: np.ndarray,
         driven: bool = True,
-        coming: ComingSteps | None = None,
+        tables: StepTables | None = None,
     ) -> StepArguments:
-        coming = coming or self._coming(n_steps)
+        tables = tables or self._step_tables(n_steps)
         g, c, n_bodies = self.grains, self._list, len(self.bodies)
         n_chunks, most_walls = len(c.chunks.start) - 1, int(np.diff(c.wall_start).max(initial=1))
         none = np.zeros((0, 3))
-        external, gravity = held_force(self.external_force, g.count), coming.gravity(self.step_count)
+        external, gravity = held_force(self.external_force, g.count), tables.gravity(self.step_count)
         species = np.zeros(0, dtype=np.int64) if self._species is None else self._species
-        drives, constants = coming.drives(self.step_count), coming.constants
+        drives, constants = tables.drives(self.step_count), tables.constants
         walls, shift = self._device, None if self.sector is None else c.pairs.shift
         return StepArguments(
             Call(

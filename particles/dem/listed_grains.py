@@ -199,16 +199,16 @@ class ListedGrains(GrainMotion):
     def _wrap(self, sector: CyclicSector) -> np.ndarray:
         """Turn back into the sector what has left it; by how many sectors each grain was turned, shape (n,)."""
         g, wraps = self.grains, sector.wraps(self.grains.position)
-        gone = np.flatnonzero(wraps)
+        moved = np.flatnonzero(wraps)
         held = [getattr(self, name) for name, turns in self.PER_GRAIN.items() if turns]
         for array in (g.position, g.velocity, g.angular_velocity, g.magnetic_moment, *held):
             if array is not None:
-                array[gone] = sector.turn(array[gone], wraps[gone])
+                array[moved] = sector.turn(array[moved], wraps[moved])
         if self.attraction is not None:
-            self.attraction.wrapped(gone, wraps[gone], sector)
+            self.attraction.wrap(moved, wraps[moved], sector)
         return wraps
 
     def _sort(self, order: np.ndarray) -> None:
         super()._sort(order)
         if self.attraction is not None:
-            self.attraction.sorted_as(order)
+            self.attraction.permute(order)

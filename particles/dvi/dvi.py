@@ -1,6 +1,6 @@
-"""Rigid grains between walls on turning bodies: the loop around the compiled step of `particles.dvi.step_kernel`.
+"""DVI: grains whose contacts are solved implicitly; the loop around the compiled step of `particles.dvi.step_kernel`.
 
-The same face as `particles.DEM`: what moves grains need not know which of the two does.
+A differential variational inequality: contacts are rigid, or compliant on springs that a step need not resolve.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ SLOP = 1e-4  # overlap, as a fraction of the radius, below which positions are l
 
 
 class DVI(GrainMotion):
-    """Rigid grains moving between walls.
+    """Grains moving between walls, their contacts rigid or on implicit springs.
 
     Parameters
     ----------

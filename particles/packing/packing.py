@@ -43,10 +43,10 @@ def deepest_overlaps(packing: Packing, space: Space) -> np.ndarray:
     r = packing.radius
     pairs = find_pairs(packing.position, 2.0 * float(r.max()), space.sector, r)
     i, j = pairs.rows(), pairs.other
-    there = packing.position[j]
+    partner = packing.position[j]
     if space.sector is not None:
-        there = space.sector.turn(there, pairs.shift)
-    depth = r[i] + r[j] - np.linalg.norm(there - packing.position[i], axis=1)
+        partner = space.sector.turn(partner, pairs.shift)
+    depth = r[i] + r[j] - np.linalg.norm(partner - packing.position[i], axis=1)
     share = depth / (2.0 * np.minimum(r[i], r[j]))
     np.maximum.at(deepest, i, share)
     np.maximum.at(deepest, j, share)
@@ -66,11 +66,11 @@ def require_fit(packing: Packing, space: Space, limit: float) -> None:
         x, y, z = 1e3 * packing.position[k]
         return PackingError(f"grain {k} at (x, y, z) = ({x:.4g}, {y:.4g}, {z:.4g}) mm {what}; {remedy}", overlap)
 
-    gone = np.flatnonzero(outside(packing.position, space.walls, 0.0) | space.in_solids(packing.position))
-    if len(gone):
+    strayed = np.flatnonzero(outside(packing.position, space.walls, 0.0) | space.in_solids(packing.position))
+    if len(strayed):
         raise refuse(
-            int(gone[0]),
-            f"lies outside the walls or in a solid ({len(gone)} of {packing.count} grains do)",
+            int(strayed[0]),
+            f"lies outside the walls or in a solid ({len(strayed)} of {packing.count} grains do)",
             "check the packing's unit of length and its origin (z along the shaft)",
         )
     if space.sector is not None and (strays := np.flatnonzero(space.sector.wraps(packing.position))).size:

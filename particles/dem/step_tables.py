@@ -1,4 +1,4 @@
-"""Prescribed gravity, speeds and torques of the bodies in the coming steps."""
+"""Tables in time for the kernel: gravity, prescribed speeds and torques of the bodies at the next steps."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from particles.grain_motion import Gravity, gravity_at
 from particles.shafts import drives_at
 
 
-class ComingSteps:
+class StepTables:
     """Tables for ``n_steps`` steps of ``dt`` [s] from number ``first`` on, made once for several calls of the step.
 
     Attributes
